@@ -14,10 +14,9 @@ from trackers.check import check_tracker
 from trackers.presets import make_tracker
 from trackers.rig import Rig
 from twin.models import SENSOR_KINDS
-from twin.recording.detail_tables import BOX_COLUMNS, RAY_COLUMNS
-from twin.recording.feet_table import FEET_COLUMNS, PEOPLE_COLUMNS
 from twin.recording.situation_table import SITUATION_COLUMNS
 from twin.recording.tables import TRUTH_COLUMNS
+from twin.recording.truth_tables import BOX_COLUMNS, FEET_COLUMNS, PEOPLE_COLUMNS, RAY_COLUMNS
 from twin.run.live import run_scenario
 from twin.run.replay import track_recording
 from twin.scenario import load_scenario

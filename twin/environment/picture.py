@@ -1,4 +1,4 @@
-"""A picture of an environment: its plan from above, what is known at two heights, and a cut from the side."""
+"""A picture of an environment: its plan from above, the known voxels at two heights, and a cut from the side."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _LOW_CUT_M, _HEAD_M = 0.5, 1.6
 
 
 def write_picture(environment: Environment, path: Path) -> None:
-    """Write a PNG: furniture's heights and the walls; what is known half a metre up; how likely heads are; a cut."""
+    """Write a PNG: furniture's heights and the walls; the voxels half a metre up; how likely heads are; a cut."""
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 

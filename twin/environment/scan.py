@@ -48,7 +48,7 @@ class TiltingScanner(Strict):
     tilt_sigma_deg: float = Field(default=0.05, ge=0, le=5, description="standard deviation of the tilt's error")
     headings_deg: tuple[float, ...] = Field(default=(0.0, 180.0), min_length=1, description="how the tripod is turned")
     legs_deg: float = Field(
-        default=75.0, gt=0, le=90, description="what is steeper below is hidden by the tripod's legs"
+        default=75.0, gt=0, le=90, description="steeper beams below are hidden by the tripod's legs"
     )
     range_min_m: float = Field(default=0.1, ge=0, description="nothing nearer is measured")
     range_max_m: float = Field(default=32.0, gt=0, description="nothing farther is measured")
@@ -152,7 +152,7 @@ _MOST_STATIONS = 8
 _WORTH_IT = 0.04
 """Another station has to see at least this share more than those before it."""
 _CELL_M = 0.15
-"""Small enough that a far station's rays leave most of them out: what is well seen is seen from near."""
+"""Small enough that a far station's rays leave most of them out: only near stations see them well."""
 _LOOK_RAYS = 8000
 _LOOK_M = 30.0
 

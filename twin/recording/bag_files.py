@@ -197,11 +197,11 @@ def describe_damage(path: Path, reason: str) -> str:
     missing = "Some database files are missing"
     if reason.startswith(missing):
         names = reason.removeprefix(missing).strip(": ")
-        return f"lacks files that its metadata.yaml names ({names}); `ros2 bag reindex {path.name}` writes it anew"
+        return f"lacks files that its metadata.yaml names ({names}); `ros2 bag reindex {path.name}` writes a new one"
     if path.is_dir():
         about = ("metadata", "YAML", "version", "Storage plugin", "Compression format", "Serialization format")
         if any(word in reason for word in about):
-            return f"its metadata.yaml cannot be used ({reason}); `ros2 bag reindex {path.name}` writes it anew"
+            return f"its metadata.yaml cannot be used ({reason}); `ros2 bag reindex {path.name}` writes a new one"
     suffixes = {path.suffix} if path.is_file() else {each.suffix for each in path.glob("*")}
     if ".mcap" in suffixes:
         tool = f"`mcap recover {path.name}` saves what can be read"

@@ -74,7 +74,7 @@ def correct_clocks(
     if jumps_ns:
         first_ns = min(int(each.min()) for each in stamps.values())
         when = ", ".join(f"{(each - first_ns) / NS_PER_S:.2f} s" for each in jumps_ns[:5])
-        what = f"the clock of all sensors was set at {when}: trackers start anew there, with ids of their own"
+        what = f"the clock of all sensors was set at {when}: trackers restart there, with new ids"
         losses.append(
             Loss("all sensors", 0, 0, what, "cut the recording there, or keep the clock from being set", always=True)
         )
@@ -139,8 +139,8 @@ def _drift(clock: SensorClock, slope: float) -> Loss | None:
     if abs(rise) <= max(clock.usual_ns, SIGMAS * _noise(clock, rows)) or leaves > _LINEAR * abs(rise):
         return None
     verb = "loses" if excess > 0 else "gains"
-    what = f"were stamped by a clock that {verb} {1e3 * abs(excess):.3g} ms a second on that of the other sensors"
-    return Loss(clock.name, rows.size, clock.log.size, what, "it was set right by the log times", always=True)
+    what = f"were stamped by a clock that {verb} {1e3 * abs(excess):.3g} ms per second on that of the other sensors"
+    return Loss(clock.name, rows.size, clock.log.size, what, "it was corrected by the log times", always=True)
 
 
 def _noise(clock: SensorClock, rows: Index) -> float:

@@ -1,4 +1,4 @@
-"""A ROS 2 bag as one MCAP file that is there when it is whole."""
+"""A ROS 2 bag as one MCAP file that appears when it is complete."""
 
 from __future__ import annotations
 

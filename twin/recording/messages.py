@@ -217,7 +217,7 @@ def _encode_floor(frame: FloorFrame) -> Encoded:
     if frame.values.dtype != np.uint8:
         raise ValueError(f"floor {frame.sensor!r}: {frame.values.dtype} values; uint8 is needed")
     rows, columns = frame.values.shape
-    # A copy: what is handed on is not changed by what the sensor does next.
+    # A copy: the sensor may reuse its array.
     observation = FloorFrame(frame.sensor, frame.stamp_ns, np.array(frame.values, order="C"))
     message = RawImageMessage(
         header=Header(time_message(frame.stamp_ns), frame.sensor),

@@ -1,4 +1,4 @@
-"""Reads a recording, the twin's or a robot's, as the observations a tracker takes."""
+"""Read a recording, of the twin or of a robot, as observations for trackers."""
 
 from __future__ import annotations
 

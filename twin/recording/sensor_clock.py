@@ -18,7 +18,7 @@ from twin.recording.bag import Bag
 _CDR_BYTES = 4
 _FEW = 3
 _MOST_FRAMES = 20
-"""So many names of frames are counted of a topic; nobody reads more."""
+"""Largest number of frame_ids counted per topic."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +136,7 @@ _TO_SIGMA = 1.4826
 _CLOSE = 0.6
 """Stamps nearer to each other than this share of the usual gap lie over one another."""
 BLOCKS = 10
-"""Slopes are told from the medians of so many parts."""
+"""Number of parts whose medians give a slope."""
 
 
 class SensorClock:

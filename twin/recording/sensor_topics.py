@@ -1,4 +1,4 @@
-"""Which topic of a bag is which sensor's, by a rig or, with one scanner, without."""
+"""Topics of a bag by sensor, from a rig, or for a single scanner without one."""
 
 from __future__ import annotations
 

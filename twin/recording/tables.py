@@ -34,7 +34,7 @@ TRUTH_COLUMNS = ("t", "id", *_TRUTH_NUMBERS, "in_area")
 TRACK_COLUMNS = ("t", "id", *_TRACK_NUMBERS, "status")
 STATUSES = ("confirmed", "coasting")
 MOST_TABLE_BYTES = 256 * 1024 * 1024
-"""A table larger than this takes gigabytes to read: somebody must have meant it."""
+"""A table larger than this takes gigabytes to read, and is refused unless asked for."""
 
 _VISIBLE = "visible_"
 
@@ -44,7 +44,7 @@ class TruthTable(StampedRows):
     """Truth as columns, one element per person and frame, ordered by stamp, then id; units as in `PersonTruth`."""
 
     source: str
-    frame_stamps_ns: NDArray[np.int64]  # (n_frame,) every moment once, those without people too, ascending
+    frame_stamps_ns: NDArray[np.int64]  # (n_frame,) each frame once, those without people too, ascending
     stamps_ns: NDArray[np.int64]  # (n,)
     id: NDArray[np.int64]  # (n,)
     x: NDArray[np.float64]
@@ -67,7 +67,7 @@ class TrackTable(StampedRows):
     """Tracks as columns, one element per track and frame, ordered by stamp, then id; units as in `Track`."""
 
     source: str
-    frame_stamps_ns: NDArray[np.int64]  # (n_frame,) every moment once, those without tracks too, ascending
+    frame_stamps_ns: NDArray[np.int64]  # (n_frame,) each frame once, those without tracks too, ascending
     stamps_ns: NDArray[np.int64]  # (n,)
     id: NDArray[np.int64]  # (n,)
     x: NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""The names in a bag: topics and frames. Light: what resolves a scenario's rig needs them before any bag is opened."""
+"""Names in a bag: topics and frames."""
 
 from __future__ import annotations
 

@@ -77,7 +77,7 @@ def decode_people(text: str, stamp_ns: int) -> TruthFrame:
 
 
 _MOST_MARKERS = 2**31 - 1
-"""A marker's number is an int32; of larger ids two may share one, which nobody draws at once."""
+"""A marker's number is an int32; of larger ids two may share one."""
 
 
 class PeopleMarkers:

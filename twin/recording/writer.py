@@ -1,4 +1,4 @@
-"""Writes a run as a ROS 2 bag: one MCAP file that is there when it is whole."""
+"""Write a run as a ROS 2 bag: one MCAP file that appears when it is complete."""
 
 from __future__ import annotations
 
@@ -34,8 +34,6 @@ from trackers.cameras import FisheyeIntrinsics, PinholeIntrinsics
 from trackers.observations import NS_PER_S, Observation
 from trackers.rig import CameraSensor, Pose, Rig, StereoSensor
 from twin.recording import topics
-from twin.recording.detail_tables import DETAIL_TOPICS, encode_detail
-from twin.recording.feet_table import encode_feet
 from twin.recording.mcap_file import McapFile
 from twin.recording.messages import (
     COMPRESSED_IMAGE,
@@ -48,6 +46,7 @@ from twin.recording.messages import (
 )
 from twin.recording.tables import TruthFrame
 from twin.recording.truth_messages import MARKER_ARRAY, PeopleMarkers, encode_people
+from twin.recording.truth_tables import DETAIL_TOPICS, encode_detail, encode_feet
 from twin.truth.frames import TruthDetail
 
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
@@ -138,7 +137,7 @@ class BagWriter(McapFile):
         self.write(topics.TRUTH_MARKERS, frame.stamp_ns, self._markers.encode(frame.stamp_ns, frame.people))
 
     def detail(self, detail: TruthDetail) -> None:
-        """Write what is true of a picture, a scan or a situation."""
+        """Write the truth of an image, a scan or a situation."""
         self.write(*encode_detail(detail))
 
     def _write_head(self) -> None:

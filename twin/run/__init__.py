@@ -1,1 +1,1 @@
-"""Running a scenario, replaying a recording, and what either leaves in its folder."""
+"""Runs of scenarios and replays of recordings, and their folder of results."""

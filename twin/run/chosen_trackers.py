@@ -102,7 +102,7 @@ def choose(
         if name not in names and target not in known and ":" not in target:
             raise InputError(
                 f"{source}: trackers.{name}: there is no tracker {target!r}; valid are {', '.join(known)}, module:Class, "
-                "or a preset: beside the options"
+                "or a preset: next to the options"
             )
     chosen = []
     for name in names:

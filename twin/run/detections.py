@@ -61,13 +61,13 @@ def write_detections(
             f"--tracker {tracker}: does not tell what its detector sees; one that has detections() is expected, like sort"
         )
     file.write(",".join(COLUMNS) + "\n")
-    handed: Counter[str] = Counter()
+    n_fed: Counter[str] = Counter()
     fed = FedTracker(made.tracker, bag.rig, on_worked=lambda: file.writelines(map(_row, detections())))
     for observation in bag.observations():
-        handed[observation.sensor] += 1
+        n_fed[observation.sensor] += 1
         _called(chosen, made.tracker, partial(fed.update, observation))
     _called(chosen, made.tracker, fed.finish)
-    for warning in lines([*bag.losses, *dropped_by(made.name, fed.losses, handed, bag.ahead_s)]):
+    for warning in lines([*bag.losses, *dropped_by(made.name, fed.losses, n_fed, bag.ahead_s)]):
         if warning not in warned:
             on_warning(warning)
 

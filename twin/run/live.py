@@ -17,12 +17,11 @@ from trackers.rig import NO_PRIOR, Rig
 from trackers.text_file import AnyPath
 from twin.messages import OnProgress, OnWarning
 from twin.recording.atomic_file import open_atomic
-from twin.recording.detail_tables import DETAIL_FILES, detail_writer
-from twin.recording.feet_table import feet_writer, write_names
 from twin.recording.losses import lines
 from twin.recording.situation_table import read_situations
 from twin.recording.tables import read_truth, truth_writer
 from twin.recording.track_topics import TrackTopics
+from twin.recording.truth_tables import DETAIL_FILES, detail_writer, feet_writer, write_names
 from twin.recording.writer import BagWriter
 from twin.report.page import RunFacts
 from twin.room.building import room_outline
@@ -246,7 +245,7 @@ class _LiveRun:
         self._feed.on_frame = TrackTopics(bag, [each.name for each in self._chosen]).write
         table = stack.enter_context(truth_writer(folder / "truth.csv", list(self._simulation.views)))
         feet = stack.enter_context(feet_writer(folder / "truth_feet.csv", list(rig.floors())))
-        self._on_truth += [table.write, feet.write, bag.truth]
+        self._on_truth += [table.write, feet, bag.truth]
         self._on_detail += [stack.enter_context(detail_writer(folder)), bag.detail]
         if self._feed.shown is not None:
             self._on_truth.append(self._feed.shown.tell)

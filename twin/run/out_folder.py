@@ -38,7 +38,7 @@ class OutFolder:
         self._note(self._made | self._names)
 
     def finish(self, written: Sequence[Path], kept: Sequence[str] = ()) -> None:
-        """Note what was written, and remove files of an earlier run that this one did not write anew, but for `kept`.
+        """Note what was written, and remove files of an earlier run that this one did not write, but for `kept`.
 
         So no two runs mix in a folder, and no file of the user's is touched.
         """
@@ -89,7 +89,7 @@ def locked_folder(folder: Path) -> Iterator[None]:
         with suppress(OSError):  # its holder has gone meanwhile
             holder = path.read_text(encoding="utf-8", errors="replace")[:200]
         raise InputError(
-            f"--out {folder}: {holder or 'another process'} is writing there at this moment; another folder is expected"
+            f"--out {folder}: {holder or 'another process'} is writing there; another folder is expected"
         ) from None
     except OSError as error:
         raise InputError(
@@ -100,7 +100,7 @@ def locked_folder(folder: Path) -> Iterator[None]:
             path.write_text(f"process {os.getpid()} on {socket.gethostname()}", encoding="utf-8")
         yield
     finally:
-        path.unlink(missing_ok=True)  # while it is held: whoever has opened it meanwhile sees that it is gone
+        path.unlink(missing_ok=True)  # while it is held: a process that has opened it meanwhile sees that it is deleted
         lock.release()
         for each in missing:
             with suppress(OSError):  # it holds something, or never came to be

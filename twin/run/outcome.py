@@ -37,8 +37,8 @@ _SIMPLIFICATIONS = (
 
 def simplifications(scenario: Scenario | None) -> list[str]:
     """List the physics that the twin leaves out, for the reader of a report; scenario None: unknown."""
-    cast = scenario is not None and scenario.rendering.shadows
-    return [each.format(no="" if cast else "no shadows, ") for each in _SIMPLIFICATIONS]
+    has_shadows = scenario is not None and scenario.rendering.shadows
+    return [each.format(no="" if has_shadows else "no shadows, ") for each in _SIMPLIFICATIONS]
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +144,7 @@ def write_results(
 def prior_notes(files: PriorFiles) -> list[str]:
     """Format a note on the prior files that trackers got."""
     found = ", ".join(f"{field} from {path}" for field, path in files.paths().items())
-    return [f"Trackers were handed: {found}."] if found else []
+    return [f"Prior files of the trackers: {found}."] if found else []
 
 
 def tracker_warnings(runners: Sequence[TrackerRunner]) -> list[str]:

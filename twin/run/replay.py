@@ -22,12 +22,12 @@ from trackers.text_file import AnyPath
 from trackers.tracks import TrackFrame
 from twin.messages import OnProgress, OnWarning
 from twin.recording.atomic_file import open_atomic
-from twin.recording.detail_tables import DETAIL_FILES
 from twin.recording.losses import documents, lines
 from twin.recording.reader import Recording
 from twin.recording.situation_table import situation_table
 from twin.recording.tables import truth_table
 from twin.recording.track_topics import check_copy, copy_with_tracks
+from twin.recording.truth_tables import DETAIL_FILES
 from twin.report.birdseye import Polygon
 from twin.report.page import RunFacts
 from twin.report.path_map import ScanDensity

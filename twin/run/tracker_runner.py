@@ -26,7 +26,7 @@ from twin.run.chosen_trackers import ChosenTracker
 from twin.streams import stream
 
 _ENOUGH_FRAMES, _OFTEN = 20, 0.2
-"""A tracker that detects something in so large a share of so many frames, and reports nobody, is said to."""
+"""A tracker with detections in this share of this many frames, and without any track, is warned of."""
 
 
 class TrackerRunner:

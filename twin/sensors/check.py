@@ -68,7 +68,7 @@ def _watch(sensor: Sensor, world: SnapshotSource) -> tuple[list[Reading], list[d
     rng = np.random.default_rng(_SEED)
     state, readings, copies, faults = None, [], [], []
     for stamp_ns in _STAMPS_NS:
-        looks: list[tuple[Snapshot, dict[str, NDArray]]] = []  # each snapshot, and how it was when handed out
+        looks: list[tuple[Snapshot, dict[str, NDArray]]] = []  # each snapshot, and a copy of its state at first
         reading, state = sensor.observe(stamp_ns, _hand_out(sensor, world, stamp_ns, looks, faults), state, rng)
         if looks:
             faults += _meddling_faults(*looks[-1])
@@ -185,10 +185,10 @@ def _scan_faults(scan: LaserScan, truth: dict[str, NDArray]) -> list[str]:
         )
     person = truth.get("person_of_ray")
     if person is None:
-        faults.append("truth holds no person_of_ray; every scan knows whom its rays met")
+        faults.append("truth holds no person_of_ray; the id of the person that each ray meets is expected")
     elif person.dtype != np.int16 or person.shape != ranges.shape or (person < 0).any():
         faults.append(
-            f"person_of_ray is {person.dtype} {person.shape}; int16 {ranges.shape} of ids, 0 for nobody, is expected"
+            f"person_of_ray is {person.dtype} {person.shape}; int16 {ranges.shape} of ids, 0 for no person, is expected"
         )
     return faults
 

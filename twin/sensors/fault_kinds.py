@@ -103,7 +103,7 @@ class Delay(_Fault):
 
 
 class ClockError(_Fault):
-    """The clock that stamps is off by `offset_s`, and gains `drift_ppm` microseconds a second from `from_s` on.
+    """The clock that stamps is off by `offset_s`, and gains `drift_ppm` microseconds per second from `from_s` on.
 
     Stamps alone are wrong: the sensor looks when it always did, by the pace of its motor or its shutter. Within the fault
     stamps rise as ever. Where it begins and ends the clock is set, as by a time server, and steps: stamps may go back once
@@ -118,7 +118,7 @@ class ClockError(_Fault):
         default=0.0,
         ge=-100_000,
         le=100_000,
-        description="how fast the clock gains from `from_s` on [microseconds a second]",
+        description="how fast the clock gains from `from_s` on [microseconds per second]",
     )
 
     @model_validator(mode="after")

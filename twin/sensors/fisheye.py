@@ -186,7 +186,7 @@ class Fisheye:
 
 
 class _Faces:
-    """The buffers of one camera, filled anew for each picture."""
+    """The buffers of one camera, filled for each image."""
 
     def __init__(self, rig: FisheyeSensor, oversampling: float) -> None:
         table = build_face_table(rig.intrinsics, rig.room_from_sensor.rotation, oversampling)

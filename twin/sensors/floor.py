@@ -78,7 +78,7 @@ class Floor:
     def _press(self, feet: Feet | None) -> FloorLoad:
         if feet is None:
             return self._pressed(None)
-        # truth and sensor ask about the same moment, one after the other
+        # truth and sensor ask for the same stamp, one after the other
         if self._last is None or self._last[0] is not feet:
             self._last = feet, self._pressed(feet)
         return self._last[1]

@@ -191,7 +191,7 @@ def _play(load_n: Array, shown_n: Array, width: float) -> Array:
 
 FLOOR_ELECTRONICS = {
     "off": FloorElectronics(),
-    # Resistors of one batch under a thin cover, sorted before they were laid.
+    # Resistors of one batch under a thin cover, sorted before assembly.
     "default": FloorElectronics(crosstalk=0.04, gain_sigma=0.06, hysteresis=0.1, read_sigma=0.5),
     # Several batches, a stiff cover, years of feet.
     "worse": FloorElectronics(crosstalk=0.15, gain_sigma=0.2, hysteresis=0.2, read_sigma=1.5, dead=0.015, stuck=0.008),

@@ -1,4 +1,4 @@
-"""The pressure floor's mechanics: what each sensing element carries when feet press on it, through MuJoCo's contacts."""
+"""The pressure floor's mechanics: the load of each sensing element under feet, from MuJoCo's contacts."""
 
 from __future__ import annotations
 

@@ -158,7 +158,7 @@ def make_context() -> Any:
     that survived a fork.
     """
     os.environ["MUJOCO_GL"] = "egl"
-    # No thread of the rasteriser's: the second core is worth more to what runs beside the renderer (encoding, tracking),
+    # No thread of the rasteriser's: the second core is worth more to encoding and tracking,
     # one thread in turns with ours is no faster, and none is what a forked process can go on with.
     os.environ.setdefault("LP_NUM_THREADS", "0")
     check_process()

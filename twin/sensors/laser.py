@@ -44,7 +44,7 @@ class Laser:
     ) -> None:
         self.name = name
         self._rig = rig
-        # A scan message holds these in single precision: what is recorded is what was measured.
+        # A scan message holds these in single precision: the recording has the measured values.
         self._angle_min_rad = float(np.float32(angle_min_rad))
         self._angle_increment_rad = float(np.float32(angle_increment_rad))
         self._range_min_m = float(np.float32(range_min_m))

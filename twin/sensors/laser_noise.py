@@ -28,7 +28,7 @@ class LaserNoise(Strict):
 
     sigma_m: float = Field(default=0.0, ge=0, le=1, description="standard deviation of a range [m]")
     sigma_per_m: float = Field(
-        default=0.0, ge=0, le=0.1, description="what is added to it for each metre of range [m/m]"
+        default=0.0, ge=0, le=0.1, description="added standard deviation per metre of range [m/m]"
     )
     quantisation_m: float = Field(
         default=0.0, ge=0, le=1, description="step of which ranges are multiples [m]; 0: none"

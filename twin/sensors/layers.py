@@ -76,7 +76,7 @@ class _FaultyState:
 class Faulty:
     """A sensor with faults; its truth, its place on the rig and all it does outside their times are the healthy one's.
 
-    What lies before the sensor (a blob on the lens, a thing before the scanner) comes before its noise, what is broken in
+    An obstruction (a cover on the lens, an obstacle before the scanner) comes before the noise, what is broken in
     it after, and a frozen one repeats all of it. The sensor goes on measuring and drawing its noise during every fault, so
     that it is afterwards as if there had been none; the noise on what a fault changed is drawn from a stream of its own.
     """

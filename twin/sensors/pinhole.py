@@ -122,7 +122,7 @@ def _view(pose: Pose, eye_offset_m: float, edges: tuple[float, float, float, flo
 class Pinhole:
     """An ideal pinhole camera: sharp at every distance, no vignetting, no scatter. The camera stands still.
 
-    With several `instants_s`, offsets from the stamp within the exposure, the picture is the mean of what is seen at
+    With several `instants_s`, offsets from the stamp within the exposure, the image is the mean of those at
     each: motion blur of a global shutter. The mean is that of grey values, as the renderer's light is linear in them.
 
     `renderer` gives the renderer of the snapshots' model; it is called at the first observation, not before.

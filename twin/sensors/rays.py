@@ -68,10 +68,10 @@ Hits = tuple[NDArray[np.int32], Array]
 
 
 class RayFan:
-    """Rays in one plane whose ranges in the room are kept: only people are cast anew, by the rays that pass near them.
+    """Rays in one plane whose ranges in the room are kept: only people are cast again, by the rays that pass near them.
 
     The same to the bit as casting all rays at everything, and cheaper by what there is in the room. Kept ranges are good
-    for as long as nothing but people has moved, which every cast looks at.
+    as long as nothing but people has moved, which every cast checks.
     """
 
     def __init__(self, origin_m: Array, directions: Array, normal: Array, range_max_m: float) -> None:

@@ -27,12 +27,12 @@ class Timing(Strict):
     `dropout`.
     """
 
-    rate_hz: float = Field(ge=0.001, le=1000, description="looks a second [Hz]")
+    rate_hz: float = Field(ge=0.001, le=1000, description="observations per second [Hz]")
     phase_s: float = Field(
         default=0.0,
         ge=0,
         le=3600,
-        description="time of the first look since the start; later ones follow every 1 / rate_hz [s]",
+        description="time of the first observation since the start; later ones follow every 1 / rate_hz [s]",
     )
     delay_s: float = Field(
         default=0.0, ge=0, le=60, description="how long after its last instant an observation arrives [s]"

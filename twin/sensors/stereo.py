@@ -28,7 +28,7 @@ class StereoState:
 
 
 class Stereo:
-    """A rectified pair of global-shutter cameras without distortion, and what is computed from its two pictures.
+    """A rectified pair of global-shutter cameras without distortion, and the depth computed from its two images.
 
     Colour and depth are those of the left view. By the rig's `mode`, depth z comes of the disparity d = f b / z (focal
     length f [px], baseline b [m]) that matching the two noisy pictures finds (`matched`), of the true one with normal

@@ -1,4 +1,4 @@
-"""From two rectified pictures to disparities: OpenCV's semi-global block matching."""
+"""Disparities of two rectified images: OpenCV's semi-global block matching."""
 
 from __future__ import annotations
 

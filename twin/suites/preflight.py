@@ -66,7 +66,7 @@ class TrackerCheck:
                 self._tell(redefined(_place(variant, file, f"trackers.{name}.preset"), name, choice.preset))
             if name not in variant.trackers and not _known(choice.preset or name):
                 where = _place(variant, file, f"trackers.{name}.preset" if choice.preset else f"trackers.{name}")
-                self._tell(_unknown(where, choice.preset or name, "a preset: beside the options"))
+                self._tell(_unknown(where, choice.preset or name, "a preset: next to the options"))
         for place, name in enumerate(variant.trackers):
             choice, listed = scenario.trackers.get(name, TrackerChoice()), f"{variant.listed}.{place}"
             target = choice.preset or name

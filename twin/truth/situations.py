@@ -15,8 +15,8 @@ no farther apart than 0.15 m plus two spacings of the beams at the nearer one's 
 beam of a full turn to the first.
 
 Merged for the rig: the ideal points of all scanners, each scanner's latest, lie in one picture of the floor. Two people are
-merged while single linkage at `LINKAGE_M` puts points of both into one cluster (`joined`), or while one of them, whom some
-scanner has in its plane and field, returns no beam to any scanner, and the other, who does, is less than 1.5 m away (`hidden`).
+merged while single linkage at `LINKAGE_M` puts points of both into one cluster (`joined`), or while one of them, in the plane
+and field of some scanner, returns no beam to any scanner, and the other, who does, is less than 1.5 m away (`hidden`).
 
 Frames of interaction and correlation are the stamps of all sensors, frames of merging those of the scanner, or of all
 scanners. All this holds for people in the room, inside the tracked area or not.

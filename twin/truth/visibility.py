@@ -118,10 +118,10 @@ class _Rays:
 
     def first_hits(self) -> NDArray[np.int16]:
         """Return the person each ray meets first (n,), 0 for the room; the point's own person where it meets nothing before."""
-        # Whatever of that person a ray meets first, it has met them: bodies in nobody else's way need not be cast,
+        # The first hit on a person decides: geoms that no other person's ray can meet are left out,
         unobstructing, body_from_m = self._bystanders()
         first, first_m = self._hits(unobstructing)
-        # but of a ray that somebody stops, its own person's may come before.
+        # but where a ray hits another person, its own person's geoms may come before.
         unsure = (first != self.ids) & (first_m >= body_from_m)
         first[unsure] = self._those(unsure)._hits()[0]
         return first
@@ -165,7 +165,7 @@ class _Rays:
 _SPACING_M = 0.25
 _MOST_PLACES = 1000
 _HEIGHTS_M = (0.1, 0.9, 1.6)
-"""Feet, middle and head of somebody who stands there [m]."""
+"""Feet, middle and head of a person who stands there [m]."""
 
 _NO_PERSON = np.array([np.iinfo(np.int16).max], dtype=np.int16)
 

@@ -48,7 +48,7 @@ def write_people(
     """
     check_picture_name(path)
     if not scenario.people:
-        raise InputError(f"scenario {scenario.name!r}: people: nobody to draw; at least one person is expected")
+        raise InputError(f"scenario {scenario.name!r}: people: is empty; at least one person is expected")
     scenario = randomized(scenario)
     scene = build_scene(scenario)
     listed = list(scenario.people)

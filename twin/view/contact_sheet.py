@@ -31,7 +31,7 @@ from twin.world.simulation import Simulation
 
 _TILE_PX = (520, 390)
 _COLUMNS, _COLUMNS_WITH_DEPTH = (3,), (4, 3)
-"""With depth the one that leaves fewer tiles empty, the first of two alike: four keep depth beside its colours."""
+"""With depth the one that leaves fewer tiles empty, the first of two alike: four keep depth next to its colours."""
 
 _LABEL_PX, _EDGE_PX = 30, 5
 _LETTERS_PX = (16, 15, 14, 13, 12, 11)

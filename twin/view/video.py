@@ -105,7 +105,7 @@ def _check(scenario: Scenario, path: Path, start_s: float, end_s: float, follow:
             f"{scenario.duration_s:g} s is expected"
         )
     if follow is not None and follow not in scenario.people:
-        raise InputError(f"--follow {follow}: is nobody in people; valid are {', '.join(scenario.people) or 'none'}")
+        raise InputError(f"--follow {follow}: is not in people; valid are {', '.join(scenario.people) or 'none'}")
 
 
 def _whereabouts(scenario: Scenario, scene: Scene, start_s: float, end_s: float) -> NDArray[np.float64]:

@@ -114,7 +114,7 @@ def test_a_clock_that_drifts_is_set_right(tmp_path, ppm):
     np.testing.assert_allclose(stamps_of(recording)["knee"], REGULAR, rtol=0, atol=1 * MS)
     (line,) = lines(recording.losses)
     assert line.startswith(f"knee: {N} of {N} messages were stamped by a clock that ")
-    assert f"{'gains' if ppm > 0 else 'loses'} {abs(ppm) / 1000:.3g} ms a second" in line
+    assert f"{'gains' if ppm > 0 else 'loses'} {abs(ppm) / 1000:.3g} ms per second" in line
 
 
 LOST_LOGS: dict[str, Said] = {"all the same": lambda k: EPOCH_NS, "written later": lambda k: EPOCH_NS + k * MS}
@@ -199,7 +199,7 @@ def test_time_goes_on_in_the_tables_where_a_clock_was_set(tmp_path, said):
     stamps = read_tracks(result.files["tracks laser-imm"]).frame_stamps_ns
     assert all(0 < later - earlier < NS_PER_S for earlier, later in pairwise(stamps.tolist()))
     assert any(line.startswith("waist: ") for line in told)
-    assert any("trackers start anew there" in line for line in told) == (said is not WRONG["one stamp of 0"])
+    assert any("trackers restart there" in line for line in told) == (said is not WRONG["one stamp of 0"])
     assert any(line in result.files["report"].read_text().replace("&#39;", "'") for line in told)
 
 

@@ -139,7 +139,7 @@ def test_two_runs_into_one_folder_cannot_be_and_a_killed_one_leaves_nothing(tmp_
     try:
         assert holder.stdout is not None and holder.stdout.readline() == "held\n"
         scenario = load_scenario("lab-five-people", ["duration_s=0.3"])
-        said = rf"--out {out}: process {holder.pid} on .* is writing there at this moment; another folder is expected"
+        said = rf"--out {out}: process {holder.pid} on .* is writing there; another folder is expected"
         with pytest.raises(InputError, match=said):
             run_scenario(scenario, trackers=[], out=out, video=False, images=False)
     finally:

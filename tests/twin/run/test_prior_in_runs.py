@@ -116,7 +116,7 @@ def test_a_run_its_replay_and_a_suite_hand_over_the_same(house: House, monkeypat
     assert scenario.prior.environment == str(house.folder / "own" / ".." / "lab.npz")
     result = run_scenario(scenario, trackers=[TRACKER], out=house.folder / "run", video=False)
     assert house.handed() == [house.expected]
-    assert "Trackers were handed: environment from" in (house.folder / "run" / "report.html").read_text()
+    assert "Prior files of the trackers: environment from" in (house.folder / "run" / "report.html").read_text()
     monkeypatch.chdir("/")  # nothing is relative to where one stands
     house.track(result.files["recording"])
     assert house.handed() == [house.expected]
@@ -260,7 +260,7 @@ def test_environment_on_the_command_line(house: House) -> None:
     assert done.returncode == 0 and "there is no file" not in done.stderr
     assert house.handed() == [house.expected]
     page = (house.folder / "tracked" / "report.html").read_text()
-    assert f"Trackers were handed: environment from {house.folder / 'other.npz'}, learned.heads from" in page
+    assert f"Prior files of the trackers: environment from {house.folder / 'other.npz'}, learned.heads from" in page
     np.savez(house.folder / "none.npz", a=[1])
     for given, said, command in (
         ("gone.npz", "--environment gone.npz: there is no such file", ["run", *scenario, "--out", "other"]),

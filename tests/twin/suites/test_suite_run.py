@@ -140,7 +140,7 @@ def test_a_run_killed_in_the_middle_is_resumed_and_nothing_is_done_twice(suite: 
         if (folder / "logs").exists():  # made when the file of results has its tables
             with read_store(folder) as store:
                 done_before = sum(case.status == "done" for case in store.cases())
-    with pytest.raises(InputError, match=r"^--out .*: process \d+ on .* is writing there at this moment"):
+    with pytest.raises(InputError, match=r"^--out .*: process \d+ on .* is writing there"):
         run_made_up(suite, folder, resume=True)
     workers = psutil.Process(process.pid).children(recursive=True)
     process.send_signal(signal.SIGKILL)

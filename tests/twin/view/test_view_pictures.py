@@ -176,7 +176,7 @@ def test_a_video_s_name_is_checked(tmp_path):
 
 
 def test_nobody_is_no_sheet(tmp_path):
-    with pytest.raises(InputError, match="nobody to draw"):
+    with pytest.raises(InputError, match="is empty"):
         write_people(small(people={}), tmp_path / "people.png")
 
 

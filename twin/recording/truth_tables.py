@@ -1,0 +1,145 @@
+"""Tables of the truth beyond `truth.csv`, and the strings of the same columns in a bag.
+
+- `truth_people.csv`: the name of each id.
+- `truth_feet.csv` and `/truth/feet`: one row per foot and frame, left before right, people by id. `cells_<floor>` holds the
+  numbers of the cells that a foot loads, separated by blanks, counted row by row from 0, at stamps of that floor; it is empty
+  at others.
+- `truth_boxes.csv` and `/truth/boxes`: one row per person and image, in the order in which images were taken, people by id;
+  columns as in `twin.truth.frames.Box`. Images without a row were not looked at: boxes are made for a few images per second. A
+  person hidden from the camera altogether has no row. The share of each person that a camera sees, by rays, is in truth.csv
+  at the same `t`: visible_<camera>.
+- `truth_rays.csv` and `/truth/rays`: one row per run of consecutive beams that meet the same person, counted from 0 in the
+  order of the scan's ranges. Beams in no run meet the room, or nothing within range. It is the truth of the ideal scan at its
+  true time: noise and faults change ranges and stamps, not the person that a beam meets. A scan that the scanner loses (its
+  `dropout`) has no row; one that a fault loses on its way may have.
+- `truth_situations.csv` and `/truth/situations`: see `twin.recording.situation_table`.
+
+A frame without people is one row with its stamp (and its sensor) alone. Numbers are written as in `truth.csv`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TextIO
+
+from trackers.observations import NS_PER_S
+from twin.recording import topics
+from twin.recording.atomic_file import open_atomic
+from twin.recording.messages import string_message
+from twin.recording.situation_table import encode_situation, situation_writer
+from twin.recording.tables import Row, cell, plain, seconds_cell
+from twin.truth.frames import BoxFrame, FootTruth, PersonTruth, RayFrame, Situation, TruthDetail, TruthFrame
+
+PEOPLE_COLUMNS = ("id", "name")
+_FOOT_NUMBERS = ("x", "y", "z", "yaw", "load_n", "pressure_x", "pressure_y")
+FEET_COLUMNS = ("t", "id", "foot", *_FOOT_NUMBERS, "contact")
+_CELLS = "cells_"
+BOX_COLUMNS = ("t", "camera", "id", "left", "top", "width", "height", "visible_px", "truncated")
+RAY_COLUMNS = ("t", "sensor", "id", "first_beam", "last_beam")
+DETAIL_FILES = ("truth_boxes.csv", "truth_rays.csv", "truth_situations.csv")
+DETAIL_TOPICS = (topics.TRUTH_BOXES, topics.TRUTH_RAYS, topics.TRUTH_SITUATIONS)
+
+
+def write_names(path: Path, names: Mapping[int, str]) -> None:
+    """Write `truth_people.csv`: one row per person of the scenario by id, present in the run or not.
+
+    Raises InputError where the file cannot be written.
+    """
+    with open_atomic(path) as stream:
+        stream.write(",".join(PEOPLE_COLUMNS) + "\n")
+        for number, name in sorted(names.items()):
+            stream.write(f"{number},{name}\n")
+
+
+@contextmanager
+def feet_writer(path: Path, floors: Sequence[str] = ()) -> Iterator[Callable[[TruthFrame], None]]:
+    """Open `truth_feet.csv` with a column cells_<floor> per floor; yield a function that writes a frame, in order of time.
+
+    The file appears when the block ends well. Raises InputError where the file cannot be written; the function raises
+    ValueError for a number that is infinite.
+    """
+    columns = (*FEET_COLUMNS, *(_CELLS + floor for floor in floors))
+    with open_atomic(path) as stream:
+        stream.write(",".join(columns) + "\n")
+
+        def write(frame: TruthFrame) -> None:
+            feet = [_foot_row(person, foot, floors) for person in frame.people for foot in person.feet]
+            _write_rows(stream, seconds_cell(frame.stamp_ns), feet, len(columns))
+
+        yield write
+
+
+def encode_feet(frame: TruthFrame) -> memoryview:
+    """Encode a frame as a `std_msgs/String` (CDR): a JSON list with one object per foot, null where unknown."""
+    t = frame.stamp_ns / NS_PER_S
+    feet = [{"t": t} | plain(_foot_row(person, foot, foot.cells)) for person in frame.people for foot in person.feet]
+    return string_message(feet)
+
+
+def _foot_row(person: PersonTruth, foot: FootTruth, floors: Iterable[str]) -> Row:
+    """Return a foot's row after t, with a column cells_<floor> per floor."""
+    numbers = {name: float(getattr(foot, name)) for name in _FOOT_NUMBERS}
+    loaded = {_CELLS + floor: foot.cells.get(floor, ()) for floor in floors}
+    return {"id": person.id, "foot": foot.side, **numbers, "contact": int(foot.contact), **loaded}
+
+
+@contextmanager
+def detail_writer(folder: Path) -> Iterator[Callable[[TruthDetail], None]]:
+    """Open the tables of boxes, rays and situations and yield a function that writes a detail into its table.
+
+    The files appear when the block ends well. Raises InputError where a file cannot be written.
+    """
+    with ExitStack() as stack:
+        box_file, ray_file, situation_file = (folder / name for name in DETAIL_FILES)
+        boxes, rays = (stack.enter_context(open_atomic(path)) for path in (box_file, ray_file))
+        boxes.write(",".join(BOX_COLUMNS) + "\n")
+        rays.write(",".join(RAY_COLUMNS) + "\n")
+        situations = stack.enter_context(situation_writer(situation_file))
+
+        def write(detail: TruthDetail) -> None:
+            match detail:
+                case BoxFrame():
+                    _write_frame(boxes, detail, BOX_COLUMNS)
+                case RayFrame():
+                    _write_frame(rays, detail, RAY_COLUMNS)
+                case Situation():
+                    situations.write(detail)
+
+        yield write
+
+
+def encode_detail(detail: TruthDetail) -> tuple[str, int, memoryview]:
+    """Return topic, log time [ns] (of a situation its end) and message (CDR) of a detail."""
+    match detail:
+        case BoxFrame():
+            return topics.TRUTH_BOXES, detail.stamp_ns, _encode_frame(detail, BOX_COLUMNS)
+        case RayFrame():
+            return topics.TRUTH_RAYS, detail.stamp_ns, _encode_frame(detail, RAY_COLUMNS)
+        case Situation():
+            return topics.TRUTH_SITUATIONS, detail.end_ns, encode_situation(detail)
+
+
+def _write_frame(stream: TextIO, frame: BoxFrame | RayFrame, columns: Sequence[str]) -> None:
+    sensor, rows = _frame_rows(frame, columns)
+    _write_rows(stream, f"{seconds_cell(frame.stamp_ns)},{sensor}", rows, len(columns) - 1)
+
+
+def _encode_frame(frame: BoxFrame | RayFrame, columns: Sequence[str]) -> memoryview:
+    """Encode a frame as a `std_msgs/String` (CDR): a JSON list with one object per row, null for an empty cell."""
+    sensor, rows = _frame_rows(frame, columns)
+    head = {columns[0]: frame.stamp_ns / NS_PER_S, columns[1]: sensor}
+    return string_message([head | row for row in rows] or [head | dict.fromkeys(columns[2:])])
+
+
+def _frame_rows(frame: BoxFrame | RayFrame, columns: Sequence[str]) -> tuple[str, list[Row]]:
+    """Return the sensor of a frame, and its rows after t and the sensor."""
+    sensor, entries = (frame.camera, frame.boxes) if isinstance(frame, BoxFrame) else (frame.sensor, frame.runs)
+    return sensor, [{name: int(getattr(entry, name)) for name in columns[2:]} for entry in entries]
+
+
+def _write_rows(stream: TextIO, head: str, rows: Sequence[Row], n_column: int) -> None:
+    """Write the lines of a frame that begin with `head`; `n_column`: columns, those of the head counted as one."""
+    lines = [",".join([head, *map(cell, row.values())]) + "\n" for row in rows]
+    stream.write("".join(lines) or head + "," * (n_column - 1) + "\n")
