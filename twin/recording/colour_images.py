@@ -39,28 +39,28 @@ _DEPTH = ("16UC1", "32FC1", "64FC1")
 _BLUE_FIRST = ("bgr", "8UC", "16UC")
 
 
-def decode_raw(message: Any, said: str) -> NDArray[np.uint8]:
+def decode_raw(message: Any, subject: str) -> NDArray[np.uint8]:
     """Return the picture (height, width, 3), RGB, in a raw Image; of 16 bits the upper eight are kept.
 
-    Raises InputError, opening with `said`, for an encoding that is not read and for bytes that do not fit.
+    Raises InputError, opening with `subject`, for an encoding that is not read and for bytes that do not fit.
     """
     encoding = message.encoding
     if encoding not in CHANNELS:
-        what = f"{said}: encoding is {encoding!r}"
+        what = f"{subject}: encoding is {encoding!r}"
         if encoding in _DEPTH:
             raise InputError(f"{what}, a depth picture; it belongs under depth_topic of a sensor of kind stereo")
         raise InputError(f"{what}; one of {', '.join(CHANNELS)} is expected")
     if encoding in _PLANES:
         if message.width % 2 or message.height % 2:
             raise InputError(
-                f"{said}: {message.width} x {message.height} in {encoding}; an even width and height is expected"
+                f"{subject}: {message.width} x {message.height} in {encoding}; an even width and height is expected"
             )
-        planes = raw_pixels(message, said, message.height * 3 // 2)
+        planes = raw_pixels(message, subject, message.height * 3 // 2)
         return _array(cv2.cvtColor(np.ascontiguousarray(planes), _PLANES[encoding]))
-    pixels = raw_pixels(message, said, message.height)
+    pixels = raw_pixels(message, subject, message.height)
     if encoding in _YUV:
         if message.width % 2:
-            raise InputError(f"{said}: width {message.width} in {encoding}; an even width is expected")
+            raise InputError(f"{subject}: width {message.width} in {encoding}; an even width is expected")
         return _array(cv2.cvtColor(np.ascontiguousarray(pixels), _YUV[encoding]))
     if encoding.startswith("bayer_"):
         return _without_mosaic(np.ascontiguousarray(pixels[:, :, 0]), encoding)
@@ -69,13 +69,13 @@ def decode_raw(message: Any, said: str) -> NDArray[np.uint8]:
     return np.ascontiguousarray(np.broadcast_to(pixels[:, :, :3], (message.height, message.width, 3)))
 
 
-def raw_pixels(message: Any, said: str, n_row: int) -> NDArray[np.uint8]:
+def raw_pixels(message: Any, subject: str, n_row: int) -> NDArray[np.uint8]:
     """Return the pixels (n_row, width, channels) of an Image without the padding of its rows, of 16 bits the upper eight."""
     channel_bytes = 2 if "16" in message.encoding else 1
     width_bytes = message.width * CHANNELS.get(message.encoding, 1) * channel_bytes
     if message.step < width_bytes or message.data.size != n_row * message.step or not message.data.size:
         raise InputError(
-            f"{said}: {message.data.size} bytes, step {message.step} for {message.width} x {message.height} "
+            f"{subject}: {message.data.size} bytes, step {message.step} for {message.width} x {message.height} "
             f"{message.encoding}; height x step bytes are expected"
         )
     rows = np.asarray(message.data).reshape(n_row, message.step)[:, :width_bytes]
@@ -83,7 +83,7 @@ def raw_pixels(message: Any, said: str, n_row: int) -> NDArray[np.uint8]:
     return rows.reshape(n_row, message.width, -1)[:, :, upper::channel_bytes]
 
 
-def decode_compressed(message: Any, said: str) -> NDArray[np.uint8]:
+def decode_compressed(message: Any, subject: str) -> NDArray[np.uint8]:
     """Return the picture (height, width, 3), RGB, in a CompressedImage; raises as `decode_raw`.
 
     image_transport compresses the mosaic of a Bayer sensor as a grey picture and says so in `format`.
@@ -91,23 +91,23 @@ def decode_compressed(message: Any, said: str) -> NDArray[np.uint8]:
     encoding = message.format.partition(";")[0].strip()
     if "compressedDepth" in message.format or encoding in _DEPTH:
         raise InputError(
-            f"{said}: format is {message.format!r}, a depth picture; a colour JPEG or PNG is expected, and depth under "
+            f"{subject}: format is {message.format!r}, a depth picture; a colour JPEG or PNG is expected, and depth under "
             "depth_topic of a sensor of kind stereo"
         )
     if encoding.rstrip("0123456789") in _BAYER:
-        grey = _decoded(message, said, cv2.IMREAD_UNCHANGED)
+        grey = _decoded(message, subject, cv2.IMREAD_UNCHANGED)
         if grey.ndim == 2:
             return _without_mosaic(_array(grey if grey.dtype == np.uint8 else grey >> 8), encoding)
-    return _array(_decoded(message, said, cv2.IMREAD_COLOR_RGB))
+    return _array(_decoded(message, subject, cv2.IMREAD_COLOR_RGB))
 
 
-def _decoded(message: Any, said: str, flags: int) -> Any:
+def _decoded(message: Any, subject: str, flags: int) -> Any:
     """Return the picture in a JPEG or PNG as OpenCV reads it with these flags; raises InputError for others."""
-    check_picture(bytes(message.data), f"{said}: format is {message.format!r}")
+    check_picture(bytes(message.data), f"{subject}: format is {message.format!r}")
     # The lens is calibrated on the sensor's rows and columns: an EXIF orientation must not turn them.
     pixels = cv2.imdecode(message.data, flags if flags < 0 else flags | cv2.IMREAD_IGNORE_ORIENTATION)
     if pixels is None:
-        raise InputError(f"{said}: {message.data.size} bytes that are no image; a JPEG or PNG is expected")
+        raise InputError(f"{subject}: {message.data.size} bytes that are no image; a JPEG or PNG is expected")
     return pixels
 
 
@@ -130,19 +130,19 @@ _ALONE = {0x01, *range(0xD0, 0xD8)}
 """Markers without a length."""
 
 
-def check_picture(data: bytes, said: str) -> None:
-    """Raise InputError, opening with `said`, for no JPEG or PNG, and for more pixels than a picture has."""
+def check_picture(data: bytes, subject: str) -> None:
+    """Raise InputError, opening with `subject`, for no JPEG or PNG, and for more pixels than a picture has."""
     size = picture_size(data)
     if size is None:
-        raise InputError(f"{said}: {len(data)} bytes that are no image; a JPEG or PNG is expected")
-    check_size(*size, said)
+        raise InputError(f"{subject}: {len(data)} bytes that are no image; a JPEG or PNG is expected")
+    check_size(*size, subject)
 
 
-def check_size(width: int, height: int, said: str) -> None:
-    """Raise InputError, opening with `said`, for a picture without pixels, or with more than a picture has."""
+def check_size(width: int, height: int, subject: str) -> None:
+    """Raise InputError, opening with `subject`, for a picture without pixels, or with more than a picture has."""
     if not width or not height:
-        raise InputError(f"{said}: its header claims {width} x {height} pixels; at least one is expected")
-    check_limit(float(width) * height, MOST_PIXELS, f"{said}: its header claims {width} x {height},", "pixels")
+        raise InputError(f"{subject}: its header claims {width} x {height} pixels; at least one is expected")
+    check_limit(float(width) * height, MOST_PIXELS, f"{subject}: its header claims {width} x {height},", "pixels")
 
 
 def picture_size(data: bytes) -> tuple[int, int] | None:

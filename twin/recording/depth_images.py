@@ -83,15 +83,15 @@ def decode_depth(message: Any, sensor: str) -> NDArray[np.float32]:
 
 
 def _from_compressed(message: Any, sensor: str) -> NDArray[np.float32]:
-    data, said = np.asarray(message.data, dtype=np.uint8), f"depth of {sensor!r}: format is {message.format!r}"
+    data, subject = np.asarray(message.data, dtype=np.uint8), f"depth of {sensor!r}: format is {message.format!r}"
     inverse = None
     if "compressedDepth" in message.format:
         if data.size < _HEADER_BYTES:
-            raise InputError(f"{said}: {data.size} bytes; a header of {_HEADER_BYTES} bytes is expected")
+            raise InputError(f"{subject}: {data.size} bytes; a header of {_HEADER_BYTES} bytes is expected")
         if "32FC1" in message.format:
             inverse = struct.unpack("<ff", bytes(data[4:_HEADER_BYTES]))
         data = data[_HEADER_BYTES:]
-    pixels = _rvl(bytes(data), said) if message.format.endswith("rvl") else _png(data, said)
+    pixels = _rvl(bytes(data), subject) if message.format.endswith("rvl") else _png(data, subject)
     if inverse is None:
         return _metres(pixels)
     scale, offset = inverse
@@ -101,25 +101,25 @@ def _from_compressed(message: Any, sensor: str) -> NDArray[np.float32]:
         )
 
 
-def _png(data: NDArray[np.uint8], said: str) -> NDArray[np.uint16]:
+def _png(data: NDArray[np.uint8], subject: str) -> NDArray[np.uint16]:
     if picture_size(bytes(data)) is not None:
-        check_picture(bytes(data), said)
+        check_picture(bytes(data), subject)
     pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
     if pixels is None or pixels.dtype != np.uint16 or pixels.ndim != 2:
         what = "no picture" if pixels is None else f"a picture of {pixels.dtype} {pixels.shape}"
-        raise InputError(f"{said}: {data.size} bytes that are {what}; a 16-bit grey PNG is expected")
+        raise InputError(f"{subject}: {data.size} bytes that are {what}; a 16-bit grey PNG is expected")
     return np.asarray(pixels, dtype=np.uint16)
 
 
-def _rvl(data: bytes, said: str) -> NDArray[np.uint16]:
+def _rvl(data: bytes, subject: str) -> NDArray[np.uint16]:
     if len(data) < 8:
-        raise InputError(f"{said}: {len(data)} bytes; columns, rows and RVL data are expected")
+        raise InputError(f"{subject}: {len(data)} bytes; columns, rows and RVL data are expected")
     columns, rows = struct.unpack("<II", data[:8])
-    check_size(columns, rows, said)
+    check_size(columns, rows, subject)
     try:
         return decode_rvl(data[8:], rows, columns)
     except InputError as error:
-        raise InputError(f"{said}: {error}") from error
+        raise InputError(f"{subject}: {error}") from error
 
 
 def _metres(pixels: NDArray[Any]) -> NDArray[np.float32]:

@@ -55,7 +55,7 @@ class Preview:
         held = self._observations.setdefault(observation.sensor, deque(maxlen=_HELD_OBSERVATIONS))
         held.append(observation)
 
-    def tell(self, truth: TruthFrame) -> None:
+    def add_truth(self, truth: TruthFrame) -> None:
         """Keep the truth of a stamp for the frames to come."""
         self._truths[truth.stamp_ns] = truth
         while len(self._truths) > _HELD_TRUTHS:
@@ -118,7 +118,7 @@ def true_poses(truth: TruthFrame | None) -> TruePoses | None:
 
 
 @contextmanager
-def preview(
+def open_preview(
     path: Path,
     rig: Rig,
     *,
@@ -143,9 +143,9 @@ _SLOWEST_HZ, _FASTEST_HZ = 1.0, 60.0
 class Feed:
     """Feeds each observation to every tracker, and the first tracker's frames to the preview."""
 
-    def __init__(self, runners: Sequence[TrackerRunner], shown: Preview | None) -> None:
+    def __init__(self, runners: Sequence[TrackerRunner], preview: Preview | None) -> None:
         self.runners = runners
-        self.shown = shown
+        self.preview = preview
         self.on_frame: Callable[[str, TrackFrame], object] | None = None
         """Called with each tracker's name and frame, if set."""
         self.log = ObservationLog()
@@ -153,10 +153,10 @@ class Feed:
     def observe(self, observation: Observation) -> None:
         """Feed one observation; raises PlugInError when the last remaining tracker has failed."""
         self.log.add(observation)
-        if self.shown is not None:
-            self.shown.observe(observation)
+        if self.preview is not None:
+            self.preview.observe(observation)
             if not self.runners or self.runners[0].failure:
-                self.shown.draw_untracked(observation)
+                self.preview.draw_untracked(observation)
         for place, each in enumerate(self.runners):
             self._show(place, each.update(observation))
         check_some_left(self.runners)
@@ -166,8 +166,8 @@ class Feed:
         for place, each in enumerate(self.runners):
             self._show(place, each.finish())
         check_some_left(self.runners)
-        if self.shown is not None:
-            self.shown.finish()
+        if self.preview is not None:
+            self.preview.finish()
 
     def losses(self, ahead_s: Mapping[str, float] | None = None) -> list[Loss]:
         """Return the losses of blind scanners and each tracker's drops; `ahead_s` as in `twin.recording.losses.dropped_by`."""
@@ -179,13 +179,13 @@ class Feed:
         if self.on_frame is not None:
             for frame in frames:
                 self.on_frame(self.runners[place].name, frame)
-        if place == 0 and self.shown is not None:
+        if place == 0 and self.preview is not None:
             for frame in frames:
-                self.shown.draw(frame)
+                self.preview.draw(frame)
 
 
 @contextmanager
-def feed(
+def open_feed(
     folder: Path,
     rig: Rig,
     prior: Prior,
@@ -209,10 +209,10 @@ def feed(
     """
     with ExitStack() as stack:
         runners = stack.enter_context(tracker_runners(chosen, rig, prior, seed, folder / "tracks", jumps_ns))
-        shown = None
+        preview = None
         if video_hz is not None:
-            shown = stack.enter_context(
-                preview(
+            preview = stack.enter_context(
+                open_preview(
                     folder / "preview.mp4",
                     rig,
                     fps=min(max(video_hz, _SLOWEST_HZ), _FASTEST_HZ),
@@ -223,4 +223,4 @@ def feed(
                     true_rig=true_rig,
                 )
             )
-        yield Feed(runners, shown)
+        yield Feed(runners, preview)

@@ -26,7 +26,7 @@ from twin.recording.writer import BagWriter
 from twin.report.page import RunFacts
 from twin.room.building import room_outline
 from twin.run.chosen_trackers import NONE_TRUSTED, ChosenTracker, TrustedClasses, choose
-from twin.run.feed import Feed, feed
+from twin.run.feed import Feed, open_feed
 from twin.run.out_folder import OutFolder, out_folder
 from twin.run.outcome import (
     RunResult,
@@ -170,7 +170,7 @@ class _LiveRun:
         write_names(files["truth_people"], self._place.person_names or {})
         with open_atomic(files["scenario"]) as stream:
             stream.write(self._resolved)
-        if self._feed.shown is not None:
+        if self._feed.preview is not None:
             files["preview"] = folder / "preview.mp4"
         result = self._evaluated(files) if self._chosen else RunResult(None, {})
         files |= result.files
@@ -223,7 +223,7 @@ class _LiveRun:
     def _opened_feed(self, stack: ExitStack, prior: Prior) -> Feed:
         scenario, rig = self._request.scenario, self._simulation.rig
         return stack.enter_context(
-            feed(
+            open_feed(
                 self._out.path,
                 rig,
                 prior,
@@ -247,8 +247,8 @@ class _LiveRun:
         feet = stack.enter_context(feet_writer(folder / "truth_feet.csv", list(rig.floors())))
         self._on_truth += [table.write, feet, bag.truth]
         self._on_detail += [stack.enter_context(detail_writer(folder)), bag.detail]
-        if self._feed.shown is not None:
-            self._on_truth.append(self._feed.shown.tell)
+        if self._feed.preview is not None:
+            self._on_truth.append(self._feed.preview.add_truth)
         return bag
 
     def _pass_truth(self, frame: TruthFrame) -> None:

@@ -106,7 +106,7 @@ def write_results(
     losses: those of the recording and of the trackers; the metrics hold them all, the notes in `facts` those reported.
     """
     files = {f"tracks {each.name}": folder / "tracks" / f"{file_name(each.name)}.csv" for each in results}
-    if feed.shown is not None:
+    if feed.preview is not None:
         files["preview"] = folder / "preview.mp4"
     metrics = None
     if truth is not None:
@@ -118,7 +118,7 @@ def write_results(
     notes = evaluation_notes(results)
     if report:
         files["report"] = folder / "report.html"
-        stills = feed.shown.stills if feed.shown is not None else []
+        stills = feed.preview.stills if feed.preview is not None else []
         write_report(
             files["report"],
             replace(facts, notes=(*(f"{note}." for note in notes), *facts.notes)),

@@ -35,7 +35,7 @@ from twin.room.building import room_outline
 from twin.run.chosen_trackers import (
     ChosenTracker,
 )
-from twin.run.feed import Feed, feed
+from twin.run.feed import Feed, open_feed
 from twin.run.inputs import chosen_trackers, files_for, scenario_of
 from twin.run.out_folder import OutFolder, out_folder
 from twin.run.outcome import (
@@ -159,9 +159,9 @@ class _Replay:
         self._frames: list[tuple[str, TrackFrame]] = []
 
     def opened_feed(self) -> AbstractContextManager[Feed]:
-        """Make the trackers and the preview; see `twin.run.feed.feed`."""
+        """Make the trackers and the preview; see `twin.run.feed.open_feed`."""
         request, bag = self._request, self._request.bag
-        return feed(
+        return open_feed(
             self._out.path,
             bag.rig,
             Prior.read(bag.background, request.prior_files, bag.rig),
@@ -187,8 +187,8 @@ class _Replay:
         for observation in _counted(bag.observations(), bag.observation_count, request.on_progress):
             if isinstance(observation, LaserScan) and scans is not None:
                 scans.add(observation)
-            while fed.shown is not None and waiting and waiting[0].stamp_ns <= observation.stamp_ns:
-                fed.shown.tell(waiting.popleft())
+            while fed.preview is not None and waiting and waiting[0].stamp_ns <= observation.stamp_ns:
+                fed.preview.add_truth(waiting.popleft())
             fed.observe(observation)
         fed.finish()
         self._tracker_warnings = tracker_warnings(fed.runners)

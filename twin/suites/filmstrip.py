@@ -107,7 +107,7 @@ def _show(fed: Feed, shown: Preview, writer: _FilmstripWriter, bag: Recording) -
     truths = deque(bag.truth())
     for observation in bag.observations():
         while truths and truths[0].stamp_ns <= observation.stamp_ns:
-            shown.tell(truths.popleft())
+            shown.add_truth(truths.popleft())
         fed.observe(observation)
         if not writer.wanted_s:
             return

@@ -304,7 +304,7 @@ def test_people_are_drawn_near_stamps_of_a_clock_that_is_off() -> None:
     writer = Watched()
     shown: list[Preview] = []
     clock = "faults.ahead={sensor: waist, kind: clock, offset_s: 0.03, from_s: 0.3}"
-    with Simulation(scenario("laser", clock), on_truth=lambda frame: shown[0].tell(frame)) as simulation:
+    with Simulation(scenario("laser", clock), on_truth=lambda frame: shown[0].add_truth(frame)) as simulation:
         shown.append(Preview(cast("PreviewWriter", writer), simulation.rig))
         for observation in simulation:
             shown[0].observe(observation)

@@ -72,7 +72,7 @@ class Doubting(Sort):
 
 
 def test_what_a_tracker_doubts_is_told_at_first_and_on_the_way(ran: tuple[Told, Path], tmp_path: Path) -> None:
-    told, name = Told(), "test_left_alone:Doubting"
+    told, name = Told(), "test_early_warnings:Doubting"
     doubts = (f"{name}: doubts the rig", f"{name}: doubts the room")
     result = track_recording(ran[1] / "recording.mcap", trackers=[name], **told.keywords(tmp_path))
     assert told.told[0] == doubts[0] and told.told.index(doubts[1]) > told.told.index("tracking")
