@@ -360,7 +360,7 @@ CHECKS: dict[str, Check] = {
     "04 inf_increment": tracked("04-one-bad-message/inf_increment.bag", "angle_increment"),
     **{
         f"05 {each}": tracked(
-            f"05-clock-back/{each}.bag", "waist: .*set back", "knee: .*set back", "trackers start anew", least=-_ANEW
+            f"05-clock-back/{each}.bag", "waist: .*set back", "knee: .*set back", "trackers restart", least=-_ANEW
         )
         for each in ("clock_back", "clock_back_hour")
     },
