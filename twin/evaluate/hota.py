@@ -118,6 +118,18 @@ def hota(frames: Sequence[PairMatrix]) -> HotaScores:
     )
 
 
+def hota_cap(similarities: NDArray[np.float64]) -> float | None:
+    """Compute the HOTA that perfect detection and identities would reach with the k matches' similarities; None without any.
+
+    A pair below a threshold is a miss and a false positive, of the right person each time: with the share p of pairs at or
+    above it, DetA and AssA are both p / (2 - p).
+    """
+    if not similarities.size:
+        return None
+    share = (similarities[:, None] >= THRESHOLDS - _EPS).mean(axis=0)
+    return float((share / (2 - share)).mean())
+
+
 def _count(ids: list[NDArray[np.int64]]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     unique, counts = np.unique(np.concatenate(ids) if ids else np.zeros(0, dtype=np.int64), return_counts=True)
     return unique, counts.astype(np.float64)

@@ -16,7 +16,7 @@ from twin.evaluate.causes import Errors, errors_by_cause
 from twin.evaluate.clear import FrameMatches, PairMatrix, clear, find_switches, identity, match_frames
 from twin.evaluate.continuity import Event, continuity, right_at_end, switch_events
 from twin.evaluate.frames import Frame, align, match_all_people, restrict_to_area, wrap_angle
-from twin.evaluate.hota import hota
+from twin.evaluate.hota import hota, hota_cap
 from twin.evaluate.set_distance import gospa, ospa
 from twin.recording.situation_table import SituationTable
 from twin.recording.tables import TrackTable, TruthTable
@@ -97,6 +97,7 @@ def evaluate_with_details(
     pose_errors, n_head = _pose_errors(judged, matches)
     metrics: dict[str, Any] = {
         **_matrix_metrics(pair_matrices, gate_m, matches),
+        "hota_cap": hota_cap(1 - np.concatenate([pairs.distances for pairs in matches]) / (2 * gate_m)),
         "gospa_m": float(gospa_m.mean()),
         "ospa_m": float(ospa_m.mean()),
         "false_positives": scores.false_positives,

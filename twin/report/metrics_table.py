@@ -34,6 +34,7 @@ _MAIN = (
     Metric("motp_m", "MOTP", "m", "mean distance of a track from its person", "less", 3),
     Metric("idf1", "IDF1", "", "how consistently identities are kept over the run", "more", 3),
     Metric("hota", "HOTA", "", "detection and association together, over 19 thresholds", "more", 3),
+    Metric("hota_cap", "HOTA cap", "", "HOTA with perfect detection and identities at this position error", "more", 3),
     Metric("deta", "DetA", "", "detection part of HOTA", "more", 3),
     Metric("assa", "AssA", "", "association part of HOTA", "more", 3),
     Metric("gospa_m", "GOSPA", "m", "mean error of the whole set, c = 1 m, p = 2, α = 2", "less", 3),

@@ -48,6 +48,9 @@ GATED: Mapping[str, Allowance] = {
 """The figures that are compared, in the order they are shown; those at the wider gate say much the same again, and what
 a frame costs depends on who else uses the machine."""
 
+SHOWN = tuple(metric for metric in METRICS if metric in GATED or metric == "hota_cap")
+"""The metrics of a page's tables; the cap of HOTA is no result of a tracker's alone, and so is not compared."""
+
 SENSOR_METRICS: Mapping[str, Metric] = {
     "range_scatter_m": Metric(
         "range_scatter_m", "Scatter of ranges", "m", "of a scanner, where a beam meets one surface twice", "less", 4

@@ -18,7 +18,7 @@ from twin.recording.atomic_file import open_atomic
 from twin.report.palette import IDENTITY_COLOURS, hex_colour
 from twin.suites.charts import colour_of, marker, scale_of, small_multiple
 from twin.suites.comparison import Change, Comparison, case_page, incident_link, significance
-from twin.suites.metrics import GATED, HEADLINE_METRICS, METRICS, format_metric, metric_named
+from twin.suites.metrics import HEADLINE_METRICS, METRICS, SHOWN, format_metric, metric_named
 from twin.suites.permutation_test import ALPHA
 from twin.suites.reference import (
     BEHIND_HOTA,
@@ -189,7 +189,7 @@ def _sections(results: Results, before: Results | None) -> list[dict[str, Any]]:
                 "n": [f"{group.n} in {len(group.seeds)} seeds" for _, group in trackers],
                 "table": [
                     (METRICS[metric], [_cell(metric, group) for _, group in trackers])
-                    for metric in GATED
+                    for metric in SHOWN
                     if any(group.values(metric) for _, group in trackers)
                 ],
                 "cases": [
