@@ -310,7 +310,7 @@ _BY_FILE = {
     "trackers/vision/patches.py": [
         ("hidden by who stands behind", "PatchSampler.drawn", "_A < _B[:, None] - _C", "_A > _B[:, None] + _C"),
     ],
-    "trackers/vision/floor_places.py": [
+    "trackers/vision/person_detector.py": [
         ("rows and columns exchanged", "FloorPlaces.read", "[_A / _B, _C / _B]", "[_C / _B, _A / _B]"),
     ],
     "trackers/vision/torso.py": [
@@ -343,8 +343,6 @@ _BY_FILE = {
     ],
     "trackers/camera_floor_particle/body.py": [
         ("memory of the velocity inverted", "smoothed", "_A * _B + (1 - _A) * _C / _D", "(1 - _A) * _B + _A * _C / _D"),
-    ],
-    "trackers/camera_floor_particle/exclusion.py": [
         ("unlikeliest stays", "excluded", "-_A", "_A"),
     ],
     "trackers/camera_floor_particle/head.py": [

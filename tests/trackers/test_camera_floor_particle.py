@@ -12,8 +12,7 @@ from scipy.spatial.transform import Rotation
 from synthetic_home import LOAD, PERIOD_S, empty_room, observe, rig, walks
 
 from trackers.area import Area
-from trackers.camera_floor_particle.body import BodyFilter, smoothed
-from trackers.camera_floor_particle.exclusion import excluded
+from trackers.camera_floor_particle.body import BodyFilter, excluded, smoothed
 from trackers.camera_floor_particle.loads import FloorFrontEnd
 from trackers.camera_floor_particle.options import (
     CameraFloorParticleOptions,

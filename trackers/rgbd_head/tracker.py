@@ -28,12 +28,11 @@ from trackers.observations import NS_PER_S, DepthImage, Observation
 from trackers.prior import Prior
 from trackers.rgbd_head.calibration import CalibrationCheck, turned
 from trackers.rgbd_head.evaluators import Evaluator, Evaluators
-from trackers.rgbd_head.initiation import new_heads
 from trackers.rgbd_head.likelihoods import Likelihoods
 from trackers.rgbd_head.motion import Motion
 from trackers.rgbd_head.options import RgbdHeadOptions
 from trackers.rgbd_head.people import People
-from trackers.rgbd_head.track_manager import HeadTrackManager
+from trackers.rgbd_head.track_manager import HeadTrackManager, new_heads
 from trackers.rig import Rig, StereoSensor
 from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
 from trackers.tracking.synced_tracker import SynchronizedTracker

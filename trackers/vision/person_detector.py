@@ -8,23 +8,127 @@ such windows mean, weighted by how high they are judged.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
+import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int
+from jaxtyping import Bool, Float, Float32, Int, UInt8
 from numpy.typing import ArrayLike
 from pydantic import Field
+from scipy.ndimage import map_coordinates
 
-from trackers.arrays import Array, Index, Mask, Singles
+from trackers.area import Area
+from trackers.arrays import AnyArray, Array, Bytes, Index, Mask, Singles
 from trackers.cameras.placed import PlacedCamera
 from trackers.configuration import Strict
 from trackers.filters.gating import distances
-from trackers.vision.floor_places import FloorPlaces
 from trackers.vision.foreground import ForegroundOptions
-from trackers.vision.mask_levels import MaskLevels, level_of
 from trackers.vision.person_model import COLUMNS, INPUTS, ROWS, PersonModel
+from trackers.vision.person_windows import person_windows
+
+_SQUARE = 3
+"""Averages go over squares of this side [px of the level]."""
+_MOST_LEVELS = 6
+
+
+def level_of(cell_px: Float[Array, "n"]) -> Int[AnyArray, "n"]:
+    """The level whose squares come nearest to cells of this side; of one that is not in the picture (NaN) the finest."""
+    wanted = np.log2(np.maximum(np.nan_to_num(cell_px), 1.0) / _SQUARE)
+    return np.clip(np.rint(wanted), 0, _MOST_LEVELS - 1).astype(np.intp)
+
+
+class MaskLevels:
+    """Some levels of the masks of one size, one after another in one table, each with a border that is empty."""
+
+    def __init__(self, width: int, height: int, levels: Iterable[int]) -> None:
+        self._shape = {level: (max(height >> level, 1), max(width >> level, 1)) for level in sorted(set(levels))}
+        lengths = [(rows + 2) * (columns + 2) for rows, columns in self._shape.values()]
+        self._start = dict(zip(self._shape, np.cumsum([0, *lengths]).tolist(), strict=False))
+        self._length = sum(lengths)
+
+    def index(self, pixels: Float[Array, "n *cells 2"], level: Int[AnyArray, "n"]) -> Int[AnyArray, "n *cells"]:
+        """Return the indices in the table of the squares about pixels; outside the picture, or for NaN, on the border."""
+        index = np.zeros(pixels.shape[:-1], np.int32)
+        for each, (rows, columns) in self._shape.items():
+            of = level == each
+            place = np.floor(np.nan_to_num(pixels[of] + 0.5, nan=-1.0) / 2**each) + 1
+            column, row = np.clip(place[..., 0], 0, columns + 1), np.clip(place[..., 1], 0, rows + 1)
+            index[of] = self._start[each] + row * (columns + 2) + column
+        return index
+
+    def table(self, mask: Bool[Mask, "height width"]) -> UInt8[Bytes, "size"]:
+        """Return the share of each square that a mask fills, 0 to 255."""
+        table = np.zeros(self._length, np.uint8)
+        plane, level = np.asarray(mask).view(np.uint8) * np.uint8(255), 0
+        for each, (rows, columns) in self._shape.items():
+            for _ in range(level, each):
+                size = (max(plane.shape[1] >> 1, 1), max(plane.shape[0] >> 1, 1))
+                plane = np.asarray(cv2.resize(plane, size, interpolation=cv2.INTER_AREA), np.uint8)
+            level = each
+            bordered = table[self._start[each] :][: (rows + 2) * (columns + 2)].reshape(rows + 2, columns + 2)
+            bordered[1:-1, 1:-1] = cv2.blur(plane, (_SQUARE, _SQUARE), borderType=cv2.BORDER_REPLICATE)
+        return table
+
+
+_LEAST_CELL_PX = 1.0
+"""A person with smaller cells is too small to be made out."""
+
+
+class FloorPlaces:
+    """Places `pitch_m` apart whose windows the picture shows by at least a share of `least_in_picture`.
+
+    They are those of an area and `margin_m` about it, or without one those within `reach_m` of the camera.
+    """
+
+    def __init__(
+        self,
+        camera: PlacedCamera,
+        area: ArrayLike | None,
+        *,
+        cells: tuple[int, int],
+        pitch_m: float,
+        margin_m: float,
+        reach_m: float,
+        least_in_picture: float,
+    ) -> None:
+        eye = camera.eye_m[:2]
+        corners = eye + reach_m * np.array([(-1.0, -1.0), (1.0, 1.0)]) if area is None else np.asarray(area, float)
+        margin_m = 0.0 if area is None else margin_m
+        low, high = corners.min(axis=0) - margin_m, corners.max(axis=0) + margin_m
+        columns, rows = np.ceil((high - low) / pitch_m).astype(int) + 1
+        grid = low + pitch_m * np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
+        near = distances(grid, eye[None])[:, 0] <= reach_m if area is None else Area(area, margin_m).contains(grid)
+        of_grid = near.nonzero()[0]
+        windows = person_windows(camera, grid[of_grid], *cells)
+        share = windows.inside.mean(axis=(1, 2))
+        shown = (share >= least_in_picture) & (windows.cell_px >= _LEAST_CELL_PX)
+        self.position: Float[Array, "n 2"] = grid[of_grid[shown]]
+        self.windows = windows.select(shown)
+        self.share_in_picture: Float[Array, "n"] = share[shown]
+        self._of_grid: Int[Index, "n"] = of_grid[shown]
+        self._low, self._pitch_m, self._shape = low, pitch_m, (int(rows), int(columns))
+        self._whole = self.map(np.arange(len(self)), np.ones(len(self), np.float32))
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    def map(self, index: Int[Index, "k"], values: Float32[Singles, "k"]) -> Float32[Singles, "rows columns"]:
+        """The whole grid with values at the places at `index`, and 0 everywhere else."""
+        grid = np.zeros(self._shape, np.float32)
+        grid.flat[self._of_grid[index]] = values
+        return grid
+
+    def read(self, grid: Float32[Singles, "rows columns"], positions: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
+        """Read such a map at positions x and y [m], linear between its places; 0 beyond them."""
+        column, row = (each - low for each, low in zip(positions, self._low, strict=True))
+        return map_coordinates(grid, [row / self._pitch_m, column / self._pitch_m], np.float64, order=1)
+
+    def shows(self, positions: Float[Array, "n 2"]) -> Bool[Mask, "n"]:
+        """Mark positions [m] near one of these places: a person there is in the picture, unless hidden."""
+        return self.read(self._whole, positions.T) > 0
+
 
 _FULL = np.float32(255)
 

@@ -3,7 +3,7 @@
 import numpy as np
 from hypothesis import given, settings, strategies as st
 
-from trackers.vision.mask_levels import MaskLevels, level_of
+from trackers.vision.person_detector import MaskLevels, level_of
 
 
 def scalar(mask, u, v, level):
