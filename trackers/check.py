@@ -11,10 +11,10 @@ from typing import Any, TypeVar, get_args
 
 import numpy as np
 
-from trackers.detections import Detection
+from trackers.feeding import FedTracker
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation
 from trackers.rig import Rig
-from trackers.tracks import FedTracker, Status, Track, Tracker, TrackFrame, detections_of, misreported
+from trackers.tracks import Detection, Status, Track, Tracker, TrackFrame, detections_of, misreported
 
 Make = Callable[[Rig, Iterable[Observation], np.random.Generator], Tracker]
 Recording = list[Observation]

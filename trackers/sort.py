@@ -14,7 +14,6 @@ from pydantic import Field
 
 from trackers.arrays import Array
 from trackers.configuration import Strict, validate
-from trackers.detections import Detection
 from trackers.filters.gating import distances, mahalanobis
 from trackers.filters.rows import Rows
 from trackers.laser.group import people_seen, scanner_groups
@@ -25,7 +24,7 @@ from trackers.tracking.roster import Roster
 from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
 from trackers.tracking.synced_tracker import SynchronizedTracker
 from trackers.tracking.track_manager import TrackManagementOptions, TrackManager, measured_now
-from trackers.tracks import Track, TrackFrame
+from trackers.tracks import Detection, Track, TrackFrame
 
 
 class SortOptions(Strict):

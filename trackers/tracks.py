@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from math import nan
 from typing import Any, Literal, Protocol, runtime_checkable
@@ -12,9 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.cameras.placed import PlacedCamera
-from trackers.detections import Detection
 from trackers.observations import Observation
-from trackers.order import StampOrder
 from trackers.rig import Rig
 
 Status = Literal["confirmed", "coasting"]
@@ -89,6 +86,23 @@ class Hypotheses:
 
 
 @dataclass(frozen=True, slots=True)
+class Detection:
+    """One thing that a detector took for a person or a part of one, in the room frame; NaN where it does not say.
+
+    stamp_ns: that of the moment [ns]; sensors: those that saw it; role: what was seen ("waist": a trunk, "knee": legs);
+    x, y: ground point [m]; variance_m2: of the position on each axis [m²]; width_m: how wide it was seen [m].
+    """
+
+    stamp_ns: int
+    sensors: tuple[str, ...]
+    role: str
+    x: float
+    y: float
+    variance_m2: float = nan
+    width_m: float = nan
+
+
+@dataclass(frozen=True, slots=True)
 class TrackFrame:
     """All tracks at one stamp of the tracker's main sensor; an empty tuple says that nobody is tracked.
 
@@ -126,7 +140,7 @@ class Reporting(Protocol):
 
     takes_any_order: bool
     """Observations are handed over as they arrive, late ones and doubles among them. Default: no, they are held back into
-    order (`trackers.order`), each once."""
+    order (`trackers.feeding`), each once."""
 
     @property
     def discarded(self) -> int:
@@ -244,62 +258,3 @@ def _is_count_by_reason(told: object) -> bool:
         isinstance(key, tuple) and len(key) == 2 and all(isinstance(part, str) for part in key) and type(n) is int
         for key, n in told.items()
     )
-
-
-class FedTracker:
-    """A tracker and what stands between it and the observations: their order, and the reading of its frames.
-
-    on_worked: called after each `update` and `finish` of the tracker, for what it tells of that call.
-    """
-
-    def __init__(self, tracker: Tracker, rig: Rig, on_worked: Callable[[], object] = lambda: None) -> None:
-        self.tracker = tracker
-        self._main_sensor = rig.main_sensor
-        self._order = None if takes_any_order(tracker) else StampOrder()
-        self._on_worked = on_worked
-
-    @property
-    def discarded(self) -> int:
-        """Observations dropped so far: too late, twice, or no more than the one before again."""
-        held_back = self._order.discarded if self._order is not None else 0
-        return held_back + discarded(self.tracker)
-
-    @property
-    def losses(self) -> Counter[tuple[str, str]]:
-        """The same by sensor ('': not said) and reason."""
-        return Counter(self._order.losses if self._order is not None else {}) + Counter(losses(self.tracker))
-
-    def update(self, observation: Observation) -> list[TrackFrame]:
-        """Take one observation in order of arrival; the frames that are complete with it, oldest first."""
-        return self._frames([observation] if self._order is None else self._order.add(observation))
-
-    def finish(self) -> list[TrackFrame]:
-        """The frames still to come when the observations have ended."""
-        frames = self._frames([] if self._order is None else self._order.finish())
-        finish = finish_of(self.tracker)
-        if finish is None:
-            return frames
-        held_back = finish()
-        if not isinstance(held_back, list):
-            raise TypeError(f"finish() gave {type(held_back).__name__}; a list of TrackFrame is expected")
-        self._on_worked()
-        return frames + held_back
-
-    def _frames(self, observations: Iterable[Observation]) -> list[TrackFrame]:
-        completed: list[TrackFrame] = []
-        for observation in observations:
-            frames = self.tracker.update(observation)
-            self._on_worked()
-            if frames is not None:
-                completed += frames
-            elif observation.sensor == self._main_sensor:
-                completed.append(TrackFrame(observation.stamp_ns, tuple(self.tracker.tracks())))
-        return completed
-
-
-def track_frames(tracker: Tracker, rig: Rig, observations: Iterable[Observation]) -> Iterator[TrackFrame]:
-    """Feed observations, in order of arrival, to a tracker and yield its frames as they are completed."""
-    fed = FedTracker(tracker, rig)
-    for observation in observations:
-        yield from fed.update(observation)
-    yield from fed.finish()

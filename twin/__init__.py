@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # what editors and type checkers see; a test holds it against the table below
     from trackers.errors import InputError as InputError
+    from trackers.feeding import track_frames as track_frames
     from trackers.presets import make_tracker as make_tracker
-    from trackers.tracks import track_frames as track_frames
     from twin.evaluate import evaluate_tracks as evaluate_tracks, evaluate_with_details as evaluate_with_details
     from twin.recording.reader import Recording as Recording
     from twin.recording.tables import (
@@ -32,7 +32,7 @@ if TYPE_CHECKING:  # what editors and type checkers see; a test holds it against
 _HOMES = {
     "InputError": "trackers.errors",
     "make_tracker": "trackers.presets",
-    "track_frames": "trackers.tracks",
+    "track_frames": "trackers.feeding",
     "evaluate_tracks": "twin.evaluate",
     "evaluate_with_details": "twin.evaluate",
     "Recording": "twin.recording.reader",

@@ -87,7 +87,7 @@ _BY_FILE = {
     "trackers/area.py": [
         ("margin not squared", "Area._exactly", "self._margin_m ** 2", "self._margin_m"),
     ],
-    "trackers/order.py": [
+    "trackers/feeding.py": [
         ("holds nothing back", "StampOrder.add", "_A - _B", "_A"),
     ],
     "trackers/laser/background.py": [

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.figure import Figure
+from trackers.feeding import track_frames
 from trackers.presets import make_tracker
-from trackers.tracks import track_frames
 from twin.evaluate import long_occlusions
 from twin.recording.reader import Recording
 from twin.recording.tables import read_truth

@@ -13,8 +13,8 @@ from person_detector.found import found
 from person_detector.samples import scenes
 
 from benchmarks.figure import Figure
+from trackers.feeding import track_frames
 from trackers.presets import make_tracker
-from trackers.tracks import track_frames
 from trackers.vision.person_model import PersonModel
 from twin.recording.reader import Recording
 from twin.run.live import run_scenario

@@ -23,12 +23,13 @@ from trackers.camera_floor_particle.options import (
 from trackers.camera_floor_particle.pan import GRID, Looks, pan_bin, turned, walk as walk_of
 from trackers.camera_floor_particle.people import PAN_BINS
 from trackers.errors import InputError
+from trackers.feeding import track_frames
 from trackers.filters.circular import diffused, drawn
 from trackers.observations import NS_PER_S, FloorFrame, Image
 from trackers.pose import Pose
 from trackers.presets import make_tracker
 from trackers.rig import placed_camera
-from trackers.tracks import TrackFrame, track_frames, warnings
+from trackers.tracks import TrackFrame, warnings
 from trackers.vision.foreground import shows_floor
 from trackers.vision.front_end import FrontEndOptions, front_ends
 from trackers.vision.views import CameraViews, padded_roots

@@ -9,6 +9,7 @@ from synthetic_room import AREA, empty_room, observe, rig, scan, score, straight
 
 from trackers.area import Area
 from trackers.errors import InputError
+from trackers.feeding import track_frames
 from trackers.laser.roles import scanners_by_role
 from trackers.laser_fisheye_imm.detection import Detector
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
@@ -17,7 +18,6 @@ from trackers.observations import NS_PER_S, Image, LaserScan
 from trackers.presets import make_tracker
 from trackers.rig import LaserSensor, Pose, Rig
 from trackers.tracking.synced_frames import SyncedFrame
-from trackers.tracks import track_frames
 
 BACKGROUND = empty_room(np.random.default_rng(99))
 CROSSING = straight_walk(

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from synthetic_room import Walk, empty_room, observe, rig, scan, score, straight_walk
 
+from trackers.feeding import track_frames
 from trackers.laser.detections import Detections
 from trackers.laser.group import ScannerGroup, fused
 from trackers.laser.layer import KneeOptions, LaserLayer, WaistOptions
@@ -14,7 +15,6 @@ from trackers.laser.roles import scanners_by_role
 from trackers.observations import NS_PER_S
 from trackers.presets import make_tracker
 from trackers.rig import LaserSensor, Pose, Rig
-from trackers.tracks import track_frames
 
 AWAY_M = 3.6  # how far ahead the second rig stands, looking back
 

@@ -8,11 +8,11 @@ from synthetic_room import AREA, Walk, score, straight_walk
 from two_scanners import EMPTY, RIG, laser, observed, one_scan
 
 from trackers.errors import InputError
+from trackers.feeding import track_frames
 from trackers.laser.group import ScannerGroup
 from trackers.laser.layer import KneeOptions
 from trackers.presets import make_tracker
 from trackers.rig import Rig
-from trackers.tracks import track_frames
 
 PRESET = "laser-vision-learning-laser"
 

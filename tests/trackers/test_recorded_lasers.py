@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from trackers.feeding import track_frames
 from trackers.laser.background import LearnedBackground, returns
 from trackers.laser.clusters import find_clusters
 from trackers.laser.layer import KneeOptions
 from trackers.observations import NS_PER_S, LaserScan
 from trackers.presets import make_tracker
 from trackers.rig import LaserSensor, Rig
-from trackers.tracks import track_frames
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data" / "lasers"
 needs_data = pytest.mark.skipif(not DATA.is_dir(), reason=f"the recorded scans are not at {DATA}")

@@ -14,6 +14,7 @@ from synthetic_meeting import HEAD_M, LENS, empty_room, met, observe, rig, walks
 from trackers.cameras import CameraGroup, Ellipsoids, PlacedCamera
 from trackers.environment import Environment
 from trackers.errors import InputError
+from trackers.feeding import track_frames
 from trackers.likelihood.stereo_head import StereoHeadOptions, StereoHeads
 from trackers.observations import NS_PER_S, DepthImage
 from trackers.pose import Pose
@@ -23,7 +24,7 @@ from trackers.rgbd_head.evaluators import Evaluator
 from trackers.rgbd_head.rules import PAPER
 from trackers.rgbd_head.tracker import RgbdHead
 from trackers.rig import LaserSensor, Rig, StereoSensor
-from trackers.tracks import TrackFrame, track_frames
+from trackers.tracks import TrackFrame
 from trackers.vision.front_end import CameraFrontEnd, FrontEndOptions
 from trackers.vision.head_colours import COLOURS, HeadColours, colour_numbers
 from trackers.vision.head_model import SHIPPED, load_head_model

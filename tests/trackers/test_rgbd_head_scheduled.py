@@ -15,11 +15,12 @@ from distributed import Client, LocalCluster
 from synthetic_meeting import empty_room, observe, rig, walks
 
 from trackers.errors import InputError
+from trackers.feeding import track_frames
 from trackers.presets import make_tracker
 from trackers.rgbd_head.evaluators import Evaluator
 from trackers.rgbd_head.options import RgbdHeadOptions
 from trackers.rgbd_head.scheduled import ScheduledEvaluators
-from trackers.tracks import TrackFrame, track_frames
+from trackers.tracks import TrackFrame
 
 RIG, ROOM = rig(), empty_room(rig())
 SEEN = observe(RIG, walks(3, 12))

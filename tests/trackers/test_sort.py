@@ -11,9 +11,10 @@ from filterpy.common import Q_discrete_white_noise
 from filterpy.kalman import KalmanFilter
 from synthetic_room import Walk, empty_room, observe, rig, scan, straight_walk, wandering
 
+from trackers.feeding import track_frames
 from trackers.observations import NS_PER_S, LaserScan
 from trackers.sort import Sort, SortOptions
-from trackers.tracks import TrackFrame, track_frames
+from trackers.tracks import TrackFrame
 
 WAIST = rig(knee=False, camera=False).model_copy(update={"area": None})
 EMPTY = [each for each in empty_room(np.random.default_rng(1)) if each.sensor == "waist"]

@@ -11,12 +11,12 @@ import synthetic_meeting
 from synthetic_room import empty_room, observe, rig, straight_walk
 
 from trackers.check import CORRUPTIONS, check_tracker
-from trackers.detections import Detection
+from trackers.feeding import FedTracker, track_frames
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame
 from trackers.presets import PRESETS, make_tracker
 from trackers.rig import FloorSensor, Rig, StereoSensor
 from trackers.tracks import (
-    FedTracker,
+    Detection,
     Reporting,
     Track,
     TrackFrame,
@@ -26,7 +26,6 @@ from trackers.tracks import (
     finish_of,
     misreported,
     takes_any_order,
-    track_frames,
     unused_sensors,
     warnings,
 )

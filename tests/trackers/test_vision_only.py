@@ -12,13 +12,14 @@ import synthetic_view as view
 
 from trackers.check import check_tracker
 from trackers.errors import InputError
+from trackers.feeding import track_frames
 from trackers.laser_vision_learning.vision_only.motion import WhiteAcceleration
 from trackers.laser_vision_learning.vision_only.tracker import VisionOnly
 from trackers.laser_vision_learning.vision_only.weighing import AtDetections
 from trackers.observations import NS_PER_S, Image, LaserScan
 from trackers.presets import make_tracker
 from trackers.prior import Prior
-from trackers.tracks import detections_of, track_frames
+from trackers.tracks import detections_of
 from trackers.vision.person_model import SHIPPED
 
 PERIOD_S = 0.1

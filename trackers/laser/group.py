@@ -19,7 +19,6 @@ from jaxtyping import Bool, Float
 
 from trackers.area import Area
 from trackers.arrays import Array, Mask
-from trackers.detections import Detection
 from trackers.filters.gating import distances, global_nearest_neighbour
 from trackers.filters.motion import MEASUREMENT_VARIANCE_M2
 from trackers.filters.rows import Rows
@@ -29,6 +28,7 @@ from trackers.laser.layer import KneeOptions, LaserLayer, LayerOptions, WaistOpt
 from trackers.laser.roles import scanners_by_role
 from trackers.observations import LaserScan, Observation
 from trackers.rig import LaserSensor, Rig, Role
+from trackers.tracks import Detection
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,6 @@ from jaxtyping import Bool, Float
 
 from trackers.area import Area
 from trackers.arrays import Array, Mask
-from trackers.detections import Detection
 from trackers.errors import InputError
 from trackers.laser.detections import Detections
 from trackers.laser.group import ScannerGroup
@@ -20,6 +19,7 @@ from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.observations import Image, Observation
 from trackers.rig import FisheyeSensor, Rig, StereoSensor
 from trackers.tracking.synced_frames import SyncedFrame
+from trackers.tracks import Detection
 from trackers.vision.histogram import ColourHistogram
 from trackers.vision.torso import TorsoProjector, TorsoWindows
 

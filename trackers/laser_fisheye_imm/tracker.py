@@ -30,7 +30,6 @@ from jaxtyping import Bool, Float
 
 from trackers.arrays import Array, Mask
 from trackers.configuration import validate
-from trackers.detections import Detection
 from trackers.filters.negative_information import miss_probability
 from trackers.filters.rows import written
 from trackers.laser_fisheye_imm.association import Association, Matches
@@ -45,7 +44,7 @@ from trackers.tracking.fixed_lag_smoother import FixedLagSmoother, Held, told
 from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
 from trackers.tracking.synced_tracker import SynchronizedTracker
 from trackers.tracking.track_manager import clear_of, measured_now
-from trackers.tracks import Track, TrackFrame
+from trackers.tracks import Detection, Track, TrackFrame
 
 logger = logging.getLogger(__name__)
 
@@ -117,7 +116,7 @@ class LaserFisheyeImm(SynchronizedTracker):
         return frames + self._held_back.finish() if self._held_back is not None else frames
 
     def detections(self) -> list[Detection]:
-        """What the moments worked by the last `update` or `finish` showed, see `trackers.detections`."""
+        """What the moments worked by the last `update` or `finish` showed, see `trackers.tracks`."""
         return [each for ns, seen in self._seen for each in self._detector.told(seen, ns)]
 
     def tracks(self) -> list[Track]:

@@ -17,8 +17,8 @@ from collections import Counter, deque
 from dataclasses import dataclass, field
 from statistics import median_low
 
+from trackers.feeding import LATE, TWICE
 from trackers.observations import NS_PER_S, Observation
-from trackers.order import LATE, TWICE
 from trackers.tracking.stale_frames import StaleFrameDetector
 
 _GAPS = 9
@@ -27,7 +27,7 @@ _GAPS = 9
 ALONE = "without another sensor's observation near enough in time"
 BLANK = "without any reading: no beam of the scan returns, or it has none"
 REPEATED = "bit for bit the same as the one before: the sensor or its driver hangs"
-"""Reasons for which observations are dropped, beside those of `trackers.order`."""
+"""Reasons for which observations are dropped, beside those of `trackers.feeding`."""
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,9 @@
-"""People in a mask, where they stand on the floor: a window at every place of a grid, judged by what has been learned.
+"""Detector of people in a mask, at places of the floor: a window at every place of a grid, scored by a learned model.
 
-The floor's geometry says how large a person is at each place, so that one window a place is looked at and no pyramid of
-scales. Windows with little foreground are left out before the rest is judged (`trackers.vision.person_model`). Somebody
-stands where a window is judged higher than all others that mean a place nearby; the position is the mean of the places that
-such windows mean, weighted by how high they are judged.
+The floor's geometry says how large a person is at each place, so that one window per place is looked at and no pyramid of
+scales. Windows with little foreground are left out before the rest is scored (`trackers.vision.person_model`). A person
+stands where a window has a higher score than all others that mean a place nearby; the position is the mean of the places
+that such windows mean, weighted by their scores.
 """
 
 from __future__ import annotations
@@ -40,7 +40,12 @@ def level_of(cell_px: Float[Array, "n"]) -> Int[AnyArray, "n"]:
 
 
 class MaskLevels:
-    """Some levels of the masks of one size, one after another in one table, each with a border that is empty."""
+    """Some levels of the masks of one size, one after another in one table, each with a border that is empty.
+
+    A mask is halved again and again and averaged over squares of three by three at each level (the sum-pooled channels of
+    Dollár et al., "Fast feature pyramids for object detection", 2014). A cell is read at the level whose squares are
+    nearest to its size, so that hundreds of windows of any size cost the same.
+    """
 
     def __init__(self, width: int, height: int, levels: Iterable[int]) -> None:
         self._shape = {level: (max(height >> level, 1), max(width >> level, 1)) for level in sorted(set(levels))}

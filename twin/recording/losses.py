@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from trackers.arrays import Nanoseconds
+from trackers.feeding import LATE
 from trackers.observations import NS_PER_S, LaserScan, Observation
-from trackers.order import LATE
 
 REPORTED_ABOVE = 0.02
 """Share of a sensor's messages; losses up to it are counted only."""

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from trackers.arrays import Array, Index, Mask, Nanoseconds
+from trackers.feeding import MAX_WAIT_S
 from trackers.observations import NS_PER_S
-from trackers.order import MAX_WAIT_S
 from twin.recording.bag import Bag
 
 _CDR_BYTES = 4

@@ -12,12 +12,12 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, TextIO
 
-from trackers.detections import Detection
 from trackers.errors import InputError, PlugInError
+from trackers.feeding import FedTracker
 from trackers.presets import PRESETS
 from trackers.prior import Prior
 from trackers.text_file import AnyPath
-from trackers.tracks import FedTracker, detections_of
+from trackers.tracks import Detection, detections_of
 from twin.messages import OnWarning
 from twin.recording.losses import dropped_by, lines
 from twin.recording.reader import Recording

@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 
 from trackers.errors import InputError, PlugInError
+from trackers.feeding import FedTracker, RestartedTracker
 from trackers.observations import NS_PER_S, Observation
 from trackers.presets import PRESETS, make_tracker
 from trackers.prior import Prior
-from trackers.restarts import RestartedTracker
 from trackers.rig import Rig
-from trackers.tracks import FedTracker, Tracker, TrackFrame, detections_of, misreported, warnings
+from trackers.tracks import Tracker, TrackFrame, detections_of, misreported, warnings
 from twin.recording.tables import TrackWriter, track_writer
 from twin.run.chosen_trackers import ChosenTracker
 from twin.streams import stream
@@ -52,7 +52,7 @@ class TrackerRunner:
     def make(self, prior: Prior, seed: int, jumps_ns: Sequence[int] = ()) -> None:
         """Make the tracker; raises InputError for a wrong name, wrong options or a wrong class.
 
-        jumps_ns: the stamps at which a new one takes its place (`trackers.restarts`).
+        jumps_ns: the stamps at which a new one takes its place (`trackers.feeding`).
         """
 
         def made(streamed: str) -> Tracker:
@@ -229,7 +229,7 @@ def _method(steps: list[tuple[FrameType, int]], tracker: Any, module: str) -> st
 
 
 def _is_theirs(frame: FrameType) -> bool:
-    return _module(frame) not in ("trackers.tracks", "twin.run.tracker_runner", "twin.run.detections")
+    return _module(frame) not in ("trackers.feeding", "twin.run.tracker_runner", "twin.run.detections")
 
 
 def _module(frame: FrameType) -> str:

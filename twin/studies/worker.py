@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.errors import InputError
+from trackers.feeding import track_frames
 from trackers.presets import make_tracker
 from trackers.prior import Prior
-from trackers.tracks import track_frames, unused_sensors
+from trackers.tracks import unused_sensors
 from twin.evaluate import evaluate_with_details
 from twin.evaluate.summary import Evaluation
 from twin.recording.situation_table import situation_table

@@ -14,9 +14,9 @@ import numpy as np
 
 from benchmarks.fuzz.values import FLOATS
 from trackers.environment import load_environment
+from trackers.feeding import track_frames
 from trackers.observations import NS_PER_S, Image, LaserScan, Observation
 from trackers.presets import PRESETS, make_tracker
-from trackers.tracks import track_frames
 from twin.recording.reader import Recording
 from twin.recording.tables import number_cell
 from twin.suites.worker import CaseResult, CaseWork, Incident

@@ -187,7 +187,7 @@ IDS = {
 @pytest.mark.slow
 @pytest.mark.parametrize("good", [True, False])
 def test_ids_of_a_plug_in_cost_nobody_else_anything(good: bool, tmp_path: Path) -> None:
-    lines = ["import uuid", "from trackers.tracks import Track", "class Mine:",
+    lines = ["import uuid", "from trackers.tracks import Track", "class Mine:"
              "    def __init__(self, rig, background, rng): pass", "    def update(self, observation): pass"]  # fmt: skip
     for name, number in IDS.items():
         lines += [f"class {name}(Mine):", f"    def tracks(self): return [Track({number}, 0.0, 0.0)]"]

@@ -67,7 +67,7 @@ def test_a_tracker_that_does_not_tell_is_refused_in_one_sentence(folder: Path, t
 
 
 OF_ONES_OWN = """
-from trackers.detections import Detection
+from trackers.tracks import Detection
 
 class EachScan:
     def __init__(self, rig, background, rng): self.seen = []

@@ -8,9 +8,9 @@ from typing import cast
 import numpy as np
 import pytest
 
+from trackers.feeding import track_frames
 from trackers.observations import NS_PER_S, FloorFrame, Image, LaserScan, Observation
 from trackers.presets import make_tracker
-from trackers.tracks import track_frames
 from twin.report.preview import PreviewWriter, TruePoses
 from twin.run.feed import Preview
 from twin.scenario import Scenario, load_scenario

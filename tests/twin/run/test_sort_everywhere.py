@@ -2,8 +2,8 @@
 
 import pytest
 
+from trackers.feeding import track_frames
 from trackers.presets import make_tracker
-from trackers.tracks import track_frames
 from twin import models
 from twin.scenario import load_scenario
 from twin.world.simulation import Simulation

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from trackers.check import check_tracker
+from trackers.feeding import track_frames
 from trackers.observations import Observation
 from trackers.presets import PRESETS, make_tracker
 from trackers.rig import Rig
-from trackers.tracks import TrackFrame, track_frames
+from trackers.tracks import TrackFrame
 from twin.evaluate import evaluate_tracks
 from twin.recording.tables import track_table, truth_table
 from twin.scenario import Scenario, load_scenario

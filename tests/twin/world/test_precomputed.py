@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from trackers.feeding import track_frames
 from trackers.presets import make_tracker
 from trackers.prior import Prior
-from trackers.tracks import track_frames
 from twin.people.poses import PopulationMotion
 from twin.scenario import Scenario, load_scenario
 from twin.streams import stream

@@ -22,8 +22,8 @@ from jaxtyping import Bool, Float, Int
 
 from trackers.arrays import Array, Index, Mask
 from trackers.configuration import validate
-from trackers.detections import Detection
 from trackers.errors import InputError
+from trackers.feeding import LATE
 from trackers.filters.gating import distances, mahalanobis
 from trackers.filters.particle import Cloud, ParticleFilter
 from trackers.filters.proposal import MixtureProposal
@@ -33,12 +33,11 @@ from trackers.laser_vision_learning.vision_only.options import VisionOnlyOptions
 from trackers.laser_vision_learning.vision_only.people import People
 from trackers.laser_vision_learning.vision_only.weighing import AtDetections, WithoutDetection
 from trackers.observations import NS_PER_S, DepthImage, Image, Observation
-from trackers.order import LATE
 from trackers.prior import Prior
 from trackers.rig import Rig, placed_camera
 from trackers.tracking.association import Stage, associate, left_over
 from trackers.tracking.track_manager import TrackManager, coasting_within, measured_now
-from trackers.tracks import Track, TrackFrame
+from trackers.tracks import Detection, Track, TrackFrame
 from trackers.vision.foreground import Foreground
 from trackers.vision.person_detector import PeopleSeen, PersonDetector
 from trackers.vision.person_model import SHIPPED, PersonModel
@@ -112,7 +111,7 @@ class VisionOnly:
         ]
 
     def detections(self) -> list[Detection]:
-        """Whom the last picture showed, see `trackers.detections`."""
+        """Whom the last picture showed, see `trackers.tracks`."""
         return self._told
 
     def _work(self, picture: Image | DepthImage) -> None:

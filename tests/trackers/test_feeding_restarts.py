@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from test_tracker_contract import world_of
 
-from trackers.detections import Detection
+from trackers.feeding import RestartedTracker, track_frames
 from trackers.presets import make_tracker
-from trackers.restarts import RestartedTracker
-from trackers.tracks import Track, TrackFrame, discarded, losses, misreported, track_frames
+from trackers.tracks import Detection, Track, TrackFrame, discarded, losses, misreported
 
 SAMPLE = (
     "sort",

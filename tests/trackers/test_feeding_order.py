@@ -7,10 +7,10 @@ from itertools import pairwise
 import numpy as np
 from hypothesis import given, strategies as st
 
+from trackers.feeding import MAX_WAIT_S, FedTracker, StampOrder, track_frames
 from trackers.observations import NS_PER_S, LaserScan, Observation
-from trackers.order import MAX_WAIT_S, StampOrder
 from trackers.rig import LaserSensor, Rig
-from trackers.tracks import FedTracker, Track, track_frames
+from trackers.tracks import Track
 
 RIG = Rig(sensors={"waist": LaserSensor(topic="/waist/scan", role="waist"), "knee": LaserSensor(topic="/knee/scan")})
 

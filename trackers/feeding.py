@@ -1,0 +1,219 @@
+"""Feeding of trackers: observations in order of their stamps, each once, and a new tracker where a clock was set."""
+
+from __future__ import annotations
+
+import heapq
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+from trackers.observations import NS_PER_S, Observation
+from trackers.rig import Rig
+from trackers.tracks import (
+    Detection,
+    Track,
+    Tracker,
+    TrackFrame,
+    detections_of,
+    discarded,
+    finish_of,
+    losses,
+    takes_any_order,
+)
+
+MAX_WAIT_S = 0.3
+"""Time for which an observation waits for older ones [s]: two scans and a half at 10 Hz."""
+
+LATE = "too late: newer ones had been worked"
+TWICE = "twice under one stamp"
+"""Reasons for which observations are dropped, see `trackers.tracks.Reporting.losses`."""
+
+
+class StampOrder:
+    """Takes observations in order of arrival, hands them on in order of their stamps.
+
+    One is handed on when another at least `max_wait_s` newer has arrived: whatever overtook it by less comes behind it.
+    Of one stamp they leave in order of arrival. What comes when a newer one has been handed on, or comes twice, is dropped
+    and counted in `losses`, by sensor and reason.
+    Stamps are on one clock: whoever decodes messages adds the rig's time offsets.
+    """
+
+    def __init__(self, max_wait_s: float = MAX_WAIT_S) -> None:
+        self._max_wait_ns = round(max_wait_s * NS_PER_S)
+        self._held: list[tuple[int, int, Observation]] = []  # a heap by stamp, then arrival
+        self._arrived = 0
+        self._newest_ns: int | None = None
+        self._left_ns: int | None = None  # the stamp of what was handed on last
+        self._known: set[tuple[int, str]] = set()  # stamps and sensors held, and those that left at the last stamp
+        self.losses: Counter[tuple[str, str]] = Counter()
+
+    @property
+    def discarded(self) -> int:
+        """Number of observations that were dropped."""
+        return self.losses.total()
+
+    def add(self, observation: Observation) -> list[Observation]:
+        """Take an observation; return what may be handed on now, oldest first."""
+        ns, key = observation.stamp_ns, (observation.stamp_ns, observation.sensor)
+        is_late = self._left_ns is not None and ns < self._left_ns
+        if is_late or key in self._known:
+            self.losses[observation.sensor, LATE if is_late else TWICE] += 1
+            return []
+        self._known.add(key)
+        heapq.heappush(self._held, (ns, self._arrived, observation))
+        self._arrived += 1
+        self._newest_ns = ns if self._newest_ns is None else max(ns, self._newest_ns)
+        return self._leave(self._newest_ns - self._max_wait_ns)
+
+    def finish(self) -> list[Observation]:
+        """Return what still waits when the observations have ended, oldest first."""
+        return self._leave(None)
+
+    def _leave(self, until_ns: int | None) -> list[Observation]:
+        """Hand on what waits of stamps up to this one [ns] (None: all of it)."""
+        leaving = []
+        while self._held and (until_ns is None or self._held[0][0] <= until_ns):
+            leaving.append(heapq.heappop(self._held)[2])
+        if leaving:
+            left_ns = self._left_ns = leaving[-1].stamp_ns
+            self._known = {key for key in self._known if key[0] >= left_ns}
+        return leaving
+
+
+class FedTracker:
+    """A tracker and what stands between it and the observations: their order, and the reading of its frames.
+
+    on_worked: called after each `update` and `finish` of the tracker, for what it tells of that call.
+    """
+
+    def __init__(self, tracker: Tracker, rig: Rig, on_worked: Callable[[], object] = lambda: None) -> None:
+        self.tracker = tracker
+        self._main_sensor = rig.main_sensor
+        self._order = None if takes_any_order(tracker) else StampOrder()
+        self._on_worked = on_worked
+
+    @property
+    def discarded(self) -> int:
+        """Observations dropped so far: too late, twice, or no more than the one before again."""
+        held_back = self._order.discarded if self._order is not None else 0
+        return held_back + discarded(self.tracker)
+
+    @property
+    def losses(self) -> Counter[tuple[str, str]]:
+        """The same by sensor ('': not said) and reason."""
+        return Counter(self._order.losses if self._order is not None else {}) + Counter(losses(self.tracker))
+
+    def update(self, observation: Observation) -> list[TrackFrame]:
+        """Take one observation in order of arrival; the frames that are complete with it, oldest first."""
+        return self._frames([observation] if self._order is None else self._order.add(observation))
+
+    def finish(self) -> list[TrackFrame]:
+        """The frames still to come when the observations have ended."""
+        frames = self._frames([] if self._order is None else self._order.finish())
+        finish = finish_of(self.tracker)
+        if finish is None:
+            return frames
+        held_back = finish()
+        if not isinstance(held_back, list):
+            raise TypeError(f"finish() gave {type(held_back).__name__}; a list of TrackFrame is expected")
+        self._on_worked()
+        return frames + held_back
+
+    def _frames(self, observations: Iterable[Observation]) -> list[TrackFrame]:
+        completed: list[TrackFrame] = []
+        for observation in observations:
+            frames = self.tracker.update(observation)
+            self._on_worked()
+            if frames is not None:
+                completed += frames
+            elif observation.sensor == self._main_sensor:
+                completed.append(TrackFrame(observation.stamp_ns, tuple(self.tracker.tracks())))
+        return completed
+
+
+def track_frames(tracker: Tracker, rig: Rig, observations: Iterable[Observation]) -> Iterator[TrackFrame]:
+    """Feed observations, in order of arrival, to a tracker and yield its frames as they are completed."""
+    fed = FedTracker(tracker, rig)
+    for observation in observations:
+        yield from fed.update(observation)
+    yield from fed.finish()
+
+
+class RestartedTracker:
+    """A tracker until the first of `jumps_ns`, then one that `make` makes, and so on; it reports as the one at work does.
+
+    At each stamp in `jumps_ns` [ns] the tracker hands out what it holds back and ends, as nothing it knows of people holds over
+    a clock that was set. Ids are never used again: those of a new tracker go on behind the largest reported.
+    """
+
+    def __init__(self, first: Tracker, make: Callable[[], Tracker], jumps_ns: Iterable[int], main_sensor: str) -> None:
+        self._tracker: Any = first
+        self._make = make
+        self._jumps_ns = sorted(jumps_ns)
+        self._main_sensor = main_sensor
+        self._ids_above = self._largest_id = 0
+        self._losses_before: Counter[tuple[str, str]] = Counter()
+        self._detections_before: list[Detection] = []  # of this call, by a tracker that ended in it
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what else the tracker at work tells of itself (`trackers.tracks.Reporting`)."""
+        told = getattr(self._tracker, name)
+        return self._detections if name == "detections" else told
+
+    @property
+    def discarded(self) -> int:
+        """Observations dropped so far, by all of them."""
+        return self._losses_before.total() + discarded(self._tracker)
+
+    @property
+    def losses(self) -> Mapping[tuple[str, str], int]:
+        """The same by sensor and reason."""
+        return self._losses_before + Counter(losses(self._tracker))
+
+    def update(self, observation: Observation) -> list[TrackFrame] | None:
+        """Take one observation; the frames it completes, behind those that a tracker which ends here had held back."""
+        self._detections_before = []
+        ended: list[TrackFrame] = []
+        while self._jumps_ns and observation.stamp_ns >= self._jumps_ns[0]:
+            self._jumps_ns.pop(0)
+            ended += self._held_back()
+            self._detections_before += self._told_of()
+            self._losses_before.update(losses(self._tracker))
+            self._ids_above = self._largest_id
+            self._tracker = self._make()
+        frames = self._tracker.update(observation)
+        if frames is not None:
+            return ended + [self._renumbered(frame) for frame in frames]
+        if ended and observation.sensor == self._main_sensor:
+            return [*ended, TrackFrame(observation.stamp_ns, tuple(self.tracks()))]
+        return ended or None
+
+    def tracks(self) -> list[Track]:
+        """Everybody that the tracker at work follows."""
+        tracks = [replace(track, id=track.id + self._ids_above) for track in self._tracker.tracks()]
+        self._largest_id = max([self._largest_id, *(track.id for track in tracks)])
+        return tracks
+
+    def finish(self) -> list[TrackFrame]:
+        """The frames that the tracker at work still holds back."""
+        self._detections_before = []
+        return self._held_back()
+
+    def _held_back(self) -> list[TrackFrame]:
+        finish = finish_of(self._tracker)
+        return [] if finish is None else [self._renumbered(frame) for frame in finish()]
+
+    def _told_of(self) -> list[Detection]:
+        told = detections_of(self._tracker)
+        return [] if told is None else told()
+
+    def _detections(self) -> list[Detection]:
+        return self._detections_before + self._told_of()
+
+    def _renumbered(self, frame: TrackFrame) -> TrackFrame:
+        """Return a frame whose ids, those of its maps too, no tracker before has used."""
+        tracks = tuple(replace(each, id=each.id + self._ids_above) for each in frame.tracks)
+        maps = tuple(replace(each, id=each.id + self._ids_above) for each in frame.maps)
+        self._largest_id = max([self._largest_id, *(each.id for each in tracks)])
+        return replace(frame, tracks=tracks, maps=maps)
