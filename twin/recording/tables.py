@@ -24,8 +24,8 @@ from trackers.text_file import AnyPath
 from trackers.tracks import Track, TrackFrame
 from twin.recording.atomic_file import open_atomic
 from twin.tables.columns import MAX_INT64, CsvColumns, StampedRows
-from twin.tables.doubts import doubts
-from twin.tables.people import read_people
+from twin.tables.person_rows import read_person_rows
+from twin.tables.plausibility import check_plausibility
 from twin.truth.frames import PersonTruth, TruthFrame
 
 _TRUTH_NUMBERS = ("x", "y", "z", "yaw", "head_x", "head_y", "head_z", "head_yaw", "vx", "vy")
@@ -166,12 +166,12 @@ def read_truth(
 ) -> TruthTable:
     """Read a `truth.csv` of no more than `most_bytes` (None: any size).
 
-    t (or frame, with `frame_rate_hz`, which `rate_field` says), id, x and y suffice; see `read_people` for the layouts. Ids
+    t (or frame, with `frame_rate_hz`, which `rate_field` says), id, x and y suffice; see `read_person_rows` for the layouts. Ids
     that are not all whole numbers from 1 on are counted from 1. Without in_area all people are inside. Columns
     visible_<sensor> are kept by sensor, others that the contract does not name are ignored. Raises InputError naming file,
     line, column and value.
     """
-    found = read_people(Path(path), "a truth table", most_bytes, frame_rate_hz, rate_field)
+    found = read_person_rows(Path(path), "a truth table", most_bytes, frame_rate_hz, rate_field)
     rows = found.rows
     visible = {}
     for name in rows.cells:
@@ -190,7 +190,7 @@ def read_truth(
         **numbers,
         in_area=in_area,
         visible=visible,
-        notes=found.notes if set(TRUTH_COLUMNS) <= set(rows.cells) else (*found.notes, *doubts(found)),
+        notes=found.notes if set(TRUTH_COLUMNS) <= set(rows.cells) else (*found.notes, *check_plausibility(found)),
     )
 
 
@@ -202,7 +202,7 @@ def read_tracks(
     t (or frame), id, x and y suffice, as in `read_truth`; status is "" where the table has none. Columns that the
     contract does not name are passed over. Raises InputError naming file, line, column and value.
     """
-    found = read_people(Path(path), "a tracks table", most_bytes, frame_rate_hz, rate_field)
+    found = read_person_rows(Path(path), "a tracks table", most_bytes, frame_rate_hz, rate_field)
     rows = found.rows
     numbers = {name: _numbers(rows, name) for name in _TRACK_NUMBERS}
     status = rows.words("status", STATUSES) if "status" in rows.cells else np.zeros(len(rows), dtype="<U9")

@@ -19,8 +19,8 @@ from trackers.rig import Point2
 from trackers.text_file import MOST_TEXT_BYTES
 from twin.scenario.behaviour import JUMP_M_S
 from twin.tables.columns import MAX_INT64
-from twin.tables.doubts import doubts
-from twin.tables.people import by_number, read_people
+from twin.tables.person_rows import label_order, read_person_rows
+from twin.tables.plausibility import check_plausibility
 
 _SLOWEST_S = 10.0
 """Rows further apart than this say nothing of how somebody walked."""
@@ -35,7 +35,7 @@ Row = tuple[float, float, float]
 class Pedestrians(Strict):
     """People who keep the paths in a file: one person each, called `prefix` and the number in the file.
 
-    The file is a table with the columns t or frame, id, x, y in any layout that `twin.tables.people` reads, ETH's, UCY's,
+    The file is a table with the columns t or frame, id, x, y in any layout that `twin.tables.person_rows` reads, ETH's, UCY's,
     TrajNet's and PeTrack's among them; `frame_rate_hz` turns frames into seconds. Its first moment is
     t = 0; `start_s` into it the scenario begins. `turn_deg` about the file's origin, then `shift_m`, bring its
     places into the room's frame. They carry no bags. Everybody who is there between the start and the scenario's end
@@ -101,10 +101,10 @@ def people_from(
                 else f"holds nobody of number {number}"
             )
             raise InputError(
-                f"{source}: pedestrians.ids: {path} {what}; one of {_some(sorted(paths, key=by_number))} is expected"
+                f"{source}: pedestrians.ids: {path} {what}; one of {_some(sorted(paths, key=label_order))} is expected"
             )
     people = {}
-    for number in sorted(paths if wanted is None else wanted, key=by_number):
+    for number in sorted(paths if wanted is None else wanted, key=label_order):
         rows = paths[number]
         _check_gaps(rows, usual_s, f"{path}: person {number}")
         if not (rows[-1][0] > first_s and rows[0][0] < first_s + duration_s):
@@ -140,7 +140,7 @@ def _warnings(path: Path, seen_once: list[str]) -> list[str]:
     who = (
         f"person {seen_once[0]} has"
         if len(seen_once) == 1
-        else f"people {_some(sorted(seen_once, key=by_number))} have"
+        else f"people {_some(sorted(seen_once, key=label_order))} have"
     )
     return [
         f"pedestrians: {who} one row in {path.name}, which is no path, and {'is' if len(seen_once) == 1 else 'are'} left out"
@@ -149,14 +149,14 @@ def _warnings(path: Path, seen_once: list[str]) -> list[str]:
 
 def _read(path: Path, frame_rate_hz: float | None, rate_field: str) -> tuple[dict[str, list[Row]], list[str]]:
     """Read the rows of each person in order of time, by label; and notes on what was guessed."""
-    found = read_people(path, "a table of paths", MOST_TEXT_BYTES, frame_rate_hz, rate_field)
+    found = read_person_rows(path, "a table of paths", MOST_TEXT_BYTES, frame_rate_hz, rate_field)
     x, y = (found.rows.numbers(name, may_be_empty=False) for name in "xy")
     for row in np.flatnonzero(np.maximum(np.abs(x), np.abs(y)) > _FURTHEST_M)[:1]:
         raise InputError(
             f"{path}: line {found.rows.lines[row]}: [{x[row]:g}, {y[row]:g}] is out of the world; at most {_FURTHEST_M:g} m "
             "are expected"
         )
-    notes = [*found.notes, *doubts(found)]
+    notes = [*found.notes, *check_plausibility(found)]
     paths: dict[str, list[Row]] = {}
     for who, stamp_ns, *place in zip(found.labels, found.stamps_ns.tolist(), x.tolist(), y.tolist(), strict=True):
         paths.setdefault(who, []).append((stamp_ns / NS_PER_S, place[0], place[1]))

@@ -1,1 +1,1 @@
-"""Tables of rows of text: their dialects, their columns, and which columns say who is where."""
+"""Tables of text: dialects, columns, and the rows of people in them."""

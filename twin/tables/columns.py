@@ -1,4 +1,4 @@
-"""A CSV file as named columns, each cell checked, each fault named by file, line, column and value."""
+"""Columns of a CSV file: each cell checked, each fault named by file, line, column and value."""
 
 from __future__ import annotations
 
@@ -40,28 +40,30 @@ class CsvColumns:
     cells: Mapping[str, Sequence[str]]
     lines: Sequence[int]
     units: Mapping[str, float] = field(default_factory=dict)
-    """How many of a column's units make a metre or a second; 1 for columns that are not named."""
+    """Units of a column per metre or second; 1 for columns that are not named."""
 
     def __len__(self) -> int:
         return len(self.lines)
 
     def take(self, rows: NDArray[np.intp]) -> CsvColumns:
-        """The rows with these indices."""
+        """Select the rows with these indices."""
         wanted: list[int] = rows.tolist()
         cells = {name: [column[row] for row in wanted] for name, column in self.cells.items()}
         return CsvColumns(self.source, cells, [self.lines[row] for row in wanted], self.units)
 
     def filled(self, names: Iterable[str]) -> NDArray[np.bool_]:
-        """Whether a row has any of these cells filled, (n,)."""
+        """Tell which rows have any of these cells filled, (n,)."""
         return np.array([any(row) for row in zip(*(self.cells[name] for name in names), strict=True)], dtype=np.bool_)
 
     def stamps_ns(self, name: str) -> NDArray[np.int64]:
-        """Seconds in decimal notation as integer nanoseconds, to the nearest, (n,); exact where a float is not."""
+        """Convert seconds in decimal notation to integer nanoseconds, to the nearest, (n,); exact where a float is not."""
         unit = Decimal(repr(self.units.get(name, 1.0)))
         return np.array(self._convert(name, lambda text: _stamp_ns(text, unit), "a time in seconds"), dtype=np.int64)
 
-    def people(self, name: str) -> list[str]:
-        """Whom each row is about, n: a whole number from 0 on without leading zeros or decimals, or a name."""
+    def labels(self, name: str) -> list[str]:
+        """Read the label of each row's person, n: a whole number from 0 on without leading zeros or decimals, or a
+        name.
+        """
 
         def convert(text: str) -> str:
             try:
@@ -78,7 +80,9 @@ class CsvColumns:
         return self._convert(name, convert, "a whole number from 0 on, or a name,")
 
     def integers(self, name: str, minimum: int) -> NDArray[np.int64]:
-        """Integers of at least `minimum`, (n,); "3.0" counts as 3, the way a table with empty cells is often saved."""
+        """Read integers of at least `minimum`, (n,); "3.0" counts as 3, the way a table with empty cells is often
+        saved.
+        """
 
         def convert(text: str) -> int:
             try:
@@ -95,7 +99,7 @@ class CsvColumns:
         return np.array(self._convert(name, convert, f"an integer of at least {minimum}"), dtype=np.int64)
 
     def flags(self, name: str) -> NDArray[np.bool_]:
-        """Yes or no as 1 or 0, true or false, (n,)."""
+        """Read yes or no as 1 or 0, true or false, (n,)."""
         words = {"0": False, "1": True, "false": False, "true": True}
 
         def convert(text: str) -> bool:
@@ -106,7 +110,7 @@ class CsvColumns:
         return np.array(self._convert(name, convert, "0 or 1"), dtype=np.bool_)
 
     def words(self, name: str, valid: Sequence[str]) -> NDArray[np.str_]:
-        """Words of a fixed choice, (n,)."""
+        """Read words of a fixed choice, (n,)."""
         cells = self.cells[name]
         for text in dict.fromkeys(cells):
             if text not in valid:
@@ -114,7 +118,7 @@ class CsvColumns:
         return np.array(cells, dtype=f"<U{max(len(word) for word in valid)}")
 
     def numbers(self, name: str, *, may_be_empty: bool) -> NDArray[np.float64]:
-        """Finite numbers, (n,); NaN for an empty cell where one is allowed."""
+        """Read finite numbers, (n,); NaN for an empty cell where one is allowed."""
         valid = "a finite number or an empty cell" if may_be_empty else "a finite number"
         cells = self.cells[name]
         try:
@@ -173,7 +177,7 @@ def read_csv_columns(path: Path, required: Sequence[str], what: str, most_bytes:
 
 
 def columns_of(source: str, names: Sequence[str], found: Cells, units: Mapping[str, float] | None = None) -> CsvColumns:
-    """The cells by these names of their columns."""
+    """Arrange the cells by these names of their columns."""
     columns = list(zip(*found.rows, strict=True)) if found.rows else [()] * len(names)
     return CsvColumns(source, dict(zip(names, columns, strict=True)), found.lines, units or {})
 

@@ -1,4 +1,4 @@
-"""The dialect of a table: its separator, quotes, comments, header, and decimal commas; from text to cells."""
+"""Dialect of a table: its separator, quotes, comments, header, and decimal commas; from text to cells."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def read_cells(path: Path, expected: str, most_bytes: int | None) -> Cells:
 
 
 def split_line(line: str, separator: str) -> list[str]:
-    """The cells of one line."""
+    """Split one line into its cells."""
     if separator == " ":
         return [quoted or word for quoted, word in _WORDS.findall(_UNIT.sub(r"\1", line))]
     return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]

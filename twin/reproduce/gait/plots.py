@@ -153,7 +153,7 @@ def speeds_svg(runs: GaitRuns) -> str:
         stands.set_title("stance [% of the stride]", loc="left")
         for axes in (cadence, length, stands):
             axes.set(xlim=(0.5, 5.3), xlabel="speed [m/s]")
-        cadence.plot([], [], "o", color=_OURS, markersize=4, label="ours, everybody")
+        cadence.plot([], [], "o", color=_OURS, markersize=4, label="ours, all bodies")
         cadence.plot([], [], "D", color=_THEIRS, markersize=6, label="published, measured")
         cadence.legend(loc="lower right", frameon=False, fontsize=8)
         return to_svg(figure)

@@ -1,4 +1,4 @@
-"""Doubts about a table of people: speeds at which nobody walks, coordinates that look like heights."""
+"""Plausibility of a table of people: walking speeds, and coordinates that look like heights."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
-from twin.tables.people import HEIGHT_SPREAD_M, PeopleRows
+from twin.tables.person_rows import HEIGHT_SPREAD_M, PersonRows
 
 WALKING_M_S = (0.5, 2.5)
 """Median walking speeds of a recording of pedestrians lie between these [m/s]."""
@@ -20,8 +20,8 @@ _SPAN_S = 0.5
 """Speeds are taken over so long at least: noise of places does not count as walking [s]."""
 
 
-def doubts(found: PeopleRows) -> tuple[str, ...]:
-    """What a reader must know before they trust the table; raises InputError where its layout cannot be as guessed."""
+def check_plausibility(found: PersonRows) -> tuple[str, ...]:
+    """Return warnings about a table of people; raise InputError where its layout cannot be as guessed."""
     source = found.rows.source
     x, y = (found.rows.numbers(name, may_be_empty=False) for name in "xy")
     z = found.rows.numbers("z", may_be_empty=True) if "z" in found.rows.cells else np.zeros(0)
@@ -29,16 +29,16 @@ def doubts(found: PeopleRows) -> tuple[str, ...]:
     speed = walking_speed(found, x, y)
     slowest, fastest = WALKING_M_S
     if speed is not None and not slowest <= speed <= fastest:
-        said = f"{source}: people walk at {speed:.3g} m/s in the median, where {slowest:g} to {fastest:g} m/s are usual"
-        said += f"; {_remedy(speed, found)}"
+        text = f"{source}: people walk at {speed:.3g} m/s in the median, where {slowest:g} to {fastest:g} m/s are usual"
+        text += f"; {_remedy(speed, found)}"
         if speed > IMPOSSIBLE_M_S:
-            raise InputError(f"{said} are expected")
-        notes.append(f"{said} may be wrong")
+            raise InputError(f"{text} are expected")
+        notes.append(f"{text} may be wrong")
     return tuple(note for note in notes if note)
 
 
-def walking_speed(found: PeopleRows, x: NDArray[np.float64], y: NDArray[np.float64]) -> float | None:
-    """The median over people who get somewhere of their median speed while they move [m/s]; None without any."""
+def walking_speed(found: PersonRows, x: NDArray[np.float64], y: NDArray[np.float64]) -> float | None:
+    """Compute the median over people who get somewhere of their median speed while they move [m/s]; None without any."""
     number = found.ids()
     order = np.lexsort((found.stamps_ns, number))
     medians = []
@@ -56,8 +56,8 @@ def walking_speed(found: PeopleRows, x: NDArray[np.float64], y: NDArray[np.float
     return float(np.median(medians)) if medians else None
 
 
-def _remedy(speed: float, found: PeopleRows) -> str:
-    """What would make the speed usual: another unit, or another rate."""
+def _remedy(speed: float, found: PersonRows) -> str:
+    """Name the unit or rate that would make the speed usual."""
     slowest, fastest = WALKING_M_S
     for unit, size in (("cm", 100.0), ("mm", 1000.0)):
         if slowest <= speed / size <= fastest:
@@ -69,16 +69,16 @@ def _remedy(speed: float, found: PeopleRows) -> str:
 
 
 def _height(source: str, x: NDArray[np.float64], y: NDArray[np.float64], z: NDArray[np.float64], n_person: int) -> str:
-    """A warning where x or y varies as heights do; raises InputError where the column z varies as coordinates do instead."""
+    """Warn where x or y varies as heights do; raise InputError where the column z varies as coordinates do instead."""
     if x.size < 2:
         return ""
     wide = {name: float(np.ptp(np.quantile(each, [0.05, 0.95]))) for name, each in (("x", x), ("y", y))}
     flat, other = ("x", "y") if wide["x"] < wide["y"] else ("y", "x")
     if wide[flat] >= HEIGHT_SPREAD_M or wide[other] < 3 * HEIGHT_SPREAD_M or n_person < 2:
         return ""
-    said = f"{source}: {flat} looks like a height: it varies by {wide[flat]:.2g} m where {other} varies by {wide[other]:.3g} m"
+    text = f"{source}: {flat} looks like a height: it varies by {wide[flat]:.2g} m where {other} varies by {wide[other]:.3g} m"
     if z.size > 1 and (across := float(np.ptp(np.quantile(z, [0.05, 0.95])))) > 3 * HEIGHT_SPREAD_M:
         raise InputError(
-            f"{said} and z by {across:.3g} m; a header that calls the two coordinates of the floor x and y is expected"
+            f"{text} and z by {across:.3g} m; a header that calls the two coordinates of the floor x and y is expected"
         )
-    return f"{said}; if it is one, a header that calls the two coordinates of the floor x and y is needed"
+    return f"{text}; if it is one, a header that calls the two coordinates of the floor x and y is needed"

@@ -15,8 +15,8 @@ from trackers.errors import InputError
 from twin.cli import main
 from twin.recording.tables import read_tracks, read_truth
 from twin.scenario.pedestrians import Pedestrians, people_from
-from twin.tables.doubts import doubts
-from twin.tables.people import read_people
+from twin.tables.person_rows import read_person_rows
+from twin.tables.plausibility import check_plausibility
 
 RATE_HZ = 10
 CASES = Path(__file__).parents[4] / "shared" / "cases" / "21-csv-dialects"
@@ -188,24 +188,24 @@ def test_a_table_that_says_nothing_sure_is_refused_in_a_sentence(read, text: byt
 
 @pytest.mark.parametrize("factor", [0.1, 0.3, 1.0, 1.5, 3.0, 30.0, 100.0, 1000.0])
 @pytest.mark.parametrize("layout", ["t", "frame"])
-def test_a_speed_at_which_nobody_walks_is_said_or_refused(factor: float, layout: str, tmp_path: Path) -> None:
+def test_a_speed_at_which_no_person_walks_is_noted_or_refused(factor: float, layout: str, tmp_path: Path) -> None:
     path = tmp_path / "table.csv"
     path.write_text(table(",", f"{layout} id x y", plain if layout == "t" else frames, walk(1.3 * factor)))
     rate_hz = None if layout == "t" else RATE_HZ
     if 1.3 * factor > 12:
         for read in (
             lambda: read_truth(path, None, rate_hz),
-            lambda: doubts(read_people(path, "a table", None, rate_hz)),
+            lambda: check_plausibility(read_person_rows(path, "a table", None, rate_hz)),
         ):
             with pytest.raises(InputError, match=r"people walk at .* m/s in the median.* expected"):
                 read()
         return
-    (*notes,) = doubts(read_people(path, "a table", None, rate_hz, "rate"))
+    (*notes,) = check_plausibility(read_person_rows(path, "a table", None, rate_hz, "rate"))
     assert bool(notes) == (not 0.5 <= 1.3 * factor <= 2.5)
     assert all("m/s in the median" in note for note in notes)
     if notes and layout == "frame":
         fits = float(re.findall(r"frame rate of about ([\d.e+]+) Hz would fit", notes[0])[0])
-        assert doubts(read_people(path, "a table", None, fits, "rate")) == ()
+        assert check_plausibility(read_person_rows(path, "a table", None, fits, "rate")) == ()
 
 
 @pytest.mark.parametrize("height", [0.0, 1.7])
@@ -220,7 +220,7 @@ def test_a_column_that_looks_like_a_height_is_said(height: float, tmp_path: Path
         read_truth(path)
 
 
-def test_a_rate_beside_seconds_or_against_the_files_own_is_said(tmp_path: Path) -> None:
+def test_a_rate_with_seconds_or_against_the_files_own_is_noted(tmp_path: Path) -> None:
     assert any("holds seconds (t)" in note for note in values(BASE, tmp_path, RATE_HZ)[3])
     notes = values(PETRACK["PeTrack"].replace("10.00", "12"), tmp_path, RATE_HZ)[3]
     assert any("line 2 says 12 frames a second" in note and "10 is used" in note for note in notes)
@@ -241,11 +241,11 @@ def test_twin_evaluate_takes_both_tables_in_any_layout(
     monkeypatch.setattr(sys, "argv", ["twin", "evaluate", *tables, "--frame-rate", str(RATE_HZ)])
     with pytest.raises(SystemExit) as done:
         main()
-    told = capfd.readouterr()
+    noted = capfd.readouterr()
     assert done.value.code in (0, None)
-    metrics = json.loads(told.out)
+    metrics = json.loads(noted.out)
     assert (metrics["mota"], metrics["judged"]["frames"]) == (1.0, 30)
-    assert "has no header; its columns are read as frame, id, x, y" in told.err
+    assert "has no header; its columns are read as frame, id, x, y" in noted.err
 
 
 ORDERS = {
@@ -288,7 +288,7 @@ def test_a_table_without_a_header_is_read_as_it_is_or_a_header_is_asked_for(
         cells = [[str(row[c]) if c in "fi" else f"{row[c] * unit:.4f}" for c in columns] for row in rows]
         path.write_text("# x, y in cm\n" * in_cm + "".join(" ".join(each) + "\n" for each in cells))
         try:
-            found = read_people(path, "a table", None, RATE_HZ)
+            found = read_person_rows(path, "a table", None, RATE_HZ)
         except InputError as error:
             if "a header with the columns" not in str(error):
                 raise
@@ -314,7 +314,7 @@ def test_people_side_by_side_are_read_in_any_order_of_columns(
     ]
     named = [dict(zip("fixyz", row, strict=True)) for row in rows]
     path.write_text("".join(" ".join(str(row[c]) for c in columns) + "\n" for row in named))
-    found = read_people(path, "a table", None, RATE_HZ)
+    found = read_person_rows(path, "a table", None, RATE_HZ)
     np.testing.assert_allclose(found.rows.numbers("y", may_be_empty=False), [row[3] for row in rows])
     assert found.labels == [str(row[1]) for row in rows]
-    assert bool(doubts(found)) == (speed_m_s != 1.3)
+    assert bool(check_plausibility(found)) == (speed_m_s != 1.3)

@@ -1,4 +1,6 @@
-"""Tables of who is where when: which columns say it, in which units; one reader for truth, tracks and recorded paths."""
+"""Rows of people over time: the columns that hold them and their units; one reader for truth, tracks and recorded
+paths.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,7 @@ _NAMES = {
     "y": ("y", "posy", "ypos", "worldy", "yworld", "positiony"),
     "z": ("z", "posz", "zpos", "worldz", "zworld", "positionz"),
 }  # fmt: skip
-"""What others call a column, without case, blanks, points, dashes and underscores."""
+"""Other names of a column, without case, blanks, points, dashes and underscores."""
 _LENGTHS = {"m": 1.0, "metre": 1.0, "metres": 1.0, "meter": 1.0, "meters": 1.0, "dm": 10.0, "cm": 100.0, "mm": 1000.0}
 _TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e3, "us": 1e6, "µs": 1e6, "ns": 1e9}
 _NO_UNIT = ("", "-", "1", "#", "none")
@@ -39,7 +41,7 @@ _LENGTH_COLUMNS = ("x", "y", "z", "head_x", "head_y", "head_z", "vx", "vy")
 HEIGHT_SPREAD_M = 0.6
 """Heads, pelvises and floors lie within this of each other: what varies less may be a height [m]."""
 _LEVEL_M = 0.02
-"""What varies less, and is as near to 0, is a level floor [m]."""
+"""Heights that vary less, and are as near to 0, are a level floor [m]."""
 _HEIGHTS_M = (0.5, 2.2)
 """Heads and pelvises are between these above the floor [m]."""
 _APART_M = 0.3
@@ -47,41 +49,44 @@ _APART_M = 0.3
 _LONG = 5
 """Rows of a person that make a path; fewer in a line may be people side by side."""
 _CLEARER = 0.5
-"""How much smoother people's paths are in one order of columns than in the other, where the order is sure."""
+"""Ratio by which people's paths are smoother in one order of columns than in the other, where the order is sure."""
 _EXPECTED = "columns t (or frame), id, x, y"
 
 
 @dataclass(frozen=True)
-class PeopleRows:
-    """The rows of a table about somebody, by stamp, then in the file's order; and what was guessed in reading them."""
+class PersonRows:
+    """The rows of a table that hold a person, by stamp, then in the file's order; and notes on what was guessed in
+    reading them.
+    """
 
-    frame_stamps_ns: NDArray[np.int64]  # (f,) every moment once, those without people too, ascending
+    frame_stamps_ns: NDArray[np.int64]  # (f,) every stamp once, those without people too, ascending
     rows: CsvColumns  # n rows; lengths in metres by their units
     stamps_ns: NDArray[np.int64]  # (n,)
-    labels: list[str]  # n: whom each is about
+    labels: list[str]  # n: the person of each row
     notes: tuple[str, ...]
 
     def ids(self) -> NDArray[np.int64]:
-        """A number from 1 on for each row's person (n,): the label where all are such numbers, else counted by label."""
-        labels = sorted(set(self.labels), key=by_number)
+        """Number each row's person from 1 on, (n,): the label where all are such numbers, else counted by label."""
+        labels = sorted(set(self.labels), key=label_order)
         whole = all(label.isdecimal() and int(label) > 0 for label in labels)
         number = {label: int(label) if whole else place for place, label in enumerate(labels, start=1)}
         return np.array([number[label] for label in self.labels], dtype=np.int64)
 
 
-def by_number(label: str) -> tuple[int, int, str]:
-    """The order of labels: numbers first, by value."""
+def label_order(label: str) -> tuple[int, int, str]:
+    """Return the sort key of a label: numbers first, by value."""
     return (0, int(label), "") if label.isdecimal() else (1, 0, label)
 
 
-def read_people(
+def read_person_rows(
     path: Path, what: str, most_bytes: int | None = None, frame_rate_hz: float | None = None, rate_field: str = ""
-) -> PeopleRows:
-    """Read a table of who is where when; `what` names its kind, `rate_field` where a user says `frame_rate_hz`.
+) -> PersonRows:
+    """Read a table of people over time; `what` names its kind, `rate_field` the field where a user gives
+    `frame_rate_hz`.
 
     With a header its columns stand in any order; a unit may follow a name (x/cm, t [ms]) or stand in a row below. Without
     one it is frame (whole numbers) or t, then id, x, y; of 5 to 8 columns also a height: x, z, y (ETH, UCY) or x, y, z. A row
-    with only its time says that nobody is there. Raises InputError naming file, line, column and value, or what a table
+    with only its time says that no person is there. Raises InputError naming file, line, column and value, or what a table
     without a header leaves open.
     """
     found = read_cells(path, what, most_bytes)
@@ -113,7 +118,7 @@ def read_people(
 
 
 def _by_header(path: Path, found: Cells) -> tuple[list[str], dict[str, float], Cells]:
-    """The columns' names as ours, the units of some, and the table without a row of units."""
+    """Read the columns' names as ours, the units of some, and the table without a row of units."""
     assert found.header is not None
     names: list[str] = []
     units: dict[str, float] = {}
@@ -152,7 +157,7 @@ def _by_header(path: Path, found: Cells) -> tuple[list[str], dict[str, float], C
 
 
 def _column(cell: str) -> tuple[str, str | None]:
-    """Our name of a column and its unit, if it says one; the cell itself for a column that is not ours."""
+    """Find our name of a column and its unit, if it has one; the cell itself for a column that is not ours."""
     plain = cell.strip().lower()
     split = _WITH_UNIT.fullmatch(plain)
     unit = split[2] if split is not None and split[2] in (*_LENGTHS, *_TIMES) else None
@@ -192,7 +197,8 @@ def _by_content(path: Path, found: Cells, per_m: float) -> list[str]:
 
 
 def _is_id_first(path: Path, columns: CsvColumns, places: NDArray[np.float64]) -> bool:
-    """Whether id, time come first, and not time, id: as people's paths are smooth, places (n, 2 or 3) of many are not.
+    """Tell whether id, time come first, and not time, id: people's paths are smooth, places (n, 2 or 3) of mixed people
+    are not.
 
     Raises InputError where both readings give paths that are about as smooth.
     """
@@ -201,11 +207,11 @@ def _is_id_first(path: Path, columns: CsvColumns, places: NDArray[np.float64]) -
         return False
     if not all(_is_whole(cell) for cell in second):
         return all(_is_a_number(cell) for cell in second) and len(set(second)) > 1
-    columns.people("column 2")
+    columns.labels("column 2")
     by_second, by_first = _paths(second, first, places), _paths(first, second, places)
     if by_first is None:
         return False
-    if by_second is None:  # the first column has one value: a person's id, or a moment
+    if by_second is None:  # the first column has one value: a person's id, or a stamp
         if by_first.step_m < _APART_M or by_first.is_smooth:
             return True
     elif min(by_first.off_m, by_second.off_m) < _CLEARER * max(by_first.off_m, by_second.off_m):
@@ -236,7 +242,7 @@ class _Paths:
 
 
 def _paths(people: Sequence[str], times: Sequence[str], places: NDArray) -> _Paths | None:
-    """The paths of people over places (n, 2 or 3) [m]; None where none has two rows."""
+    """Measure the paths of people over places (n, 2 or 3) [m]; None where no person has two rows."""
     who = np.array([float(cell) for cell in people])
     when = np.array([float(cell) for cell in times])
     order = np.lexsort((when, who))
@@ -255,7 +261,7 @@ def _paths(people: Sequence[str], times: Sequence[str], places: NDArray) -> _Pat
 
 
 def _is_height_last(path: Path, people: NDArray[np.intp], last: NDArray[np.float64]) -> bool:
-    """Whether the second of two columns (n, 2) is the height: what varies little, and less than the other for sure.
+    """Tell whether the second of two columns (n, 2) is the height: it varies little, and clearly less than the other.
 
     Raises InputError where neither may be one, and where both may and neither holds heights of people, or of the floor,
     alone.
@@ -281,7 +287,7 @@ def _is_height_last(path: Path, people: NDArray[np.intp], last: NDArray[np.float
 
 
 def _rate(path: Path, found: Cells, given: float | None, field: str, notes: list[str]) -> float:
-    """Frames a second: as given, else as the file's comments say."""
+    """Find frames per second: as given, else as the file's comments say."""
     said = {float(m[1] or m[2]): line for line, text in found.comments if (m := _RATE.search(text))}
     if len(said) > 1 and given is None:
         rates = " and ".join(f"{rate:g} (line {line})" for rate, line in said.items())
@@ -303,16 +309,16 @@ def _rate(path: Path, found: Cells, given: float | None, field: str, notes: list
     return rate
 
 
-def _ordered(columns: CsvColumns, notes: tuple[str, ...]) -> PeopleRows:
-    """The rows with somebody, by stamp and person; raises InputError where a pair comes twice."""
+def _ordered(columns: CsvColumns, notes: tuple[str, ...]) -> PersonRows:
+    """Order the rows with a person by stamp and person; raise InputError where a pair comes twice."""
     all_stamps = columns.stamps_ns("t")
     own = [name for name in columns.cells if name not in ("t", "frame") and name[:1] != "?"]
     filled = columns.filled(own) if len(columns) else np.zeros(0, dtype=np.bool_)
-    somebody = np.flatnonzero(filled)
+    with_person = np.flatnonzero(filled)
     labels = [""] * len(columns)  # "": a row without anybody
-    for row, label in zip(somebody.tolist(), columns.take(somebody).people("id"), strict=True):
+    for row, label in zip(with_person.tolist(), columns.take(with_person).labels("id"), strict=True):
         labels[row] = label
-    rank = {label: place for place, label in enumerate(sorted(set(labels) - {""}, key=by_number), start=1)}
+    rank = {label: place for place, label in enumerate(sorted(set(labels) - {""}, key=label_order), start=1)}
     ids = np.array([rank.get(label, 0) for label in labels], dtype=np.int64)
     order = np.lexsort((ids, all_stamps))
     stamps, ids = all_stamps[order], ids[order]
@@ -323,10 +329,10 @@ def _ordered(columns: CsvColumns, notes: tuple[str, ...]) -> PeopleRows:
         if ids[fault] == ids[fault + 1]:
             raise InputError(f"{where}: {what} stands on line {columns.lines[first]} too; each pair once is expected")
         raise InputError(
-            f"{where}: {what} contradicts line {columns.lines[first]}; only t filled says that nobody is there"
+            f"{where}: {what} contradicts line {columns.lines[first]}; only t filled says that no person is there"
         )
     kept = order[filled[order]]
-    return PeopleRows(
+    return PersonRows(
         np.unique(all_stamps), columns.take(kept), all_stamps[kept], [labels[row] for row in kept.tolist()], notes
     )
 
