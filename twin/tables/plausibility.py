@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
-from twin.tables.person_rows import HEIGHT_SPREAD_M, PersonRows
+from twin.tables.headerless import HEIGHT_SPREAD_M
+from twin.tables.person_rows import PersonRows
 
 WALKING_M_S = (0.5, 2.5)
 """Median walking speeds of a recording of pedestrians lie between these [m/s]."""
