@@ -144,7 +144,8 @@ def _is_height_last(path: Path, people: NDArray[np.intp], last: NDArray[np.float
         flat = on_floor | of_people
     if not flat.any() or (flat.all() and not np.array_equal(*last.T)):
         raise InputError(
-            f"{path}: has no header, and its columns 4 and 5 may both be heights; a header with the {EXPECTED_COLUMNS} is expected"
+            f"{path}: has no header, and its columns 4 and 5 may both be heights; a header with the {EXPECTED_COLUMNS} is "
+            "expected"
         )
     return bool(flat[1])
 
