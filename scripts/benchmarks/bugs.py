@@ -461,7 +461,7 @@ _BY_FILE = {
     "twin/evaluate/hota.py": [
         ("alignment over both", "hota", "either - overlap", "either"),
     ],
-    "twin/evaluate/frames.py": [
+    "twin/evaluate/judged_frames.py": [
         ("angles not wrapped", "_people_at", "wrap_angle(_A[:, 5])", "_A[:, 5]"),
     ],
     "twin/evaluate/continuity.py": [

@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.figure import Figure
 from trackers.laser_vision_learning.looks import LooksOptions
-from twin.reproduce.laser_vision_learning.splits import VARIANTS, Decision, decide, near_identical_clothes
+from twin.reproduce.laser_vision_learning.splits import VARIANTS, SplitDecision, decide, near_identical_clothes
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
 from twin.truth.frames import SituationKind
@@ -40,9 +40,11 @@ def choice() -> Iterator[Figure]:
 
 def _decided(
     clothes: str, seeds: Sequence[int], variants: Mapping[str, LooksOptions], kinds: Sequence[SituationKind]
-) -> dict[SituationKind, dict[str, list[Decision]]]:
+) -> dict[SituationKind, dict[str, list[SplitDecision]]]:
     """Decisions of every variant over the runs of these seeds, by the kind of situation that ended."""
-    found: dict[SituationKind, dict[str, list[Decision]]] = {kind: {name: [] for name in variants} for kind in kinds}
+    found: dict[SituationKind, dict[str, list[SplitDecision]]] = {
+        kind: {name: [] for name in variants} for kind in kinds
+    }
     with tempfile.TemporaryDirectory() as folder:
         for seed in seeds:
             changes = [f"seed={seed}", f"duration_s={_DURATION_S}", "background=none"]

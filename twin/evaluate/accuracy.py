@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from trackers.observations import NS_PER_S
 from twin.evaluate.clear import FrameMatches
-from twin.evaluate.frames import Frame
+from twin.evaluate.judged_frames import Frame
 from twin.recording.situation_table import SituationTable
 
 NO_ID = -1

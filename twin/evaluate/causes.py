@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from trackers.observations import NS_PER_S
 from twin.evaluate.clear import FrameMatches
-from twin.evaluate.frames import Frame
+from twin.evaluate.judged_frames import Frame
 from twin.recording.tables import TruthTable
 
 MISSES = ("unseen", "unused", "start_up", "seen")
@@ -130,7 +130,7 @@ class _TruthRows:
 
 
 @dataclass(frozen=True)
-class Occlusion:
+class PersonOcclusion:
     """A stretch of time in which no ray of the sensors reaches a person in the area [s]."""
 
     person_id: int
@@ -143,7 +143,7 @@ class Occlusion:
         return self.end_s - self.start_s
 
 
-def long_occlusions(truth: TruthTable, sensors: Sequence[str], longer_than_s: float) -> tuple[Occlusion, ...]:
+def long_occlusions(truth: TruthTable, sensors: Sequence[str], longer_than_s: float) -> tuple[PersonOcclusion, ...]:
     """Find occlusions from all of these sensors at once that last longer than this, by start, then person: no tracker
     that coasts for less can bridge them.
 
@@ -161,5 +161,5 @@ def long_occlusions(truth: TruthTable, sensors: Sequence[str], longer_than_s: fl
             if run.size:
                 start_s, end_s = (truth.frame_stamps_ns[run[[0, -1]]] / NS_PER_S).tolist()
                 if end_s - start_s > longer_than_s:
-                    found.append(Occlusion(person, start_s, end_s))
+                    found.append(PersonOcclusion(person, start_s, end_s))
     return tuple(sorted(found, key=lambda each: (each.start_s, each.person_id)))

@@ -12,13 +12,13 @@ from typing import Literal
 
 from trackers.observations import NS_PER_S
 from twin.evaluate.clear import FrameMatches, IdSwitch
-from twin.evaluate.frames import Frame
+from twin.evaluate.judged_frames import Frame
 
 LEAVING_GRACE_NS = NS_PER_S // 2
 
 
 @dataclass(frozen=True)
-class Event:
+class TrackEvent:
     """One break between a track and a person.
 
     switch: the person goes on under `track_id`, before it was `previous_track_id`. misidentification: the track goes on
@@ -33,17 +33,17 @@ class Event:
     previous_track_id: int | None = None
 
 
-def switch_events(frames: Sequence[Frame], switches: Sequence[IdSwitch]) -> list[Event]:
+def switch_events(frames: Sequence[Frame], switches: Sequence[IdSwitch]) -> list[TrackEvent]:
     """Convert the identity switches of CLEAR to events."""
     return [
-        Event("switch", frames[s.frame].stamp_ns, s.person_id, s.track_id, previous_track_id=s.previous_track_id)
+        TrackEvent("switch", frames[s.frame].stamp_ns, s.person_id, s.track_id, previous_track_id=s.previous_track_id)
         for s in switches
     ]
 
 
 def continuity(
     frames: Sequence[Frame], judged: Sequence[Frame], matches: Sequence[FrameMatches]
-) -> tuple[list[Event], list[Event]]:
+) -> tuple[list[TrackEvent], list[TrackEvent]]:
     """Find misidentifications and lost tracks, each in order of time.
 
     `frames` hold everybody, `judged` the same frames without what is outside the area, `matches` their correspondence.
@@ -71,12 +71,12 @@ def continuity(
             previous = person_of.setdefault(track, person)
             if previous != person:
                 misidentifications.append(
-                    Event("misidentification", inside.stamp_ns, person, track, previous_person_id=previous)
+                    TrackEvent("misidentification", inside.stamp_ns, person, track, previous_person_id=previous)
                 )
                 person_of[track] = person
     ended = sorted((index, track) for track, index in last_seen.items() if track in person_of)
     lost = [
-        Event("lost", frames[index].stamp_ns, person_of[track], track)
+        TrackEvent("lost", frames[index].stamp_ns, person_of[track], track)
         for index, track in ended
         if index < len(frames) - 1 and _stays(frames, index, person_of[track])
     ]

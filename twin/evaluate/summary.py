@@ -14,9 +14,9 @@ from trackers.errors import InputError
 from twin.evaluate.accuracy import PersonFrames, disposal, person_frames
 from twin.evaluate.causes import Errors, errors_by_cause
 from twin.evaluate.clear import FrameMatches, PairMatrix, clear, find_switches, identity, match_frames
-from twin.evaluate.continuity import Event, continuity, right_at_end, switch_events
-from twin.evaluate.frames import Frame, align, match_all_people, restrict_to_area, wrap_angle
+from twin.evaluate.continuity import TrackEvent, continuity, right_at_end, switch_events
 from twin.evaluate.hota import hota, hota_cap
+from twin.evaluate.judged_frames import Frame, align, match_all_people, restrict_to_area, wrap_angle
 from twin.evaluate.set_distance import gospa, ospa
 from twin.recording.situation_table import SituationTable
 from twin.recording.tables import TrackTable, TruthTable
@@ -45,7 +45,7 @@ class Evaluation:
     match_person_ids: NDArray[np.int64]  # (k,)
     match_track_ids: NDArray[np.int64]  # (k,)
     match_distances_m: NDArray[np.float64]  # (k,)
-    events: tuple[Event, ...]  # by stamp
+    events: tuple[TrackEvent, ...]  # by stamp
     people: PersonFrames  # the failures behind the accuracy
     situations: SituationTable | None  # of pairs of people, by which it was judged
     errors: Errors  # every miss and false positive, by cause

@@ -20,7 +20,7 @@ from twin.report.floor_panel import BACKDROP, INK, PRESSED, QUIET, FloorPanel, T
 from twin.report.lettering import BOLD, text_width, write
 from twin.report.palette import LAYER_COLOURS, IdentityColours
 from twin.report.time_axis import format_time, time_origin_ns
-from twin.report.video import TIME_BASE, VideoFile
+from twin.report.video_file import TIME_BASE, VideoFile
 
 __all__ = ["PreviewWriter", "TruePoses"]
 

@@ -8,7 +8,7 @@ from html import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.evaluate.continuity import Event
+from twin.evaluate.continuity import TrackEvent
 from twin.evaluate.summary import Evaluation
 from twin.recording.situation_table import SituationTable
 from twin.recording.tables import TrackTable, TruthTable
@@ -41,7 +41,7 @@ def glyph(kind: str) -> str:
     return f'<svg class="key" viewBox="-9 -9 18 18" aria-hidden="true">{_GLYPHS[kind]}</svg>'
 
 
-def describe_event(event: Event, names: Mapping[int, str]) -> str:
+def describe_event(event: TrackEvent, names: Mapping[int, str]) -> str:
     """Describe an event in one sentence."""
     person = names.get(event.person_id, f"person {event.person_id}")
     match event.kind:
@@ -165,7 +165,7 @@ def missed_spans(truth: TruthTable, tracks: TrackTable, evaluation: Evaluation, 
     return subtract_spans(present, matched, period // 2)
 
 
-def _marks(axis: TimeAxis, events: Sequence[Event], y: float, names: Mapping[int, str]) -> str:
+def _marks(axis: TimeAxis, events: Sequence[TrackEvent], y: float, names: Mapping[int, str]) -> str:
     """Draw the marks of events in order of time; those that would cover each other stand side by side."""
     parts, x = [], -np.inf
     for event in events:

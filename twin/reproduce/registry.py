@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 from twin.messages import OnProgress
 
 if TYPE_CHECKING:
-    from twin.reproduce.results import Result
+    from twin.reproduce.results import ResultRow
 
-Outputs = tuple[list["Result"], dict[str, Path]]
+Outputs = tuple[list["ResultRow"], dict[str, Path]]
 """Every result, and the files written by name."""
 
 

@@ -17,7 +17,7 @@ from twin.reproduce.bootstrap import Interval
 
 
 @dataclass(frozen=True)
-class Result:
+class ResultRow:
     """One value. paper: None where the paper prints none; ci95: over `runs` runs."""
 
     where: str
@@ -32,7 +32,7 @@ class Result:
     @classmethod
     def of(
         cls, where: str, row: str, column: str, ours: Interval, unit: str, runs: int, paper: float | None = None
-    ) -> Result:
+    ) -> ResultRow:
         """Make a result from a value with its interval."""
         return cls(where, row, column, paper, ours.value, (ours.low, ours.high), unit, runs)
 
@@ -53,23 +53,23 @@ _DECIMALS = {
     "°": 0,
 }
 
-Row = tuple[Result, str, str, str]
+Row = tuple[ResultRow, str, str, str]
 """A result, and the texts of the paper's value, ours and its interval."""
 
 
-def write_results(path: Path, results: Sequence[Result]) -> None:
-    """Write `results.json`: a list of objects with the fields of `Result`. Raises InputError where it cannot be written."""
+def write_results(path: Path, results: Sequence[ResultRow]) -> None:
+    """Write `results.json`: a list of objects with the fields of `ResultRow`. Raises InputError where it cannot be written."""
     with open_atomic(path) as stream_:
         json.dump([asdict(result) for result in results], stream_, indent=2)
         stream_.write("\n")
 
 
-def format_rows(results: Sequence[Result]) -> list[Row]:
+def format_rows(results: Sequence[ResultRow]) -> list[Row]:
     """Format results as `rows.html.j2` shows them."""
     return [(result, *format_result(result)) for result in results]
 
 
-def pivot_rows(results: Sequence[Result], intervals: bool = True) -> Mapping[str, object] | None:
+def pivot_rows(results: Sequence[ResultRow], intervals: bool = True) -> Mapping[str, object] | None:
     """Pivot results: a row per condition and tracker, a column per metric; of rows named "CONDITION, METRIC", or of
     choices.
     """
@@ -83,7 +83,7 @@ def pivot_rows(results: Sequence[Result], intervals: bool = True) -> Mapping[str
     return {"columns": columns, "rows": rows} if found else None
 
 
-def format_result(result: Result) -> tuple[str, str, str]:
+def format_result(result: ResultRow) -> tuple[str, str, str]:
     """Format the paper's value, ours, and its interval."""
     paper = "–" if result.paper is None else format_value(result.paper, result.unit)
     low, high = result.ci95
@@ -116,7 +116,7 @@ def format_ranges(scans: NDArray[np.intp]) -> str:
     return ", ".join(f"{run[0]}" if len(run) == 1 else f"{run[0]}–{run[-1]}" for run in runs)
 
 
-def print_results(title: str, results: Sequence[Result]) -> None:
+def print_results(title: str, results: Sequence[ResultRow]) -> None:
     """Print a table on stdout, the paper's values beside ours."""
     table = Table(title=title)
     for heading in ("where", "row", "metric"):

@@ -20,7 +20,7 @@ from twin.report.lettering import write, write_tags
 from twin.report.palette import LAYER_COLOURS, IdentityColours
 from twin.report.scene_pictures import DARK_NOTE, axes_towards, render_picture
 from twin.report.silent_sensors import SilenceMonitor
-from twin.report.video import TIME_BASE, VideoFile
+from twin.report.video_file import TIME_BASE, VideoFile
 from twin.room.building import room_outline
 from twin.room.lighting import ENOUGH_LIGHT, light_of
 from twin.run.feed import true_poses

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from test_evaluate import ns, runs, still, tracks_of, truth_of
 
-from twin.evaluate.frames import align, match_all_people
+from twin.evaluate.judged_frames import align, match_all_people
 from twin.evaluate.summary import evaluate_tracks
 from twin.recording.situation_table import SituationTable, situation_table
 from twin.recording.tables import TrackTable, TruthTable

@@ -10,7 +10,7 @@ from hypothesis import given, settings, strategies as st
 
 from trackers.errors import InputError
 from trackers.tracks import Track, TrackFrame
-from twin.evaluate.frames import align
+from twin.evaluate.judged_frames import align
 from twin.evaluate.summary import evaluate_tracks, evaluate_with_details
 from twin.recording.tables import PersonTruth, TruthFrame, track_table, truth_table
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from twin.evaluate import Occlusion, long_occlusions
+from twin.evaluate import PersonOcclusion, long_occlusions
 from twin.recording.tables import TruthTable, truth_table
 from twin.truth.frames import PersonTruth, TruthFrame
 
@@ -27,7 +27,7 @@ def hidden_between(first: int, last: int, n_frame: int = 40) -> TruthTable:
 
 def test_an_occlusion_lasts_from_its_first_frame_to_its_last() -> None:
     found = long_occlusions(hidden_between(5, 21), ("waist", "knee"), 1.5)
-    assert found == (Occlusion(1, 0.5, 2.1),)
+    assert found == (PersonOcclusion(1, 0.5, 2.1),)
     assert found[0].duration_s == pytest.approx(1.6)
 
 
@@ -39,7 +39,7 @@ def test_as_long_as_tracks_coast_is_not_longer() -> None:
 def test_one_sensor_that_sees_a_hair_is_enough() -> None:
     seen = table(*([person(1, 0.0, 0.01)] for _ in range(30)))
     assert not long_occlusions(seen, ("waist", "knee"), 1.5)
-    assert long_occlusions(seen, ("waist",), 1.5) == (Occlusion(1, 0.0, 2.9),)
+    assert long_occlusions(seen, ("waist",), 1.5) == (PersonOcclusion(1, 0.0, 2.9),)
 
 
 def test_a_glimpse_or_leaving_ends_it() -> None:

@@ -28,7 +28,7 @@ from twin.reproduce.camera_floor_particle.replays import (
     lowest_head_s,
     standing_people,
 )
-from twin.reproduce.camera_floor_particle.reproduction import check_suite, head_errors, heads_svg
+from twin.reproduce.camera_floor_particle.reproduction import check_suite, head_errors_since_detection, heads_svg
 from twin.reproduce.camera_floor_particle.results import (
     ABLATION,
     ABLATIONS,
@@ -92,7 +92,7 @@ def test_times_and_errors_are_found_in_tables():
     truth = table(t, [[(1, k, 0.0, 1.6 - 0.1 * k), (2, 4.0 - 0.5 * k, 0.0, 1.7)] for k in range(5)])
     assert closest_pair_s(truth) == 5.0 and lowest_head_s(truth) == 5.0
     tracks = table(t[1:], [[(7, k + 0.1, 0.0, 1.6 - 0.1 * k)] for k in range(1, 5)])
-    since, off = head_errors(truth, tracks)
+    since, off = head_errors_since_detection(truth, tracks)
     np.testing.assert_allclose(since, [0, 1, 2, 3])
     np.testing.assert_allclose(off[0], [0.1, 0.0, 0.0], atol=1e-9)
     assert heads_svg([(since, off)]).startswith("<?xml")

@@ -27,7 +27,7 @@ from twin.reproduce.laser_fisheye_imm.figure7 import (
 from twin.reproduce.laser_fisheye_imm.runs import COLUMNS
 from twin.reproduce.laser_fisheye_imm.table_one import COUNTS, DENSITY, TABLE_ONE, paper_value
 from twin.reproduce.laser_fisheye_imm.walk import maneuvering_walk
-from twin.reproduce.results import Result, format_ranges, format_result
+from twin.reproduce.results import ResultRow, format_ranges, format_result
 
 pytestmark = pytest.mark.slow
 
@@ -69,9 +69,9 @@ def runs():
     return simulate(maneuvering_walk(), RUNS)
 
 
-def format_rows(folder: Path) -> list[Result]:
+def format_rows(folder: Path) -> list[ResultRow]:
     return [
-        Result(**{**each, "ci95": tuple(each["ci95"])}) for each in json.loads((folder / "results.json").read_text())
+        ResultRow(**{**each, "ci95": tuple(each["ci95"])}) for each in json.loads((folder / "results.json").read_text())
     ]
 
 

@@ -14,8 +14,8 @@ from trackers.observations import NS_PER_S
 from trackers.pose import Pose
 from trackers.rig import Rig, StereoSensor
 from twin.reproduce.results import pivot_rows
-from twin.reproduce.rgbd_head.errors import head_errors, spread_cm
 from twin.reproduce.rgbd_head.figures import errors_svg
+from twin.reproduce.rgbd_head.head_errors import head_errors, spread_cm
 from twin.reproduce.rgbd_head.reproduction import check_suite
 from twin.reproduce.rgbd_head.results import (
     ABLATION,

@@ -24,7 +24,7 @@ from twin.report.camera_panel import CameraGrid
 from twin.report.floor_panel import FloorPanel, TruePoses
 from twin.report.palette import IdentityColours
 from twin.reproduce.camera_floor_particle.results import OURS
-from twin.reproduce.results import Result
+from twin.reproduce.results import ResultRow
 from twin.reproduce.suite_runs import case_recording
 from twin.scenario import Scenario, load_scenario
 from twin.scenario.load import dump_scenario
@@ -69,7 +69,7 @@ def standing_people(n_person: int, duration_s: float = _STANDING_S) -> Scenario:
     return load_scenario("home-cameras", [f"duration_s={duration_s}", f"seed={SEED}", change])
 
 
-def compare_choices(cache: RecordingCache, on_progress: OnProgress | None) -> list[Result]:
+def compare_choices(cache: RecordingCache, on_progress: OnProgress | None) -> list[ResultRow]:
     """Replay development recordings: one with each choice of the constants, and one per number of people."""
     crossing = load_scenario(_SCENARIO, [f"seed={SEED}"])
     runs = [(CHOICE, name, crossing, change) for name, change in VARIANTS.items()]
@@ -84,7 +84,7 @@ def compare_choices(cache: RecordingCache, on_progress: OnProgress | None) -> li
     return found
 
 
-def _evaluate(where: str, name: str, change: Mapping[str, Any], bag: Recording, truth: TruthTable) -> list[Result]:
+def _evaluate(where: str, name: str, change: Mapping[str, Any], bag: Recording, truth: TruthTable) -> list[ResultRow]:
     """Measure errors of body, head and pan, and CPU time per frame."""
     tracker: Any = make_tracker(OURS, bag.rig, Prior.of(bag.background), stream(SEED, "tracker", OURS), change)
     frames: list[TrackFrame] = []
@@ -102,7 +102,7 @@ def _evaluate(where: str, name: str, change: Mapping[str, Any], bag: Recording, 
         ("pan, median", float(np.degrees(metrics["head_yaw_median_rad"])), "°"),
         ("CPU time per frame", 1e3 * spent / len(frames), "ms"),
     )
-    return [Result(where, name, column, None, value, (value, value), unit, 1) for column, value, unit in columns]
+    return [ResultRow(where, name, column, None, value, (value, value), unit, 1) for column, value, unit in columns]
 
 
 def frame_picture(case: Case, cache: RecordingCache, t_s: float) -> bytes:

@@ -41,7 +41,7 @@ from twin.reproduce.camera_floor_particle.results import (
 )
 from twin.reproduce.page import INK, QUIET, plot_style, to_svg, write_page, write_plots
 from twin.reproduce.registry import OnProgress, Outputs, Request
-from twin.reproduce.results import Result, format_rows, pivot_rows, write_results
+from twin.reproduce.results import ResultRow, format_rows, pivot_rows, write_results
 from twin.reproduce.suite_runs import SuiteRuns, case_tracks, case_truth, load_seeded_suite, read_runs, run_conditions
 from twin.suites.cluster import Workers
 from twin.suites.spec import Suite
@@ -75,14 +75,15 @@ def check_suite(suite: Suite, path: Path) -> None:
             raise InputError(f"{path}: scenarios: {name} is run without {OURS}; it is expected among the trackers")
 
 
-def write_all(folder: Path, runs: SuiteRuns, more: Sequence[Result], command: str) -> Outputs:
+def write_all(folder: Path, runs: SuiteRuns, more: Sequence[ResultRow], command: str) -> Outputs:
     """Write results, plots, pictures and page. Raises InputError where a file cannot be written."""
     conditions = read_conditions(runs)
     results = [*results_of(conditions), *more]
     cases = {name: next(iter(runs.by_condition[name].values())) for name in NEEDED}
     course = {tracker_label(name): case_tracks(case, runs) for name, case in cases[COURSE].items()}
     errors = [
-        head_errors(case_truth(cases[name][OURS], runs), case_tracks(cases[name][OURS], runs)) for name in MOVEMENTS
+        head_errors_since_detection(case_truth(cases[name][OURS], runs), case_tracks(cases[name][OURS], runs))
+        for name in MOVEMENTS
     ]
     drawn = {"figure6": course_svg(case_truth(cases[COURSE][OURS], runs), course), "heads": heads_svg(errors)}
     pictures = {}
@@ -163,7 +164,7 @@ def heads_svg(errors: Sequence[HeadErrorsOverTime]) -> str:
         return to_svg(figure)
 
 
-def head_errors(truth: TruthTable, tracks: TrackTable, gate_m: float = 0.5) -> HeadErrorsOverTime:
+def head_errors_since_detection(truth: TruthTable, tracks: TrackTable, gate_m: float = 0.5) -> HeadErrorsOverTime:
     """Compute errors of heads in the rows of tracks with a person within the gate, and the time since the track's first
     row.
     """

@@ -16,7 +16,7 @@ from trackers.vision.front_end import FrontEndOptions, front_ends
 from trackers.vision.views import CameraViews
 from twin.recording.reader import Recording
 from twin.reproduce.bootstrap import Bootstrap, Interval, interval
-from twin.reproduce.results import Result
+from twin.reproduce.results import ResultRow
 from twin.reproduce.suite_runs import SuiteRuns, case_recording, number_or_nan
 from twin.streams import stream
 from twin.suites.cache import RecordingCache
@@ -81,7 +81,7 @@ def read_conditions(runs: SuiteRuns) -> dict[str, CameraFloorCondition]:
     return found
 
 
-def results_of(conditions: Mapping[str, CameraFloorCondition]) -> list[Result]:
+def results_of(conditions: Mapping[str, CameraFloorCondition]) -> list[ResultRow]:
     """Compute every result: the four movements together, then each condition, then ablations."""
     movements = [conditions[name] for name in MOVEMENTS]
     together = CameraFloorCondition(
@@ -100,7 +100,7 @@ def tracker_label(tracker: str) -> str:
     return "ours" if tracker == OURS else tracker.removeprefix(f"{OURS}-")
 
 
-def _means(condition: CameraFloorCondition, where: str) -> Iterator[Result]:
+def _means(condition: CameraFloorCondition, where: str) -> Iterator[ResultRow]:
     for tracker, metrics in condition.metrics.items():
         for row, key, times, unit in _MEANS:
             values = times * metrics[key]
@@ -114,7 +114,7 @@ def _means(condition: CameraFloorCondition, where: str) -> Iterator[Result]:
                 )
 
 
-def _ablations(conditions: Mapping[str, CameraFloorCondition]) -> Iterator[Result]:
+def _ablations(conditions: Mapping[str, CameraFloorCondition]) -> Iterator[ResultRow]:
     """Compute the change by leaving something out, paired by run: the metric without less the metric with."""
     units = {row: (key, times, unit) for row, key, times, unit in _MEANS}
     for name, what, tracker, row in ABLATIONS:
@@ -133,8 +133,10 @@ def _mean(values: Array, seed: int) -> Interval:
     return interval(Bootstrap(len(values), stream(seed, "reproduce", "camera-floor bootstrap")).mean(values))
 
 
-def _result(where: str, row: str, column: str, paper: float | None, found: Interval, unit: str, n_run: int) -> Result:
-    return Result.of(where, row, column, found, unit, n_run, paper)
+def _result(
+    where: str, row: str, column: str, paper: float | None, found: Interval, unit: str, n_run: int
+) -> ResultRow:
+    return ResultRow.of(where, row, column, found, unit, n_run, paper)
 
 
 SHOWN = ("crossing", "shadows")
@@ -142,7 +144,7 @@ SHOWN = ("crossing", "shadows")
 _EVERY_S = 0.5
 
 
-def mask_results(runs: SuiteRuns) -> list[Result]:
+def mask_results(runs: SuiteRuns) -> list[ResultRow]:
     """Measure recall and precision of the foreground's pixels in the first run of each of these conditions, all cameras
     together.
     """
@@ -154,7 +156,7 @@ def mask_results(runs: SuiteRuns) -> list[Result]:
         recall, precision = mask_quality(case, runs.cache)
         for row, share in (("of people's pixels, foreground", recall), ("of foreground, people's", precision)):
             value = 100 * share
-            found.append(Result(BEYOND, f"{name}, {row}", "ours", None, value, (value, value), "%", 1))
+            found.append(ResultRow(BEYOND, f"{name}, {row}", "ours", None, value, (value, value), "%", 1))
     return found
 
 

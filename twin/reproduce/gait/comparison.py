@@ -43,7 +43,7 @@ from twin.reproduce.gait.stride import (
     stance,
     values_of,
 )
-from twin.reproduce.results import Result
+from twin.reproduce.results import ResultRow
 from twin.streams import stream
 
 WALKS_M_S = (0.8, 1.0, 1.2, 1.35, 1.5, 1.8)
@@ -140,7 +140,7 @@ def compare(subject: Subject) -> SubjectComparison:
     )
 
 
-def gait_results(runs: GaitRuns) -> list[Result]:
+def gait_results(runs: GaitRuns) -> list[ResultRow]:
     """Compute every result: beside the subject, of walking and of running; intervals over the people, by the bootstrap."""
     rows = [] if runs.compared is None else _compare_with_subject(runs.compared)
     rows += _compare_with_person(runs.person)
@@ -148,7 +148,7 @@ def gait_results(runs: GaitRuns) -> list[Result]:
     bootstrap = Bootstrap(n_run, stream(runs.seeds.start, "reproduce", "bootstrap"))
 
     def add(where: str, speed: float, what: str, values: Array, unit: str, paper: float | None = None) -> None:
-        rows.append(Result.of(where, f"{speed:g} m/s", what, interval(bootstrap.mean(values)), unit, n_run, paper))
+        rows.append(ResultRow.of(where, f"{speed:g} m/s", what, interval(bootstrap.mean(values)), unit, n_run, paper))
 
     for speed in WALKS_M_S:
         found = runs.measures[speed]
@@ -174,12 +174,12 @@ def gait_results(runs: GaitRuns) -> list[Result]:
     return rows
 
 
-def _compare_with_subject(compared: SubjectComparison) -> list[Result]:
+def _compare_with_subject(compared: SubjectComparison) -> list[ResultRow]:
     theirs, ours = compared.their_measures, compared.our_measures
     row, stances = f"{SUBJECT_SPEED_M_S:g} m/s, {SUBJECT_STATURE_M:g} m", len(compared.ours.seconds)
 
-    def result(what: str, paper: float | None, value: float, unit: str) -> Result:
-        return Result(SUBJECT_SECTION, row, what, paper, value, (value, value), unit, stances)
+    def result(what: str, paper: float | None, value: float, unit: str) -> ResultRow:
+        return ResultRow(SUBJECT_SECTION, row, what, paper, value, (value, value), unit, stances)
 
     return [
         result("stance", theirs.stance_s, ours.stance_s, "s"),
@@ -194,15 +194,15 @@ def _compare_with_subject(compared: SubjectComparison) -> list[Result]:
     ]  # fmt: skip
 
 
-def _compare_with_person(ours: SteadyGait) -> list[Result]:
+def _compare_with_person(ours: SteadyGait) -> list[ResultRow]:
     (found,) = measure_people(ours)
     rate_hz = 1 / float(np.diff(ours.t[:2])[0])
     curve = _together([stance(ours.load[:, foot, 0], rate_hz) for foot in range(2)]).curves.mean(axis=0)
     points = load_path(ours, 0)
     row, whole = f"{PERSON_SPEED_M_S:g} m/s, {PERSON_STATURE_M:g} m", np.linspace(0, 1, STANCE_POINTS)
 
-    def result(what: str, paper: float | None, value: float, unit: str) -> Result:
-        return Result(PERSON_SECTION, row, what, paper, value, (value, value), unit, len(points))
+    def result(what: str, paper: float | None, value: float, unit: str) -> ResultRow:
+        return ResultRow(PERSON_SECTION, row, what, paper, value, (value, value), unit, len(points))
 
     travel = float(np.ptp(points, axis=1).mean())
     early = float(np.interp(0.05, whole, curve))

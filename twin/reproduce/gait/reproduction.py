@@ -18,7 +18,7 @@ from twin.reproduce.gait.published import (
 )
 from twin.reproduce.page import write_page, write_plots
 from twin.reproduce.registry import OnProgress, Outputs, Request
-from twin.reproduce.results import Result, format_rows, write_results
+from twin.reproduce.results import ResultRow, format_rows, write_results
 
 
 def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = None) -> Outputs:
@@ -40,7 +40,7 @@ def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = N
     return results, paths
 
 
-def _content(runs: GaitRuns, results: list[Result]) -> dict[str, Any]:
+def _content(runs: GaitRuns, results: list[ResultRow]) -> dict[str, Any]:
     seeds, compared = runs.seeds, runs.compared
     return {
         "n_run": len(seeds),

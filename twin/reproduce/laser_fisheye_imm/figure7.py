@@ -24,8 +24,8 @@ from trackers.filters.kalman import kalman
 from trackers.filters.motion import HEADING, MEASUREMENT_VARIANCE_M2, SPEED, MotionModel, propagate
 from trackers.filters.particle import Cloud, ParticleFilter
 from twin.reproduce.bootstrap import Bootstrap, interval
-from twin.reproduce.laser_fisheye_imm.walk import PERIOD_S, Walk
-from twin.reproduce.results import Result
+from twin.reproduce.laser_fisheye_imm.walk import PERIOD_S, ManeuveringWalk
+from twin.reproduce.results import ResultRow
 from twin.streams import stream
 
 FIRST_SCAN = 2
@@ -73,13 +73,15 @@ class MonteCarlo:
     """Squared errors of all runs at the scans that count: of position [m²] and, by reading, of speed [m²/s²]."""
 
     seeds: range
-    walk: Walk
+    walk: ManeuveringWalk
     scans: NDArray[np.intp]  # (k,)
     position: SquaredErrors
     speed: dict[str, SquaredErrors]
 
 
-def simulate(walk: Walk, seeds: range, on_progress: Callable[[str, float, float], None] | None = None) -> MonteCarlo:
+def simulate(
+    walk: ManeuveringWalk, seeds: range, on_progress: Callable[[str, float, float], None] | None = None
+) -> MonteCarlo:
     """Run the three filters on the walk, once per seed. The particles of the runs of a block share a stream."""
     measured = measurements(walk, seeds)
     parts: dict[str, list[Estimates]] = {name: [] for name in FILTERS}
@@ -112,7 +114,7 @@ def simulate(walk: Walk, seeds: range, on_progress: Callable[[str, float, float]
     )
 
 
-def measurements(walk: Walk, seeds: range) -> Array:
+def measurements(walk: ManeuveringWalk, seeds: range) -> Array:
     """Measure the walk in each run, (n, k, 2) [m]; the noise of a seed does not depend on the other seeds."""
     deviation = np.sqrt(MEASUREMENT_VARIANCE_M2)
     noise = [stream(seed, "reproduce", "measurements").normal(0.0, deviation, walk.position.shape) for seed in seeds]
@@ -212,7 +214,7 @@ def curves(runs: MonteCarlo) -> tuple[Curves, Curves]:
     )
 
 
-def figure7_results(runs: MonteCarlo) -> list[Result]:
+def figure7_results(runs: MonteCarlo) -> list[ResultRow]:
     """Compute every result of figure 7: means over the scans, the IMM against the others, and the other readings of a
     speed.
 
@@ -221,7 +223,7 @@ def figure7_results(runs: MonteCarlo) -> list[Result]:
     bootstrap, n_run, rows = _bootstrap(runs), len(runs.seeds), []
 
     def add(where: str, row: str, column: str, values: Array, unit: str) -> None:
-        rows.append(Result.of(where, row, column, interval(values), unit, n_run))
+        rows.append(ResultRow.of(where, row, column, interval(values), unit, n_run))
 
     for found in curves(runs):
         mean = {name: curve.mean(axis=1) for name, curve in found.by_filter.items()}

@@ -15,7 +15,7 @@ from twin.reproduce.bootstrap import band
 from twin.reproduce.laser_fisheye_imm.figure7 import FILTERS, Curves
 from twin.reproduce.laser_fisheye_imm.runs import COLUMNS, IMM, SENSOR_SETS, Column, LabCondition, LabRun
 from twin.reproduce.laser_fisheye_imm.table_one import LOST, MISIDENTIFIED, TOTAL, cell, error_rate, values
-from twin.reproduce.laser_fisheye_imm.walk import PERIOD_S, Walk
+from twin.reproduce.laser_fisheye_imm.walk import PERIOD_S, ManeuveringWalk
 from twin.reproduce.page import INK, QUIET, SHADE, plot_style, to_svg
 from twin.scenario.person import wardrobe
 
@@ -27,7 +27,7 @@ _DASHES = dict(zip(FILTERS, ["-", "-", (0, (5, 2))], strict=True))  # as in the 
 _WIDTHS = dict(zip(FILTERS, [2.2, 1.3, 1.3], strict=True))
 
 
-def walk_svg(walk: Walk) -> str:
+def walk_svg(walk: ManeuveringWalk) -> str:
     """Draw figure 6: footprint, linear velocity and turning velocity of the walk."""
     from matplotlib.figure import Figure
 
@@ -52,7 +52,7 @@ def walk_svg(walk: Walk) -> str:
         return to_svg(figure)
 
 
-def errors_svg(walk: Walk, scans: np.ndarray, found: Sequence[Curves]) -> str:
+def errors_svg(walk: ManeuveringWalk, scans: np.ndarray, found: Sequence[Curves]) -> str:
     """Draw figure 7: NPE and NVE at each scan with their 95 % bands, maneuvers shaded."""
     from matplotlib.figure import Figure
 
@@ -81,7 +81,7 @@ def errors_svg(walk: Walk, scans: np.ndarray, found: Sequence[Curves]) -> str:
         return to_svg(figure)
 
 
-def _footprint(axes: Axes, walk: Walk) -> None:
+def _footprint(axes: Axes, walk: ManeuveringWalk) -> None:
     x, y = walk.position.T
     axes.plot(x, y, color=INK, linewidth=1.0)
     axes.scatter(x, y, s=7, color=INK, linewidths=0, label="scan")
@@ -95,7 +95,7 @@ def _footprint(axes: Axes, walk: Walk) -> None:
     axes.legend(loc="lower right", frameon=False)
 
 
-def _maneuver_places(walk: Walk) -> list[tuple[np.ndarray, str]]:
+def _maneuver_places(walk: ManeuveringWalk) -> list[tuple[np.ndarray, str]]:
     """Find the starts of maneuvers and their labels; those within half a metre of each other share a place."""
     places: list[tuple[np.ndarray, str]] = []
     for maneuver in walk.maneuvers:
@@ -108,7 +108,7 @@ def _maneuver_places(walk: Walk) -> list[tuple[np.ndarray, str]]:
     return places
 
 
-def _maneuvers(axes: Axes, walk: Walk, named: bool) -> None:
+def _maneuvers(axes: Axes, walk: ManeuveringWalk, named: bool) -> None:
     for maneuver in walk.maneuvers:
         start, end = maneuver.start_t / PERIOD_S, maneuver.end_t / PERIOD_S
         axes.axvspan(start, end, color=SHADE, linewidth=0)

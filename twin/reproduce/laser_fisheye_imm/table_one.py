@@ -27,7 +27,7 @@ from twin.reproduce.laser_fisheye_imm.runs import (
     LabCondition,
     LabRuns,
 )
-from twin.reproduce.results import Result
+from twin.reproduce.results import ResultRow
 from twin.streams import stream
 
 TABLE_ONE, PAIRED, BEYOND, DENSITY = "table I", "table I, paired", "beyond the paper", "beyond the paper, density"
@@ -121,7 +121,7 @@ def losses_by_occlusion(condition: LabCondition) -> LossesByOcclusion:
     )
 
 
-def lab_results(lab: LabRuns) -> list[Result]:
+def lab_results(lab: LabRuns) -> list[ResultRow]:
     """Compute every result: table I, the paired differences, and the same beyond the paper."""
     return [
         *_table(lab.paper_condition, TABLE_ONE, prefix="", with_paper=True),
@@ -142,7 +142,7 @@ def lab_results(lab: LabRuns) -> list[Result]:
     ]
 
 
-def _table(condition: LabCondition, where: str, prefix: str, with_paper: bool) -> Iterator[Result]:
+def _table(condition: LabCondition, where: str, prefix: str, with_paper: bool) -> Iterator[ResultRow]:
     for row in ROWS:
         unit = "/run" if row in COUNTS else RATES[row][1]
         for column in COLUMNS:
@@ -152,7 +152,7 @@ def _table(condition: LabCondition, where: str, prefix: str, with_paper: bool) -
             yield _result(where, prefix + row, column.name, paper, cell(condition, column, row), unit, condition)
 
 
-def _paired(condition: LabCondition, where: str, prefix: str) -> Iterator[Result]:
+def _paired(condition: LabCondition, where: str, prefix: str) -> Iterator[ResultRow]:
     by_set = {(each.filter, each.sensors): each for each in COLUMNS}
     for sensors in SENSOR_SETS:
         found = difference(condition, by_set[IMM, sensors], by_set[KALMAN, sensors])
@@ -166,8 +166,8 @@ def _paired(condition: LabCondition, where: str, prefix: str) -> Iterator[Result
 
 def _result(
     where: str, row: str, column: str, paper: float | None, found: Interval, unit: str, condition: LabCondition
-) -> Result:
-    return Result.of(where, row, column, found, unit, len(condition.seeds), paper)
+) -> ResultRow:
+    return ResultRow.of(where, row, column, found, unit, len(condition.seeds), paper)
 
 
 def _bootstrap(n_run: int, condition: LabCondition) -> Bootstrap:

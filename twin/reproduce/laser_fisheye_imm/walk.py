@@ -67,7 +67,7 @@ class Maneuver:
 
 
 @dataclass(frozen=True, eq=False)
-class Walk:
+class ManeuveringWalk:
     """The truth at every scan."""
 
     t: Array  # (k,) [s]
@@ -81,7 +81,7 @@ class Walk:
         return len(self.t)
 
 
-def maneuvering_walk() -> Walk:
+def maneuvering_walk() -> ManeuveringWalk:
     """Sample the walk of `LEGS` every `PERIOD_S`; at a border between legs the turn rate is that of the leg before."""
     duration = np.array([leg.duration_s for leg in LEGS])
     ends = np.cumsum(duration)
@@ -104,4 +104,4 @@ def maneuvering_walk() -> Walk:
         for leg, start, end in zip(LEGS, starts, ends, strict=True)
         if leg.kind != "steady"
     )
-    return Walk(t, position[scan], heading[scan], speed[scan], rates[leg_at], maneuvers)
+    return ManeuveringWalk(t, position[scan], heading[scan], speed[scan], rates[leg_at], maneuvers)

@@ -38,7 +38,7 @@ from twin.reproduce.laser_vision_learning.runs import (
 from twin.reproduce.laser_vision_learning.splits import CHOICE, SEED, compare_choices
 from twin.reproduce.page import write_page, write_plots
 from twin.reproduce.registry import OnProgress, Outputs, Request
-from twin.reproduce.results import Result, format_rows, write_results
+from twin.reproduce.results import ResultRow, format_rows, write_results
 from twin.reproduce.suite_runs import load_seeded_suite, read_runs, run_conditions, warn_of_failure
 from twin.suites.cluster import Workers
 from twin.suites.worker import Incident, resolved_scenario
@@ -67,7 +67,7 @@ def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = N
 
 
 def write_all(
-    folder: Path, hall: HallRuns, strips: Sequence[FilmStrip], chosen: Sequence[Result], command: str
+    folder: Path, hall: HallRuns, strips: Sequence[FilmStrip], chosen: Sequence[ResultRow], command: str
 ) -> Outputs:
     """Write results, table of runs, plots, film strips and page. Raises InputError where a file cannot be written."""
     results = [*hall_results(hall), *chosen]
@@ -125,7 +125,7 @@ def _fits(hall: HallRuns) -> list[tuple[str, str]]:
     return texts
 
 
-def _grid(results: Sequence[Result], where: str) -> dict[str, object] | None:
+def _grid(results: Sequence[ResultRow], where: str) -> dict[str, object] | None:
     """Pivot results of one kind: a row per metric of a condition, a column per tracker; of the many ablations
     transposed.
     """

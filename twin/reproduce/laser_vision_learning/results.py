@@ -20,7 +20,7 @@ from twin.reproduce.laser_vision_learning.runs import (
     HallCondition,
     HallRuns,
 )
-from twin.reproduce.results import Result
+from twin.reproduce.results import ResultRow
 from twin.streams import stream
 
 PLACE, TABLE_ONE, TABLE_TWO = "the place", "table I", "table II"
@@ -44,7 +44,7 @@ _PAPER_PLACE = {
 }
 
 
-def hall_results(hall: HallRuns) -> list[Result]:
+def hall_results(hall: HallRuns) -> list[ResultRow]:
     """Compute every result of the page."""
     found = [each for name in (BUSY, HALL) for each in _place(hall.conditions[name])]
     found += _disposals(hall.conditions[BUSY], TABLE_ONE, with_paper=True)
@@ -85,7 +85,7 @@ def cost_fit(conditions: list[HallCondition], tracker: str) -> Array | None:
     return np.append(fitted, 1 - left.var() / table[:, 3].var())
 
 
-def _place(condition: HallCondition) -> Iterator[Result]:
+def _place(condition: HallCondition) -> Iterator[ResultRow]:
     place, boot = condition.place, _bootstrap(condition)
     shares = (
         ("people a frame", place.people, place.frames, "1", 1.0),
@@ -106,7 +106,7 @@ def _place(condition: HallCondition) -> Iterator[Result]:
             yield _result(PLACE, row, condition.name, None, interval(lasting.mean(values)), unit, condition)
 
 
-def _disposals(condition: HallCondition, where: str, with_paper: bool) -> Iterator[Result]:
+def _disposals(condition: HallCondition, where: str, with_paper: bool) -> Iterator[ResultRow]:
     for row, metric in _DISPOSAL.items():
         for tracker in condition.trackers:
             total, disposed = (condition.metrics[tracker][f"{metric}.{each}"] for each in ("total", "disposed"))
@@ -116,7 +116,7 @@ def _disposals(condition: HallCondition, where: str, with_paper: bool) -> Iterat
                 yield _result(where, row, condition.tracker_label(tracker), paper, share, "%", condition)
 
 
-def _accuracies(condition: HallCondition, where: str, with_paper: bool) -> Iterator[Result]:
+def _accuracies(condition: HallCondition, where: str, with_paper: bool) -> Iterator[ResultRow]:
     boot = _bootstrap(condition)
     for tracker in condition.trackers:
         metrics, column = condition.metrics[tracker], condition.tracker_label(tracker)
@@ -131,7 +131,7 @@ def _accuracies(condition: HallCondition, where: str, with_paper: bool) -> Itera
             yield _result(where, row, column, None, interval(boot.mean(metrics[metric])), "1", condition)
 
 
-def _costs(condition: HallCondition, where: str) -> Iterator[Result]:
+def _costs(condition: HallCondition, where: str) -> Iterator[ResultRow]:
     boot = _bootstrap(condition)
     for tracker in condition.trackers:
         for row, metric in ((COST, "ms_per_frame.mean"), (f"{COST}, 95 %", "ms_per_frame.p95")):
@@ -143,7 +143,7 @@ def _costs(condition: HallCondition, where: str) -> Iterator[Result]:
         yield _result(where, RELATIVE, condition.tracker_label(FUSED), _PAPER_RELATIVE, found, "1", condition)
 
 
-def _beyond(condition: HallCondition, where: str) -> Iterator[Result]:
+def _beyond(condition: HallCondition, where: str) -> Iterator[ResultRow]:
     boot = _bootstrap(condition)
     for tracker in condition.trackers:
         count = condition.metrics[tracker]["failures.person_frames"]
@@ -154,10 +154,10 @@ def _beyond(condition: HallCondition, where: str) -> Iterator[Result]:
         cost = interval(boot.mean(condition.metrics[tracker]["ms_per_frame.mean"]))
         yield _result(where, f"{condition.name}, {COST}", condition.tracker_label(tracker), None, cost, "ms", condition)
     for each in _disposals(condition, where, with_paper=False):
-        yield Result(where, f"{condition.name}, {each.row}", each.column, None, each.ours, each.ci95, "%", each.runs)
+        yield ResultRow(where, f"{condition.name}, {each.row}", each.column, None, each.ours, each.ci95, "%", each.runs)
 
 
-def _losses(condition: HallCondition, hall: HallCondition) -> Iterator[Result]:
+def _losses(condition: HallCondition, hall: HallCondition) -> Iterator[ResultRow]:
     """Compute the accuracy that a change of the hall costs, paired by seed, over as many frames as the change was run
     for.
     """
@@ -180,8 +180,8 @@ def _ratio(boot: Bootstrap, above: Array, below: Array) -> Interval:
 
 def _result(
     where: str, row: str, column: str, paper: float | None, found: Interval, unit: str, condition: HallCondition
-) -> Result:
-    return Result.of(where, row, column, found, unit, len(condition.seeds), paper)
+) -> ResultRow:
+    return ResultRow.of(where, row, column, found, unit, len(condition.seeds), paper)
 
 
 def _bootstrap(condition: HallCondition) -> Bootstrap:

@@ -30,7 +30,7 @@ from twin.recording.reader import Recording
 from twin.recording.situation_table import situation_table
 from twin.recording.tables import truth_table
 from twin.reproduce.bootstrap import Bootstrap, interval
-from twin.reproduce.results import Result
+from twin.reproduce.results import ResultRow
 from twin.scenario import load_scenario
 from twin.scenario.load import dump_scenario
 from twin.streams import stream
@@ -54,7 +54,7 @@ def near_identical_clothes(people: Iterable[str]) -> list[str]:
 
 
 @dataclass(frozen=True)
-class Decision:
+class SplitDecision:
     """Decision of classifiers on two people who parted: `margin` below 0 where they exchanged them, 0 where they knew
     neither.
     """
@@ -97,7 +97,7 @@ class SplitTrial:
     """One choice of options, fed with the pictures of a recording."""
 
     def __init__(self, learner: Learner, truth: SplitTruth, identity: IdentityOptions, seed: int) -> None:
-        self.decisions: list[Decision] = []
+        self.decisions: list[SplitDecision] = []
         self._learner, self._truth, self._identity = learner, truth, identity
         self._looks = Looks.unknown(len(truth.ids), learner.options)
         self._met: dict[tuple[int, int, int, int], Looks] = {}
@@ -136,7 +136,7 @@ class SplitTrial:
             by_looks = decided(mean, np.zeros((2, 2)), self._identity)
             margin = float(by_looks.margin[0]) * (1 if by_looks.member[0] == 0 or not by_looks.margin[0] else -1)
             first, second = self._truth.ids[each.columns].tolist()
-            self.decisions.append(Decision(first, second, each.at_s, margin))
+            self.decisions.append(SplitDecision(first, second, each.at_s, margin))
 
 
 def decide(
@@ -145,7 +145,7 @@ def decide(
     kind: SituationKind,
     identity: IdentityOptions | None = None,
     seed: int = 0,
-) -> dict[str, list[Decision]]:
+) -> dict[str, list[SplitDecision]]:
     """Let the classifiers of every variant decide when two people whom this kind of situation joined part again.
 
     All variants go through the recording at once, since reading its pictures is not free.
@@ -215,7 +215,7 @@ SEED, DURATION_S = 1003, 16
 _SCENARIO = "library-hall-busy"
 
 
-def compare_choices(cache: RecordingCache, on_progress: OnProgress | None) -> list[Result]:
+def compare_choices(cache: RecordingCache, on_progress: OnProgress | None) -> list[ResultRow]:
     """Record the busy place in near-identical clothes, and compare every choice's decisions when correlated people
     part.
     """
@@ -236,7 +236,7 @@ def compare_choices(cache: RecordingCache, on_progress: OnProgress | None) -> li
         right = interval(100 * boot.mean(np.where(margin > 0, 1.0, 0.0)))
         margin_interval = interval(mean / deviation)
         for column, each, unit in ((RIGHT, right, "%"), (MARGIN, margin_interval, "1")):
-            found.append(Result.of(CHOICE, name, column, each, unit, len(margin)))
+            found.append(ResultRow.of(CHOICE, name, column, each, unit, len(margin)))
     if on_progress is not None:
         on_progress("choices of the classifiers", 1, 1)
     return found

@@ -18,7 +18,7 @@ from trackers.rig import Rig, placed_camera
 from twin.recording.tables import TrackTable, TruthTable
 from twin.report.palette import IDENTITY_COLOURS, hex_colour
 from twin.reproduce.page import INK, QUIET, plot_style, to_svg
-from twin.reproduce.rgbd_head.errors import HeadErrors
+from twin.reproduce.rgbd_head.head_errors import HeadErrors
 
 _HEIGHTS_M = (0.7, 1.2, 1.6)
 _STEP_M = 0.05

@@ -19,8 +19,8 @@ from trackers.tracks import TrackFrame
 from twin.messages import OnProgress
 from twin.recording.reader import Recording
 from twin.recording.tables import TrackTable, TruthTable, read_truth, track_table
-from twin.reproduce.results import Result
-from twin.reproduce.rgbd_head.errors import head_errors, spread_cm
+from twin.reproduce.results import ResultRow
+from twin.reproduce.rgbd_head.head_errors import head_errors, spread_cm
 from twin.reproduce.rgbd_head.results import CAUGHT, OURS, SPREAD, mean_of
 from twin.streams import stream
 from twin.suites.worker import RECORDING, TRUTH
@@ -84,7 +84,7 @@ class LoadedRecording:
         return tracker.debug_state()
 
 
-def spread_results(seen: LoadedRecording, n_run: int, on_progress: OnProgress | None) -> list[Result]:
+def spread_results(seen: LoadedRecording, n_run: int, on_progress: OnProgress | None) -> list[ResultRow]:
     """Compute table 3: the spread of runs of one recording by other random numbers, with as many hypotheses as ours and
     as the paper's.
     """
@@ -102,13 +102,13 @@ def spread_results(seen: LoadedRecording, n_run: int, on_progress: OnProgress | 
                 ("mean", float(spread.mean()), paper[0]),
                 ("largest", float(spread.max()), paper[1]),
             ):
-                found.append(Result(SPREAD, name, f"{axis} {what}", theirs, value, (value, value), "cm", n_run))
+                found.append(ResultRow(SPREAD, name, f"{axis} {what}", theirs, value, (value, value), "cm", n_run))
     return found
 
 
 def trap_results(
     seen: LoadedRecording, n_run: int, on_progress: OnProgress | None
-) -> tuple[list[Result], dict[str, TrackTable]]:
+) -> tuple[list[ResultRow], dict[str, TrackTable]]:
     """Compute figures 11 and 12: the share of runs lost by the clock and out of the room; and the first run of each
     system.
     """
@@ -126,5 +126,5 @@ def trap_results(
             places = np.column_stack([tracks.head_x, tracks.head_y, tracks.head_z])
             left[seed] = not seen.environment.head_weight(places).all()
         for row, values in (("lost", lost), ("left the room", left)):
-            found.append(Result.of(CAUGHT, name, row, mean_of(100 * values, 0), "%", n_run))
+            found.append(ResultRow.of(CAUGHT, name, row, mean_of(100 * values, 0), "%", n_run))
     return found, first

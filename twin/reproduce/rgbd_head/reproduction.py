@@ -16,7 +16,7 @@ from twin.recording.atomic_file import atomic_path
 from twin.recording.tables import TrackTable
 from twin.reproduce.page import write_page, write_plots
 from twin.reproduce.registry import OnProgress, Outputs, Request
-from twin.reproduce.results import Result, format_rows, pivot_rows, write_results
+from twin.reproduce.results import ResultRow, format_rows, pivot_rows, write_results
 from twin.reproduce.rgbd_head.figures import (
     environment_svg,
     errors_svg,
@@ -143,7 +143,7 @@ def _written(
     folder: Path,
     runs: SuiteRuns,
     conditions: dict[str, HeadCondition],
-    results: list[Result],
+    results: list[ResultRow],
     drawn: dict[str, str],
     pictures: dict[str, bytes],
     n_run: int,

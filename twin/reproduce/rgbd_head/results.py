@@ -12,8 +12,8 @@ from trackers.arrays import Array, Mask
 from twin.recording.reader import Recording
 from twin.recording.tables import read_truth
 from twin.reproduce.bootstrap import Bootstrap, Interval, interval
-from twin.reproduce.results import Result
-from twin.reproduce.rgbd_head.errors import HeadErrors, head_errors
+from twin.reproduce.results import ResultRow
+from twin.reproduce.rgbd_head.head_errors import HeadErrors, head_errors
 from twin.reproduce.suite_runs import SuiteRuns, case_recording, case_tracks
 from twin.streams import stream
 from twin.suites.worker import RECORDING, TRUTH
@@ -75,17 +75,17 @@ def read_conditions(runs: SuiteRuns) -> dict[str, HeadCondition]:
     return found
 
 
-def results_of(conditions: Mapping[str, HeadCondition]) -> list[Result]:
+def results_of(conditions: Mapping[str, HeadCondition]) -> list[ResultRow]:
     """Compute every result: each condition, then choices, ablations, and errors by range, cameras and posture."""
-    found: list[Result] = []
+    found: list[ResultRow] = []
     for name, condition in conditions.items():
         found += _means(condition, EXPERIMENTS if name in NEEDED else BEYOND)
     return [*found, *_choices(conditions[FIRST]), *_ablations(conditions), *_where(conditions)]
 
 
-def result_of(where: str, row: str, column: str, paper: float | None, values: Array, unit: str, seed: int) -> Result:
+def result_of(where: str, row: str, column: str, paper: float | None, values: Array, unit: str, seed: int) -> ResultRow:
     """Make a result from a mean over runs with its interval."""
-    return Result.of(where, row, column, mean_of(values, seed), unit, len(values), paper)
+    return ResultRow.of(where, row, column, mean_of(values, seed), unit, len(values), paper)
 
 
 def mean_of(values: Array, seed: int) -> Interval:
@@ -93,7 +93,7 @@ def mean_of(values: Array, seed: int) -> Interval:
     return interval(Bootstrap(len(values), stream(seed, "reproduce", "rgbd-head bootstrap")).mean(values))
 
 
-def _means(condition: HeadCondition, where: str) -> Iterator[Result]:
+def _means(condition: HeadCondition, where: str) -> Iterator[ResultRow]:
     for tracker, metrics in condition.metrics.items():
         if tracker.startswith(_CHOICES):
             continue
@@ -113,7 +113,7 @@ def unit_of(metric: str) -> str:
     return _UNITS.get(metric, "cm")
 
 
-def _choices(condition: HeadCondition) -> Iterator[Result]:
+def _choices(condition: HeadCondition) -> Iterator[ResultRow]:
     """Compare numbers of hypotheses, points and cameras in sequence 1."""
     for tracker, metrics in condition.metrics.items():
         if tracker == OURS or tracker.startswith(_CHOICES):
@@ -124,7 +124,7 @@ def _choices(condition: HeadCondition) -> Iterator[Result]:
                     yield result_of(CHOICE, row_name, row, None, values, unit_of(row), condition.seeds[0])
 
 
-def _ablations(conditions: Mapping[str, HeadCondition]) -> Iterator[Result]:
+def _ablations(conditions: Mapping[str, HeadCondition]) -> Iterator[ResultRow]:
     """Compute the change by leaving one thing out, over every condition it was left out in, paired by run: without less
     with.
     """
@@ -139,7 +139,7 @@ def _ablations(conditions: Mapping[str, HeadCondition]) -> Iterator[Result]:
                 yield result_of(ABLATION, f"{what} ({names})", change_of, None, known, unit_of(row), among[0].seeds[0])
 
 
-def _where(conditions: Mapping[str, HeadCondition]) -> Iterator[Result]:
+def _where(conditions: Mapping[str, HeadCondition]) -> Iterator[ResultRow]:
     """Compute errors of ours by range, cameras that see the head, and posture, over the runs that have any there."""
     errors = [each for name in (FIRST, SECOND, PEOPLE) for each in conditions[name].errors]
     classes = {

@@ -10,7 +10,7 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.tracks import Track, TrackFrame
 from twin.evaluate import evaluate_with_details
-from twin.evaluate.frames import align
+from twin.evaluate.judged_frames import align
 from twin.evaluate.report_clock import report_clock, silent_stamps
 from twin.recording.tables import PersonTruth, TruthFrame, track_table, truth_table
 
