@@ -178,7 +178,7 @@ def make_tracker(
     background: observations of the empty room, or a `trackers.prior.Prior`, which the tracker is handed in any
     case; rng: the tracker's own generator; options: laid over the preset's, at every depth. Raises InputError for a name,
     module, class or option that does not exist, naming the valid ones.
-    What is imported here runs: a name that a file holds is for the caller to refuse (see `twin.run.chosen_trackers`).
+    What is imported here runs: a name that a file holds is for the caller to refuse (see `twin.run.inputs`).
     """
     from trackers.prior import Prior
 

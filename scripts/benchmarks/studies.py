@@ -14,7 +14,7 @@ from scipy.stats import spearmanr
 
 from benchmarks.figure import Figure
 from trackers.configuration import validate
-from twin.run.chosen_trackers import ChosenTracker
+from twin.run.inputs import ChosenTracker
 from twin.scenario import Scenario, load_scenario
 from twin.studies.apply_placement import apply_placement
 from twin.studies.candidate_set import CandidateSet

@@ -42,8 +42,7 @@ def run(
 ) -> None:
     """Simulate, record, track, evaluate and report."""
     from twin.console import print_metrics, print_paths, print_warning, progress
-    from twin.run.chosen_trackers import TrustedClasses, import_from_here, typed_classes, typed_schedulers
-    from twin.run.inputs import environment_change
+    from twin.run.inputs import TrustedClasses, environment_change, import_from_here, typed_classes, typed_schedulers
     from twin.run.live import run_scenario
     from twin.scenario import load_scenario
 

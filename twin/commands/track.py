@@ -30,8 +30,7 @@ def track(
 ) -> None:
     """Track a recording: the twin's or a robot's."""
     from twin.console import print_metrics, print_paths, print_warning, progress
-    from twin.run.chosen_trackers import import_from_here, typed_classes
-    from twin.run.inputs import environment_change
+    from twin.run.inputs import environment_change, import_from_here, typed_classes
     from twin.run.replay import track_recording
 
     import_from_here([*typed_classes(set_ or []), *(tracker or [])])
@@ -73,9 +72,8 @@ def detections(
     from functools import partial
 
     from twin.console import print_paths, print_warning
-    from twin.run.chosen_trackers import import_from_here, typed_classes
     from twin.run.detections import write_detections
-    from twin.run.inputs import environment_change
+    from twin.run.inputs import environment_change, import_from_here, typed_classes
 
     import_from_here([*typed_classes(set_ or []), tracker])
     write = partial(

@@ -22,8 +22,7 @@ from twin.messages import OnWarning
 from twin.recording.losses import dropped_by, lines
 from twin.recording.reader import Recording
 from twin.recording.tables import number_cell, seconds_cell
-from twin.run.chosen_trackers import ChosenTracker
-from twin.run.inputs import chosen_trackers, files_for, scenario_of
+from twin.run.inputs import ChosenTracker, chosen_trackers, files_for, scenario_of
 from twin.run.tracker_runner import TrackerRunner, plug_in_fault
 
 COLUMNS = ("t", "sensors", "role", "x", "y", "variance", "width")

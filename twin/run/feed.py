@@ -20,7 +20,7 @@ from twin.recording.losses import Loss, ObservationLog, dropped_by
 from twin.report.birdseye import Polygon
 from twin.report.preview import PreviewWriter, TruePoses
 from twin.report.silent_sensors import SilenceMonitor
-from twin.run.chosen_trackers import ChosenTracker
+from twin.run.inputs import ChosenTracker
 from twin.run.tracker_runner import TrackerRunner, check_some_left, tracker_runners
 from twin.truth.frames import TruthFrame
 

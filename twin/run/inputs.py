@@ -1,9 +1,17 @@
-"""Inputs of a replay besides its observations: the bag's scenario, the trackers, their prior files, with overrides applied."""
+"""Inputs of a run: the trackers asked for, and of a recording its scenario and the trackers' prior files, with overrides applied.
+
+A file names no code to import. `module:Class` is taken from the command line, from Python and from installed entry points. In a
+scenario, a suite or a bag it is text that another person may have written, and importing it would run what they please. So would
+a Dask scheduler, which a tracker's option `scheduler` names: a scheduler's owner sends it code, and takes what it sends.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+import os
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -12,21 +20,142 @@ from pydantic import Field
 from trackers.configuration import Strict, validate
 from trackers.errors import InputError
 from trackers.plain_data import parse_yaml
+from trackers.presets import available
 from trackers.rig import NO_PRIOR, PriorFiles, files_within, missing_file
 from trackers.text_file import AnyPath, is_file
 from twin.recording.reader import Recording
-from twin.run.chosen_trackers import (
-    TRACK,
-    ChosenTracker,
-    TrustedClasses,
-    changed_trackers,
-    choose,
-    typed_classes,
-    typed_schedulers,
-)
 from twin.scenario import Scenario, TrackerChoice
 from twin.scenario.load import apply_overrides, without_null
 from twin.scenario.run_size import check_size
+
+SCHEDULER = "scheduler"
+"""The option of a tracker that has a Dask scheduler asked."""
+
+
+@dataclass(frozen=True)
+class TrustedClasses:
+    """Classes (`module:Class`) that may be imported, and schedulers that may be used, although a file names them."""
+
+    named: frozenset[str] = frozenset()
+    every: bool = False
+
+    def has(self, target: str) -> bool:
+        """Return True where `target` may be imported, or used."""
+        return self.every or target in self.named
+
+
+NONE_TRUSTED = TrustedClasses()
+
+_TRACKER, _SET, _ALLOW = "--tracker module:Class", "--set trackers.NAME.preset=module:Class", "--allow-plugins"
+RUN, TRACK, SUITE, STUDY = (_TRACKER, _SET, _ALLOW), (_TRACKER, _SET), (_SET, _ALLOW), (_ALLOW,)
+"""By which options each command takes a class."""
+
+
+@dataclass(frozen=True)
+class ChosenTracker:
+    """A tracker to be made: its name, its preset or class for `make_tracker`, the options to change."""
+
+    name: str
+    target: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+def typed_classes(changes: Sequence[str]) -> frozenset[str]:
+    """Return the classes that 'trackers.NAME.preset=module:Class' texts of a command line name."""
+    presets = (choice.get("preset") for choice in changed_trackers(changes).values() if isinstance(choice, dict))
+    return frozenset(preset for preset in presets if isinstance(preset, str) and ":" in preset)
+
+
+def typed_schedulers(changes: Sequence[str]) -> frozenset[str]:
+    """Return the Dask schedulers that 'trackers.NAME.scheduler=ADDRESS' texts of a command line name."""
+    addresses = (choice.get(SCHEDULER) for choice in changed_trackers(changes).values() if isinstance(choice, dict))
+    return frozenset(address for address in addresses if isinstance(address, str))
+
+
+def changed_trackers(changes: Sequence[str]) -> dict[str, Any]:
+    """Parse the changes in 'trackers.NAME...=value' texts, by the tracker's name; raises InputError for a malformed one."""
+    changed = apply_overrides({}, [change for change in changes if change.strip().startswith("trackers")])
+    trackers = changed.get("trackers")
+    return trackers if isinstance(trackers, dict) else {}
+
+
+def import_from_here(typed: Iterable[str], *, files_trusted: bool = False) -> None:
+    """Let classes be found in the current folder, as `python` lets modules, where one of these names is a class.
+
+    For names typed on a command line, and with `files_trusted` (--allow-plugins) for those in files: else a file would choose
+    what is imported from its own folder.
+    """
+    if files_trusted or any(":" in name for name in typed):
+        sys.path.append(os.getcwd())  # last: nothing that lies there takes the place of what is installed
+
+
+def choose(
+    names: Sequence[str],
+    defined: Mapping[str, TrackerChoice],
+    source: str,
+    trusted: TrustedClasses = NONE_TRUSTED,
+    ways: Sequence[str] = RUN,
+) -> list[ChosenTracker]:
+    """Return the trackers that the user names, as `source` (a scenario or a bag) defines them where it does.
+
+    ways: options by which the command takes a class, for the error's sentence; a study (STUDY) gives the names itself. Raises
+    InputError for one named twice, for a definition of what does not exist or under the name of a tracker that does, and for
+    one of `names` that a definition makes a class which is not trusted. Nothing is imported for it.
+    """
+    if len(set(names)) < len(names):
+        raise InputError(f"--tracker {' --tracker '.join(names)}: one is named twice; each name once is expected")
+    known = available()
+    for name, choice in defined.items():
+        target = choice.preset or name
+        if name in known and target != name:
+            raise InputError(redefined(f"{source}: trackers.{name}.preset", name, target))
+        if name not in names and target not in known and ":" not in target:
+            raise InputError(
+                f"{source}: trackers.{name}: there is no tracker {target!r}; valid are {', '.join(known)}, module:Class, "
+                "or a preset: next to the options"
+            )
+    chosen = []
+    for name in names:
+        choice = defined.get(name, TrackerChoice())
+        if choice.preset is not None and ":" in choice.preset and not trusted.has(choice.preset):
+            raise InputError(not_trusted(f"{source}: trackers.{name}.preset", choice.preset, ways))
+        if ways is STUDY and ":" in name and not trusted.has(name):
+            raise InputError(not_trusted(f"{source}: trackers", name, ways))
+        if is_untrusted_scheduler(choice, trusted):
+            raise InputError(not_asked(f"{source}: trackers.{name}.{SCHEDULER}", choice, ways))
+        chosen.append(ChosenTracker(name, choice.preset or name, choice.options))
+    return chosen
+
+
+def redefined(where: str, name: str, target: str) -> str:
+    """Format the error of a definition of `target` under the `name` of another tracker, written at `where`."""
+    return (
+        f"{where}: {target!r} would go by the name of another tracker, {name}; a name of its own is expected, and options "
+        "alone under this one"
+    )
+
+
+def not_trusted(where: str, target: str, ways: Sequence[str]) -> str:
+    """Format the error of an untrusted class in a file, written at `where`; `ways` as for `choose`."""
+    typed = " or ".join(way for way in ways if way != _ALLOW)
+    also = f", or the class on the command line ({typed})" if typed else ""
+    trusting = f", or {_ALLOW} for a file that you trust" if _ALLOW in ways else ""
+    return f"{where}: {target!r} is a class, and a file names no code to run; a preset's name is expected here{also}{trusting}"
+
+
+def is_untrusted_scheduler(choice: TrackerChoice, trusted: TrustedClasses) -> bool:
+    """Return True where a tracker's options name a scheduler that is not trusted."""
+    address = choice.options.get(SCHEDULER)
+    return address is not None and not trusted.has(str(address))
+
+
+def not_asked(where: str, choice: TrackerChoice, ways: Sequence[str]) -> str:
+    """Format the error of an untrusted scheduler in a file, written at `where`; `ways` as for `choose`."""
+    trusting = f", or {_ALLOW} for a file that you trust" if _ALLOW in ways else ""
+    return (
+        f"{where}: {choice.options[SCHEDULER]!r} is a Dask scheduler, which runs code here and is sent some, and a file names "
+        f"none; its address on the command line (--set trackers.NAME.scheduler=ADDRESS) is expected{trusting}"
+    )
 
 
 def environment_change(path: Path | None) -> list[str]:
@@ -61,14 +190,14 @@ def files_for(
     named = bag.rig.prior if of_the_rig else _carried(bag, scenario).within(bag.path.parent)
     files = _changed(named, changes)
     missing = files.missing()
-    for field, path in missing.items():
-        if named.paths().get(field) != path:
-            raise InputError(f"--set {missing_file(f'prior.{field}', path)}")
+    for name, path in missing.items():
+        if named.paths().get(name) != path:
+            raise InputError(f"--set {missing_file(f'prior.{name}', path)}")
         if of_the_rig:
-            raise InputError(f"{rig_path}: {missing_file(f'prior.{field}', path)}")
+            raise InputError(f"{rig_path}: {missing_file(f'prior.{name}', path)}")
     warnings = [
-        f"{bag.path}: prior.{field}: there is no file {path} here; trackers go on without it"
-        for field, path in missing.items()
+        f"{bag.path}: prior.{name}: there is no file {path} here; trackers go on without it"
+        for name, path in missing.items()
     ]
     return files.without(missing), warnings
 

@@ -25,8 +25,8 @@ from twin.recording.truth_tables import DETAIL_FILES, detail_writer, feet_writer
 from twin.recording.writer import BagWriter
 from twin.report.page import RunFacts
 from twin.room.building import room_outline
-from twin.run.chosen_trackers import NONE_TRUSTED, ChosenTracker, TrustedClasses, choose
 from twin.run.feed import Feed, open_feed
+from twin.run.inputs import NONE_TRUSTED, ChosenTracker, TrustedClasses, choose
 from twin.run.out_folder import OutFolder, out_folder
 from twin.run.outcome import (
     RunResult,

@@ -32,11 +32,13 @@ from twin.report.birdseye import Polygon
 from twin.report.page import RunFacts
 from twin.report.path_map import ScanDensity
 from twin.room.building import room_outline
-from twin.run.chosen_trackers import (
-    ChosenTracker,
-)
 from twin.run.feed import Feed, open_feed
-from twin.run.inputs import chosen_trackers, files_for, scenario_of
+from twin.run.inputs import (
+    ChosenTracker,
+    chosen_trackers,
+    files_for,
+    scenario_of,
+)
 from twin.run.out_folder import OutFolder, out_folder
 from twin.run.outcome import (
     RunResult,

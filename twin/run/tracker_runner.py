@@ -22,7 +22,7 @@ from trackers.prior import Prior
 from trackers.rig import Rig
 from trackers.tracks import Tracker, TrackFrame, detections_of, misreported, warnings
 from twin.recording.tables import TrackWriter, track_writer
-from twin.run.chosen_trackers import ChosenTracker
+from twin.run.inputs import ChosenTracker
 from twin.streams import stream
 
 _ENOUGH_FRAMES, _OFTEN = 20, 0.2

@@ -47,7 +47,7 @@ def run(
 ) -> None:
     """Search for the best placement; leaves tables, a scenario and a page to build by in out/study-<name>."""
     from twin.console import print_paths
-    from twin.run.chosen_trackers import TrustedClasses, import_from_here
+    from twin.run.inputs import TrustedClasses, import_from_here
     from twin.studies.results import print_summary
     from twin.studies.run import run_study, write_results
     from twin.suites.cluster import parse_workers

@@ -12,7 +12,7 @@ from trackers.presets import available, make_tracker
 from trackers.prior import Prior
 from trackers.tracks import unused_sensors
 from twin import models
-from twin.run.chosen_trackers import NONE_TRUSTED, STUDY, ChosenTracker, TrustedClasses, choose
+from twin.run.inputs import NONE_TRUSTED, STUDY, ChosenTracker, TrustedClasses, choose
 from twin.scenario import Scenario, load_scenario
 from twin.scenario.housings import assumed_rig
 from twin.scenario.pressure_floor import FloorDescription

@@ -15,7 +15,7 @@ from trackers.errors import InputError
 from trackers.plain_data import dump_yaml
 from twin.models import cache_folder
 from twin.recording.atomic_file import open_atomic
-from twin.run.chosen_trackers import NONE_TRUSTED, TrustedClasses
+from twin.run.inputs import NONE_TRUSTED, TrustedClasses
 from twin.scenario import load_scenario
 from twin.studies.apply_placement import write_scenario
 from twin.studies.candidate_set import BASELINE

@@ -17,7 +17,7 @@ from twin.evaluate import evaluate_with_details
 from twin.evaluate.summary import Evaluation
 from twin.recording.situation_table import situation_table
 from twin.recording.tables import TruthTable, track_table, truth_table
-from twin.run.chosen_trackers import ChosenTracker
+from twin.run.inputs import ChosenTracker
 from twin.scenario import Scenario
 from twin.streams import stream
 from twin.suites.cache import RecordingCache

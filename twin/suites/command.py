@@ -59,7 +59,7 @@ def run(
 ) -> None:
     """Run every case of a suite."""
     from trackers.errors import InputError
-    from twin.run.chosen_trackers import TrustedClasses, import_from_here, typed_classes, typed_schedulers
+    from twin.run.inputs import TrustedClasses, import_from_here, typed_classes, typed_schedulers
     from twin.suites.cluster import parse_workers
     from twin.suites.gate import run_gate
 

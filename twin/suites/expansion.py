@@ -15,7 +15,7 @@ from trackers.errors import InputError
 from trackers.limits import refuse_unless_lifted
 from trackers.rig import NO_PRIOR, PriorFiles
 from twin.models import is_kept_room
-from twin.run.chosen_trackers import NONE_TRUSTED, TrustedClasses
+from twin.run.inputs import NONE_TRUSTED, TrustedClasses
 from twin.run.tracker_runner import file_name
 from twin.scenario import load_scenario
 from twin.scenario.load import dump_scenario

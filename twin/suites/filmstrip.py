@@ -18,8 +18,8 @@ from trackers.prior import Prior
 from twin.recording.reader import Recording
 from twin.report.preview import PreviewWriter
 from twin.room.building import room_outline
-from twin.run.chosen_trackers import TrustedClasses, choose
 from twin.run.feed import Feed, Preview
+from twin.run.inputs import TrustedClasses, choose
 from twin.run.tracker_runner import tracker_runners
 from twin.scenario.scenario import TrackerChoice
 from twin.suites.cache import RecordingCache

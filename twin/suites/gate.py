@@ -10,7 +10,7 @@ from pathlib import Path
 from trackers.errors import InputError
 from twin.console import print_paths
 from twin.models import cache_folder
-from twin.run.chosen_trackers import NONE_TRUSTED, TrustedClasses
+from twin.run.inputs import NONE_TRUSTED, TrustedClasses
 from twin.suites.baseline import read_baseline, read_results, write_baseline
 from twin.suites.cache import RecordingCache, cache_limit_bytes
 from twin.suites.cluster import Workers

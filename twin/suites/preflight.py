@@ -17,7 +17,7 @@ from trackers.presets import PRESETS, available, make_tracker
 from trackers.prior import Prior
 from trackers.rig import Point2, Rig, missing_file
 from trackers.tracks import Tracker
-from twin.run.chosen_trackers import (
+from twin.run.inputs import (
     NONE_TRUSTED,
     SCHEDULER,
     SUITE,

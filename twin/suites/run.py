@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from twin.recording.atomic_file import atomic_path
-from twin.run.chosen_trackers import NONE_TRUSTED, TrustedClasses
+from twin.run.inputs import NONE_TRUSTED, TrustedClasses
 from twin.run.outcome import versions
 from twin.scenario.run_size import total
 from twin.suites.cache import RecordingCache

@@ -15,7 +15,7 @@ from trackers.environment import load_environment, save_environment
 from trackers.errors import InputError
 from twin.environment.run import scenario_environment
 from twin.environment.scan import TiltingScanner
-from twin.run.chosen_trackers import TrustedClasses
+from twin.run.inputs import TrustedClasses
 from twin.run.live import run_scenario
 from twin.run.replay import track_recording
 from twin.scenario import load_scenario

@@ -21,7 +21,7 @@ import pytest
 import yaml
 
 from twin.models import MODELS
-from twin.run.chosen_trackers import TrustedClasses
+from twin.run.inputs import TrustedClasses
 from twin.studies.run import run_study, write_results
 from twin.suites.cache import RecordingCache
 from twin.suites.cluster import Workers

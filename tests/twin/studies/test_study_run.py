@@ -13,7 +13,7 @@ import pytest
 from small_study import written
 
 from trackers.errors import InputError
-from twin.run.chosen_trackers import ChosenTracker
+from twin.run.inputs import ChosenTracker
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
 from twin.studies import store

@@ -11,7 +11,7 @@ import pytest
 
 from trackers.errors import InputError
 from twin import cli, models
-from twin.run.chosen_trackers import TrustedClasses
+from twin.run.inputs import TrustedClasses
 from twin.scenario import load_scenario
 from twin.scenario.housings import assumed_rig
 from twin.suites import run as suite_run

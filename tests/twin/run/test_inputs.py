@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from trackers.errors import InputError
-from twin.run.chosen_trackers import TrustedClasses, choose, typed_classes, typed_schedulers
+from twin.run.inputs import TrustedClasses, choose, typed_classes, typed_schedulers
 from twin.run.live import run_scenario
 from twin.run.replay import track_recording
 from twin.scenario import TrackerChoice, load_scenario
