@@ -58,7 +58,7 @@ def evaluate_tracks(
     """Compute the metrics of one tracker as `metrics.json` holds them (without ms_per_frame); None where one does not
     apply.
 
-    Raises InputError for a gate that is not positive and for tables that share no stamp (see `frames.align`).
+    Raises InputError for a gate that is not positive and for tables that share no stamp (see `judged_frames.align`).
     """
     return evaluate_with_details(truth, tracks, gate_m, situations).metrics
 
@@ -75,12 +75,11 @@ def evaluate_with_details(
     """Evaluate one tracker; return its metrics and what stands behind them. Raises as `evaluate_tracks`.
 
     `situations` of the run: disposal (`twin.evaluate.accuracy`) is None without. `unused`: sensors that the tracker leaves
-    alone, by which misses are told apart (`twin.evaluate.causes`). `interpolate`: see `frames.align`. Errors of heads and
+    alone, by which misses are told apart (`twin.evaluate.causes`). `interpolate`: see `judged_frames.align`. Errors of heads and
     of the pelvis's height are means of absolute differences over the matches in which truth and track both have a value.
     OSPA (c = 1 m, p = 1) and GOSPA (c = 1 m, p = 2, α = 2) are means over frames. `judged` holds the n of the metrics.
     """
-    if not (isfinite(gate_m) and gate_m > 0):
-        raise InputError(f"gate is {gate_m} m; a positive number of metres is expected")
+    _check_gate(gate_m)
     aligned = align(truth, tracks, interpolate=interpolate)
     frames = aligned.frames
     all_people = match_all_people(frames, gate_m)
@@ -125,6 +124,12 @@ def evaluate_with_details(
         errors=errors,
         notes=(*truth.notes, *tracks.notes, *aligned.notes),
     )
+
+
+def _check_gate(gate_m: float) -> None:
+    """Raise InputError for a gate that is no positive distance."""
+    if not (isfinite(gate_m) and gate_m > 0):
+        raise InputError(f"gate is {gate_m} m; a positive number of metres is expected")
 
 
 def _matched_pairs(judged: Sequence[Frame], matches: Sequence[FrameMatches]) -> dict[str, NDArray[Any]]:
