@@ -82,11 +82,11 @@ def check_options(
         raise InputError("--people: is a picture of its own beside --video; one of the two is expected")
     if people and at:
         raise InputError(
-            f"--at {at:g}: says nothing of --people, which shows the whole run; one of the two is expected"
+            f"--at {at:g}: has no effect with --people, which shows the whole run; one of the two is expected"
         )
     if video is not None and (at or out is not None):
         option = f"--at {at:g}" if at else f"--out {out}"
-        raise InputError(f"{option}: says nothing of a video; --video FILE.mp4 with --from and --to is expected")
+        raise InputError(f"{option}: has no effect on a video; --video FILE.mp4 with --from and --to is expected")
     if video is None:
         given = [("--from", start_s or None), ("--to", end_s), ("--follow", follow)]
         for option, value in given:

@@ -1,16 +1,16 @@
-"""Accuracy: the share of person-frames in which nothing failed, the failures told apart by kind.
+"""Accuracy: the share of person-frames in which nothing failed, by kind of failure.
 
 The kinds are those of Song et al. (laser and vision by on-line learning): target missed, false location, identity switch.
 A person-frame is a person inside the tracked area in a judged frame. In it
 
-- the identity is wrong while the nearest track within the gate belongs to somebody else. A track belongs to the person it
-  was confirmed on for as long as it lives: whom it is matched with (CLEAR correspondence, people outside the area too) in
+- the identity is wrong while the nearest track within the gate belongs to another person. A track belongs to the person it
+  was confirmed on for as long as it lives: the one it is matched with (CLEAR correspondence, people outside the area too) in
   its first confirmed frame, or, where it has no match there, in the first later one that has. So after a swap both people
-  are wrong until the tracks end or swap back. A further track that is confirmed on somebody counts once, in the first frame
+  are wrong until the tracks end or swap back. A further track that is confirmed on a person counts once, in the first frame
   in which it is the nearest to them: a switch;
 - the person is missed where no track at all is within the gate, unless a track of theirs is counted as a false location.
 
-A false location is a track within the gate of nobody, inside the area or outside.
+A false location is a track within the gate of no person, inside the area or outside.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from twin.evaluate.judged_frames import Frame
 from twin.recording.situation_table import SituationTable
 
 NO_ID = -1
-"""Instead of an id: in places of an array that stand for nobody, and of a track that belongs to nobody."""
+"""In place of an id: empty places of an array, and the owner of a track that belongs to no person."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class PersonFrames:
     judged: NDArray[np.bool_]  # (p, f) there, and inside the area
     missed: NDArray[np.bool_]  # (p, f)
     wrong: NDArray[np.bool_]  # (p, f) identity wrong, switches included
-    astray: NDArray[np.bool_]  # (p, f) no track near them, and one of theirs near nobody
+    astray: NDArray[np.bool_]  # (p, f) no track near them, and one of theirs near no person
     false_locations: NDArray[np.int64]  # (f,)
 
     @property
@@ -77,7 +77,7 @@ def person_frames(frames: Sequence[Frame], matches: Sequence[FrameMatches], gate
     inside, _ = _padded([frame.in_area for frame in frames], False)
     gap = person_xy[:, :, None] - track_xy[:, None]
     distance = np.hypot(gap[..., 0], gap[..., 1])  # (f, n, m)
-    near = distance <= gate_m  # NaN is near nobody
+    near = distance <= gate_m  # NaN is near no person
     owner = _owners(frames, matches, track_id)  # (f, m)
     followed = near.any(axis=2)
     nearest = np.where(near, distance, np.inf).argmin(axis=2) if near.size else np.zeros(person_id.shape, dtype=int)

@@ -5,7 +5,7 @@ that holds: `unseen`, no sensor's ray reaches the body (every `visible_<sensor>`
 `unused`, only sensors see them that the tracker makes no use of; `start_up`, they were matched with no track yet since they
 came into the area; else `seen`.
 
-A false positive is a track matched with nobody: a `double` within the gate of a person whom another track is matched with;
+A false positive is a track matched with no person: a `double` within the gate of a person matched with another track;
 a `ghost` while it coasts, `ghost_unseen` where the person it was matched with last is unseen just then; else `clutter`.
 """
 
@@ -148,7 +148,7 @@ def long_occlusions(truth: TruthTable, sensors: Sequence[str], longer_than_s: fl
     that coasts for less can bridge them.
 
     Hidden: the share of the body that `visible_<sensor>` gives is 0 for every one of them. Moments at which a person is
-    outside the area, or not there, end an occlusion. Raises KeyError for a sensor that the truth says nothing of.
+    outside the area, or not there, end an occlusion. Raises KeyError for a sensor that is not in the truth.
     """
     hidden = truth.in_area.copy()
     for sensor in sensors:

@@ -76,7 +76,7 @@ class ClearScores:
 
     @property
     def mota(self) -> float | None:
-        """1 − (misses + false positives + switches) / true positions; None where nobody was there."""
+        """1 − (misses + false positives + switches) / true positions; None without people."""
         if not self.persons:
             return None
         return 1.0 - (self.misses + self.false_positives + self.id_switches) / self.persons

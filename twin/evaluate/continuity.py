@@ -46,12 +46,12 @@ def continuity(
 ) -> tuple[list[TrackEvent], list[TrackEvent]]:
     """Find misidentifications and lost tracks, each in order of time.
 
-    `frames` hold everybody, `judged` the same frames without what is outside the area, `matches` their correspondence.
+    `frames` hold all people, `judged` the same frames without what is outside the area, `matches` their correspondence.
 
     Misidentification: a track's person is the one it is matched with in its first frame with status confirmed, or,
     where it has no match there, in the first later one that has. Each time the track, confirmed, is matched with
     another person, one misidentification is counted, and that one becomes its person. Frames in which the track
-    coasts say nothing: a track that is predicted past somebody has not taken them for its person yet.
+    coasts say nothing: a track that is predicted past another person has not taken them for its own yet.
 
     Lost: a track that has had a person is in some frame for the last time, that frame is not the last of the run, and
     its person (the last one, as above) is inside the area then and in all frames up to 0.5 s later, at least the next
@@ -87,7 +87,7 @@ def right_at_end(judged: Sequence[Frame], matches: Sequence[FrameMatches]) -> fl
     """Compute the share of the people inside the area in the last frame who have their own track there; None without
     people.
 
-    One's own is the track that one was matched with first, if that had been nobody else's before.
+    One's own is the track that one was matched with first, if that had been no other person's before.
     """
     if not judged or not judged[-1].person_ids.size:
         return None

@@ -17,7 +17,7 @@ from twin.recording.tables import TrackTable, TruthTable
 
 MAX_TRUTH_GAP_NS = NS_PER_S // 4
 GAP_PERIODS = 2.5  # of a person's usual time between rows: one row may be lost on the way, not two
-NOTED_SHARE = 0.02  # frames that are not judged: more than these are told
+NOTED_SHARE = 0.02  # frames that are not judged: more than these are noted
 MOST_BETWEEN = 64  # stamps put between two rows of sparse truth: work goes with the rows
 LEAST_SHARE = 0.5  # judged frames: below it, metrics say little
 
@@ -153,7 +153,7 @@ def match_all_people(frames: Sequence[Frame], gate_m: float) -> list[FrameMatche
 def restrict_to_area(frames: Sequence[Frame], matches: Sequence[FrameMatches]) -> list[Frame]:
     """Leave out the people outside the tracked area and the tracks that follow them.
 
-    `matches`: of everybody (see `match_all_people`); a track whose match is outside is left out there, neither owed nor
+    `matches`: of all people (see `match_all_people`); a track whose match is outside is left out there, neither owed nor
     punished.
     """
     kept = []

@@ -63,7 +63,7 @@ class FloorPanel:
     """The room from above with scans, tracks and truth.
 
     Scans and floors lie where the rig has their sensors, as a tracker takes them. `true`: the rig as it truly is, where
-    that is known; its sensors are drawn, and those believed elsewhere once more, dashed and labelled (`about`: of these
+    that is known; its sensors are drawn, and those assumed elsewhere once more, dashed and labelled (`about`: of these
     alone).
     """
 

@@ -42,7 +42,7 @@ def path_map(
     """Draw as SVG the room (or, without a plan, what the scans hit), true paths thin and grey, tracks in their colours.
 
     A track is solid while confirmed and dashed while it coasts; its id stands where it ends. Sensors are drawn where they
-    truly are (`true_rig`), and dashed where trackers believe them (`rig`); those that reported nothing are hollow.
+    truly are (`true_rig`), and dashed where trackers assume them (`rig`); those that reported nothing are hollow.
     """
     hits = []
     if scans is not None:

@@ -65,7 +65,7 @@ def identity_timeline(
 ) -> str:
     """Draw as SVG a row per person, coloured by the matched track; marks where it breaks; false tracks below.
 
-    The line over a row says when the scanners together cannot tell the person from another; the strips under it, how hidden
+    The line over a row marks when the scanners together cannot tell the person from another; the strips under it, how hidden
     the person is from each sensor (one strip a sensor, darker the more hidden).
     """
     period = median_period_ns(truth.frame_stamps_ns, tracks.frame_stamps_ns)

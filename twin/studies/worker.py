@@ -31,7 +31,7 @@ from twin.world.simulation import Simulation
 
 DETAILED = ("disposal.", "errors.")
 """Metrics that need more of the truth than people's positions."""
-_MOST_STAGED = 6
+_MOST_SCENES_KEPT = 6
 """So many scenes with their people a worker keeps compiled."""
 
 
@@ -72,7 +72,7 @@ def _cached_scene(cache: RecordingCache, scenario: Scenario) -> _CachedScene:
     key = people_key(scenario)
     if key not in _scenes:
         _scenes[key] = _CachedScene(cached_motion(cache, scenario))
-        if len(_scenes) > _MOST_STAGED:
+        if len(_scenes) > _MOST_SCENES_KEPT:
             _scenes.popitem(last=False)
     _scenes.move_to_end(key)
     return _scenes[key]

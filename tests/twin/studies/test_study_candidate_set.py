@@ -1,4 +1,4 @@
-"""Where devices may hang, and the scenarios that come of it."""
+"""Candidate poses of devices, and the scenarios made of them."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_the_scenarios_own_devices_cost_what_the_kind_costs_that_they_are(tmp_pa
     assert prepared(tmp_path, devices={"waist": pair}).candidate_set.price(BASELINE) == 200
 
 
-def test_what_cannot_be_is_told(tmp_path: Path) -> None:
+def test_impossible_candidates_are_refused(tmp_path: Path) -> None:
     scenarios = [{"scenario": "lab-faults"}]
     devices = {
         "waist": {"sensors": ["waist"], "places": [{"xyz": [0, 3.6, 0.9]}], "tilt_deg": [0, 60], "tilt_every_deg": 60}

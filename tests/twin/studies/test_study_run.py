@@ -247,7 +247,7 @@ def damaged(line: str) -> list[str]:
     ]  # fmt: skip
 
 
-def test_a_bad_line_is_told_and_evaluated_again_and_costs_no_other(
+def test_a_bad_line_is_reported_and_evaluated_again_and_costs_no_other(
     whole: tuple[Path, Path, dict], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path, before, summary = whole
@@ -259,11 +259,11 @@ def test_a_bad_line_is_told_and_evaluated_again_and_costs_no_other(
     (out / store.FILE).write_text("\n".join(spoiled) + "\n" + lines[1][:30])
     (out / "search.journal.lock").symlink_to("search.journal")  # as an older version left it when it was killed
     result = run(path, out, resume=True)
-    told = capsys.readouterr().err
+    reported = capsys.readouterr().err
     assert tables(out) == tables(before)
     assert result["evaluated_in_this_run"] == 1  # that of the line that was replaced
-    assert [told.count(f"line {number}: ") for number in range(1, 3 + len(bad))] == [0, 0, *[1] * len(bad)]
-    assert "hota is 9.9; a number from 0 to 1 is expected" in told
+    assert [reported.count(f"line {number}: ") for number in range(1, 3 + len(bad))] == [0, 0, *[1] * len(bad)]
+    assert "hota is 9.9; a number from 0 to 1 is expected" in reported
     assert sorted((out / store.FILE).read_text().splitlines()) == sorted(lines)  # all good ones, and that one again
     run(path, out, resume=True)
     assert "line" not in capsys.readouterr().err

@@ -47,7 +47,7 @@ def test_the_schema_describes_every_field() -> None:
     json.dumps(schema)
 
 
-def test_every_fault_is_told_at_once(tmp_path: Path) -> None:
+def test_every_fault_is_named_at_once(tmp_path: Path) -> None:
     path = written(tmp_path, search__method="magic", devices__rig__walls__height_m=[2, 1], seeds=[-1], colour="red")
     with pytest.raises(InputError) as raised:
         load_study(path)

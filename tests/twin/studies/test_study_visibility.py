@@ -1,4 +1,4 @@
-"""What is seen, beside rays cast one by one and the lens's own arithmetic."""
+"""Visibility compared with rays cast one by one and with the lens's own arithmetic."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def sampled() -> SampledWorld:
     return SampledWorld(scenario, PrecomputedScene.of(scenario, precompute_motion(scenario)), [0.3, 1.1, 1.9])
 
 
-def test_a_scanner_sees_whom_enough_beams_meet(sampled: SampledWorld) -> None:
+def test_a_scanner_sees_a_person_that_enough_beams_meet(sampled: SampledWorld) -> None:
     visibility = SensorVisibility(sampled.scenario, "waist", COVERAGE)
     found = visibility.people(sampled)
     expected = []
@@ -40,7 +40,7 @@ def test_a_scanner_sees_whom_enough_beams_meet(sampled: SampledWorld) -> None:
     assert found.tolist() == expected and len(found) == sampled.n_person_frame == 15
 
 
-def test_whoever_comes_and_goes_by_a_file_is_seen_at_every_moment(tmp_path: Path) -> None:
+def test_a_person_of_a_file_is_seen_at_every_stamp(tmp_path: Path) -> None:
     """Others have bodies when others come: a moment among many is the same as alone."""
     rows = [
         f"{k + share * 4},{k},{-1.8 + share * 3.6},{0.9 + 0.8 * (k % 3)}" for k in range(40) for share in (0, 0.5, 1)

@@ -3,7 +3,7 @@
 One person, always detected. Run i measures the walk with noise of seed i, R = diag(0.01, 0.01) m²; the three filters get the
 same measurements and the same start. Scans 0 and 1 give the start: the position from the second, the velocity from the
 two, shrunk towards rest by its uncertainty, as the tracker does it (a filter over heading and speed cannot find the heading
-of somebody it believes at rest). Errors are counted from scan 2 on, the first that a filter has predicted and updated.
+of a person estimated at rest). Errors are counted from scan 2 on, the first that a filter has predicted and updated.
 
 The speed of the state is signed, and (θ, v) and (θ + π, −v) are one motion: after a stop a filter may well follow the
 person backwards. The paper does not say how it reads the speed then. We compare the mean magnitude, over the particles of

@@ -77,7 +77,7 @@ class SplitTruth:
     ids: NDArray[np.int64]  # (n,)
     stamps_ns: NDArray[np.int64]  # (k,)
     positions_m: NDArray[np.float64]  # (k, n, 2) NaN for who is not there
-    apart: NDArray[np.bool_]  # (k, n) whether a tracker can tell the person from everybody
+    apart: NDArray[np.bool_]  # (k, n) whether a tracker can tell the person from all others
     parted: Sequence[
         tuple[int, int, int, int]
     ]  # the two as columns, and the places at which they meet and are apart again
@@ -146,7 +146,7 @@ def decide(
     identity: IdentityOptions | None = None,
     seed: int = 0,
 ) -> dict[str, list[SplitDecision]]:
-    """Let the classifiers of every variant decide when two people whom this kind of situation joined part again.
+    """Let the classifiers of every variant decide when two people joined by this kind of situation part again.
 
     All variants go through the recording at once, since reading its pictures is not free.
     """
