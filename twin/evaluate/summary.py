@@ -75,8 +75,8 @@ def evaluate_with_details(
     """Evaluate one tracker; return its metrics and what stands behind them. Raises as `evaluate_tracks`.
 
     `situations` of the run: disposal (`twin.evaluate.accuracy`) is None without. `unused`: sensors that the tracker leaves
-    alone, by which misses are told apart (`twin.evaluate.causes`). `interpolate`: see `judged_frames.align`. Errors of heads and
-    of the pelvis's height are means of absolute differences over the matches in which truth and track both have a value.
+    alone; causes of misses depend on it (`twin.evaluate.causes`). `interpolate`: see `judged_frames.align`. Errors of heads
+    and of the pelvis's height are means of absolute differences over the matches in which truth and track both have a value.
     OSPA (c = 1 m, p = 1) and GOSPA (c = 1 m, p = 2, α = 2) are means over frames. `judged` holds the n of the metrics.
     """
     _check_gate(gate_m)

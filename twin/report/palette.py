@@ -31,9 +31,9 @@ class IdentityColours:
 
     def __init__(self, ids: Iterable[int] = ()) -> None:
         self._slots: dict[int, int] = {}
-        self.meet(ids)
+        self.add(ids)
 
-    def meet(self, ids: Iterable[int]) -> None:
+    def add(self, ids: Iterable[int]) -> None:
         """Give colours to these track ids, in this order."""
         for track_id in ids:
             self.slot(track_id)

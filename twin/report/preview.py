@@ -120,7 +120,7 @@ class PreviewWriter:
             raise ValueError(f"frame at {stamp_ns} ns is not later than the one before")
         self._pts = pts
         tracks = sorted(tracks, key=lambda track: track.id)
-        self._colours.meet(track.id for track in tracks)
+        self._colours.add(track.id for track in tracks)
         maps = [each for each in maps if any(each.id == track.id for track in tracks)]
         self._extend_tails(stamp_ns, tracks)
         height, width = self._canvas.shape[:2]

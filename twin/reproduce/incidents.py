@@ -113,8 +113,8 @@ def draw_film_strips(
 def write_film_strips(folder: Path, strips: Sequence[FilmStrip]) -> None:
     """Write the pictures under names that say what they show; raises InputError where they cannot be written."""
     for strip in strips:
-        said = f"{strip.condition}-{strip.seed}-{strip.column}-{strip.t_s:.1f}s-{strip.kind}"
-        with atomic_path(folder / f"{re.sub('[^A-Za-z0-9.]+', '-', said)}.jpg") as partial:
+        name = f"{strip.condition}-{strip.seed}-{strip.column}-{strip.t_s:.1f}s-{strip.kind}"
+        with atomic_path(folder / f"{re.sub('[^A-Za-z0-9.]+', '-', name)}.jpg") as partial:
             partial.write_bytes(strip.picture)
 
 

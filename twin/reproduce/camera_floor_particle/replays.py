@@ -169,7 +169,7 @@ def draw_debug_state(
         for view in state.views
     }
     colours = IdentityColours()
-    colours.meet(sorted(track.id for track in frame.tracks))
+    colours.add(sorted(track.id for track in frame.tracks))
     left = np.empty((_SIDE_PX, _SIDE_PX, 3), np.uint8)
     CameraGrid(rig.cameras(), _SIDE_PX).draw(left, images, frame.tracks, colours, maps=frame.maps)
     right = np.empty_like(left)
