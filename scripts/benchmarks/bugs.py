@@ -445,7 +445,7 @@ _BY_FILE = {
             "Box(_A, _B, _C, _E, _D, int(_F[_A]), _A in _G)",
         ),
     ],
-    "twin/recording/messages.py": [
+    "twin/recording/ros_messages.py": [
         ("blue for red", "_encode_image", "cv2.cvtColor(_A, cv2.COLOR_RGB2BGR)", "_A"),
         ("sweep a beam too long", "_scan", "max(_A - 1, 0)", "_A"),
     ],

@@ -97,7 +97,7 @@ def check_machine() -> Iterator[str]:
 
     from twin import models
     from twin.sensors.render import OffscreenRenderer
-    from twin.sensors.render_scene import View
+    from twin.sensors.render_scene import RenderView
 
     yield f"roomtwin    {version('roomtwin')}"
     yield f"mujoco      {mujoco.__version__}"
@@ -110,7 +110,7 @@ def check_machine() -> Iterator[str]:
         yield f"renderer    {info.renderer}"
         yield f"OpenGL      {info.version}"
         pixels = np.zeros((_SIDE_PX, _SIDE_PX, 4), dtype=np.uint8)
-        ahead = View((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), -1.0, 1.0, -1.0, 1.0, (0, 0, _SIDE_PX, _SIDE_PX))
+        ahead = RenderView((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), -1.0, 1.0, -1.0, 1.0, (0, 0, _SIDE_PX, _SIDE_PX))
         eye_m = np.array([0.0, 0.0, 1.05])
         spent_ms = []
         for _ in range(_FRAMES):

@@ -26,7 +26,7 @@ from trackers.limits import refuse_unless_lifted
 from trackers.rig import normal_topic
 from twin.recording.bag_files import BagPath, describe_damage, reason_unreadable
 from twin.recording.bounded_readers import MOST_CHUNK_BYTES, open_reader
-from twin.recording.messages import TYPESTORE
+from twin.recording.ros_messages import TYPESTORE
 
 if sys.version_info >= (3, 14):
     from compression import zstd

@@ -15,7 +15,7 @@ from rosbags.interfaces import Connection, ConnectionExtRosbag1, Qos
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from trackers.errors import InputError
-from twin.recording.messages import TYPESTORE
+from twin.recording.ros_messages import TYPESTORE
 
 _NO_HASH = "RIHS00_" + 64 * "0"
 """Hash that ROS 2 writes for a type whose hash is not set."""

@@ -19,8 +19,8 @@ from twin.recording.bag import Bag, Topic, decoded, open_bag
 from twin.recording.clock_correction import CorrectedClocks, correct_clocks
 from twin.recording.depth_images import DepthPairs, decode_depth, match_images, tolerance_ns
 from twin.recording.losses import Loss, crowded, missing
-from twin.recording.messages import STRING, from_message, stamp_of
 from twin.recording.rig_checks import compare_lenses, motion_warnings
+from twin.recording.ros_messages import STRING, from_message, stamp_of
 from twin.recording.sensor_clock import MessageTimes, read_times, read_times_as_written
 from twin.recording.sensor_topics import MSGTYPES, SensorTopics, absent, guess_rig, sensor_topics
 from twin.recording.situation_table import decode_situation

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from twin.recording.atomic_file import open_atomic
-from twin.recording.messages import string_message
+from twin.recording.ros_messages import string_message
 from twin.recording.tables import Row, cell, plain, seconds_cell
 from twin.tables.columns import read_csv_columns
 from twin.truth.frames import Separation, Situation, SituationKind

@@ -24,9 +24,9 @@ from twin.messages import OnWarning
 from twin.recording import topics
 from twin.recording.bag import normal_type, open_bag
 from twin.recording.mcap_file import McapFile
-from twin.recording.messages import STRING, TYPESTORE, string_message
 from twin.recording.reader import Recording
 from twin.recording.rig_checks import first_transforms
+from twin.recording.ros_messages import STRING, TYPESTORE, string_message
 from twin.recording.tables import plain, track_row
 from twin.recording.truth_messages import MARKER_ARRAY, MarkerStyle, PeopleMarkers
 from twin.recording.writer import TF_MESSAGE, latched, transform_message

@@ -26,7 +26,7 @@ from rosbags.typesys.stores.ros2_humble import (
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.tracks import Track
-from twin.recording.messages import TYPESTORE, string_message, time_message
+from twin.recording.ros_messages import TYPESTORE, string_message, time_message
 from twin.recording.tables import TRUTH_COLUMNS, PersonTruth, TruthFrame, person_of, person_row, plain
 from twin.recording.topics import ROOM_FRAME
 from twin.tables.columns import MAX_INT64

@@ -27,7 +27,7 @@ from typing import TextIO
 from trackers.observations import NS_PER_S
 from twin.recording import topics
 from twin.recording.atomic_file import open_atomic
-from twin.recording.messages import string_message
+from twin.recording.ros_messages import string_message
 from twin.recording.situation_table import encode_situation, situation_writer
 from twin.recording.tables import Row, cell, plain, seconds_cell
 from twin.truth.frames import BoxFrame, FootTruth, PersonTruth, RayFrame, Situation, TruthDetail, TruthFrame

@@ -35,7 +35,7 @@ from trackers.observations import NS_PER_S, Observation
 from trackers.rig import CameraSensor, Pose, Rig, StereoSensor
 from twin.recording import topics
 from twin.recording.mcap_file import McapFile
-from twin.recording.messages import (
+from twin.recording.ros_messages import (
     COMPRESSED_IMAGE,
     LASER_SCAN,
     RAW_IMAGE,

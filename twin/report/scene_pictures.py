@@ -21,7 +21,7 @@ from twin.report.lettering import write
 from twin.report.palette import RGB
 from twin.room.lighting import ENOUGH_LIGHT, MOST_LAMPS, light_of
 from twin.sensors.render import OffscreenRenderer
-from twin.sensors.render_scene import Mark, View
+from twin.sensors.render_scene import Mark, RenderView
 
 DARK_NOTE = ", dark: lit for this view"
 """Note on a picture of a room with less light than `ENOUGH_LIGHT`."""
@@ -77,7 +77,7 @@ def render_picture(
     width, height = finer * size_px[0], finer * size_px[1]
     half_width = half_height * width / height
     pixels = np.zeros((height, width, 4), dtype=np.uint8)
-    view = View(
+    view = RenderView(
         (float(forward[0]), float(forward[1]), float(forward[2])),
         (float(up[0]), float(up[1]), float(up[2])),
         -half_width, half_width, -half_height, half_height, (0, 0, width, height),

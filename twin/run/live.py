@@ -81,7 +81,7 @@ def run_scenario(
     if chosen:
         scenario.prior.check(source)
     is_default = trackers is None and not scenario.trackers
-    request = _Request(scenario, chosen, is_default, video, images, precomputed, on_progress, on_warning)
+    request = _RunRequest(scenario, chosen, is_default, video, images, precomputed, on_progress, on_warning)
     with heap_trimmed(), out_folder(folder, _names(names, video)) as out_:
         with ExitStack() as stack:
             run = _LiveRun(request, out_, stack)
@@ -91,7 +91,7 @@ def run_scenario(
 
 
 @dataclass(frozen=True, eq=False)
-class _Request:
+class _RunRequest:
     """Arguments of `run_scenario`, resolved; is_default: no tracker was asked for, so that the default may be left out."""
 
     scenario: Scenario
@@ -107,7 +107,7 @@ class _Request:
 class _LiveRun:
     """One run of a scenario: simulation, trackers, bag and tables, which are open as long as `stack` is."""
 
-    def __init__(self, request: _Request, out: OutFolder, stack: ExitStack) -> None:
+    def __init__(self, request: _RunRequest, out: OutFolder, stack: ExitStack) -> None:
         self._request, self._out = request, out
         self._on_truth: list[Callable[[TruthFrame], object]] = []
         self._on_detail: list[Callable[[TruthDetail], object]] = []

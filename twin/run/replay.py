@@ -98,7 +98,7 @@ def track_recording(
         check_copy(recording, bag_copy)
     seed = seed if seed is not None else scenario.seed if scenario is not None else 0
     folder = out if out is not None else _default_folder(recording, bag)
-    request = _Request(
+    request = _ReplayRequest(
         bag=bag,
         scenario=scenario,
         chosen=chosen,
@@ -126,7 +126,7 @@ def _path(given: AnyPath | None) -> Path | None:
 
 
 @dataclass(frozen=True, eq=False)
-class _Request:
+class _ReplayRequest:
     """Arguments of `track_recording`, resolved; missing: warnings about files that the bag alone names."""
 
     bag: Recording
@@ -146,7 +146,7 @@ class _Request:
 class _Replay:
     """One replay of a recording: its truth, and the results as they come."""
 
-    def __init__(self, request: _Request, out: OutFolder) -> None:
+    def __init__(self, request: _ReplayRequest, out: OutFolder) -> None:
         self._request, self._out = request, out
         bag, scenario = request.bag, request.scenario
         self._title = scenario.name if scenario is not None else bag.path.stem

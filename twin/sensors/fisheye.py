@@ -18,7 +18,7 @@ from twin.instant.snapshot import Snapshot
 from twin.sensors.lens import check_fisheye
 from twin.sensors.person_pixels import PersonPixels
 from twin.sensors.render import OffscreenRenderer
-from twin.sensors.render_scene import View
+from twin.sensors.render_scene import RenderView
 from twin.sensors.sensor import Reading, State
 
 MARGIN_PX = 2.0
@@ -43,7 +43,7 @@ class FaceTable:
     centres, rows from the bottom up as the renderer writes them; -2 outside the lens's field.
     """
 
-    views: tuple[View, ...]
+    views: tuple[RenderView, ...]
     width: int  # of the buffer [px]
     height: int
     column: NDArray[np.float32]
@@ -66,7 +66,7 @@ def build_face_table(lens: FisheyeIntrinsics, room_from_camera: NDArray[np.float
         )
     column = np.full(face_of_pixel.shape, -2.0)
     row = np.full(face_of_pixel.shape, -2.0)
-    views: list[View] = []
+    views: list[RenderView] = []
     buffer_width = buffer_height = 0
     for number, (forward, up) in enumerate(_FACES):
         pixels = face_of_pixel == number
@@ -81,7 +81,7 @@ def build_face_table(lens: FisheyeIntrinsics, room_from_camera: NDArray[np.float
         row[pixels] = (rise - bottom) * density - 0.5 + buffer_height
         in_room = room_from_camera @ axes.T  # columns: right, up, forward in the room frame
         views.append(
-            View(
+            RenderView(
                 forward=_triple(in_room[:, 2]),
                 up=_triple(in_room[:, 1]),
                 left=left,

@@ -20,7 +20,7 @@ from trackers.rig import PinholeSensor, Pose
 from twin.instant.snapshot import Snapshot
 from twin.sensors.person_pixels import PersonPixels
 from twin.sensors.render import OffscreenRenderer
-from twin.sensors.render_scene import View
+from twin.sensors.render_scene import RenderView
 from twin.sensors.sensor import Reading, State
 
 MARGIN_PX = 2.0
@@ -36,7 +36,7 @@ class PinholeView:
     `maps`: for each pixel its place in the buffer (fixed point, as `cv2.remap` takes it); None: pixel for pixel.
     """
 
-    view: View
+    view: RenderView
     width: int
     height: int
     maps: tuple[NDArray, NDArray] | None
@@ -103,11 +103,13 @@ def _span(tangents: NDArray[np.float64], steps: NDArray[np.float64]) -> tuple[fl
     return float(middle - pixels / density / 2), pixels, density
 
 
-def _view(pose: Pose, eye_offset_m: float, edges: tuple[float, float, float, float], size: tuple[int, int]) -> View:
+def _view(
+    pose: Pose, eye_offset_m: float, edges: tuple[float, float, float, float], size: tuple[int, int]
+) -> RenderView:
     right, down, ahead = pose.rotation.T
     offset = eye_offset_m * right
     left_edge, right_edge, bottom, top = edges
-    return View(
+    return RenderView(
         forward=(float(ahead[0]), float(ahead[1]), float(ahead[2])),
         up=(float(-down[0]), float(-down[1]), float(-down[2])),
         left=left_edge,

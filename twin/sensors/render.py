@@ -22,7 +22,7 @@ from twin.sensors.gl_context import (
     make_mjr_context,
     no_fork,
 )
-from twin.sensors.render_scene import Mark, SceneGeoms, View, drawing_option, has_open_mesh
+from twin.sensors.render_scene import Mark, RenderView, SceneGeoms, drawing_option, has_open_mesh
 
 _SHADOW_MAP_PX = 1024
 """Side of a lamp's map of shadows: of a room of 5 m it shows 6 mm, and twice the side costs half as much again."""
@@ -96,7 +96,7 @@ class OffscreenRenderer:
         self,
         data: mujoco.MjData,
         eye_m: NDArray[np.float64],
-        views: Sequence[View],
+        views: Sequence[RenderView],
         out: NDArray[np.uint8] | None,
         marks: Sequence[Mark] = (),
         *,
@@ -147,7 +147,7 @@ class OffscreenRenderer:
         drawn: SceneGeoms,
         seen: NDArray[np.bool_],
         eye_m: NDArray[np.float64],
-        views: Sequence[View],
+        views: Sequence[RenderView],
     ) -> None:
         """Draw the scene as it was last updated, of its geoms those that are `seen`, (n_view, n_scene_geom)."""
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)  # the other context's may be bound
@@ -168,7 +168,7 @@ class OffscreenRenderer:
         drawn: SceneGeoms,
         seen: NDArray[np.bool_],
         eye_m: NDArray[np.float64],
-        views: Sequence[View],
+        views: Sequence[RenderView],
     ) -> None:
         """Draw every geom of the scene in the colour that is its number."""
         flags = self._scene.flags
@@ -180,7 +180,7 @@ class OffscreenRenderer:
         finally:
             flags[:] = before
 
-    def _update_scene(self, data: mujoco.MjData, eye_m: NDArray[np.float64], view: View) -> None:
+    def _update_scene(self, data: mujoco.MjData, eye_m: NDArray[np.float64], view: RenderView) -> None:
         camera = mujoco.MjvCamera()
         forward = np.array(view.forward)
         camera.lookat[:] = eye_m + 1e-6 * forward
@@ -205,7 +205,7 @@ class OffscreenRenderer:
         return self._listed[1]
 
     def _seen(
-        self, drawn: SceneGeoms, data: mujoco.MjData, eye_m: NDArray[np.float64], views: Sequence[View]
+        self, drawn: SceneGeoms, data: mujoco.MjData, eye_m: NDArray[np.float64], views: Sequence[RenderView]
     ) -> NDArray[np.bool_]:
         """Return which geoms of the scene are drawn in each view, (n_view, n_scene_geom)."""
         eyes_m = eye_m + np.array([view.offset_m for view in views])
@@ -214,7 +214,7 @@ class OffscreenRenderer:
             return faces
         return faces & drawn.in_sight(data, eyes_m, np.stack([view.inward_normals for view in views]))
 
-    def _point_cameras(self, eye_m: NDArray[np.float64], view: View) -> None:
+    def _point_cameras(self, eye_m: NDArray[np.float64], view: RenderView) -> None:
         for camera in self._cameras:  # left and right eye of the same picture
             near = camera.frustum_near
             camera.orthographic = 0

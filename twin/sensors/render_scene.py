@@ -14,7 +14,7 @@ from twin.instant.snapshot import DRAWN_GROUPS
 
 
 @dataclass(frozen=True)
-class View:
+class RenderView:
     """One perspective image: its direction (unit vectors in the room frame), its width, and its place in the buffer.
 
     left, right, bottom, top bound the image on the plane at distance 1 (tangents of the angles from `forward`, x along forward

@@ -21,7 +21,7 @@ from twin.people.population import Population
 from twin.people.randomize import randomized
 from twin.people.script.arrivals import too_late
 from twin.people.script.recorded import close_calls, warning_of
-from twin.recording.messages import Encoded, encode
+from twin.recording.ros_messages import Encoded, encode
 from twin.room.building import check_mount
 from twin.room.lighting import DARK_LIGHT, light_of
 from twin.scenario import Scenario

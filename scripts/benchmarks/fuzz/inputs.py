@@ -16,8 +16,8 @@ from trackers.environment import PointCloud, build_environment, save_environment
 from trackers.observations import LaserScan
 from twin.models import MODELS
 from twin.recording.bag import open_bag
-from twin.recording.messages import time_message
 from twin.recording.reader import Recording
+from twin.recording.ros_messages import time_message
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
 from twin.suites.cache import RecordingCache

@@ -22,7 +22,7 @@ from trackers.limits import NO_LIMITS
 from twin.recording import bounded_readers
 from twin.recording.bag import open_bag
 from twin.recording.bounded_readers import zstd, zstd_bound
-from twin.recording.messages import STRING, TYPESTORE
+from twin.recording.ros_messages import STRING, TYPESTORE
 
 LONG = 2**20
 ROS1 = get_typestore(Stores.ROS1_NOETIC)

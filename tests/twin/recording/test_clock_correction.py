@@ -17,8 +17,8 @@ from recorded import MS, a_scan, write_ros2_bag
 from trackers.errors import InputError
 from trackers.rig import LaserSensor, Rig
 from twin.recording.losses import lines
-from twin.recording.messages import LASER_SCAN, TYPESTORE, encode, time_message
 from twin.recording.reader import Recording
+from twin.recording.ros_messages import LASER_SCAN, TYPESTORE, encode, time_message
 from twin.recording.tables import read_tracks
 from twin.run.replay import track_recording
 

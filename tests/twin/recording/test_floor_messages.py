@@ -12,8 +12,8 @@ from trackers.errors import InputError
 from trackers.force_curve import ForceCurve
 from trackers.observations import FloorFrame, Image
 from trackers.rig import FloorSensor, LaserSensor, Pose, Rig
-from twin.recording.messages import RAW_IMAGE, TYPESTORE, decode, encode, from_message, time_message
 from twin.recording.reader import Recording
+from twin.recording.ros_messages import RAW_IMAGE, TYPESTORE, decode, encode, from_message, time_message
 from twin.recording.writer import BagWriter
 from twin.sensors.floor_electronics import LoadFrame
 

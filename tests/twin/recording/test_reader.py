@@ -21,8 +21,8 @@ from trackers.errors import InputError
 from trackers.observations import Image, LaserScan
 from trackers.rig import FisheyeSensor, LaserSensor, Rig
 from twin.recording.losses import lines
-from twin.recording.messages import RAW_IMAGE, STRING, encode, time_message
 from twin.recording.reader import Recording
+from twin.recording.ros_messages import RAW_IMAGE, STRING, encode, time_message
 from twin.recording.tables import TruthFrame
 from twin.recording.writer import BagWriter
 

@@ -9,7 +9,7 @@ import pytest
 from recorded import a_truth
 
 from trackers.errors import InputError
-from twin.recording.messages import STRING, TYPESTORE
+from twin.recording.ros_messages import STRING, TYPESTORE
 from twin.recording.tables import PersonTruth, TruthFrame
 from twin.recording.truth_messages import MARKER_ARRAY, PeopleMarkers, decode_people, encode_people
 

@@ -12,7 +12,7 @@ from twin.scenario import load_scenario
 from twin.scenario.scenario import Scenario
 from twin.sensors.rays import cast
 from twin.sensors.render import OffscreenRenderer
-from twin.sensors.render_scene import View
+from twin.sensors.render_scene import RenderView
 from twin.world.simulation import Simulation
 
 WALLS = """
@@ -77,7 +77,7 @@ def disagreements(snapshot: Snapshot, eyes_m: list[Place], target_m: Place) -> l
             right, up, forward = axes_towards(eye, np.array(target_m))
             directions = forward + 0.8 * steps[None, :, None] * right + 0.8 * steps[:, None, None] * up
             directions = (directions / np.linalg.norm(directions, axis=-1, keepdims=True)).reshape(-1, 3)
-            view = View(tuple(forward), tuple(up), -0.8, 0.8, -0.8, 0.8, (0, 0, _SIDE_PX, _SIDE_PX))
+            view = RenderView(tuple(forward), tuple(up), -0.8, 0.8, -0.8, 0.8, (0, 0, _SIDE_PX, _SIDE_PX))
             geom_of_number = renderer.render(snapshot.data, eye, [view], None, numbers=numbers)
             drawn = geom_of_number[numbers[..., :3].astype(int) @ [1, 256, 65536]].reshape(-1)
             met, distance = np.empty(len(directions), dtype=np.int32), np.empty(len(directions))

@@ -19,7 +19,7 @@ from rosbags.typesys.stores.ros2_humble import (
 
 from trackers.errors import InputError
 from trackers.observations import Image, LaserScan
-from twin.recording.messages import LASER_SCAN, TYPESTORE, decode, encode, from_message, time_message
+from twin.recording.ros_messages import LASER_SCAN, TYPESTORE, decode, encode, from_message, time_message
 
 HEADER = Header(time_message(7), "camera")
 
