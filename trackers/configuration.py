@@ -6,7 +6,7 @@ import difflib
 import re
 import types
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Annotated, Any, ClassVar, TypeVar, Union, get_args, get_origin
 
 import numpy as np
@@ -126,6 +126,16 @@ def _nested(model: type[BaseModel], given: dict[Any, Any], owner: Mapping[str, A
     return whole
 
 
+def leaves_of(options: BaseModel, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield every option below a model that holds no model itself: its path, with dots, and its value."""
+    for name in type(options).model_fields:
+        value = getattr(options, name)
+        if isinstance(value, BaseModel):
+            yield from leaves_of(value, f"{path}{name}.")
+        else:
+            yield f"{path}{name}", value
+
+
 def described(model: type[BaseModel], field: str) -> str:
     """Return the description of a model's field, for a subclass with a default of its own."""
     return model.model_fields[field].description or ""
@@ -171,7 +181,7 @@ def _current(kinds: Sequence[Any], content: Any, source: str, at: tuple[str, ...
     former: dict[Any, str] = {}
     for kind in _of_kind(kinds, content.get("kind")):
         former |= getattr(kind, "former_names", {})
-        content = without_fixed(content, getattr(kind, "fixed_values", {}), source, at)
+        content = without_fixed(content, _fixed(kind), source, at)
     if any("." in each for each in former):
         content, former = moved(content, former, source, at), {}
     result = {}
@@ -186,6 +196,13 @@ def _current(kinds: Sequence[Any], content: Any, source: str, at: tuple[str, ...
         inner = [member for kind in kinds for member in _inner(kind, name)]
         result[name] = _current(inner, value, source, (*at, str(key)))
     return result
+
+
+def _fixed(model: type[BaseModel]) -> dict[str, Any]:
+    """Return what former options of a model always are: its constants, and its `fixed_values`."""
+    constants = model.__class_vars__ - {"model_config", "former_names", "fixed_values"}
+    values = {name: getattr(model, name) for name in constants if hasattr(model, name)}
+    return values | dict(getattr(model, "fixed_values", {}))
 
 
 def validate(model: type[Model], content: Any, source: str) -> Model:

@@ -47,11 +47,15 @@ def without_fixed(
         if value is _NOTHING:
             continue
         path = ".".join((*at, former))
-        if (tuple(value) if isinstance(value, list) else value) != always:
+        if _as_tuples(value) != always:
             raise ValueError(f"{path}: is no option any more, and always {always!r} (got {value!r}); leave it out")
         _warn_of_fixed_value(source, path, always)
         content = rest
     return content
+
+
+def _as_tuples(value: Any) -> Any:
+    return tuple(_as_tuples(each) for each in value) if isinstance(value, list | tuple) else value
 
 
 @cache

@@ -133,8 +133,8 @@ _BY_FILE = {
         (
             "hidden people first",
             "take_legs",
-            "reach ** 2 - away ** 2 - first_leg",
-            "reach ** 2 - away ** 2 + first_leg",
+            "reach ** 2 - away ** 2",
+            "reach ** 2 + away ** 2",
         ),
         ("a trunk cut in two is two", "trunks", "_A |= _B < _C", "_A &= _B < _C"),
     ],
@@ -144,50 +144,50 @@ _BY_FILE = {
         ("width twice as large", "LaserLayer._half_depth_m", "np.pi / 8", "np.pi / 4"),
     ],
     "trackers/laser_fisheye_imm/association.py": [
-        ("a flicker takes legs", "Association.matches", "self.knows_room", "True"),
-        ("the gone are recognised", "Association._known_again", "_A & _B.exist(_C)", "_A"),
+        ("a flicker takes legs", "Association._walkers", "self.knows_room", "True"),
+        ("the deleted are recognised", "Association._re_identified", "_A & _B.exist(_C)", "_A"),
         (
             "recognised by another shirt",
-            "Association._recognised",
-            "colour <= self.options.recognised_below",
-            "colour >= self.options.recognised_below",
+            "Association._same_person",
+            "colour <= self.options.appearance.same_below",
+            "colour >= self.options.appearance.same_below",
         ),
-        ("appearance left out", "Association._by_colour", "self.options.colour_weight", "0"),
-        ("a look is wrong as often as not", "Association._by_colour", "self.options.wrong_look", "0.5"),
+        ("appearance left out", "Association._by_colour", "self.options.appearance.weight", "0"),
+        ("a look is wrong as often as not", "Association._by_colour", "np.log(WRONG_LOOK)", "np.log(0.5)"),
         ("a look counts twice", "Association._by_colour", "0.5 * _A", "_A"),
-    ],
-    "trackers/laser_fisheye_imm/legs.py": [
         (
             "knees looked for under the trunk",
-            "find_walkers",
+            "Association._walkers",
             "people.posture.knees[shown]",
             "0 * people.posture.knees[shown]",
         ),
-        ("a bag is whose it is nearest to", "find_walkers", "_A[_B:] = _C", "_A[_B:] = False"),
-        ("every trunk takes its own legs first", "find_walkers", "knee.shared", "not knee.shared"),
-        ("one leg is the middle of two", "find_walkers", "_A[:_B, None] == 2", "_A[:_B, None] >= 1"),
-    ],
-    "trackers/laser_fisheye_imm/pairing.py": [
-        ("a density counts half", "costs", "2 * np.log(_A)", "np.log(_A)"),
-        ("a trunk taken for a lone leg", "costs", "np.where(_A, _B, _C)", "np.where(~np.asarray(_A), _B, _C)"),
+        ("a density counts half", "Costs.of", "np.log(_A) - _B", "0.5 * np.log(_A) - _B"),
         (
             "the hidden taken for seen",
-            "unpaired",
-            "np.maximum(unseen, _LEAST_UNSEEN)",
-            "np.maximum(1 - unseen, _LEAST_UNSEEN)",
+            "_unpaired",
+            "np.maximum(missed, _LEAST_MISSED)",
+            "np.maximum(1 - missed, _LEAST_MISSED)",
         ),
         (
-            "the gone paired as readily",
-            "unpaired",
+            "the deleted paired as readily",
+            "_unpaired",
             "(1 - _A + _A * np.maximum(_B, _C)) / _A",
             "1 - _A + _A * np.maximum(_B, _C)",
         ),
         (
             "every measurement is proof",
-            "existence_paired",
+            "_existence_paired",
             "existence_after_detection(np.maximum(_A, _B), np.exp(-0.5 * _C))",
             "np.ones_like(_A)",
         ),
+    ],
+    "trackers/likelihood/legs.py": [
+        ("a bag is the nearest person's", "pair_legs", "_A[_B:] = _C", "_A[_B:] = False"),
+        ("one leg is the middle of two", "pair_legs", "_A[:_B, None] == 2", "_A[:_B, None] >= 1"),
+        ("a single leg taken for a pair", "LegPairs.likelihood", "self.n_leg == 1", "self.n_leg == 2"),
+    ],
+    "trackers/likelihood/position.py": [
+        ("likelihood of a wider Gaussian", "PositionLikelihood.evaluated", "-0.5 * _A", "-0.25 * _A"),
     ],
     "trackers/laser_fisheye_imm/detection.py": [
         (
@@ -207,7 +207,7 @@ _BY_FILE = {
         (
             "looks upon a standing leg taken for independent",
             "LaserFisheyeImm._update",
-            "self.options.knee.single_leg_s",
+            "self.options.legs.single_leg_s",
             "self.options.step_s",
         ),
         (

@@ -36,12 +36,12 @@ _MANY = 200
 _SCENARIO = "lab-five-people"
 _TRACKERS = ("laser-fisheye-imm", "waist-fisheye-imm", "laser-imm")
 _WORSENED = {
-    "measurement noise R × 9": ("smoke", ("measurement_variance_m2=0.0135",)),
+    "measurement noise R × 9": ("smoke", ("trunk.variance_m2=0.0135",)),
     "gate halved": (
         "smoke",
-        ("waist.radius_m=0.5", "knee.radius_m=0.25", "knee.radius_alone_m=0.35", "max_deviations=2"),
+        ("trunk.gate_m=0.5", "legs.gate_m=0.25", "legs.gate_alone_m=0.35"),
     ),
-    "histogram update off": ("looks", ("histogram.memory=0.999999",)),
+    "histogram update off": ("looks", ("appearance.memory=0.999999",)),
 }
 
 

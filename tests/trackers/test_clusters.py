@@ -138,17 +138,6 @@ def test_the_second_leg_is_looked_for_across_from_the_first():
         np.testing.assert_allclose(position, [(middle, 0.0)])
 
 
-def test_who_has_shown_both_legs_goes_first_where_two_could_have_a_leg():
-    legs, expected = np.array([(-0.1, 0.0), (0.3, 0.0)]), np.array([(0.0, 0.0), (0.45, 0.0)])
-    together = np.zeros(2, bool)
-    _, n_leg, _ = take_legs(legs, together, expected, reach_m=0.8, stride_m=0.8)
-    assert n_leg.tolist() == [1, 1]
-    _, n_leg, _ = take_legs(legs, together, expected, reach_m=0.8, stride_m=0.8, first_leg_m2=np.array([0.0, 0.1]))
-    assert n_leg.tolist() == [2, 0]
-    _, n_leg, _ = take_legs(legs, together, expected, reach_m=0.8, stride_m=0.8, first_leg_m2=np.array([0.1, 0.1]))
-    assert n_leg.tolist() == [1, 1]
-
-
 def test_strangers_legs_pair_off_from_the_closest_up():
     legs = np.array([(0.0, 0.0), (0.2, 0.0), (0.55, 0.0), (0.8, 0.0), (3.0, 0.0)])
     people, n_leg = pair_off(legs, 0.5)

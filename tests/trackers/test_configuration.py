@@ -100,11 +100,11 @@ def test_a_nested_option_set_to_what_it_is_changes_nothing(preset: str, path: Pa
 
 def test_a_tracker_gets_the_siblings_of_what_is_set_as_its_preset_has_them(monkeypatch: pytest.MonkeyPatch) -> None:
     target = PRESETS["laser-imm"].target
-    narrow = Preset(target, "", options={"camera": False, "knee": {"radius_m": 0.6, "cluster": {"min_width_m": 0.02}}})
+    narrow = Preset(target, "", options={"camera": False, "knee": {"jump_m": 0.06}, "legs": {"gate_m": 0.6}})
     monkeypatch.setattr(trackers.presets, "PRESETS", {"narrow": narrow})
-    knee = make_tracker("narrow", rig(), options={"knee": {"cluster": {"min_samples": 5}}}).options.knee
-    assert (knee.cluster.min_samples, knee.cluster.jump_m, knee.cluster.min_width_m) == (5, 0.08, 0.02)
-    assert knee.radius_m == 0.6
+    options = make_tracker("narrow", rig(), options={"knee": {"min_samples": 5}}).options  # pyright: ignore[reportAttributeAccessIssue]
+    assert (options.knee.min_samples, options.knee.jump_m, options.knee.half_depth_m) == (5, 0.06, 0.04)
+    assert options.legs.gate_m == 0.6
 
 
 class _Inner(Strict):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
-from scipy.stats import multivariate_normal, multivariate_t
+from scipy.stats import multivariate_normal
 
 from trackers.filters.gating import (
     global_nearest_neighbour,
@@ -101,15 +101,3 @@ def test_a_measurement_with_noise_of_its_own_is_explained_by_whom_it_makes_likel
         by_mode = [multivariate_normal.logpdf(measured[j], modes[i, m], S[m]) for m in range(3)]
         assert unlikely[i, j] == pytest.approx(-2 * max(by_mode))
         assert N[i, j] == pytest.approx(mahalanobis(modes[i : i + 1], S[None], measured[j : j + 1])[0, 0])
-
-
-def test_heavy_tails_are_those_of_student():
-    rng = np.random.default_rng(1)
-    modes, measured, variance = rng.normal(size=(2, 1, 2)), 3 * rng.normal(size=(5, 2)), np.full(5, 0.3)
-    root = rng.normal(size=(2, 1, 2, 2))
-    P = root @ root.swapaxes(-1, -2)
-    N, unlikely = mahalanobis_distances(modes, P, measured, variance, degrees_of_freedom=4.0)
-    assert pytest.approx(N) == mahalanobis_distances(modes, P, measured, variance)[0]
-    for i, j in np.ndindex(2, 5):
-        density = multivariate_t.logpdf(measured[j], modes[i, 0], P[i, 0] + 0.3 * np.eye(2), df=4.0)
-        assert unlikely[i, j] == pytest.approx(-2 * density)

@@ -126,7 +126,7 @@ def test_whoever_stops_out_of_sight_is_looked_for_where_nobody_could_see_them():
         assert len(coasting) > 5
         return max(coasting)
 
-    assert farthest_off() < 0.2 < 0.3 < farthest_off(free_space={"detected": 0})
+    assert farthest_off() < 0.2 < 0.3 < farthest_off(p_detect=0)
 
 
 def test_nobody_is_outside_the_area():
@@ -391,11 +391,11 @@ def test_a_single_scanner_is_taken_for_what_its_height_says():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"colour_wieght": 2}, "colour_wieght.*colour_weight"),
-        ({"waist": {"radus_m": 2}}, "waist.radus_m.*radius_m"),
+        ({"appearance": {"wieght": 2}}, "appearance.wieght.*weight"),
+        ({"trunk": {"gate": 2}}, "trunk.gate.*gate_m"),
         ({"filter": "particle"}, "filter"),
         ({"layers": ()}, "layers"),
-        ({"measurement_variance_m2": 0}, "measurement_variance_m2"),
+        ({"trunk": {"variance_m2": 0}}, "trunk.variance_m2"),
     ],
 )
 def test_wrong_options_are_named(options, message):

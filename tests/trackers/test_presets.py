@@ -14,10 +14,9 @@ import trackers.presets
 from trackers.errors import InputError
 from trackers.filters.heading_motion import HeadingMotion
 from trackers.filters.motion import KALMAN_MODELS
-from trackers.filters.velocity_motion import VelocityModel, VelocityMotion
-from trackers.laser_fisheye_imm.filter import filter_of
+from trackers.filters.velocity_motion import AGILE, VelocityMotion
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
-from trackers.laser_fisheye_imm.tracker import LaserFisheyeImm
+from trackers.laser_fisheye_imm.tracker import LaserFisheyeImm, filter_of
 from trackers.presets import PRESETS, available, make_tracker
 from twin.reproduce.laser_fisheye_imm.runs import COLUMNS
 from twin.reproduce.laser_vision_learning.runs import SYSTEMS
@@ -74,8 +73,8 @@ def test_presets_are_options_of_one_class():
     [
         ({}, VelocityMotion, 3),
         ({"filter": "kalman"}, VelocityMotion, 1),
-        ({"motions": None}, HeadingMotion, 3),
-        ({"motions": None, "filter": "kalman"}, HeadingMotion, 1),
+        ({"motion": "headings"}, HeadingMotion, 3),
+        ({"motion": "headings", "filter": "kalman"}, HeadingMotion, 1),
     ],
 )
 def test_one_mode_or_three_over_velocities_or_as_in_the_paper_over_headings(options, motion, n_mode):
@@ -83,10 +82,10 @@ def test_one_mode_or_three_over_velocities_or_as_in_the_paper_over_headings(opti
     assert (type(made), made.n_mode) == (motion, n_mode)
 
 
-def test_the_kalman_filter_is_of_its_own_option_or_the_papers():
-    made = filter_of(LaserFisheyeImmOptions(filter="kalman", kalman_motion=(0.5, 2.0))).motion
-    assert made == VelocityMotion((VelocityModel(0.5, 2.0),))
-    papers = filter_of(LaserFisheyeImmOptions(filter="kalman", motions=None)).motion
+def test_the_kalman_filter_has_one_agile_model_or_the_papers():
+    made = filter_of(LaserFisheyeImmOptions(filter="kalman")).motion
+    assert made == VelocityMotion((AGILE,))
+    papers = filter_of(LaserFisheyeImmOptions(filter="kalman", motion="headings")).motion
     assert papers == HeadingMotion(KALMAN_MODELS)
 
 

@@ -48,13 +48,11 @@ def mahalanobis_distances(
     covariance: Float[Array, "n m 2 2"],
     position: Float[Array, "k 2"],
     variance_m2: Float[Array, "k"],
-    degrees_of_freedom: float | None = None,
 ) -> tuple[Float[Array, "n k"], Float[Array, "n k"]]:
     """N of measurements each with a variance of its own on each axis [m²], and −2 ln p, of the likeliest mode.
 
     p is the density of a measurement [1/m²], a Gaussian of the predicted covariance and that variance, S: N² + ln |S| + 2 ln 2π
-    is −2 ln p. Somebody known badly explains a measurement anywhere, and none of them well. degrees_of_freedom ν: of Student's t
-    instead of the Gaussian, with (ν + 2) ln(1 + N² / ν) for N², for what errs by far more often.
+    is −2 ln p. A track known badly explains a measurement anywhere, and none of them well.
     """
     x, y = _differences(predicted, position)
     s_xx = covariance[..., 0, 0, None] + variance_m2
@@ -65,8 +63,6 @@ def mahalanobis_distances(
     square = (x * (s_yy * x - 2 * s_xy * y) + s_xx * y * y) / determinant
     square = np.maximum(square, 0.0)
     N = np.sqrt(square.min(axis=1))
-    if degrees_of_freedom is not None:
-        square = (degrees_of_freedom + 2) * np.log1p(square / degrees_of_freedom)
     return N, (square + np.log(determinant)).min(axis=1) + 2 * np.log(2 * np.pi)
 
 

@@ -23,7 +23,7 @@ from trackers.filters.gating import distances, global_nearest_neighbour
 from trackers.filters.motion import MEASUREMENT_VARIANCE_M2
 from trackers.filters.rows import Rows
 from trackers.laser.detections import Detections
-from trackers.laser.grouping import pair_off, take_legs
+from trackers.laser.grouping import PAIR_M, STRIDE_M, pair_off, take_legs
 from trackers.laser.layer import KneeOptions, LaserLayer, LayerOptions, WaistOptions
 from trackers.laser.roles import scanners_by_role
 from trackers.observations import LaserScan, Observation
@@ -170,9 +170,6 @@ def scanner_groups(
     }
 
 
-_KNEE = KneeOptions()
-
-
 def people_seen(
     seen: Mapping[Role, Detections],
     expected: Float[Array, "n 2"],
@@ -188,8 +185,8 @@ def people_seen(
     trunks = seen["waist"].position if "waist" in seen else np.empty((0, 2))
     legs = seen["knee"].position if "knee" in seen else np.empty((0, 2))
     together = np.zeros(len(legs), np.bool_)
-    by_legs, n_leg, free = take_legs(legs, together, expected, reach_m, _KNEE.stride_m)
-    new, n_new = pair_off(legs[free], _KNEE.pair_m)
+    by_legs, n_leg, free = take_legs(legs, together, expected, reach_m, STRIDE_M)
+    new, n_new = pair_off(legs[free], PAIR_M)
     walkers = np.concatenate([by_legs[n_leg > 0], new])
     whole = (np.concatenate([n_leg[n_leg > 0], n_new]) > 1) | ("waist" not in seen)
     if len(trunks) and len(walkers):

@@ -8,6 +8,11 @@ from jaxtyping import Bool, Float, Int
 from trackers.arrays import Array, Index, Mask
 from trackers.filters.gating import distances, max_weight_assignment
 
+STRIDE_M = 0.8
+"""Longest distance between the two legs of a tracked person [m]: a runner's, at the height of the knees."""
+PAIR_M = 0.5
+"""Distance below which two legs that belong to no track are one person's [m]."""
+
 
 def trunks(
     position: Float[Array, "k 2"],
@@ -45,48 +50,44 @@ def take_legs(
     reach_m: Float[Array, "n"] | float,
     stride_m: float,
     opposite: Float[Array, "n"] | float = 0.0,
-    first_leg_m2: Float[Array, "n"] | float = 0.0,
-    barred: Bool[Mask, "n k"] | None = None,
+    forbidden: Bool[Mask, "n k"] | None = None,
 ) -> tuple[Float[Array, "n 2"], Int[Index, "n"], Bool[Mask, "k"]]:
-    """Which legs are those of people expected at these places [m].
+    """Assign legs to people expected at these places [m], two to each, by least squares.
 
-    Everybody has two legs, at most `reach_m` off and `stride_m` apart; one cluster may be `both_together`. Legs go to people
-    in the assignment of least squares, two to each, a leg that nobody takes counting as one at the end of the reach: the
-    likeliest where legs stand about bodies by a Gaussian. So each leg goes to whom it is nearest to, unless they have two that
-    are nearer. All but everybody's nearest are then assigned once more, as second legs by how far they are from where the
-    first lets them be expected, and as first ones to whoever has none yet. opposite: minus the correlation of a person's two
-    legs about the place, below 1; 0 where both may be on one side, as a sitting person's. first_leg_m2: what is added to the
-    squared distance of each person's first leg [m²], so that of two people who could have a leg one goes first. barred: legs
-    that are not for these people, however near.
+    The two legs of a person are at most `reach_m` off and `stride_m` apart; one cluster may be `both_together`. A leg that no
+    person takes counts as one at the end of the reach: the likeliest where legs stand about bodies by a Gaussian. So each leg
+    goes to the nearest person, unless that one has two that are nearer. All but the nearest of each person are then assigned once
+    more, as second legs by how far they are from where the first lets them be expected, and as first ones to a person without
+    any. opposite: minus the correlation of a person's two legs about the place, below 1; 0 where both may be on one side, as a
+    sitting person's. forbidden: pairs that cannot be, however near.
 
     Returns the position of each person, the middle of their legs, how many legs each took, 0 leaving the position as
-    expected, and which legs nobody took.
+    expected, and which legs no person took.
     """
     n, k = len(expected), len(legs)
     position, n_leg, free = expected.copy(), np.zeros(n, np.intp), np.ones(k, np.bool_)
     if n == 0 or k == 0:
         return position, n_leg, free
     away = distances(expected, legs)
-    away[np.zeros_like(away, np.bool_) if barred is None else barred] = np.inf
-    reach, first_leg, against = (np.broadcast_to(each, n)[:, None].copy() for each in (reach_m, first_leg_m2, opposite))
-    places, what = max_weight_assignment(np.tile(reach**2 - away**2 - first_leg, (2, 1)))
-    who = places % n
-    nearest_first = away[who, what].argsort(kind="stable")
-    who, index = np.unique(who[nearest_first], return_index=True)
-    first = what[nearest_first][index]
-    position[who], n_leg[who], free[first] = legs[first], 1 + both_together[first], False
+    away[np.zeros_like(away, np.bool_) if forbidden is None else forbidden] = np.inf
+    reach, against = (np.broadcast_to(each, n)[:, None].copy() for each in (reach_m, opposite))
+    places, leg = max_weight_assignment(np.tile(reach**2 - away**2, (2, 1)))
+    person = places % n
+    nearest_first = away[person, leg].argsort(kind="stable")
+    person, index = np.unique(person[nearest_first], return_index=True)
+    first = leg[nearest_first][index]
+    position[person], n_leg[person], free[first] = legs[first], 1 + both_together[first], False
 
     others = free.nonzero()[0]
     place, spread, near = expected.copy(), np.ones((n, 1)), np.isfinite(away[:, others])
-    place[who] += against[who] * (expected[who] - legs[first])
-    spread[who] = np.sqrt(1 - against[who] ** 2)
-    near[who] &= distances(legs[first], legs[others]) < stride_m
+    place[person] += against[person] * (expected[person] - legs[first])
+    spread[person] = np.sqrt(1 - against[person] ** 2)
+    near[person] &= distances(legs[first], legs[others]) < stride_m
     off = distances(place, legs[others]) / spread
-    first_leg[who] = 0.0
-    who, column = max_weight_assignment(np.where(near, reach**2 - off**2 - first_leg, 0.0))
-    also, had = others[column], n_leg[who] > 0
-    position[who] = np.where(had[:, None], 0.5 * (position[who] + legs[also]), legs[also])
-    n_leg[who], free[also] = 1 + (had | both_together[also]), False
+    person, column = max_weight_assignment(np.where(near, reach**2 - off**2, 0.0))
+    also, had = others[column], n_leg[person] > 0
+    position[person] = np.where(had[:, None], 0.5 * (position[person] + legs[also]), legs[also])
+    n_leg[person], free[also] = 1 + (had | both_together[also]), False
     return position, n_leg, free
 
 

@@ -28,7 +28,7 @@ _ARM_HALF_DEPTH_M = 0.04
 
 
 class LayerOptions(Strict):
-    """What a scanner at one height sees of a person, and how far from a prediction it is believed."""
+    """How a scanner at one height shows people."""
 
     cluster: ClusterOptions = Field(description="how samples become clusters")
     background: BackgroundOptions = Field(default=BackgroundOptions(), description="what of a scan is the room")
@@ -39,9 +39,6 @@ class LayerOptions(Strict):
         default=None,
         description="least samples of a cluster that goes on with a track, but alone starts none, where nothing nearer is "
         "beside it; null: the same as of any other (ours)",
-    )
-    radius_m: float = Field(
-        gt=0, description="radius of the validation region's circles [m] (Bai and Takahashi: waist 1.0, knee 0.5)"
     )
     half_depth_m: float = Field(
         ge=0,
@@ -98,7 +95,6 @@ class WaistOptions(LayerOptions):
     cluster: ClusterOptions = Field(
         default=ClusterOptions(jump_m=0.08, min_width_m=0.06), description=_of_layer("cluster")
     )
-    radius_m: float = Field(default=1.0, gt=0, description=_of_layer("radius_m"))
     half_depth_m: float = Field(default=0.11, ge=0, description=_of_layer("half_depth_m"))
     side_half_depth_m: float | None = Field(default=0.168, ge=0, description=_of_layer("side_half_depth_m"))
     body_width_m: float | None = Field(default=0.3, gt=0, description=_of_layer("body_width_m"))
@@ -118,67 +114,8 @@ class KneeOptions(LayerOptions):
         description=_of_layer("free_space"),
     )
     weak_samples: PositiveInt | None = Field(default=1, description=_of_layer("weak_samples"))
-    radius_m: float = Field(default=0.5, gt=0, description=_of_layer("radius_m"))
     half_depth_m: float = Field(default=0.04, ge=0, description=_of_layer("half_depth_m"))
     fuse_m: float = Field(default=0.2, ge=0, description=_of_layer("fuse_m"))
-    radius_alone_m: float = Field(
-        default=0.8,
-        gt=0,
-        description="radius of the validation region's circles without a waist scanner, where a single leg may be half a "
-        "runner's stride from the body [m] (ours)",
-    )
-    claim_m: float = Field(
-        default=0.5,
-        ge=0,
-        description="how far a leg may be from where a trunk's legs were before to belong to it [m] (ours)",
-    )
-    pair_m: float = Field(
-        default=0.5,
-        ge=0,
-        description="distance below which two legs that no track claims are one person [m]; 0: each leg is a person "
-        "(ours)",
-    )
-    legs_variance_m2: float = Field(
-        default=0.003,
-        ge=0,
-        description="measurement variance added where legs stand for a person, whose trunk sways over them [m²] (ours)",
-    )
-    single_leg_variance_m2: float = Field(
-        default=0.007,
-        ge=0,
-        description="measurement variance added for a single leg, which is up to half a stride from the body, beside "
-        "`legs_variance_m2` [m²] (ours)",
-    )
-    single_leg_s: float = Field(
-        default=0.3,
-        gt=0,
-        description="without a waist scanner, time in which all looks upon a single leg together tell what one tells: it stays "
-        "behind the body or before it while it stands [s] (ours)",
-    )
-    shared: bool = Field(
-        default=True,
-        description="whether legs are shared out at once among the trunks and those whom no trunk shows; else every trunk takes "
-        "its own first (ours)",
-    )
-    half_seen_m2: float = Field(
-        default=0.1,
-        ge=0,
-        description="what is added to the squared distance to the first leg of a person of whom neither trunk nor both legs "
-        "were seen for `single_leg_s`, so that a hidden person takes no leg of another walking past; 0: nothing (ours) [m²]",
-    )
-    opposite: float = Field(
-        default=0.3,
-        ge=0,
-        lt=1,
-        description="minus the correlation of the places of a person's two legs about the prediction, where no trunk is seen: a "
-        "stride puts one before it and one behind, an error of the prediction both on one side (ours)",
-    )
-    both_legs_m: float = Field(
-        default=0.18, gt=0, description="width above which a cluster is both legs, side by side [m] (ours)"
-    )
-    stride_m: float = Field(
-        default=0.8, ge=0, description="longest distance between the two legs of a tracked person [m] (ours)"
-    )
 
 
 class LaserLayer:

@@ -1,4 +1,12 @@
-"""Who was measured where: trunks and legs to tracks, by distance and by colour; nothing is changed here."""
+"""Association of trunks and legs with tracks, by distance and by colour; nothing is changed here.
+
+Costs are −2 ln of likelihood ratios (S. Blackman and R. Popoli, "Design and Analysis of Modern Tracking Systems", 1999,
+chapter 6). A measurement at z is a track's by e p(z), with e how probably the track exists and p the density of its prediction;
+or it is a new person's, or clutter, by their density λ. The track without it was not shown, by 1 − e + e m, with m how probably
+the frame would not show it (D. Mušicki, R. Evans and S. Stanković, "Integrated probabilistic data association", IEEE Trans.
+Automatic Control 39, 1994). So a hidden track is not dragged along by what others leave, and one in plain sight takes what is
+there.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +16,45 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from trackers.arrays import Array, Index, Mask
+from trackers.filters.negative_information import existence_after_detection
 from trackers.filters.rows import written
 from trackers.laser_fisheye_imm.detection import Seen
-from trackers.laser_fisheye_imm.legs import find_walkers
-from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
-from trackers.laser_fisheye_imm.pairing import Costs, costs, existence_paired, unpaired
+from trackers.laser_fisheye_imm.options import EVEN_AT, EXPLAINED_BELOW, WRONG_LOOK, LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import People
+from trackers.likelihood.legs import LegPairs, pair_legs
+from trackers.likelihood.position import PositionLikelihood
+from trackers.likelihood.trunk import trunk_likelihood
 from trackers.tracking.association import Stage, associate, left_over
 from trackers.tracking.track_manager import nanoseconds, reachable
+
+_LEAST_MISSED, _LEAST_EXISTENCE = 1e-3, 1e-4
+"""No track is missed less often than this: the model of what is seen is no better. None is known not to exist."""
+
+
+@dataclass(frozen=True, eq=False)
+class Costs:
+    """Costs of pairs of n tracks and k measurements, and the pairs that cannot be."""
+
+    mahalanobis: Float[Array, "n k"]  # N
+    pair: Float[Array, "n k"]  # −2 ln p(z) / λ; by the paper N
+    out_of_gate: Bool[Mask, "n k"]
+
+    @classmethod
+    def of(cls, people: People, measured: PositionLikelihood, options: LaserFisheyeImmOptions) -> Costs:
+        """Return the costs of k measurements of one kind."""
+        distance, log_likelihood = measured.evaluated(people.state)
+        pair = distance
+        if options.clutter_density_m2 is not None:
+            pair = 2 * (np.log(options.clutter_density_m2) - log_likelihood)
+        return cls(distance, pair, ~measured.in_gate(people.state))
+
+    def joined(self, other: Costs) -> Costs:
+        """Return these measurements followed by the others."""
+        return Costs(
+            np.concatenate([self.mahalanobis, other.mahalanobis], axis=1),
+            np.concatenate([self.pair, other.pair], axis=1),
+            np.concatenate([self.out_of_gate, other.out_of_gate], axis=1),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,106 +75,143 @@ class Matches:
 
 @dataclass(frozen=True, eq=False)
 class Association:
-    """The pairing of one moment: global nearest neighbour on likelihood ratios, or d = N + w E, within the validation regions.
+    """The pairing of one frame: global nearest neighbour on likelihood ratios, or d = N + w E, within the validation regions.
 
-    people: predicted to stamp ns (the moment before was at last_ns);
-    unseen: how probably the moment would not show each of them; knee_radius_m: the validation
-    radius of legs; sees_waists: whether trunks are looked for, without which legs are all there is to know anybody by;
-    knows_room: whether the background was captured, or else is learned from the scans, so that what is tentative may be a
-    flicker of the room, and takes no legs before they are somebody's.
+    people: predicted to stamp ns (the frame before was at last_ns); missed: how probably the frame would not show each of them;
+    sees_waists: whether trunks are looked for, without which legs are all that shows a person; knows_room: whether the background
+    was captured, or else is learned from the scans, so that a tentative track may be a flicker of the room, and takes no legs.
     """
 
     people: People
-    unseen: Float[Array, "n"]
+    missed: Float[Array, "n"]
     options: LaserFisheyeImmOptions
-    knee_radius_m: float
     ns: int
     last_ns: int
     sees_waists: bool = True
     knows_room: bool = True
 
     def matches(self, seen: Seen) -> Matches:
-        """Trunks to tracks, and legs to those whom no trunk shows: waist, else knee, never both."""
-        people, options, knee, n_trunk = self.people, self.options, self.options.knee, len(seen.trunks)
-        variance = options.measurement_variance_m2 + seen.trunks.variance_m2
-        cost = costs(people, seen.trunks.position, variance, options.waist.radius_m, False, options)
+        """Associate trunks with tracks, and legs with those that no trunk shows: waist, else knee, never both."""
+        people, options, n_trunk = self.people, self.options, len(seen.trunks)
+        trunks = trunk_likelihood(seen.trunks, options.trunk)
+        cost = Costs.of(people, trunks, options)
         colour = people.clothes.distance(seen.histograms, seen.comparable)
         if colour is None:
             colour = np.full((len(people), n_trunk), np.nan)
         trunk_of = written(np.full(len(people), -1), *associate([self._explained(cost, colour)]))
-        known = np.ones(len(people), np.bool_) if self.knows_room else people.confirmed
-        walkers = find_walkers(seen, people.select(known), trunk_of[known], self.knee_radius_m, self.ns, options)
+        walkers = self._walkers(seen, trunk_of)
         n_walker = len(walkers.position)
         trunk = np.concatenate([np.arange(n_trunk), np.full(n_walker, -1)])
         position = np.concatenate([seen.trunks.position, walkers.position])
         lone = np.concatenate([np.zeros(n_trunk, np.bool_), walkers.n_leg == 1])
         # in a rig that sees waists a leg alone may be anything
         part = lone & self.sees_waists
-        by_legs = knee.legs_variance_m2 + np.where(walkers.n_leg == 1, knee.single_leg_variance_m2, 0.0)
-        by_legs += options.measurement_variance_m2
-        cost = cost.beside(costs(people, walkers.position, by_legs, self.knee_radius_m, part[n_trunk:], options))
+        by_legs = walkers.likelihood(options.legs, self._leg_gate_m)
+        cost = cost.joined(Costs.of(people, by_legs, options))
         colour = np.pad(colour, ((0, 0), (0, n_walker)), constant_values=np.nan)
         track, taken = associate(
             [
                 self._explained(cost, colour, trunk < 0),
                 self._explained(cost, colour, trunk >= 0),
-                self._known_again(cost, colour, position, part),
+                self._re_identified(cost, colour, position, part),
             ]
         )
         new = left_over(len(position), taken)
         return Matches(
             track=track,
             position=position[taken],
-            variance=np.concatenate([variance, by_legs])[taken],
+            variance=np.concatenate([trunks.variance_m2, by_legs.variance_m2])[taken],
             lone=lone[taken],
             trunk=trunk[taken],
             legs=np.concatenate([walkers.under_trunk, np.full((n_walker, 2), np.nan)])[taken],
-            existence=existence_paired(people.existence[track], cost.pair[track, taken], options),
+            existence=_existence_paired(people.existence[track], cost.pair[track, taken], options),
             new_position=position[new],
             new_trunk=trunk[new],
             new_lone=lone[new],
         )
 
-    def _explained(self, cost: Costs, colour: Float[Array, "n k"], without: Bool[Mask, "k"] | bool = False) -> Stage:
-        """Pairs that predictions explain, but for the measurements `without`; colour: E, NaN where unknown."""
-        alone, everybody = unpaired(self.people, self.unseen, self.options), np.ones(len(self.people), np.bool_)
-        return Stage(everybody, [cost.pair, self._by_colour(colour)], [cost.out_of_gate | without], alone)
+    @property
+    def _leg_gate_m(self) -> float:
+        legs = self.options.legs
+        return legs.gate_m if self.sees_waists else legs.gate_alone_m
 
-    def _known_again(
+    def _walkers(self, seen: Seen, trunk_of: Int[Index, "n"]) -> LegPairs:
+        """Share the legs out among the trunks and the people that no trunk shows; trunk_of: the trunk of each track, or −1."""
+        options = self.options
+        known = np.ones(len(self.people), np.bool_) if self.knows_room else self.people.confirmed
+        people, trunk_of = self.people.select(known), trunk_of[known]
+        shown = trunk_of >= 0
+        under = seen.trunks.position.copy()
+        under[trunk_of[shown]] += people.posture.knees[shown]
+        hidden = people.select(~shown)
+        seated = hidden.posture.seated(hidden.measured_at, options.posture)
+        knees = np.where(seated[:, None], hidden.posture.knees, 0.0)
+        apart_m = options.track_management.apart_m
+        gate_m = self._leg_gate_m
+        return pair_legs(seen.legs, seen.firm, under, hidden.positions, knees, apart_m, gate_m, options.legs)
+
+    def _explained(self, cost: Costs, colour: Float[Array, "n k"], without: Bool[Mask, "k"] | bool = False) -> Stage:
+        """Pair what predictions explain, but for the measurements `without`; colour: E, NaN where unknown."""
+        alone, all_tracks = _unpaired(self.people, self.missed, self.options), np.ones(len(self.people), np.bool_)
+        return Stage(all_tracks, [cost.pair, self._by_colour(colour)], [cost.out_of_gate | without], alone)
+
+    def _re_identified(
         self, cost: Costs, colour: Float[Array, "n k"], position: Float[Array, "k 2"], part: Bool[Mask, "k"]
     ) -> Stage:
-        """Pairs of the occluded, with what no prediction explains, but for what is but a `part` of a person."""
-        people, options = self.people, self.options
-        hidden = people.confirmed & self._hidden() & (options.track_management.reid_speed_m_s is not None)
-        existing = hidden & people.exist(options.track_management.exists_above)
-        explained = ((options.expected_below >= cost.deviations) & ~hidden[:, None]).any(axis=0)
-        cannot_be = ~self._recognised(existing, position, colour) | part | explained
+        """Pair occluded tracks with what no prediction explains, but for what is only a `part` of a person."""
+        people, rules = self.people, self.options.track_management
+        hidden = people.confirmed & self._hidden() & (rules.reid_speed_m_s is not None)
+        existing = hidden & people.exist(rules.exists_above)
+        explained = ((cost.mahalanobis <= EXPLAINED_BELOW) & ~hidden[:, None]).any(axis=0)
+        cannot_be = ~self._same_person(existing, position, colour) | part | explained
         return Stage(hidden, [cost.pair, self._by_colour(colour)], [cannot_be])
 
     def _by_colour(self, colour: Float[Array, "n k"]) -> Float[Array, "n k"]:
-        """What a look costs, −2 ln of how much likelier it is the person's own than anybody's, or E by its weight.
+        """Cost of a look at a shirt: −2 ln of how much likelier it is the track's own than another's, or w E as in the paper.
 
-        Now and then it is of what stands before them, so that no shirt rules anybody out.
+        Now and then a look shows what hides the person, so that no shirt excludes a track.
         """
-        wrong = self.options.wrong_look
-        cost = self.options.colour_weight * np.nan_to_num(colour - self.options.even_at)
-        return -2 * np.logaddexp(np.log(wrong) if wrong else -np.inf, np.log1p(-wrong) - 0.5 * cost)
+        weight = self.options.appearance.weight
+        if self.options.clutter_density_m2 is None:
+            return weight * np.nan_to_num(colour)
+        cost = weight * np.nan_to_num(colour - EVEN_AT)
+        return -2 * np.logaddexp(np.log(WRONG_LOOK), np.log1p(-WRONG_LOOK) - 0.5 * cost)
 
-    def _recognised(
+    def _same_person(
         self, hidden: Bool[Mask, "n"], position: Float[Array, "k 2"], colour: Float[Array, "n k"]
     ) -> Bool[Mask, "n k"]:
-        """Pairs of a `hidden` track and somebody whom it can have become meanwhile, by all that tells.
+        """Select pairs of a `hidden` track and a measurement that it can have become meanwhile, by reach and shirt.
 
-        Its prediction says little after a while: what it can have walked since it was measured is asked instead, and what
-        shirt it wears; where no shirt is seen nothing tells but that only one of the hidden can be there.
+        Its prediction says little after a while: what it can have walked since it was measured is asked instead, and the
+        shirt; where no shirt is seen nothing tells but that only one of the hidden can be there.
         """
         unseen_ns, rules = self.ns - self.people.roster.measured_ns, self.options.track_management
         can_be = reachable(self.people.measured_at, unseen_ns, position, rules) & hidden[:, None]
         alone = can_be & (np.count_nonzero(can_be, axis=0) == 1)
-        return np.where(np.isnan(colour), alone, can_be & (colour <= self.options.recognised_below))
+        return np.where(np.isnan(colour), alone, can_be & (colour <= self.options.appearance.same_below))
 
     def _hidden(self) -> Bool[Mask, "n"]:
-        """Who was not measured at the last scan either, and may be on their way: whoever lies is not."""
+        """Select the tracks that were not measured at the last scan either, but for lying people, who do not walk."""
         measured_ns = self.people.roster.measured_ns
-        unseen = (self.ns - measured_ns > nanoseconds(1.5 * self.options.step_s)) & (measured_ns < self.last_ns)
-        return unseen & ~self.people.posture.lying
+        hidden = (self.ns - measured_ns > nanoseconds(1.5 * self.options.step_s)) & (measured_ns < self.last_ns)
+        return hidden & ~self.people.posture.lying
+
+
+def _unpaired(people: People, missed: Float[Array, "n"], options: LaserFisheyeImmOptions) -> Float[Array, "n"] | None:
+    """What each track costs without a measurement, −2 ln (1 − e + e m) / e; None: by the paper all are paired that can be.
+
+    missed: m, how probably the moment would not show them.
+    """
+    if options.clutter_density_m2 is None:
+        return None
+    e = np.maximum(people.existence, _LEAST_EXISTENCE)
+    return -2 * np.log((1 - e + e * np.maximum(missed, _LEAST_MISSED)) / e)
+
+
+def _existence_paired(
+    existence: Float[Array, "p"], cost: Float[Array, "p"], options: LaserFisheyeImmOptions
+) -> Float[Array, "p"]:
+    """How probably tracks still exist, with a measurement at that cost; 1 by the paper."""
+    if options.clutter_density_m2 is None or options.track_management.survival_s is None:
+        return np.ones_like(existence)
+    return existence_after_detection(np.maximum(existence, _LEAST_EXISTENCE), np.exp(-0.5 * cost))

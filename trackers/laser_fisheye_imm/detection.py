@@ -15,13 +15,13 @@ from trackers.errors import InputError
 from trackers.laser.detections import Detections
 from trackers.laser.group import ScannerGroup
 from trackers.laser.roles import Role, scanners_by_role
-from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
+from trackers.laser_fisheye_imm.options import TORSO_HISTOGRAM, LaserFisheyeImmOptions
 from trackers.observations import Image, Observation
 from trackers.rig import FisheyeSensor, Rig, StereoSensor
 from trackers.tracking.synced_frames import SyncedFrame
 from trackers.tracks import Detection
 from trackers.vision.histogram import ColourHistogram
-from trackers.vision.torso import TorsoProjector, TorsoWindows
+from trackers.vision.torso import TorsoOptions, TorsoProjector, TorsoWindows
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class Detector:
     ) -> None:
         names, lasers = scanners_by_role(rig, options.layers), rig.lasers()
         self._area = area
-        self.histogram = ColourHistogram(options.histogram)
+        self.histogram = ColourHistogram(TORSO_HISTOGRAM)
         cameras = {name: each for name, each in rig.cameras().items() if not isinstance(each, StereoSensor)}
         self._camera = self._projector = None
         if options.camera and "waist" in names and cameras:
@@ -60,10 +60,12 @@ class Detector:
             camera = cameras[self._camera]
             # a torso window stands between the bearings at which the camera's own scanner saw somebody
             names["waist"] = _nearest_first(names["waist"], rig, camera.room_from_sensor.translation)
-            self._projector = TorsoProjector(lasers[names["waist"][0]], camera, options.torso)
+            looks = options.appearance
+            torso = TorsoOptions(learn_width_m=looks.learn_width_m, max_overlap=looks.max_overlap)
+            self._projector = TorsoProjector(lasers[names["waist"][0]], camera, torso)
             self._intrinsics = camera.intrinsics
         self._groups: dict[Role, ScannerGroup] = {
-            role: ScannerGroup({name: lasers[name] for name in names[role]}, empty_room, layer)
+            role: ScannerGroup({name: lasers[name] for name in names[role]}, empty_room, layer.parameters())
             for role, layer in (("waist", options.waist), ("knee", options.knee))
             if role in names
         }

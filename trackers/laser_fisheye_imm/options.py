@@ -1,28 +1,36 @@
-"""The options of `laser-fisheye-imm`: every constant of the paper, and what we added to it."""
+"""The options of `laser-fisheye-imm`: what of the paper, and of what we added to it, may differ."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, ClassVar, Literal
+from collections.abc import Collection, Mapping
+from typing import Any, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import BaseModel, Field, PositiveInt
 
-from trackers.configuration import Strict, described
-from trackers.filters.motion import (
-    IMM_MODELS,
-    KALMAN_MODELS,
-    MODE_STAYS,
-)
-from trackers.filters.velocity_motion import VelocityMotion
-from trackers.laser.layer import KneeOptions, WaistOptions
+from trackers.configuration import Strict, described, leaves_of
+from trackers.filters.motion import IMM_MODELS, MODE_STAYS, SINGLE_TURN
+from trackers.filters.velocity_motion import AGILE, VelocityMotion
+from trackers.laser.grouping import STRIDE_M
+from trackers.laser.layer import KneeOptions, LayerOptions, WaistOptions
 from trackers.laser.roles import Role
 from trackers.laser_fisheye_imm.posture import PostureOptions
+from trackers.likelihood.legs import BOTH_LEGS_M, LegOptions
+from trackers.likelihood.trunk import TrunkOptions
 from trackers.tracking.track_manager import ReidentificationOptions, TrackManagementOptions
 from trackers.vision.histogram import HistogramOptions
 from trackers.vision.torso import TorsoOptions
 
-Share = Annotated[float, Field(ge=0, le=1)]
-Variance = Annotated[float, Field(ge=0)]
+START_SPEED_M_S = 1.5
+"""Standard deviation of a new track's speed [m/s]; the paper does not say."""
+EVEN_AT = 0.37
+"""E of a shirt that is as likely the same person's as another's, so that an unknown one is neither alike nor different; measured
+in the twin. By the paper's cost it is 0."""
+WRONG_LOOK = 0.005
+"""Share of looks at a torso that show what hides it, so that a wrong shirt costs so much and no more; by the paper's cost 0."""
+EXPLAINED_BELOW = 2.0
+"""Mahalanobis distance up to which a track in sight explains a measurement, so that no other one is re-identified in it."""
+TORSO_HISTOGRAM = HistogramOptions(grey_bins=0, smoothing_deg=0.0)
+"""Hue alone, as in the paper."""
 
 
 class ImmTrackManagementOptions(TrackManagementOptions, ReidentificationOptions):
@@ -85,8 +93,146 @@ class ImmTrackManagementOptions(TrackManagementOptions, ReidentificationOptions)
     )
 
 
+class ScannerOptions(Strict):
+    """How the scanners of a height are read; what else makes a layer is in `trackers.laser.layer`."""
+
+    jump_m: float = Field(
+        default=0.08, gt=0, description="distance between neighbouring samples above which a cluster is split [m]"
+    )
+    min_samples: PositiveInt = Field(description="least samples of a cluster that initiates a track")
+    margin_m: float = Field(
+        default=0.12, gt=0, description="how much nearer than the room a sample must be to be foreground [m]"
+    )
+    memory_s: float = Field(
+        default=60.0, gt=0, description="time constant with which a background learned from the scans fades [s]"
+    )
+    p_detect: float = Field(
+        default=0.95,
+        ge=0,
+        lt=1,
+        description="detection probability of a body that nothing occludes; 0: where a scan shows nothing is no evidence (ours)",
+    )
+    half_depth_m: float = Field(
+        ge=0,
+        description="how far the body's axis lies behind a cluster's middle, along the beam [m]; 0: not at all (ours)",
+    )
+    hidden_variance_m2: float = Field(
+        ge=0, description="measurement variance added for a partly occluded cluster [m²] (ours)"
+    )
+    fuse_m: float = Field(
+        ge=0,
+        description="gate within which clusters of two scanners of this role are one body's or one leg's [m]; 0: never (ours)",
+    )
+
+    def layer(self, defaults: LayerOptions, **own: Any) -> LayerOptions:
+        """Return the parameters of a scanner layer: these and a system's `own` over those of its height."""
+        cluster = {"jump_m": self.jump_m, "min_samples": self.min_samples}
+        background = {"margin_m": self.margin_m, "memory_s": self.memory_s}
+        return defaults.model_copy(
+            update={
+                "cluster": defaults.cluster.model_copy(update=cluster),
+                "background": defaults.background.model_copy(update=background),
+                "free_space": defaults.free_space.model_copy(update={"detected": self.p_detect}),
+                "half_depth_m": self.half_depth_m,
+                "hidden_variance_m2": self.hidden_variance_m2,
+                "fuse_m": self.fuse_m,
+                **own,
+            }
+        )
+
+
+class WaistScannerOptions(ScannerOptions):
+    """Scanners at waist height: one trunk per person, arms beside it."""
+
+    min_samples: PositiveInt = Field(default=3, description=described(ScannerOptions, "min_samples"))
+    half_depth_m: float = Field(default=0.11, ge=0, description=described(ScannerOptions, "half_depth_m"))
+    side_half_depth_m: float | None = Field(
+        default=0.168,
+        ge=0,
+        description="how far the axis lies behind the middle of a body seen from its side, which its width tells [m]; "
+        "null: as from the front (ours)",
+    )
+    body_width_m: float | None = Field(
+        default=0.3,
+        gt=0,
+        description="width to which a narrower, partly occluded cluster is completed [m]; null: it is not (ours)",
+    )
+    hidden_variance_m2: float = Field(default=0.003, ge=0, description=described(ScannerOptions, "hidden_variance_m2"))
+    arm_width_m: float | None = Field(
+        default=0.16,
+        gt=0,
+        description="width below which a cluster beside a wider one is its arm [m]; null: arms are people (ours)",
+    )
+    fuse_m: float = Field(default=0.35, ge=0, description=described(ScannerOptions, "fuse_m"))
+
+    def parameters(self) -> LayerOptions:
+        """Return the layer's parameters."""
+        own = {
+            "side_half_depth_m": self.side_half_depth_m,
+            "body_width_m": self.body_width_m,
+            "satellite_width_m": self.arm_width_m,
+        }
+        return self.layer(WaistOptions(), **own)
+
+
+class KneeScannerOptions(ScannerOptions):
+    """Scanners at knee height: two legs per person."""
+
+    min_samples: PositiveInt = Field(default=2, description=described(ScannerOptions, "min_samples"))
+    weak_samples: PositiveInt | None = Field(
+        default=1,
+        description="least samples of a leg that goes on with a track, but alone initiates none, where nothing nearer is beside "
+        "it; null: the same as of any other (ours)",
+    )
+    half_depth_m: float = Field(default=0.04, ge=0, description=described(ScannerOptions, "half_depth_m"))
+    hidden_variance_m2: float = Field(default=0.02, ge=0, description=described(ScannerOptions, "hidden_variance_m2"))
+    fuse_m: float = Field(default=0.2, ge=0, description=described(ScannerOptions, "fuse_m"))
+
+    def parameters(self) -> LayerOptions:
+        """Return the layer's parameters."""
+        return self.layer(KneeOptions(), weak_samples=self.weak_samples)
+
+
+class AppearanceOptions(Strict):
+    """How shirts are learned, and how much they count."""
+
+    weight: float = Field(
+        default=60.0, ge=0, description="weight w of the appearance E, in the paper's distance d = N + w E (inferred)"
+    )
+    same_below: float = Field(
+        default=0.3, ge=0, description="E up to which two shirts are the same person's in re-identification (ours)"
+    )
+    memory: float = Field(
+        default=TORSO_HISTOGRAM.memory, ge=0, lt=1, description="share of the old colours kept at an update (α, eq. 7)"
+    )
+    learn_width_m: float = Field(
+        default=0.15,
+        ge=0,
+        description="least width of a cluster whose shirt is learned [m]; 0: every one is (ours)",
+    )
+    max_overlap: float = Field(
+        default=0.2,
+        ge=0,
+        le=1,
+        description="share of a torso that another may cover in the picture when its shirt is learned; 1: every one is (ours)",
+    )
+
+
+_SHARED = (
+    *(("jump_m", "cluster.jump_m"), ("min_samples", "cluster.min_samples"), ("margin_m", "background.margin_m")),
+    *(("memory_s", "background.memory_s"), ("p_detect", "free_space.detected")),
+)
+_MOVED = (*(former for _, former in _SHARED), "satellite_width_m")
+_SCANNERS: Mapping[str, LayerOptions] = {"waist": WaistOptions(), "knee": KneeOptions()}
+
+
+def _fixed(group: str, values: BaseModel, but: Collection[str]) -> dict[str, Any]:
+    """Return what the former options of a group always are, by path, but for those that still are options."""
+    return {f"{group}.{path}": value for path, value in leaves_of(values) if path not in but}
+
+
 class LaserFisheyeImmOptions(Strict):
-    """Every constant of the paper, and what we added to it; `trackers.laser_fisheye_imm.rules` switches ours off."""
+    """What of the paper, and of what we added to it, may differ; `trackers.laser_fisheye_imm.rules` switches ours off."""
 
     former_names: ClassVar[Mapping[str, str]] = {
         "period_s": "step_s",
@@ -95,118 +241,78 @@ class LaserFisheyeImmOptions(Strict):
         "management.body_radius_m": "track_management.start_apart_m",
         "reach_m_s": "track_management.reid_speed_m_s",
         "management": "track_management",
+        "measurement_variance_m2": "trunk.variance_m2",
+        "new_density_m2": "clutter_density_m2",
+        "colour_weight": "appearance.weight",
+        "recognised_below": "appearance.same_below",
+        "histogram.memory": "appearance.memory",
+        "torso.learn_width_m": "appearance.learn_width_m",
+        "torso.max_overlap": "appearance.max_overlap",
+        "waist.radius_m": "trunk.gate_m",
+        "waist.satellite_width_m": "waist.arm_width_m",
+        "knee.radius_m": "legs.gate_m",
+        "knee.radius_alone_m": "legs.gate_alone_m",
+        "knee.single_leg_s": "legs.single_leg_s",
+        "knee.pair_m": "legs.pair_m",
+        "knee.single_leg_variance_m2": "legs.single_leg_variance_m2",
+        **{f"{role}.{former}": f"{role}.{name}" for role in _SCANNERS for name, former in _SHARED},
+    }
+    fixed_values: ClassVar[Mapping[str, Any]] = {
+        **_fixed("waist", _SCANNERS["waist"], (*_MOVED, *WaistScannerOptions.model_fields)),
+        **_fixed("knee", _SCANNERS["knee"], (*_MOVED, *KneeScannerOptions.model_fields)),
+        "even_at": EVEN_AT,
+        "wrong_look": WRONG_LOOK,
+        "expected_below": EXPLAINED_BELOW,
+        "start_by_single_legs": False,
+        "lone_leg_density_m2": 1e-3,
+        "degrees_of_freedom": None,
+        "max_deviations": None,
+        "mode_stays": MODE_STAYS,
+        "start_speed_m_s": START_SPEED_M_S,
+        **_fixed("torso", TorsoOptions(), ("learn_width_m", "max_overlap")),
+        **_fixed("histogram", TORSO_HISTOGRAM, ("memory",)),
+        "knee.claim_m": 0.5,
+        "knee.stride_m": STRIDE_M,
+        "knee.both_legs_m": BOTH_LEGS_M,
+        "knee.shared": True,
+        "knee.half_seen_m2": 0.0,
+        "knee.legs_variance_m2": 0.003,
+        "motions": tuple((each.kept, each.acceleration_variance) for each in VelocityMotion().models),
+        "kalman_motion": (AGILE.kept, AGILE.acceleration_variance),
+        "imm_variances": tuple((each.acceleration_variance, each.turn_acceleration_variance) for each in IMM_MODELS),
+        "kalman_variances": (SINGLE_TURN.acceleration_variance, SINGLE_TURN.turn_acceleration_variance),
+        "knee.opposite": 0.3,
     }
 
     filter: Literal["imm", "kalman"] = Field(
         default="imm",
         description="interacting multiple models, or the paper's baseline: one model for all that people do, a Kalman filter",
     )
+    motion: Literal["velocities", "headings"] = Field(
+        default="velocities",
+        description="models over velocities: people walk on, change their way, or stand (ours, since a heading cannot tell to "
+        "which side a standing person steps); or the paper's, over heading and speed",
+    )
     layers: tuple[Role, ...] = Field(
         default=("waist", "knee"), min_length=1, description="roles of the scanners to use, where the rig has them"
     )
     camera: bool = Field(default=True, description="whether to use the camera, where the rig has one")
-    motions: tuple[tuple[Share, Variance], ...] | None = Field(
-        default=tuple((model.kept, model.acceleration_variance) for model in VelocityMotion().models),
-        min_length=1,
-        description="modes of the filter: the share of the velocity that a step keeps, and the variance of white acceleration "
-        "in any direction, on each axis [m²/s⁴]: people walk on, change their way, or stand (ours, since a heading cannot tell "
-        "to which side a standing person steps); null: the paper's models of heading and speed",
-    )
-    kalman_motion: tuple[Share, Variance] = Field(
-        default=(1.0, 3.0),
-        description="mode of the Kalman filter: the share of the velocity that a step keeps, and the variance of white "
-        "acceleration [m²/s⁴]: the best of 1, 3 and 9, measured (ours); used unless `motions` is null",
-    )
-    imm_variances: tuple[tuple[float, float], ...] = Field(
-        default=tuple((model.acceleration_variance, model.turn_acceleration_variance) for model in IMM_MODELS),
-        min_length=len(IMM_MODELS),
-        max_length=len(IMM_MODELS),
-        description="process noise of heading and speed: diagonals of Q1, Q2, Q3 [m²/s⁴, rad²/s⁴]; used where "
-        "`motions` is null",
-    )
-    kalman_variances: tuple[float, float] = Field(
-        default=(KALMAN_MODELS[0].acceleration_variance, KALMAN_MODELS[0].turn_acceleration_variance),
-        description="process noise of the paper's single model, of sudden turns: diagonal of Q [m²/s⁴, rad²/s⁴]; used where "
-        "`motions` is null",
-    )
-    mode_stays: float = Field(
-        default=MODE_STAYS, gt=0, le=1, description="probability that a mode stays from one step to the next"
-    )
-    measurement_variance_m2: float = Field(
-        default=0.0015,
-        gt=0,
-        description="measurement noise: diagonal of R, that of a trunk in full view [m²] (ours, measured; the paper: "
-        "0.01)",
-    )
-    start_speed_m_s: float = Field(
-        default=1.5, gt=0, description="standard deviation of a new track's speed [m/s] (the paper does not say)"
-    )
-    start_by_single_legs: bool = Field(
-        default=False,
-        description="whether in a rig with a waist scanner a track starts by a single leg as well, not by a trunk or both legs "
-        "alone (ours: it does not)",
-    )
-    colour_weight: float = Field(
-        default=60.0, ge=0, description="weight w of the appearance E, in the paper's distance d = N + w E (inferred)"
-    )
-    even_at: float = Field(
-        default=0.37,
-        ge=0,
-        le=1,
-        description="E of a look that is as likely the same person's as another's, so that an unknown shirt is neither alike nor "
-        "different (ours, measured; the paper: 0)",
-    )
-    wrong_look: float = Field(
-        default=0.005,
-        ge=0,
-        lt=1,
-        description="share of looks at a torso that show what hides it, so that a wrong shirt costs so much and no more (ours)",
-    )
-    new_density_m2: float | None = Field(
+    clutter_density_m2: float | None = Field(
         default=1e-3,
         gt=0,
-        description="density of measurements of new people and of clutter [1/m²]: a pair costs −2 ln of "
-        "how much likelier it is than those, and is taken where that is likelier than that the track was not shown (ours); "
-        "null: a pair costs N, and as many are taken as can be, as in the paper",
-    )
-    lone_leg_density_m2: float = Field(
-        default=0.1,
-        gt=0,
-        description="the same of a single leg in a rig that sees waists: there a leg whose trunk is not seen is rarely a person "
-        "[1/m²] (ours)",
-    )
-    degrees_of_freedom: float | None = Field(
-        default=10.0,
-        gt=0,
-        description="of Student's t, the density of a measurement about its prediction, since people turn and clusters are cut "
-        "more often than a Gaussian says (ours); null: a Gaussian; used where pairs cost −2 ln of a likelihood",
-    )
-    max_deviations: float | None = Field(
-        default=6.0,
-        gt=0,
-        description="gate on N, the Mahalanobis distance, beyond `track_management.apart_m`; null: the validation region alone "
-        "gates (ours)",
-    )
-    recognised_below: float = Field(
-        default=0.3,
-        ge=0,
-        description="E up to which two looks are taken for the same person in re-identification (ours)",
-    )
-    expected_below: float = Field(
-        default=2.0,
-        ge=0,
-        description="N up to which a track in sight explains a measurement, so that no occluded track is re-identified in "
-        "it (ours)",
+        description="density of measurements of new people and of clutter [1/m²]: a pair costs −2 ln of how much likelier it is "
+        "than those, and is taken where that is likelier than that the track was not shown (ours); null: a pair costs N + w E, "
+        "and as many are taken as can be, as in the paper",
     )
     step_s: float = Field(
         default=0.1,
         ge=0.001,
         description="time step that process and measurement noise, changes of mode and the detection probability are for; longer "
-        "gaps are predicted in such steps, and looks that follow sooner tell together what one a step would, since gait, clothes "
-        "and what hides a leg last (ours) [s]",
+        "gaps are predicted in such steps, and looks that follow sooner tell together what one a step would, since gait "
+        "and clothes last (ours) [s]",
     )
     max_wait_s: float = Field(
-        default=0.15, ge=0, description="how long a moment waits for a sensor that has not reported [s]"
+        default=0.15, ge=0, description="how long a frame waits for a sensor that has not reported [s]"
     )
     smoothed_s: float = Field(
         default=0.0,
@@ -215,14 +321,13 @@ class LaserFisheyeImmOptions(Strict):
         description="how late frames may leave, so that what is measured meanwhile counts: people are reported from their first "
         "measurement on and between measurements [s]; 0: at once (ours)",
     )
-    waist: WaistOptions = Field(default=WaistOptions(), description="scanners at waist height")
-    knee: KneeOptions = Field(default=KneeOptions(), description="scanners at knee height")
+    waist: WaistScannerOptions = Field(default=WaistScannerOptions(), description="scanners at waist height")
+    knee: KneeScannerOptions = Field(default=KneeScannerOptions(), description="scanners at knee height")
+    trunk: TrunkOptions = Field(default=TrunkOptions(), description="the likelihood of trunks")
+    legs: LegOptions = Field(default=LegOptions(), description="the likelihood of legs")
+    appearance: AppearanceOptions = Field(default=AppearanceOptions(), description="shirts in the camera's picture")
     posture: PostureOptions = Field(
         default=PostureOptions(), description="sitting people, told by their legs, and lying ones"
-    )
-    torso: TorsoOptions = Field(default=TorsoOptions(), description="torso windows in the camera's picture")
-    histogram: HistogramOptions = Field(
-        default=HistogramOptions(grey_bins=0, smoothing_deg=0.0), description="colour histograms of torsos"
     )
     track_management: ImmTrackManagementOptions = Field(
         default=ImmTrackManagementOptions(), description="when tracks are initiated, confirmed, reported and deleted"

@@ -15,7 +15,7 @@ from trackers.laser_fisheye_imm.posture import Posture
 from trackers.tracking.appearance import Appearance
 from trackers.tracking.roster import Roster
 
-_NEVER_NS = -(2**62)
+NEVER_NS = -(2**62)
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,8 +27,7 @@ class People(Rows):
     clothes: Appearance
     born_at: Float[Array, "n 2"]  # first measured position [m]
     measured_at: Float[Array, "n 2"]  # last measured position [m]
-    lone_ns: Int[Index, "n"]  # stamp of the last measurement by a single leg; before any other: never
-    whole_ns: Int[Index, "n"]  # stamp of the last measurement by a trunk or both legs; before any: of the first
+    lone_ns: Int[Index, "n"]  # stamp of the last measurement by a single leg; before any: `NEVER_NS`
     posture: Posture
     existence: Float[Array, "n"]  # how probably they are still there
 
@@ -45,9 +44,8 @@ class People(Rows):
         """Tentative tracks first measured at `position` at stamp ns."""
         clothes = Appearance.started(reference, n_look)
         serial = first_serial + np.arange(len(position))
-        n = len(position)
-        roster, never, now = Roster.started(state, ns), np.full(n, _NEVER_NS), np.full(n, ns)
-        return cls(serial, roster, clothes, position, position, never, now, Posture.upright(n), np.ones(n))
+        n, roster = len(position), Roster.started(state, ns)
+        return cls(serial, roster, clothes, position, position, np.full(n, NEVER_NS), Posture.upright(n), np.ones(n))
 
     @property
     def state(self) -> ImmState:

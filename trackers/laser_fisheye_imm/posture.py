@@ -8,7 +8,7 @@ scans look: the pelvis stays where it sat, and trunk and legs come up again with
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -31,12 +31,10 @@ class PostureOptions(Strict):
         description="distance on average of the legs' middle from the trunk, from which a person sits [m]; null: nobody does "
         "(ours)",
     )
-    length_m: float = Field(
-        default=1.2,
-        gt=0,
-        description="distance from the seat within which trunk and legs of a sitting or lying person stay, and no new "
-        "track starts [m] (ours)",
-    )
+    length_m: ClassVar[float] = 1.2
+    """Distance from the seat within which trunk and legs of a sitting or lying person stay, and no track is initiated [m]."""
+    place_m: ClassVar[float] = 0.35
+    """Standard deviation of a lying person's trunk from the seat when it comes up again [m]."""
     lies_down_s: float = Field(
         default=10.0, gt=0, description="how long a sitting person sits on average before lying down [s] (ours)"
     )
@@ -45,11 +43,6 @@ class PostureOptions(Strict):
         gt=0,
         description="how long a sitting or lying person whom nothing shows stays on average [s], in place of "
         "`track_management.survival_s` (ours)",
-    )
-    place_m: float = Field(
-        default=0.35,
-        gt=0,
-        description="standard deviation of a lying person's trunk from the seat when it comes up again [m] (ours)",
     )
 
 

@@ -30,12 +30,16 @@ from jaxtyping import Bool, Float
 
 from trackers.arrays import Array, Mask
 from trackers.configuration import validate
+from trackers.filters.heading_motion import HeadingMotion
+from trackers.filters.imm import Imm, Motion
+from trackers.filters.motion import IMM_MODELS, KALMAN_MODELS
 from trackers.filters.negative_information import miss_probability
 from trackers.filters.rows import written
+from trackers.filters.velocity_motion import AGILE, VelocityMotion
+from trackers.laser.grouping import STRIDE_M
 from trackers.laser_fisheye_imm.association import Association, Matches
 from trackers.laser_fisheye_imm.detection import Detector, Seen
-from trackers.laser_fisheye_imm.filter import filter_of
-from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
+from trackers.laser_fisheye_imm.options import START_SPEED_M_S, LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import People
 from trackers.laser_fisheye_imm.track_manager import ImmTrackManager
 from trackers.observations import NS_PER_S, LaserScan, Observation
@@ -71,8 +75,7 @@ class LaserFisheyeImm(SynchronizedTracker):
         self._imm = filter_of(self.options)
         self._track_manager = ImmTrackManager(self.options, rig.area, self._imm)
         self._detector = Detector(rig, list(background), self.options, self._track_manager.area)
-        knee, used = self.options.knee, self._detector.sensors
-        self._knee_radius_m = knee.radius_m if self._detector.sees_waists else knee.radius_alone_m
+        used = self._detector.sensors
         scanners = tuple(name for name in used if name in rig.lasers())
         super().__init__(
             SyncPolicy(
@@ -167,7 +170,7 @@ class LaserFisheyeImm(SynchronizedTracker):
         state = self._people.state
         unseen = miss_probability(state, missed, self._imm.velocity(state))
         times = moment.ns, self._last_ns
-        at = Association(self._people, unseen, self.options, self._knee_radius_m, *times, waists, knows_room)
+        at = Association(self._people, unseen, self.options, *times, waists, knows_room)
         matches = at.matches(seen)
         self._update(matches, moment.ns)
         self._learn_colours(matches, seen)
@@ -196,15 +199,13 @@ class LaserFisheyeImm(SynchronizedTracker):
         last_ns, lasts_s = people.roster.measured_ns[track], np.full(track.size, self.options.step_s)
         if not self._detector.sees_waists:  # where all that is known of a body may be the leg that stands
             last_ns = np.where(matches.lone, people.lone_ns[track], last_ns)
-            lasts_s[matches.lone] = self.options.knee.single_leg_s
+            lasts_s[matches.lone] = self.options.legs.single_leg_s
         shares = np.clip((ns - last_ns) / (lasts_s * NS_PER_S), 1e-6, 1.0)
         variance = matches.variance / shares
         state = self._imm.update(people.state, track, matches.position, variance[:, None, None] * _ISOTROPIC)
         posture = people.posture.measured(track, matches.position, matches.legs, self.options.posture)
-        lone_ns = written(people.lone_ns, track[matches.lone], ns)
-        whole_ns = written(people.whole_ns, track[~matches.lone], ns)
         people = people.measured(track, matches.position, ns, state, matches.existence)
-        self._people = people.changed(posture=posture, lone_ns=lone_ns, whole_ns=whole_ns)
+        self._people = people.changed(posture=posture, lone_ns=written(people.lone_ns, track[matches.lone], ns))
 
     def _learn_colours(self, matches: Matches, seen: Seen) -> None:
         if seen.windows is None:
@@ -219,7 +220,7 @@ class LaserFisheyeImm(SynchronizedTracker):
             seen.histograms[matches.trunk[looked]],
             np.zeros(track.size, np.bool_),
             0,
-            self.options.histogram.memory,
+            self.options.appearance.memory,
         )
         self._people = self._people.changed(clothes=clothes)
 
@@ -233,11 +234,11 @@ class LaserFisheyeImm(SynchronizedTracker):
         bodies = np.concatenate([people.positions[exist], matches.position])
         # a lone leg, or knees without a trunk where waists are scanned, within a stride of somebody are likelier theirs
         maybe_theirs = matches.new_lone | (self._detector.sees_waists & (matches.new_trunk < 0))
-        stride_m = np.where(maybe_theirs, self.options.knee.stride_m, 0.0)
+        stride_m = np.where(maybe_theirs, STRIDE_M, 0.0)
         free = clear_of(matches.new_position, bodies, np.maximum(self.options.track_management.start_apart_m, stride_m))
         seats = people.posture.seat[people.posture.seated(people.measured_at, sitting)]
         free &= clear_of(matches.new_position, seats, sitting.length_m)  # trunk and legs of who lies or gets up
-        if self._detector.sees_waists and not self.options.start_by_single_legs:
+        if self._detector.sees_waists and self.options.legs.pair_m > 0:
             free &= ~matches.new_lone
         position, trunk = matches.new_position[free], matches.new_trunk[free]
         histograms = np.zeros((len(position), self._detector.histogram.size))
@@ -255,7 +256,7 @@ class LaserFisheyeImm(SynchronizedTracker):
         has_reference: Bool[Mask, "n"],
     ) -> People:
         options = self.options
-        state = self._imm.start(position, None, options.measurement_variance_m2, options.start_speed_m_s**2)
+        state = self._imm.start(position, None, options.trunk.variance_m2, START_SPEED_M_S**2)
         self._next_serial += len(position)
         n_look = has_reference.astype(np.int64)
         return People.started(state, position, ns, reference, n_look, self._next_serial - len(position))
@@ -279,4 +280,13 @@ class LaserFisheyeImm(SynchronizedTracker):
         options = self.options
         if not options.smoothed_s:
             return None
-        return FixedLagSmoother(options.smoothed_s, np.sqrt(options.measurement_variance_m2), options.start_speed_m_s)
+        return FixedLagSmoother(options.smoothed_s, np.sqrt(options.trunk.variance_m2), START_SPEED_M_S)
+
+
+def filter_of(options: LaserFisheyeImmOptions) -> Imm:
+    """Return the filter that follows a person: several models or one, over velocities or the paper's over heading and speed."""
+    single = options.filter == "kalman"
+    motion: Motion = HeadingMotion(KALMAN_MODELS if single else IMM_MODELS)
+    if options.motion == "velocities":
+        motion = VelocityMotion((AGILE,)) if single else VelocityMotion()
+    return Imm(motion, measurement_covariance=np.eye(2) * options.trunk.variance_m2)

@@ -50,7 +50,7 @@ sensors:
 lights: [{at_s: 0.1, name: ceiling_lights, brightness: 0.5}]
 faults: {lossy: {sensor: knee, kind: dropout, probability: 0.2, from_s: 0.1, to_s: 0.15}}
 trackers:
-  laser-imm: {knee: {cluster: {min_samples: 4}}, track_management: {coast_s: 1.2}}
+  laser-imm: {knee: {min_samples: 4}, track_management: {coast_s: 1.2}}
   laser-kalman: {}
 """
 """A scenario with a bit of everything, soon simulated."""

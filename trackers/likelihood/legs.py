@@ -1,0 +1,110 @@
+"""Legs at knee height: jointly assigned to the trunks above them and to people whom no trunk shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from pydantic import Field
+
+from trackers.arrays import Array, Index, Mask
+from trackers.configuration import Strict
+from trackers.filters.gating import distances
+from trackers.laser.detections import Detections
+from trackers.laser.grouping import PAIR_M, STRIDE_M, pair_off, take_legs
+from trackers.likelihood.position import PositionLikelihood
+
+BOTH_LEGS_M = 0.18
+"""Width above which a cluster is both legs, side by side [m]: twice a leg, measured in the twin."""
+_CLAIM_M = 0.5
+"""How far a leg may be from where a trunk's legs were before to belong to it [m]: half a stride and the knees of a seat."""
+_OPPOSITE = 0.3
+"""Minus the correlation of the places of a person's two legs about the prediction, where no trunk is seen: a stride puts one
+before it and one behind, an error of the prediction both on one side. Measured in the twin."""
+
+
+class LegOptions(Strict):
+    """How exactly legs show their person, and which legs are one person's."""
+
+    variance_m2: float = Field(
+        default=0.0045,
+        gt=0,
+        description="variance of the middle of two legs about the body, on each axis, since a trunk sways over them [m²] (ours, "
+        "measured; the paper: 0.01)",
+    )
+    single_leg_variance_m2: float = Field(
+        default=0.007,
+        ge=0,
+        description="variance added for a single leg, which is up to half a stride from the body [m²] (ours, measured)",
+    )
+    pair_m: float = Field(
+        default=PAIR_M,
+        ge=0,
+        description="distance below which two legs that no track takes are one person, and then a single leg initiates no track "
+        "where waists are scanned [m]; 0: each leg is a person (ours)",
+    )
+    single_leg_s: float = Field(
+        default=0.3,
+        gt=0,
+        description="without a waist scanner, time in which all looks upon a single leg together tell what one tells: it stays "
+        "behind the body or before it while it stands [s] (ours)",
+    )
+    gate_m: float = Field(default=0.5, gt=0, description="radius of the validation region of legs [m] (the paper's)")
+    gate_alone_m: float = Field(
+        default=0.65,
+        gt=0,
+        description="the same without a waist scanner, where a single leg may be half a runner's stride from the body [m] (ours)",
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class LegPairs:
+    """People as their legs alone show them, and the middle of the legs under each of k trunks."""
+
+    position: Float[Array, "p 2"]  # [m]
+    n_leg: Int[Index, "p"]
+    under_trunk: Float[Array, "k 2"]  # [m], NaN where not both are seen
+
+    def likelihood(self, options: LegOptions, gate_m: float) -> PositionLikelihood:
+        """Return the likelihood of these people's positions, in validation regions of this radius [m]."""
+        single_m2 = np.where(self.n_leg == 1, options.single_leg_variance_m2, 0.0)
+        return PositionLikelihood(self.position, options.variance_m2 + single_m2, gate_m)
+
+
+def pair_legs(
+    legs: Detections,
+    firm: Bool[Mask, "l"],
+    under_trunks: Float[Array, "k 2"],
+    expected: Float[Array, "h 2"],
+    knees: Float[Array, "h 2"],
+    apart_m: float,
+    gate_m: float,
+    options: LegOptions,
+) -> LegPairs:
+    """Share l legs out, two to each, among k trunks and h people that no trunk shows, in one assignment.
+
+    firm: the legs that enough samples show to initiate a track; under_trunks: where each trunk's legs are expected [m]; expected:
+    where the people are, and knees: where their legs are from there [m]; apart_m: a third leg so near to a trunk's is a bag, and
+    no other person's; gate_m: how far from there the people's legs may be. Legs that neither takes pair off.
+    """
+    place, wide = legs.position, legs.width_m > BOTH_LEGS_M
+    n_trunk, n_person = len(under_trunks), len(expected)
+    at_trunks = distances(under_trunks, place).min(axis=0, initial=np.inf) <= apart_m
+    forbidden = np.zeros((n_trunk + n_person, len(place)), np.bool_)
+    forbidden[n_trunk:] = at_trunks
+    reach_m = np.repeat([_CLAIM_M, gate_m], [n_trunk, n_person])
+    opposite = np.repeat([0.0, _OPPOSITE], [n_trunk, n_person])
+    position, n_leg, free = take_legs(
+        place, wide, np.concatenate([under_trunks, expected + knees]), reach_m, STRIDE_M, opposite, forbidden
+    )
+    # one leg is up to half a stride from the middle
+    under = np.where(n_leg[:n_trunk, None] == 2, position[:n_trunk], np.nan)
+    taking = n_leg[n_trunk:] > 0
+    free &= ~at_trunks
+    new, n_leg_of_new = pair_off(place[free], options.pair_m, firm[free])
+    return LegPairs(
+        np.concatenate([(position[n_trunk:] - knees)[taking], new]),
+        np.concatenate([n_leg[n_trunk:][taking], n_leg_of_new]),
+        under,
+    )
