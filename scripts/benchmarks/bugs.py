@@ -252,7 +252,7 @@ _BY_FILE = {
             "np.add(_A[_B], _C, out=_D[1, 0])",
         ),
     ],
-    "trackers/laser_vision_learning/points.py": [
+    "trackers/likelihood/laser_points.py": [
         ("gate not squared", "shares", "-_A ** 2", "-_A"),
     ],
     "trackers/laser_vision_learning/identities.py": [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -18,6 +19,8 @@ from trackers.laser.detections import Detections
 from trackers.laser.grouping import trunks
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor
+
+Layer = TypeVar("Layer", bound="LayerOptions")
 
 _NARROW_M, _BEHIND_M, _SURE = 0.06, 0.15, 0.9
 """Half the width of the narrowest thing looked for, and how far behind it a beam has passed it [m]; any probability."""
@@ -116,6 +119,42 @@ class KneeOptions(LayerOptions):
     weak_samples: PositiveInt | None = Field(default=1, description=_of_layer("weak_samples"))
     half_depth_m: float = Field(default=0.04, ge=0, description=_of_layer("half_depth_m"))
     fuse_m: float = Field(default=0.2, ge=0, description=_of_layer("fuse_m"))
+
+
+class ScannerOptions(Strict):
+    """What trackers let their users change of a scanner; the rest of a layer's parameters is fixed by its height."""
+
+    jump_m: float = Field(
+        default=0.08, gt=0, description="distance between neighbouring samples above which a cluster is split [m]"
+    )
+    margin_m: float = Field(
+        default=0.12, gt=0, description="how much nearer than the room a sample must be to be foreground [m]"
+    )
+    memory_s: float = Field(
+        default=60.0, gt=0, description="time constant with which a background learned from the scans fades [s]"
+    )
+    p_detect: float = Field(
+        default=0.95,
+        ge=0,
+        lt=1,
+        description="detection probability of a body that nothing occludes; 0: where a scan shows nothing is no evidence (ours)",
+    )
+    half_depth_m: float = Field(
+        ge=0,
+        description="how far the body's axis lies behind a cluster's middle, along the beam [m]; 0: not at all (ours)",
+    )
+
+    def over(self, defaults: Layer) -> Layer:
+        """Return the parameters of a layer: these over the `defaults` of its height."""
+        background = {"margin_m": self.margin_m, "memory_s": self.memory_s}
+        return defaults.model_copy(
+            update={
+                "cluster": defaults.cluster.model_copy(update={"jump_m": self.jump_m}),
+                "background": defaults.background.model_copy(update=background),
+                "free_space": defaults.free_space.model_copy(update={"detected": self.p_detect}),
+                "half_depth_m": self.half_depth_m,
+            }
+        )
 
 
 class LaserLayer:

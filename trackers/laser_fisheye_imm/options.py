@@ -11,7 +11,7 @@ from trackers.configuration import Strict, described, leaves_of
 from trackers.filters.motion import IMM_MODELS, MODE_STAYS, SINGLE_TURN
 from trackers.filters.velocity_motion import AGILE, VelocityMotion
 from trackers.laser.grouping import STRIDE_M
-from trackers.laser.layer import KneeOptions, LayerOptions, WaistOptions
+from trackers.laser.layer import KneeOptions, LayerOptions, ScannerOptions, WaistOptions
 from trackers.laser.roles import Role
 from trackers.laser_fisheye_imm.posture import PostureOptions
 from trackers.likelihood.legs import BOTH_LEGS_M, LegOptions
@@ -93,29 +93,10 @@ class ImmTrackManagementOptions(TrackManagementOptions, ReidentificationOptions)
     )
 
 
-class ScannerOptions(Strict):
-    """How the scanners of a height are read; what else makes a layer is in `trackers.laser.layer`."""
+class LayerScannerOptions(ScannerOptions):
+    """What every layer of this system adds to the options of a scanner."""
 
-    jump_m: float = Field(
-        default=0.08, gt=0, description="distance between neighbouring samples above which a cluster is split [m]"
-    )
     min_samples: PositiveInt = Field(description="least samples of a cluster that initiates a track")
-    margin_m: float = Field(
-        default=0.12, gt=0, description="how much nearer than the room a sample must be to be foreground [m]"
-    )
-    memory_s: float = Field(
-        default=60.0, gt=0, description="time constant with which a background learned from the scans fades [s]"
-    )
-    p_detect: float = Field(
-        default=0.95,
-        ge=0,
-        lt=1,
-        description="detection probability of a body that nothing occludes; 0: where a scan shows nothing is no evidence (ours)",
-    )
-    half_depth_m: float = Field(
-        ge=0,
-        description="how far the body's axis lies behind a cluster's middle, along the beam [m]; 0: not at all (ours)",
-    )
     hidden_variance_m2: float = Field(
         ge=0, description="measurement variance added for a partly occluded cluster [m²] (ours)"
     )
@@ -125,26 +106,16 @@ class ScannerOptions(Strict):
     )
 
     def layer(self, defaults: LayerOptions, **own: Any) -> LayerOptions:
-        """Return the parameters of a scanner layer: these and a system's `own` over those of its height."""
-        cluster = {"jump_m": self.jump_m, "min_samples": self.min_samples}
-        background = {"margin_m": self.margin_m, "memory_s": self.memory_s}
-        return defaults.model_copy(
-            update={
-                "cluster": defaults.cluster.model_copy(update=cluster),
-                "background": defaults.background.model_copy(update=background),
-                "free_space": defaults.free_space.model_copy(update={"detected": self.p_detect}),
-                "half_depth_m": self.half_depth_m,
-                "hidden_variance_m2": self.hidden_variance_m2,
-                "fuse_m": self.fuse_m,
-                **own,
-            }
-        )
+        """Return the parameters of a layer: these, and others of its `own`, over the `defaults` of its height."""
+        base, names = self.over(defaults), ("hidden_variance_m2", "fuse_m")
+        cluster = base.cluster.model_copy(update={"min_samples": self.min_samples})
+        return base.model_copy(update={"cluster": cluster, **{name: getattr(self, name) for name in names}, **own})
 
 
-class WaistScannerOptions(ScannerOptions):
+class WaistScannerOptions(LayerScannerOptions):
     """Scanners at waist height: one trunk per person, arms beside it."""
 
-    min_samples: PositiveInt = Field(default=3, description=described(ScannerOptions, "min_samples"))
+    min_samples: PositiveInt = Field(default=3, description=described(LayerScannerOptions, "min_samples"))
     half_depth_m: float = Field(default=0.11, ge=0, description=described(ScannerOptions, "half_depth_m"))
     side_half_depth_m: float | None = Field(
         default=0.168,
@@ -157,13 +128,15 @@ class WaistScannerOptions(ScannerOptions):
         gt=0,
         description="width to which a narrower, partly occluded cluster is completed [m]; null: it is not (ours)",
     )
-    hidden_variance_m2: float = Field(default=0.003, ge=0, description=described(ScannerOptions, "hidden_variance_m2"))
+    hidden_variance_m2: float = Field(
+        default=0.003, ge=0, description=described(LayerScannerOptions, "hidden_variance_m2")
+    )
     arm_width_m: float | None = Field(
         default=0.16,
         gt=0,
         description="width below which a cluster beside a wider one is its arm [m]; null: arms are people (ours)",
     )
-    fuse_m: float = Field(default=0.35, ge=0, description=described(ScannerOptions, "fuse_m"))
+    fuse_m: float = Field(default=0.35, ge=0, description=described(LayerScannerOptions, "fuse_m"))
 
     def parameters(self) -> LayerOptions:
         """Return the layer's parameters."""
@@ -175,18 +148,20 @@ class WaistScannerOptions(ScannerOptions):
         return self.layer(WaistOptions(), **own)
 
 
-class KneeScannerOptions(ScannerOptions):
+class KneeScannerOptions(LayerScannerOptions):
     """Scanners at knee height: two legs per person."""
 
-    min_samples: PositiveInt = Field(default=2, description=described(ScannerOptions, "min_samples"))
+    min_samples: PositiveInt = Field(default=2, description=described(LayerScannerOptions, "min_samples"))
     weak_samples: PositiveInt | None = Field(
         default=1,
         description="least samples of a leg that goes on with a track, but alone initiates none, where nothing nearer is beside "
         "it; null: the same as of any other (ours)",
     )
     half_depth_m: float = Field(default=0.04, ge=0, description=described(ScannerOptions, "half_depth_m"))
-    hidden_variance_m2: float = Field(default=0.02, ge=0, description=described(ScannerOptions, "hidden_variance_m2"))
-    fuse_m: float = Field(default=0.2, ge=0, description=described(ScannerOptions, "fuse_m"))
+    hidden_variance_m2: float = Field(
+        default=0.02, ge=0, description=described(LayerScannerOptions, "hidden_variance_m2")
+    )
+    fuse_m: float = Field(default=0.2, ge=0, description=described(LayerScannerOptions, "fuse_m"))
 
     def parameters(self) -> LayerOptions:
         """Return the layer's parameters."""

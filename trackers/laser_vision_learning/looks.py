@@ -8,8 +8,9 @@ have waited longest, so that its cost is bounded however many people meet.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, Self
+from typing import Any, ClassVar, Literal, Self
 
 import cv2
 import numpy as np
@@ -18,13 +19,13 @@ from pydantic import Field, NonNegativeInt, PositiveInt
 
 from trackers.arrays import Array, Bytes, Index, Mask
 from trackers.cameras import PlacedCamera
-from trackers.configuration import Strict
+from trackers.configuration import Strict, leaves_of
 from trackers.filters.particle import LogLikelihood
 from trackers.filters.rows import Rows, written
 from trackers.laser_vision_learning.score_maps import ScoreMapOptions, ScoreMaps
 from trackers.learning.boosting import BoostingOptions, OnlineBoosting, StrongClassifiers
 from trackers.vision.histogram import ColourHistogram, HistogramOptions
-from trackers.vision.patch_features import FeatureOptions, PatchDescriber
+from trackers.vision.patch_features import Feature, FeatureOptions, PatchDescriber
 from trackers.vision.patches import Patches, PatchOptions, PatchSampler
 
 Picture = UInt8[Bytes, "height width 3"]
@@ -34,13 +35,28 @@ HISTOGRAM = ColourHistogram(HistogramOptions())
 
 
 class LooksOptions(Strict):
-    """How people's looks are learned."""
+    """Options of the learning of appearances."""
+
+    former_names: ClassVar[Mapping[str, str]] = {
+        "patches.count": "patch_count",
+        "patches.size_m": "patch_m",
+        "features.kinds": "kinds",
+    }
+    fixed_values: ClassVar[Mapping[str, Any]] = {
+        **{f"patches.{name}": value for name, value in leaves_of(PatchOptions()) if name not in ("count", "size_m")},
+        **{f"features.{name}": value for name, value in leaves_of(FeatureOptions()) if name != "kinds"},
+    }
 
     by: Literal["classifier", "histogram"] = Field(
         default="classifier", description="what tells people apart; a colour histogram of the body is an ablation"
     )
-    patches: PatchOptions = Field(default=PatchOptions(), description="how patches are drawn on a body")
-    features: FeatureOptions = Field(default=FeatureOptions(), description="what describes a patch")
+    patch_count: PositiveInt = Field(default=PatchOptions().count, description="patches drawn on a body")
+    patch_m: float = Field(default=PatchOptions().size_m, gt=0, description="side of a patch on the body [m]")
+    kinds: tuple[Feature, ...] = Field(
+        default=FeatureOptions().kinds,
+        min_length=1,
+        description="features that describe a patch: rgb, edges, texture (paper: rgb and edges)",
+    )
     height: bool = Field(default=True, description="how high on the body a patch was drawn is a feature too (ours)")
     boosting: BoostingOptions = Field(
         default=BoostingOptions(first_a_frame=10), description="the classifier of a track"
@@ -49,9 +65,8 @@ class LooksOptions(Strict):
     classifiers_a_frame: PositiveInt = Field(
         default=5, description="classifiers that a picture trains at most, those first that have waited longest (ours)"
     )
-    least_patches: PositiveInt = Field(
-        default=10, description="patches of a body that must be in sight for it to be learned from or looked at (ours)"
-    )
+    least_patches: ClassVar[int] = 10
+    """Patches of a body that must be in sight for it to be learned from or looked at (ours)."""
     background: NonNegativeInt = Field(
         default=20, description="patches beside a body, on nobody, that are negative samples too (ours)"
     )
@@ -62,6 +77,16 @@ class LooksOptions(Strict):
         description="share of a patch that must differ from the empty room for it to count; 0: the empty room is not asked "
         "(ours)",
     )
+
+    @property
+    def patches(self) -> PatchOptions:
+        """Options of the patches of a body."""
+        return PatchOptions(count=self.patch_count, size_m=self.patch_m)
+
+    @property
+    def features(self) -> FeatureOptions:
+        """Options of what describes a patch."""
+        return FeatureOptions(kinds=self.kinds)
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from pydantic import Field
 
-from trackers.configuration import Strict
+from trackers.configuration import Strict, described, leaves_of
 from trackers.laser.detection_model import DetectionOptions
-from trackers.laser.layer import KneeOptions
+from trackers.laser.layer import KneeOptions, ScannerOptions
 from trackers.laser_vision_learning.identities import IdentityOptions
 from trackers.laser_vision_learning.looks import LooksOptions
-from trackers.laser_vision_learning.points import PointOptions
 from trackers.laser_vision_learning.reidentification import RecognitionOptions
 from trackers.laser_vision_learning.situations import SituationOptions
 from trackers.laser_vision_learning.walking import WalkingOptions
+from trackers.likelihood.laser_points import PointOptions
 from trackers.tracking.track_manager import ReidentificationOptions, TrackManagementOptions
 
 
@@ -36,14 +36,30 @@ class PointTrackManagementOptions(TrackManagementOptions, ReidentificationOption
         gt=0,
         description="what `coast_s` becomes where no scan would show the track, behind others and pillars [s] (ours)",
     )
-    regained: float = Field(
-        default=0.5,
-        gt=0,
-        description="how much of the time that it was missing a second of being measured makes good (ours)",
-    )
+    regained: ClassVar[float] = 0.5
+    """How much of the time that it was missing a second of being measured makes good (ours)."""
     report_margin_m: float = Field(
         default=0.3, ge=0, description="how far outside the area tracks are reported [m] (ours)"
     )
+
+
+class PointScannerOptions(ScannerOptions):
+    """Scanners at knee height whose single points are looked at."""
+
+    half_depth_m: float = Field(default=0.04, ge=0, description=described(ScannerOptions, "half_depth_m"))
+
+    def parameters(self) -> KneeOptions:
+        """Return the layer's parameters."""
+        # a lone point shows a leg here, so that one far away is missed no more than one near by
+        return self.over(KneeOptions(free_space=DetectionOptions(half_width_m=0.25, hidden_up_to=0.5)))
+
+
+_SHARED = {
+    "cluster.jump_m": "jump_m",
+    "background.margin_m": "margin_m",
+    "background.memory_s": "memory_s",
+    "free_space.detected": "p_detect",
+}
 
 
 class LaserVisionLearningOptions(Strict):
@@ -63,19 +79,21 @@ class LaserVisionLearningOptions(Strict):
         "life.area_margin_m": "track_management.report_margin_m",
         "life.before_m": "track_management.area_margin_m",
         "life": "track_management",
+        **{f"scanner.{former}": f"scanner.{name}" for former, name in _SHARED.items()},
+    }
+    fixed_values: ClassVar[Mapping[str, Any]] = {
+        "resampling": "systematic",
+        "resample_below": 0.5,
+        **{
+            f"scanner.{path}": value
+            for path, value in leaves_of(KneeOptions(free_space=DetectionOptions(half_width_m=0.25, hidden_up_to=0.5)))
+            if path not in (*_SHARED, "half_depth_m")
+        },
     }
 
     particles: int = Field(default=500, ge=1, description="particles a person (not given in the paper)")
-    resampling: str = Field(
-        default="systematic", description="resampling scheme: systematic, stratified, residual or plain"
-    )
-    resample_below: float = Field(
-        default=0.5, ge=0, le=1, description="effective share of the particles at which they are resampled (ours)"
-    )
-    scanner: KneeOptions = Field(
-        # a lone point shows a leg here, so that one far away is missed no more than one near by
-        default=KneeOptions(free_space=DetectionOptions(half_width_m=0.25, hidden_up_to=0.5)),
-        description="the scanners, and what of a scan is the room",
+    scanner: PointScannerOptions = Field(
+        default=PointScannerOptions(), description="the scanners, and what of a scan is the room"
     )
     walking: WalkingOptions = Field(default=WalkingOptions(), description="the two-feet walking model")
     points: PointOptions = Field(default=PointOptions(), description="how laser points speak of people")

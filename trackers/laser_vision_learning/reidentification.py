@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
@@ -43,9 +44,8 @@ class RecognitionOptions(Strict):
     )
     correlated: bool = Field(default=True, description="score maps draw the particles of who is correlated (eq. 1)")
     within_s: float = Field(default=0.6, gt=0, description="how long a decision waits for its pictures [s] (ours)")
-    spread_m: float = Field(
-        default=0.02, ge=0, description="how far apart particles drawn to one place are put [m] (ours)"
-    )
+    spread_m: ClassVar[float] = 0.02
+    """How far apart particles drawn to one place are put [m] (ours)."""
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ likelihood is 1 everywhere. Else it is at least `doubt` times its mean over the 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
+from typing import ClassVar, Self
 
 import cv2
 import numpy as np
@@ -35,9 +35,8 @@ class ScoreMapOptions(Strict):
         default=0.4, ge=0, description="how far from a person's predicted place patches are drawn [m]"
     )
     deviation: float = Field(default=1.0, gt=0, description="σ of eq. 1, in sides of a patch")
-    doubt: float = Field(
-        default=0.1, gt=0, description="least likelihood of a place, as a share of the mean over the map (ours)"
-    )
+    doubt: ClassVar[float] = 0.1
+    """Least likelihood of a place, as a share of the mean over the map (ours)."""
     levels: NonNegativeInt = Field(
         default=3,
         description="times that particles are weighted and resampled in a picture; 0: weighted alone (ablation)",

@@ -10,7 +10,7 @@ part of it may go on as a group.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -33,21 +33,20 @@ class SituationOptions(Strict):
         default=1.5, gt=0, description="distance of two below which they may come to be confused"
     )
     correlated_m: float = Field(default=0.3, gt=0, description="gap between two bodies below which they are correlated")
-    body_m: float = Field(default=0.4, ge=0, description="width of a body, mean over its sides [m] (ours)")
-    link_m: float = Field(default=0.4, gt=0, description="single linkage of points that merges their people [m] (ours)")
-    beside_m: float = Field(
-        default=1.0, gt=0, description="how near to somebody seen who shows no point is merged with them [m] (ours)"
-    )
-    confused_m: float = Field(
-        default=0.4, ge=0, description="distance below which two who are merged may have been exchanged [m] (ours)"
-    )
-    hidden_s: float = Field(default=0.08, ge=0, description="and for how long they show none [s] (ours)")
-    hysteresis: float = Field(
-        default=1.15, ge=1, description="how much farther than it begins interaction and correlation go on (ours)"
-    )
-    lasting_s: float = Field(
-        default=0.2, ge=0, description="how long two must be separated for a merge to be over [s] (ours)"
-    )
+    body_m: ClassVar[float] = 0.4
+    """Width of a body, mean over its sides [m] (ours)."""
+    link_m: ClassVar[float] = 0.4
+    """Single linkage of points that merges their people [m] (ours)."""
+    beside_m: ClassVar[float] = 1.0
+    """How near to somebody seen who shows no point is merged with them [m] (ours)."""
+    confused_m: ClassVar[float] = 0.4
+    """Distance below which two who are merged may have been exchanged [m] (ours)."""
+    hidden_s: ClassVar[float] = 0.08
+    """And for how long they show none [s] (ours)."""
+    hysteresis: ClassVar[float] = 1.15
+    """How much farther than it begins interaction and correlation go on (ours)."""
+    lasting_s: ClassVar[float] = 0.2
+    """How long two must be separated for a merge to be over [s] (ours)."""
 
 
 @dataclass(frozen=True, eq=False)

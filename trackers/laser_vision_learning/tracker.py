@@ -40,7 +40,9 @@ class LaserVisionLearning(SynchronizedTracker):
         background = list(background)
         self.options = validate(LaserVisionLearningOptions, options, "tracker laser-vision-learning")
         lasers, names = rig.lasers(), scanners_by_role(rig, ("knee",))["knee"]
-        self._scanners = ScannerGroup({name: lasers[name] for name in names}, background, self.options.scanner)
+        self._scanners = ScannerGroup(
+            {name: lasers[name] for name in names}, background, self.options.scanner.parameters()
+        )
         margin_m = self.options.track_management.report_margin_m
         self._area = None if rig.area is None else Area(rig.area, margin_m)
         self._walkers = Walkers(self._scanners, rig.area, self.options, rng or np.random.default_rng(0))

@@ -15,9 +15,9 @@ from trackers.filters.particle import Cloud, ParticleFilter
 from trackers.laser.group import ScannerGroup
 from trackers.laser_vision_learning.options import LaserVisionLearningOptions
 from trackers.laser_vision_learning.people import People
-from trackers.laser_vision_learning.points import log_likelihood, newcomers, shares
 from trackers.laser_vision_learning.situations import Situations, assessed
 from trackers.laser_vision_learning.walking import STATE_SIZE, WalkingModel
+from trackers.likelihood.laser_points import log_likelihood, shares, unexplained_people
 from trackers.observations import NS_PER_S, Observation
 from trackers.tracking.track_manager import TrackManager, measured_now, measured_often, reachable
 
@@ -38,7 +38,7 @@ class Walkers:
         self.options, self.rng, self._scanners = options, rng, scanners
         self._manager = TrackManager(options.track_management, corners)
         self._model = WalkingModel(options.walking)
-        self._filter = ParticleFilter(options.resampling, options.resample_below)
+        self._filter = ParticleFilter()
         self.people = People.started(Cloud.of(np.empty((STATE_SIZE, 0, options.particles))), 0, 0)
         self.situations = Situations.none(self.people.serial)
         self._next_serial, self.ns = 0, 0
@@ -85,7 +85,7 @@ class Walkers:
         )
         self._confirm()
         self._end(elapsed_s)
-        self._start(*newcomers(points, whose.unknown, options.points))
+        self._start(*unexplained_people(points, whose.unknown, options.points))
 
     def _walk_on(self, step_s: float) -> None:
         """Move everybody at a moment at which no scanner looked: no evidence for or against anybody."""

@@ -14,6 +14,8 @@ wave and the constants are ours).
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 from jaxtyping import Float
 from pydantic import Field
@@ -37,9 +39,8 @@ class WalkingOptions(Strict):
         le=1,
         description="how far the legs come apart at the scanner's height, as a share of the step on the floor (ours)",
     )
-    half_width_m: float = Field(
-        default=0.09, ge=0, description="half the distance between the legs across the way [m] (ours)"
-    )
+    half_width_m: ClassVar[float] = 0.09
+    """Half the distance between the legs across the way [m] (ours)."""
     acceleration_m_s2: float = Field(
         default=0.7, gt=0, description="random walk of the speed: its standard deviation after a second [m/s] (ours)"
     )
@@ -49,7 +50,9 @@ class WalkingOptions(Strict):
         description="random walk of the heading: its standard deviation after a second at speed [rad] (ours)",
     )
     turn_slow_rad: float = Field(
-        default=4.0, ge=0, description="the same added for who stands, fading over 0.5 m/s [rad] (ours)"
+        default=4.0,
+        ge=0,
+        description="what that is more for a standing person, fading over 0.5 m/s [rad] (ours)",
     )
     turn_about: float = Field(
         default=2.0, ge=0, description="how often people turn about, to any heading [1/s]; 0: never at once (ours)"
@@ -57,19 +60,17 @@ class WalkingOptions(Strict):
     drift_m: float = Field(
         default=0.08,
         ge=0,
-        description="random walk of the place beside the walk itself: its standard deviation after a second [m] (ours)",
+        description="random walk of the place besides the walk: its standard deviation after a second [m] (ours)",
     )
     phase: float = Field(
         default=0.35,
         ge=0,
         description="random walk of the phase: its standard deviation after a second of walking, in strides (ours)",
     )
-    speed_start_m_s: float = Field(
-        default=1.0, gt=0, description="standard deviation of the speed of who is seen first [m/s] (ours)"
-    )
-    place_start_m: float = Field(
-        default=0.12, gt=0, description="standard deviation of their place on each axis [m] (ours)"
-    )
+    speed_start_m_s: ClassVar[float] = 1.0
+    """Standard deviation of the speed of who is seen first [m/s] (ours)."""
+    place_start_m: ClassVar[float] = 0.12
+    """Standard deviation of their place on each axis [m] (ours)."""
     slowdown_s: float = Field(
         default=0.7, gt=0, description="time constant at which the speed of who is not seen fades [s] (ours)"
     )

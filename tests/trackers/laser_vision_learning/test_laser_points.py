@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, strategies as st
 
 from trackers.laser.group import Points
-from trackers.laser_vision_learning.points import PointOptions, log_likelihood, newcomers, shares
+from trackers.likelihood.laser_points import PointOptions, log_likelihood, unexplained_people, shares
 
 OPTIONS = PointOptions()
 NOWHERE = np.zeros((2, 2, 0))
@@ -71,19 +71,19 @@ def test_no_points_and_nobody_are_worked_like_any():
     ).tolist() == [[0.0] * 5]
     seen = points([(0, 0)])
     assert log_likelihood(seen, shares(seen, NOWHERE, OPTIONS), np.zeros((2, 2, 0, 5)), OPTIONS).shape == (0, 5)
-    assert len(newcomers(nothing, np.ones(0), OPTIONS)[0]) == 0
+    assert len(unexplained_people(nothing, np.ones(0), OPTIONS)[0]) == 0
 
 
 def test_what_nobody_explains_is_somebody_a_group_of_points():
     seen = points([(0, 0), (0.3, 0), (3, 0), (3.2, 0.1), (6, 0)], 0.1)
-    places, legs = newcomers(seen, np.array([1, 1, 1, 1, 0.0]), OPTIONS)
+    places, legs = unexplained_people(seen, np.array([1, 1, 1, 1, 0.0]), OPTIONS)
     np.testing.assert_allclose(places, [(0.15, 0), (3.1, 0.05)])
     np.testing.assert_allclose(legs, [2, 2])
 
 
 def test_a_point_alone_is_nobody_as_a_beam_on_an_edge_leaves_one():
     seen = points([(0, 0), (3, 0), (3.2, 0.1)], 0.1)
-    places, _ = newcomers(seen, np.ones(3), OPTIONS)
+    places, _ = unexplained_people(seen, np.ones(3), OPTIONS)
     np.testing.assert_allclose(places, [(3.1, 0.05)])
 
 

@@ -1,18 +1,19 @@
-"""What laser points say of people: whose each point is, how likely a particle is by its own, and who is new.
+"""Points of low scanners: their soft shares among people, the likelihood of predicted legs, and points that no person explains.
 
 A point belongs to the nearest of the predicted people, softly: with d the distance to a person's nearer expected leg, its share
-in person p is exp(−½ d_p² / s²) / (Σ_q exp(−½ d_q² / s²) + exp(−½ g² / s²)), the last term standing for somebody unknown at the
+in person p is exp(−½ d_p² / s²) / (Σ_q exp(−½ d_q² / s²) + exp(−½ g² / s²)), the last term standing for an unknown person at the
 gate g. A particle's likelihood is the similarity of its two legs with the points of its person,
 
     log L = − k/2 Σ_i w_i min(d_i², c²) / σ²
 
 d_i the distance of point i to the nearer leg, w_i its share times the width of the leg that its beam covers (in legs): a leg
-near by is met by many beams and tells no more than a far one; what lies farther than c is somebody else's or nobody's.
+near by is met by many beams and tells no more than a far one; what lies farther than c is another's or no person's.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -25,9 +26,8 @@ from trackers.laser.group import Points
 
 
 class PointOptions(Strict):
-    """How laser points are similar to predicted legs."""
+    """How laser points are compared with predicted legs."""
 
-    leg_m: float = Field(default=0.1, gt=0, description="width of a leg at the scanner's height [m] (ours)")
     sigma_m: float = Field(
         default=0.06, gt=0, description="standard deviation of a point about its leg's axis [m] (ours)"
     )
@@ -37,55 +37,56 @@ class PointOptions(Strict):
     weight: float = Field(
         default=2.0, gt=0, description="how many independent measurements a whole leg counts for (ours)"
     )
-    soft_m: float = Field(
-        default=0.12, gt=0, description="how softly points are shared between two who are near them [m] (ours)"
-    )
     gate_m: float = Field(
-        default=0.45, gt=0, description="distance from every expected leg at which a point is nobody's known [m] (ours)"
+        default=0.45,
+        gt=0,
+        description="distance from every expected leg at which a point is as likely no known person's [m] (ours)",
     )
     own_m: float = Field(
         default=0.3,
         ge=0,
-        description="points this near to where somebody surer stands make nobody else measured [m]; 0: they do (ours)",
+        description="points this near to a surer person measure no other one [m]; 0: they do (ours)",
     )
-    most: int = Field(default=32, ge=4, description="points a person at most, the weightiest (ours)")
     link_m: float = Field(
-        default=0.4, gt=0, description="single linkage of points that nobody explains, to somebody new [m] (ours)"
+        default=0.4, gt=0, description="single linkage of unexplained points, to one new person [m] (ours)"
     )
-    new_points: int = Field(
-        default=2,
-        ge=1,
-        description="points that make somebody new, as a beam on an edge lies behind who is known (ours)",
-    )
+    leg_m: ClassVar[float] = 0.1
+    """Width of a leg at the scanner's height [m]."""
+    soft_m: ClassVar[float] = 0.12
+    """How softly points are shared between two people who are near them [m]."""
+    most: ClassVar[int] = 32
+    """Points per person at most, the weightiest."""
+    new_points: ClassVar[int] = 2
+    """Points that make up a new person: a beam on an edge lies behind a known one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shares:
-    """Whose the points of a moment are."""
+    """Shares of the points of a frame in people."""
 
     share: Float[Array, "n k"]  # of each point in each person, sums over people to at most 1
     weight: Float[Array, "k"]  # what of a leg's width each beam covers
-    legs: Float[Array, "n"]  # legs' widths of points that each person is nearest to and nobody surer stands at
+    legs: Float[Array, "n"]  # legs' widths of points that each person is nearest to, with no surer person there
 
     @property
     def owner(self) -> Int[Index, "k"]:
-        """Whose each point is most, −1 where it is rather nobody's."""
+        """The person with the largest share of each point, −1 where it is likelier no known person's."""
         if len(self.share) == 0:
             return np.full(self.weight.size, -1)
         return np.where(self.unknown < 0.5, self.share.argmax(axis=0), -1)
 
     @property
     def unknown(self) -> Float[Array, "k"]:
-        """What of each point is nobody's."""
+        """The share of each point that no known person has."""
         return 1 - self.share.sum(axis=0)
 
 
 def shares(
     points: Points, legs: Float[Array, "2 2 n"], options: PointOptions, first: Int[Index, "n"] | None = None
 ) -> Shares:
-    """Whose the points are, given everybody's expected legs (side, x or y, person) [m].
+    """Share the points among people, by their expected legs (side, x or y, person) [m].
 
-    first: the people in the order in which they are believed, the surest first (None: as they come).
+    first: the people in order of certainty, the surest first (None: as they come).
     """
     off = points.place[:, :, None] - legs[:, None]  # (side, k, xy, n)
     square = (off**2).sum(axis=2).min(axis=0).T
@@ -105,7 +106,7 @@ def shares(
 def log_likelihood(
     points: Points, whose: Shares, legs: Float[Array, "2 2 n p"], options: PointOptions
 ) -> Float[Array, "n p"]:
-    """How similar the points are to each particle's legs."""
+    """Return ln L of each particle's legs (side, x or y, person, particle) [m], up to a constant per person."""
     weight = whose.share * whose.weight
     count = min(int((weight > 0.01).sum(axis=1).max(initial=0)), options.most)
     if count == 0:
@@ -126,8 +127,8 @@ def log_likelihood(
     return scale * (square @ weight[..., None])[..., 0].astype(float)
 
 
-def newcomers(points: Points, unknown: Float[Array, "k"], options: PointOptions) -> tuple[Array, Array]:
-    """Places (m, 2) [m] of whoever nobody's points make up, all scanners together, and their legs' widths of points, (m,)."""
+def unexplained_people(points: Points, unknown: Float[Array, "k"], options: PointOptions) -> tuple[Array, Array]:
+    """Return places (m, 2) [m] that unexplained points of all scanners make up, and their legs' widths of points, (m,)."""
     free = unknown > 0.5
     place, weight = points.place[free], np.minimum(points.width_m[free] / options.leg_m, 1.0)
     if len(place) == 0:
