@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, strategies as st
 
 from trackers.laser.group import Points
-from trackers.likelihood.laser_points import PointOptions, log_likelihood, unexplained_people, shares
+from trackers.likelihood.laser_points import PointOptions, log_likelihood, shares, unexplained_people
 
 OPTIONS = PointOptions()
 NOWHERE = np.zeros((2, 2, 0))
