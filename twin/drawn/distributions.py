@@ -90,6 +90,9 @@ class DrawnPeople(Strict):
     )
     in_groups: Share = Field(default=0.3, description="share of people who belong to a group of two to four")
     abreast: Share = Field(default=0.7, description="share of group members who walk beside the first, not behind")
+    shoulder_to_shoulder: Share = Field(
+        default=0.0, description="share of those beside the first who walk shoulder to shoulder, at 0.5 to 0.6 m"
+    )
     arriving: Share = Field(default=0.25, description="share of people who come by a door during the run")
     leaving: Share = Field(default=0.25, description="share of people who leave by a door before the end")
     children: Share = Field(default=0.08, description="share of people who are children")

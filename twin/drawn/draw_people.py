@@ -20,7 +20,7 @@ _APART_M = 0.8
 _GROUP_SIZES = (2, 3, 4)
 _GROUP_SHARES = (0.65, 0.25, 0.1)
 """How large groups are: most are pairs (Moussaïd et al. 2010, figure 1, sizes of two to four)."""
-_ABREAST_M, _BEHIND_M = (0.65, 0.8), (0.8, 1.1)
+_ABREAST_M, _SHOULDERS_M, _BEHIND_M = (0.65, 0.8), (0.5, 0.6), (0.8, 1.1)
 
 Script = list[dict[str, Any]]
 
@@ -190,9 +190,11 @@ class _PeopleDraws:
         rng = self._rng
         action: dict[str, Any] = {"kind": "follow", "person": person}
         if rng.random() < self._options.abreast and place <= 2:
+            share = self._options.shoulder_to_shoulder
+            distance_m = _SHOULDERS_M if share > 0 and rng.random() < share else _ABREAST_M
             action |= {
                 "beside": "left" if place == 1 else "right",
-                "distance_m": round(float(rng.uniform(*_ABREAST_M)), 2),
+                "distance_m": round(float(rng.uniform(*distance_m)), 2),
             }
         else:
             action |= {"distance_m": round(float(rng.uniform(*_BEHIND_M)), 2)}

@@ -154,7 +154,7 @@ class Population(Poses):
         gaze = self._gaze.at(t) + 0.25 * crowd.turn_rate
         crowd.step(TICK_S)
         postures.step(crowd.place, crowd.heading, TICK_S)
-        self._gait.step(crowd, gaze, TICK_S, still=~postures.may_walk())
+        self._gait.step(crowd, gaze, TICK_S, still=~postures.may_walk(), arms_in=crowd.arms_in())
         self._tick += 1
         self._enter_and_leave()
         self._record()

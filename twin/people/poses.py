@@ -50,7 +50,7 @@ class PoseHistory:
         self._posture[slot], self._present[slot] = posture, present
 
     def last(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        """Return copies of the last tick's rows: floor, rows, posture, present; copies."""
+        """Return copies of the last tick's floor, rows, posture, present."""
         slot = self.tick % len(self)
         return tuple(each[slot].copy() for each in (self._floor, self._rows, self._posture, self._present))  # pyright: ignore[reportReturnType]
 
@@ -223,7 +223,7 @@ class PopulationMotion:
 class PrecomputedPoses(Poses):
     """Poses of people whose motion was precomputed.
 
-    Ticks come into the memory one by one as time goes on, as they did when the people were stepped: what lies between the
+    Ticks come into the history one by one as time goes on, as they did when the people were stepped: what lies between the
     last two ticks is then interpolated alike, whatever sensor asks in which order.
     """
 

@@ -228,6 +228,7 @@ class Follow(_Lasting):
     """Walk after somebody at a distance, as they go; or, with `beside`, abreast of them where there is room, else behind.
 
     Whoever walks beside falls behind before a wall, furniture or somebody who comes their way, and draws level again.
+    At 0.5 m the two walk shoulder to shoulder, as near as their bodies allow, with the arms between them held in.
     """
 
     kind: Literal["follow"] = Field(default="follow", description="the action: walk after somebody")
@@ -237,10 +238,10 @@ class Follow(_Lasting):
     )
     distance_m: float | None = Field(
         default=None,
-        ge=0.65,
+        ge=0.5,
         le=20,
         description="how far from the other the follower keeps, from middle to middle [m]; "
-        "none: 1.2 behind, where at least 0.8 is expected, 0.7 beside, where at most 1.5 is",
+        "none: 1.2 behind, where at least 0.8 is expected, 0.7 beside, where 0.5 (shoulder to shoulder) to 1.5 is",
     )
     speed_m_s: WalkSpeed = Field(default=1.8, description="the fastest that the follower walks [m/s]")
 
@@ -252,7 +253,7 @@ class Follow(_Lasting):
 
     @model_validator(mode="after")
     def _a_distance_to_keep(self) -> Follow:
-        low, high = (0.8, 20.0) if self.beside is None else (0.65, 1.5)
+        low, high = (0.8, 20.0) if self.beside is None else (0.5, 1.5)
         if not low <= self.keeps_m <= high:
             where = "behind somebody" if self.beside is None else "beside somebody"
             raise ValueError(f"distance_m {self.keeps_m:g} cannot be kept {where}; {low:g} to {high:g} is expected")

@@ -114,6 +114,15 @@ def test_people_come_in_groups_as_often_as_asked() -> None:
     assert 4 <= followers / 20 <= 6.5
 
 
+@pytest.mark.parametrize(("share", "near_m", "far_m"), [(0.0, 0.65, 0.8), (1.0, 0.5, 0.6)])
+def test_groups_walk_as_near_to_each_other_as_asked(share: float, near_m: float, far_m: float) -> None:
+    building = draw_building(DrawnRoom(kind="drawn", length_m=(14, 14), width_m=(10, 10)), 3, "room")
+    options = DrawnPeople(kind="drawn", count=(12, 12), in_groups=1.0, abreast=1.0, shoulder_to_shoulder=share)
+    people = draw_people(options, building, 20.0, 5)
+    beside = [action for person in people.values() for action in person["script"] if "beside" in action]
+    assert len(beside) > 3 and all(near_m <= action["distance_m"] <= far_m for action in beside)
+
+
 @pytest.mark.parametrize(
     ("changes", "said"),
     [

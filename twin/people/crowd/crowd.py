@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from trackers.arrays import Array, Mask
 from twin.people.crowd.motion_command import MotionCommand
-from twin.people.crowd.social_force import KEEP_APART_M, repulsion
+from twin.people.crowd.social_force import KEEP_APART_M, arms_in, least_apart, repulsion
 from twin.room.obstacles import KEEP_FROM_EDGE_M, KEEP_FROM_FURNITURE_M, Footprints, Obstacle
 
 Planar = NDArray[np.complex128]
@@ -124,6 +124,7 @@ class Crowd:
         self._heeds_walls = np.full(count, _PASSES)  # share of their repulsion per distance to the goal [1/m]
         self._self_far = np.where(np.eye(count, dtype=bool), 1e3, 0.0)
         self._companions = np.zeros((count, count), dtype=bool)  # who walks with whom
+        self._companion_m = np.full(count, KEEP_APART_M)  # least distance abreast of them [m]
         self._numbers = np.arange(count)
 
     def command(self, person: int, command: MotionCommand) -> None:
@@ -142,6 +143,7 @@ class Crowd:
         self._may_move[person] = 0.0 if command.firm or self._fixed[person] else 1.0
         self._heeds_walls[person] = 1.0 / HALTING_M if command.halt else _PASSES
         self._companions[person] = self._numbers == (-1 if command.companion is None else command.companion)
+        self._companion_m[person] = min(command.companion_m, KEEP_APART_M)
         near = self._furniture.belong_to(command.near)
         self._clearance[person, : len(near)] = np.where(near, NEAR_M, KEEP_FROM_FURNITURE_M)
         self._repels[person, : len(near)] = ~near
@@ -214,7 +216,7 @@ class Crowd:
         push *= ACCELERATION_M_S2 / np.maximum(np.abs(push), ACCELERATION_M_S2)
         velocity = (before + push * dt) * self._may_move[rows]
         normals = np.concatenate([towards, outwards], axis=1)  # (n, n + edges + obstacles)
-        gap = distance - KEEP_APART_M
+        gap = distance - self._least_apart(rows, towards, facing)
         comes_on = 0.0
         if anybody_driven:  # they will not brake: the whole gap is the other's, less what they take of it themselves
             gap = np.where(driven, 2.0 * gap, gap)
@@ -240,6 +242,19 @@ class Crowd:
             return self_far
         together = self._companions[rows][:, rows]
         return np.where(together | together.T, 1e3, self_far)
+
+    def _least_apart(self, rows: Any, towards: Planar, facing: Planar) -> Array | float:
+        """Return the least distance between those present, (n, n) [m] or one for all."""
+        if not np.count_nonzero(self._companion_m < KEEP_APART_M):
+            return KEEP_APART_M
+        return least_apart(self._companions[rows][:, rows], self._companion_m[rows], towards, facing)
+
+    def arms_in(self) -> Array | float:
+        """Return how far each holds in the left and the right arm, (2, n) from 0 to 1; 0 where all are far apart."""
+        if not np.count_nonzero(self._companion_m < KEEP_APART_M):
+            return 0.0
+        together = (self._companions | self._companions.T) & self.present & self.present[:, None]
+        return arms_in(together, (self.place - self.place[:, None]) * self.facing.conj()[:, None])
 
     @staticmethod
     def _spread(whole: NDArray[Any], rows: Any, part: NDArray[Any]) -> NDArray[Any]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.arrays import Array
+from trackers.arrays import Array, Mask
 
 Planar = NDArray[np.complex128]
 
@@ -27,6 +27,8 @@ STANDING_SHARE = 0.25
 """Share of the repulsion on somebody who stops: they are not pushed about by people who only pass."""
 PASS_ON_THE_RIGHT_RAD = 0.5
 """How far the repulsion is turned to the right of straight away, so that two who meet head on pass [rad]."""
+ARMS_IN_FROM_M, ARMS_IN_AT_M = 0.75, 0.58
+"""Distances of a companion from which the arm on their side is held in, and hangs straight down [m]."""
 KEEP_APART_M = 0.65
 """Least distance between the middles of two people [m]: room for the swinging arms, and the feet, of both."""
 
@@ -52,3 +54,24 @@ def repulsion(
     force = np.exp((axis - KEEP_APART_M) * (-1.0 / REPULSION_RANGE_M)) * (0.5 * both / axis) * weight
     away = (force * direction).sum(axis=1)
     return away * (STANDING_SHARE + (1 - STANDING_SHARE) * going) * (-REPULSION_M_S2 * _PASS)
+
+
+def least_apart(companions: Mask, companion_m: Array, towards: Planar, facing: Planar) -> Array:
+    """Return the least distance (n, n) [m] between people: less for companions abreast of each other.
+
+    companions (n, n): who walks with whom; companion_m (n,): how near each comes to theirs abreast [m]; towards (n, n):
+    unit, from each to each; facing (n,): unit. Before and behind each other companions keep apart as others do, for the
+    sake of their feet.
+    """
+    closer = np.where(companions, KEEP_APART_M - companion_m[:, None], 0.0)
+    aside = (towards * facing.conj()[:, None]).imag ** 2
+    return KEEP_APART_M - np.maximum(closer, closer.T) * np.minimum(aside, aside.T)
+
+
+def arms_in(together: Mask, seen: Planar) -> Array:
+    """Return how far each person holds in the left and the right arm, (2, n): 0 as when alone, 1 straight down.
+
+    together (n, n): who walks with whom, either way; seen (n, n): from each to each, ahead + left i [m].
+    """
+    near = np.clip((ARMS_IN_FROM_M - np.abs(seen)) / (ARMS_IN_FROM_M - ARMS_IN_AT_M), 0.0, 1.0) * together
+    return np.stack([(near * (seen.imag > 0)).max(axis=1), (near * (seen.imag <= 0)).max(axis=1)])

@@ -55,7 +55,15 @@ _HINDMOST = 0.05
 _ASIDE_DROP, _BACK_DROP = 3.0, 2.0
 """How much more the pelvis is lowered by steps to the side, whose legs are spread, and backwards, as shares."""
 
-_HABITS = (gait_state.TRUNK_PITCH, gait_state.TRUNK_ROLL, gait_state.GAZE, gait_state.ELBOW, gait_state.ARM_SWING)
+_ARMS_IN = range(gait_state.ARMS_IN.start, gait_state.ARMS_IN.stop)
+_HABITS = (
+    gait_state.TRUNK_PITCH,
+    gait_state.TRUNK_ROLL,
+    gait_state.GAZE,
+    gait_state.ELBOW,
+    gait_state.ARM_SWING,
+    *_ARMS_IN,
+)
 """What follows slowly, by its rows of `GaitState.rows`."""
 _BOB, _BOB_RATE = 0, 1
 
@@ -122,10 +130,18 @@ class Gait:
         self._load[:, who] = (np.stack([left, 1.0 - left]) * load)[:, who]
         self._record(crowd)
 
-    def step(self, crowd: MovingBodies, gaze: Array, dt: float, still: Mask | None = None) -> None:
+    def step(
+        self,
+        crowd: MovingBodies,
+        gaze: Array,
+        dt: float,
+        still: Mask | None = None,
+        arms_in: Array | float = 0.0,
+    ) -> None:
         """Follow the crowd to where it is now, `dt` [s] after the last call; gaze (n,): turn of the head [rad].
 
-        Those who are `still` (n,) sit or lie: they begin no steps, and their feet stay where they are.
+        Those who are `still` (n,) sit or lie: they begin no steps, and their feet stay where they are. arms_in (2, n): how
+        far the left and the right arm are to be held in, 0 to 1.
         """
         feet = self._feet
         motion = _body_motion(crowd)
@@ -146,6 +162,7 @@ class Gait:
         self._ahead = np.minimum(np.maximum(point, self._ahead - most), self._ahead + most)
         feet.lift(self._load, style, dt, lambda: heel_and_pelvis(self.state, self._skeleton)[0])
         feet.move(crowd, motion, style, stance, dt)
+        self._wanted[-len(_ARMS_IN) :] = arms_in
         self._lean(crowd, motion, gaze, style, dt)
         self._record(crowd)
 
@@ -223,7 +240,7 @@ class Gait:
 
     def _want(self, crowd: MovingBodies, motion: BodyMotion, gaze: Array | float, style: GaitStyle) -> None:
         push = crowd.acceleration * motion.seen_from
-        pitch, roll, gazed, elbow, swing = self._wanted
+        pitch, roll, gazed, elbow, swing, *_ = self._wanted
         pitch[:] = np.minimum(np.maximum(_PITCH * push.real, -_LEAN_MOST_RAD), _LEAN_MOST_RAD)
         pitch += style.trunk_lean * motion.ahead
         roll[:] = np.minimum(np.maximum(_ROLL * push.imag, -_LEAN_MOST_RAD), _LEAN_MOST_RAD)

@@ -35,7 +35,9 @@ FEET_LOAD, FEET_PRESSURE = slice(15, 17), slice(17, 19)
 """Left foot and right foot: load [body weights], where it acts ahead of the ankle [m]."""
 ARM_SWING = 19
 """Swing of the arms [rad for each metre of stride]."""
-ROWS = 20
+ARMS_IN = slice(20, 22)
+"""Left arm and right arm: how far each is held in, from 0 (as in walking alone) to 1 (straight down)."""
+ROWS = 22
 
 STRAIGHTEST = 0.9945
 """Longest distance from hip to ankle as a share of the leg: the knee keeps 12 degrees."""
@@ -154,10 +156,12 @@ def joint_coordinates(state: GaitState, skeleton: Skeleton) -> Array:
     # the shoulders turn against the pelvis, the head stays with the gaze
     out[_SPINE_YAW], out[_SPINE_PITCH], out[_SPINE_ROLL] = -2.0 * twist, rows[TRUNK_PITCH], rows[TRUNK_ROLL]
     out[_NECK_YAW], out[_NECK_PITCH] = rows[GAZE] + twist, 0.04 - 0.8 * rows[TRUNK_PITCH]
-    for (pitch_place, roll_place, yaw_place, elbow_place), sign in zip(_ARMS, (1.0, -1.0), strict=True):
+    for (pitch_place, roll_place, yaw_place, elbow_place), sign, held_in in zip(
+        _ARMS, (1.0, -1.0), rows[ARMS_IN], strict=True
+    ):
         swing = 0.04 + sign * arms
         out[pitch_place] = swing - 0.7 * rows[TRUNK_PITCH]
-        out[roll_place] = sign * _ARMS_OUT_RAD
+        out[roll_place] = sign * (_ARMS_OUT_RAD * (1.0 - held_in))
         out[yaw_place] = -sign * inward
         out[elbow_place] = 0.5 * np.minimum(swing, 0.0) - rows[ELBOW]
     for place in range(6):

@@ -22,6 +22,8 @@ _IN_PLACE_M = 0.12
 _SEES_AHEAD_S = 1.5
 """So far ahead people look for what would be in the way of the one beside [s]."""
 _BEHIND_M = 0.9
+_BREADTH = 1.45
+"""Breadth of a body with its sleeves and its sway, as a multiple of the distance between its shoulder joints (ours)."""
 _STAYS_BEHIND_S = 1.0
 _SWINGS_OUT = 0.6
 """Who draws level passes wide of the other's back: so much farther aside for each metre that they lag."""
@@ -86,7 +88,8 @@ def _walk_beside(actor: Actor, action: Follow) -> Commands:
     """Keep level with somebody who goes their own way, or behind them for a while (see `twin.scenario.behaviour.Follow`)."""
     crowd, other = actor.context.crowd, actor.context.number_of(action.person)
     ends_at, behind_until = actor.ends_at(action.for_s), -np.inf
-    aside = action.keeps_m * (1j if action.beside == "left" else -1j)
+    keeps_m = max(action.keeps_m, _shoulders_m(actor, other))
+    aside = keeps_m * (1j if action.beside == "left" else -1j)
     while actor.t < ends_at and not actor.is_gone(action.person):
         until = min(actor.t + _COMMANDS_EVERY_S, ends_at)
         if not crowd.present[other]:
@@ -98,25 +101,34 @@ def _walk_beside(actor: Actor, action: Follow) -> Commands:
             behind_until = actor.t + _STAYS_BEHIND_S
         if actor.t >= behind_until:
             lags_m = ((beside - crowd.place[actor.number]) * facing.conjugate()).real
-            goal = beside + _SWINGS_OUT * np.clip(lags_m, 0.0, 1.0) * aside / action.keeps_m * facing
+            goal = beside + _SWINGS_OUT * np.clip(lags_m, 0.0, 1.0) * aside / keeps_m * facing
         else:
             goal = place - _BEHIND_M * facing
-        yield _keep_up(actor, action, other, goal, until)
+        yield _keep_up(actor, action, other, goal, until, keeps_m)
 
 
-def _keep_up(actor: Actor, action: Follow, other: int, goal: complex, until: float) -> MotionCommand:
+def _shoulders_m(actor: Actor, other: int) -> float:
+    """Return how near a person comes to another abreast, shoulder to shoulder, from middle to middle [m]."""
+    return float(actor.context.postures.measures.shoulder_aside[[actor.number, other]].sum()) * _BREADTH
+
+
+def _keep_up(actor: Actor, action: Follow, other: int, goal: complex, until: float, keeps_m: float) -> MotionCommand:
     """Return the command for a moment: be where the place one keeps will be, or stand there, facing as the other does."""
     crowd, here = actor.context.crowd, actor.context.crowd.place[actor.number]
     velocity = crowd.velocity[other]
     stands = abs(velocity) < _STANDS_M_S
     if stands and abs(goal - here) < _IN_PLACE_M:
-        return MotionCommand(None, until=until, heading=float(crowd.heading[other]), companion=other)
+        return MotionCommand(
+            None, until=until, heading=float(crowd.heading[other]), companion=other, companion_m=keeps_m
+        )
     soon = goal if stands else goal + velocity * _DRAWS_LEVEL_S
     speed = min(max(abs(soon - here) / _DRAWS_LEVEL_S, _STANDS_M_S), action.speed_m_s)
     way = actor.way_to((soon.real, soon.imag)) or actor.way_to(actor.target(action.person))
     if not way:
-        return MotionCommand(None, until=until, companion=other)
-    return MotionCommand(way[0], speed, until, 0.05, halt=stands and len(way) == 1, companion=other)
+        return MotionCommand(None, until=until, companion=other, companion_m=keeps_m)
+    return MotionCommand(
+        way[0], speed, until, 0.05, halt=stands and len(way) == 1, companion=other, companion_m=keeps_m
+    )
 
 
 def _has_room(actor: Actor, other: int, place: complex, beside: complex, velocity: complex) -> bool:
