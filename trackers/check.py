@@ -98,8 +98,8 @@ def _faults(frames: Sequence[TrackFrame]) -> list[str]:
 
 
 def _seen(tracker: Tracker) -> list[Any]:
-    told = detections_of(tracker)
-    seen: Any = told() if told is not None else []
+    detections = detections_of(tracker)
+    seen: Any = detections() if detections is not None else []
     return seen if isinstance(seen, list) else [seen]
 
 

@@ -237,13 +237,13 @@ def _lines(error: ValidationError, model: type[BaseModel], content: Any, source:
         elif fault["type"] != "missing" and not isinstance(fault["input"], dict | BaseModel):
             message += f" (got {_shown(fault['input'])})"
         lines.append(": ".join(part for part in (source, path, message) if part))
-    told = list(dict.fromkeys(lines))
-    more = [f"{source}: and {len(told) - _MOST_LINES} faults more"] if len(told) > _MOST_LINES else []
-    return told[:_MOST_LINES] + more
+    distinct = list(dict.fromkeys(lines))
+    more = [f"{source}: and {len(distinct) - _MOST_LINES} faults more"] if len(distinct) > _MOST_LINES else []
+    return distinct[:_MOST_LINES] + more
 
 
 def _shown(value: Any) -> str:
-    """A value as an error tells it: cut where nobody would read on."""
+    """A value as an error tells it: cut where it gets long."""
     text = repr(value)
     return text if len(text) <= _MOST_SHOWN else f"{text[:_MOST_SHOWN]}..."
 

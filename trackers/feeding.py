@@ -36,7 +36,7 @@ class StampOrder:
     One is handed on when another at least `max_wait_s` newer has arrived: whatever overtook it by less comes behind it.
     Of one stamp they leave in order of arrival. What comes when a newer one has been handed on, or comes twice, is dropped
     and counted in `losses`, by sensor and reason.
-    Stamps are on one clock: whoever decodes messages adds the rig's time offsets.
+    Stamps are on one clock: the decoder of messages adds the rig's time offsets.
     """
 
     def __init__(self, max_wait_s: float = MAX_WAIT_S) -> None:
@@ -96,8 +96,8 @@ class FedTracker:
     @property
     def discarded(self) -> int:
         """Observations dropped so far: too late, twice, or no more than the one before again."""
-        held_back = self._order.discarded if self._order is not None else 0
-        return held_back + discarded(self.tracker)
+        late = self._order.discarded if self._order is not None else 0
+        return late + discarded(self.tracker)
 
     @property
     def losses(self) -> Counter[tuple[str, str]]:
@@ -114,11 +114,11 @@ class FedTracker:
         finish = finish_of(self.tracker)
         if finish is None:
             return frames
-        held_back = finish()
-        if not isinstance(held_back, list):
-            raise TypeError(f"finish() gave {type(held_back).__name__}; a list of TrackFrame is expected")
+        last = finish()
+        if not isinstance(last, list):
+            raise TypeError(f"finish() gave {type(last).__name__}; a list of TrackFrame is expected")
         self._on_worked()
-        return frames + held_back
+        return frames + last
 
     def _frames(self, observations: Iterable[Observation]) -> list[TrackFrame]:
         completed: list[TrackFrame] = []
@@ -158,8 +158,8 @@ class RestartedTracker:
 
     def __getattr__(self, name: str) -> Any:
         """Return what else the tracker at work tells of itself (`trackers.tracks.Reporting`)."""
-        told = getattr(self._tracker, name)
-        return self._detections if name == "detections" else told
+        value = getattr(self._tracker, name)
+        return self._detections if name == "detections" else value
 
     @property
     def discarded(self) -> int:
@@ -177,8 +177,8 @@ class RestartedTracker:
         ended: list[TrackFrame] = []
         while self._jumps_ns and observation.stamp_ns >= self._jumps_ns[0]:
             self._jumps_ns.pop(0)
-            ended += self._held_back()
-            self._detections_before += self._told_of()
+            ended += self._finished()
+            self._detections_before += self._detected()
             self._losses_before.update(losses(self._tracker))
             self._ids_above = self._largest_id
             self._tracker = self._make()
@@ -198,18 +198,18 @@ class RestartedTracker:
     def finish(self) -> list[TrackFrame]:
         """The frames that the tracker at work still holds back."""
         self._detections_before = []
-        return self._held_back()
+        return self._finished()
 
-    def _held_back(self) -> list[TrackFrame]:
+    def _finished(self) -> list[TrackFrame]:
         finish = finish_of(self._tracker)
         return [] if finish is None else [self._renumbered(frame) for frame in finish()]
 
-    def _told_of(self) -> list[Detection]:
-        told = detections_of(self._tracker)
-        return [] if told is None else told()
+    def _detected(self) -> list[Detection]:
+        detections = detections_of(self._tracker)
+        return [] if detections is None else detections()
 
     def _detections(self) -> list[Detection]:
-        return self._detections_before + self._told_of()
+        return self._detections_before + self._detected()
 
     def _renumbered(self, frame: TrackFrame) -> TrackFrame:
         """Return a frame whose ids, those of its maps too, no tracker before has used."""

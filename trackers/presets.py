@@ -93,23 +93,23 @@ PRESETS: Mapping[str, Preset] = {
     ),
     "laser-vision-learning-laser": Preset(
         _LASER_LEARNING,
-        "every knee scanner's points, a particle filter a person with a two-feet walking model: the laser half",
+        "every knee scanner's points, a particle filter per person with a two-feet walking model: the laser half",
         _SONG,
         {"camera": False},
     ),
     "laser-vision-learning-vision": Preset(
         "trackers.laser_vision_learning.vision_only.tracker:VisionOnly",
-        "one camera alone: background subtraction, a learned detector of people, a particle filter a person",
+        "one camera alone: background subtraction, a learned detector of people, a particle filter per person",
         "Song, Cui, Zha, Zhao: Probabilistic Detection-Based Particle Filter for Multi-target Tracking (BMVC 2008)",
     ),
     "sort": Preset(
         "trackers.sort:Sort",
-        "every scanner's clusters fused, a Kalman filter a person, optimal assignment: the plain baseline",
+        "every scanner's clusters fused, a Kalman filter per person, optimal assignment: the plain baseline",
         "Bewley, Ge, Ott, Ramos, Upcroft: Simple Online and Realtime Tracking (2016), here on the ground plane",
     ),
     "camera-floor-particle": Preset(
         _CAMERA_FLOOR,
-        "body and head of everybody in 3-D by cameras and a pressure floor, a pair of particle filters each",
+        "body and head of each person in 3-D by cameras and a pressure floor, a pair of particle filters each",
         _MORI,
     ),
     "camera-floor-particle-paper": Preset(
@@ -143,7 +143,7 @@ PRESETS: Mapping[str, Preset] = {
     ),
     "floor-kalman": Preset(
         _CLUSTERS,
-        "clusters of a pressure floor, a Kalman filter a person, nearest neighbours: the naive baseline",
+        "clusters of a pressure floor, a Kalman filter per person, nearest neighbours: the naive baseline",
         "Kalman (1960); nearest neighbours by optimal assignment",
     ),
     "floor-colour-kalman": Preset(

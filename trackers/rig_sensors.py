@@ -215,7 +215,7 @@ class StereoSensor(Strict):
 
 @lru_cache
 def _centres(rows: int, columns: int, pitch_m: float, room_from_sensor: Hashable) -> NDArray[np.float64]:
-    """The middles of a floor's elements in the room, which nobody can change: every frame asks for them."""
+    """The middles of a floor's elements in the room, which cannot be changed: every frame asks for them."""
     assert isinstance(room_from_sensor, Pose)
     x, y = np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5)
     local = np.stack([x, y], axis=-1) * pitch_m

@@ -1,4 +1,4 @@
-"""Reaching a Dask scheduler whose address somebody typed. Dask is loaded by who calls, not before."""
+"""Connections to a Dask scheduler by its address. Dask is loaded at a call, not before."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def connected(address: str, said: str, direct: bool = False) -> Client:
     """A client of the scheduler at this address; direct: which talks to the workers itself.
 
     said: what the address was given as, for the sentence. Raises InputError, within seconds, where this is no address of a
-    Dask scheduler, or nobody listens there.
+    Dask scheduler, or where nothing listens there.
     """
     from distributed import Client
 

@@ -14,7 +14,7 @@ AnyPath = str | os.PathLike[str]
 """A path as callers may have it."""
 
 MOST_TEXT_BYTES = 64 * 1024 * 1024
-"""A file of text larger than this is none that somebody wrote for us: it is refused unread."""
+"""A file of text larger than this is not one that people write: it is refused unread."""
 
 
 def read_text(source: AnyPath, expected: str, most_bytes: int | None = MOST_TEXT_BYTES) -> str:

@@ -104,7 +104,7 @@ class Detection:
 
 @dataclass(frozen=True, slots=True)
 class TrackFrame:
-    """All tracks at one stamp of the tracker's main sensor; an empty tuple says that nobody is tracked.
+    """All tracks at one stamp of the tracker's main sensor; an empty tuple says that there is no track.
 
     maps: what the tracker found or thought on the way, where it tells.
     """
@@ -155,7 +155,7 @@ class Reporting(Protocol):
 
     @property
     def unused_sensors(self) -> Sequence[str]:
-        """The rig's sensors that the tracker makes no use of: whoever starts a run is told. Default: none."""
+        """The rig's sensors that the tracker makes no use of: shown at a run. Default: none."""
         ...
 
     @property
@@ -190,9 +190,9 @@ def discarded(tracker: Tracker) -> int:
 
 def losses(tracker: Tracker) -> Mapping[tuple[str, str], int]:
     """Observations that the tracker itself has dropped, by sensor ('': not said) and reason."""
-    told: Mapping[tuple[str, str], int] | None = getattr(tracker, "losses", None)
-    if told is not None:
-        return told
+    counted: Mapping[tuple[str, str], int] | None = getattr(tracker, "losses", None)
+    if counted is not None:
+        return counted
     count = discarded(tracker)
     return {("", "dropped by the tracker"): count} if count else {}
 
@@ -234,8 +234,8 @@ def misreported(tracker: Tracker, rig: Rig) -> list[str]:
         ("unused_sensors", unused, listed, f"a list of the rig's sensors ({', '.join(rig.sensors)}) is expected"),
         (
             "warnings",
-            told_of := warnings(tracker),
-            isinstance(told_of, list | tuple) and all(isinstance(each, str) for each in told_of),
+            doubtful := warnings(tracker),
+            isinstance(doubtful, list | tuple) and all(isinstance(each, str) for each in doubtful),
             "a list of words is expected",
         ),
         (
@@ -245,7 +245,7 @@ def misreported(tracker: Tracker, rig: Rig) -> list[str]:
             yes_or_no,
         ),
         ("finish", end := finish_of(tracker), end is None or callable(end), "a method is expected"),
-        ("detections", told := detections_of(tracker), told is None or callable(told), "a method is expected"),
+        ("detections", seen := detections_of(tracker), seen is None or callable(seen), "a method is expected"),
     ]
     return [f"{name} is {value!r}; {expected}" for name, value, is_right, expected in parts if not is_right]
 
@@ -253,8 +253,8 @@ def misreported(tracker: Tracker, rig: Rig) -> list[str]:
 _BY_REASON = "a mapping from (sensor, reason) to an int from 0 up is expected"
 
 
-def _is_count_by_reason(told: object) -> bool:
-    return isinstance(told, Mapping) and all(
+def _is_count_by_reason(counted: object) -> bool:
+    return isinstance(counted, Mapping) and all(
         isinstance(key, tuple) and len(key) == 2 and all(isinstance(part, str) for part in key) and type(n) is int
-        for key, n in told.items()
+        for key, n in counted.items()
     )

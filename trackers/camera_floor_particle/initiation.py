@@ -110,28 +110,8 @@ class Initiation:
         else:
             top_m = _UNKNOWN_HEIGHT_M
             middle, skull = np.append(place, _PELVIS * top_m), np.append(place, top_m - body.CROWN_M)
-        clothes = np.zeros((self._n_camera, BINS.size))
-        n_colour = BINS.size * options.head.parts[0] * options.head.parts[1]
-        skin, faces, from_east = 0j, np.empty((0, n_colour)), np.empty(0)
-        whole: WindowOptions = options.body.window.model_copy(update={"pixels": "foreground", "stride": 1})
-        look = views.look(middle[:, None])
-        if (seen := look.seen).any():
-            by = np.array([view.number for view in views])[seen[:, 0]]
-            clothes[by] = unit(np.sqrt(views.colours(middle[:, None], look.pixels, seen, whole)))
-        whole = options.head.window.model_copy(update={"pixels": "foreground", "stride": 1})
-        look = views.look(skull[:, None])
-        if (seen := look.seen).any():
-            faces = unit(np.sqrt(views.colours(skull[:, None], look.pixels, seen, whole, options.head.parts)))
-            from_east = views.bearings(skull[:, None])[seen]
-            skin = np.sum(views.skin(skull[:, None], look.pixels, seen, whole) * np.exp(1j * from_east))
-            faces, from_east = faces[faces.any(axis=1)], from_east[faces.any(axis=1)]
-        seen_by = clothes.any(axis=1)
-        if seen_by.any():
-            clothes[~seen_by] = unit(clothes[seen_by].mean(axis=0))
-        pan = float(np.angle(skin))
-        hair = np.zeros((PAN_BINS, n_colour))
-        if len(faces):
-            hair = _FIRST_LOOKS * around(faces, from_east - pan, mixed=options.head.references == "mixed")
+        clothes = self._clothes(middle[:, None], views)
+        pan, skin, hair = self._face(skull[:, None], views)
         facing = np.exp(_SKIN_SHOWS * np.cos(GRID - pan)) if skin else np.ones(len(GRID))
         return People(
             roster=Roster.started(body.started(middle[None], options.body.particles, rng), ns),
@@ -151,11 +131,42 @@ class Initiation:
             hair=hair[None],
             course=np.zeros((1, 2)),
             skin_true=np.ones(1),
-            pan_known=np.array([abs(skin) > _LEAST_SKIN]),
+            pan_known=np.array([skin > _LEAST_SKIN]),
             weight_n=np.array([load_n]),
             height_m=np.array([top_m]),
             lost=np.zeros(1, np.bool_),
         )
+
+    def _clothes(self, middle: Float[Array, "3 1"], views: Views) -> Float[Array, "cameras bins"]:
+        """Return the colours about the middle of a body as roots; a camera that does not see it gets the others' mean."""
+        clothes = np.zeros((self._n_camera, BINS.size))
+        whole: WindowOptions = self._options.body.window.model_copy(update={"pixels": "foreground", "stride": 1})
+        look = views.look(middle)
+        if (seen := look.seen).any():
+            by = np.array([view.number for view in views])[seen[:, 0]]
+            clothes[by] = unit(np.sqrt(views.colours(middle, look.pixels, seen, whole)))
+        seen_by = clothes.any(axis=1)
+        if seen_by.any():
+            clothes[~seen_by] = unit(clothes[seen_by].mean(axis=0))
+        return clothes
+
+    def _face(self, skull: Float[Array, "3 1"], views: Views) -> tuple[float, float, Float[Array, "pans colours"]]:
+        """Return the pan [rad] and the share of skin that shows it, and references of the head from all sides."""
+        options = self._options.head
+        n_colour = BINS.size * options.parts[0] * options.parts[1]
+        skin, faces, from_east = 0j, np.empty((0, n_colour)), np.empty(0)
+        whole: WindowOptions = options.window.model_copy(update={"pixels": "foreground", "stride": 1})
+        look = views.look(skull)
+        if (seen := look.seen).any():
+            faces = unit(np.sqrt(views.colours(skull, look.pixels, seen, whole, options.parts)))
+            from_east = views.bearings(skull)[seen]
+            skin = np.sum(views.skin(skull, look.pixels, seen, whole) * np.exp(1j * from_east))
+            faces, from_east = faces[faces.any(axis=1)], from_east[faces.any(axis=1)]
+        pan = float(np.angle(skin))
+        hair = np.zeros((PAN_BINS, n_colour))
+        if len(faces):
+            hair = _FIRST_LOOKS * around(faces, from_east - pan, mixed=options.references == "mixed")
+        return pan, float(abs(skin)), hair
 
 
 def hull_over(place: Float[Array, "2"], views: Views) -> Float[Array, "k 3"]:

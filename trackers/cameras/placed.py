@@ -141,7 +141,7 @@ class CameraGroup:
 
 
 def _kept(array: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """A contiguous copy that nobody can change."""
+    """Return a contiguous copy that cannot be changed."""
     array = np.ascontiguousarray(array)
     array.setflags(write=False)
     return array

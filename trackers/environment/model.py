@@ -24,7 +24,7 @@ _KNOWN_SHARE = 0.8
 class Environment:
     """Walls, furniture and free space of a room, as a range scanner saw them; room frame, metres, z up.
 
-    `room` is the room's name ('' where nobody gave one), `area_m` the tracked area when it was scanned (empty: none),
+    `room` is the room's name ('' where none was given), `area_m` the tracked area when it was scanned (empty: none),
     `stations_m` from where. `state` holds UNKNOWN, FREE or OCCUPIED for each voxel of `grid`, `surface_m` the mean of the
     points met in each occupied voxel, in C order. `top_m` is the height of what stands in each column of voxels: furniture,
     a wall up to `EnvironmentOptions.furniture_m`, else the floor; NaN where neither was seen, gaps of up to two columns

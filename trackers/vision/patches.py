@@ -65,13 +65,13 @@ class PatchSampler:
     ) -> Patches:
         """`count` patches (none: the options' number) on bodies at these places; not shown where another stands before.
 
-        others_m: everybody who may stand before them (none: only these themselves).
+        others_m: all people who may stand before them (none: only these themselves).
         """
         count, half_m = count or self.options.count, 0.5 * self.options.width_m
         centre, heights_m, shown = self._drawn(positions_m, rng, count, 0.0, half_m)
         all_m = positions_m if others_m is None else others_m
         distance, theirs = (np.hypot(*(each - self.camera.eye_m[:2]).T) for each in (positions_m, all_m))
-        nearer = theirs < distance[:, None] - _SAME_M  # nobody stands before themselves
+        nearer = theirs < distance[:, None] - _SAME_M  # no body stands before itself
         hidden = (self._covered(centre, *self._axes(all_m)) & nearer[:, None]).any(axis=-1)
         return Patches(centre, heights_m, self._axes(positions_m)[1], shown & ~hidden)
 
@@ -116,14 +116,14 @@ class PatchSampler:
         """Pixels of the lower and the upper end of bodies' axes, and the side of a patch half-way up, [px]."""
         options, n = self.options, len(positions_m)
         half, middle = 0.5 * options.size_m, 0.5 * (options.low_m + options.high_m)
-        aside, heights = np.array([0.0, 0.0, -half, half]), np.array([options.low_m, options.high_m, middle, middle])
-        pixels, _ = self._projected(positions_m, np.tile(aside, (n, 1)), np.tile(heights, (n, 1)))
+        across, heights = np.array([0.0, 0.0, -half, half]), np.array([options.low_m, options.high_m, middle, middle])
+        pixels, _ = self._projected(positions_m, np.tile(across, (n, 1)), np.tile(heights, (n, 1)))
         return pixels[:, :2], np.maximum(np.hypot(*(pixels[:, 3] - pixels[:, 2]).T), 2.0)
 
     def _drawn(
         self, positions_m: Float[Array, "n 2"], rng: np.random.Generator, count: int, least_m: float, most_m: float
     ) -> tuple[Float[Array, "n k 2"], Float[Array, "n k"], Bool[Mask, "n k"]]:
-        """Random points between two distances aside of bodies' axes, either side, at any height: pixels, heights, shown."""
+        """Random points between two distances from bodies' axes, either side, at any height: pixels, heights, shown."""
         options = self.options
         across, up = rng.random((2, len(positions_m), count))
         across = 2 * across - 1

@@ -158,7 +158,10 @@ class DetectorOptions(Strict):
         default=0.5, gt=0, le=1, description="least share of a person's window that the picture must show"
     )
     least_foreground: float = Field(
-        default=0.2, ge=0, le=1, description="share of foreground in the middle of a window below which nobody is there"
+        default=0.2,
+        ge=0,
+        le=1,
+        description="share of foreground in the middle of a window below which it shows no person",
     )
     least_score: float = Field(default=0.25, gt=0, lt=1, description="score from which a window shows a person")
     apart_m: float = Field(default=0.4, gt=0, description="two detections are farther apart than this [m]")
@@ -166,7 +169,7 @@ class DetectorOptions(Strict):
 
 @dataclass(frozen=True, eq=False)
 class PeopleSeen:
-    """k people whom a picture shows, best first, and the score of every place of the floor (`FloorPlaces.map`)."""
+    """k people in a picture, best first, and the score of every place of the floor (`FloorPlaces.map`)."""
 
     position: Float[Array, "k 2"]  # ground point [m]
     covariance: Float[Array, "k 2 2"]  # of the position [m²]
@@ -208,7 +211,7 @@ class PersonDetector:
         self._more_inputs = np.stack([windows.steepness, self.places.share_in_picture], axis=1).astype(np.float32)
 
     def candidates(self, mask: Bool[Mask, "height width"]) -> tuple[Int[Index, "c"], Float32[Singles, "c inputs"]]:
-        """The places at which somebody may stand, and what the model is told of each one's window."""
+        """Return the places at which a person may stand, and the inputs of the model from each one's window."""
         table = self._levels.table(mask)
         filled = table.take(self._middle).sum(axis=1, dtype=np.int64)
         index = (filled >= 255 * self.options.least_foreground * self._middle.shape[1]).nonzero()[0]
@@ -218,7 +221,7 @@ class PersonDetector:
         return index, inputs
 
     def detect(self, mask: Bool[Mask, "height width"]) -> PeopleSeen:
-        """The people whom a mask shows."""
+        """Detect the people in a mask."""
         options, places = self.options, self.places
         index, inputs = self.candidates(mask)
         score = self.model.nearness(inputs)[:, 0]

@@ -1,6 +1,6 @@
 """The torso window: where in the image a person's shirt is, from the waist cluster that the scanner saw.
 
-The window stands over the cluster: its sides are the bearings between which the scanner saw that person and nobody nearer,
+The window stands over the cluster: its sides are the bearings between which the scanner saw that person and none nearer,
 so that a half hidden person's window covers the visible half; its top and bottom are heights above the floor. It is laid out
 as a grid of points in the room and projected through the lens, so that it bends as the lens bends.
 """
