@@ -19,8 +19,8 @@ from trackers.rig import Rig, StereoSensor
 from twin.instant.snapshot import FootShapes, Snapshot
 from twin.people.population import Population
 from twin.people.randomize import randomized
-from twin.people.script.arrivals import too_late
-from twin.people.script.recorded import close_calls, warning_of
+from twin.people.script.arrivals import describe_late_actions
+from twin.people.script.recorded import close_calls, describe_close_calls
 from twin.recording.ros_messages import Encoded, encode
 from twin.room.building import check_mount
 from twin.room.lighting import DARK_LIGHT, light_of
@@ -297,8 +297,11 @@ class Simulation:
             "or --no-images, is expected"
             for _ in range(bool(self._cameras()) and light_of(empty.model) < DARK_LIGHT)
         ]
-        close = warning_of(close_calls(self.scenario.people, self.scenario.duration_s))
-        late = [*too_late(self.scenario.people, self.scenario.duration_s), *describe_late_starts(self.scenario)]
+        close = describe_close_calls(close_calls(self.scenario.people, self.scenario.duration_s))
+        late = [
+            *describe_late_actions(self.scenario.people, self.scenario.duration_s),
+            *describe_late_starts(self.scenario),
+        ]
         messages = [*self.scenario.warnings, *blind, *dark, *late, *([f"people: {close}"] if close else [])]
         return tuple(f"scenario {self.scenario.name!r}: {each}" for each in messages)
 

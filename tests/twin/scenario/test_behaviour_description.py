@@ -8,7 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from trackers.errors import InputError
-from twin.people.script.arrivals import too_late
+from twin.people.script.arrivals import describe_late_actions
 from twin.scenario import load_scenario
 from twin.scenario.behaviour import Look, RecordedPath, Turn, WaitCondition, endless
 from twin.scenario.person import Person
@@ -119,6 +119,6 @@ def test_shown_values_are_those_given() -> None:
 
 def test_what_comes_after_the_end_is_told() -> None:
     changes = ["people.white.arrive_s=100", "people.black.script={kind: bend, at_s: 500}"]
-    late = too_late(load_scenario("lab-five-people", changes).people, 26.2)
+    late = describe_late_actions(load_scenario("lab-five-people", changes).people, 26.2)
     assert [each.split(":")[0] for each in late] == ["people.white.arrive_s", "people.black.script.0.at_s"]
-    assert too_late(load_scenario("lab-five-people").people, 26.2) == []
+    assert describe_late_actions(load_scenario("lab-five-people").people, 26.2) == []

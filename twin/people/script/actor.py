@@ -206,8 +206,8 @@ class Actor:
         """Return whether somebody has left for good."""
         return self.context.number_of(name) in self.context.gone
 
-    def draws_the_eyes_of(self, name: str) -> None:
-        """Turn somebody who only stands about to this person."""
+    def attract_gaze(self, name: str) -> None:
+        """Turn a person who only stands about, body and gaze, to this one."""
         context, other = self.context, self.context.number_of(name)
         if context.doing[other] == "stand" and context.postures.may_walk()[other]:
             way = self.here - self.place_of(other)

@@ -72,7 +72,7 @@ def comes_at(person: Person) -> float:
     return person.arrive_s
 
 
-def too_late(people: Mapping[str, Person], duration_s: float) -> list[str]:
+def describe_late_actions(people: Mapping[str, Person], duration_s: float) -> list[str]:
     """Return one sentence for each person and action whose time is not before the end of the run at `duration_s` [s]."""
     messages = []
     never = [name for name, person in people.items() if comes_at(person) >= duration_s]

@@ -77,7 +77,7 @@ def meet(actor: Actor, action: Meet) -> Commands:
     ends_at = actor.t + action.for_s
     actor.look(Look(at=action.person))
     while actor.t < ends_at and not actor.is_gone(action.person):
-        actor.draws_the_eyes_of(action.person)
+        actor.attract_gaze(action.person)
         yield MotionCommand(
             None, until=min(actor.t + 2 * LOOKS_AGAIN_S, ends_at), heading=actor.bearing_of(action.person)
         )

@@ -122,7 +122,7 @@ def close_calls(
     return sorted(calls, key=lambda call: call.t)
 
 
-def warning_of(calls: Sequence[CloseCall]) -> str:
+def describe_close_calls(calls: Sequence[CloseCall]) -> str:
     """Return one sentence that says where recorded paths ask of bodies what they cannot do; empty without calls."""
     if not calls:
         return ""

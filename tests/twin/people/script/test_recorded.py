@@ -11,7 +11,7 @@ import pytest
 
 from trackers.configuration import validate
 from trackers.errors import InputError
-from twin.people.script.recorded import BODIES_NEED_M, RecordedPaths, close_calls, curve_through, warning_of
+from twin.people.script.recorded import BODIES_NEED_M, RecordedPaths, close_calls, curve_through, describe_close_calls
 from twin.scenario import Scenario
 from twin.scenario.behaviour import RecordedPath
 from twin.scenario.pedestrians import Pedestrians, people_from
@@ -88,9 +88,9 @@ def test_paths_that_come_closer_than_bodies_do_are_told() -> None:
     assert {call.first, call.second} == {"anna", "ben"}
     assert call.t == pytest.approx(2.0, abs=0.11)
     assert call.apart_m == pytest.approx(0.3, abs=0.05)
-    assert "1 pair of recorded paths" in warning_of([call])
-    assert f"{BODIES_NEED_M:g} m" in warning_of([call])
-    assert warning_of([]) == ""
+    assert "1 pair of recorded paths" in describe_close_calls([call])
+    assert f"{BODIES_NEED_M:g} m" in describe_close_calls([call])
+    assert describe_close_calls([]) == ""
 
 
 def test_a_path_with_a_long_gap_is_kept_in_no_more_memory_than_a_short_one() -> None:
