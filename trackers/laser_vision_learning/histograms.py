@@ -21,7 +21,7 @@ _POINTS = 300
 
 
 def learner_of(camera: PlacedCamera, options: LooksOptions) -> Learner:
-    """What learns looks as the options say."""
+    """Learner of appearance as the options say."""
     return HistogramLearner(camera, options) if options.by == "histogram" else Learner(camera, options)
 
 

@@ -1,4 +1,4 @@
-"""Who is who when people whom the scanners took for one are told apart again.
+"""Identities after a split: people that the scanners saw as one body are separate bodies again.
 
 What comes out of a group is given to its members one to one, so that the scores of all, summed over a few pictures, are
 highest together. How sure each is, is what the next best assignment that gives it to somebody else would lose (after Murty's
@@ -18,11 +18,11 @@ from scipy.optimize import linear_sum_assignment
 from trackers.arrays import Array, Index, Mask
 from trackers.configuration import Strict
 
-_NOBODY = -1
+_NONE = -1
 
 
 class IdentityOptions(Strict):
-    """When a split is decided, and by what."""
+    """Options of the decision after a split."""
 
     pictures: PositiveInt = Field(
         default=5, description="pictures over which scores are summed before it is decided (ours)"
@@ -36,7 +36,7 @@ class IdentityOptions(Strict):
 
 @dataclass(frozen=True, eq=False)
 class Identities:
-    """Who each of q bodies is that came out of a group of m."""
+    """Identities of q bodies that came out of a group of m."""
 
     member: Int[Index, "q"]  # −1: nobody of the group, as more came out than went in
     by_looks: Bool[Mask, "q"]  # else by motion
@@ -63,10 +63,10 @@ def decided(
         margin[each] = (
             min(best - without[linear_sum_assignment(without, maximize=True)].sum(), 1e3) if m * q > 1 else 0.0
         )
-    assigned = np.full(q, _NOBODY)
+    assigned = np.full(q, _NONE)
     assigned[body] = member
-    sure = (assigned != _NOBODY) & (margin > 0) & (margin >= options.margin)
-    found = np.where(sure, assigned, _NOBODY)
+    sure = (assigned != _NONE) & (margin > 0) & (margin >= options.margin)
+    found = np.where(sure, assigned, _NONE)
     left, free = np.flatnonzero(~sure), np.setdiff1d(np.arange(m), found)
     cost = np.where(np.isfinite(motion_cost), motion_cost, 1e6)[np.ix_(left, free)]
     by_motion, of = linear_sum_assignment(cost)

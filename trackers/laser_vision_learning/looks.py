@@ -1,4 +1,4 @@
-"""What people look like: for every track a classifier that tells patches of its own from those of the people around it.
+"""Appearance: per track a classifier that tells patches of its own from those of the people around it.
 
 While somebody is near enough to others to be taken for them, and each of them can be told by the scanners, patches are cut where
 they stand: their own are positive samples, those of the others negative, and the classifier learns a frame
@@ -91,7 +91,7 @@ class LooksOptions(Strict):
 
 @dataclass(frozen=True, eq=False)
 class Looks(Rows):
-    """What n tracks look like."""
+    """Appearance of n tracks."""
 
     strong: StrongClassifiers
     learned_ns: Int[Index, "n"]  # stamp of the last picture learned from, −1 before any
@@ -107,7 +107,7 @@ class Looks(Rows):
 
     @property
     def known(self) -> Bool[Mask, "n"]:
-        """Whose classifier has learned anything."""
+        """Tracks whose classifier has learned anything, (n,)."""
         return self.learned_ns != _NEVER_NS
 
 
@@ -130,7 +130,7 @@ class Learner:
 
     @property
     def needs_foreground(self) -> bool:
-        """Whether pictures come with the mask of what differs from the empty room."""
+        """True where pictures come with a foreground mask."""
         return self.options.least_foreground > 0
 
     def trained(
@@ -163,8 +163,8 @@ class Learner:
         )
         taught = (label > 0).any(axis=1) & (label < 0).any(axis=1)
         if self.options.background:
-            beside = self.sampler.drawn_next_to(positions_m, self.options.background, rng)
-            room = self._looked_at(rgb, beside.select(served), None)
+            background = self.sampler.drawn_next_to(positions_m, self.options.background, rng)
+            room = self._looked_at(rgb, background.select(served), None)
             samples = np.concatenate([samples, room.features], axis=1)
             label = np.concatenate([label, np.where(room.usable, -1.0, 0.0)], axis=1)
         strong = self.boosting.learned(looks.strong.select(served[taught]), samples[taught], label[taught])
@@ -184,7 +184,7 @@ class Learner:
         foreground: Bool[Mask, "height width"] | None = None,
         others_m: Float[Array, "others 2"] | None = None,
     ) -> Float[Array, "q m"]:
-        """How much the body at each place looks like each of the tracks at `rows`, from −1 to 1.
+        """Score the body at each place against each of the tracks at `rows`, from −1 to 1.
 
         The mean over its patches of their scores. NaN where the track is unknown, or too little of the body in sight.
         others_m: everybody who may stand before them (none: only these themselves).
@@ -226,7 +226,7 @@ class Learner:
         def log_likelihood(state: Array) -> Array:
             places = state[:2].reshape(2, -1).T
             return maps.log_likelihood(
-                self.sampler.middles(places).reshape(*state.shape[1:], 2), self.options.maps.doubt
+                self.sampler.middles(places).reshape(*state.shape[1:], 2), self.options.maps.outlier
             )
 
         return log_likelihood

@@ -37,7 +37,7 @@ class PointTrackManagementOptions(TrackManagementOptions, ReidentificationOption
         description="what `coast_s` becomes where no scan would show the track, behind others and pillars [s] (ours)",
     )
     regained: ClassVar[float] = 0.5
-    """How much of the time that it was missing a second of being measured makes good (ours)."""
+    """Missing time that one second of being measured makes good [s/s] (ours)."""
     report_margin_m: float = Field(
         default=0.3, ge=0, description="how far outside the area tracks are reported [m] (ours)"
     )

@@ -1,4 +1,4 @@
-"""What is known of every track: its particles, its life, its number."""
+"""State of every track: its particles, its record, its number."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ class People(Rows):
 
     @property
     def places(self) -> Float[Array, "n 2"]:
-        """Where everybody is [m]."""
+        """Mean positions [m]."""
         return self.cloud.expectation(self.cloud.state[:2]).T
 
     @property
     def velocities(self) -> Float[Array, "n 2"]:
-        """How everybody goes [m/s]."""
+        """Mean velocities [m/s]."""
         heading, speed = self.cloud.state[[HEADING, SPEED]].astype(np.float32)
         return self.cloud.expectation(np.stack([speed * np.cos(heading), speed * np.sin(heading)])).T
 
-    def gone_on_as(self, track: Int[Index, "p"], other: Int[Index, "p"]) -> Self:
+    def continued_as(self, track: Int[Index, "p"], other: Int[Index, "p"]) -> Self:
         """These tracks with those at `track` where those at `other` are, who have turned out to be them."""
         roster, source = self.roster, self.roster.select(other)
         roster = roster.changed(

@@ -37,7 +37,7 @@ from trackers.vision.foreground import Foreground
 
 
 class RecognitionOptions(Strict):
-    """When looks are asked, and how much they count beside motion."""
+    """Options of re-identification: when appearance is compared, and its weight against motion."""
 
     at_splits: bool = Field(
         default=True, description="looks decide who is who when a group splits; no: motion (ablation)"
@@ -45,12 +45,12 @@ class RecognitionOptions(Strict):
     correlated: bool = Field(default=True, description="score maps draw the particles of who is correlated (eq. 1)")
     within_s: float = Field(default=0.6, gt=0, description="how long a decision waits for its pictures [s] (ours)")
     spread_m: ClassVar[float] = 0.02
-    """How far apart particles drawn to one place are put [m] (ours)."""
+    """Standard deviation of particles drawn to one place [m] (ours)."""
 
 
 @dataclass(frozen=True)
 class Decision:
-    """Who is who after a split: ids in the order of the tracks as they were taken before and as they are now."""
+    """Identities after a split: ids in the order of the tracks before and now."""
 
     stamp_ns: int
     before: tuple[int, ...]
@@ -75,9 +75,9 @@ class _Split:
         return cls(serial, ns, np.zeros((serial.size,) * 2), np.zeros((serial.size,) * 2))
 
     def add(self, score: Float[Array, "q q"]) -> None:
-        """One more picture; NaN where it says nothing."""
-        told = np.isfinite(score)
-        self.score, self.n_score = self.score + np.where(told, score, 0.0), self.n_score + told
+        """Add the scores of one more picture; NaN where it says nothing."""
+        scored = np.isfinite(score)
+        self.score, self.n_score = self.score + np.where(scored, score, 0.0), self.n_score + scored
         self.n_picture += 1
 
     @property
@@ -94,7 +94,7 @@ class _Split:
 
 @dataclass(frozen=True, eq=False)
 class _Shown:
-    """What a picture shows, and where everybody was as it was taken."""
+    """A picture, and the positions of all tracks as it was taken."""
 
     rgb: UInt8[Bytes, "height width 3"]
     foreground: Bool[Mask, "height width"] | None
@@ -102,7 +102,7 @@ class _Shown:
 
 
 class Recognition:
-    """What one camera knows of the people that scanners follow.
+    """Appearance, by one camera, of the tracks that scanners follow.
 
     empty_room: pictures of the room without people; without any, everything counts as foreground.
     """
@@ -125,12 +125,12 @@ class Recognition:
         self._before = Situations.none(self._serial)
         self._splits: list[_Split] = []
         self.decisions: list[Decision] = []
-        """What the last call of `work` decided."""
+        """Decisions of the last call of `work`."""
         self.maps: list[tuple[Int[Index, "m"], ScoreMaps]] = []
         """The score maps that it made, each with the numbers of the tracks whose they are."""
 
     def deciding(self, serial: Int[Index, "n"]) -> Bool[Mask, "n"]:
-        """Who came out of a group and is not yet identified."""
+        """Tracks that came out of a group and are not yet identified."""
         waiting = [each.serial for each in self._splits]
         return np.isin(serial, np.concatenate(waiting)) if waiting else np.zeros(serial.size, np.bool_)
 
@@ -226,26 +226,26 @@ class Recognition:
     def _dealt_out(self, people: People, rows: Int[Index, "q"], found: Identities, ns: int) -> People:
         source, ids = rows[found.member], people.roster.id
         self._looks = self._looks.replaced(rows, self._looks.select(source))
-        told = (ids[rows], ids[source], found.by_looks, found.margin)
-        self.decisions.append(Decision(ns, *(tuple(each.tolist()) for each in told)))
+        decided = (ids[rows], ids[source], found.by_looks, found.margin)
+        self.decisions.append(Decision(ns, *(tuple(each.tolist()) for each in decided)))
         return people.changed(roster=people.roster.changed(id=written(ids, rows, ids[source])))
 
     def _drawn(self, people: People, now: Situations, shown: _Shown, ns: int) -> People:
         """The particles of correlated people whom no scanner sees drawn to where their looks are in the picture."""
         known = self._looks.known & people.roster.confirmed & ~self.deciding(people.serial)
-        unseen = known & ~measured_now(people.roster, ns) & now.correlated.any(axis=1)
-        if not (self.options.correlated and unseen.any()):
+        missed = known & ~measured_now(people.roster, ns) & now.correlated.any(axis=1)
+        if not (self.options.correlated and missed.any()):
             return people
         label = linked(now.correlated & known & known[:, None])
         cloud, levels = people.cloud, self.learner.options.maps.levels
-        for each in np.unique(label[unseen]).tolist():
+        for each in np.unique(label[missed]).tolist():
             rows = np.flatnonzero((label == each) & known)
             maps = self.learner.score_maps(
                 self._looks, shown.rgb, shown.places[rows], rows, self._rng, shown.foreground
             )
             self.maps.append((people.serial[rows], maps))
             drawn = in_levels(cloud.select(rows), self.learner.likelihood(maps), levels, self._spread, self._rng)
-            cloud = cloud.replaced(rows[unseen[rows]], drawn.select(unseen[rows]))
+            cloud = cloud.replaced(rows[missed[rows]], drawn.select(missed[rows]))
         return people.changed(roster=people.roster.changed(state=cloud))
 
     def _spread(self, state: Array, rng: np.random.Generator) -> Array:

@@ -6,7 +6,7 @@ is a picture of the β smoothed by a Gaussian of standard deviation σ / √2, w
 
 Where eq. 1 ends (ours). A score below 0 says that a patch is somebody else's, not that the person is less there than nowhere:
 negative scores count as 0, and the rest are divided by their sum. Where none is positive the map says nothing, and the
-likelihood is 1 everywhere. Else it is at least `doubt` times its mean over the map, so that no look makes a place impossible.
+likelihood is 1 everywhere. Else it is at least `outlier` times its mean over the map, so that no look makes a place impossible.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ _REACH = 3.0
 
 
 class ScoreMapOptions(Strict):
-    """How score maps are made, and particles drawn to them."""
+    """Options of score maps and of the particles drawn to them."""
 
     patches: PositiveInt = Field(default=100, description="patches for each person of a group, over where it may be")
     reach_m: float = Field(
         default=0.4, ge=0, description="how far from a person's predicted place patches are drawn [m]"
     )
     deviation: float = Field(default=1.0, gt=0, description="σ of eq. 1, in sides of a patch")
-    doubt: ClassVar[float] = 0.1
+    outlier: ClassVar[float] = 0.1
     """Least likelihood of a place, as a share of the mean over the map (ours)."""
     levels: NonNegativeInt = Field(
         default=3,
@@ -49,7 +49,7 @@ class ScoreMaps:
 
     maps: Float[Array, "m height width"]  # the sum of eq. 1 at every pixel
     corner: Int[np.ndarray, "2"]  # u, v of the first pixel
-    told: Bool[Mask, "m"]  # who has a map that says anything
+    informative: Bool[Mask, "m"]  # who has a map that says anything
     centre: Float[Array, "k 2"]  # of the patches [px]
     score: Float[Array, "m k"]  # from −1 to 1
 
@@ -75,16 +75,16 @@ class ScoreMaps:
             cv2.GaussianBlur(each, (2 * reach + 1,) * 2, deviation, dst=each, borderType=cv2.BORDER_CONSTANT)
         return cls(2 * np.pi * deviation**2 * maps, corner, total > 0, centre, score)
 
-    def log_likelihood(self, middle: Float[Array, "m p 2"], doubt: float) -> Float[Array, "m p"]:
+    def log_likelihood(self, middle: Float[Array, "m p 2"], outlier: float) -> Float[Array, "m p"]:
         """Of p places for each person, by the pixel of the middle of a body there; 0 for who has no map."""
         m, height, width = self.maps.shape
         pixel = np.nan_to_num(np.rint(middle), nan=-1e6, posinf=1e6, neginf=-1e6).astype(np.intp) - self.corner
         within = ((pixel >= 0) & (pixel < (width, height))).all(axis=2)
         u, v = np.where(within, pixel[..., 0], 0), np.where(within, pixel[..., 1], 0)
         likelihood = np.where(within, self.maps[np.arange(m)[:, None], v, u], 0.0)
-        least = doubt * self.maps.mean(axis=(1, 2))
+        least = outlier * self.maps.mean(axis=(1, 2))
         likelihood = np.maximum(likelihood, least[:, None])
-        return np.where(self.told[:, None], np.log(np.where(self.told[:, None], likelihood, 1.0)), 0.0)
+        return np.where(self.informative[:, None], np.log(np.where(self.informative[:, None], likelihood, 1.0)), 0.0)
 
 
 def in_levels(

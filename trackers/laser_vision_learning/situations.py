@@ -1,4 +1,4 @@
-"""Who is in what situation with whom, from laser points and tracks alone (Song et al., section III and VI).
+"""Situations between tracks, from laser points and tracks alone (Song et al., section III and VI).
 
 apart; interacting: nearer than 1.5 m, each may soon be taken for the other; correlated: bodies less than 0.3 m apart; merged: the
 scanners cannot separate them, since single linkage of their points joins them, or since one shows no point and another stands
@@ -27,7 +27,7 @@ Situation = Literal["apart", "interacting", "correlated", "merged", "split"]
 
 
 class SituationOptions(Strict):
-    """When people interact, are correlated, and merge."""
+    """Options: when people interact, are correlated, and merge."""
 
     interacting_m: float = Field(
         default=1.5, gt=0, description="distance of two below which they may come to be confused"
@@ -37,21 +37,21 @@ class SituationOptions(Strict):
     """Width of a body, mean over its sides [m] (ours)."""
     link_m: ClassVar[float] = 0.4
     """Single linkage of points that merges their people [m] (ours)."""
-    beside_m: ClassVar[float] = 1.0
-    """How near to somebody seen who shows no point is merged with them [m] (ours)."""
+    lateral_m: ClassVar[float] = 1.0
+    """Distance to a measured track within which a track without points is merged with it [m] (ours)."""
     confused_m: ClassVar[float] = 0.4
     """Distance below which two who are merged may have been exchanged [m] (ours)."""
     hidden_s: ClassVar[float] = 0.08
     """And for how long they show none [s] (ours)."""
     hysteresis: ClassVar[float] = 1.15
-    """How much farther than it begins interaction and correlation go on (ours)."""
+    """Distance at which interaction and correlation end, over that at which they start (ours)."""
     lasting_s: ClassVar[float] = 0.2
-    """How long two must be separated for a merge to be over [s] (ours)."""
+    """Time of separation after which a merge is over [s] (ours)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Situations:
-    """What holds between n tracks, told apart by a serial number each; all symmetric, nobody with themselves."""
+    """Relations between n tracks, each with a serial number; all symmetric, none of a track with itself."""
 
     serial: Int[Index, "n"]  # ascending
     interacting: Bool[Mask, "n n"]
@@ -63,8 +63,8 @@ class Situations:
     @classmethod
     def none(cls, serial: Int[Index, "n"]) -> Situations:
         """Everybody apart."""
-        nobody = np.zeros((serial.size,) * 2, np.bool_)
-        return cls(serial, nobody, nobody, nobody, np.zeros(nobody.shape, np.int64), nobody)
+        none = np.zeros((serial.size,) * 2, np.bool_)
+        return cls(serial, none, none, none, np.zeros(none.shape, np.int64), none)
 
     def of(self, serial: Int[Index, "k"]) -> Situations:
         """The same between the tracks with these numbers, some of whom may be new."""
@@ -91,7 +91,7 @@ def assessed(
     serial: Int[Index, "n"],
     places: Float[Array, "n 2"],
     sure: Bool[Mask, "n"],
-    unseen_s: Float[Array, "n"],
+    missed_s: Float[Array, "n"],
     points: Points,
     owner: Int[Index, "k"],
     ns: int,
@@ -99,7 +99,7 @@ def assessed(
 ) -> Situations:
     """The situations at a moment [ns], after those `before`.
 
-    places: where everybody is [m]; sure: who is confirmed, others take no part; unseen_s: for how long nothing of them was seen;
+    places: where everybody is [m]; sure: who is confirmed, others take no part; missed_s: for how long nothing of them was seen;
     owner: whose each point is, −1: nobody's.
     """
     before, apart_m = before.of(serial), distances(places, places)
@@ -111,7 +111,7 @@ def assessed(
         return Situations(serial, interacting, interacting, interacting, before.merged_ns, interacting)
     correlated_m = options.correlated_m + options.body_m
     correlated = (apart_m < correlated_m) | (before.correlated & (apart_m < options.hysteresis * correlated_m))
-    hidden = (unseen_s > options.hidden_s)[:, None] & (unseen_s == 0) & (apart_m < options.beside_m)
+    hidden = (missed_s > options.hidden_s)[:, None] & (missed_s == 0) & (apart_m < options.lateral_m)
     merging = (_joined(points, owner, interacting, options.link_m) | hidden | hidden.T) & interacting
     merged_ns = np.where(merging, ns, before.merged_ns)
     merged = merging | (before.merged & (ns - merged_ns <= nanoseconds(options.lasting_s)))
@@ -120,7 +120,7 @@ def assessed(
 
 
 def _joined(points: Points, owner: Int[Index, "k"], interacting: Bool[Mask, "n n"], link_m: float) -> Bool[Mask, "n n"]:
-    """Who has a point that is linked to one of whom; those between whom a chain leads are of one group (`Situations.group`)."""
+    """Link tracks whose points touch; tracks that a chain connects are of one group (`Situations.group`)."""
     theirs = (owner >= 0) & np.logical_or.reduce(interacting, axis=1)[owner]
     place, whose = points.place[theirs], np.zeros((len(interacting), int(theirs.sum())), np.float32)
     whose[owner[theirs], np.arange(len(place))] = 1
@@ -128,7 +128,7 @@ def _joined(points: Points, owner: Int[Index, "k"], interacting: Bool[Mask, "n n
     return (whose @ near @ whose.T > 0) & ~np.eye(len(interacting), dtype=bool)
 
 
-def told(situations: Situations, deciding: Bool[Mask, "n"]) -> list[Situation]:
+def situation_names(situations: Situations, deciding: Bool[Mask, "n"]) -> list[Situation]:
     """The situation of each person, the gravest of those with others; `deciding`: who was split and is not yet identified."""
     names: tuple[Situation, ...] = ("apart", "interacting", "correlated", "merged", "split")
     grave = np.zeros(len(situations.serial), np.intp)

@@ -15,7 +15,7 @@ from trackers.laser.group import ScannerGroup
 from trackers.laser.roles import scanners_by_role
 from trackers.laser_vision_learning.options import LaserVisionLearningOptions
 from trackers.laser_vision_learning.reidentification import Decision, Recognition
-from trackers.laser_vision_learning.situations import Situation, told
+from trackers.laser_vision_learning.situations import Situation, situation_names
 from trackers.laser_vision_learning.walkers import Walkers
 from trackers.observations import DepthImage, Image, Observation
 from trackers.rig import Rig
@@ -77,11 +77,11 @@ class LaserVisionLearning(SynchronizedTracker):
 
     @property
     def background_learned_causally(self) -> bool:
-        """Whether a scanner came without scans of the empty room."""
+        """True where a scanner came without scans of the empty room."""
         return self._scanners.learns_background
 
     def tracks(self) -> list[Track]:
-        """Everyone confirmed in the area, as of the last frame, by id."""
+        """Return the confirmed tracks in the area, as of the last frame, by id."""
         people, roster = self._walkers.people, self._walkers.people.roster
         places, velocities = people.places, people.velocities
         shown = roster.confirmed & self._walkers.recently_measured
@@ -102,16 +102,16 @@ class LaserVisionLearning(SynchronizedTracker):
         ]
 
     def situations(self) -> dict[int, Situation]:
-        """By id, in what situation everybody confirmed is, as of the last frame."""
+        """Return the situation of each confirmed track by id, as of the last frame."""
         people = self._walkers.people
         deciding = np.zeros(len(people), np.bool_)
         if self._recognition is not None:
             deciding = self._recognition.deciding(people.serial)
-        names = told(self._walkers.situations.of(people.serial), deciding)
+        names = situation_names(self._walkers.situations.of(people.serial), deciding)
         return {number: name for number, name in zip(people.roster.id.tolist(), names, strict=True) if number}
 
     def decisions(self) -> list[Decision]:
-        """Who was said to be who after splits, and by what, in the moments worked by the last `update` or `finish`."""
+        """Return the identities decided after splits, and their grounds, in the frames of the last `update` or `finish`."""
         return self._decisions
 
     def _work_all(self, moments: list[SyncedFrame]) -> list[TrackFrame]:
@@ -128,7 +128,7 @@ class LaserVisionLearning(SynchronizedTracker):
             self._decisions += self._recognition.decisions
 
     def _maps(self) -> tuple[ScoreMap, ...]:
-        """The score maps of the moment."""
+        """Return the score maps of the last frame."""
         if self._recognition is None or self._camera is None:
             return ()
         number = dict(zip(self._walkers.people.serial.tolist(), self._walkers.people.roster.id.tolist(), strict=True))

@@ -94,8 +94,8 @@ class Walkers:
 
     def _moved(self, cloud: Cloud, step_s: float, last_look_ns: int) -> Cloud:
         """The particles `step_s` later; who was not seen at the last look is likelier to stop."""
-        unseen = (self.people.roster.measured_ns < last_look_ns).astype(float)
-        return Cloud(self._model.move(cloud.state, step_s, unseen, self.rng), cloud.weights)
+        missed = (self.people.roster.measured_ns < last_look_ns).astype(float)
+        return Cloud(self._model.move(cloud.state, step_s, missed, self.rng), cloud.weights)
 
     def _missed(self, people: People, observations: Mapping[str, Observation], elapsed_s: float) -> People:
         """Whoever was not seen is likelier where nothing would show them, and missing the more, the likelier it would have."""
@@ -121,11 +121,11 @@ class Walkers:
         new = np.flatnonzero(often)
         if new.size == 0:
             return
-        gone = np.flatnonzero(roster.confirmed & ~measured_now(roster, self.ns))
-        places, gone_ns = people.places, self.ns - roster.measured_ns[gone]
-        allowed = reachable(places[gone], gone_ns, places[new], rules)
-        known, again = global_nearest_neighbour(distances(places[gone], places[new]), allowed)
-        people = people.gone_on_as(gone[known], new[again])
+        missed_rows = np.flatnonzero(roster.confirmed & ~measured_now(roster, self.ns))
+        places, missed_ns = people.places, self.ns - roster.measured_ns[missed_rows]
+        allowed = reachable(places[missed_rows], missed_ns, places[new], rules)
+        known, again = global_nearest_neighbour(distances(places[missed_rows], places[new]), allowed)
+        people = people.continued_as(missed_rows[known], new[again])
         is_new = often.copy()
         is_new[new[again]] = False
         people = people.changed(roster=self._manager.confirm(people.roster, is_new))

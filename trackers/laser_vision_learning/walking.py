@@ -28,7 +28,7 @@ X, Y, HEADING, SPEED, PHASE = range(STATE_SIZE)
 
 
 class WalkingOptions(Strict):
-    """How people walk, and how freely their walk may change."""
+    """Options of the two-feet walking model."""
 
     step: float = Field(
         default=0.62, gt=0, description="length of a step at 1 m/s [m]; it grows with the root of the speed (ours)"
@@ -93,15 +93,15 @@ class WalkingModel:
         return state
 
     def move(
-        self, state: Float[Array, "5 n p"], elapsed_s: float, unseen: Float[Array, "n"], rng: np.random.Generator
+        self, state: Float[Array, "5 n p"], elapsed_s: float, missed: Float[Array, "n"], rng: np.random.Generator
     ) -> Float[Array, "5 n p"]:
-        """The particles `elapsed_s` later; unseen: 1 for whoever was not seen last and is likelier to stop, else 0."""
+        """The particles `elapsed_s` later; missed: 1 for whoever was not seen last and is likelier to stop, else 0."""
         options, root = self.options, np.float32(np.sqrt(elapsed_s))
         noise = rng.standard_normal(state.shape, dtype=np.float32)
         noise *= root
         _, _, heading, speed, phase = state
         # changes in single precision, which is many times faster and exact to far below a millimetre; their sums in double
-        before = (speed * np.exp(-elapsed_s / options.slowdown_s * unseen)[:, None]).astype(np.float32)
+        before = (speed * np.exp(-elapsed_s / options.slowdown_s * missed)[:, None]).astype(np.float32)
         after = np.abs(before + options.acceleration_m_s2 * noise[SPEED])
         mean = np.float32(0.5) * (before + after)
         turned = (options.turn_rad + options.turn_slow_rad * np.exp(-2 * mean)) * noise[HEADING]
@@ -124,7 +124,7 @@ class WalkingModel:
         return moved
 
     def legs(self, state: Float[Array, "5 *batch"]) -> Float[Array, "2 2 *batch"]:
-        """Where the left leg and the right one are at the scanner's height: (side, x or y, ...) [m]."""
+        """Return the left and the right leg at the scanner's height: (side, x or y, ...) [m]."""
         options = self.options
         heading, speed, phase = state[HEADING:].astype(np.float32)
         cos, sin, half_width = np.cos(heading), np.sin(heading), np.float32(options.half_width_m)

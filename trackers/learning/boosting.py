@@ -27,11 +27,11 @@ from trackers.filters.rows import Rows
 from trackers.learning.cart import Grown, SortedSamples, Trees
 
 _TAKEN = 1e6
-"""What a tree that is already chosen has wrong in every sample, so that no other is chosen after it."""
+"""Error of a tree that is already chosen, so that no other is chosen after it."""
 
 
 class BoostingOptions(Strict):
-    """How many trees a classifier has, and how many of them a frame exchanges."""
+    """Options: number of trees of a classifier, and of those that a frame exchanges."""
 
     trees: PositiveInt = Field(default=30, description="trees of a classifier (M)")
     kept: NonNegativeInt = Field(

@@ -77,7 +77,7 @@ class Trees(Rows):
         return self._field_by_field(lambda mine, more: np.concatenate([mine, more], axis=1), lambda batch: batch, other)
 
     def says(self, samples: Float[Array, "sets k features"]) -> Float[Array, "n m k"]:
-        """What every tree says of every sample, +1 or −1; samples are one set for all, or a set for each."""
+        """Classify every sample by every tree, +1 or −1; samples are one set for all, or a set per tree."""
         rows = np.arange(len(samples))[:, None, None]
         first, after_no, after_yes = np.moveaxis(
             samples.swapaxes(1, 2)[rows, self.feature] > self.threshold[..., None], 2, 0

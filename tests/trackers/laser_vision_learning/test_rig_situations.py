@@ -3,7 +3,7 @@
 import numpy as np
 
 from trackers.laser.group import Points
-from trackers.laser_vision_learning.situations import SituationOptions, Situations, assessed, told
+from trackers.laser_vision_learning.situations import SituationOptions, Situations, assessed, situation_names
 from trackers.observations import NS_PER_S
 
 OPTIONS = SituationOptions()
@@ -39,7 +39,7 @@ class Sequence:
                 self.ns,
                 OPTIONS,
             )
-        return told(self.situations, np.zeros(len(places), bool))
+        return situation_names(self.situations, np.zeros(len(places), bool))
 
 
 def test_from_apart_to_merged_and_back_with_hysteresis():
@@ -98,4 +98,4 @@ def test_tentative_tracks_and_nobody_take_no_part():
     nothing = Points(np.zeros((0, 2)), np.zeros(0))
     none = np.zeros(0)
     found = assessed(empty, empty.serial, np.zeros((0, 2)), none > 0, none, nothing, none.astype(int), 5, OPTIONS)
-    assert told(found, none > 0) == []
+    assert situation_names(found, none > 0) == []

@@ -36,17 +36,17 @@ def test_without_a_positive_score_every_place_is_as_likely(value: float) -> None
     centre, score = scored()
     score[1] = value
     maps = ScoreMaps.of(centre, score, SIDE, OPTIONS)
-    assert maps.told.tolist() == [True, False]
+    assert maps.informative.tolist() == [True, False]
     places = np.random.default_rng(1).uniform(-500, 500, (2, 30, 2))
     places[:, 0] = np.nan  # behind a pinhole
-    likelihood = maps.log_likelihood(places, OPTIONS.doubt)
+    likelihood = maps.log_likelihood(places, OPTIONS.outlier)
     assert np.isfinite(likelihood).all()
     assert (likelihood[1] == 0).all()
 
 
 def test_without_patches_too() -> None:
     maps = ScoreMaps.of(np.empty((0, 2)), np.empty((3, 0)), SIDE, OPTIONS)
-    assert (maps.log_likelihood(np.zeros((3, 5, 2)), OPTIONS.doubt) == 0).all()
+    assert (maps.log_likelihood(np.zeros((3, 5, 2)), OPTIONS.outlier) == 0).all()
 
 
 def test_no_place_is_impossible() -> None:

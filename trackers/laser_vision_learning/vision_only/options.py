@@ -15,7 +15,7 @@ from trackers.vision.person_detector import SILHOUETTES, DetectorOptions
 
 
 class ParticleOptions(Strict):
-    """How the particles of a person move, and how a picture weighs them."""
+    """Options of the particles: their motion, and their weights by a picture."""
 
     particles: PositiveInt = Field(default=100, description="particles a person")
     acceleration: float = Field(
@@ -61,7 +61,7 @@ class AssociationOptions(Strict):
 
 
 class AppearanceOptions(Strict):
-    """When the colours of a track are learned."""
+    """Options of learned colours."""
 
     learn_covered: float = Field(
         default=0.25,

@@ -27,11 +27,14 @@ from trackers.feeding import LATE
 from trackers.filters.gating import distances, mahalanobis
 from trackers.filters.particle import Cloud, ParticleFilter
 from trackers.filters.proposal import MixtureProposal
-from trackers.laser_vision_learning.vision_only.clothes import Clothes
-from trackers.laser_vision_learning.vision_only.motion import WhiteAcceleration
 from trackers.laser_vision_learning.vision_only.options import VisionOnlyOptions
-from trackers.laser_vision_learning.vision_only.people import People
-from trackers.laser_vision_learning.vision_only.weighing import AtDetections, WithoutDetection
+from trackers.laser_vision_learning.vision_only.people import (
+    AtDetections,
+    Clothes,
+    People,
+    WhiteAcceleration,
+    WithoutDetection,
+)
 from trackers.observations import NS_PER_S, DepthImage, Image, Observation
 from trackers.prior import Prior
 from trackers.rig import Rig, placed_camera
@@ -75,13 +78,13 @@ class VisionOnly:
         self._manager = TrackManager(self.options.track_management, rig.area)
         self._clothes = Clothes(camera, self.options.histogram)
         self._filter, self._rng = ParticleFilter(), rng or np.random.default_rng(0)
-        self._people = People.nobody(self.options.filter.particles, self._clothes.size)
+        self._people = People.empty(self.options.filter.particles, self._clothes.size)
         self._ns = -1
-        self._told: list[Detection] = []
+        self._detections: list[Detection] = []
 
     @property
     def discarded(self) -> int:
-        """How many pictures were dropped: too late, or twice."""
+        """Number of pictures dropped: too late, or twice."""
         return self.losses.total()
 
     def update(self, observation: Observation) -> list[TrackFrame]:
@@ -89,7 +92,7 @@ class VisionOnly:
 
         Raises InputError for an observation of the camera that is no picture.
         """
-        self._told = []
+        self._detections = []
         if observation.sensor != self.camera:
             return []
         if observation.stamp_ns <= self._ns:
@@ -111,8 +114,8 @@ class VisionOnly:
         ]
 
     def detections(self) -> list[Detection]:
-        """Whom the last picture showed, see `trackers.tracks`."""
-        return self._told
+        """Return the detections of the last picture, see `Detection`."""
+        return self._detections
 
     def _work(self, picture: Image | DepthImage) -> None:
         ns, appearance = picture.stamp_ns, self.options.appearance
@@ -125,7 +128,7 @@ class VisionOnly:
         coast_s = self.options.track_management.coast_s
         self._people = self._people.select(coasting_within(self._people.roster, ns, coast_s, coast_s))
         seen = self._detector.detect(mask)
-        self._told = [
+        self._detections = [
             Detection(ns, (self.camera,), "person", *position, variance_m2=trace / 2)
             for position, trace in zip(seen.position.tolist(), seen.covariance.trace(0, 1, 2).tolist(), strict=True)
         ]
@@ -152,10 +155,10 @@ class VisionOnly:
         rules = self.options.association
         mean, covariance = self._people.expected(elapsed_s)
         noise = seen.covariance.mean(axis=0) if len(seen) else np.eye(2)
-        deviations = mahalanobis(mean[:, None], covariance[:, None] + noise, seen.position)
-        terms = [deviations, rules.colour_weight * np.nan_to_num(unlike, nan=rules.unknown_colour)]
+        distances_to = mahalanobis(mean[:, None], covariance[:, None] + noise, seen.position)
+        terms = [distances_to, rules.colour_weight * np.nan_to_num(unlike, nan=rules.unknown_colour)]
         vetoes = [
-            deviations > rules.gate,
+            distances_to > rules.gate,
             distances(mean, seen.position) > rules.radius_m,
             np.nan_to_num(unlike, nan=0.0) > rules.foreign_above,
         ]
