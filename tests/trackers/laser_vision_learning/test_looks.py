@@ -136,7 +136,7 @@ def test_histograms_instead_tell_colours_apart_too_and_have_no_maps() -> None:
     rows, rgb = np.array([0, 1]), drawn(PAIR[::-1], [BLUE, RED], 9)
     scores = learner.scores(looks, rgb, PAIR, rows, rng)
     assert (scores.diagonal() > scores[[0, 1], [1, 0]] + 0.5).all()
-    assert not learner.score_maps(looks, rgb, PAIR, rows, rng).told.any()
+    assert not learner.score_maps(looks, rgb, PAIR, rows, rng).informative.any()
     far = PAIR + 100.0
     assert np.isnan(learner.scores(looks, rgb, far, rows, rng)).all()
 
@@ -147,7 +147,7 @@ def test_particles_are_drawn_to_where_the_map_shows_their_own() -> None:
     rng = np.random.default_rng(3)
     expected = np.array([[-0.2, 0.0], [0.2, 0.0]])
     maps = learner.score_maps(looks, drawn(PAIR, [RED, BLUE], 7), expected, np.array([0, 1]), rng)
-    assert maps.told.all()
+    assert maps.informative.all()
     cloud = Cloud.of(rng.normal(0, 0.5, (2, 2, 800)))
     after = in_levels(
         cloud, learner.likelihood(maps), 3, lambda state, rng: state + rng.normal(0, 0.02, state.shape), rng
@@ -162,5 +162,5 @@ def test_the_maps_of_who_is_unknown_say_nothing() -> None:
     maps = learner.score_maps(
         Looks.unknown(2, learner.options), drawn(PAIR, [RED, BLUE]), PAIR, np.array([0, 1]), np.random.default_rng(0)
     )
-    assert not maps.told.any()
+    assert not maps.informative.any()
     assert (learner.likelihood(maps)(np.zeros((3, 2, 10))) == 0).all()
