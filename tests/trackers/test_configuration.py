@@ -54,6 +54,7 @@ def valid_values(options: BaseModel, path: Path) -> st.SearchStrategy[Any]:
         options = getattr(options, name)
     info = type(options).model_fields[path[-1]]
     members = get_args(info.annotation) if isinstance(info.annotation, UnionType) else (info.annotation,)
+    members = [each for each in members if not (isinstance(each, type) and issubclass(each, BaseModel))]  # no leaf
     kinds = [each if each is NoneType else Annotated[each, Field(), *info.metadata] for each in members]
     return st.one_of(*map(st.from_type, kinds)).filter(_is_finite).filter(partial(_fits, options, path[-1]))
 
