@@ -21,10 +21,11 @@ from benchmarks.restated import (
     disagreement,
     redrawn_disagreement,
 )
+from trackers.feeding import track_frames
 from trackers.laser_fisheye_imm.rules import PAPER, RULES, without
 from trackers.laser_fisheye_imm.tracker import LaserFisheyeImm
 from trackers.presets import PRESETS
-from trackers.tracks import TrackFrame, track_frames
+from trackers.tracks import TrackFrame
 from twin import Simulation
 from twin.scenario import load_scenario
 
