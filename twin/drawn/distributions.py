@@ -93,6 +93,13 @@ class DrawnPeople(Strict):
     shoulder_to_shoulder: Share = Field(
         default=0.0, description="share of those beside the first who walk shoulder to shoulder, at 0.5 to 0.6 m"
     )
+    group_slowdown_m_s: float = Field(
+        default=0.0,
+        ge=0,
+        le=0.3,
+        description="how much slower a group walks for each member beyond the first [m/s]; Moussaïd et al. measured 0.04 at "
+        "low density, 0.08 at moderate density",
+    )
     arriving: Share = Field(default=0.25, description="share of people who come by a door during the run")
     leaving: Share = Field(default=0.25, description="share of people who leave by a door before the end")
     children: Share = Field(default=0.08, description="share of people who are children")

@@ -81,7 +81,7 @@ class _PeopleDraws:
         first = self._person(arrive_s, None, arrives)
         if first is None:
             return [None] * len(names)
-        script = self._walking() if len(names) > 1 else self._script(others)
+        script = self._walking(len(names)) if len(names) > 1 else self._script(others)
         members: list[dict[str, Any] | None] = [first]
         for place, _ in enumerate(names[1:], start=1):
             near = None if arrives else self._starts[-place]
@@ -176,9 +176,11 @@ class _PeopleDraws:
         action: dict[str, Any] = {"kind": "wander", "speed_m_s": [round(float(low), 2), round(float(high), 2)]}
         return action if for_s is None else action | {"for_s": for_s}
 
-    def _walking(self) -> Script:
-        """Walk through a few places, then stand a while, then wander."""
-        speed = round(float(self._rng.uniform(*self._options.speed_m_s)), 2)
+    def _walking(self, size: int = 1) -> Script:
+        """Walk through a few places, then stand a while, then wander; the more slowly the larger the group."""
+        low, high = self._options.speed_m_s
+        slower = self._options.group_slowdown_m_s * (size - 1)
+        speed = round(max(low, float(self._rng.uniform(low, high)) - slower), 2)
         walk = {"kind": "walk", "waypoints": self._places(int(self._rng.integers(2, 6))), "speed_m_s": speed}
         return [walk, {"kind": "stand", "for_s": round(float(self._rng.uniform(1, 6)), 1)}, self._wandering(None)]
 

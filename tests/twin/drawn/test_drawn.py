@@ -114,6 +114,23 @@ def test_people_come_in_groups_as_often_as_asked() -> None:
     assert 4 <= followers / 20 <= 6.5
 
 
+def test_larger_groups_walk_more_slowly() -> None:
+    building = draw_building(DrawnRoom(kind="drawn", length_m=(14, 14), width_m=(10, 10)), 3, "room")
+
+    def leads(slowdown_m_s: float) -> dict[str, tuple[int, float]]:
+        options = DrawnPeople(kind="drawn", count=(12, 12), in_groups=1.0, group_slowdown_m_s=slowdown_m_s)
+        people = draw_people(options, building, 20.0, 5)
+        leaders = [
+            each["person"] for person in people.values() for each in person["script"] if each["kind"] == "follow"
+        ]
+        return {name: (1 + leaders.count(name), people[name]["script"][0]["speed_m_s"]) for name in leaders}
+
+    plain, slowed = leads(0.0), leads(0.04)
+    assert plain.keys() == slowed.keys() and len(plain) > 2
+    for name, (size, speed) in plain.items():
+        assert slowed[name] == (size, pytest.approx(max(0.6, speed - 0.04 * (size - 1)), abs=0.011))
+
+
 @pytest.mark.parametrize(("share", "near_m", "far_m"), [(0.0, 0.65, 0.8), (1.0, 0.5, 0.6)])
 def test_groups_walk_as_near_to_each_other_as_asked(share: float, near_m: float, far_m: float) -> None:
     building = draw_building(DrawnRoom(kind="drawn", length_m=(14, 14), width_m=(10, 10)), 3, "room")
