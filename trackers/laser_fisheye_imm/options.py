@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any, ClassVar, Literal
 
 from pydantic import BaseModel, Field, PositiveInt
@@ -307,3 +307,12 @@ class LaserFisheyeImmOptions(Strict):
     track_management: ImmTrackManagementOptions = Field(
         default=ImmTrackManagementOptions(), description="when tracks are initiated, confirmed, reported and deleted"
     )
+
+    def idle(self) -> Iterator[str]:
+        """Yield the groups of options that differ from their defaults and have no effect, with the option that says so."""
+        needs: dict[str, Role] = {"waist": "waist", "knee": "knee", "legs": "knee"}
+        for group, role in needs.items():
+            if role not in self.layers and getattr(self, group) != type(self).model_fields[group].default:
+                yield f"{group}: has no effect where layers are {', '.join(self.layers)}"
+        if self.appearance != AppearanceOptions() and not (self.camera and "waist" in self.layers):
+            yield "appearance: has no effect without a camera and a waist scanner"

@@ -30,6 +30,7 @@ from jaxtyping import Bool, Float
 
 from trackers.arrays import Array, Mask
 from trackers.configuration import validate
+from trackers.errors import InputError
 from trackers.filters.heading_motion import HeadingMotion
 from trackers.filters.imm import Imm, Motion
 from trackers.filters.motion import IMM_MODELS, KALMAN_MODELS
@@ -62,7 +63,8 @@ class LaserFisheyeImm(SynchronizedTracker):
     of `LaserFisheyeImmOptions`. Frames leave as soon as their moment is whole; `finish` returns those still waiting. They
     carry the main sensor's stamp. Nothing here is random: `rng` is not used.
 
-    Raises InputError for an unknown or wrong option, and for a rig without a laser scanner to use.
+    Raises InputError for an unknown or wrong option, for one without effect beside the others, and for a rig without a laser
+    scanner to use.
     """
 
     Options = LaserFisheyeImmOptions
@@ -71,6 +73,8 @@ class LaserFisheyeImm(SynchronizedTracker):
         self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
     ) -> None:
         self.options = validate(LaserFisheyeImmOptions, options, "tracker laser-fisheye-imm")
+        if idle := [f"tracker laser-fisheye-imm: {each}" for each in self.options.idle()]:
+            raise InputError("\n".join(idle))
         self._rig = rig
         self._imm = filter_of(self.options)
         self._track_manager = ImmTrackManager(self.options, rig.area, self._imm)
