@@ -99,7 +99,10 @@ class Sort(SynchronizedTracker):
     def detections(self) -> list[Detection]:
         """Return what the last frames showed, trunks first."""
         return [
-            each for ns, seen in self.seen for role in seen for each in self.groups[role].told(seen[role], role, ns)
+            each
+            for ns, seen in self.seen
+            for role in seen
+            for each in self.groups[role].to_detections(seen[role], role, ns)
         ]
 
     def tracks(self) -> list[Track]:
@@ -116,21 +119,23 @@ class Sort(SynchronizedTracker):
             for k in shown
         ]
 
-    def _work_all(self, moments: list[SyncedFrame]) -> list[TrackFrame]:
+    def _work_all(self, synced_frames: list[SyncedFrame]) -> list[TrackFrame]:
         self.seen = []
-        return super()._work_all(moments)
+        return super()._work_all(synced_frames)
 
-    def _work(self, moment: SyncedFrame) -> None:
-        options, manager, last_ns, self.ns = self.options, self.manager, self.ns, moment.ns
+    def _work(self, synced: SyncedFrame) -> None:
+        options, manager, last_ns, self.ns = self.options, self.manager, self.ns, synced.ns
         self._predict(last_ns)
-        self.seen.append((self.ns, {role: group.detect(moment.observations) for role, group in self.groups.items()}))
+        self.seen.append((self.ns, {role: group.detect(synced.observations) for role, group in self.groups.items()}))
         roster, state = self.roster, self.roster.state
         expected = state.positions
         body, whole = people_seen(self.seen[-1][1], expected, manager.area, options.legs_m)
-        deviations = mahalanobis(expected[:, None], state.innovation_covariances, body)
-        out = (deviations > options.gate) | (distances(expected, body) > options.radius_m)
+        mahalanobis_distances = mahalanobis(expected[:, None], state.innovation_covariances, body)
+        out = (mahalanobis_distances > options.gate) | (distances(expected, body) > options.radius_m)
         known = roster.confirmed
-        rows, columns = associate([Stage(known, [deviations], [out]), Stage(~known, [deviations], [out])])
+        rows, columns = associate(
+            [Stage(known, [mahalanobis_distances], [out]), Stage(~known, [mahalanobis_distances], [out])]
+        )
         for one, column in zip(state.filters[rows], columns, strict=True):
             one.update(body[column])
         roster = roster.measured(rows, self.ns, state)

@@ -225,11 +225,16 @@ _BY_FILE = {
         ),
     ],
     "trackers/laser_fisheye_imm/track_manager.py": [
-        ("bodies three times as far apart", "ImmTrackManager.unseen.not_shown", "rules.apart_m", "3 * rules.apart_m"),
+        (
+            "bodies three times as far apart",
+            "ImmTrackManager.update_missed_tracks.not_shown",
+            "rules.apart_m",
+            "3 * rules.apart_m",
+        ),
         (
             "negative evidence left out",
-            "ImmTrackManager.unseen",
-            "people.state.replaced(unseen, state)",
+            "ImmTrackManager.update_missed_tracks",
+            "people.state.replaced(coasting, state)",
             "people.state",
         ),
         ("a long gap ends nobody", "ImmTrackManager._kept", "_A - _B <= nanoseconds(_C)", "True"),

@@ -210,14 +210,14 @@ def of_somebody_new(knows_room: bool) -> Matches:
 def test_somebody_new_takes_both_their_legs_before_legs_pair_off():
     theirs = of_somebody_new(knows_room=True)
     assert theirs.position == pytest.approx(np.array([[0.0, 2.0]]))
-    assert not theirs.lone
+    assert not theirs.single
     assert theirs.new_position == pytest.approx(np.array([[0.45, 2.1]]))
 
 
 def test_what_may_be_a_flicker_of_the_room_takes_no_legs():
     paired = of_somebody_new(knows_room=False)
     assert paired.position == pytest.approx(np.array([[-0.25, 2.0]]))
-    assert paired.lone.all()
+    assert paired.single.all()
 
 
 def of_one(measured: Detections, unseen: float, existence: float = 1.0, trunk: bool = True, **options) -> Matches:
@@ -273,7 +273,7 @@ def test_a_leg_between_a_trunk_and_somebody_hidden_is_whose_other_is_missing():
     found = matched(detections((0.0, 1.5)), detections(*LEGS_OF_THE_FIRST, between, (0.48, 2.0)))
     (hidden,) = found.position[found.track == 1]
     assert hidden == pytest.approx(np.mean([between, (0.48, 2.0)], axis=0))
-    assert not found.lone[found.track == 1]
+    assert not found.single[found.track == 1]
 
 
 def test_a_look_costs_its_weight_about_what_is_even_and_never_more_than_that_it_is_wrong():

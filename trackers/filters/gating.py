@@ -31,7 +31,7 @@ def linked(near: Bool[Mask, "n n"]) -> Int[Index, "n"]:
 def validation_region(
     predicted: Float[Array, "n m 2"], position: Float[Array, "k 2"], radius_m: Float[Array, "k"] | float
 ) -> Bool[Mask, "n k"]:
-    """Whether each measurement [m] lies in each track's validation region: the union of circles around its modes."""
+    """Select pairs whose measurement [m] lies in the track's validation region: the union of circles around its modes."""
     x, y = _differences(predicted, position)
     return np.logical_or.reduce(x * x + y * y <= radius_m**2, axis=1)
 

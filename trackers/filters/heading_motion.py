@@ -41,7 +41,7 @@ class HeadingMotion:
 
     @property
     def n_mode(self) -> int:
-        """How many modes there are."""
+        """The number of modes."""
         return len(self.models)
 
     def started(

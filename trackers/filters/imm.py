@@ -32,7 +32,7 @@ _TINY = np.finfo(float).tiny
 
 
 Motion = HeadingMotion | VelocityMotion
-"""How the modes move, over a state that starts with the position."""
+"""Motion of the modes, over a state that starts with the position."""
 
 
 class Imm:

@@ -1,4 +1,4 @@
-"""What an interacting multiple model estimator knows of its tracks: the arrays that `Imm` takes and hands back."""
+"""The state of an interacting multiple model estimator: the arrays that `Imm` takes and hands back."""
 
 from __future__ import annotations
 

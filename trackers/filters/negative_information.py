@@ -1,7 +1,7 @@
-"""What it says of a target that a sensor did not see it: it is likelier where it could not be seen.
+"""Negative information: a target that a sensor did not detect is likelier where it could not be detected.
 
 The density is multiplied by the probability of a miss, p(x | not seen) ∝ p(x) (1 − P_D(x)), and made Gaussian again by its
-moments (W. Koch, "On exploiting 'negative' sensor evidence for target tracking and sensor data fusion", Information Fusion
+sums (W. Koch, "On exploiting 'negative' sensor evidence for target tracking and sensor data fusion", Information Fusion
 8, 2007). P_D depends on the position only; the rest of the state follows by its covariance with it.
 
 The density is taken at a grid of places. Its axes lie along and across each target's own way (`along`), not along the room's
@@ -26,7 +26,7 @@ _DENSITY /= _DENSITY.sum()
 _PRODUCTS = np.stack([_Z[0] * _Z[0], _Z[0] * _Z[1], _Z[1] * _Z[1]])
 _PRODUCTS /= _DENSITY @ _PRODUCTS[0]  # the grid ends where the density does not
 _MOMENTS = np.concatenate([np.ones((1, _Z.shape[1])), _Z, _PRODUCTS]).T  # (k, 6)
-_NOTHING_TOLD = np.array([0.0, 0, 1, 0, 1])[:, None, None]
+_NO_INFORMATION = np.array([0.0, 0, 1, 0, 1])[:, None, None]
 _LEAST_VARIANCE_M2 = 1e-12
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
 _TAILS = 6.0  # standard deviations beyond which there is nothing
@@ -44,10 +44,10 @@ def update_missed(
     P = state.covariance  # (s, s, m, n)
     u, v = _axes(along)
     points, l_uu, l_vu, l_vv = _places(state, u, v)
-    moments = ((_DENSITY * missed(points)) @ _MOMENTS).transpose(2, 0, 1)  # (6, m, n)
-    chance = moments[0]
+    sums = ((_DENSITY * missed(points)) @ _MOMENTS).transpose(2, 0, 1)  # (6, m, n)
+    chance = sums[0]
     possible = chance > least
-    mean_u, mean_v, uu, uv, vv = np.where(possible, moments[1:] / np.where(possible, chance, 1.0), _NOTHING_TOLD)
+    mean_u, mean_v, uu, uv, vv = np.where(possible, sums[1:] / np.where(possible, chance, 1.0), _NO_INFORMATION)
     chance = np.where(possible, chance, least)
     uv = uv - mean_u * mean_v
     change = np.array([[uu - mean_u**2 - 1, uv], [uv, vv - mean_v**2 - 1]])
@@ -65,7 +65,7 @@ def update_missed(
 def miss_probability(
     state: ImmState, missed: Callable[[Array], Array], along: Float[Array, "2 n"]
 ) -> Float[Array, "n"]:
-    """How probably a look does not show the n tracks, over all the places where they may be; arguments: as of `update_missed`."""
+    """Return the probability that a frame misses each of n tracks, over their density; arguments: as of `update_missed`."""
     points, *_ = _places(state, *_axes(along))
     return (state.probability * (missed(points) @ _DENSITY)).sum(axis=0)
 
@@ -89,13 +89,13 @@ def probability_within(
     u, v = _axes(along)
     l_uu, l_vu, l_vv = (each[..., None] for each in _root(state, u, v))
     off_x, off_y = state.mean[0] - centre[:, 0], state.mean[1] - centre[:, 1]  # (m, n)
-    middle, aside = (u[0] * off_x + u[1] * off_y)[..., None], (v[0] * off_x + v[1] * off_y)[..., None]
+    middle, across_m = (u[0] * off_x + u[1] * off_y)[..., None], (v[0] * off_x + v[1] * off_y)[..., None]
     low, high = np.maximum(middle - _TAILS * l_uu, -radius_m), np.minimum(middle + _TAILS * l_uu, radius_m)
     half = 0.5 * np.maximum(high - low, 0.0)
     at = low + half * (1 + _NODES)
     z, chord = (at - middle) / l_uu, np.sqrt(np.maximum(radius_m**2 - at * at, 0.0))
-    aside = aside + l_vu * z
-    across = ndtr((chord - aside) / l_vv) - ndtr((-chord - aside) / l_vv)
+    across_m = across_m + l_vu * z
+    across = ndtr((chord - across_m) / l_vv) - ndtr((-chord - across_m) / l_vv)
     chance = (half / l_uu)[..., 0] * ((np.exp(-0.5 * z * z) * across) @ _WEIGHTS) / np.sqrt(2 * np.pi)
     return (state.probability * chance).sum(axis=0)
 
@@ -128,19 +128,19 @@ def _root(
 def existence_after_miss(
     existence: Float[Array, "n"], missed: Float[Array, "n"], elapsed_s: float, survival_s: Float[Array, "n"] | float
 ) -> Float[Array, "n"]:
-    """How probably the n tracks still are somebody, after a look that did not show them.
+    """Return the probability that n tracks exist, after a frame that missed them.
 
     existence: before the look, `elapsed_s` ago; missed: how probably the look would not show them, as by `update_missed`. Who is
     not seen stays on average for `survival_s`. With e' = e exp(−Δt / survival_s) it is e' m / (1 − e' + e' m) (D. Mušicki,
     R. Evans and S. Stanković, "Integrated probabilistic data association", IEEE Trans. Automatic Control 39, 1994).
     """
     there = existence * np.exp(-elapsed_s / survival_s)
-    unseen = there * missed
-    return unseen / (1 - there + unseen)
+    missed_there = there * missed
+    return missed_there / (1 - there + missed_there)
 
 
 def existence_after_detection(existence: Float[Array, "n"], likelihood_ratio: Float[Array, "n"]) -> Float[Array, "n"]:
-    """How probably the n tracks still are somebody, after a measurement taken for theirs.
+    """Return the probability that n tracks exist, after a measurement taken for theirs.
 
     likelihood_ratio: its density if it is theirs, over that of whatever else it may be. With e before it, it is
     e L / (1 − e + e L) (Mušicki et al., as above, with one measurement in the gate).

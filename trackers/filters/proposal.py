@@ -19,7 +19,7 @@ from trackers.errors import InputError
 from trackers.filters.particle import Cloud, Move
 
 Draw = Callable[[int, np.random.Generator], Array]
-"""How many particles a set, and randomness → that many fresh particles of each set, (components, n, p)."""
+"""The number of particles per set, and randomness → that many fresh particles of each set, (components, n, p)."""
 LogDensity = Callable[[Array], Array]
 """Places (components, n, p) → log-density there, (n, p)."""
 TransitionDensity = Callable[[Array, Array], Array]

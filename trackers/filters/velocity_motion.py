@@ -1,4 +1,4 @@
-"""How people move, by their velocity: they walk on, change their way, or stand; one mode each.
+"""Motion models over velocities: people walk on, change their way, or stand; one mode each.
 
 State (x, y, vx, vy) [m, m/s]. In one step of T seconds, with the share k of the velocity that a mode keeps over it and an
 acceleration that is constant, white, and as strong in any direction:
@@ -45,7 +45,7 @@ class VelocityMotion:
 
     @property
     def n_mode(self) -> int:
-        """How many modes there are."""
+        """The number of modes."""
         return len(self.models)
 
     def started(

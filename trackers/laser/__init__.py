@@ -1,1 +1,1 @@
-"""What a laser scan says about people before any tracking: backgrounds, clusters, detections of one layer."""
+"""People in laser scans before any tracking: backgrounds, clusters, detections of one layer."""

@@ -36,17 +36,17 @@ _RENORMALISE_ABOVE = 1e9
 _MOST_CELLS = 25_000_000
 """Of the table of what was learned, bearings times bins; it takes 16 bytes each."""
 _SCANS = 9
-"""How many of the last scans tell how far apart beams are."""
+"""Number of last scans that tell how far apart beams are."""
 _FINER, _COARSER = 0.75, 1.5
 """Widths of beams, in cells, between which the cells serve them."""
 _LEAST, _SHARE = 20, 0.1
-"""Number and share of beams that cannot all begin to meet people in one scan: it is the scanner that begins."""
+"""Number and share of beams that cannot all begin to meet people in one scan: it is the scanner that starts."""
 _UNKNOWN_SHARE = 0.02
 """Share of a scan's beams without a background from which on it is told."""
 
 
 class BackgroundOptions(Strict):
-    """How far in front of the room a sample must lie, and how the room is learned where no empty scans are given."""
+    """Options of the foreground, and of a room that is learned where no empty scans are given."""
 
     margin_m: float = Field(
         default=0.12, gt=0, description="how much nearer than the room a sample must be to be foreground [m]"
@@ -124,7 +124,7 @@ class KnownBackground:
         centre = np.nanmedian(near[:, finite], axis=0)
         deviation[finite] = 1.4826 * np.nanmedian(np.abs(near[:, finite] - centre), axis=0)
         self.threshold_m = room - np.maximum(options.margin_m, options.spread_factor * deviation)
-        self._told = False
+        self._warned = False
 
     def foreground(self, scan: LaserScan) -> Bool[Mask, "n_beam"]:
         """Which samples stand in front of the room."""
@@ -134,8 +134,8 @@ class KnownBackground:
         if after is not before:
             threshold_m = np.fmin(threshold_m, self._threshold(after))
         unknown = np.isnan(threshold_m)
-        if unknown.any() and not self._told and unknown.mean() > _UNKNOWN_SHARE:
-            self._told = True
+        if unknown.any() and not self._warned and unknown.mean() > _UNKNOWN_SHARE:
+            self._warned = True
             logger.warning(
                 "scan of %r at %.3f s: %d of %d beams look where no scan of the empty room looked, and show nobody there; "
                 "scans of the empty room by the same scanner, all around, are expected",
@@ -199,17 +199,17 @@ class LearnedBackground:
         return foreground
 
     @property
-    def has_begun(self) -> bool:
-        """Whether a scan has been learned from."""
+    def has_started(self) -> bool:
+        """True once a scan has been learned from."""
         return self._grid is not None
 
     def _fitting_grid(self, scan: LaserScan, hit: Bool[Mask, "n_beam"]) -> BearingGrid:
-        """The grid, anew where the scanner begins to see only now, and where its beams are by now of another width."""
+        """The grid, anew where the scanner starts to see only now, and where its beams are by now of another width."""
         self._steps_rad.append(abs(scan.angle_increment_rad))
         n_hit = int(hit.sum())
-        begins = not self._met_something and n_hit >= max(_LEAST, _SHARE * hit.size)
+        starts = not self._met_something and n_hit >= max(_LEAST, _SHARE * hit.size)
         self._met_something |= n_hit > 0
-        if self._grid is None or begins:
+        if self._grid is None or starts:
             self._grid = BearingGrid.of([scan])
             self._farthest_m = min(scan.range_max_m, self._options.farthest_m)
             n_bin = int(np.ceil(self._farthest_m / self._options.bin_m)) + 1

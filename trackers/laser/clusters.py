@@ -22,7 +22,7 @@ from trackers.observations import LaserScan
 
 
 class ClusterOptions(Strict):
-    """How samples become clusters at one height."""
+    """Options of the clusters at one height."""
 
     jump_m: float = Field(
         default=0.15, gt=0, description="distance between neighbouring samples above which a cluster is split [m]"
@@ -106,7 +106,7 @@ def find_clusters(
     )
 
 
-def with_beside(ranges: Float[Array, "n_beam"], turn: int | None, reach: int) -> Float[Array, "n_padded"]:
+def padded_ranges(ranges: Float[Array, "n_beam"], turn: int | None, reach: int) -> Float[Array, "n_padded"]:
     """Ranges with `reach` more at either end: the next ones of a full turn, or +inf beside the field of view."""
     padded = np.full(ranges.size + 2 * reach, np.inf)
     padded[reach:-reach] = ranges
@@ -155,11 +155,11 @@ def _hidden(
     range_m: Float[Array, "k"],
     jump_m: float,
 ) -> tuple[Bool[Mask, "k"], Bool[Mask, "k"]]:
-    """Whether one of the two beams next to each end of a cluster met something nearer, by more than a jump.
+    """Select clusters beside something nearer, by more than a jump: one of the two beams next to an end met it.
 
     Two, because the beam that straddles an edge may report a range between the two sides.
     """
-    padded = with_beside(ranges, turn, 2)
+    padded = padded_ranges(ranges, turn, 2)
     nearer = range_m - jump_m
     before = np.minimum(padded[first], padded[first + 1]) < nearer
     after = np.minimum(padded[last + 3], padded[last + 4]) < nearer

@@ -1,4 +1,4 @@
-"""Where a scan would have shown a body: nobody stands where the beams go on behind."""
+"""Detection probability of a scan: no person stands where the beams go on behind."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _ACROSS = np.array([-1.0, 0.0, 1.0])  # where across a body the beams are asked
 
 
 class DetectionOptions(Strict):
-    """How a body stands in the beams of one layer, and how surely it is seen (ours)."""
+    """Options of how a body stands in the beams of one layer, and how surely it is detected (ours)."""
 
     detected: float = Field(
         default=0.95,
@@ -56,7 +56,7 @@ class DetectionModel:
         self._scan_from_room = sensor.room_from_sensor.rotation[:2, :2].T.copy()
 
     def seen(self, scan: LaserScan, points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
-        """How probably a body with its axis at room points would have been seen."""
+        """Return the probability that a body with its axis at room points would have been detected."""
         options, count = self.options, scan.ranges_m.size
         reach_m = np.zeros(count + 2)  # beside the scan nothing is seen
         np.copyto(reach_m[1:-1], np.minimum(scan.ranges_m, scan.range_max_m), where=~np.isnan(scan.ranges_m))

@@ -1,4 +1,4 @@
-"""What the scans of one moment show in front of the room."""
+"""Detections of the scans of one frame, in front of the room."""
 
 from __future__ import annotations
 

@@ -61,16 +61,16 @@ class ScannerGroup:
 
     @property
     def learns_background(self) -> bool:
-        """Whether a scanner came without scans of the empty room."""
+        """True where a scanner came without scans of the empty room."""
         return any(layer.learns_background for layer in self.layers.values())
 
     @property
     def is_learning(self) -> bool:
-        """Whether such a scanner has shown anything yet."""
+        """True once such a scanner has reported."""
         return any(layer.is_learning for layer in self.layers.values())
 
     def detect(self, observations: Mapping[str, Observation], weak: bool = False) -> Detections:
-        """What the group's scans among `observations`, by sensor, show in front of the room.
+        """Detect people in front of the room in the group's scans among `observations`, by sensor.
 
         Those that the first scanner sees come first, in its order; their ranges and angles are its own. weak: whether with
         what too few samples show, of all scanners together, to be somebody new.
@@ -110,7 +110,7 @@ class ScannerGroup:
             found.append(Points(place, width_m).select(kept))
         return reduce(Points.joined, found)
 
-    def told(self, detections: Detections, role: Role, ns: int) -> list[Detection]:
+    def to_detections(self, detections: Detections, role: Role, ns: int) -> list[Detection]:
         """Detections of this group at a moment [ns] one by one; a whole cluster's variance is that of the measurement."""
         sensors = [tuple(compress(self.layers, seen)) for seen in detections.scanner.tolist()]
         variance = (MEASUREMENT_VARIANCE_M2 + detections.variance_m2).tolist()
@@ -118,7 +118,7 @@ class ScannerGroup:
         return [Detection(ns, seen_by, role, x, y, m2, width) for seen_by, (x, y), m2, width in rows]
 
     def missed(self, observations: Mapping[str, Observation], points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
-        """How probably none of the scans shows anything of somebody at room points."""
+        """Return the probability that none of the scans shows a person at room points."""
         chance = np.ones(points.shape[1:])
         for name, layer in self.layers.items():
             scan = observations.get(name)

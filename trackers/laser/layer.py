@@ -13,7 +13,7 @@ from trackers.arrays import Array, Mask
 from trackers.configuration import Strict, described
 from trackers.laser.background import BackgroundOptions, KnownBackground, LearnedBackground, returns
 from trackers.laser.bearings import beams_of_turn, counter_clockwise
-from trackers.laser.clusters import ClusterOptions, Clusters, directions, find_clusters, pushed_back, with_beside
+from trackers.laser.clusters import ClusterOptions, Clusters, directions, find_clusters, padded_ranges, pushed_back
 from trackers.laser.detection_model import DetectionModel, DetectionOptions
 from trackers.laser.detections import Detections
 from trackers.laser.grouping import trunks
@@ -24,14 +24,14 @@ Layer = TypeVar("Layer", bound="LayerOptions")
 
 _NARROW_M, _BEHIND_M, _SURE = 0.06, 0.15, 0.9
 """Half the width of the narrowest thing looked for, and how far behind it a beam has passed it [m]; any probability."""
-_TOLD_BY_LEARNED = 0.5
+_SHARE_LEARNED = 0.5
 """Share of the people seen whom a background learned from the scans leaves: all who walk, few who stand."""
 _ARM_HALF_DEPTH_M = 0.04
 """Half the thickness of an arm in a sleeve [m]."""
 
 
 class LayerOptions(Strict):
-    """How a scanner at one height shows people."""
+    """Parameters of a scanner at one height."""
 
     cluster: ClusterOptions = Field(description="how samples become clusters")
     background: BackgroundOptions = Field(default=BackgroundOptions(), description="what of a scan is the room")
@@ -122,7 +122,7 @@ class KneeOptions(LayerOptions):
 
 
 class ScannerOptions(Strict):
-    """What trackers let their users change of a scanner; the rest of a layer's parameters is fixed by its height."""
+    """Options of a scanner in every tracker; the rest of a layer's parameters is fixed by its height."""
 
     jump_m: float = Field(
         default=0.08, gt=0, description="distance between neighbouring samples above which a cluster is split [m]"
@@ -180,11 +180,11 @@ class LaserLayer:
 
     @property
     def is_learning(self) -> bool:
-        """Whether the background is learned from the scanner's scans, and one has come."""
-        return isinstance(self._background, LearnedBackground) and self._background.has_begun
+        """True where the background is learned from the scanner's scans, and one has come."""
+        return isinstance(self._background, LearnedBackground) and self._background.has_started
 
     def detect(self, scan: LaserScan) -> Detections:
-        """What the scan shows in front of the room: trunks without their arms, or single legs."""
+        """Detect trunks without their arms, or single legs, in front of the room."""
         options, scan = self.options, counter_clockwise(scan)
         clusters = find_clusters(scan, self._background.foreground(scan), options.cluster, self._least)
         hidden = clusters.hidden_before | clusters.hidden_after
@@ -226,18 +226,18 @@ class LaserLayer:
         scan, turn = counter_clockwise(scan), beams_of_turn(scan)
         ranges = returns(scan)[0][:turn]
         foreground = self._background.foreground(scan)[:turn]
-        padded = with_beside(np.where(np.isnan(ranges), np.inf, ranges), turn, 1)
+        padded = padded_ranges(np.where(np.isnan(ranges), np.inf, ranges), turn, 1)
         beams = foreground.nonzero()[0]
         near = ranges[beams]
-        beside = np.stack([padded[beams], padded[beams + 2]]) - near
+        next_to = np.stack([padded[beams], padded[beams + 2]]) - near
         jump_m = self.options.cluster.jump_m + abs(scan.angle_increment_rad) * near
-        on_edge = (np.abs(beside) > jump_m).all(axis=0) & (beside < 0).any(axis=0)
+        on_edge = (np.abs(next_to) > jump_m).all(axis=0) & (next_to < 0).any(axis=0)
         beams, near = beams[~on_edge], near[~on_edge]
         points = (near + self.options.half_depth_m) * directions(scan)[:, beams]
         return self._in_room(points.T), abs(scan.angle_increment_rad) * near
 
     def _half_depth_m(self, width_m: Float[Array, "k"], hidden: Bool[Mask, "k"]) -> Float[Array, "k"] | float:
-        """How far behind the middle of what is seen of them the axes of bodies seen so wide lie.
+        """Return the distance from the middle of what is seen of bodies this wide to their axes.
 
         A trunk is about an ellipse. Its half extents across the beam, p, and along it, q, keep p² + q² the same as it turns,
         and the middle of what a scanner sees of it lies π/4 q before its axis. Where a part is `hidden` the width tells
@@ -252,15 +252,15 @@ class LaserLayer:
         return np.where(hidden, (front + side) / 2, turned)
 
     def missed(self, scan: LaserScan, points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
-        """How probably the scan shows nothing of somebody at room points.
+        """Return the probability that the scan shows nothing of a person at room points.
 
         Where the background is learned, somebody who stands may be taken for the room.
         """
-        told = _TOLD_BY_LEARNED if self.learns_background else 1.0
-        return 1 - told * self._free_space.seen(scan, points)
+        share = _SHARE_LEARNED if self.learns_background else 1.0
+        return 1 - share * self._free_space.seen(scan, points)
 
     def passes(self, scan: LaserScan, points: Float[Array, "2 *n"]) -> Bool[Mask, "*n"]:
-        """Whether the scan's beams go on behind room points on either side of them, and stand close enough to tell."""
+        """Select room points behind which the scan's beams go on at either side, close enough together to tell."""
         apart = np.hypot(*(points - self._origin_m.reshape(2, *[1] * (points.ndim - 1)))) * abs(
             scan.angle_increment_rad
         )

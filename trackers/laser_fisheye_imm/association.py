@@ -64,13 +64,13 @@ class Matches:
     track: Int[Index, "p"]
     position: Float[Array, "p 2"]
     variance: Float[Array, "p"]  # of the position on each axis
-    lone: Bool[Mask, "p"]  # by a single leg alone
+    single: Bool[Mask, "p"]  # by a single leg alone
     trunk: Int[Index, "p"]  # the trunk, or -1 where legs were used
     legs: Float[Array, "p 2"]  # the middle of the legs under that trunk [m], NaN where none is seen
     existence: Float[Array, "p"]  # how probably they are still there, now that this is taken for theirs
     new_position: Float[Array, "q 2"]  # measurements that no track took
     new_trunk: Int[Index, "q"]
-    new_lone: Bool[Mask, "q"]
+    new_single: Bool[Mask, "q"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,9 +103,9 @@ class Association:
         n_walker = len(walkers.position)
         trunk = np.concatenate([np.arange(n_trunk), np.full(n_walker, -1)])
         position = np.concatenate([seen.trunks.position, walkers.position])
-        lone = np.concatenate([np.zeros(n_trunk, np.bool_), walkers.n_leg == 1])
+        single = np.concatenate([np.zeros(n_trunk, np.bool_), walkers.n_leg == 1])
         # in a rig that sees waists a leg alone may be anything
-        part = lone & self.sees_waists
+        part = single & self.sees_waists
         by_legs = walkers.likelihood(options.legs, self._leg_gate_m)
         cost = cost.joined(Costs.of(people, by_legs, options))
         colour = np.pad(colour, ((0, 0), (0, n_walker)), constant_values=np.nan)
@@ -121,13 +121,13 @@ class Association:
             track=track,
             position=position[taken],
             variance=np.concatenate([trunks.variance_m2, by_legs.variance_m2])[taken],
-            lone=lone[taken],
+            single=single[taken],
             trunk=trunk[taken],
             legs=np.concatenate([walkers.under_trunk, np.full((n_walker, 2), np.nan)])[taken],
             existence=_existence_paired(people.existence[track], cost.pair[track, taken], options),
             new_position=position[new],
             new_trunk=trunk[new],
-            new_lone=lone[new],
+            new_single=single[new],
         )
 
     @property
@@ -185,8 +185,8 @@ class Association:
         Its prediction says little after a while: what it can have walked since it was measured is asked instead, and the
         shirt; where no shirt is seen nothing tells but that only one of the hidden can be there.
         """
-        unseen_ns, rules = self.ns - self.people.roster.measured_ns, self.options.track_management
-        can_be = reachable(self.people.measured_at, unseen_ns, position, rules) & hidden[:, None]
+        coasted_ns, rules = self.ns - self.people.roster.measured_ns, self.options.track_management
+        can_be = reachable(self.people.measured_at, coasted_ns, position, rules) & hidden[:, None]
         alone = can_be & (np.count_nonzero(can_be, axis=0) == 1)
         return np.where(np.isnan(colour), alone, can_be & (colour <= self.options.appearance.same_below))
 
@@ -198,9 +198,9 @@ class Association:
 
 
 def _unpaired(people: People, missed: Float[Array, "n"], options: LaserFisheyeImmOptions) -> Float[Array, "n"] | None:
-    """What each track costs without a measurement, −2 ln (1 − e + e m) / e; None: by the paper all are paired that can be.
+    """Return the cost of each track without a measurement, −2 ln (1 − e + e m) / e; None: all are paired that can be (paper).
 
-    missed: m, how probably the moment would not show them.
+    missed: m, how probably the frame would not show them.
     """
     if options.clutter_density_m2 is None:
         return None
@@ -211,7 +211,7 @@ def _unpaired(people: People, missed: Float[Array, "n"], options: LaserFisheyeIm
 def _existence_paired(
     existence: Float[Array, "p"], cost: Float[Array, "p"], options: LaserFisheyeImmOptions
 ) -> Float[Array, "p"]:
-    """How probably tracks still exist, with a measurement at that cost; 1 by the paper."""
+    """Return the probability that tracks exist, with a measurement at that cost; 1 as in the paper."""
     if options.clutter_density_m2 is None or options.track_management.survival_s is None:
         return np.ones_like(existence)
     return existence_after_detection(np.maximum(existence, _LEAST_EXISTENCE), np.exp(-0.5 * cost))

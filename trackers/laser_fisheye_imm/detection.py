@@ -1,4 +1,4 @@
-"""What one moment shows of people, before any tracking: trunks with their colours, single legs; nothing is remembered here
+"""Detections of one frame, before any tracking: trunks with their colours, single legs; nothing is remembered here
 but backgrounds."""
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from trackers.vision.torso import TorsoOptions, TorsoProjector, TorsoWindows
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What one moment shows: trunks with their colours, single legs."""
+    """Detections of one frame: trunks with their colours, single legs."""
 
     trunks: Detections
     legs: Detections
@@ -72,7 +72,7 @@ class Detector:
 
     @property
     def sees_waists(self) -> bool:
-        """Whether there is a scanner at waist height; a camera is of use only beside one."""
+        """True where there is a scanner at waist height; a camera is of use only beside one."""
         return "waist" in self._groups
 
     @property
@@ -83,19 +83,19 @@ class Detector:
 
     @property
     def learns_background(self) -> bool:
-        """Whether a scanner came without scans of the empty room."""
+        """True where a scanner came without scans of the empty room."""
         return any(group.learns_background for group in self._groups.values())
 
     @property
     def is_learning(self) -> bool:
-        """Whether such a scanner has reported; one that is silent leaves the others' knowledge of the room as it is."""
+        """True once such a scanner has reported; a silent one leaves the background of the others as it is."""
         return any(group.is_learning for group in self._groups.values())
 
-    def detect(self, moment: SyncedFrame) -> Seen:
-        """What the moment shows in the area. Raises InputError for an image of another size than the rig's."""
-        trunks, legs = self._scanned(moment, "waist"), self._scanned(moment, "knee")
+    def detect(self, synced: SyncedFrame) -> Seen:
+        """Detect people of the frame in the area. Raises InputError for an image of another size than the rig's."""
+        trunks, legs = self._scanned(synced, "waist"), self._scanned(synced, "knee")
         firm = self._groups["knee"].firm(legs) if "knee" in self._groups else np.empty(0, np.bool_)
-        image = None if self._camera is None else moment.observations.get(self._camera)
+        image = None if self._camera is None else synced.observations.get(self._camera)
         if self._projector is None or not isinstance(image, Image):
             nothing = np.zeros(len(trunks), np.bool_)
             return Seen(trunks, legs, firm, None, np.zeros((len(trunks), self.histogram.size)), nothing, nothing)
@@ -113,25 +113,25 @@ class Detector:
         usable, clear = (np.pad(each, (0, without)) for each in (windows.usable, windows.clear))
         return Seen(trunks, legs, firm, windows, histograms, usable, clear)
 
-    def _scanned(self, moment: SyncedFrame, role: Role) -> Detections:
+    def _scanned(self, synced: SyncedFrame, role: Role) -> Detections:
         group = self._groups.get(role)
-        detections = Detections.none() if group is None else group.detect(moment.observations, weak=True)
+        detections = Detections.none() if group is None else group.detect(synced.observations, weak=True)
         if self._area is None or len(detections) == 0:
             return detections
         return detections.select(self._area.contains(detections.position))
 
-    def told(self, seen: Seen, ns: int) -> list[Detection]:
-        """What a moment [ns] showed, trunks first, one by one."""
+    def to_detections(self, seen: Seen, ns: int) -> list[Detection]:
+        """Return the detections of a frame [ns] one by one, trunks first."""
         shown: dict[Role, Detections] = {"waist": seen.trunks, "knee": seen.legs}
-        return [each for role, group in self._groups.items() for each in group.told(shown[role], role, ns)]
+        return [each for role, group in self._groups.items() for each in group.to_detections(shown[role], role, ns)]
 
-    def missed(self, moment: SyncedFrame, points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
-        """How probably the moment's scans show nothing of somebody at points; nobody is outside the area."""
+    def missed(self, synced: SyncedFrame, points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
+        """Return the probability that the frame's scans show no person at points [m]; outside the area there is none, 0."""
         chance = np.ones(points.shape[1:])
         if self._area is not None:
             chance[~self._area.contains(points.reshape(2, -1).T).reshape(chance.shape)] = 0
         for group in self._groups.values():
-            chance *= group.missed(moment.observations, points)
+            chance *= group.missed(synced.observations, points)
         return chance
 
 

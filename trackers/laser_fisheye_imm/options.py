@@ -94,7 +94,7 @@ class ImmTrackManagementOptions(TrackManagementOptions, ReidentificationOptions)
 
 
 class LayerScannerOptions(ScannerOptions):
-    """What every layer of this system adds to the options of a scanner."""
+    """Options of a scanner that every layer of this system adds."""
 
     min_samples: PositiveInt = Field(description="least samples of a cluster that initiates a track")
     hidden_variance_m2: float = Field(
@@ -169,7 +169,7 @@ class KneeScannerOptions(LayerScannerOptions):
 
 
 class AppearanceOptions(Strict):
-    """How shirts are learned, and how much they count."""
+    """Options of how shirts are learned, and how much they count."""
 
     weight: float = Field(
         default=60.0, ge=0, description="weight w of the appearance E, in the paper's distance d = N + w E (inferred)"
@@ -207,7 +207,7 @@ def _fixed(group: str, values: BaseModel, but: Collection[str]) -> dict[str, Any
 
 
 class LaserFisheyeImmOptions(Strict):
-    """What of the paper, and of what we added to it, may differ; `trackers.laser_fisheye_imm.rules` switches ours off."""
+    """Options of the paper's system and of what we added to it; `trackers.laser_fisheye_imm.rules` switches ours off."""
 
     former_names: ClassVar[Mapping[str, str]] = {
         "period_s": "step_s",

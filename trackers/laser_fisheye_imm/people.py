@@ -27,7 +27,7 @@ class People(Rows):
     clothes: Appearance
     born_at: Float[Array, "n 2"]  # first measured position [m]
     measured_at: Float[Array, "n 2"]  # last measured position [m]
-    lone_ns: Int[Index, "n"]  # stamp of the last measurement by a single leg; before any: `NEVER_NS`
+    single_ns: Int[Index, "n"]  # stamp of the last measurement by a single leg; before any: `NEVER_NS`
     posture: Posture
     existence: Float[Array, "n"]  # how probably they are still there
 
@@ -49,12 +49,12 @@ class People(Rows):
 
     @property
     def state(self) -> ImmState:
-        """What the filter knows of them."""
+        """The state of the filter."""
         return self.roster.state
 
     @property
     def confirmed(self) -> Bool[Mask, "n"]:
-        """Who is confirmed."""
+        """The confirmed tracks."""
         return self.roster.confirmed
 
     @property
@@ -63,7 +63,7 @@ class People(Rows):
         return (self.state.mean[:2] * self.state.probability).sum(axis=1).T
 
     def exist(self, above: float) -> Bool[Mask, "n"]:
-        """Who is still there more probably than `above`."""
+        """Select the tracks that exist more probably than `above`."""
         return self.existence > above
 
     def in_state(self, state: ImmState) -> Self:

@@ -1,4 +1,4 @@
-"""Who sits, and may lie down where no scan looks, as the legs tell (ours).
+"""Posture by the legs: who sits, and may lie down where no scan looks (ours).
 
 The legs of somebody upright are under the trunk, those of somebody who sits half a metre before it. Nobody leaves from a seat
 without getting up first. So whoever sat and is not seen any more, where a scan would show them upright, lies there, lower than
@@ -23,7 +23,7 @@ _MEMORY = 0.7
 
 
 class PostureOptions(Strict):
-    """How the legs tell a sitting person, and what becomes of one that no scan shows."""
+    """Options of how the legs tell a sitting person, and what becomes of one that no scan shows."""
 
     seated_m: float | None = Field(
         default=0.3,
@@ -48,7 +48,7 @@ class PostureOptions(Strict):
 
 @dataclass(frozen=True, eq=False)
 class Posture(Rows):
-    """How n people hold themselves."""
+    """Postures of n people."""
 
     knees: Float[Array, "n 2"]  # from the trunk to the middle of the legs, on average [m]
     seat: Float[Array, "n 2"]  # where the trunk was when they last sat [m]; NaN: they do not
@@ -61,11 +61,11 @@ class Posture(Rows):
 
     @property
     def lying(self) -> Bool[Mask, "n"]:
-        """Who probably lies, lower than scans look."""
+        """The people who probably lie, lower than scans look."""
         return self.low > 0.5
 
     def seated(self, place: Float[Array, "n 2"], options: PostureOptions) -> Bool[Mask, "n"]:
-        """Who sits or lies, measured last at these places [m]."""
+        """Select the people who sit or lie, measured last at these places [m]."""
         return np.hypot(*(place - self.seat).T) < options.length_m  # NaN is not
 
     def measured(
@@ -97,5 +97,5 @@ class Posture(Rows):
         """
         lies_down = -np.expm1(-elapsed_s / options.lies_down_s)
         low = np.where(seated & free, self.low + (1 - self.low) * lies_down, 0.0)
-        unseen = low + (1 - low) * chance
-        return self.changed(low=low / unseen), unseen
+        missed = low + (1 - low) * chance
+        return self.changed(low=low / missed), missed

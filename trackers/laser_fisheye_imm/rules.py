@@ -1,4 +1,4 @@
-"""What is ours and not the paper's in `laser-fisheye-imm`, rule by rule, and the options that switch each off.
+"""Rules of `laser-fisheye-imm` that are ours and not the paper's, and the options that switch each off.
 
 `PAPER` switches all of them off: the preset `laser-fisheye-imm-paper`. The suite `ablation` switches off one at a time.
 """

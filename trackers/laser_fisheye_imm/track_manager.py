@@ -47,7 +47,7 @@ class ImmTrackManager(TrackManager):
             new &= np.hypot(moved[:, 0], moved[:, 1]) >= rules.confirm_moved_m
         return people.changed(roster=self.confirm(people.roster, new))
 
-    def unseen(
+    def update_missed_tracks(
         self, people: People, ns: int, elapsed_s: float, missed: Callable[[Float[Array, "2 *n"]], Float[Array, "*n"]]
     ) -> People:
         """Update the tracks that a frame did not show: likelier where nothing would show them, and likelier not to exist.
@@ -56,8 +56,8 @@ class ImmTrackManager(TrackManager):
         """
         rules = self._options.track_management
         measured = measured_now(people.roster, ns)
-        unseen = (people.confirmed & ~measured).nonzero()[0]
-        if unseen.size == 0:
+        coasting = (people.confirmed & ~measured).nonzero()[0]
+        if coasting.size == 0:
             return people
         taken = people.positions[measured & people.confirmed]
 
@@ -65,10 +65,10 @@ class ImmTrackManager(TrackManager):
             free = clear_of(points.reshape(2, -1).T, taken, rules.apart_m).reshape(points.shape[1:])
             return missed(points) * free
 
-        state = people.state.select(unseen)
+        state = people.state.select(coasting)
         state, chance = update_missed(state, not_shown, self._imm.velocity(state))
-        sitting, posture = self._options.posture, people.posture.select(unseen)
-        seated, seat = posture.seated(people.measured_at[unseen], sitting), np.nan_to_num(posture.seat)
+        sitting, posture = self._options.posture, people.posture.select(coasting)
+        seated, seat = posture.seated(people.measured_at[coasting], sitting), np.nan_to_num(posture.seat)
         alone = clear_of(seat, taken, clearance_m=rules.apart_m)
         posture, chance = posture.missed(seated, chance, alone, elapsed_s, sitting)
         at_rest = self._imm.start(seat, None, sitting.place_m**2, _AT_REST)
@@ -76,10 +76,10 @@ class ImmTrackManager(TrackManager):
         existence = people.existence
         if rules.survival_s is not None:
             stays_s = np.where(seated, sitting.stays_s, rules.survival_s)
-            still = existence_after_miss(existence[unseen], chance, elapsed_s, stays_s)
-            existence = written(existence, unseen, still)
-        posture = people.posture.replaced(unseen, posture)
-        return people.in_state(people.state.replaced(unseen, state)).changed(existence=existence, posture=posture)
+            still = existence_after_miss(existence[coasting], chance, elapsed_s, stays_s)
+            existence = written(existence, coasting, still)
+        posture = people.posture.replaced(coasting, posture)
+        return people.in_state(people.state.replaced(coasting, state)).changed(existence=existence, posture=posture)
 
     def to_report(self, people: People, ns: int) -> Bool[Mask, "n"]:
         """Select the confirmed tracks that are measured, or whose person is probably there and near the reported place.

@@ -45,7 +45,7 @@ from trackers.laser_fisheye_imm.people import People
 from trackers.laser_fisheye_imm.track_manager import ImmTrackManager
 from trackers.observations import NS_PER_S, LaserScan, Observation
 from trackers.rig import Rig
-from trackers.tracking.fixed_lag_smoother import FixedLagSmoother, Held, told
+from trackers.tracking.fixed_lag_smoother import FixedLagSmoother, Held, by_id
 from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
 from trackers.tracking.synced_tracker import SynchronizedTracker
 from trackers.tracking.track_manager import clear_of, measured_now
@@ -93,7 +93,7 @@ class LaserFisheyeImm(SynchronizedTracker):
         self._next_serial = 0
         no_colours = np.empty((0, self._detector.histogram.size))
         self._people = self._born(np.empty((0, 2)), 0, no_colours, np.empty(0, np.bool_))
-        self._held_back = self._made_to_wait()
+        self._smoother = self._made_to_wait()
         self._ns: int | None = None
         self._last_ns = 0  # of the moment before
         self._windows: list[tuple[int | None, Array]] = []
@@ -108,7 +108,7 @@ class LaserFisheyeImm(SynchronizedTracker):
 
     @property
     def background_learned_causally(self) -> bool:
-        """Whether a scanner came without scans of the empty room."""
+        """True where a scanner came without scans of the empty room."""
         return self._detector.learns_background
 
     @property
@@ -120,11 +120,11 @@ class LaserFisheyeImm(SynchronizedTracker):
     def finish(self) -> list[TrackFrame]:
         """The frames still held back when the observations have ended."""
         frames = super().finish()
-        return frames + self._held_back.finish() if self._held_back is not None else frames
+        return frames + self._smoother.finish() if self._smoother is not None else frames
 
     def detections(self) -> list[Detection]:
-        """What the moments worked by the last `update` or `finish` showed, see `trackers.tracks`."""
-        return [each for ns, seen in self._seen for each in self._detector.told(seen, ns)]
+        """Return the detections of the frames processed by the last `update` or `finish`, see `trackers.tracks`."""
+        return [each for ns, seen in self._seen for each in self._detector.to_detections(seen, ns)]
 
     def tracks(self) -> list[Track]:
         """Everyone confirmed in the area, as of the last frame, by id; whom nothing shows for long is kept in mind alone."""
@@ -145,44 +145,44 @@ class LaserFisheyeImm(SynchronizedTracker):
         """The torso windows of the last frame's image: whose (None: nobody's yet), and the outline in pixels."""
         return self._windows
 
-    def _work_all(self, moments: list[SyncedFrame]) -> list[TrackFrame]:
+    def _work_all(self, synced_frames: list[SyncedFrame]) -> list[TrackFrame]:
         self._seen = []
-        if self._held_back is None:
-            return super()._work_all(moments)
+        if self._smoother is None:
+            return super()._work_all(synced_frames)
         frames = []
-        for moment in moments:
-            self._work(moment)
+        for synced in synced_frames:
+            self._work(synced)
             people, roster = self._people, self._people.roster
-            seen = measured_now(roster, moment.ns)
-            held = Held(moment.ns, people.serial, seen, people.measured_at, told(self.tracks()))
-            frames += self._held_back.add(held, roster.id)
+            seen = measured_now(roster, synced.ns)
+            held = Held(synced.ns, people.serial, seen, people.measured_at, by_id(self.tracks()))
+            frames += self._smoother.add(held, roster.id)
         return frames
 
-    def _work(self, moment: SyncedFrame) -> None:
-        seen = self._detector.detect(moment)
-        self._seen.append((moment.ns, seen))
-        elapsed_s = self._predict(moment.ns)
+    def _work(self, synced: SyncedFrame) -> None:
+        seen = self._detector.detect(synced)
+        self._seen.append((synced.ns, seen))
+        elapsed_s = self._predict(synced.ns)
         waists = self._detector.sees_waists
-        if any(isinstance(each, LaserScan) for each in moment.observations.values()):
-            self._track_manager.looked(moment.ns)
+        if any(isinstance(each, LaserScan) for each in synced.observations.values()):
+            self._track_manager.looked(synced.ns)
         knows_room = not self._detector.is_learning
         share = min(elapsed_s / self.options.step_s, 1.0)
 
         def missed(points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
-            return self._detector.missed(moment, points) ** share
+            return self._detector.missed(synced, points) ** share
 
         state = self._people.state
-        unseen = miss_probability(state, missed, self._imm.velocity(state))
-        times = moment.ns, self._last_ns
-        at = Association(self._people, unseen, self.options, *times, waists, knows_room)
+        chance_missed = miss_probability(state, missed, self._imm.velocity(state))
+        times = synced.ns, self._last_ns
+        at = Association(self._people, chance_missed, self.options, *times, waists, knows_room)
         matches = at.matches(seen)
-        self._update(matches, moment.ns)
+        self._update(matches, synced.ns)
         self._learn_colours(matches, seen)
         self._note_windows(matches, seen)
-        people = self._track_manager.confirmed(self._people, moment.ns, knows_room)
-        people = self._track_manager.unseen(people, moment.ns, elapsed_s, missed)
-        self._people = self._track_manager.remaining(people, moment.ns)
-        self._start(matches, seen, moment.ns)
+        people = self._track_manager.confirmed(self._people, synced.ns, knows_room)
+        people = self._track_manager.update_missed_tracks(people, synced.ns, elapsed_s, missed)
+        self._people = self._track_manager.remaining(people, synced.ns)
+        self._start(matches, seen, synced.ns)
 
     # --- predict
 
@@ -202,14 +202,14 @@ class LaserFisheyeImm(SynchronizedTracker):
         # gait and clothes last: looks that follow sooner than a step together tell what one a step would
         last_ns, lasts_s = people.roster.measured_ns[track], np.full(track.size, self.options.step_s)
         if not self._detector.sees_waists:  # where all that is known of a body may be the leg that stands
-            last_ns = np.where(matches.lone, people.lone_ns[track], last_ns)
-            lasts_s[matches.lone] = self.options.legs.single_leg_s
+            last_ns = np.where(matches.single, people.single_ns[track], last_ns)
+            lasts_s[matches.single] = self.options.legs.single_leg_s
         shares = np.clip((ns - last_ns) / (lasts_s * NS_PER_S), 1e-6, 1.0)
         variance = matches.variance / shares
         state = self._imm.update(people.state, track, matches.position, variance[:, None, None] * _ISOTROPIC)
         posture = people.posture.measured(track, matches.position, matches.legs, self.options.posture)
         people = people.measured(track, matches.position, ns, state, matches.existence)
-        self._people = people.changed(posture=posture, lone_ns=written(people.lone_ns, track[matches.lone], ns))
+        self._people = people.changed(posture=posture, single_ns=written(people.single_ns, track[matches.single], ns))
 
     def _learn_colours(self, matches: Matches, seen: Seen) -> None:
         if seen.windows is None:
@@ -236,14 +236,14 @@ class LaserFisheyeImm(SynchronizedTracker):
         people, sitting = self._people, self.options.posture
         exist = people.exist(self.options.track_management.exists_above)
         bodies = np.concatenate([people.positions[exist], matches.position])
-        # a lone leg, or knees without a trunk where waists are scanned, within a stride of somebody are likelier theirs
-        maybe_theirs = matches.new_lone | (self._detector.sees_waists & (matches.new_trunk < 0))
+        # a single leg, or knees without a trunk where waists are scanned, within a stride of somebody are likelier theirs
+        maybe_theirs = matches.new_single | (self._detector.sees_waists & (matches.new_trunk < 0))
         stride_m = np.where(maybe_theirs, STRIDE_M, 0.0)
         free = clear_of(matches.new_position, bodies, np.maximum(self.options.track_management.start_apart_m, stride_m))
         seats = people.posture.seat[people.posture.seated(people.measured_at, sitting)]
         free &= clear_of(matches.new_position, seats, sitting.length_m)  # trunk and legs of who lies or gets up
         if self._detector.sees_waists and self.options.legs.pair_m > 0:
-            free &= ~matches.new_lone
+            free &= ~matches.new_single
         position, trunk = matches.new_position[free], matches.new_trunk[free]
         histograms = np.zeros((len(position), self._detector.histogram.size))
         by_trunk = trunk >= 0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar
 
 from pydantic import Field
@@ -119,3 +119,9 @@ class LaserVisionLearningOptions(Strict):
         ),
         description="when tracks are initiated, confirmed, reported and deleted",
     )
+
+    def idle(self) -> Iterator[str]:
+        """Yield the groups of options that differ from their defaults and have no effect without a camera."""
+        for group in ("recognition", "looks", "identities"):
+            if not self.camera and getattr(self, group) != type(self).model_fields[group].default:
+                yield f"{group}: has no effect without a camera"

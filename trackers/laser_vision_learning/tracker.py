@@ -11,6 +11,7 @@ import numpy as np
 
 from trackers.area import Area
 from trackers.configuration import validate
+from trackers.errors import InputError
 from trackers.laser.group import ScannerGroup
 from trackers.laser.roles import scanners_by_role
 from trackers.laser_vision_learning.options import LaserVisionLearningOptions
@@ -39,6 +40,8 @@ class LaserVisionLearning(SynchronizedTracker):
     ) -> None:
         background = list(background)
         self.options = validate(LaserVisionLearningOptions, options, "tracker laser-vision-learning")
+        if idle := [f"tracker laser-vision-learning: {each}" for each in self.options.idle()]:
+            raise InputError("\n".join(idle))
         lasers, names = rig.lasers(), scanners_by_role(rig, ("knee",))["knee"]
         self._scanners = ScannerGroup(
             {name: lasers[name] for name in names}, background, self.options.scanner.parameters()
@@ -114,17 +117,17 @@ class LaserVisionLearning(SynchronizedTracker):
         """Return the identities decided after splits, and their grounds, in the frames of the last `update` or `finish`."""
         return self._decisions
 
-    def _work_all(self, moments: list[SyncedFrame]) -> list[TrackFrame]:
+    def _work_all(self, synced_frames: list[SyncedFrame]) -> list[TrackFrame]:
         self._decisions = []
-        return super()._work_all(moments)
+        return super()._work_all(synced_frames)
 
-    def _work(self, moment: SyncedFrame) -> None:
+    def _work(self, synced: SyncedFrame) -> None:
         walkers = self._walkers
-        walkers.step(moment.observations, moment.ns)
+        walkers.step(synced.observations, synced.ns)
         if self._recognition is not None:
-            image = moment.observations.get(self._camera or "")
+            image = synced.observations.get(self._camera or "")
             picture = image if isinstance(image, Image | DepthImage) else None
-            walkers.people = self._recognition.work(walkers.people, walkers.situations, picture, moment.ns)
+            walkers.people = self._recognition.work(walkers.people, walkers.situations, picture, synced.ns)
             self._decisions += self._recognition.decisions
 
     def _maps(self) -> tuple[ScoreMap, ...]:

@@ -26,7 +26,7 @@ from trackers.laser.group import Points
 
 
 class PointOptions(Strict):
-    """How laser points are compared with predicted legs."""
+    """Options of the comparison of laser points with predicted legs."""
 
     sigma_m: float = Field(
         default=0.06, gt=0, description="standard deviation of a point about its leg's axis [m] (ours)"
@@ -53,7 +53,7 @@ class PointOptions(Strict):
     leg_m: ClassVar[float] = 0.1
     """Width of a leg at the scanner's height [m]."""
     soft_m: ClassVar[float] = 0.12
-    """How softly points are shared between two people who are near them [m]."""
+    """Standard deviation by which points are shared between two people who are near them [m]."""
     most: ClassVar[int] = 32
     """Points per person at most, the weightiest."""
     new_points: ClassVar[int] = 2

@@ -17,15 +17,15 @@ from trackers.likelihood.position import PositionLikelihood
 
 BOTH_LEGS_M = 0.18
 """Width above which a cluster is both legs, side by side [m]: twice a leg, measured in the twin."""
-_CLAIM_M = 0.5
-"""How far a leg may be from where a trunk's legs were before to belong to it [m]: half a stride and the knees of a seat."""
+_TRUNK_GATE_M = 0.5
+"""Distance of a leg from where a trunk's legs were before, up to which it may belong to it [m]: half a stride."""
 _OPPOSITE = 0.3
 """Minus the correlation of the places of a person's two legs about the prediction, where no trunk is seen: a stride puts one
 before it and one behind, an error of the prediction both on one side. Measured in the twin."""
 
 
 class LegOptions(Strict):
-    """How exactly legs show their person, and which legs are one person's."""
+    """Options of how exactly legs show their person, and which legs are one person's."""
 
     variance_m2: float = Field(
         default=0.0045,
@@ -93,7 +93,7 @@ def pair_legs(
     at_trunks = distances(under_trunks, place).min(axis=0, initial=np.inf) <= apart_m
     forbidden = np.zeros((n_trunk + n_person, len(place)), np.bool_)
     forbidden[n_trunk:] = at_trunks
-    reach_m = np.repeat([_CLAIM_M, gate_m], [n_trunk, n_person])
+    reach_m = np.repeat([_TRUNK_GATE_M, gate_m], [n_trunk, n_person])
     opposite = np.repeat([0.0, _OPPOSITE], [n_trunk, n_person])
     position, n_leg, free = take_legs(
         place, wide, np.concatenate([under_trunks, expected + knees]), reach_m, STRIDE_M, opposite, forbidden

@@ -10,7 +10,7 @@ from trackers.likelihood.position import PositionLikelihood
 
 
 class TrunkOptions(Strict):
-    """How exactly a trunk shows its person, and how far from a prediction it may be."""
+    """Options of how exactly a trunk shows its person, and how far from a prediction it may be."""
 
     variance_m2: float = Field(
         default=0.0015,

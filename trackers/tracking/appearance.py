@@ -1,4 +1,4 @@
-"""What tracks look like: a reference histogram each, learned from clear looks, and when to doubt a look."""
+"""Appearance of tracks: a reference histogram each, learned from clear looks, and doubtful looks left out."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Appearance(Rows):
 
     @property
     def known(self) -> Bool[Mask, "n"]:
-        """Who has been seen clearly at least once."""
+        """The tracks that have been seen clearly at least once."""
         return self.n_look > 0
 
     def learned(

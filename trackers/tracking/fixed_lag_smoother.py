@@ -30,7 +30,7 @@ class Held:
     serial: Int[Index, "n"]  # ascending; one a person, from the first measurement on
     measured: Bool[Mask, "n"]  # now
     place: Float[Array, "n 2"]  # where they were measured last [m]
-    told: dict[int, Track]  # by id, who was reported then
+    reported: dict[int, Track]  # by id, who was reported then
 
 
 class FixedLagSmoother:
@@ -51,8 +51,8 @@ class FixedLagSmoother:
         self._kept.append(held)
         frames = self._left(held.ns - self._delay_ns)
         oldest_ns = self._kept[self._next].ns - self._delay_ns
-        gone = sum(each.ns < oldest_ns for each in self._kept[: self._next])
-        self._kept, self._next = self._kept[gone:], self._next - gone
+        n_left = sum(each.ns < oldest_ns for each in self._kept[: self._next])
+        self._kept, self._next = self._kept[n_left:], self._next - n_left
         return frames
 
     def finish(self) -> list[TrackFrame]:
@@ -74,7 +74,7 @@ class FixedLagSmoother:
         seen = ~np.isnan(place[..., 0])
         fits = seen[t_s <= 0].any(axis=0) & seen[t_s >= 0].any(axis=0)
         fitted = self._fit(t_s, place[:, fits])
-        tracks = dict(now.told)
+        tracks = dict(now.reported)
         for serial, measured, row in zip(now.serial[fits].tolist(), now.measured[fits], fitted.tolist(), strict=True):
             if serial in self._ids:
                 x, y, vx, vy = row
@@ -93,7 +93,7 @@ class FixedLagSmoother:
 
 
 def _measured_places(held: Held, serial: Int[Index, "n"]) -> Float[Array, "n 2"]:
-    """Where these were measured at a moment [m], NaN who was not."""
+    """Return the measured places of these tracks in a frame [m], NaN for the others."""
     found = np.full((serial.size, 2), np.nan)
     row = np.searchsorted(held.serial, serial)
     there = (row < held.serial.size).nonzero()[0]
@@ -102,6 +102,6 @@ def _measured_places(held: Held, serial: Int[Index, "n"]) -> Float[Array, "n 2"]
     return found
 
 
-def told(tracks: Sequence[Track]) -> dict[int, Track]:
+def by_id(tracks: Sequence[Track]) -> dict[int, Track]:
     """Tracks by id."""
     return {each.id: each for each in tracks}

@@ -1,4 +1,4 @@
-"""Who is tracked: identities and the times that the rules of a track's life go by, around any batch of states."""
+"""Roster of tracks: identities and the times that track management goes by, around any batch of states."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ class StaleFrameDetector:
         self._n_return: dict[str, int] = {}
 
     def repeats(self, observation: Observation) -> bool:
-        """Whether the reading says no more than the sensor's last one did."""
+        """Return whether the reading repeats the sensor's last one."""
         sensor, values = observation.sensor, _values(observation)
         before = self._last.get(sensor)
         self._last[sensor] = values
@@ -50,7 +50,7 @@ class StaleFrameDetector:
         return n_changed == 0 and n >= _LEAST and self._noisy.get(sensor, False)
 
     def is_blank(self, observation: Observation) -> bool:
-        """Whether a scan has no reading, or has lost all the returns that the last one with a reading had."""
+        """Return whether a scan has no reading, or has lost all the returns that the last one with a reading had."""
         if not isinstance(observation, LaserScan):
             return False
         ranges = observation.ranges_m
@@ -65,7 +65,7 @@ class StaleFrameDetector:
 
 
 def _values(observation: Observation) -> NDArray:
-    """What the sensor measured, enough of it to know it again; below 0 where it measured nothing."""
+    """Return enough of a reading to recognise it; below 0 where the sensor measured nothing."""
     match observation:
         case LaserScan():
             return np.where(np.isfinite(observation.ranges_m), observation.ranges_m, -1.0)

@@ -22,7 +22,7 @@ from trackers.observations import NS_PER_S, Observation
 from trackers.tracking.stale_frames import StaleFrameDetector
 
 _GAPS = 9
-"""How many of a sensor's last gaps between observations tell its period."""
+"""Number of a sensor's last gaps between observations that tell its period."""
 
 ALONE = "without another sensor's observation near enough in time"
 BLANK = "without any reading: no beam of the scan returns, or it has none"
@@ -32,7 +32,7 @@ REPEATED = "bit for bit the same as the one before: the sensor or its driver han
 
 @dataclass(frozen=True)
 class SyncPolicy:
-    """How synchronized frames are made of observations; sensors that are not named here are ignored.
+    """Policy by which observations become synchronized frames; sensors that are not named are ignored.
 
     triggers: sensors whose observations start a frame, or join one of each other's. attached: those that join the nearest
     frame and never start one. latest: those whose newest value not after the frame is handed out with it, again and again
@@ -108,7 +108,7 @@ class FrameSynchronizer:
 
     @property
     def discarded(self) -> int:
-        """How many observations were dropped."""
+        """The number of observations dropped."""
         return self.losses.total()
 
     def add(self, observation: Observation) -> list[SyncedFrame]:
@@ -144,7 +144,7 @@ class FrameSynchronizer:
         return frames
 
     def _learn_period(self, sensor: str, ns: int) -> None:
-        """Where sensors report faster than declared, frames are nearer to one another."""
+        """Period of frames [s], shorter where sensors report faster than declared."""
         if self._rules.within_s is not None:
             return
         gap_ns = ns - self._last_ns.get(sensor, ns)
@@ -164,7 +164,7 @@ class FrameSynchronizer:
         return sensor not in left.observations and sensor not in left.repeated and ns - left.ns <= self._within_ns
 
     def _has(self, sensor: str, ns: int) -> bool:
-        """Whether an observation of that sensor and stamp is already waiting."""
+        """Return whether an observation of that sensor and stamp is already waiting."""
         waiting = [frame.observations[sensor] for frame in self._pending if sensor in frame.observations]
         waiting += [other for other in self._waiting if other.sensor == sensor]
         return any(other.stamp_ns == ns for other in waiting)
@@ -246,7 +246,7 @@ class FrameSynchronizer:
         self.losses.update((each.sensor, ALONE) for each in observations)
 
     def _lacks(self, frame: SyncedFrame, sensor: str) -> bool:
-        """Whether an awaited sensor has not yet said of the frame what it can say."""
+        """Return whether an awaited sensor has not yet reported for the frame."""
         if sensor in self._latest:
             return not self._latest[sensor] or self._latest[sensor][-1].stamp_ns < frame.ns
         return sensor not in frame.observations

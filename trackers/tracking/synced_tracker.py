@@ -1,4 +1,4 @@
-"""What trackers of synchronized frames have in common: observations are gathered, and each frame is processed once."""
+"""Base of trackers of synchronized frames: observations are gathered, and each frame is processed once."""
 
 from __future__ import annotations
 
@@ -41,16 +41,16 @@ class SynchronizedTracker(ABC):
         """Everybody, as of the moment worked last."""
 
     @abstractmethod
-    def _work(self, moment: SyncedFrame) -> None:
+    def _work(self, synced: SyncedFrame) -> None:
         """Take the tracks on to a moment."""
 
     def _maps(self) -> tuple[ScoreMap | Hypotheses, ...]:
-        """What pictures showed of them in that moment, or was thought; none, unless a tracker tells."""
+        """Return the score maps or hypotheses of the last frame; none, unless a tracker has them."""
         return ()
 
-    def _work_all(self, moments: list[SyncedFrame]) -> list[TrackFrame]:
+    def _work_all(self, synced_frames: list[SyncedFrame]) -> list[TrackFrame]:
         frames = []
-        for moment in moments:
-            self._work(moment)
-            frames.append(TrackFrame(moment.ns, tuple(self.tracks()), self._maps()))
+        for synced in synced_frames:
+            self._work(synced)
+            frames.append(TrackFrame(synced.ns, tuple(self.tracks()), self._maps()))
         return frames

@@ -112,14 +112,14 @@ class TrackManager:
 
 def reachable(
     last_seen: Float[Array, "n 2"],
-    unseen_ns: NDArray[np.int64],
+    coasted_ns: NDArray[np.int64],
     positions: Float[Array, "k 2"],
     options: ReidentificationOptions,
 ) -> Bool[Mask, "n k"]:
-    """Select the pairs of a track, not measured for `unseen_ns` (n,), and a position [m] that its person may have reached."""
+    """Select the pairs of a track, not measured for `coasted_ns` (n,), and a position [m] that its person may have reached."""
     if options.reid_speed_m_s is None:
         return np.zeros((len(last_seen), len(positions)), np.bool_)
-    reach_m = options.reid_m + options.reid_speed_m_s * (unseen_ns / NS_PER_S)
+    reach_m = options.reid_m + options.reid_speed_m_s * (coasted_ns / NS_PER_S)
     return distances(last_seen, positions) <= reach_m[:, None]
 
 

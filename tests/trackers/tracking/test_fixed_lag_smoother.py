@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from trackers.observations import NS_PER_S
-from trackers.tracking.fixed_lag_smoother import FixedLagSmoother, Held, told
+from trackers.tracking.fixed_lag_smoother import FixedLagSmoother, Held, by_id
 from trackers.tracks import Track, TrackFrame
 
 STEP_NS = NS_PER_S // 10
@@ -22,7 +22,7 @@ def walked(
     for k, (here, seen) in enumerate(zip(place, measured, strict=True)):
         last = here if seen else last
         tracks = [Track(7, *last.tolist(), status="confirmed" if seen else "coasting")] if k >= confirmed_from else []
-        held = Held(k * STEP_NS, np.array([4]), np.array([seen]), last[None], told(tracks))
+        held = Held(k * STEP_NS, np.array([4]), np.array([seen]), last[None], by_id(tracks))
         frames += back.add(held, np.array([7 if k >= confirmed_from else 0]))
         n_left.append(len(frames))
     return frames + back.finish(), n_left
