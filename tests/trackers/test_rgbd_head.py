@@ -183,7 +183,8 @@ def test_weights_are_those_of_one_head_after_another(rules):
 def test_directions_are_weighed_as_hypotheses_that_face_there(by_person):
     rules = {"person_colour": {} if by_person else None, "skin_share": None if by_person else {}}
     round_m = (0.09, 0.09, 0.125)  # whose outline is the same however it is turned
-    options = StereoHeadOptions(points=64, semi_axes_m=round_m, silhouette=None, depth=None, **rules)
+    given = {"points": 64, "semi_axes_m": round_m, "silhouette": None, "depth": None}
+    options = StereoHeadOptions.model_validate(given | rules)
     camera, picture = camera_and_picture()
     likelihood, colours = StereoHeads([camera.camera], MODEL, options), HeadColours.unknown(3).expected(MODEL.common)
     heads, turns = WALK[10].T, np.arange(72) * 2 * np.pi / 72

@@ -110,7 +110,8 @@ class BodyFilter:
             if len(views) > 1 and options.under_head_m:  # one picture does not tell how far off a head is
                 stages.append(self._under_head(people, dt))
             if loads is not None and self._options.use_floor:
-                stages.append(lambda places, _: loads.likelihood.log_likelihood(places[:2]))
+                over = loads.likelihood
+                stages.append(lambda places, _: over.log_likelihood(places[:2]))
             stages.append(self._seen_by(views, people))
             return staged(stages)(state)
 

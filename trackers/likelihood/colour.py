@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float, Float32, Int, Int32
 from pydantic import Field, FiniteFloat
 
-from trackers.arrays import AnyArray, Array, Floats, Index, Singles
+from trackers.arrays import AnyArray, Array, Index, Singles
 from trackers.configuration import Strict
 from trackers.vision.head_colours import COLOURS, SHARES
 from trackers.vision.stereo_picture import IN_PICTURE, SKIN, mean_of, share_of
@@ -59,11 +59,13 @@ class SkinShareOptions(Strict):
 
     def share(self, pixels: Int32[AnyArray, "points n"]) -> Float[Singles, "n"]:
         """Return c̄: the share of skin among the pixels of each ellipse that are in the picture."""
-        return share_of(pixels, SKIN) / np.maximum(share_of(pixels, IN_PICTURE), np.float32(1 / len(pixels)))
+        in_picture = np.maximum(share_of(pixels, IN_PICTURE), np.float32(1 / len(pixels)))
+        return np.asarray(share_of(pixels, SKIN) / in_picture, np.float32)
 
     def expected(self, facing: Float[Singles, "*n"]) -> Float[Singles, "*n"]:
         """Return ĉ of a head whose nose points `facing` away from the camera [rad]; largest from the front."""
-        return np.float32(self.behind) + np.float32((self.front - self.behind) / 2) * (1 + np.cos(facing))
+        share = np.float32(self.behind) + np.float32((self.front - self.behind) / 2) * (1 + np.cos(facing))
+        return np.asarray(share, np.float32)
 
     def log_likelihood(self, share: Float[Singles, "..."], facing: Float[Singles, "..."]) -> Float[Singles, "..."]:
         """Return log-likelihoods of heads by their shares of skin, and by where their noses point."""
@@ -83,7 +85,7 @@ def window_log_likelihood(
     window: WindowOptions,
     references: Sequence[tuple[Float32[Singles, "n padded"], Int[Index, "k"]]],
     strength: float,
-) -> Float[Floats, "k"]:
+) -> Float[Array, "k"]:
     """Add to log-likelihoods of places −λ D² (Mori et al., eq. 5) of the colours about their pixels, in every view.
 
     so_far: −∞ where a place is impossible already, which is not looked at. references: for each view the roots of

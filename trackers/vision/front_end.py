@@ -24,7 +24,7 @@ from trackers.rig import CameraSensor, placed_camera
 from trackers.vision.foreground import Foreground, ForegroundOptions, shows_floor
 from trackers.vision.hsv import Hsv, hsv_of
 
-Picture = TypeVar("Picture", Image, DepthImage)
+Picture = TypeVar("Picture", bound=Image | DepthImage)
 
 _BLIND_FROM = 0.6
 """Share of a picture that is foreground from which it shows no people but a covered lens, or another light."""
