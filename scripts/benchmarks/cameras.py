@@ -23,7 +23,7 @@ from twin.scenario.sensors import SensorDescription, build_sensor
 from twin.sensors.camera_noise import CAMERA_NOISE
 from twin.sensors.layers import Noisy
 from twin.sensors.pinhole import Pinhole
-from twin.sensors.rays import cast
+from twin.sensors.rays import trace_rays
 from twin.sensors.render import OffscreenRenderer, RendererOnDemand
 from twin.sensors.sensor import Sensor
 from twin.world.simulation import Simulation
@@ -162,7 +162,7 @@ def _depths(content: dict, renderer: RendererOnDemand, snapshot: Snapshot) -> tu
     length = np.linalg.norm(rays, axis=2)
     unit = (rays / length[..., None]).reshape(-1, 3) @ rig.room_from_sensor.rotation.T
     geom, distance = np.empty(len(unit), dtype=np.int32), np.empty(len(unit))
-    cast(snapshot, rig.room_from_sensor.translation, np.ascontiguousarray(unit), geom, distance)
+    trace_rays(snapshot, rig.room_from_sensor.translation, np.ascontiguousarray(unit), geom, distance)
     return reading.observation.depth_m, distance.reshape(length.shape) / length
 
 

@@ -14,7 +14,7 @@ from trackers.environment import Environment, build_environment
 from twin.environment.run import scan_scenario
 from twin.instant.snapshot import Snapshot
 from twin.scenario import Scenario
-from twin.sensors.rays import cast
+from twin.sensors.rays import trace_rays
 
 _POINTS = 2000
 _TOPS = {
@@ -96,7 +96,7 @@ def _top_gap(environment: Environment, snapshot: Snapshot, name: str) -> float:
 def _first_below(snapshot: Snapshot, place: np.ndarray) -> int:
     """The geom that a ray from 1 m above a place meets first."""
     geom, distance = np.empty(1, dtype=np.int32), np.empty(1)
-    cast(snapshot, place + np.array([0.0, 0.0, 1.0]), np.array([[0.0, 0.0, -1.0]]), geom, distance)
+    trace_rays(snapshot, place + np.array([0.0, 0.0, 1.0]), np.array([[0.0, 0.0, -1.0]]), geom, distance)
     return int(geom[0])
 
 

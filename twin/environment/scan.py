@@ -24,7 +24,7 @@ from twin.people.crowd.crowd import planar
 from twin.room.building import check_mount
 from twin.room.obstacles import Footprints
 from twin.sensors.laser_noise import LaserNoise
-from twin.sensors.rays import cast
+from twin.sensors.rays import trace_rays
 from twin.streams import stream
 from twin.world.scene import Scene
 
@@ -120,7 +120,7 @@ def _measure_fan(
 ) -> Array:
     """Return the ranges (n,) [m] along the directions (n, 3) of one fan; not finite without a return."""
     geom, distance = np.empty(len(directions), dtype=np.int32), np.empty(len(directions))
-    cast(snapshot, place, directions, geom, distance, normal=normal, range_max_m=scanner.range_max_m)
+    trace_rays(snapshot, place, directions, geom, distance, normal=normal, range_max_m=scanner.range_max_m)
     ranges = distance.astype(np.float32)
     ranges[distance < scanner.range_min_m] = np.nan
     ranges[(distance < 0) | (distance > scanner.range_max_m)] = np.inf
@@ -239,5 +239,5 @@ def _look(snapshot: Snapshot, place: Array) -> tuple[Array, Array]:
     flat = np.sqrt(1 - up**2)
     directions = np.stack([flat * np.cos(turn), flat * np.sin(turn), up], axis=-1)
     geom, distance = np.empty(_LOOK_RAYS, dtype=np.int32), np.empty(_LOOK_RAYS)
-    cast(snapshot, place, directions, geom, distance, range_max_m=_LOOK_M)
+    trace_rays(snapshot, place, directions, geom, distance, range_max_m=_LOOK_M)
     return distance, directions

@@ -73,7 +73,7 @@ class Laser:
     ) -> tuple[Reading, State]:
         """Return the ideal scan; `rng` and `state` are not used."""
         for sector, snapshot in zip(self._sectors, snapshots, strict=True):
-            geom, self._distance[sector] = self._fan.cast(snapshot, sector)
+            geom, self._distance[sector] = self._fan.trace(snapshot, sector)
             # A miss has geom -1 and takes the last geom's person here; it is cleared with the range below.
             self._person[sector] = snapshot.person_of_geom[geom]
         distance, person = self._distance, self._person

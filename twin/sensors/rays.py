@@ -1,4 +1,4 @@
-"""Rays cast from one point: the geoms they hit first and the distances, once or again and again from a fixed place."""
+"""Rays traced from one point: the geoms they hit first and the distances, once or again and again from a fixed place."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _MARGIN_M = 1e-6
 """By how much bounds are wider than they are, so that rounding leaves nothing out [m]."""
 
 
-def cast(
+def trace_rays(
     snapshot: Snapshot,
     origin_m: Array,
     directions: Array,
@@ -68,10 +68,10 @@ Hits = tuple[NDArray[np.int32], Array]
 
 
 class RayFan:
-    """Rays in one plane whose ranges in the room are kept: only people are cast again, by the rays that pass near them.
+    """Rays in one plane whose ranges in the room are kept: only people are traced again, by the rays that pass near them.
 
     The same to the bit as casting all rays at everything, and cheaper by what there is in the room. Kept ranges are good
-    as long as nothing but people has moved, which every cast checks.
+    as long as nothing but people has moved, which every trace checks.
     """
 
     def __init__(self, origin_m: Array, directions: Array, normal: Array, range_max_m: float) -> None:
@@ -84,7 +84,7 @@ class RayFan:
         self._poses = np.zeros((0, 12))
         self._kept: Hits = np.zeros(0, dtype=np.int32), np.zeros(0)
 
-    def cast(self, snapshot: Snapshot, rays: slice) -> Hits:
+    def trace(self, snapshot: Snapshot, rays: slice) -> Hits:
         """Return the first hits of some of the rays."""
         room, room_m = self._in_the_room(snapshot)
         geom, distance_m = room[rays].copy(), room_m[rays].copy()
@@ -114,7 +114,7 @@ class RayFan:
 
     def _meet(self, snapshot: Snapshot, directions: Array, left_out: NDArray[np.bool_]) -> Hits:
         geom, distance_m = np.empty(len(directions), dtype=np.int32), np.empty(len(directions))
-        cast(
+        trace_rays(
             snapshot, self.origin_m, directions, geom, distance_m, normal=self._normal, left_out=left_out,
             range_max_m=self._range_max_m,
         )  # fmt: skip

@@ -20,7 +20,7 @@ from twin.instant.snapshot import Snapshot
 from twin.scenario import Scenario
 from twin.scenario.housings import in_the_room
 from twin.scenario.sensors import LaserDescription
-from twin.sensors.rays import RayFan, cast
+from twin.sensors.rays import RayFan, trace_rays
 from twin.studies.spec import Coverage
 from twin.truth.visibility import SensorView, first_hits, sensor_view
 from twin.world.precomputed import PrecomputedScene
@@ -142,14 +142,14 @@ class SensorVisibility:
         directions = (points[free] - self.view.room_from_sensor_xyz) / gap_m[:, None]
         geom, met_m = np.empty(len(gap_m), dtype=np.int32), np.empty(len(gap_m))
         if len(gap_m):
-            cast(snapshot, self.view.room_from_sensor_xyz, np.ascontiguousarray(directions), geom, met_m)
+            trace_rays(snapshot, self.view.room_from_sensor_xyz, np.ascontiguousarray(directions), geom, met_m)
         sharp[free] = np.where((met_m < 0) | (met_m >= gap_m - _NUDGE_M), sharp[free], 0.0)
         return sharp.reshape(len(heights), -1)
 
     def _bodies(self, snapshot: Snapshot, sample: WorldSample) -> Mask:
         """Return the visible people of those in the area at a sample, (n,)."""
         if self._fan is not None:
-            geom, _ = self._fan.cast(snapshot, slice(None))
+            geom, _ = self._fan.trace(snapshot, slice(None))
             met = snapshot.person_of_geom[geom[geom >= 0]]
             counts = np.bincount(met, minlength=int(sample.ids.max()) + 1)
             return counts[sample.ids] >= self._coverage.beams
@@ -176,7 +176,7 @@ class SensorVisibility:
     def _beams_at(self, snapshot: Snapshot, cells_m: Array) -> Array:
         """Count the unobstructed beams that would meet a body at each cell (n, 2) [m], (n,)."""
         assert self._fan is not None
-        _, range_m = self._fan.cast(snapshot, slice(None))
+        _, range_m = self._fan.trace(snapshot, slice(None))
         reach = np.where(range_m < 0, np.inf, range_m).astype(np.float32)
         if self._look is None or self._look[0] is not cells_m:
             self._look = cells_m, *self._lookup(cells_m)

@@ -20,7 +20,7 @@ from twin.instant.snapshot import Snapshot
 from twin.scenario.cameras import PinholeDescription, StereoDescription
 from twin.scenario.pressure_floor import FloorDescription
 from twin.scenario.sensors import FisheyeDescription, LaserDescription, SensorDescription
-from twin.sensors.rays import bounding_radius, cast, passes_spheres
+from twin.sensors.rays import bounding_radius, passes_spheres, trace_rays
 from twin.truth.frames import Box
 
 _PLANE_BAND_M = 0.15
@@ -133,7 +133,7 @@ class _Rays:
         """Return the person each ray meets first, without the geoms left out, (n,), and the distance (n,) [m], -1 for none."""
         geom, hit_m = np.empty(self.ids.size, dtype=np.int32), np.empty(self.ids.size)
         if self.ids.size:
-            cast(
+            trace_rays(
                 self.snapshot, self.view.room_from_sensor_xyz, self.directions, geom, hit_m, normal=self.view.normal,
                 left_out=left_out, range_max_m=float(self.distance_m.max()),  # nothing beyond all points hides any
             )  # fmt: skip

@@ -16,7 +16,7 @@ from twin.report.lettering import Tag
 from twin.report.palette import RGB
 from twin.report.scene_pictures import axes_towards
 from twin.room.building import check_mount
-from twin.sensors.rays import cast
+from twin.sensors.rays import trace_rays
 from twin.world.world import World
 
 _AZIMUTHS_DEG = (30, -30, 60, -60, 80, -80, 0, 100, -100, 130, -130, 160, -160, 180)
@@ -196,7 +196,7 @@ def _in_the_way(snapshot: Snapshot, eye: Array, target: Array, half_height: floa
 def _met(snapshot: Snapshot, eye: Array, rays: Array) -> tuple[NDArray[np.int32], Array]:
     """Return the geoms that unit rays (n, 3) from `eye` meet first, -1: none, and the distances, infinite: none [m]."""
     geom, distance = np.empty(len(rays), dtype=np.int32), np.empty(len(rays))
-    cast(snapshot, np.ascontiguousarray(eye), np.ascontiguousarray(rays), geom, distance)
+    trace_rays(snapshot, np.ascontiguousarray(eye), np.ascontiguousarray(rays), geom, distance)
     return geom, np.where(distance < 0, np.inf, distance)
 
 

@@ -14,7 +14,7 @@ from twin.environment.run import scan_scenario, scenario_environment
 from twin.environment.scan import TiltingScanner, chosen_stations, given_stations, scan_room
 from twin.scenario import Scenario
 from twin.sensors.laser_noise import LASER_NOISE
-from twin.sensors.rays import cast
+from twin.sensors.rays import trace_rays
 from twin.world.world import World
 
 pytestmark = pytest.mark.slow
@@ -95,7 +95,7 @@ def is_bare(snapshot, place):
     aside = 0.07 * np.array([(x, y, 0) for x in (-1, 0, 1) for y in (-1, 0, 1)])
     geom, distance = np.empty(1, dtype=np.int32), np.empty(1)
     for start in place + np.array([0.0, 0.0, 1.0]) + aside:
-        cast(snapshot, start, np.array([[0.0, 0.0, -1.0]]), geom, distance)
+        trace_rays(snapshot, start, np.array([[0.0, 0.0, -1.0]]), geom, distance)
         if distance[0] < 1.0 - 0.01:
             return False
     return True
@@ -129,7 +129,7 @@ def test_the_points_lie_on_the_room(scanned):
         way = cloud.points_m[mine] - origin
         reach = np.linalg.norm(way, axis=1)
         geom, distance = np.empty(len(mine), dtype=np.int32), np.empty(len(mine))
-        cast(snapshot, origin, np.ascontiguousarray(way / reach[:, None]), geom, distance)
+        trace_rays(snapshot, origin, np.ascontiguousarray(way / reach[:, None]), geom, distance)
         gaps.append(np.abs(reach - distance))
     gaps = np.concatenate(gaps)
     assert np.median(gaps) < 0.008
@@ -166,7 +166,7 @@ def test_without_noise_every_point_is_exact():
     way = points - cloud.origins_m[0]
     reach = np.linalg.norm(way, axis=1)
     geom, distance = np.empty(len(way), dtype=np.int32), np.empty(len(way))
-    cast(snapshot, cloud.origins_m[0], np.ascontiguousarray(way / reach[:, None]), geom, distance)
+    trace_rays(snapshot, cloud.origins_m[0], np.ascontiguousarray(way / reach[:, None]), geom, distance)
     # but for rays along an edge, which rounding takes past it
     assert (np.abs(reach - distance) < 1e-5).mean() > 0.999
     floor = np.abs(points[:, 2]) < 1e-4
@@ -245,7 +245,7 @@ def test_the_background_of_a_scanner_on_the_wall_agrees_with_its_room():
     for room in ("lab", "meeting_room"):
         snapshot = World(scenario(room)).empty_snapshot(0.0)
         geom, distance = np.empty(len(angles), dtype=np.int32), np.empty(len(angles))
-        cast(snapshot, origin, directions, geom, distance)
+        trace_rays(snapshot, origin, directions, geom, distance)
         agreed[room] = environment.agreement(origin + distance[:, None] * directions)
     assert agreed["lab"] > 0.9
     assert agreed["meeting_room"] < 0.5

@@ -10,7 +10,7 @@ from twin.instant.snapshot import Snapshot
 from twin.report.scene_pictures import axes_towards
 from twin.scenario import load_scenario
 from twin.scenario.scenario import Scenario
-from twin.sensors.rays import cast
+from twin.sensors.rays import trace_rays
 from twin.sensors.render import OffscreenRenderer
 from twin.sensors.render_scene import RenderView
 from twin.world.simulation import Simulation
@@ -81,6 +81,6 @@ def disagreements(snapshot: Snapshot, eyes_m: list[Place], target_m: Place) -> l
             geom_of_number = renderer.render(snapshot.data, eye, [view], None, numbers=numbers)
             drawn = geom_of_number[numbers[..., :3].astype(int) @ [1, 256, 65536]].reshape(-1)
             met, distance = np.empty(len(directions), dtype=np.int32), np.empty(len(directions))
-            cast(snapshot, eye, np.ascontiguousarray(directions), met, distance)
+            trace_rays(snapshot, eye, np.ascontiguousarray(directions), met, distance)
             found.append(float((drawn != met).mean()))
     return found

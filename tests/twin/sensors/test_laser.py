@@ -9,7 +9,7 @@ from trackers.rig import LaserSensor, Pose
 from twin.instant.snapshot import Snapshot
 from twin.scenario.sensors import LaserDescription
 from twin.sensors.laser import Laser
-from twin.sensors.rays import cast
+from twin.sensors.rays import trace_rays
 
 _ARENA = """
 <mujoco>
@@ -166,7 +166,7 @@ def test_leaving_out_what_the_plane_cannot_meet_changes_no_range(world: CapsuleW
     found = []
     for normal in (None, pose.rotation[:, 2]):
         geom, distance_m = np.empty(720, dtype=np.int32), np.empty(720)
-        cast(snapshot, pose.translation, directions, geom, distance_m, normal=normal)
+        trace_rays(snapshot, pose.translation, directions, geom, distance_m, normal=normal)
         found.append((geom, distance_m))
     assert np.array_equal(found[0][0], found[1][0])
     assert np.array_equal(found[0][1], found[1][1])

@@ -7,7 +7,7 @@ from capsule_room import CapsuleWorld, capsule_model
 
 from trackers.rig import Pose
 from twin.instant.snapshot import Snapshot
-from twin.sensors.rays import RayFan, cast
+from twin.sensors.rays import RayFan, trace_rays
 
 _BEAMS = 720
 _RANGE_M = 6.0
@@ -32,7 +32,7 @@ def fan_and_rays(pitch_rad: float = 0.0) -> tuple[RayFan, np.ndarray, np.ndarray
 
 def cast_anew(snapshot: Snapshot, origin_m: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     geom, distance_m = np.empty(_BEAMS, dtype=np.int32), np.empty(_BEAMS)
-    cast(snapshot, origin_m, rays, geom, distance_m, range_max_m=_RANGE_M)
+    trace_rays(snapshot, origin_m, rays, geom, distance_m, range_max_m=_RANGE_M)
     return geom, distance_m
 
 
@@ -43,7 +43,7 @@ def test_every_cast_is_that_of_all_rays_at_everything(world: CapsuleWorld, pitch
     for t in np.arange(0.0, 2.0, 0.25):
         snapshot = world.snapshot(float(t))
         geom, distance_m = cast_anew(snapshot, origin_m, rays)
-        found = [fan.cast(snapshot, slice(first, first + 240)) for first in range(0, _BEAMS, 240)]
+        found = [fan.trace(snapshot, slice(first, first + 240)) for first in range(0, _BEAMS, 240)]
         assert np.array_equal(np.concatenate([each for each, _ in found]), geom)
         assert np.array_equal(np.concatenate([each for _, each in found]), distance_m)
         people += int((snapshot.person_of_geom[geom[geom >= 0]] > 0).sum())
@@ -58,7 +58,7 @@ def test_a_room_that_moves_is_met_where_it_is():
     for t in (0.0, 1.0, 2.0):
         snapshot = world.snapshot(t)
         geom, distance_m = cast_anew(snapshot, origin_m, rays)
-        found = fan.cast(snapshot, slice(None))
+        found = fan.trace(snapshot, slice(None))
         assert np.array_equal(found[0], geom)
         assert np.array_equal(found[1], distance_m)
         met.append(np.flatnonzero(world.model.geom_bodyid[geom] == door))
@@ -68,8 +68,8 @@ def test_a_room_that_moves_is_met_where_it_is():
 
 def test_another_model_is_another_room(world: CapsuleWorld):
     fan, origin_m, rays = fan_and_rays()
-    fan.cast(world.snapshot(0.0), slice(None))
+    fan.trace(world.snapshot(0.0), slice(None))
     empty = CapsuleWorld(capsule_model({})).snapshot(0.0)
-    geom, distance_m = fan.cast(empty, slice(None))
+    geom, distance_m = fan.trace(empty, slice(None))
     assert np.array_equal(geom, cast_anew(empty, origin_m, rays)[0])
     assert np.array_equal(distance_m, cast_anew(empty, origin_m, rays)[1])

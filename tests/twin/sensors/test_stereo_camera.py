@@ -13,7 +13,7 @@ from trackers.observations import DepthImage
 from trackers.rig import Pose, StereoSensor
 from twin.scenario.cameras import StereoDescription
 from twin.scenario.sensors import SensorDescription, build_sensor
-from twin.sensors.rays import cast
+from twin.sensors.rays import trace_rays
 from twin.sensors.render import RendererOnDemand
 from twin.sensors.sensor import State
 from twin.sensors.stereo import Stereo
@@ -73,7 +73,7 @@ def by_rays(world: CapsuleWorld, camera: StereoDescription) -> NDArray[np.float6
     length = np.linalg.norm(rays, axis=2)
     unit = np.ascontiguousarray((rays / length[..., None]).reshape(-1, 3) @ rig.room_from_sensor.rotation.T)
     geom, distance = np.empty(len(unit), dtype=np.int32), np.empty(len(unit))
-    cast(world.snapshot(0.0), rig.room_from_sensor.translation, unit, geom, distance)
+    trace_rays(world.snapshot(0.0), rig.room_from_sensor.translation, unit, geom, distance)
     return np.where(distance < 0, np.inf, distance).reshape(length.shape) / length
 
 

@@ -7,7 +7,7 @@ import pytest
 from trackers.cameras import FisheyeIntrinsics
 from twin.instant.snapshot import Snapshot
 from twin.scenario import load_scenario
-from twin.sensors.rays import cast
+from twin.sensors.rays import trace_rays
 from twin.truth.visibility import SensorView, first_hits
 from twin.world.simulation import Simulation
 
@@ -22,7 +22,7 @@ def met_one_by_one(view: SensorView, snapshot: Snapshot, points: np.ndarray, ids
     way = points - view.room_from_sensor_xyz
     far = np.linalg.norm(way, axis=-1)
     geom, hit_m = np.empty(far.size, dtype=np.int32), np.empty(far.size)
-    cast(snapshot, view.room_from_sensor_xyz, (way / far[..., None]).reshape(-1, 3), geom, hit_m)
+    trace_rays(snapshot, view.room_from_sensor_xyz, (way / far[..., None]).reshape(-1, 3), geom, hit_m)
     reaches = (hit_m < 0) | (hit_m >= far.ravel() - 1e-9)
     return np.where(reaches, np.repeat(ids, far.shape[1]), snapshot.person_of_geom[geom]).reshape(far.shape)
 
