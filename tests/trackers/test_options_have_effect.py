@@ -100,7 +100,8 @@ def absurd(value: Any) -> list[Any]:
         return [value[:1], tuple(absurd(each)[0] for each in value)]
     if isinstance(value, int):
         return [1, 10 * value + 7, 0]
-    return [0.001 * value, 0.999, 1000 * value + 50.0, 3 * value + 0.3, 0.0, -1.0]
+    far = [0.001 * value, 0.999, 1000 * value + 50.0, 3 * value + 0.3, 0.0, -1.0]
+    return [other for other in far if other != value]
 
 
 def nested(path: str, value: Any) -> dict[str, Any]:
