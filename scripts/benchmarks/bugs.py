@@ -114,7 +114,7 @@ _BY_FILE = {
         ),
     ],
     "trackers/laser/group.py": [
-        ("what one beam shows starts a track", "ScannerGroup.firm", "self._least", "1"),
+        ("what one beam shows starts a track", "ScannerGroup.sufficient", "self._least", "1"),
         (
             "weighted by variance, not its inverse",
             "fused",

@@ -235,12 +235,12 @@ def of_one(measured: Detections, unseen: float, existence: float = 1.0, trunk: b
 
 def test_who_stands_in_plain_sight_is_what_is_seen_there_and_who_is_hidden_stays_hidden():
     """More than four deviations from where they are expected."""
-    there, options = detections((0.9, 2.0)), {"trunk": {"gate_m": 2.0}}
-    assert of_one(there, unseen=0.01, **options).track.tolist() == [0]
-    hidden = of_one(there, unseen=0.9, **options)
+    there = detections((0.9, 2.0))
+    assert of_one(there, unseen=0.01).track.tolist() == [0]
+    hidden = of_one(there, unseen=0.9)
     assert hidden.track.tolist() == []
     assert hidden.new_trunk.tolist() == [0]
-    assert of_one(there, unseen=0.9, **options, clutter_density_m2=None).track.tolist() == [0]
+    assert of_one(there, unseen=0.9, clutter_density_m2=None).track.tolist() == [0]
 
 
 def test_who_is_likely_gone_is_not_the_next_to_come():

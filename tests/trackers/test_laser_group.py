@@ -90,7 +90,7 @@ def both_scans(walk: Walk, k: int, seed: int = 3) -> dict:
 def test_a_beam_of_each_of_two_scanners_is_enough_for_somebody_new():
     both = fused(detections((1.0, 1.0), (3.0, 0.0), n_sample=1), detections((1.1, 1.0), column=1, n_sample=1), 0.2)
     assert both.n_sample.tolist() == [2, 1]
-    assert ScannerGroup({"front": FRONT}, EMPTY, KneeOptions()).firm(both).tolist() == [True, False]
+    assert ScannerGroup({"front": FRONT}, EMPTY, KneeOptions()).sufficient(both).tolist() == [True, False]
 
 
 def test_where_another_scanner_looks_past_there_is_nothing():

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, strategies as st
 
 from trackers.errors import InputError
+from trackers.filters.cascade import cascade
 from trackers.filters.circular import circular_mean
 from trackers.filters.negative_information import update_missed_particles
 from trackers.filters.particle import Cloud, ParticleFilter
 from trackers.filters.proposal import MixtureProposal
-from trackers.filters.staged import staged
 
 STEP_M, FRESH_M = 0.5, 2.0
 
@@ -79,10 +79,10 @@ def test_stages_are_asked_about_survivors_alone_and_add_up():
         return -np.abs(particles[0] - 0.1 * of_set)
 
     state = np.array([[[0.2, 5.0, -0.4], [0.9, 0.3, -2.0]]])
-    total = staged([inside, near])(state)
+    total = cascade([inside, near])(state)
     assert asked == [6, 4]
     np.testing.assert_allclose(total, [[-0.7, -np.inf, -0.9], [-1.3, -0.7, -np.inf]])
-    assert np.isneginf(staged([lambda particles, of_set: np.full(of_set.size, -np.inf), near])(state)).all()
+    assert np.isneginf(cascade([lambda particles, of_set: np.full(of_set.size, -np.inf), near])(state)).all()
     assert asked == [6, 4]  # nobody was left to ask about
 
 

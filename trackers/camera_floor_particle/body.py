@@ -11,8 +11,8 @@ from trackers.arrays import Array, Index, Mask
 from trackers.camera_floor_particle.loads import Loads
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions, ExclusionOptions, MotionOptions
 from trackers.camera_floor_particle.people import People
+from trackers.filters.cascade import LikelihoodStage, cascade
 from trackers.filters.particle import Cloud, ParticleFilter
-from trackers.filters.staged import LikelihoodStage, staged
 from trackers.likelihood.colour import window_log_likelihood
 from trackers.likelihood.silhouette import point_log_likelihood
 from trackers.vision.views import Views, padded_roots
@@ -113,7 +113,7 @@ class BodyFilter:
                 over = loads.likelihood
                 stages.append(lambda places, _: over.log_likelihood(places[:2]))
             stages.append(self._seen_by(views, people))
-            return staged(stages)(state)
+            return cascade(stages)(state)
 
         cloud = FILTER.step(people.body, move, log_likelihood, rng)
         place = cloud.expectation(cloud.state).T

@@ -11,10 +11,10 @@ from trackers.camera_floor_particle.body import FILTER, in_room, smoothed, sprea
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
 from trackers.camera_floor_particle.pan import aligned, learned, looks, pan_bin, turned, whole
 from trackers.camera_floor_particle.people import PAN_BINS, People
+from trackers.filters.cascade import LikelihoodStage, cascade
 from trackers.filters.circular import circular_mean, drawn
 from trackers.filters.particle import Cloud
 from trackers.filters.proposal import MixtureProposal
-from trackers.filters.staged import LikelihoodStage, staged
 from trackers.likelihood.colour import window_log_likelihood
 from trackers.likelihood.silhouette import point_log_likelihood
 from trackers.vision.views import BINS, Views, padded_roots
@@ -55,7 +55,7 @@ class HeadFilter:
             return about + sigma * rng.standard_normal((4, len(people), count))
 
         stages = [in_room(self._area), self._near_body(people), self._seen_by(views, people)]
-        cloud = FILTER.step_proposed(people.head, MixtureProposal(options.share, move, draw), staged(stages), rng)
+        cloud = FILTER.step_proposed(people.head, MixtureProposal(options.share, move, draw), cascade(stages), rng)
         place = cloud.expectation(cloud.state[:3]).T
         velocity = smoothed(people.head_velocity, place - people.head_place, dt, options.motion)
         people = people.changed(head=cloud, head_place=place, head_velocity=velocity)

@@ -84,12 +84,12 @@ class ScannerGroup:
         for column, (name, layer) in enumerate(self.layers.items()):
             if name in scans and len(scans) > 1:
                 seen_past |= layer.passes(scans[name], together.position.T) & ~together.scanner[:, column]
-        return together.select(~seen_past if weak else ~seen_past & self.firm(together))
+        return together.select(~seen_past if weak else ~seen_past & self.sufficient(together))
 
     def _scans(self, observations: Mapping[str, Observation]) -> dict[str, LaserScan]:
         return {name: scan for name in self.layers if isinstance(scan := observations.get(name), LaserScan)}
 
-    def firm(self, detections: Detections) -> Bool[Mask, "k"]:
+    def sufficient(self, detections: Detections) -> Bool[Mask, "k"]:
         """Which of the group's detections enough samples show to be somebody new."""
         return detections.n_sample >= self._least
 

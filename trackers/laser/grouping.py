@@ -92,12 +92,12 @@ def take_legs(
 
 
 def pair_off(
-    legs: Float[Array, "k 2"], pair_m: float, firm: Bool[Mask, "k"] | None = None
+    legs: Float[Array, "k 2"], pair_m: float, sufficient: Bool[Mask, "k"] | None = None
 ) -> tuple[Float[Array, "p 2"], Int[Index, "p"]]:
     """People from legs that nobody expected, and how many legs each has.
 
     Legs pair off from the closest up, at most `pair_m` apart, so that two people side by side, whose own legs are closer to
-    one another than to the neighbour's, stay two. firm: those that are somebody even alone (None: all).
+    one another than to the neighbour's, stay two. sufficient: legs that are a person even alone (None: all).
     """
     free = np.ones(len(legs), np.bool_)
     people = []
@@ -107,8 +107,8 @@ def pair_off(
         if free[one] and free[other]:
             free[one] = free[other] = False
             people.append(0.5 * (legs[one] + legs[other]))
-    if firm is not None:
-        free &= firm
+    if sufficient is not None:
+        free &= sufficient
     position = np.concatenate([np.reshape(people, (-1, 2)), legs[free]])
     return position, np.repeat(np.array([2, 1], np.intp), [len(people), free.sum()])
 

@@ -148,7 +148,7 @@ class Association:
         knees = np.where(seated[:, None], hidden.posture.knees, 0.0)
         apart_m = options.track_management.apart_m
         gate_m = self._leg_gate_m
-        return pair_legs(seen.legs, seen.firm, under, hidden.positions, knees, apart_m, gate_m, options.legs)
+        return pair_legs(seen.legs, seen.sufficient, under, hidden.positions, knees, apart_m, gate_m, options.legs)
 
     def _explained(self, cost: Costs, colour: Float[Array, "n k"], without: Bool[Mask, "k"] | bool = False) -> Stage:
         """Pair what predictions explain, but for the measurements `without`; colour: E, NaN where unknown."""

@@ -30,7 +30,7 @@ class Seen:
 
     trunks: Detections
     legs: Detections
-    firm: Bool[Mask, "l"]  # the legs that enough samples show to be somebody new's
+    sufficient: Bool[Mask, "l"]  # the legs that enough samples show to be somebody new's
     windows: TorsoWindows | None
     histograms: Float[Array, "k bins"]  # of the trunks; meaningful where comparable
     comparable: Bool[Mask, "k"]
@@ -94,11 +94,11 @@ class Detector:
     def detect(self, synced: SyncedFrame) -> Seen:
         """Detect people of the frame in the area. Raises InputError for an image of another size than the rig's."""
         trunks, legs = self._scanned(synced, "waist"), self._scanned(synced, "knee")
-        firm = self._groups["knee"].firm(legs) if "knee" in self._groups else np.empty(0, np.bool_)
+        sufficient = self._groups["knee"].sufficient(legs) if "knee" in self._groups else np.empty(0, np.bool_)
         image = None if self._camera is None else synced.observations.get(self._camera)
         if self._projector is None or not isinstance(image, Image):
             nothing = np.zeros(len(trunks), np.bool_)
-            return Seen(trunks, legs, firm, None, np.zeros((len(trunks), self.histogram.size)), nothing, nothing)
+            return Seen(trunks, legs, sufficient, None, np.zeros((len(trunks), self.histogram.size)), nothing, nothing)
         expected = (self._intrinsics.height, self._intrinsics.width, 3)
         if image.rgb.shape != expected:
             raise InputError(
@@ -111,7 +111,7 @@ class Detector:
         if without:
             histograms = np.concatenate([histograms, np.zeros((without, self.histogram.size))])
         usable, clear = (np.pad(each, (0, without)) for each in (windows.usable, windows.clear))
-        return Seen(trunks, legs, firm, windows, histograms, usable, clear)
+        return Seen(trunks, legs, sufficient, windows, histograms, usable, clear)
 
     def _scanned(self, synced: SyncedFrame, role: Role) -> Detections:
         group = self._groups.get(role)

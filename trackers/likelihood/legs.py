@@ -74,7 +74,7 @@ class LegPairs:
 
 def pair_legs(
     legs: Detections,
-    firm: Bool[Mask, "l"],
+    sufficient: Bool[Mask, "l"],
     under_trunks: Float[Array, "k 2"],
     expected: Float[Array, "h 2"],
     knees: Float[Array, "h 2"],
@@ -84,9 +84,9 @@ def pair_legs(
 ) -> LegPairs:
     """Share l legs out, two to each, among k trunks and h people that no trunk shows, in one assignment.
 
-    firm: the legs that enough samples show to initiate a track; under_trunks: where each trunk's legs are expected [m]; expected:
-    where the people are, and knees: where their legs are from there [m]; apart_m: a third leg so near to a trunk's is a bag, and
-    no other person's; gate_m: how far from there the people's legs may be. Legs that neither takes pair off.
+    sufficient: the legs that enough samples show to initiate a track; under_trunks: where each trunk's legs are expected [m];
+    expected: where the people are, and knees: where their legs are from there [m]; apart_m: a third leg so near to a trunk's is
+    a bag, and no other person's; gate_m: how far from there the people's legs may be. Legs that neither takes pair off.
     """
     place, wide = legs.position, legs.width_m > BOTH_LEGS_M
     n_trunk, n_person = len(under_trunks), len(expected)
@@ -102,7 +102,7 @@ def pair_legs(
     under = np.where(n_leg[:n_trunk, None] == 2, position[:n_trunk], np.nan)
     taking = n_leg[n_trunk:] > 0
     free &= ~at_trunks
-    new, n_leg_of_new = pair_off(place[free], options.pair_m, firm[free])
+    new, n_leg_of_new = pair_off(place[free], options.pair_m, sufficient[free])
     return LegPairs(
         np.concatenate([(position[n_trunk:] - knees)[taking], new]),
         np.concatenate([n_leg[n_trunk:][taking], n_leg_of_new]),

@@ -13,7 +13,7 @@ LikelihoodStage = Callable[[Array, Index], Array]
 """Surviving particles (components, k) and the set each belongs to (k,) → their log-likelihood, (k,); −∞ drops one."""
 
 
-def staged(stages: Sequence[LikelihoodStage]) -> LogLikelihood:
+def cascade(stages: Sequence[LikelihoodStage]) -> LogLikelihood:
     """The sum of the stages' log-likelihoods, each asked only about the particles that those before have left."""
 
     def log_likelihood(state: Array) -> Array:
