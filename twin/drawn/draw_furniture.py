@@ -285,7 +285,7 @@ def _put(piece: Piece, plan: FloorPlan, space: FreeSpace, others: list[Piece]) -
     """Take the piece's footprint from `space` if it may stand there."""
     footprint = piece.footprint()
     edges = np.concatenate([footprint, (footprint + np.roll(footprint, -1, axis=0)) / 2, footprint.mean(axis=0)[None]])
-    if not plan.is_inside(edges).all() or any(_overlap(piece.footprint(0.05), other.footprint()) for other in others):
+    if not plan.is_within(edges).all() or any(_overlap(piece.footprint(0.05), other.footprint()) for other in others):
         return False
     if any(_overlap(footprint, other.footprint(ahead_m=other.free_m)) for other in others):
         return False

@@ -19,7 +19,7 @@ _APART_M = 0.8
 """Least distance of two people's starts [m]."""
 _GROUP_SIZES = (2, 3, 4)
 _GROUP_SHARES = (0.65, 0.25, 0.1)
-"""How large groups are: most are pairs (Moussaïd et al. 2010, figure 1, sizes of two to four)."""
+"""Shares of group sizes: most are pairs (Moussaïd et al. 2010, figure 1, sizes of two to four)."""
 _ABREAST_M, _SHOULDERS_M, _BEHIND_M = (0.65, 0.8), (0.5, 0.6), (0.8, 1.1)
 
 Script = list[dict[str, Any]]

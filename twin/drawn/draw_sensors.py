@@ -149,8 +149,8 @@ class _RigDraws:
     def _is_clear(self, place: Array, inwards: Array) -> bool:
         """Return whether no piece of furniture stands right before a place on a wall, or where a partition meets it."""
         ahead = place + np.linspace(0, _CLEAR_M, 7)[:, None] * inwards
-        aside = np.array([-inwards[1], inwards[0]])
-        points = np.concatenate([ahead, ahead + 0.15 * aside, ahead - 0.15 * aside])
+        lateral = np.array([-inwards[1], inwards[0]])
+        points = np.concatenate([ahead, ahead + 0.15 * lateral, ahead - 0.15 * lateral])
         for piece in self._building.pieces:
             local = (points - piece.place) @ np.array(
                 [[np.cos(piece.yaw), -np.sin(piece.yaw)], [np.sin(piece.yaw), np.cos(piece.yaw)]]

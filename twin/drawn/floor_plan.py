@@ -23,7 +23,7 @@ DOOR_M = 0.9
 _FROM_CORNER_M = 0.35
 """Least distance of a door's or doorway's edge from a corner [m]."""
 _BEFORE_M = 0.6
-"""How far before a door or doorway people stand [m]."""
+"""Distance before a door or doorway at which people stand [m]."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ class FloorPlan:
         ]
         return np.array([*inside, *between]).reshape(-1, 2)
 
-    def is_inside(self, places: Array) -> Mask:
+    def is_within(self, places: Array) -> Mask:
         """Tell which places (n, 2) [m] are over the floor."""
         return np.any(
             [
@@ -249,7 +249,7 @@ KEEP_M = 0.46
 WALKED_M = 0.2
 """Distance from walls of the area that people's middles stay in [m]."""
 _MARGINS_M = (0.18, 0.2)
-"""What routes keep from the edge of that area: it must be wide enough for them everywhere [m]."""
+"""Distance that routes keep from the edge of that area: it must be wide enough for them everywhere [m]."""
 
 
 class FreeSpace:
@@ -261,7 +261,7 @@ class FreeSpace:
     def __init__(self, plan: FloorPlan) -> None:
         columns, rows = np.ceil(plan.size_m / _CELL_M).astype(int) + 1
         y, x = np.mgrid[:rows, :columns] * _CELL_M
-        inside = plan.is_inside(np.column_stack([x.ravel(), y.ravel()])).reshape(rows, columns)
+        inside = plan.is_within(np.column_stack([x.ravel(), y.ravel()])).reshape(rows, columns)
         self._taken = np.pad((~inside).astype(np.uint8), 1, constant_values=1)
         for partition in plan.partitions:
             for first, last in ((0.0, partition.gap_m[0]), (partition.gap_m[1], partition.wall.length_m)):

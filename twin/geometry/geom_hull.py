@@ -9,7 +9,7 @@ from trackers.arrays import Array
 from trackers.errors import InputError
 
 PLANE_M = 0.05
-"""How thick a wall that is a plane is taken to be, on its far side [m]."""
+"""Thickness of a wall that is a plane, on its far side [m]."""
 FARTHEST_M = 10_000.0
 """No thing of a room is farther from its origin [m]."""
 ENDLESS_M = 50.0

@@ -23,15 +23,15 @@ def leaves_at(corners: Array, start: Array, end: Array) -> Array | None:
     turn = cross(way, edge)
     crosses = turn != 0.0
     met = cross(offset[crosses], edge[crosses]) / turn[crosses]
-    beside = offset @ way / max(float(way @ way), TOLERANCE_M**2)
-    cuts = np.unique(np.clip(np.concatenate([[0.0, 1.0], met, beside]), 0.0, 1.0))
+    adjacent = offset @ way / max(float(way @ way), TOLERANCE_M**2)
+    cuts = np.unique(np.clip(np.concatenate([[0.0, 1.0], met, adjacent]), 0.0, 1.0))
     shares = np.sort(np.concatenate([cuts[[0, -1]], (cuts[1:] + cuts[:-1]) / 2]))
     places = start + shares[:, None] * way
     outside = ~Area(corners, TOLERANCE_M).contains(places)
     return places[int(outside.argmax())] if outside.any() else None
 
 
-def strictly_inside(corners: Array, place: Array) -> bool:
+def strictly_within(corners: Array, place: Array) -> bool:
     """Return whether a place (2,) lies in the simple polygon (k, 2) and not on its border [m]."""
     inside = bool(Area(corners).contains(place[None])[0])
     return inside and float(edge_gaps(corners, place[None]).min()) > TOLERANCE_M
@@ -47,9 +47,9 @@ def gap_between(first: Array, second: Array) -> float:
     if Area(first).contains(second).any() or Area(second).contains(first).any():
         return 0.0
     one, other = np.roll(first, -1, axis=0) - first, np.roll(second, -1, axis=0) - second
-    beside = np.sign(cross(one[:, None], second - first[:, None]))  # of corners of the second, edges of the first
+    adjacent = np.sign(cross(one[:, None], second - first[:, None]))  # of corners of the second, edges of the first
     across = np.sign(cross(other[:, None], first - second[:, None]))
-    if ((beside * np.roll(beside, -1, axis=1) < 0) & (across * np.roll(across, -1, axis=1) < 0).T).any():
+    if ((adjacent * np.roll(adjacent, -1, axis=1) < 0) & (across * np.roll(across, -1, axis=1) < 0).T).any():
         return 0.0
     return float(min(edge_gaps(first, second).min(), edge_gaps(second, first).min()))
 

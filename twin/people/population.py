@@ -87,8 +87,8 @@ class Population(Poses):
         self._out_s = np.full(count, -np.inf)  # when each has left
         self._gaze = FreeGaze(random)
         self._entered = np.zeros(count, dtype=bool)
-        self._everybody_came = count == 0
-        self._begun = np.zeros(count, dtype=bool)
+        self._all_came = count == 0
+        self._started = np.zeros(count, dtype=bool)
         self._until = np.zeros(count)
         self._done: dict[int, Callable[[], bool]] = {}
         self._blocked_s, self._halts_s = np.zeros(count), np.zeros(count)
@@ -181,8 +181,8 @@ class Population(Poses):
             if done is not None and done():
                 end = "done"
             acting = self._acting[person]
-            command = acting.send(end) if self._begun[person] else next(acting)
-            self._begun[person] = True
+            command = acting.send(end) if self._started[person] else next(acting)
+            self._started[person] = True
             crowd.command(person, command)
             self._until[person] = command.until
             self._blocked_s[person] = self._halts_s[person] = 0.0
@@ -196,9 +196,9 @@ class Population(Poses):
         if leaving:
             crowd.present[list(leaving)] = False
             self._out_s[list(leaving)] = tick * TICK_S
-            self._context.gone |= leaving
+            self._context.departed |= leaving
             leaving.clear()
-        if not len(self._recorded.numbers) and self._everybody_came:
+        if not len(self._recorded.numbers) and self._all_came:
             return
         entering = []
         for person in map(int, np.flatnonzero(~self._entered & (self._arrive_s <= tick * TICK_S))):
@@ -211,7 +211,7 @@ class Population(Poses):
         recorded = self._recorded
         there = recorded.there(tick)
         crowd.present[recorded.numbers[~there]] = False
-        self._context.gone.update(recorded.numbers[tick > recorded.last].tolist())
+        self._context.departed.update(recorded.numbers[tick > recorded.last].tolist())
         new = there & ~crowd.present[recorded.numbers]
         if new.any():
             place, velocity = recorded.at(tick)
@@ -223,7 +223,7 @@ class Population(Poses):
                 entering.append(person)
         if entering:
             self._entered[entering] = True
-            self._everybody_came = bool(self._entered.all())
+            self._all_came = bool(self._entered.all())
             who = np.zeros(len(self), dtype=bool)
             who[entering] = True
             self._gait.place_anew(who, crowd)

@@ -24,7 +24,7 @@ TICK_S = 0.025
 """The people's clock [s]; between ticks poses are interpolated."""
 
 HISTORY_S = 3.0
-"""How far back poses can be asked for [s]."""
+"""Time for which poses are kept [s]."""
 
 
 class PoseHistory:
@@ -39,7 +39,7 @@ class PoseHistory:
         self._present = np.zeros((size, count), dtype=bool)
 
     def __len__(self) -> int:
-        """How many ticks are kept."""
+        """Return the number of ticks that are kept."""
         return len(self._rows)
 
     def append(self, state: GaitState, posture: Array, present: NDArray[np.bool_]) -> None:

@@ -38,9 +38,9 @@ def _action(action: Any, moved: tuple[float, float], later_s: float, factor: flo
     if action.at_s is not None:
         changes["at_s"] = max(0.0, action.at_s + later_s)
     if isinstance(action, RecordedPath):
-        begun = action.points[0][0]
+        started = action.points[0][0]
         changes["points"] = tuple(  # the person stands at first for longer or shorter
-            (begun + (t - begun) / factor + (later_s if t > begun else 0.0), x + moved[0], y + moved[1])
+            (started + (t - started) / factor + (later_s if t > started else 0.0), x + moved[0], y + moved[1])
             for t, x, y in action.points
         )
     if isinstance(action, Walk):

@@ -20,7 +20,7 @@ from twin.room.obstacles import OBSTACLE_REACH_M, Footprints
 from twin.room.walkable import ENCLOSED_M2, Plan, common_direction, outdoors_of, standing_footprints
 
 _ROUGH_M = 0.03
-"""How far the outline of the walls may be from their drawing on a grid [m]."""
+"""Greatest distance of the outline of the walls from their drawing on a grid [m]."""
 _DRAWN_M = 0.1
 """A wall that a ray meets within this of its outline is that wall, and where the ray meets it is exact [m]."""
 
@@ -91,7 +91,7 @@ class Building:
                     solid |= Delaunay(corners, qhull_options="QJ").find_simplex(places_m) >= 0
                 continue
             local = (places_m - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
-            solid |= inside_geom(model.geom_type[geom], model.geom_size[geom], local)
+            solid |= within_geom(model.geom_type[geom], model.geom_size[geom], local)
         return solid
 
     def is_walked(self, places_m: Array, below_m: float) -> Mask:
@@ -161,12 +161,12 @@ class Building:
         way = ends - self.outline
         length = np.hypot(way[:, 0], way[:, 1])
         along = ((place_m[:2] - self.outline) * way).sum(axis=1) / length**2
-        beside = (along >= 0) & (along <= 1)
+        adjacent = (along >= 0) & (along <= 1)
         foot = self.outline + np.clip(along, 0, 1)[:, None] * way
         gap = np.hypot(*(foot - place_m[:2]).T)
         unit = way / length[:, None]
         found: list[tuple[float, Array, Array]] = []
-        for edge in sorted(np.flatnonzero(beside), key=lambda each: gap[each]):
+        for edge in sorted(np.flatnonzero(adjacent), key=lambda each: gap[each]):
             if all(abs(unit[edge] @ other) < 0.5 for _, _, other in found):
                 outwards = np.array([unit[edge][1], -unit[edge][0], 0.0])
                 exact_m = self._free_m(place_m, outwards)
@@ -182,13 +182,13 @@ def check_mount(model: mujoco.MjModel, data: mujoco.MjData, field: str, xyz: NDA
         if model.body_weldid[model.geom_bodyid[geom]] != 0 or model.geom_rgba[geom, 3] == 0:
             continue
         local = (xyz - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
-        if inside_geom(model.geom_type[geom], model.geom_size[geom], local[None]).any():
+        if within_geom(model.geom_type[geom], model.geom_size[geom], local[None]).any():
             thing = model.geom(geom).name or f"geom {geom}"
             where = f"[{xyz[0]:g}, {xyz[1]:g}, {xyz[2]:g}]"
             raise InputError(f"{field}: {where} is inside {thing!r} of the room; a point in free space is expected")
 
 
-def inside_geom(kind: int, size: NDArray[np.float64], local: NDArray[np.float64]) -> NDArray[np.bool_]:
+def within_geom(kind: int, size: NDArray[np.float64], local: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Mask the points (n, 3) in the geom's frame that lie inside it, (n,); meshes and height fields are taken as empty."""
     match kind:
         case mujoco.mjtGeom.mjGEOM_PLANE:

@@ -172,7 +172,7 @@ def _places(
                 for name in names
             ]
             said = f"<{node.tag} {attribute}={value!r}>"
-            for place in _inside(candidates, room, said, part.path, folders):
+            for place in _existing(candidates, room, said, part.path, folders):
                 yield node, place
 
 
@@ -185,7 +185,7 @@ def _joined(base: Path, folder: str, name: str) -> Path:
     return place
 
 
-def _inside(candidates: list[Path], room: Path, said: str, part: Path, folders: list[str]) -> Iterator[Path]:
+def _existing(candidates: list[Path], room: Path, said: str, part: Path, folders: list[str]) -> Iterator[Path]:
     """Return the candidates at which there is a file. Raises InputError where that, or all of them, is elsewhere."""
     homes = [room.parent.resolve()]
     if root := os.environ.get(ROOM_ROOT):

@@ -15,7 +15,7 @@ from trackers.errors import InputError
 from twin.geometry.geom_hull import hull_points
 
 AT_FLOOR_M = 0.01
-"""What is level and this near to z = 0 is floor [m]: people's soles are at z = 0."""
+"""A surface that is level and this near to z = 0 is floor [m]: people's soles are at z = 0."""
 _LEVEL = 0.99
 _LEAST_M2 = 0.01
 

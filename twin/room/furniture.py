@@ -23,7 +23,7 @@ from twin.geometry.geom_hull import hull_points
 SEAT, BED = "seat_", "bed_"
 _UPRIGHT = 0.99
 _LOW_M = 0.05
-"""What begins higher than this above a seat is over it, not part of it: a lamp [m]."""
+"""A geom that begins higher than this above a seat is over it, not part of it: a lamp [m]."""
 _LEFT_AHEAD = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """Turns points (n, 3), as rows, so that what was to the left is ahead; its transpose: what was to the right."""
 
@@ -72,7 +72,7 @@ class Bed:
         """Height of the mattress' top above the floor [m]."""
         return float(self.place[2])
 
-    def beside(self, gap_m: float, along_m: float = 0.0) -> Array:
+    def bedside(self, gap_m: float, along_m: float = 0.0) -> Array:
         """Return places on the floor (2, 2), left and right of the bed, `gap_m` [m] off its edges.
 
         `along_m`: so far from the middle towards the head [m].

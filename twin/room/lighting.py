@@ -15,7 +15,7 @@ from twin.scenario.scenario import EVERY_LIGHT, LightChange
 MOST_LAMPS = 8
 """That OpenGL's own lighting has; one more and its picture is black."""
 _THROWN_BACK, _MOST_THROWN_BACK = 0.4, 0.3
-"""What walls throw back of the lamps' light where no lamp of a room has ambient light that says it, and the most of it."""
+"""Share that walls throw back of the lamps' light where no lamp of a room has ambient light that says it, and the most of it."""
 _CEILING, _WINDOW = ((-0.2, 0.3, -0.9), 0.45), ((0.7, -0.5, -0.4), 0.3)
 """Direction and brightness of the lamps of a room without any."""
 
@@ -119,12 +119,12 @@ class Lighting:
         return head.diffuse, head.ambient, head.specular
 
 
-def _factor(changes: Sequence[LightChange], begun_by_s: float, t: float) -> float:
+def _factor(changes: Sequence[LightChange], started_by_s: float, t: float) -> float:
     """Return the brightness that one light's changes, in order of time, have led to at time t."""
     factor, last = 1.0, None
-    begun = [change for change in changes if change.at_s <= begun_by_s]
-    for place, change in enumerate(begun):
-        until = begun[place + 1].at_s if place + 1 < len(begun) else t
+    started = [change for change in changes if change.at_s <= started_by_s]
+    for place, change in enumerate(started):
+        until = started[place + 1].at_s if place + 1 < len(started) else t
         share = 1.0 if change.over_s == 0 else min(1.0, (until - change.at_s) / change.over_s)
         factor += share * (change.brightness - factor)
         last = change

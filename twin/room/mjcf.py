@@ -25,7 +25,7 @@ _FAR_M = 20.0
 """The least far plane [m]. Farther ones are this times a power of `_STEP`: a chair more in a room moves no plane."""
 _STEP = 4.0
 _EXTENT = 4.0
-"""How far the far plane of a room is, in extents: half the side of the map that a directional lamp's shadows are drawn in."""
+"""Distance of the far plane of a room, in extents: half the side of the map that a directional lamp's shadows are drawn in."""
 _SLICES, _STACKS, _QUADS = 20, 12, 1
 """Of round things, and of a flat one's side: light is worked out a pixel, so that one quad looks as many do."""
 _WITHOUT_EFFECT = (
@@ -58,7 +58,7 @@ def compiled(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
     except ValueError as error:
         raise InputError(f"{path}: does not compile ({what_is_wrong(error)}); a valid MJCF room is expected") from error
     _check_groups(model, path)
-    _agree_on_the_unseen(model)
+    _agree_where_hidden(model)
     return model
 
 
@@ -138,7 +138,7 @@ def _check_groups(model: mujoco.MjModel, path: Path) -> None:
         )
 
 
-def _agree_on_the_unseen(model: mujoco.MjModel) -> None:
+def _agree_where_hidden(model: mujoco.MjModel) -> None:
     """Make rays leave out the geoms that are not drawn, and no others, by the alpha of each geom's own colour.
 
     MuJoCo draws a geom in its own colour, or in its material's where it has none; its rays go by the material's alone.

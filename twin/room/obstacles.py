@@ -31,7 +31,7 @@ KEEP_FROM_EDGE_M = 0.15
 KEEP_FROM_FURNITURE_M = 0.35
 """Least distance of a person's middle from furniture and walls [m]: hands swing at the height of a table."""
 OBSTACLE_REACH_M = KEEP_FROM_FURNITURE_M - KEEP_FROM_EDGE_M
-"""How far from its area an obstacle may stand and still be in the way of somebody who stays in the area [m]."""
+"""Greatest distance from an area at which an obstacle is still in the way of somebody who stays in the area [m]."""
 _THIN_M = 1e-3
 _OCTAGON = np.array([[np.cos(angle), np.sin(angle)] for angle in np.arange(8) * np.pi / 4])
 MOST_OBSTACLES = 500

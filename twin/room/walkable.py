@@ -57,7 +57,7 @@ _WAY_M, _BAY_M = 0.4, 0.6
 """Widths of the area below which nobody can pass, and below which nobody walks unless it leads on [m]."""
 _ROUGH_M = (0.03, 0.06, 0.12, 0.2)
 _MARGINS_M = (KEEP_FROM_EDGE_M + 0.03, KEEP_FROM_EDGE_M + 0.1)
-"""What routes, and wanderers' goals, keep from the polygon's edge: it must be wide enough for both [m]."""
+"""Distances that routes, and wanderers' goals, keep from the polygon's edge: it must be wide enough for both [m]."""
 
 
 def walkable_area(model: mujoco.MjModel, data: mujoco.MjData, floor: Sequence[Array], source: str) -> Array:
@@ -205,12 +205,12 @@ def _without_dead_ends(area: Mask, cells: int, only_at: Mask | None = None) -> M
     number = _numbered(wide)
     narrow = _numbered(area & ~wide)
     count = int(narrow.max()) + 1
-    beside = [
+    adjacent = [
         np.stack([narrow[here], number[there]]).reshape(2, -1)
         for one, other in ((_FAR, _NEAR), (_RIGHT, _LEFT))
         for here, there in ((one, other), (other, one))
     ]
-    pairs = np.unique(np.concatenate([each[:, (each > 0).all(axis=0)] for each in beside], axis=1), axis=1)
+    pairs = np.unique(np.concatenate([each[:, (each > 0).all(axis=0)] for each in adjacent], axis=1), axis=1)
     stays = np.bincount(pairs[0], minlength=count) >= 2
     if only_at is not None:
         is_elsewhere = np.ones(count, dtype=bool)

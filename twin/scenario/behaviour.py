@@ -35,7 +35,7 @@ Target = Name | Point3 | Point2
 """Somebody by name, or a place in the room frame: [x, y] on the floor or [x, y, z] [m]."""
 
 
-_Moment = Annotated[float, Field(ge=-1e9, le=1e9, allow_inf_nan=False)]
+_RecordedTime = Annotated[float, Field(ge=-1e9, le=1e9, allow_inf_nan=False)]
 """A time of a recording [s], which may have begun years before the scenario."""
 
 
@@ -277,7 +277,7 @@ class RecordedPath(_Action):
     """
 
     kind: Literal["path"] = Field(default="path", description="the action: keep a recorded path")
-    points: tuple[tuple[_Moment, Coordinate, Coordinate], ...] = Field(
+    points: tuple[tuple[_RecordedTime, Coordinate, Coordinate], ...] = Field(
         min_length=2,
         description="rows [t, x, y] in order of time: t since the start [s], x and y in the room frame [m]",
     )

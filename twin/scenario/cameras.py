@@ -19,7 +19,7 @@ from twin.sensors.camera_noise import CAMERA_NOISE, STEREO_NOISE, CameraNoise, S
 from twin.sensors.stereo_matching import Matching
 
 DEEPEST_M = 65.0
-"""What a depth message can say: whole millimetres in 16 bits."""
+"""Greatest depth that a message can say: whole millimetres in 16 bits."""
 
 CameraNoiseByName = Annotated[
     CameraNoise,
@@ -167,7 +167,7 @@ class PinholeDescription(PerspectiveDescription):
 
     @property
     def instants_s(self) -> tuple[float, ...]:
-        """When it looks, as offsets from the stamp [s]."""
+        """Instants of a picture, as offsets from the stamp [s]."""
         if self.motion_blur is None:
             return (0.0,)
         count = self.motion_blur.instants

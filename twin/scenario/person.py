@@ -21,7 +21,7 @@ Choice = Literal["hair_style", "shirt_pattern", "bag"]
 Extra = Literal["skirt", "coat", "cap", "glasses", "beard"]
 
 NONE = "none"
-"""What a scenario writes for a skirt, coat, cap or bag that is not worn."""
+"""Value that a scenario writes for a skirt, coat, cap or bag that is not worn."""
 
 _CHOICES: tuple[Choice, ...] = ("hair_style", "shirt_pattern", "bag")
 _HEX = re.compile(r"#[0-9a-fA-F]{6}")

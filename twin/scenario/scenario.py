@@ -73,7 +73,7 @@ class Rendering(Strict):
     )
 
     def __str__(self) -> str:
-        """What is switched on, in words; empty where nothing is."""
+        """Return what is switched on, in words; empty where nothing is."""
         messages = ["shadows"] if self.shadows else []
         return " and ".join([*messages, *([f"{self.samples} samples a pixel"] if self.samples else [])])
 

@@ -27,7 +27,7 @@ class Bodies:
     Arrays over people are in the order of `everybody`; of those who have no body, who are not in `names`, they hold -1.
     """
 
-    everybody: tuple[str, ...]
+    all_names: tuple[str, ...]
     names: tuple[str, ...]
     model: mujoco.MjModel
     person_of_geom: NDArray[np.int16]  # (n_geom,) id of the person a geom belongs to, 0 for the room
@@ -40,7 +40,7 @@ class Bodies:
         cls,
         room: mujoco.MjSpec,
         path: Path,
-        everybody: tuple[str, ...],
+        all_names: tuple[str, ...],
         ids: Mapping[str, int],
         looks: Mapping[str, BodyAppearance],
     ) -> Bodies:
@@ -49,26 +49,26 @@ class Bodies:
         Raises InputError naming the room's file, `path`, where the whole does not compile.
         """
         spec = room.copy()
-        names = tuple(name for name in everybody if name in looks)
+        names = tuple(name for name in all_names if name in looks)
         for name in names:
             spec.attach(person_spec(looks[name]), prefix=f"{name}/", frame=spec.worldbody.add_frame())
         model = compiled(spec, path)
-        places = [place for place, name in enumerate(everybody) if name in looks]
+        places = [place for place, name in enumerate(all_names) if name in looks]
 
-        def of_everybody(rows: NDArray[np.intp]) -> NDArray[np.intp]:
-            numbers = np.full((len(everybody), *rows.shape[1:]), -1, dtype=np.intp)
+        def of_all(rows: NDArray[np.intp]) -> NDArray[np.intp]:
+            numbers = np.full((len(all_names), *rows.shape[1:]), -1, dtype=np.intp)
             numbers[places] = rows
             return numbers
 
         heads = np.array([model.site(f"{name}/head").id for name in names], dtype=np.intp)
         return cls(
-            everybody=everybody,
+            all_names=all_names,
             names=names,
             model=model,
             person_of_geom=_person_of_geom(model, {name: ids[name] for name in names}),
-            qpos_address=of_everybody(_addresses(model, names)),
-            head_site=of_everybody(heads),
-            point_site=of_everybody(_points(model, names)),
+            qpos_address=of_all(_addresses(model, names)),
+            head_site=of_all(heads),
+            point_site=of_all(_points(model, names)),
         )
 
     @property
@@ -137,9 +137,9 @@ def body_pools(people: Mapping[str, Person]) -> tuple[BodyPool, ...]:
     to_come = sorted(stays, key=lambda name: (stays[name], name))
     pools, from_s, known = [], -inf, list[str]()
     while True:
-        begins_s = max(from_s, 0.0)
+        starts_s = max(from_s, 0.0)
         there = [name for name in known if stays[name][1] >= from_s - HISTORY_S]
-        while to_come and stays[to_come[0]][0] <= begins_s:
+        while to_come and stays[to_come[0]][0] <= starts_s:
             there.append(to_come.pop(0))
         more = max(_LEAST - len(there), len(there))
         there, to_come = there + to_come[:more], to_come[more:]

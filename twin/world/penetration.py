@@ -26,7 +26,7 @@ Allowed = Mapping[int, Collection[int]]
 TOLERANCE_M = 0.01
 """Overlaps up to this depth are flesh and cloth that give way [m]."""
 LOW_M = 0.05
-"""What ends below this height belongs to the floor: rugs, marks, tiles, thresholds [m]."""
+"""Geoms that end below this height belong to the floor: rugs, marks, tiles, thresholds [m]."""
 
 _UNDER_THE_FLOOR_M = -1.0
 
@@ -106,9 +106,9 @@ class PenetrationCheck:
             turn = data.geom_xmat[wall].reshape(3, 3)
             offset = (place - data.geom_xpos[wall]) @ turn
             size = self.model.geom_size[wall, :2]
-            beside = (np.abs(offset[:, :2]) < np.where(size > 0, size, np.inf)).all(axis=1)
+            adjacent = (np.abs(offset[:, :2]) < np.where(size > 0, size, np.inf)).all(axis=1)
             # what lies behind as a whole is in the next room, not in the wall
-            for first in np.flatnonzero(beside & (np.abs(offset[:, 2]) < reach)):
+            for first in np.flatnonzero(adjacent & (np.abs(offset[:, 2]) < reach)):
                 yield int(body[first]), int(wall)
 
     def _name(self, geom: int) -> str:
@@ -124,7 +124,7 @@ def penetrations(snapshot: Snapshot, allowed: Allowed | None = None, least_m: fl
 class PenetrationCount:
     """Overlaps of a run: the number of moments, of those with an overlap, and the deepest overlap of each pair."""
 
-    moments: int = 0
+    samples: int = 0
     with_overlap: int = 0
     deepest: dict[tuple[int, int, str], Penetration] = field(default_factory=dict)
 
@@ -135,7 +135,7 @@ class PenetrationCount:
 
     def add(self, found: Iterable[Penetration]) -> None:
         """Count one moment and what was found in it."""
-        self.moments += 1
+        self.samples += 1
         any_found = False
         for each in found:
             any_found = True
@@ -150,7 +150,7 @@ class PenetrationCount:
         lines = [
             f"t = {each.t:.2f} s: {each.geom} {100 * each.depth_m:.1f} cm inside {each.other_geom}" for each in worst
         ]
-        return "\n".join([f"{self.with_overlap} of {self.moments} moments hold overlaps", *lines])
+        return "\n".join([f"{self.with_overlap} of {self.samples} moments hold overlaps", *lines])
 
 
 def count_penetrations(

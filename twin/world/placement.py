@@ -11,7 +11,7 @@ import numpy as np
 from trackers.area import Area
 from trackers.arrays import Array
 from trackers.errors import InputError
-from twin.geometry.polygon import TOLERANCE_M, leaves_at, strictly_inside
+from twin.geometry.polygon import TOLERANCE_M, leaves_at, strictly_within
 from twin.people.crowd.crowd import planar
 from twin.people.crowd.ground import nearest_free, standing_place
 from twin.people.crowd.routes import CLOSE_M, Routes
@@ -50,7 +50,7 @@ def check_placement(scenario: Scenario, area: Array, walkable: Array, routes: Ro
             continue
         here = np.array(start)
         field = f"{source}: people.{name}.{_start_field(person)}: {_point(here)}"
-        if person.script and isinstance(person.script[0], Wander) and not strictly_inside(area, here):
+        if person.script and isinstance(person.script[0], Wander) and not strictly_within(area, here):
             raise InputError(f"{field} is not inside the area that a wanderer stays in; {_within(area)} is expected")
         if comes_at(person) > 0 or _keeps_path(person):
             continue  # who comes later waits for a free place, and recorded paths are as they are
@@ -115,8 +115,8 @@ def _check_person(person: Person, walkable: Array, routes: Routes, field: str) -
             case Walk(waypoints=waypoints, repeat=repeat) | Run(waypoints=waypoints, repeat=repeat):
                 stops = [np.array(waypoint) for waypoint in waypoints]
                 for place, stop in enumerate(stops):
-                    begins = place == number == 0 and person.start is None
-                    clear_m = KEEP_FROM_FURNITURE_M if begins else CLOSE_M
+                    starts = place == number == 0 and person.start is None
+                    clear_m = KEEP_FROM_FURNITURE_M if starts else CLOSE_M
                     _check_place(stop, walkable, routes, f"{where}.waypoints.{place}", clear_m)
                 ways = [*([here] if here is not None else []), *stops, *(stops[:1] if repeat else [])]
                 for before, after in pairwise(ways):
@@ -163,11 +163,11 @@ def _check_path(points: Array, walkable: Array, routes: Routes, field: str) -> N
     t = _times_along(points[: leaves[0] + 1] if leaves.size else points)
     places = curve(t)
     for number in np.flatnonzero(~area.contains(places))[:1]:
-        _check_point(walkable, places[number], _moment(points, float(t[number]), field))
+        _check_point(walkable, places[number], _path_position(points, float(t[number]), field))
     if len(routes.obstacles):
         inside = Footprints(routes.obstacles).gaps(planar(places))[1].min(axis=1) <= 0
         for number in np.flatnonzero(inside)[:1]:
-            check_free(places[number], routes, _moment(points, float(t[number]), field), 0.0)
+            check_free(places[number], routes, _path_position(points, float(t[number]), field), 0.0)
 
 
 def _times_along(points: Array) -> Array:
@@ -182,7 +182,7 @@ def _times_along(points: Array) -> Array:
     return np.concatenate([*looks, points[-1:, 0]])
 
 
-def _moment(points: Array, t: float, field: str) -> str:
+def _path_position(points: Array, t: float, field: str) -> str:
     """Name a place on a path: at a row, or between two."""
     row = int(np.searchsorted(points[:, 0], t))
     if points[row, 0] == t:

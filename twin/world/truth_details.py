@@ -176,8 +176,8 @@ class TruthDetails:
         points = snapshot.data.site_xpos[self._world.scene.bodies.point_site[rows]]
         _, met = first_hits(self._views[sensor], snapshot, points, self._ids[rows])
         pairs = []
-        for row, whom in zip(rows, met, strict=True):
-            before = np.unique(whom[whom > 0])
+        for row, seen_ids in zip(rows, met, strict=True):
+            before = np.unique(seen_ids[seen_ids > 0])
             own = np.full(before.shape, self._ids[row])
             pairs += [pair for pair in ordered_pairs(own, before) if pair[0] != pair[1] and pair in self._near]
         return frozenset(self._ids[rows[(met >= 0).any(axis=1)]].tolist()), pairs

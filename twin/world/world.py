@@ -48,7 +48,7 @@ class World:
         self.data = mujoco.MjData(self.scene.model)
         self._lighting = self._lit()
         self._ids = np.array([self.scene.ids[name] for name in self.scene.names], dtype=np.int16)
-        self._posed_at: float | None = None
+        self._pose_time: float | None = None
         self.pose_cache: PoseCache | None = None
         """Poses for rays that are kept, and taken from there: for worlds at which nothing but scanners look."""
         self._feet: Feet | None = None
@@ -62,10 +62,10 @@ class World:
     def snapshot(self, t: float) -> Snapshot:
         """Pose the world at time t [s] since the start; valid until the next snapshot is taken."""
         self._embody(t)
-        if t != self._posed_at and self.pose_cache is not None and t in self.pose_cache.places:
+        if t != self._pose_time and self.pose_cache is not None and t in self.pose_cache.places:
             self.pose_cache.restore(t, self.data)
-            self._posed_at, self._feet = t, None
-        if t != self._posed_at:
+            self._pose_time, self._feet = t, None
+        if t != self._pose_time:
             self.people.advance(t)
             qpos, present, bodies = self.people.qpos(t), self.people.present(t), self.scene.bodies
             assert bodies.there[present].all(), "whoever is in the room has a body"
@@ -73,7 +73,7 @@ class World:
             self.data.qpos[bodies.qpos_address[bodies.there]] = qpos[bodies.there]
             self._update_poses()
             self._lighting.apply(t)
-            self._posed_at = t
+            self._pose_time = t
             self._feet = self.people.feet(t)
             if self.pose_cache is not None:
                 self.pose_cache.store(t, self.data)
@@ -88,7 +88,7 @@ class World:
         self.data.qpos[bodies.qpos_address[bodies.there, 2]] = _OUT_OF_THE_ROOM_M
         self._update_poses()
         self._lighting.apply(t, until_s=0.0)
-        self._posed_at = None
+        self._pose_time = None
         return Snapshot(t, self.scene.model, self.data, self.scene.person_of_geom)
 
     def _embody(self, t: float) -> None:
@@ -99,7 +99,7 @@ class World:
         self.scene = self.scene.with_bodies(self._pool.names)
         self.data = mujoco.MjData(self.scene.model)
         self._lighting = self._lit()
-        self._posed_at = None
+        self._pose_time = None
 
     def _lit(self) -> Lighting:
         return Lighting(self.scene.model, self._scenario.lights, f"scenario {self._scenario.name!r}")

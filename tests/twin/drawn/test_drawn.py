@@ -82,7 +82,7 @@ def test_doors_doorways_seats_and_starts_can_all_be_reached(seed: int) -> None:
     assert space.is_reached(plan.thresholds()).all()
     seats = [standing_places(piece) for piece in building.pieces]
     assert all(space.is_reached(places).all() for places in seats)
-    assert plan.is_inside(space.draw(50, np.random.default_rng(seed))).all()
+    assert plan.is_within(space.draw(50, np.random.default_rng(seed))).all()
     walls = sum(wall.length_m for wall in plan.walls)
     edges = np.hypot(*(np.roll(plan.outline, -1, axis=0) - plan.outline).T).sum()
     assert walls == pytest.approx(edges)

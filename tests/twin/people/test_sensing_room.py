@@ -72,7 +72,7 @@ def test_every_seat_and_the_bed_can_be_reached_from_everywhere(room, routes):
             assert routes.near(each.before(0.35)) <= {each.furniture}
             ends.append(each.before(0.35))
         else:
-            ends += [place for place in each.beside(0.35) if routes.reachable(place)]
+            ends += [place for place in each.bedside(0.35) if routes.reachable(place)]
             assert len(ends) >= 1
     for start, goal in combinations(ends, 2):
         assert routes.way(start, goal) is not None

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from trackers.area import Area, meets_itself_at
-from twin.geometry.polygon import gap_between, inset, leaves_at, polygon_area, strictly_inside
+from twin.geometry.polygon import gap_between, inset, leaves_at, polygon_area, strictly_within
 
 SQUARE = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]])
 BAY = np.array([[-2, 0], [2, 0], [2, 4], [0.8, 4], [0.8, 2], [-0.8, 2], [-0.8, 4], [-2, 4]], dtype=float)
@@ -82,9 +82,9 @@ def test_ways_agree_with_many_places_on_them():
 
 
 def test_a_border_is_not_strictly_inside():
-    assert strictly_inside(SQUARE, np.array([0.001, 1.0]))
+    assert strictly_within(SQUARE, np.array([0.001, 1.0]))
     for x, y in ([0, 1], [2, 1], [1, 0], [1, 2], [0, 0], [2, 2], [2.1, 1]):
-        assert not strictly_inside(SQUARE, np.array([x, y], dtype=float))
+        assert not strictly_within(SQUARE, np.array([x, y], dtype=float))
 
 
 @pytest.mark.parametrize("turned", [False, True])

@@ -86,7 +86,7 @@ def test_a_count_keeps_the_deepest_of_each_pair(two):
     check, count = PenetrationCheck(model, owner), PenetrationCount()
     for distance in (1.0, 0.2, 0.15, 0.22):
         count.add(check.at(posed(two, (0, 0, 1), (distance, 0, 1))))
-    assert (count.moments, count.with_overlap) == (4, 3)
+    assert (count.samples, count.with_overlap) == (4, 3)
     assert count.depth_m == pytest.approx(0.09, abs=1e-3)
     assert len(count.deepest) == 1
     assert "3 of 4 moments" in str(count)
@@ -97,5 +97,5 @@ def test_a_count_keeps_the_deepest_of_each_pair(two):
 def test_nobody_passes_through_anybody_in_the_lab(seed):
     scenario = load_scenario("lab-five-people", [f"seed={seed}"])
     count = count_penetrations(World(scenario), np.arange(0.0, scenario.duration_s, 0.1))
-    assert count.moments == 262
+    assert count.samples == 262
     assert count.with_overlap == 0, str(count)

@@ -16,15 +16,17 @@ from trackers.arrays import Array
 from twin.people.body.surfaces import Surface, cord, limb, loft, rings
 
 SKIRT_HEM = 0.97
-"""Where a skirt ends, as a share of the thigh from the hip."""
+"""End of a skirt, as a share of the thigh from the hip."""
 COAT_HEM = 0.74
-"""Where a coat ends, as a share of the thigh from the hip."""
+"""End of a coat, as a share of the thigh from the hip."""
 
 
-def bell(sign: int, thigh: float, hip_aside: float, breadth: float, depth: float, hem: float, flare: float) -> Surface:
+def bell(
+    sign: int, thigh: float, hip_lateral: float, breadth: float, depth: float, hem: float, flare: float
+) -> Surface:
     """Make half of a skirt, around the left (sign 1) or right (-1) thigh, in the thigh's frame.
 
-    `thigh`: its length; `hip_aside`: from the middle of the body to the hip joint; `breadth`, `depth`: half breadth and
+    `thigh`: its length; `hip_lateral`: from the middle of the body to the hip joint; `breadth`, `depth`: half breadth and
     half depth of the hips with the cloth on [m]; `hem`: where it ends as a share of the thigh; `flare`: how much wider
     it is there, as a share.
     """
@@ -33,7 +35,7 @@ def bell(sign: int, thigh: float, hip_aside: float, breadth: float, depth: float
         grow = 1 + flare * max(share, 0.0)
         outer = breadth * grow * (0.84 if share < 0 else 1.0)
         inner = -0.075 * breadth / 0.16 * (1 + 0.4 * max(share, 0.0))
-        middle, half = 0.5 * (outer + inner) - hip_aside, 0.5 * (outer - inner)
+        middle, half = 0.5 * (outer + inner) - hip_lateral, 0.5 * (outer - inner)
         rows.append((-0.004, sign * middle, -share * hem * thigh, depth * grow * (0.82 if share < 0 else 1.0), half))
     return loft(rings(np.array(rows[::-1]), 14, square=2.3))
 
@@ -100,7 +102,7 @@ TILE_M = 0.09
 """Breadth and height of the cloth in one repeat of `tile` [m]."""
 
 MOTIFS = ("disc", "star", "bars", "heart", "number")
-"""What a print shows."""
+"""Motifs of a print."""
 
 _TILE_PX = 32
 _FRONT_PX = (128, 160)  # rows, columns of a trunk's picture

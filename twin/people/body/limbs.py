@@ -74,7 +74,7 @@ class Girths:
         x, a = np.interp(share, s[:, 0], s[:, 1]), np.interp(share, s[:, 0], s[:, 2])
         return np.asarray((x + sign * a) * self.girth + sign * grow)
 
-    def _aside(self, share: Array, grow: float) -> Array:
+    def _lateral(self, share: Array, grow: float) -> Array:
         return np.asarray(np.interp(share, self._sections[:, 0], self._sections[:, 3]) * self.girth + grow)
 
     def back(self, grow: float) -> float:
@@ -95,7 +95,7 @@ class Girths:
             (float(self._front(np.array(share), grow)) * lean, y * g, share * length)
             for share, lean, y in ((0.86, 0.93, 0.105), (0.72, 0.94, 0.112), (0.55, 0.89, 0.125), (0.42, 0.76, 0.140))
         ]
-        under = [(0.02 * g, float(self._aside(np.array(0.33), grow)) + 0.004, 0.33 * length)]
+        under = [(0.02 * g, float(self._lateral(np.array(0.33), grow)) + 0.004, 0.33 * length)]
         return np.array(over + down + under)
 
     def sash(self, grow: float) -> Surface:
@@ -106,11 +106,11 @@ class Girths:
         for sign in (1, -1):
             middle = np.interp(share, self._sections[:, 0], self._sections[:, 1]) * self.girth
             reach = np.abs(self._front(share, grow, sign) - middle)
-            curve = (1 - np.minimum(np.abs(y) / self._aside(share, grow), 0.97) ** 2.35) ** (1 / 2.35)
+            curve = (1 - np.minimum(np.abs(y) / self._lateral(share, grow), 0.97) ** 2.35) ** (1 / 2.35)
             halves.append(np.column_stack([middle + sign * (reach * curve + 0.004), y, share * self.trunk_length]))
         top = np.array([[-0.012 * self.girth, 0.108 * self.girth, 1.045 * self.trunk_length + grow]])
         side = np.array(
-            [[-0.06 * self.girth, -float(self._aside(np.array(-0.15), grow)) + 0.01, -0.20 * self.trunk_length]]
+            [[-0.06 * self.girth, -float(self._lateral(np.array(-0.15), grow)) + 0.01, -0.20 * self.trunk_length]]
         )
         path = np.vstack([side, halves[0], top, halves[1][::-1], side])
         return cord(path, 0.012 * self.girth)

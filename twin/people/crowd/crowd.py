@@ -47,14 +47,14 @@ BRAKING_M_S2 = 1.5
 BRISK_M_S = 2.0
 """Commanded speed up to which people brake as walkers [m/s]."""
 RUNNER_BRAKES_PER_S = 0.7
-"""How much harder runners brake, for each m/s above `BRISK_M_S` [1/s]: 3.6 m/s² at 5 m/s."""
+"""Additional deceleration of runners for each m/s above `BRISK_M_S` [1/s]: 3.6 m/s² at 5 m/s."""
 NEAR_M = 0.12
 """Least distance from furniture that a command lets come near [m]: standing, calves at the edge of a seat."""
 FACING = 1.5
 """Full speed is wanted where the way's cosine with the heading is above 1 / FACING (48 degrees), none beyond 90."""
 TAKEN_WITHIN_M = 1.0
 """Distance to a goal at which one sees that it is taken [m]."""
-ASIDE_M_S = 0.8
+LATERAL_M_S = 0.8
 """Greatest speed of steps sideways and backwards, by people who hold a heading [m/s]."""
 HALTING_M = 0.5
 """From this distance to a place where they halt, walls and furniture repel people less and less [m]."""
@@ -71,7 +71,7 @@ _PROJECTIONS = 3
 _PASSES = 1e6
 _FAR_M = 1e6
 _ROUNDING_M_S = 1e-9
-_EVERYBODY = slice(None)
+_ALL = slice(None)
 
 
 class Crowd:
@@ -140,7 +140,7 @@ class Crowd:
         self._distance[person] = np.inf
         self._holds[person] = command.heading is not None
         self._hold[person] = 0.0 if command.heading is None else command.heading
-        self._may_move[person] = 0.0 if command.firm or self._fixed[person] else 1.0
+        self._may_move[person] = 0.0 if command.immovable or self._fixed[person] else 1.0
         self._heeds_walls[person] = 1.0 / HALTING_M if command.halt else _PASSES
         self._companions[person] = self._numbers == (-1 if command.companion is None else command.companion)
         self._companion_m[person] = min(command.companion_m, KEEP_APART_M)
@@ -191,7 +191,7 @@ class Crowd:
 
     def step(self, dt: float) -> None:
         """Move everybody who is present by dt [s]."""
-        rows: Any = _EVERYBODY if np.count_nonzero(self.present) == len(self.present) else np.flatnonzero(self.present)
+        rows: Any = _ALL if np.count_nonzero(self.present) == len(self.present) else np.flatnonzero(self.present)
         place, before, facing, going = self.place[rows], self.velocity[rows], self.facing[rows], self._going[rows]
         driven = self.driven[rows]
         anybody_driven = np.count_nonzero(driven) > 0
@@ -259,7 +259,7 @@ class Crowd:
     @staticmethod
     def _spread(whole: NDArray[Any], rows: Any, part: NDArray[Any]) -> NDArray[Any]:
         """Return `whole` (n,) with those present replaced by `part`."""
-        if rows is _EVERYBODY:
+        if rows is _ALL:
             return part
         whole = whole.copy()
         whole[rows] = part
@@ -273,8 +273,8 @@ class Crowd:
         slowed = speed * along
         holds = self._holds[rows]
         if np.count_nonzero(holds):
-            aside = np.minimum(speed, ASIDE_M_S)
-            slowed = np.where(holds, aside + (speed - aside) * along, slowed)
+            lateral = np.minimum(speed, LATERAL_M_S)
+            slowed = np.where(holds, lateral + (speed - lateral) * along, slowed)
         # wishes are followed RELAXATION_S late: who comes on fast slows down so much earlier
         left = np.maximum(length - RELAXATION_S * np.abs(velocity), 0.0)
         return np.minimum(slowed, np.minimum(length * self._slow_down[rows], np.sqrt(left * self._slow_late[rows])))

@@ -8,8 +8,8 @@ from math import inf
 from typing import Literal
 
 End = Literal["arrived", "time", "done", "taken", "blocked"]
-"""Why a command ended: the goal is reached, its time is over, its own condition holds, somebody else is at the goal, or
-the way is blocked."""
+"""Reason for which a command ended: the goal is reached, its time is over, its own condition holds, somebody else is at the
+goal, or the way is blocked."""
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class MotionCommand:
     `arrive_m`: how near counts as having arrived; `halt`: slow down to stop at the goal instead of passing it;
     `heading`: where to face meanwhile [rad], None: where one goes. Who goes and holds a heading steps sideways and
     backwards; who stands turns on the spot. `near`: furniture by name that may be come up to closely, for the last
-    steps to a seat, a bed or a shelf; `firm`: do not give way to others, as people who sit, lie or bend do not;
+    steps to a seat, a bed or a shelf; `immovable`: do not give way to others, as people who sit, lie or bend do not;
     `companion`: the number of somebody whom one walks with: neither feels the other's repulsion, and abreast the two
     may come as near as `companion_m` [m], with their arms held in.
     """
@@ -32,7 +32,7 @@ class MotionCommand:
     halt: bool = False
     heading: float | None = None
     near: frozenset[str] = frozenset()
-    firm: bool = False
+    immovable: bool = False
     companion: int | None = None
     companion_m: float = inf
     done: Callable[[], bool] | None = None

@@ -46,7 +46,7 @@ class Routes:
         self._radius = radius_m
         self._furniture = [each.furniture for each in obstacles]
         self._inner = inner
-        self._inside, self._well_inside = Area(area, TOLERANCE_M), Area(inner, TOLERANCE_M)
+        self._in_area, self._well_in_area = Area(area, TOLERANCE_M), Area(inner, TOLERANCE_M)
         self._wide = _Convex([inflated(each.corners, radius_m) for each in obstacles])
         close_m = min(CLOSE_M, radius_m) * np.cos(np.pi / 12)  # so that corners are no farther off either
         self._close = _Convex([inflated(each.corners, close_m) for each in obstacles])
@@ -112,15 +112,15 @@ class Routes:
 
     def _stands(self, place: Array) -> bool:
         """Return whether somebody can stand at a place (2,), be it close to furniture."""
-        return bool(self._inside.contains(place[None])[0] and not self._close.contains(place[None]).any())
+        return bool(self._in_area.contains(place[None])[0] and not self._close.contains(place[None]).any())
 
     def _leg(self, end: Array, others: Array, also: Array | None = None) -> Mask:
         """Return which straight ways from an end (2,) to others (n, 2) are free; close to furniture that the end, or
         the end `also`, is close to."""
         ends = end[None] if also is None else np.stack([end, also])
-        beside = np.asarray(self._wide.contains(ends).any(axis=0))
-        inner = self._inner if self._well_inside.contains(ends).all() else self.area
-        return self._sees(np.broadcast_to(end, others.shape), others, self._wide.where(beside, self._close), inner)
+        adjacent = np.asarray(self._wide.contains(ends).any(axis=0))
+        inner = self._inner if self._well_in_area.contains(ends).all() else self.area
+        return self._sees(np.broadcast_to(end, others.shape), others, self._wide.where(adjacent, self._close), inner)
 
     @staticmethod
     def _sees(start: Array, end: Array, shapes: _Convex, area: Array) -> Mask:
@@ -128,7 +128,7 @@ class Routes:
         seen = ~_cut(area, start, end)
         # dearer questions only of the ways that are left
         seen[seen] = ~shapes.crossed(start[seen], end[seen])
-        seen[seen] = _stay_inside(area, start[seen], end[seen])
+        seen[seen] = _stay_within(area, start[seen], end[seen])
         return seen
 
 
@@ -186,10 +186,10 @@ class _Convex:
             share = depth / speed
         leaves = np.where(speed > 0, share, np.inf).min(axis=1)
         enters = np.where(speed < 0, share, -np.inf).max(axis=1)
-        beside = ((speed == 0) & (depth <= 0)).any(axis=1)
+        adjacent = ((speed == 0) & (depth <= 0)).any(axis=1)
         inside = np.maximum(enters, 0.0) < np.minimum(leaves, 1.0) - 1e-12
         crossed = np.zeros(len(start), dtype=bool)
-        crossed[way[inside & ~beside]] = True
+        crossed[way[inside & ~adjacent]] = True
         return crossed
 
     def _comes_near(self, start: Array, end: Array) -> Mask:
@@ -224,11 +224,11 @@ def _cut(area: Array, start: Array, end: Array) -> Mask:
     return np.asarray(between.any(axis=1))
 
 
-def _stay_inside(area: Array, start: Array, end: Array) -> Mask:
+def _stay_within(area: Array, start: Array, end: Array) -> Mask:
     """Return whether straight ways start to end (n, 2) stay in the simple polygon (k, 2), its border included."""
     inside = Area(area).contains(start)
     near = _touches(area, start, end)  # the others are on one side of the border all along
-    inside[near] = _stays_inside_piecewise(area, start[near], end[near])
+    inside[near] = _stays_within_piecewise(area, start[near], end[near])
     return inside
 
 
@@ -245,7 +245,7 @@ def _touches(area: Array, start: Array, end: Array) -> Mask:
     return np.asarray(met.any(axis=1))
 
 
-def _stays_inside_piecewise(area: Array, start: Array, end: Array) -> Mask:
+def _stays_within_piecewise(area: Array, start: Array, end: Array) -> Mask:
     """Return the same as `_stay_inside`, by the middles of the pieces into which the edges' lines and corners part each
     way."""
     inside = Area(area, TOLERANCE_M)
@@ -255,9 +255,9 @@ def _stays_inside_piecewise(area: Array, start: Array, end: Array) -> Mask:
     turn = _cross(way[:, None], edge)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         met = np.where(turn != 0, _cross(offset, edge) / turn, 0.0)
-    beside = np.einsum("nkc,nc->nk", offset, way) / np.maximum((way**2).sum(axis=1), TOLERANCE_M**2)[:, None]
+    adjacent = np.einsum("nkc,nc->nk", offset, way) / np.maximum((way**2).sum(axis=1), TOLERANCE_M**2)[:, None]
     ends = np.zeros((len(start), 1))
-    cuts = np.sort(np.clip(np.concatenate([ends, met, beside, ends + 1.0], axis=1), 0.0, 1.0), axis=1)
+    cuts = np.sort(np.clip(np.concatenate([ends, met, adjacent, ends + 1.0], axis=1), 0.0, 1.0), axis=1)
     middles = np.concatenate([ends, (cuts[:, 1:] + cuts[:, :-1]) / 2, ends + 1.0], axis=1)
     places = start[:, None] + middles[..., None] * way[:, None]
     return np.asarray(inside.contains(places.reshape(-1, 2)).reshape(middles.shape).all(axis=1))

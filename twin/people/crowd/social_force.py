@@ -18,7 +18,7 @@ Planar = NDArray[np.complex128]
 REPULSION_M_S2 = 5.0
 """Repulsion between two people at the least distance [m/s²]."""
 LOOK_AHEAD_S = 0.5
-"""How far ahead relative motion counts in the repulsion [s]."""
+"""Time ahead for which relative motion counts in the repulsion [s]."""
 REPULSION_RANGE_M = 0.18
 """Distance over which the repulsion falls by 1/e [m]."""
 SIGHT_FROM_BEHIND = 0.3
@@ -26,7 +26,7 @@ SIGHT_FROM_BEHIND = 0.3
 STANDING_SHARE = 0.25
 """Share of the repulsion on somebody who stops: they are not pushed about by people who only pass."""
 PASS_ON_THE_RIGHT_RAD = 0.5
-"""How far the repulsion is turned to the right of straight away, so that two who meet head on pass [rad]."""
+"""Angle by which the repulsion is turned to the right of straight away, so that two who meet head on pass [rad]."""
 ARMS_IN_FROM_M, ARMS_IN_AT_M = 0.75, 0.58
 """Distances of a companion from which the arm on their side is held in, and hangs straight down [m]."""
 KEEP_APART_M = 0.65
@@ -64,8 +64,8 @@ def least_apart(companions: Mask, companion_m: Array, towards: Planar, facing: P
     sake of their feet.
     """
     closer = np.where(companions, KEEP_APART_M - companion_m[:, None], 0.0)
-    aside = (towards * facing.conj()[:, None]).imag ** 2
-    return KEEP_APART_M - np.maximum(closer, closer.T) * np.minimum(aside, aside.T)
+    lateral = (towards * facing.conj()[:, None]).imag ** 2
+    return KEEP_APART_M - np.maximum(closer, closer.T) * np.minimum(lateral, lateral.T)
 
 
 def arms_in(together: Mask, seen: Planar) -> Array:

@@ -33,21 +33,21 @@ FEET_APART_M = 0.085
 TWIST_RAD = 0.55
 """Turn of the body over a standing foot from which steps become quicker."""
 HURRY = 1.5
-"""How much quicker at twice that turn, or twice the distance that the style calls its reach."""
+"""Share by which steps are quicker at twice that turn, or twice the distance that the style calls its reach."""
 TURNING = 0.45
-"""How much quicker steps are for each rad/s of turning."""
+"""Share by which steps are quicker for each rad/s of turning."""
 CALMS_S2 = 4.0
-"""How fast quicker steps become slow again: steps a second, each second."""
+"""Rate at which quicker steps become slow again: steps a second, each second."""
 BEFORE_COUNTS = 1.6
-"""How much a foot that stands before the body counts as farther than one behind it."""
+"""Factor by which a foot that stands before the body counts as farther than one behind it."""
 SIDEWAYS, BACKWARDS = 0.7, 0.35
-"""How much quicker, and so shorter, steps are to the side and backwards."""
+"""Share by which steps are quicker, and so shorter, to the side and backwards."""
 LANDS_FARTHER = 0.2
-"""How much farther before the body a foot lands that goes to the side or backwards, as a share of a step."""
+"""Additional distance before the body at which a foot lands that goes to the side or backwards, as a share of a step."""
 TOES_DOWN_RAD_S = 5.0
-"""How fast the toes come down after the heel has struck."""
+"""Rate at which the toes come down after the heel has struck."""
 HEEL_RAD_S = 14.0
-"""How fast the heel of a standing foot turns up or down at most."""
+"""Greatest rate at which the heel of a standing foot turns up or down."""
 UNLOADED = 0.02
 """A foot that carries less than this share of the body's weight may lift."""
 
@@ -73,7 +73,7 @@ class MovingBodies(Protocol):
 class BodyMotion(NamedTuple):
     """Motion of n bodies in their own frames, (n,) each.
 
-    velocity: complex, ahead + left i [m/s]; speed [m/s]; ahead, aside: cosine with where they face and size of the sine,
+    velocity: complex, ahead + left i [m/s]; speed [m/s]; ahead, lateral: cosine with where they face and size of the sine,
     both less near standstill; forward: ahead where that is positive, else 0; seen_from: complex, turns what the room
     sees into what the body sees.
     """
@@ -81,7 +81,7 @@ class BodyMotion(NamedTuple):
     velocity: Planar
     speed: Array
     ahead: Array
-    aside: Array
+    lateral: Array
     forward: Array
     seen_from: Planar
 
@@ -166,7 +166,7 @@ class Footsteps:
     def _hurry(
         self, bodies: MovingBodies, motion: BodyMotion, strain: Array | float, style: GaitStyle, who: Mask | bool
     ) -> None:
-        quicker = 1.0 + HURRY * strain + TURNING * np.abs(bodies.turn_rate) + SIDEWAYS * motion.aside
+        quicker = 1.0 + HURRY * strain + TURNING * np.abs(bodies.turn_rate) + SIDEWAYS * motion.lateral
         quicker += BACKWARDS * (motion.forward - motion.ahead)
         quicker /= style.step_time
         self.rate = quicker if who is True else np.where(who, quicker, self.rate)
@@ -220,20 +220,20 @@ class Footsteps:
         misplaced = np.maximum(np.abs(self.seen - 1j * home) / self._scale, 0.3 * np.abs(twist))
         # who has just landed goes on more readily than who stands
         moves = (misplaced.max(axis=0) > np.where(landed, 0.03, 0.06)) | (motion.speed > np.where(landed, 0.08, 0.12))
-        begins = ~self.stepping & moves
+        starts = ~self.stepping & moves
         if still is not None:
-            begins &= ~still
-        if begins.any():
+            starts &= ~still
+        if starts.any():
             # the first step goes with the foot on the side of the motion or turn, else with the one farther off
             outward = np.where(motion.speed > 0.1, motion.velocity.imag, 0.0) + 0.1 * bodies.turn_rate
             worse = misplaced[0] <= misplaced[1] + 0.01
             right = np.where(np.abs(outward) > np.maximum(0.1, 0.5 * motion.speed), outward <= 0, worse)
             right = np.where(landed, self.lands[0], right)
-            self.lands = np.where(begins, right == (_FEET == 1), self.lands)
-            self.lift_at = np.where(begins, style.double_support, self.lift_at)
+            self.lands = np.where(starts, right == (_FEET == 1), self.lands)
+            self.lift_at = np.where(starts, style.double_support, self.lift_at)
             # from standing the weight goes to the other foot at once
-            self.progress = np.where(begins & ~landed, np.maximum(self.lift_at, 0.0), self.progress)
-            self.stepping |= begins
+            self.progress = np.where(starts & ~landed, np.maximum(self.lift_at, 0.0), self.progress)
+            self.stepping |= starts
         self.progress *= self.stepping
 
     def lift(self, load: Array, style: GaitStyle, dt: float, drawn: Callable[[], Array]) -> None:
@@ -284,8 +284,8 @@ class Footsteps:
         np.copyto(self._target[_PLACE], wanted, where=open_yet)
         np.copyto(self._target[_YAW], (bodies.heading + _OUT) + turn, where=open_yet)
         square = share * share
-        gone = square * (3.0 - ARRIVES_AT - (2.0 - ARRIVES_AT) * share)
-        self.soles = np.where(self.in_air, self._start + gone * (self._target - self._start), self.soles)
+        covered = square * (3.0 - ARRIVES_AT - (2.0 - ARRIVES_AT) * share)
+        self.soles = np.where(self.in_air, self._start + covered * (self._target - self._start), self.soles)
         rest = 1.0 - share
         bump = (_BUMP * self.in_air) * (share * np.sqrt(share)) * (rest * rest)
         self.height = style.clearance * bump

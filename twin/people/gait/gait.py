@@ -48,12 +48,12 @@ _STANDS_AT = 0.40
 backwards turns it."""
 
 _ROLLS_M = 0.05
-"""How much nearer a foot is that rolls over its heel, the pelvis turned to it [m, for the reference leg]."""
+"""Distance by which a foot is nearer that rolls over its heel, the pelvis turned to it [m, for the reference leg]."""
 _BEARS = 0.3
 """Load from which a foot's leg holds the pelvis down [body weights]."""
 _HINDMOST = 0.05
-_ASIDE_DROP, _BACK_DROP = 3.0, 2.0
-"""How much more the pelvis is lowered by steps to the side, whose legs are spread, and backwards, as shares."""
+_LATERAL_DROP, _BACK_DROP = 3.0, 2.0
+"""Additional lowering of the pelvis by steps to the side, whose legs are spread, and backwards, as shares."""
 
 _ARMS_IN = range(gait_state.ARMS_IN.start, gait_state.ARMS_IN.stop)
 _HABITS = (
@@ -64,7 +64,7 @@ _HABITS = (
     gait_state.ARM_SWING,
     *_ARMS_IN,
 )
-"""What follows slowly, by its rows of `GaitState.rows`."""
+"""Quantities that follow slowly, by their rows of `GaitState.rows`."""
 _BOB, _BOB_RATE = 0, 1
 
 _SWAYS_HZ = np.array([[0.11], [0.29], [0.17], [0.37]])
@@ -191,7 +191,7 @@ class Gait:
         """Return height of the pelvis [m] about its standing height and its rate [m/s] in a regular gait."""
         step_time = self._feet.stepping / self._feet.rate
         unit = GRAVITY_M_S2 * step_time
-        drop = style.pelvis_drop * (1.0 + _ASIDE_DROP * motion.aside + _BACK_DROP * (motion.forward - motion.ahead))
+        drop = style.pelvis_drop * (1.0 + _LATERAL_DROP * motion.lateral + _BACK_DROP * (motion.forward - motion.ahead))
         return cycle[:, HEIGHT] * (unit * step_time) - drop, cycle[:, RATE] * unit
 
     def _bear(self, cycle: Array, left: Array, motion: BodyMotion, style: GaitStyle, dt: float) -> None:
@@ -219,8 +219,8 @@ class Gait:
         [m]."""
         seen, leg = self._feet.seen, self._leg
         ahead = np.maximum(seen.real - self._rolls, 0.0)
-        aside = seen.imag - self._skeleton.hip_offset
-        down = leg - np.sqrt(np.maximum(leg * leg - ahead * ahead - aside * aside, 0.0))
+        lateral = seen.imag - self._skeleton.hip_offset
+        down = leg - np.sqrt(np.maximum(leg * leg - ahead * ahead - lateral * lateral, 0.0))
         down *= self._load > _BEARS
         return -np.maximum(down[0], down[1])
 

@@ -49,12 +49,12 @@ _SWINGS_FROM_M = 0.02
 _TWIST_PER_STRIDE = 0.13
 """Turn of the pelvis towards the foot in front [rad/m, for the reference leg]."""
 _LETS_GO = 0.8
-"""How much higher the pelvis may be than a foot's leg allows, for the root of its height off the floor [m^0.5]."""
+"""Height by which the pelvis may be higher than a foot's leg allows, for the root of its height off the floor [m^0.5]."""
 _UNLOADED_M = 0.12
-"""How much higher it may be than the leg of a foot allows that carries nothing; none if that carries half the body [m]."""
+"""Height by which it may be higher than the leg of a foot allows that carries nothing; none if that carries half the body [m]."""
 _ARMS_OUT_RAD = 0.10
 _HANDS_INWARD = 0.35
-"""How much the upper arms turn in for each radian of elbow beyond 0.6: runners' hands go before the chest."""
+"""Inward turn of the upper arms for each radian of elbow beyond 0.6: runners' hands go before the chest."""
 _TOES_FREE_M = 0.2
 """Height of the ball from which the toes of a lifted foot are straight."""
 
@@ -202,12 +202,12 @@ def _heel_needed(state: GaitState, hips: Planar, height: Array, skeleton: Skelet
     hip; law of cosines.
     """
     gap = (hips - state.floor[FEET]) * np.exp(-1j * state.rows[FEET_YAW])
-    ahead, aside = gap.real - skeleton.ball, gap.imag
+    ahead, lateral = gap.real - skeleton.ball, gap.imag
     up = height - state.rows[FEET_HEIGHT]
     radius = np.hypot(skeleton.ball, skeleton.ankle_height)
     rest = np.arctan2(skeleton.ankle_height, -skeleton.ball)
     far = ahead**2 + up**2
-    leg = (STRAIGHTEST * skeleton.leg) ** 2 - aside**2
+    leg = (STRAIGHTEST * skeleton.leg) ** 2 - lateral**2
     cosine = (far + radius**2 - leg) / (2 * np.sqrt(far) * radius)
     spread = np.arccos(np.minimum(np.maximum(cosine, -1.0), 1.0))
     needed = np.minimum(np.maximum(rest - np.arctan2(up, ahead) - spread, 0.0), _HIGHEST_HEEL_RAD)

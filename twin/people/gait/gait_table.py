@@ -19,7 +19,7 @@ from twin.models import load_yaml
 from twin.people.body.proportions import Skeleton
 
 RUN_PACE = 1.0
-"""How far running lies behind walking on the scale of pace [m/s]."""
+"""Offset of running behind walking on the scale of pace [m/s]."""
 
 LOAD, HEIGHT, RATE, SHARE_BEHIND = range(4)
 """Columns of `GaitTable.cycle`."""

@@ -26,8 +26,8 @@ _MEASURED = frozenset({"hips", "chest", "left_hand", "left_thigh", "left_shank",
 class BodyMeasures:
     """Measures of n people, (n,) each [m]; frames as `twin.people.body.person_spec` has them.
 
-    stature; thigh, shank, ankle_height, ball (before the ankle); hip_aside: hip joint left of the middle; waist:
-    where the trunk bends, above the hips; shoulder_ahead, shoulder_aside, shoulder_up: left shoulder joint from the
+    stature; thigh, shank, ankle_height, ball (before the ankle); hip_lateral: hip joint left of the middle; waist:
+    where the trunk bends, above the hips; shoulder_ahead, shoulder_lateral, shoulder_up: left shoulder joint from the
     waist; upper_arm; grip: from the elbow to the middle of the hand; neck: where the head turns, above the waist;
     head_ahead, head_up: centre of the head from there; under, behind: the buttocks below (of one who sits) and
     behind the hip joints; burden_behind: a bag on the back behind them, 0 without; back: the chest behind the line
@@ -40,10 +40,10 @@ class BodyMeasures:
     shank: Array
     ankle_height: Array
     ball: Array
-    hip_aside: Array
+    hip_lateral: Array
     waist: Array
     shoulder_ahead: Array
-    shoulder_aside: Array
+    shoulder_lateral: Array
     shoulder_up: Array
     upper_arm: Array
     grip: Array
@@ -150,10 +150,10 @@ def _measured(model: mujoco.MjModel, data: mujoco.MjData, prefix: str, looks: Bo
         "shank": shank,
         "ankle_height": looks.proportions.ankle_height,
         "ball": looks.proportions.ball_before_ankle,
-        "hip_aside": place("left_thigh")[1],
+        "hip_lateral": place("left_thigh")[1],
         "waist": place("trunk")[2],
         "shoulder_ahead": shoulder[0],
-        "shoulder_aside": shoulder[1],
+        "shoulder_lateral": shoulder[1],
         "shoulder_up": shoulder[2],
         "upper_arm": -place("left_forearm")[2],
         "grip": -model.geom(f"{prefix}left_hand").pos[2],

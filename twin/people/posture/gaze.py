@@ -43,7 +43,7 @@ class GazeControl:
         self.share = MinimumJerkProfile(1, count)
         self._aim = np.zeros(count, dtype=np.intp)
         self._point = np.zeros((count, 3))
-        self._whom = np.zeros(count, dtype=np.intp)
+        self._target_person = np.zeros(count, dtype=np.intp)
         self._angle = np.zeros((count, 2))
         self._turned = np.zeros((count, 2))  # yaw and pitch of the gaze in the body's frame [rad]
         self._from = np.zeros((count, 2))
@@ -59,7 +59,7 @@ class GazeControl:
 
     def at_person(self, person: int, other: int) -> None:
         """Keep looking at another's head."""
-        self._whom[person] = other
+        self._target_person[person] = other
         self._begin(person, _Aim.PERSON)
 
     def by_angle(self, person: int, yaw: float, pitch: float) -> None:
@@ -89,7 +89,7 @@ class GazeControl:
         """
         who = np.nonzero((self._aim != _Aim.AHEAD) | (self.share.value[0] > 0))[0]
         aim = self._aim[who]
-        target = np.where((aim == _Aim.PERSON)[:, None], head[self._whom[who]], self._point[who])
+        target = np.where((aim == _Aim.PERSON)[:, None], head[self._target_person[who]], self._point[who])
         seen = turned(body[who].transpose(0, 2, 1), target - head[who])
         yaw = np.arctan2(seen[:, 1], seen[:, 0])
         pitch = -np.arctan2(seen[:, 2], np.hypot(seen[:, 0], seen[:, 1]))

@@ -157,8 +157,8 @@ def _place_arm(
     q[:, arm[0]] += rows[ARMS_PITCH]
     flat = rows[ARMS_FLAT]
     if flat.any():
-        beside = _FLAT_ARM * np.array([1.0, side, 1.0, 1.0])
-        q[:, arm] += flat[:, None] * (beside - q[:, arm])
+        adjacent = _FLAT_ARM * np.array([1.0, side, 1.0, 1.0])
+        q[:, arm] += flat[:, None] * (adjacent - q[:, arm])
     rest, prop, reach = rows[REST + number], rows[PROP], rows[HANDS + 4 * number]
     if not (rest.any() or prop.any() or reach.any()):
         return
@@ -232,9 +232,9 @@ def _down(length: Array) -> Array:
 
 
 def _hip(side: float, measures: BodyMeasures) -> Array:
-    zero = np.zeros_like(measures.hip_aside)
-    return np.stack([zero, side * measures.hip_aside, zero], axis=-1)
+    zero = np.zeros_like(measures.hip_lateral)
+    return np.stack([zero, side * measures.hip_lateral, zero], axis=-1)
 
 
 def _shoulder(side: float, measures: BodyMeasures) -> Array:
-    return np.stack([measures.shoulder_ahead, side * measures.shoulder_aside, measures.shoulder_up], axis=-1)
+    return np.stack([measures.shoulder_ahead, side * measures.shoulder_lateral, measures.shoulder_up], axis=-1)

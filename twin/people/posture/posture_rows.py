@@ -19,12 +19,12 @@ PLACE_XY, PLACE_X, PLACE_Y, PLACE_Z, PLACE_YAW = slice(3, 5), 3, 4, 5, 6
 PELVIS_PITCH = 7
 """Turn of the pelvis forward about the hips [rad]."""
 BACK, DROP = 8, 9
-"""How far the hips go back over standing feet, and down by bent knees [m]."""
+"""Way of the hips back over standing feet, and down by bent knees [m]."""
 SPINE, SPINE_YAW, SPINE_PITCH, SPINE_ROLL = slice(10, 13), 10, 11, 12
-"""What is added to the angles of the trunk [rad]."""
+"""Angles added to the angles of the trunk [rad]."""
 NECK_PITCH = 13
 ARMS_PITCH = 14
-"""What is added to the pitch of the head and of both shoulders [rad]."""
+"""Angles added to the pitch of the head and of both shoulders [rad]."""
 LEGS = 15
 """For each leg (2 x 6 rows): weight with which it has left the floor; hip yaw, roll, pitch, knee, ankle [rad] times it."""
 HIP_PITCH, KNEE, ANKLE = 3, 4, 5
@@ -45,7 +45,7 @@ OFF_FEET = 43
 ACCELERATION = 44
 """Vertical acceleration of the centre of mass [m/s²]."""
 PRESSURE = 45
-"""How far the centre of pressure goes forward under the feet [m]."""
+"""Shift of the centre of pressure forward under the feet [m]."""
 POSTURE_ROWS = 46
 
 

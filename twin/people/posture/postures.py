@@ -79,7 +79,7 @@ class Postures:
         self.rows = np.zeros((POSTURE_ROWS, count))
         self._place, self._heading = place.copy(), heading.copy()
         self._idle = True  # everybody stands or walks, and nobody was asked for anything else
-        self._everybody = np.ones(count, dtype=bool)
+        self._all = np.ones(count, dtype=bool)
         self._aim = np.zeros(count, dtype=np.intp)
         self._sitting = np.zeros(count)  # progress of sitting down
         self._lying = np.zeros(count)  # progress of lying down from there
@@ -216,7 +216,7 @@ class Postures:
     def may_walk(self) -> NDArray[np.bool_]:
         """Return a mask (n,) of the people who is on their feet and may be sent about."""
         if self._idle:
-            return self._everybody
+            return self._all
         return (self._sitting == 0) & (self._aim == _STANDS)
 
     def step(self, place: Planar, heading: Array, dt: float) -> None:

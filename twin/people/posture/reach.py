@@ -15,16 +15,16 @@ PELVIS_SHARE = 0.5
 """Share of the pelvis in a bend of the trunk; the rest is the spine's. (The lumbar-pelvic rhythm: M. A. Esola et al., Spine
 21, 1996, about half each over the whole of a bend.)"""
 BACK_PER_BEND_M = 0.20
-"""How far the hips go back for a trunk bent level, for the reference leg, so that the mass stays over the feet [m]."""
+"""Way of the hips back for a trunk bent level, for the reference leg, so that the mass stays over the feet [m]."""
 BACK_PER_DROP = 0.45
-"""How far the hips go back for each metre that the knees let them down."""
+"""Way of the hips back for each metre that the knees let them down."""
 
 _SPARE_M = 0.01
 _MOST_ELBOW_RAD = 2.58
 _ELBOW_OUT = 0.32
 """Turn of the upper arm that brings the elbow out, per bend of the elbow."""
 _SIDEWAYS = (0.6, 0.85)
-"""Where an arm begins to be stretched to the side, and is: share of the way that is sideways."""
+"""Range over which an arm comes to be stretched to the side: share of the way that is sideways."""
 _FARTHEST_BACK_RAD = 5 * np.pi / 6
 _BENDS = np.linspace(0.0, 1.75, 29)
 _TURNS = np.linspace(-0.6, 0.6, 9)
@@ -56,11 +56,11 @@ def arm_angles(point: Array, side: float, measures: BodyMeasures) -> tuple[Array
     sideways = minimum_jerk(y / length, *_SIDEWAYS)
     turn = np.minimum(_ELBOW_OUT * elbow, -needed) * (1.0 - sideways) + needed * sideways
     turn = np.copysign(np.maximum(np.abs(turn), np.arccos(np.minimum(k, 1.0))), turn)
-    ahead, aside, down = off_line * np.cos(turn), off_line * np.sin(turn), upper + lower * np.cos(elbow)
+    ahead, lateral, down = off_line * np.cos(turn), off_line * np.sin(turn), upper + lower * np.cos(elbow)
     # Ry(pitch) Rx(roll) takes (ahead, aside, -down) to the point
-    share = y / np.hypot(aside, down)
-    roll = np.arcsin(np.minimum(np.maximum(share, -1.0), 1.0)) - np.arctan2(aside, down)
-    pitch = np.arctan2(x, z) - np.arctan2(ahead, aside * np.sin(roll) - down * np.cos(roll))
+    share = y / np.hypot(lateral, down)
+    roll = np.arcsin(np.minimum(np.maximum(share, -1.0), 1.0)) - np.arctan2(lateral, down)
+    pitch = np.arctan2(x, z) - np.arctan2(ahead, lateral * np.sin(roll) - down * np.cos(roll))
     # arms go up in front, not round behind: pitch is between -210 and 150 degrees
     pitch = (pitch - _FARTHEST_BACK_RAD) % (-2 * np.pi) + _FARTHEST_BACK_RAD
     return pitch, side * roll, side * turn, elbow
@@ -83,7 +83,7 @@ def help_of_trunk(point: Array, left: bool, hips_up: float, measures: BodyMeasur
     back = (BACK_PER_BEND_M * scale * np.sin(np.minimum(bend, 0.5 * np.pi)) + BACK_PER_DROP * drop) * stands
     leg_up = hips_up - one.ankle_height[0]
     up = hips_up + (np.sqrt(np.maximum(leg_up**2 - back**2, 0.0)) - leg_up) * stands - drop
-    shoulder = np.array([one.shoulder_ahead[0], side * one.shoulder_aside[0], one.shoulder_up[0]])
+    shoulder = np.array([one.shoulder_ahead[0], side * one.shoulder_lateral[0], one.shoulder_up[0]])
     spine = about_z(turn) @ about_y((1 - PELVIS_SHARE) * bend + spine_now) @ about_x(lean)
     above_hips = turned(spine, np.broadcast_to(shoulder, (len(bend), 3))) + np.array([0.0, 0.0, one.waist[0]])
     place = turned(about_y(PELVIS_SHARE * bend + pelvis_now), above_hips) + np.stack(

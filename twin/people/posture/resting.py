@@ -33,7 +33,7 @@ from twin.room.furniture import Bed, Seat
 
 SIT_DOWN_S = 2.0
 STAND_UP_S = 1.8
-"""How long the movements take [s] (M. Schenkman et al., "Whole-body movements during rising to standing from sitting",
+"""Durations of the movements [s] (M. Schenkman et al., "Whole-body movements during rising to standing from sitting",
 Physical Therapy 70, 1990: 1.8 s for rising at a pace of one's own; sitting down is a little slower)."""
 LEAN_RAD = 0.72
 """Greatest lean of the trunk, just before the seat is met (Schenkman et al.: 40 to 50 degrees)."""
@@ -41,10 +41,10 @@ FEET_SHARE = 0.2
 """Share of the weight on the feet of one who sits with both of them on the floor (19 % in F. Collins, "Selecting cushions
 and armchairs", Journal of Wound Care 13, 2004)."""
 SEAT_SINK_M = 0.015
-"""How far buttocks give way on a seat [m]."""
+"""Depth by which buttocks give way on a seat [m]."""
 
 _ANKLES_BACK_M = 0.08
-"""How far the ankles stand behind the knees of one who sits, for the reference leg [m]."""
+"""Distance of the ankles behind the knees of one who sits, for the reference leg [m]."""
 _SITS_AT_LEAST_M = 0.10
 """Least way of the hip joints behind the front edge of a seat, for the reference leg [m]."""
 _THIGH_GIVES_M = 0.03
@@ -133,11 +133,11 @@ GET_UP_S = 3.0
 """From sitting on the edge to lying, and back [s] (ours; supine to edge of bed takes adults 2 to 4 s)."""
 
 MATTRESS_SINK_M = 0.025
-"""How far a body sinks into a mattress [m]."""
+"""Depth by which a body sinks into a mattress [m]."""
 _EDGE_DEPTH_M = 0.42
-"""How much of the mattress counts as the seat of one who sits on its edge [m]."""
+"""Depth of the mattress that counts as the seat of one who sits on its edge [m]."""
 _TOWARDS_HEAD_M = 0.04
-"""How far towards the head end the middle of one who lies is from the middle of the bed: feet that point down take room [m]."""
+"""Offset towards the head end of the middle of one who lies from the middle of the bed: feet that point down take room [m]."""
 
 
 @dataclass(frozen=True)
@@ -151,14 +151,14 @@ class LyingPose:
     turns_left: bool
 
 
-def lying_pose(bed: Bed, measures: BodyMeasures, person: int, beside: complex) -> LyingPose:
+def lying_pose(bed: Bed, measures: BodyMeasures, person: int, adjacent: complex) -> LyingPose:
     """Return a person's pose in a bed who comes from the place `beside`, x + iy [m]: on the long side nearest to it.
 
     On the back, the middle of the body in the middle of the bed; in a bed too short the feet hang over its end.
     """
     along = np.exp(1j * bed.yaw)
     middle = complex(bed.place[0], bed.place[1])
-    left = ((beside - middle) * along.conjugate()).imag >= 0
+    left = ((adjacent - middle) * along.conjugate()).imag >= 0
     outwards = along * (1j if left else -1j)
     stature = float(measures.stature[person])
     hips_up = float(measures.leg[person] + measures.ankle_height[person])

@@ -78,7 +78,7 @@ def _upright(actor: Actor) -> Commands:
     if postures.may_walk()[number]:
         return
     postures.rise(number)
-    yield MotionCommand(None, firm=True, done=lambda: bool(postures.may_walk()[number]))
+    yield MotionCommand(None, immovable=True, done=lambda: bool(postures.may_walk()[number]))
     yield from _step_away(actor)
 
 
@@ -92,7 +92,7 @@ def _turn_to(actor: Actor, heading: float) -> Commands:
 
 def _stand(actor: Actor, action: Stand) -> Commands:
     yield from _upright(actor)
-    yield MotionCommand(None, until=actor.ends_at(action.for_s), firm=True)
+    yield MotionCommand(None, until=actor.ends_at(action.for_s), immovable=True)
 
 
 def _walk(actor: Actor, action: Walk | Run) -> Commands:
@@ -152,15 +152,15 @@ def _go_and_take(actor: Actor, name: str) -> Commands:
     yield from _turn_to(actor, heading)
     near = frozenset({furniture.furniture})
     yield MotionCommand(place, _STEPS_BACK_M_S, actor.t + _STEPS_BACK_FOR_S, 0.03, True, heading, near)
-    yield MotionCommand(None, until=actor.t + _STANDS_FOR_S, heading=heading, near=near, firm=True)
+    yield MotionCommand(None, until=actor.t + _STANDS_FOR_S, heading=heading, near=near, immovable=True)
 
 
 def _settled(actor: Actor, for_s: float | None, part: Part) -> Commands:
     """Wait until a part of the posture is where it was sent, and then for a time."""
     postures, number = actor.context.postures, actor.number
-    yield MotionCommand(None, firm=True, done=lambda: postures.done(number, part))
+    yield MotionCommand(None, immovable=True, done=lambda: postures.done(number, part))
     if for_s is None or for_s > 0:
-        yield MotionCommand(None, until=actor.ends_at(for_s), firm=True)
+        yield MotionCommand(None, until=actor.ends_at(for_s), immovable=True)
 
 
 def _step_away(actor: Actor) -> Commands:

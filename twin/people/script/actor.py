@@ -38,7 +38,7 @@ class Approach:
 
 
 def approaches(
-    furniture: Seat | Bed, measures: BodyMeasures, person: int, beside: complex | None = None
+    furniture: Seat | Bed, measures: BodyMeasures, person: int, adjacent: complex | None = None
 ) -> list[Approach]:
     """Return the ways in which a person can sit down on a seat, or lie down on a bed from either side.
 
@@ -47,10 +47,10 @@ def approaches(
     if isinstance(furniture, Seat):
         poses = [seated_pose(furniture, measures, person)]
     else:
-        sides = [complex(x, y) for x, y in furniture.beside(0.0)]
-        if beside is not None:
-            sides.sort(key=lambda side: abs(side - beside))
-            sides[0] = beside
+        sides = [complex(x, y) for x, y in furniture.bedside(0.0)]
+        if adjacent is not None:
+            sides.sort(key=lambda side: abs(side - adjacent))
+            sides[0] = adjacent
         poses = [lying_pose(furniture, measures, person, side).edge for side in sides]
     found = []
     for pose in poses:
@@ -86,7 +86,7 @@ class ScriptContext:
     doing: list[str] = field(default_factory=list)
     taken: dict[str, int] = field(default_factory=dict)
     leaving: set[int] = field(default_factory=set)
-    gone: set[int] = field(default_factory=set)
+    departed: set[int] = field(default_factory=set)
     looks_until: dict[int, float] = field(default_factory=dict)
     going: dict[int, Going] = field(default_factory=dict)
 
@@ -202,16 +202,16 @@ class Actor:
         """Note that the person is on no way any more."""
         self.context.going.pop(self.number, None)
 
-    def is_gone(self, name: str) -> bool:
+    def has_left(self, name: str) -> bool:
         """Return whether somebody has left for good."""
-        return self.context.number_of(name) in self.context.gone
+        return self.context.number_of(name) in self.context.departed
 
     def attract_gaze(self, name: str) -> None:
         """Turn a person who only stands about, body and gaze, to this one."""
         context, other = self.context, self.context.number_of(name)
         if context.doing[other] == "stand" and context.postures.may_walk()[other]:
             way = self.here - self.place_of(other)
-            context.crowd.command(other, MotionCommand(None, heading=float(np.arctan2(way[1], way[0])), firm=True))
+            context.crowd.command(other, MotionCommand(None, heading=float(np.arctan2(way[1], way[0])), immovable=True))
 
     def others(self) -> Array:
         """Return the places of all others in the room, (k, 2) [m]."""

@@ -26,15 +26,15 @@ _BREADTH = 1.45
 """Breadth of a body with its sleeves and its sway, as a multiple of the distance between its shoulder joints (ours)."""
 _STAYS_BEHIND_S = 1.0
 _SWINGS_OUT = 0.6
-"""Who draws level passes wide of the other's back: so much farther aside for each metre that they lag."""
+"""A person who draws level passes wide of the other's back: so much farther to the side for each metre that they lag."""
 
 
 def follow(actor: Actor, action: Follow) -> Commands:
     if action.beside is not None:
-        yield from _walk_beside(actor, action)
+        yield from _walk_abreast(actor, action)
         return
     ends_at = actor.ends_at(action.for_s)
-    while actor.t < ends_at and not actor.is_gone(action.person):
+    while actor.t < ends_at and not actor.has_left(action.person):
         until = min(actor.t + 2 * LOOKS_AGAIN_S, ends_at)
         gap = actor.distance_to(action.person) - action.keeps_m
         if gap == inf:
@@ -63,10 +63,10 @@ def _one_step_on(actor: Actor, person: str, speed_m_s: float, until: float, dist
 
 
 def meet(actor: Actor, action: Meet) -> Commands:
-    if not actor.is_gone(action.person):
+    if not actor.has_left(action.person):
         actor.sets_out(actor.target(action.person), action.speed_m_s, action.person)
     while actor.distance_to(action.person) > action.distance_m + 0.1:
-        if actor.is_gone(action.person):
+        if actor.has_left(action.person):
             actor.arrives()
             return
         if actor.distance_to(action.person) == inf:
@@ -76,7 +76,7 @@ def meet(actor: Actor, action: Meet) -> Commands:
     actor.arrives()
     ends_at = actor.t + action.for_s
     actor.look(Look(at=action.person))
-    while actor.t < ends_at and not actor.is_gone(action.person):
+    while actor.t < ends_at and not actor.has_left(action.person):
         actor.attract_gaze(action.person)
         yield MotionCommand(
             None, until=min(actor.t + 2 * LOOKS_AGAIN_S, ends_at), heading=actor.bearing_of(action.person)
@@ -84,24 +84,24 @@ def meet(actor: Actor, action: Meet) -> Commands:
     actor.look(Look())
 
 
-def _walk_beside(actor: Actor, action: Follow) -> Commands:
+def _walk_abreast(actor: Actor, action: Follow) -> Commands:
     """Keep level with somebody who goes their own way, or behind them for a while (see `twin.scenario.behaviour.Follow`)."""
     crowd, other = actor.context.crowd, actor.context.number_of(action.person)
     ends_at, behind_until = actor.ends_at(action.for_s), -np.inf
     keeps_m = max(action.keeps_m, _shoulders_m(actor, other))
-    aside = keeps_m * (1j if action.beside == "left" else -1j)
-    while actor.t < ends_at and not actor.is_gone(action.person):
+    lateral = keeps_m * (1j if action.beside == "left" else -1j)
+    while actor.t < ends_at and not actor.has_left(action.person):
         until = min(actor.t + _COMMANDS_EVERY_S, ends_at)
         if not crowd.present[other]:
             yield MotionCommand(None, until=until)
             continue
         place, velocity, facing = crowd.place[other], crowd.velocity[other], crowd.facing[other]
-        beside = place + aside * facing
-        if not _has_room(actor, other, place, beside, velocity):
+        adjacent = place + lateral * facing
+        if not _has_room(actor, other, place, adjacent, velocity):
             behind_until = actor.t + _STAYS_BEHIND_S
         if actor.t >= behind_until:
-            lags_m = ((beside - crowd.place[actor.number]) * facing.conjugate()).real
-            goal = beside + _SWINGS_OUT * np.clip(lags_m, 0.0, 1.0) * aside / keeps_m * facing
+            lags_m = ((adjacent - crowd.place[actor.number]) * facing.conjugate()).real
+            goal = adjacent + _SWINGS_OUT * np.clip(lags_m, 0.0, 1.0) * lateral / keeps_m * facing
         else:
             goal = place - _BEHIND_M * facing
         yield _keep_up(actor, action, other, goal, until, keeps_m)
@@ -109,7 +109,7 @@ def _walk_beside(actor: Actor, action: Follow) -> Commands:
 
 def _shoulders_m(actor: Actor, other: int) -> float:
     """Return how near a person comes to another abreast, shoulder to shoulder, from middle to middle [m]."""
-    return float(actor.context.postures.measures.shoulder_aside[[actor.number, other]].sum()) * _BREADTH
+    return float(actor.context.postures.measures.shoulder_lateral[[actor.number, other]].sum()) * _BREADTH
 
 
 def _keep_up(actor: Actor, action: Follow, other: int, goal: complex, until: float, keeps_m: float) -> MotionCommand:
@@ -131,16 +131,16 @@ def _keep_up(actor: Actor, action: Follow, other: int, goal: complex, until: flo
     )
 
 
-def _has_room(actor: Actor, other: int, place: complex, beside: complex, velocity: complex) -> bool:
+def _has_room(actor: Actor, other: int, place: complex, adjacent: complex, velocity: complex) -> bool:
     """Return whether the place beside somebody is free, and stays so for a while as they go on."""
     routes, crowd = actor.context.ground.routes, actor.context.crowd
-    points = [np.array([at.real, at.imag]) for at in (place, beside, beside + velocity * _SEES_AHEAD_S)]
+    points = [np.array([at.real, at.imag]) for at in (place, adjacent, adjacent + velocity * _SEES_AHEAD_S)]
     for start, end in ((points[0], points[1]), (points[1], points[2])):
         way = routes.way(start, end)
         if way is None or len(way) > 1:
             return False
     others = crowd.present.copy()
     others[[actor.number, other]] = False
-    gap, drift = crowd.place[others] - beside, crowd.velocity[others] - velocity
+    gap, drift = crowd.place[others] - adjacent, crowd.velocity[others] - velocity
     nearest_s = np.clip(-(gap * drift.conj()).real / np.maximum(np.abs(drift) ** 2, 1e-9), 0.0, _SEES_AHEAD_S)
     return not (np.abs(gap + drift * nearest_s) < KEEP_APART_M).any()

@@ -22,7 +22,7 @@ LOOKS_AGAIN_S = 0.1
 HALT_M = 0.05
 """Distance within which a person has arrived at a place to halt at [m]."""
 _PASS_M = 0.2
-_BESIDE_M = 0.02
+_NEXT_TO_M = 0.02
 """People come so near to the nearest place that they can stand at, of a corner say [m]."""
 _CANDIDATES = 6
 _LEAST_WAY_M = 0.8
@@ -105,7 +105,7 @@ def _by_a_way(
     place_m = np.asarray(goal, dtype=float)
     near = actor.context.ground.routes.near(place_m)
     off_m = float(np.hypot(*(standing_place(place_m, actor.context.ground.walkable) - place_m)))
-    pass_m = max(_PASS_M, off_m + _BESIDE_M)
+    pass_m = max(_PASS_M, off_m + _NEXT_TO_M)
     while True:
         way = actor.way_to(goal)
         for place in way:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from twin.people.crowd.crowd import ASIDE_M_S, KEEP_APART_M, NEAR_M, TURN_RATE, Crowd
+from twin.people.crowd.crowd import KEEP_APART_M, LATERAL_M_S, NEAR_M, TURN_RATE, Crowd
 from twin.people.crowd.motion_command import MotionCommand
 from twin.room.obstacles import KEEP_FROM_EDGE_M, KEEP_FROM_FURNITURE_M, Footprints, Obstacle
 
@@ -40,7 +40,7 @@ def test_who_holds_a_heading_steps_backwards_and_sideways(turn):
     _, velocities = walk(crowd, 4.0)
     assert crowd.arrived()[0]
     assert crowd.heading[0] == pytest.approx(turn, abs=1e-6)
-    assert np.abs(velocities).max() == pytest.approx(ASIDE_M_S, rel=0.1)
+    assert np.abs(velocities).max() == pytest.approx(LATERAL_M_S, rel=0.1)
 
 
 def test_who_stands_turns_on_the_spot_to_a_heading():
@@ -135,7 +135,7 @@ def test_an_empty_room_steps():
 def test_firm_people_do_not_give_way():
     crowd = make_crowd([-1.0, 0.0])
     crowd.command(0, MotionCommand((0.0, 0.0), 1.0))
-    crowd.command(1, MotionCommand(None, firm=True))
+    crowd.command(1, MotionCommand(None, immovable=True))
     walk(crowd, 3.0)
     assert crowd.place[1] == 0.0
     crowd.command(1, MotionCommand((2.0, 0.0), 1.0))

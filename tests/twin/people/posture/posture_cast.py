@@ -42,7 +42,7 @@ def standing(measures, place, heading):
     qpos[:, 3], qpos[:, 6] = np.cos(heading / 2), np.sin(heading / 2)
     for side, sign in zip(SIDES, (1, -1), strict=True):
         facing = np.exp(1j * heading)
-        hip = 1j * sign * measures.hip_aside * facing
+        hip = 1j * sign * measures.hip_lateral * facing
         foot = (0.02 + 1j * sign * 0.09) * facing
         angles = leg_angles(
             hip - foot, height - measures.ankle_height, heading, heading + sign * 0.1, np.zeros(count),
