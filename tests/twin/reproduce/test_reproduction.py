@@ -174,7 +174,7 @@ def test_the_page_needs_nothing_but_itself(folder):
     assert f"twin reproduce laser-fisheye-imm --seeds 2 --seed {SEEDS.start} --runs 6 --suite " in page
     for row in format_rows(folder):
         assert all(text in page for text in format_result(row))
-    for words in ("figure 6 is lost", "No parameter was tuned", "What was to be shown", "breaks at", "paper 8"):
+    for words in ("figure 6 is lost", "No parameter was tuned", "Statements", "breaks at", "paper 8"):
         assert words in page
 
 
