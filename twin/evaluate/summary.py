@@ -96,7 +96,6 @@ def evaluate_with_details(
     pose_errors, n_head = _pose_errors(judged, matches)
     metrics: dict[str, Any] = {
         **_matrix_metrics(pair_matrices, gate_m, matches),
-        "hota_cap": hota_cap(1 - np.concatenate([pairs.distances for pairs in matches]) / (2 * gate_m)),
         "gospa_m": float(gospa_m.mean()),
         "ospa_m": float(ospa_m.mean()),
         "false_positives": scores.false_positives,
@@ -162,6 +161,7 @@ def _matrix_metrics(
     pair_matrices: Sequence[PairMatrix], gate_m: float, matches: Sequence[FrameMatches] | None = None
 ) -> dict[str, Any]:
     """Compute the metrics that need nothing but the distances."""
+    matches = matches if matches is not None else match_frames(pair_matrices, gate_m)
     scores = clear(pair_matrices, gate_m, matches)
     similarities = [
         PairMatrix(pairs.person_ids, pairs.track_ids, np.maximum(0.0, 1.0 - pairs.values / (2 * gate_m)))
@@ -174,6 +174,7 @@ def _matrix_metrics(
         "motp_m": scores.motp,
         "idf1": identity(pair_matrices, gate_m).idf1,
         "hota": float(higher_order.hota.mean()) if applies else None,
+        "hota_cap": hota_cap(1 - np.concatenate([pairs.distances for pairs in matches]) / (2 * gate_m)),
         "deta": float(higher_order.det_a.mean()) if applies else None,
         "assa": float(higher_order.ass_a.mean()) if applies else None,
         "id_switches": scores.id_switches,
