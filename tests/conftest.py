@@ -1,6 +1,8 @@
 """What holds for every test."""
 
+import logging
 import os
+from collections.abc import Iterator
 
 import pytest
 import shape_checks
@@ -19,8 +21,10 @@ def pytest_runtest_setup() -> None:
 
 
 @pytest.fixture(autouse=True)
-def limits_hold_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A command that lifts the limits in this process lifts them for its own test alone."""
+def nothing_is_left_behind(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A command that lifts the limits in this process lifts them for its own test alone; none may leave warnings disabled."""
     from trackers.limits import NO_LIMITS
 
     monkeypatch.setenv(NO_LIMITS, "")
+    yield
+    assert logging.root.manager.disable == logging.NOTSET

@@ -228,10 +228,22 @@ def test_who_comes_back_in_the_same_clothes_has_the_old_number():
     walk = WALK[:, :2]
     alone, both = walk[:, :1], walk
     seen = [*observe(RIG, both[:10]), *observe(RIG, alone[10:25], start_s=1.0), *observe(RIG, both[25:35], start_s=2.5)]
-    frames = follow(seen, detection={"gone_s": 0.5})
+    frames = follow(seen, track_management={"coast_s": 0.5})
     assert len(frames[22].tracks) == 1
     errors, ids = end_errors(frames, walk)
     assert (errors < 0.3).all() and sorted(ids) == [1, 2]
+    _, ids = end_errors(follow(seen, track_management={"coast_s": 0.5, "reid_distance": 0.0}), walk)
+    assert sorted(ids) == [1, 3]
+
+
+def test_who_is_felt_in_every_other_frame_waits_for_a_track_as_long_as_the_option_says():
+    period_ns = round(PERIOD_S * NS_PER_S)
+    flicker = changed(
+        FloorFrame, lambda each: each if each.stamp_ns // period_ns % 2 else replace(each, values=0 * each.values)
+    )
+    patient = follow(flicker[:80], track_management={"tentative_coast_s": 2.5 * PERIOD_S})
+    assert any(frame.tracks for frame in patient)
+    assert not any(frame.tracks for frame in follow(flicker[:80], track_management={"tentative_coast_s": 0.0}))
 
 
 def test_the_same_recording_gives_the_same_bits():

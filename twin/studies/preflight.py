@@ -172,13 +172,14 @@ def _kind_faults(study: Study, candidate_set: CandidateSet, path: Path) -> Itera
 
 def _unused_sensor_faults(
     study: Study, candidate_set: CandidateSet, chosen: Sequence[ChosenTracker], scene: Scene, path: Path
-) -> Iterator[str]:
+) -> list[str]:
     """Report trackers that cannot work on a placement, or that ignore moved sensors and are an objective.
 
     What those cost would be paid for nothing; by coverage and price alone they are worth it without any tracker.
     """
     validated = {objective.tracker for objective in study.validated}
     area = tuple((float(x), float(y)) for x, y in scene.area)
+    faults = []
     before = logging.root.manager.disable
     logging.disable(logging.WARNING)
     try:
@@ -199,16 +200,19 @@ def _unused_sensor_faults(
                     tracker = make_tracker(each.target, rig, Prior.read((), scenario.prior, rig), rng, each.options)
                 except InputError as error:
                     sensors = ", ".join(scenario.sensors)
-                    yield f"{path}: trackers.{place}: {each.name!r} cannot work on a placement of {sensors}: {error}"
+                    faults.append(
+                        f"{path}: trackers.{place}: {each.name!r} cannot work on a placement of {sensors}: {error}"
+                    )
                     continue
                 ignored = [name for name in unused_sensors(tracker) if name in moved]
                 if ignored and each.name in validated:
-                    yield (
+                    faults.append(
                         f"{path}: trackers.{place}: {each.name!r} makes no use of {', '.join(ignored)}, which the study moves; a "
                         "tracker that uses what is placed, or other sensors under devices, is expected"
                     )
     finally:
         logging.disable(before)
+    return faults
 
 
 def _is_moved(study: Study, scenario: Scenario, name: str, description: object) -> bool:

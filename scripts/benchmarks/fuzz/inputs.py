@@ -38,7 +38,7 @@ people:
     start: [1.0, 1.5]
     script:
       - {kind: bend, angle_deg: 80, when: {near: bob, within_m: 1.5}}
-      - {kind: plot_style, at: ann}
+      - {kind: look, at: ann}
       - {kind: follow, person: ann, distance_m: 1.0}
 housings:
   pole: {mount: {xyz: [0, 0, 0.95], yaw_deg: 90}}

@@ -79,14 +79,14 @@ def test_closed_pipe_is_quiet(command: list[str]) -> None:
 
 
 def test_list_keeps_its_columns_apart() -> None:
-    from twin.commands.info import _lines
+    from twin.commands.info import _columns
 
     entries = {"short": "one", "a-name-that-is-longer-than-the-column-was": "two words " * 9}
     for width in (None, 50, 80, 200):
-        lines = list(_lines(entries, width))
+        lines = list(_columns(entries, width))
         assert width is None or max(map(len, lines)) <= width
         assert all("column-wastwo" not in line and line == line.rstrip() for line in lines)
-    assert len(list(_lines(entries, None))) == 2
+    assert len(list(_columns(entries, None))) == 2
 
 
 def test_control_characters_are_escaped(here: Callable[..., Ended]) -> None:
@@ -187,7 +187,7 @@ IDS = {
 @pytest.mark.slow
 @pytest.mark.parametrize("good", [True, False])
 def test_ids_of_a_plug_in_cost_nobody_else_anything(good: bool, tmp_path: Path) -> None:
-    lines = ["import uuid", "from trackers.tracks import Track", "class Mine:"
+    lines = ["import uuid", "from trackers.tracks import Track", "class Mine:",
              "    def __init__(self, rig, background, rng): pass", "    def update(self, observation): pass"]  # fmt: skip
     for name, number in IDS.items():
         lines += [f"class {name}(Mine):", f"    def tracks(self): return [Track({number}, 0.0, 0.0)]"]

@@ -70,19 +70,19 @@ LAB = "scenarios: [{scenario: lab-five-people, %s}]\n"
         # where an option was written: the suite's own set, an entry's, a grid, a variant
         (
             "trackers: [mine]\nset: {trackers.mine: {preset: laser-imm, camra: false}}\n" + LAB % "name: a",
-            "set.trackers.mine.camra: unknown key; did you mean 'camera'? valid here: camera, colour_weight, ",
+            "set.trackers.mine.camra: unknown key; did you mean 'camera'? valid here: appearance, camera, ",
         ),
         (
-            "trackers: [mine]\n" + LAB % "set: {trackers.mine: {preset: laser-imm, knee: {radius_m: wide}}}",
-            "scenarios.0.set.trackers.mine.knee.radius_m: a number is expected (got 'wide')",
+            "trackers: [mine]\n" + LAB % "set: {trackers.mine: {preset: laser-imm, legs: {gate_m: wide}}}",
+            "scenarios.0.set.trackers.mine.legs.gate_m: a number is expected (got 'wide')",
         ),
         (
             "trackers: [laser-imm]\n" + LAB % "grid: {trackers.laser-imm.camera: [false, perhaps]}",
             "scenarios.0.grid.trackers.laser-imm.camera: true or false is expected (got 'perhaps')",
         ),
         (
-            "trackers: [laser-imm]\n" + LAB % "variants: [{}, {trackers.laser-imm.knee.par_m: 1}]",
-            "scenarios.0.variants.1.trackers.laser-imm.knee.par_m: unknown key; did you mean 'pair_m'?",
+            "trackers: [laser-imm]\n" + LAB % "variants: [{}, {trackers.laser-imm.legs.par_m: 1}]",
+            "scenarios.0.variants.1.trackers.laser-imm.legs.par_m: unknown key; did you mean 'pair_m'?",
         ),
         # where a preset or name was written
         (
@@ -121,17 +121,19 @@ def test_every_fault_of_every_scenario_is_told_once(tmp_path: Path) -> None:
 
 def test_an_option_of_the_scenario_s_file_is_told_with_that_file(tmp_path: Path) -> None:
     scenario = tmp_path / "own.yaml"
-    scenario.write_text("extends: lab-five-people\nname: own\ntrackers: {mine: {preset: laser-imm, mode_stays: 2}}\n")
+    scenario.write_text(
+        "extends: lab-five-people\nname: own\ntrackers: {mine: {preset: laser-imm, waist: {p_detect: 2}}}\n"
+    )
     (line,) = told(tmp_path, "trackers: [mine]\nscenarios: [{scenario: own.yaml}]\n")
     assert line == (
-        f"scenarios.0.scenario: {scenario}: trackers.mine.mode_stays: Input should be less than or equal to 1 (got 2)"
+        f"scenarios.0.scenario: {scenario}: trackers.mine.waist.p_detect: Input should be less than 1 (got 2)"
     )
 
 
 def test_an_option_of_the_command_line_is_told_with_it(tmp_path: Path) -> None:
-    (line,) = told(tmp_path, "trackers: [laser-imm]\n" + LAB % "name: a", "trackers.laser-imm.mode_stays=0")
+    (line,) = told(tmp_path, "trackers: [laser-imm]\n" + LAB % "name: a", "trackers.laser-imm.legs.gate_m=0")
     assert line == (
-        "--set trackers.laser-imm.mode_stays=0: trackers.laser-imm.mode_stays: Input should be greater than 0 (got 0)"
+        "--set trackers.laser-imm.legs.gate_m=0: trackers.laser-imm.legs.gate_m: Input should be greater than 0 (got 0)"
     )
 
 
