@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +20,7 @@ from twin.studies.apply_placement import apply_placement
 from twin.studies.candidate_set import CandidateSet
 from twin.studies.spec import Study, StudyScenario, load_study, scenario_key
 from twin.suites.overrides import format_overrides
+from twin.suites.preflight import warnings_silenced
 from twin.world.scene import Scene, build_scene
 
 
@@ -180,9 +180,7 @@ def _unused_sensor_faults(
     validated = {objective.tracker for objective in study.validated}
     area = tuple((float(x), float(y)) for x, y in scene.area)
     faults = []
-    before = logging.root.manager.disable
-    logging.disable(logging.WARNING)
-    try:
+    with warnings_silenced():
         for example in _examples(study, candidate_set):
             try:
                 scenario = apply_placement(
@@ -210,8 +208,6 @@ def _unused_sensor_faults(
                         f"{path}: trackers.{place}: {each.name!r} makes no use of {', '.join(ignored)}, which the study moves; a "
                         "tracker that uses what is placed, or other sensors under devices, is expected"
                     )
-    finally:
-        logging.disable(before)
     return faults
 
 

@@ -160,7 +160,7 @@ def _faults(
     """Yield the faults of making a tracker: the option's path ("" where it is no option's), and the message."""
     background = _EmptyRoom()
     try:
-        with _silent():
+        with warnings_silenced():
             handed = replace(prior, background=background)
             tracker = make_tracker(target, rig, handed, stream(scenario.seed, "tracker", name), options)
     except InputError as error:
@@ -199,7 +199,7 @@ def _by_option(line: str, options: Mapping[str, Any]) -> tuple[str, str]:
 
 
 @contextmanager
-def _silent() -> Iterator[None]:
+def warnings_silenced() -> Iterator[None]:
     """Silence warnings that hold for this check only: that there is no background."""
     before = logging.root.manager.disable
     logging.disable(logging.WARNING)
