@@ -1,4 +1,8 @@
-"""Results of a reproduction, row by row: the paper's value, ours and its interval; `results.json` and their texts."""
+"""Results of a reproduction, row by row: the paper's value, and those of three systems here; `results.json`, and their texts.
+
+The four columns: the paper's printed value; the paper's system here, by its own rules (a `-paper` preset); ours; and the
+plain baseline (`sort`, `floor-kalman`). All systems here follow the same recordings.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +22,25 @@ from twin.reproduce.bootstrap import Interval
 
 
 @dataclass(frozen=True)
+class SystemValue:
+    """The same value of another system, over the same runs as ours. tracker: its preset; ci95: over those runs."""
+
+    tracker: str
+    value: float
+    ci95: tuple[float, float]
+
+    @classmethod
+    def of(cls, tracker: str, found: Interval) -> SystemValue:
+        """Make it from a value with its interval."""
+        return cls(tracker, found.value, (found.low, found.high))
+
+
+@dataclass(frozen=True)
 class ResultRow:
-    """One value. paper: None where the paper prints none; ci95: over `runs` runs."""
+    """One value of ours. paper: None where the paper prints none; ci95: over `runs` runs.
+
+    paper_system: the paper's system here; baseline: the plain one's. None where they were not run, or have no such value.
+    """
 
     where: str
     row: str
@@ -28,13 +50,37 @@ class ResultRow:
     ci95: tuple[float, float]
     unit: str
     runs: int
+    paper_system: SystemValue | None = None
+    baseline: SystemValue | None = None
 
     @classmethod
     def of(
-        cls, where: str, row: str, column: str, ours: Interval, unit: str, runs: int, paper: float | None = None
+        cls,
+        where: str,
+        row: str,
+        column: str,
+        ours: Interval,
+        unit: str,
+        runs: int,
+        paper: float | None = None,
+        paper_system: SystemValue | None = None,
+        baseline: SystemValue | None = None,
     ) -> ResultRow:
         """Make a result from a value with its interval."""
-        return cls(where, row, column, paper, ours.value, (ours.low, ours.high), unit, runs)
+        interval = (ours.low, ours.high)
+        return cls(where, row, column, paper, ours.value, interval, unit, runs, paper_system, baseline)
+
+    @classmethod
+    def from_json(cls, fields: Mapping[str, Any]) -> ResultRow:
+        """Make the result that `write_results` wrote as these fields."""
+        others = {name: fields[name] for name in ("paper_system", "baseline") if fields.get(name) is not None}
+        values = {name: SystemValue(**{**each, "ci95": tuple(each["ci95"])}) for name, each in others.items()}
+        return cls(**{**fields, "ci95": tuple(fields["ci95"]), **values})
+
+    @property
+    def system_texts(self) -> tuple[tuple[str, str], tuple[str, str]]:
+        """Value and interval of the paper's system here, and of the baseline, as texts; a dash where there is none."""
+        return format_system(self.paper_system, self.unit), format_system(self.baseline, self.unit)
 
 
 _DECIMALS = {
@@ -73,11 +119,14 @@ def pivot_rows(results: Sequence[ResultRow], intervals: bool = True) -> Mapping[
     """Pivot results: a row per condition and tracker, a column per metric; of rows named "CONDITION, METRIC", or of
     choices.
     """
-    found: dict[str, dict[str, tuple[str, str, str]]] = {}
+    found: dict[str, dict[str, tuple[str, str, str, list[str]]]] = {}
     for result, paper, ours, spread in format_rows(results):
         condition, _, metric = result.row.partition(", ")
         row, column = (f"{condition}: {result.column}", metric) if metric else (result.row, result.column)
-        found.setdefault(row, {})[column] = (ours, spread if intervals else "", "" if result.paper is None else paper)
+        systems = zip(("the paper’s system here", "baseline"), result.system_texts, strict=True)
+        others = [f"{name} {text}" for name, (text, interval) in systems if interval]
+        cell = ours, spread if intervals else "", "" if result.paper is None else paper, others
+        found.setdefault(row, {})[column] = cell
     columns = list(dict.fromkeys(column for row in found.values() for column in row))
     rows = [(row, [cells.get(column) for column in columns]) for row, cells in found.items()]
     return {"columns": columns, "rows": rows} if found else None
@@ -86,13 +135,17 @@ def pivot_rows(results: Sequence[ResultRow], intervals: bool = True) -> Mapping[
 def format_result(result: ResultRow) -> tuple[str, str, str]:
     """Format the paper's value, ours, and its interval."""
     paper = "–" if result.paper is None else format_value(result.paper, result.unit)
-    low, high = result.ci95
-    unit = _unit(result.unit)
-    return (
-        paper,
-        format_value(result.ours, result.unit),
-        f"{_number(low, result.unit)} to {_number(high, result.unit)}{unit}",
-    )
+    return paper, format_value(result.ours, result.unit), _interval(result.ci95, result.unit)
+
+
+def format_system(found: SystemValue | None, unit: str) -> tuple[str, str]:
+    """Format the value of another system and its interval; a dash and nothing where there is none."""
+    return ("–", "") if found is None else (format_value(found.value, unit), _interval(found.ci95, unit))
+
+
+def _interval(ci95: tuple[float, float], unit: str) -> str:
+    low, high = ci95
+    return f"{_number(low, unit)} to {_number(high, unit)}{_unit(unit)}"
 
 
 def format_value(value: float, unit: str) -> str:
@@ -117,12 +170,17 @@ def format_ranges(scans: NDArray[np.intp]) -> str:
 
 
 def print_results(title: str, results: Sequence[ResultRow]) -> None:
-    """Print a table on stdout, the paper's values beside ours."""
+    """Print a table on stdout: the paper's values, those of its system here, ours, and the baseline's where any was run."""
+    has_systems = any(each.paper_system or each.baseline for each in results)
     table = Table(title=title)
     for heading in ("where", "row", "metric"):
         table.add_column(heading)
-    for heading in ("paper", "ours", "95 %"):
-        table.add_column(heading, justify="right", no_wrap=True)
+    headings = ("paper", *(("paper's system here",) if has_systems else ()), "ours", "95 %")
+    for heading in (*headings, *(("baseline",) if has_systems else ())):
+        table.add_column(heading, justify="right", no_wrap=heading != "paper's system here")
     for result in results:
-        table.add_row(result.where, result.row, result.column, *format_result(result))
+        paper, ours, interval = format_result(result)
+        (papers_system, _), (baseline, _) = result.system_texts
+        values = (paper, papers_system, ours, interval, baseline) if has_systems else (paper, ours, interval)
+        table.add_row(result.where, result.row, result.column, *values)
     PlainConsole(width_of_file=150).print(table)

@@ -58,7 +58,18 @@ def test_results_follow_the_contract(folder):
     results = json.loads((folder / "results.json").read_text())
     assert len({(each["where"], each["row"], each["column"]) for each in results}) == len(results)
     for each in results:
-        assert list(each) == ["where", "row", "column", "paper", "ours", "ci95", "unit", "runs"]
+        assert list(each) == [
+            "where",
+            "row",
+            "column",
+            "paper",
+            "ours",
+            "ci95",
+            "unit",
+            "runs",
+            "paper_system",
+            "baseline",
+        ]
         assert each["ci95"][0] <= each["ours"] + 1e-9 and each["ours"] <= each["ci95"][1] + 1e-9
         assert np.isfinite([each["ours"], *each["ci95"]]).all()
 

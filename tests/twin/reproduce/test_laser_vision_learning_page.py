@@ -141,7 +141,18 @@ def test_it_leaves_results_runs_plots_strips_and_a_page(folder: Path) -> None:
 def test_its_figures_are_those_of_the_suite(folder: Path) -> None:
     rows = json.loads((folder / "results.json").read_text())
     for row in rows:
-        assert list(row) == ["where", "row", "column", "paper", "ours", "ci95", "unit", "runs"]
+        assert list(row) == [
+            "where",
+            "row",
+            "column",
+            "paper",
+            "ours",
+            "ci95",
+            "unit",
+            "runs",
+            "paper_system",
+            "baseline",
+        ]
         assert (row["ci95"][0] <= row["ours"] + 1e-9 and row["ours"] - 1e-9 <= row["ci95"][1]) or row["runs"] == 2
         assert np.isfinite([row["ours"], *row["ci95"]]).all()
     assert len({(row["where"], row["row"], row["column"]) for row in rows}) == len(rows)
