@@ -44,7 +44,8 @@ class Track(NanEqual):
 
     x, y: ground point under the pelvis [m]; z: height of the pelvis [m]; vx, vy: velocity [m/s]; head_*: centre of
     the head [m] and its yaw [rad]; status: measured lately ("confirmed") or predicted only ("coasting"); situation: how
-    they stand to others, where the tracker tells that, in a word or two for the preview.
+    they stand to others, where the tracker tells that, in a word or two for the preview; radius95_m: radius about (x, y) that
+    holds the person with a probability of 95 % by the tracker's posterior [m].
     """
 
     id: int
@@ -59,6 +60,7 @@ class Track(NanEqual):
     head_yaw: float = nan
     status: Status = "confirmed"
     situation: str = ""
+    radius95_m: float = nan
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -99,7 +99,7 @@ def test_run_leaves_what_the_contract_says(run_folder: Path) -> None:
         "mota", "motp_m", "idf1", "hota", "hota_cap", "deta", "assa", "gospa_m", "ospa_m", "id_switches", "false_positives",
         "misses", "misidentifications", "lost_tracks",
         "errors", "accuracy", "failures", "disposal", "head_error_m", "head_yaw_error_rad",
-        "head_yaw_median_rad", "body_height_error_m", "right_at_end", "gate_m", "at_1m", "judged",
+        "head_yaw_median_rad", "body_height_error_m", "right_at_end", "within_radius", "gate_m", "at_1m", "judged",
         "ms_per_frame",
     }  # fmt: skip
 

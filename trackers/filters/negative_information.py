@@ -100,6 +100,24 @@ def probability_within(
     return (state.probability * chance).sum(axis=0)
 
 
+def radius_containing(state: ImmState, centre: Float[Array, "n 2"], share: float) -> Float[Array, "n"]:
+    """Return the radius about `centre` [m] that holds a `share` of each of n densities, modes and all.
+
+    The squared distance is taken for a scaled χ² of its mean and variance over the modes (F. E. Satterthwaite, "An approximate
+    distribution of estimates of variance components", Biometrics Bulletin 2, 1946): exact for circles and for lines.
+    """
+    from scipy.special import chdtri
+
+    off_x, off_y = state.mean[0] - centre[:, 0], state.mean[1] - centre[:, 1]  # (m, n)
+    xx, xy, yy = state.covariance[0, 0], state.covariance[0, 1], state.covariance[1, 1]
+    square = xx + yy + off_x**2 + off_y**2
+    spread = 2 * (xx**2 + 2 * xy**2 + yy**2) + 4 * (xx * off_x**2 + 2 * xy * off_x * off_y + yy * off_y**2)
+    mean = np.maximum((state.probability * square).sum(axis=0), _LEAST_VARIANCE_M2)
+    variance = (state.probability * (spread + square**2)).sum(axis=0) - mean**2
+    degrees = 2 * mean**2 / np.maximum(variance, _LEAST_VARIANCE_M2**2)
+    return np.sqrt(mean / degrees * chdtri(degrees, 1 - share))
+
+
 def _places(
     state: ImmState, u: Float[Array, "2 n"], v: Float[Array, "2 n"]
 ) -> tuple[Float[Array, "2 m n k"], Float[Array, "m n"], Float[Array, "m n"], Float[Array, "m n"]]:

@@ -34,7 +34,7 @@ from trackers.errors import InputError
 from trackers.filters.heading_motion import HeadingMotion
 from trackers.filters.imm import Imm, Motion
 from trackers.filters.motion import IMM_MODELS, KALMAN_MODELS
-from trackers.filters.negative_information import miss_probability
+from trackers.filters.negative_information import miss_probability, radius_containing
 from trackers.filters.rows import written
 from trackers.filters.velocity_motion import AGILE, VelocityMotion
 from trackers.laser.grouping import STRIDE_M
@@ -135,10 +135,12 @@ class LaserFisheyeImm(SynchronizedTracker):
         measured, shown = measured_now(roster, self._ns), self._track_manager.to_report(people, self._ns).nonzero()[0]
         shown = shown[roster.id[shown].argsort()]
         mean = self._imm.average(people.state)[:, shown]
-        columns = roster.id[shown], *mean[:2], *self._imm.motion.velocity(mean), measured[shown]
+        velocity = self._imm.motion.velocity(mean)
+        radius_m = radius_containing(people.state.select(shown), mean[:2].T, 0.95)
+        columns = roster.id[shown], *mean[:2], *velocity, radius_m, measured[shown]
         return [
-            Track(id=number, x=x, y=y, vx=vx, vy=vy, status="confirmed" if is_measured else "coasting")
-            for number, x, y, vx, vy, is_measured in zip(*(column.tolist() for column in columns), strict=True)
+            Track(number, x, y, vx, vy, status="confirmed" if is_measured else "coasting", radius95_m=radius_m)
+            for number, x, y, vx, vy, radius_m, is_measured in zip(*(each.tolist() for each in columns), strict=True)
         ]
 
     def torso_windows(self) -> list[tuple[int | None, Float[Array, "p 2"]]]:

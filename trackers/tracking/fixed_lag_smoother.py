@@ -39,6 +39,7 @@ class FixedLagSmoother:
 
     def __init__(self, delay_s: float, place_m: float, speed_m_s: float) -> None:
         self._delay_ns = round(delay_s * NS_PER_S)
+        self._place_m = place_m
         self._prior = np.diag([0.0, (place_m / speed_m_s) ** 2, (place_m / _ACCELERATION_M_S2) ** 2])
         self._ids: dict[int, int] = {}
         self._kept: list[Held] = []
@@ -77,19 +78,22 @@ class FixedLagSmoother:
         tracks = dict(now.reported)
         for serial, measured, row in zip(now.serial[fits].tolist(), now.measured[fits], fitted.tolist(), strict=True):
             if serial in self._ids:
-                x, y, vx, vy = row
+                x, y, vx, vy, radius_m = row
                 number = self._ids[serial]
                 track = tracks.get(number, Track(number, x, y))
-                tracks[number] = replace(track, x=x, y=y, vx=vx, vy=vy, status="confirmed" if measured else "coasting")
+                status = "confirmed" if measured else "coasting"
+                tracks[number] = replace(track, x=x, y=y, vx=vx, vy=vy, status=status, radius95_m=radius_m)
         return TrackFrame(now.ns, tuple(tracks[number] for number in sorted(tracks)))
 
-    def _fit(self, t_s: Float[Array, "f"], place: Float[Array, "f n 2"]) -> Float[Array, "n 4"]:
-        """x, y [m] and their rates [m/s] at t = 0, by the places that are not NaN."""
+    def _fit(self, t_s: Float[Array, "f"], place: Float[Array, "f n 2"]) -> Float[Array, "n 5"]:
+        """x, y [m] and their rates [m/s] at t = 0, by the places that are not NaN, and the radius of 95 % [m]."""
         basis = np.stack([np.ones_like(t_s), t_s, t_s**2 / 2], axis=1)
         seen = ~np.isnan(place[..., 0])
         normal = np.einsum("fi,fj,fn->nij", basis, basis, seen.astype(float)) + self._prior
         right = np.einsum("fi,fnk->nik", basis, np.nan_to_num(place))
-        return np.linalg.solve(normal, right)[:, :2].reshape(-1, 4)
+        fitted = np.linalg.solve(normal, right)[:, :2].reshape(-1, 4)
+        variance = np.linalg.inv(normal)[:, 0, 0]  # in those of a measured place; on each axis alike
+        return np.column_stack([fitted, self._place_m * np.sqrt(-2 * np.log(0.05) * variance)])
 
 
 def _measured_places(held: Held, serial: Int[Index, "n"]) -> Float[Array, "n 2"]:

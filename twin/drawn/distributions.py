@@ -20,6 +20,7 @@ def _ordered(bounds: tuple[float, float]) -> tuple[float, float]:
 
 
 Range = Annotated[tuple[FiniteFloat, FiniteFloat], AfterValidator(_ordered)]
+Size = tuple[Annotated[int, Ge(16), Le(4096)], Annotated[int, Ge(16), Le(4096)]]
 Count = Annotated[tuple[int, int], AfterValidator(_ordered)]
 
 
@@ -149,6 +150,15 @@ class DrawnSensors(Strict):
     )
     cameras: Count = Field(default=(0, 0), description="number of pinhole cameras in the corners under the ceiling")
     stereos: Count = Field(default=(0, 0), description="number of stereo cameras in the corners under the ceiling")
+    fisheye_px: Size = Field(
+        default=(480, 480), description="width and height of a fisheye camera's pictures, 16 to 4096 px"
+    )
+    camera_px: Size = Field(
+        default=(480, 360), description="width and height of a pinhole camera's pictures, 16 to 4096 px"
+    )
+    stereo_px: Size = Field(
+        default=(320, 240), description="width and height of a stereo camera's pictures, 16 to 4096 px"
+    )
     camera_hz: Range = Field(default=(5.0, 15.0), description="rate of a camera [Hz], 1 to 60")
     floor: Share = Field(default=0.0, description="share of rigs with a pressure floor under the largest room")
     noise: tuple[Literal["off", "default", "worse"], ...] = Field(

@@ -80,7 +80,7 @@ class _RigDraws:
         return {
             "kind": "fisheye",
             "rate_hz": self._rate(),
-            "size": [480, 480],
+            "size": list(self._options.fisheye_px),
             "mount": self._mount(
                 place, float(self._rng.uniform(1.05, 2.2)), yaw, pitch_deg=float(self._rng.uniform(0, 20))
             ),
@@ -89,13 +89,14 @@ class _RigDraws:
 
     def camera(self) -> dict[str, Any]:
         """Draw a pinhole camera in a corner under the ceiling, looking down into the room."""
-        return {"kind": "camera", "rate_hz": self._rate(), "size": [480, 360], "vertical_field_of_view_deg": 62,
-                "mount": self._in_a_corner(), "noise": self._noise()}  # fmt: skip
+        return {"kind": "camera", "rate_hz": self._rate(), "size": list(self._options.camera_px),
+                "vertical_field_of_view_deg": 62, "mount": self._in_a_corner(), "noise": self._noise()}  # fmt: skip
 
     def stereo(self) -> dict[str, Any]:
         """Draw a stereo camera in a corner under the ceiling."""
-        return {"kind": "stereo", "rate_hz": min(self._rate(), 8.0), "size": [320, 240], "vertical_field_of_view_deg": 59,
-                "baseline_m": 0.12, "mode": "matched", "mount": self._in_a_corner(), "noise": self._noise()}  # fmt: skip
+        return {"kind": "stereo", "rate_hz": min(self._rate(), 8.0), "size": list(self._options.stereo_px),
+                "vertical_field_of_view_deg": 59, "baseline_m": 0.12, "mode": "matched",
+                "mount": self._in_a_corner(), "noise": self._noise()}  # fmt: skip
 
     def floor(self) -> dict[str, Any]:
         """Draw a pressure floor of 200 mm elements under the largest room."""

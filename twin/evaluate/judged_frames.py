@@ -35,6 +35,7 @@ class Frame:
     track_xy: NDArray[np.float64]  # (m, 2)
     track_pose: NDArray[np.float64]  # (m, 5) the same; NaN where not estimated
     confirmed: NDArray[np.bool_]  # (m,) false: coasting
+    radius95_m: NDArray[np.float64]  # (m,) stated to hold the person with 95 % [m]; NaN: not stated
 
     @property
     def distances_m(self) -> NDArray[np.float64]:
@@ -140,6 +141,7 @@ def _frames_at(truth: TruthTable, tracks: TrackTable, stamps: NDArray[np.int64],
                 track_xy=track_xy[rows],
                 track_pose=track_numbers[rows],
                 confirmed=confirmed[rows],
+                radius95_m=tracks.radius95_m[rows],
             )
         )
     return frames
@@ -171,6 +173,7 @@ def restrict_to_area(frames: Sequence[Frame], matches: Sequence[FrameMatches]) -
                 track_xy=frame.track_xy[judged],
                 track_pose=frame.track_pose[judged],
                 confirmed=frame.confirmed[judged],
+                radius95_m=frame.radius95_m[judged],
             )
         )
     return kept

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from twin.evaluate.accuracy import PersonFrames, disposal, person_frames
+from twin.evaluate.calibration import within_radius
 from twin.evaluate.causes import Errors, errors_by_cause
 from twin.evaluate.clear import FrameMatches, PairMatrix, clear, find_switches, identity, match_frames
 from twin.evaluate.continuity import TrackEvent, continuity, right_at_end, switch_events
@@ -107,6 +108,7 @@ def evaluate_with_details(
         "disposal": disposal(people, stamps, situations) if situations is not None else None,
         **pose_errors,
         "right_at_end": right_at_end(judged, matches),
+        "within_radius": within_radius(judged, matches),
         "gate_m": float(gate_m),
         "at_1m": _wide_metrics(frames),
         "judged": {**aligned.counts(), "person_frames": scores.persons, "matches": scores.matches, "heads": n_head},

@@ -31,7 +31,7 @@ from twin.truth.frames import PersonTruth, TruthFrame
 _TRUTH_NUMBERS = ("x", "y", "z", "yaw", "head_x", "head_y", "head_z", "head_yaw", "vx", "vy")
 _TRACK_NUMBERS = ("x", "y", "z", "vx", "vy", "head_x", "head_y", "head_z", "head_yaw")
 TRUTH_COLUMNS = ("t", "id", *_TRUTH_NUMBERS, "in_area")
-TRACK_COLUMNS = ("t", "id", *_TRACK_NUMBERS, "status")
+TRACK_COLUMNS = ("t", "id", *_TRACK_NUMBERS, "status", "radius95_m")
 STATUSES = ("confirmed", "coasting")
 MOST_TABLE_BYTES = 256 * 1024 * 1024
 """A table larger than this takes gigabytes to read, and is refused unless asked for."""
@@ -80,6 +80,7 @@ class TrackTable(StampedRows):
     head_z: NDArray[np.float64]
     head_yaw: NDArray[np.float64]
     status: NDArray[np.str_]  # (n,) of STATUSES; "": not said
+    radius95_m: NDArray[np.float64]  # NaN: not stated
     notes: tuple[str, ...] = ()  # what was guessed in reading it
 
 
@@ -124,7 +125,8 @@ def person_row(person: PersonTruth, sensors: Iterable[str]) -> Row:
 
 def track_row(track: Track) -> Row:
     """Return a track's row of `tracks/<tracker>.csv` after t."""
-    return {"id": track.id, **{name: float(getattr(track, name)) for name in _TRACK_NUMBERS}, "status": track.status}
+    numbers = {name: float(getattr(track, name)) for name in _TRACK_NUMBERS}
+    return {"id": track.id, **numbers, "status": track.status, "radius95_m": float(track.radius95_m)}
 
 
 def person_of(row: Mapping[str, Any]) -> PersonTruth:
@@ -206,6 +208,9 @@ def read_tracks(
     rows = found.rows
     numbers = {name: _numbers(rows, name) for name in _TRACK_NUMBERS}
     status = rows.words("status", STATUSES) if "status" in rows.cells else np.zeros(len(rows), dtype="<U9")
+    radius = _numbers(rows, "radius95_m")
+    for row in np.flatnonzero(radius <= 0)[:1]:
+        rows.refuse(int(row), "radius95_m", "a radius above 0 [m] or an empty cell")
     return TrackTable(
         os.fspath(path),
         found.frame_stamps_ns,
@@ -213,6 +218,7 @@ def read_tracks(
         found.ids(),
         **numbers,
         status=status,
+        radius95_m=radius,
         notes=found.notes,
     )
 
@@ -242,9 +248,8 @@ def track_table(frames: Iterable[TrackFrame], source: str = "tracks") -> TrackTa
     frame_stamps, stamps, ids, order = _memory_index([f.stamp_ns for f in frames], [(s, t.id) for s, t in tracks])
     ordered = [tracks[i][1] for i in order]
     status = np.array([track.status for track in ordered], dtype="<U9")
-    return TrackTable(
-        source, frame_stamps, stamps, ids, **dict[str, Any](_memory_numbers(ordered, _TRACK_NUMBERS)), status=status
-    )
+    numbers = _memory_numbers(ordered, (*_TRACK_NUMBERS, "radius95_m"))
+    return TrackTable(source, frame_stamps, stamps, ids, **dict[str, Any](numbers), status=status)
 
 
 class _RowWriter:

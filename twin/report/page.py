@@ -16,11 +16,13 @@ from markupsafe import Markup
 
 from trackers.observations import NS_PER_S
 from trackers.rig import Rig
+from twin.evaluate.calibration import WITHIN, calibration_curve
 from twin.evaluate.causes import FALSE_POSITIVES, MISSES, POSTURES, Errors
 from twin.evaluate.summary import Evaluation
 from twin.recording.atomic_file import open_atomic
 from twin.recording.tables import TrackTable, TruthTable
 from twin.report.birdseye import Polygon
+from twin.report.calibration_chart import calibration_chart
 from twin.report.metrics_table import (
     METRICS,
     format_judged,
@@ -208,6 +210,7 @@ def _section(
         "timeline": "",
         "merges": 0,
         "causes": [],
+        "calibration": "",
     }
     if truth is not None and evaluation is not None:
         section["tiles"] = [
@@ -218,6 +221,9 @@ def _section(
         section["distances"] = Markup(distance_chart(axis, truth, tracks, evaluation, colours, names))
         section["timeline"] = Markup(identity_timeline(axis, truth, tracks, evaluation, colours, names))
         section["causes"] = cause_rows(evaluation.errors, rig)
+        if curve := calibration_curve(metrics):
+            section["calibration"] = Markup(calibration_chart([(tracker.name, 0, curve)]))
+            section["n_radius"] = metrics[WITHIN]["n"]
         situations = evaluation.situations
         section["merges"] = 0 if situations is None else len(situations.select("merged_rig"))
         section["events"] = [

@@ -14,7 +14,9 @@ from typing import Any
 from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup
 
+from twin.evaluate.calibration import WITHIN, calibration_curve
 from twin.recording.atomic_file import open_atomic
+from twin.report.calibration_chart import calibration_chart
 from twin.report.palette import IDENTITY_COLOURS, hex_colour
 from twin.suites.charts import colour_of, marker, scale_of, small_multiple
 from twin.suites.comparison import Change, Comparison, case_page, incident_link, significance
@@ -157,6 +159,7 @@ def _write(
         reference_metrics=[METRICS[metric] for metric in REFERENCE_METRICS],
         behind_hota=BEHIND_HOTA,
         reference_rows=[_reference_row(row) for row in rows],
+        calibration=_calibration(results),
         strata=[(*place, [_reference_row(row) for row in found]) for place, found in strata.items()],
         n_done=sum(len(group.seeds) for group in results.groups.values()),
         **content,
@@ -290,6 +293,35 @@ def _cell(metric: str, group: Group) -> str:
     if mean.low is not None:
         text += f" ({mean.low:.{decimals}f} to {mean.high:.{decimals}f})"
     return text.replace("-", "−")
+
+
+def _calibration(results: Results) -> tuple[Markup, list[tuple[str, int, str]]] | None:
+    """Draw the calibration curves of the trackers that state radii, over all cases, each radius alike; with n and the share
+    found within 95 %, whose interval is by the bootstrap over cases. None where no tracker does.
+    """
+    slots, curves, rows = _slots(results), [], []
+    for name, slot in slots.items():
+        cases = [
+            each
+            for key, group in results.groups.items()
+            if key.tracker == name
+            for each in group.seeds.values()
+            if each.get(f"{WITHIN}.n")
+        ]
+        if not cases:
+            continue
+        n = [each[f"{WITHIN}.n"] or 0.0 for each in cases]
+        of_cases = [calibration_curve(each) for each in cases]
+        curve = [
+            (points[0][0], sum(k * found for k, (_, found) in zip(n, points, strict=True)) / sum(n))
+            for points in zip(*of_cases, strict=True)
+        ]
+        curves.append((name, slot, curve))
+        within = mean_over_seeds([dict(each)[0.95] for each in of_cases])
+        assert within is not None
+        interval = "" if within.low is None else f" ({within.low:.1%} to {within.high:.1%})"
+        rows.append((name, int(sum(n)), f"{within.mean:.1%}{interval}"))
+    return (Markup(calibration_chart(curves)), rows) if curves else None
 
 
 def _slots(results: Results) -> dict[str, int]:

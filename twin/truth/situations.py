@@ -210,7 +210,8 @@ def merged_pairs(
 ) -> dict[Pair, PairState]:
     """Find the pairs that the scanners cannot separate at a stamp, by the latest points of each.
 
-    near: distance [m] of the pairs that are less than 1.5 m apart; place_m: position of each person, (2,) [m] by id.
+    near: distance [m] of the pairs that are less than 1.5 m apart; place_m: position of each person who is there, (2,) [m] by
+    id. A scan of a moment before may show somebody who has left since: they are in no pair.
     """
     latest = [look for look in looks.values() if stamp_ns - look.stamp_ns <= _LATEST_S * NS_PER_S]
     ids = np.concatenate([look.ids for look in latest])
@@ -221,7 +222,8 @@ def merged_pairs(
         for pair, apart_m in near.items()
         if unmet.intersection(pair) and met.intersection(pair)
     }
-    for first, second in linked_pairs(np.concatenate([look.points for look in latest]), ids):
+    there = np.isin(ids, list(place_m))
+    for first, second in linked_pairs(np.concatenate([look.points for look in latest])[there], ids[there]):
         merged[first, second] = PairState("joined", float(np.hypot(*(place_m[first] - place_m[second]))))
     return merged
 

@@ -157,6 +157,8 @@ class TruthDetails:
         merged = {pair: PairState("hidden", self._near[pair]) for pair in hidden}
         place = self._places()
         for first, second in joined_pairs(reading.truth["range_m"], person_of_ray, scan.angle_increment_rad):
+            if not {first, second} <= place.keys():  # left while the scan was being taken
+                continue
             apart_m = float(np.hypot(*(place[first] - place[second])))
             merged[first, second] = PairState("joined", apart_m)
         self._tell_all(self._situations.update("merged", sensor, stamp_ns, merged))

@@ -87,6 +87,7 @@ def test_perfect_tracks():
         "head_yaw_median_rad": None,
         "body_height_error_m": None,
         "right_at_end": 1.0,
+        "within_radius": None,
         "gate_m": 0.5,
         "at_1m": {"mota": 1.0, "motp_m": 0.0, "idf1": 1.0, "hota": 1.0, "id_switches": 0},
         "judged": {

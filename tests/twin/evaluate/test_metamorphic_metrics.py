@@ -30,7 +30,7 @@ def tables(seed: int = 4, n_frame: int = 60, n_person: int = 4) -> tuple[TruthTa
     tracks = TrackTable(
         "tracks", stamps, stamps[frame][kept], number[kept] + 11, (x + noise[0])[kept], (y + noise[1])[kept], nan,
         nan, nan, (x + noise[0])[kept], (y + noise[1])[kept], nan + 0, (yaw + noise[2])[kept],
-        np.where(rng.random(n) < 0.2, "coasting", "confirmed")[kept],
+        np.where(rng.random(n) < 0.2, "coasting", "confirmed")[kept], rng.uniform(0.05, 0.8, n)[kept],
     )  # fmt: skip
     return _sorted(truth), _sorted(tracks)
 

@@ -96,7 +96,7 @@ def test_the_text_is_the_contract(tmp_path):
         tracks.write(TrackFrame(100_000_000, (Track(4, np.float64(0.1), 2.0, vx=-0.5, vy=0.0),)))
         tracks.write(TrackFrame(200_000_000, ()))
     assert (tmp_path / "tracks.csv").read_text() == (
-        f"{TRACK_HEADER}\n0.100000000,4,0.1,2.0,,-0.5,0.0,,,,,confirmed\n0.200000000,,,,,,,,,,,\n"
+        f"{TRACK_HEADER},radius95_m\n0.100000000,4,0.1,2.0,,-0.5,0.0,,,,,confirmed,\n0.200000000,,,,,,,,,,,,\n"
     )
 
 

@@ -157,6 +157,10 @@ def test_a_scan_of_long_ago_says_nothing():
     assert merged(looks, {}, S // 4 + 1) == {}
 
 
+def test_who_has_left_since_a_scan_is_in_no_pair():
+    assert merged({"west": look(p1=[(0.0, 0.0)], p9=[(0.3, 0.0)])}, {}) == {}
+
+
 @given(hnp.arrays(float, st.tuples(st.integers(0, 12), st.just(2)), elements=st.floats(-1, 1)), st.integers(0, 9))
 def test_linked_pairs_are_those_of_scipys_single_linkage(points: np.ndarray, seed: int):
     ids = np.random.default_rng(seed).integers(1, 4, len(points)).astype(np.int16)
