@@ -11,7 +11,7 @@ import pytest
 import shape_checks
 
 from trackers.filters.gating import distances, validation_region
-from trackers.filters.imm_state import ImmState
+from trackers.filters.imm import ImmState
 
 
 def test_an_array_of_another_shape_is_refused() -> None:

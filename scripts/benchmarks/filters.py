@@ -9,8 +9,7 @@ import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter, IMMEstimator
 
 from benchmarks.figure import Figure
-from trackers.filters.imm import Imm
-from trackers.filters.imm_state import ImmState
+from trackers.filters.imm import Imm, ImmState
 from trackers.filters.motion import IMM_MODELS, MotionModel, linearise
 from twin.reproduce.laser_fisheye_imm.figure7 import simulate
 from twin.reproduce.laser_fisheye_imm.walk import maneuvering_walk

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from trackers.arrays import Array
-from trackers.filters.imm_state import ImmState
+from trackers.filters.imm import ImmState
 from trackers.filters.particle import Cloud
 
 _STEPS = np.linspace(-2.4, 2.4, 9)

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from trackers.arrays import Array, Index, Mask
-from trackers.filters.imm_state import ImmState
+from trackers.filters.imm import ImmState
 from trackers.filters.rows import Rows, written
 from trackers.laser_fisheye_imm.posture import Posture
 from trackers.tracking.appearance import Appearance

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 
 from trackers.arrays import Array, Mask
 from trackers.filters.gating import mahalanobis_distances, validation_region
-from trackers.filters.imm_state import ImmState
+from trackers.filters.imm import ImmState
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from trackers.filters.imm_state import ImmState
+from trackers.filters.imm import ImmState
 from trackers.observations import NS_PER_S
 from trackers.tracking.roster import Roster
 from trackers.tracking.track_manager import (
