@@ -7,8 +7,7 @@ import pytest
 
 from trackers.errors import InputError
 from trackers.filters.heading_motion import HeadingMotion
-from trackers.filters.imm import Imm, ImmState
-from trackers.filters.kalman import kalman
+from trackers.filters.imm import Imm, ImmState, kalman
 from trackers.filters.motion import HEADING, KALMAN_MODELS, SPEED, linearise, transition_matrix
 
 PERIOD_S = 0.1

@@ -1,7 +1,7 @@
 """Interacting multiple model estimator of (extended) Kalman filters, batched over tracks (Bar-Shalom; Bai and Takahashi).
 
 An `Imm` is the algorithm and never changes; an `ImmState` holds the arrays of n tracks with m modes each and is passed in
-and handed back. With one mode it is a plain Kalman filter (`trackers.filters.kalman`). How the modes move is a `Motion`.
+and handed back. With one mode it is a plain Kalman filter (`trackers.filters.imm`). How the modes move is a `Motion`.
 
     predicted = imm.predict(state, period_s)          # a track that is not measured now coasts on this: nothing more to do
     state = imm.update(predicted, index, positions)   # the tracks `index` measured at `positions`
@@ -26,7 +26,7 @@ from jaxtyping import Float, Int
 from trackers.arrays import Array, Index
 from trackers.errors import InputError
 from trackers.filters.heading_motion import HeadingMotion
-from trackers.filters.motion import MEASUREMENT_VARIANCE_M2, transition_matrix
+from trackers.filters.motion import KALMAN_MODELS, MEASUREMENT_VARIANCE_M2, MotionModel, transition_matrix
 from trackers.filters.rows import Selection
 from trackers.filters.velocity_motion import VelocityMotion
 
@@ -260,3 +260,8 @@ def _check_measurement_covariance(R: Array) -> None:
         raise InputError(
             f"measurement covariance {R.tolist()}; a symmetric positive definite 2 x 2 matrix [m²] is expected"
         )
+
+
+def kalman(models: tuple[MotionModel] = KALMAN_MODELS, measurement_covariance: Array | None = None) -> Imm:
+    """Extended Kalman filter batched over tracks, by default the paper's: model 3 with Q = diag(300, 300)."""
+    return Imm(HeadingMotion(models), measurement_covariance=measurement_covariance)

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from trackers.filters.imm import Imm
-from trackers.filters.kalman import kalman
+from trackers.filters.imm import Imm, kalman
 from twin.reproduce.laser_fisheye_imm.figure7 import (
     FILTERS,
     FIRST_SCAN,

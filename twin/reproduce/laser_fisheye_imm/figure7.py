@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array
-from trackers.filters.imm import Imm, ImmState
-from trackers.filters.kalman import kalman
+from trackers.filters.imm import Imm, ImmState, kalman
 from trackers.filters.motion import HEADING, MEASUREMENT_VARIANCE_M2, SPEED, MotionModel, propagate
 from trackers.filters.particle import Cloud, ParticleFilter
 from twin.reproduce.bootstrap import Bootstrap, interval
