@@ -7,10 +7,9 @@ import pytest
 from hypothesis import given, strategies as st
 
 from trackers.errors import InputError
-from trackers.filters.cascade import cascade
 from trackers.filters.circular import circular_mean
 from trackers.filters.negative_information import update_missed_particles
-from trackers.filters.particle import Cloud, ParticleFilter
+from trackers.filters.particle import Cloud, ParticleFilter, cascade
 from trackers.filters.proposal import MixtureProposal
 
 STEP_M, FRESH_M = 0.5, 2.0

@@ -11,8 +11,7 @@ from trackers.arrays import Array, Index, Mask
 from trackers.camera_floor_particle.loads import Loads
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions, ExclusionOptions, MotionOptions
 from trackers.camera_floor_particle.people import People
-from trackers.filters.cascade import LikelihoodStage, cascade
-from trackers.filters.particle import Cloud, ParticleFilter
+from trackers.filters.particle import Cloud, LikelihoodStage, ParticleFilter, cascade
 from trackers.likelihood.colour import window_log_likelihood
 from trackers.likelihood.silhouette import point_log_likelihood
 from trackers.vision.views import Views, padded_roots

@@ -11,9 +11,8 @@ from trackers.camera_floor_particle.body import FILTER, in_room, smoothed, sprea
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
 from trackers.camera_floor_particle.pan import aligned, learned, looks, pan_bin, turned, whole
 from trackers.camera_floor_particle.people import PAN_BINS, People
-from trackers.filters.cascade import LikelihoodStage, cascade
 from trackers.filters.circular import circular_mean, drawn
-from trackers.filters.particle import Cloud
+from trackers.filters.particle import Cloud, LikelihoodStage, cascade
 from trackers.filters.proposal import MixtureProposal
 from trackers.likelihood.colour import window_log_likelihood
 from trackers.likelihood.silhouette import point_log_likelihood

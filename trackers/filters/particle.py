@@ -20,13 +20,13 @@ A log-likelihood of NaN or +∞, and a particle that is not finite, are refused 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Index, Mask
 from trackers.errors import InputError
 from trackers.filters.resampling import resample, scheme_of
 from trackers.filters.rows import Rows, Selection
@@ -242,3 +242,28 @@ class ParticleFilter:
 def _check_finite(state: Array) -> None:
     if not np.isfinite(state).all():
         raise InputError("a particle holds NaN or infinity; finite numbers are expected")
+
+
+LikelihoodStage = Callable[[Array, Index], Array]
+"""Surviving particles (components, k) and the set each belongs to (k,) → their log-likelihood, (k,); −∞ drops one."""
+
+
+def cascade(stages: Sequence[LikelihoodStage]) -> LogLikelihood:
+    """The sum of the stages' log-likelihoods, each asked only about the particles that those before have left."""
+
+    def log_likelihood(state: Array) -> Array:
+        components, n, p = state.shape
+        particles, of_set, total = state.reshape(components, n * p), np.repeat(np.arange(n), p), np.zeros(n * p)
+        alive = np.arange(n * p)
+        for stage in stages:
+            if alive.size == 0:
+                break
+            total = total + stage(particles, of_set)
+            left = ~np.isneginf(total)
+            if not left.all():
+                particles, of_set, total, alive = particles[:, left], of_set[left], total[left], alive[left]
+        every = np.full(n * p, -np.inf)
+        every[alive] = total
+        return every.reshape(n, p)
+
+    return log_likelihood
