@@ -12,7 +12,7 @@ _BY_FILE = {
     "trackers/filters/motion.py": [
         ("sign of a Jacobian", "linearise", "-_A", "_A"),
     ],
-    "trackers/filters/heading_motion.py": [
+    "trackers/filters/motion.py": [
         (
             "process noise taken once a step, however short",
             "HeadingMotion.moved",

@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from scipy import stats
 
-from trackers.filters.heading_motion import HeadingMotion
 from trackers.filters.imm import Imm, ImmState
-from trackers.filters.motion import KALMAN_MODELS, SPEED
+from trackers.filters.motion import KALMAN_MODELS, SPEED, HeadingMotion
 from trackers.filters.negative_information import (
     existence_after_detection,
     existence_after_miss,

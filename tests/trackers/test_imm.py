@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from trackers.errors import InputError
-from trackers.filters.heading_motion import HeadingMotion
 from trackers.filters.imm import Imm, ImmState, kalman
-from trackers.filters.motion import HEADING, KALMAN_MODELS, SPEED, linearise, transition_matrix
+from trackers.filters.motion import HEADING, KALMAN_MODELS, SPEED, HeadingMotion, linearise, transition_matrix
 
 PERIOD_S = 0.1
 

@@ -12,8 +12,7 @@ from synthetic_room import rig
 
 import trackers.presets
 from trackers.errors import InputError
-from trackers.filters.heading_motion import HeadingMotion
-from trackers.filters.motion import KALMAN_MODELS
+from trackers.filters.motion import KALMAN_MODELS, HeadingMotion
 from trackers.filters.velocity_motion import AGILE, VelocityMotion
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.tracker import LaserFisheyeImm, filter_of

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from trackers.filters.heading_motion import HeadingMotion
 from trackers.filters.imm import Imm
-from trackers.filters.motion import IMM_MODELS, MotionModel
+from trackers.filters.motion import IMM_MODELS, HeadingMotion, MotionModel
 from trackers.filters.velocity_motion import STANDS, VelocityModel, VelocityMotion
 
 PERIOD_S = 0.1

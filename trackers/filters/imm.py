@@ -25,8 +25,13 @@ from jaxtyping import Float, Int
 
 from trackers.arrays import Array, Index
 from trackers.errors import InputError
-from trackers.filters.heading_motion import HeadingMotion
-from trackers.filters.motion import KALMAN_MODELS, MEASUREMENT_VARIANCE_M2, MotionModel, transition_matrix
+from trackers.filters.motion import (
+    KALMAN_MODELS,
+    MEASUREMENT_VARIANCE_M2,
+    HeadingMotion,
+    MotionModel,
+    transition_matrix,
+)
 from trackers.filters.rows import Selection
 from trackers.filters.velocity_motion import VelocityMotion
 

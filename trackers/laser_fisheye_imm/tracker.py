@@ -31,9 +31,8 @@ from jaxtyping import Bool, Float
 from trackers.arrays import Array, Mask
 from trackers.configuration import validate
 from trackers.errors import InputError
-from trackers.filters.heading_motion import HeadingMotion
 from trackers.filters.imm import Imm, Motion
-from trackers.filters.motion import IMM_MODELS, KALMAN_MODELS
+from trackers.filters.motion import IMM_MODELS, KALMAN_MODELS, HeadingMotion
 from trackers.filters.negative_information import miss_probability, radius_containing
 from trackers.filters.rows import written
 from trackers.filters.velocity_motion import AGILE, VelocityMotion
