@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from math import prod
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -19,7 +19,27 @@ from pydantic import Field, NonNegativeInt, PositiveInt
 
 from trackers.arrays import AnyArray, Array, Bytes, Index, Mask, Singles
 from trackers.configuration import Strict
-from trackers.vision.hsv import FULL, HALF_TURNS, Hsv, hsv_of
+
+FULL = 255
+HALF_TURNS = 180
+"""Hue counts in steps of two degrees."""
+
+
+class Hsv(NamedTuple):
+    """The channels of one picture."""
+
+    hue: UInt8[Bytes, "height width"]
+    saturation: UInt8[Bytes, "height width"]
+    value: UInt8[Bytes, "height width"]
+
+
+def hsv_of(rgb: UInt8[Bytes, "height width 3"]) -> Hsv:
+    """Those of a picture of red, green and blue."""
+    hue, saturation, value = (np.empty(rgb.shape[:2], np.uint8) for _ in Hsv._fields)
+    # into memory at hand: what OpenCV hands out itself takes several times as long
+    cv2.split(cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV), [hue, saturation, value])
+    return Hsv(hue, saturation, value)
+
 
 Bins = NDArray[np.integer]
 Weights = NDArray[np.floating]

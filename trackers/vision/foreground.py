@@ -30,7 +30,7 @@ from trackers.cameras.placed import PlacedCamera
 from trackers.configuration import Strict
 from trackers.errors import InputError
 from trackers.observations import DepthImage, Image
-from trackers.vision.hsv import FULL, HALF_TURNS, Hsv, hsv_of
+from trackers.vision.colour_bins import FULL, HALF_TURNS, Hsv, hsv_of
 
 _MOST_PICTURES = 25
 """So many of the empty room are enough for a median."""

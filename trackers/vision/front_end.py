@@ -21,8 +21,8 @@ from trackers.arrays import Bytes, Mask
 from trackers.configuration import Strict
 from trackers.observations import DepthImage, Image, Observation
 from trackers.rig import CameraSensor, placed_camera
+from trackers.vision.colour_bins import Hsv, hsv_of
 from trackers.vision.foreground import Foreground, ForegroundOptions, shows_floor
-from trackers.vision.hsv import Hsv, hsv_of
 
 Picture = TypeVar("Picture", bound=Image | DepthImage)
 

@@ -17,10 +17,9 @@ from trackers.arrays import AnyArray, Array, Floats, Index, Mask, Singles
 from trackers.cameras.placed import CameraGroup, PlacedCamera
 from trackers.configuration import Strict, warn_of_former_name
 from trackers.observations import DepthImage, Image, Observation
-from trackers.vision.colour_bins import BinnedPicture, BinnedSamples, HueSaturationValueBins
+from trackers.vision.colour_bins import BinnedPicture, BinnedSamples, Hsv, HueSaturationValueBins
 from trackers.vision.front_end import CameraFrontEnd
 from trackers.vision.head_model import LIT_SKIN
-from trackers.vision.hsv import Hsv
 
 BINS = HueSaturationValueBins()
 """Bins of the colours of windows."""

@@ -17,7 +17,7 @@ from trackers.observations import NS_PER_S, FloorFrame
 from trackers.pose import Pose
 from trackers.rig import FloorSensor, PinholeSensor, Rig, placed_camera
 from trackers.tracks import Hypotheses, Track, TrackFrame
-from trackers.vision.hsv import hsv_of
+from trackers.vision.colour_bins import hsv_of
 from trackers.vision.views import View, Views
 from twin.report.floor_panel import TruePoses
 from twin.reproduce.camera_floor_particle.replays import (
