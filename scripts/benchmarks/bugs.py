@@ -318,7 +318,7 @@ _BY_FILE = {
     "trackers/vision/person_detector.py": [
         ("rows and columns exchanged", "FloorPlaces.read", "[_A / _B, _C / _B]", "[_C / _B, _A / _B]"),
     ],
-    "trackers/vision/torso.py": [
+    "trackers/vision/person_windows.py": [
         (
             "sine for cosine",
             "TorsoProjector.windows",

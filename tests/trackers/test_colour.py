@@ -7,7 +7,7 @@ from synthetic_room import INTRINSICS, SHIRTS, camera_pose, image, rig, straight
 from trackers.laser.detections import Detections
 from trackers.rig import FisheyeSensor
 from trackers.vision.histogram import ColourHistogram, HistogramOptions, chi_squared_distance, updated_reference
-from trackers.vision.torso import TorsoOptions, TorsoProjector
+from trackers.vision.person_windows import TorsoOptions, TorsoProjector
 
 RIG = rig()
 NAMES = list(SHIRTS)

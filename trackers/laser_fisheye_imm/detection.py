@@ -21,7 +21,7 @@ from trackers.rig import FisheyeSensor, Rig, StereoSensor
 from trackers.tracking.synced_frames import SyncedFrame
 from trackers.tracks import Detection
 from trackers.vision.histogram import ColourHistogram
-from trackers.vision.torso import TorsoOptions, TorsoProjector, TorsoWindows
+from trackers.vision.person_windows import TorsoOptions, TorsoProjector, TorsoWindows
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from trackers.likelihood.legs import BOTH_LEGS_M, LegOptions
 from trackers.likelihood.trunk import TrunkOptions
 from trackers.tracking.track_manager import ReidentificationOptions, TrackManagementOptions
 from trackers.vision.histogram import HistogramOptions
-from trackers.vision.torso import TorsoOptions
+from trackers.vision.person_windows import TorsoOptions
 
 START_SPEED_M_S = 1.5
 """Standard deviation of a new track's speed [m/s]; the paper does not say."""
