@@ -15,7 +15,7 @@ from person_detector.samples import scenes
 from benchmarks.figure import Figure
 from trackers.feeding import track_frames
 from trackers.presets import make_tracker
-from trackers.vision.person_model import PersonModel
+from trackers.vision.person_detector import PersonModel
 from twin.recording.reader import Recording
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario

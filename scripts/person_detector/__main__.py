@@ -20,7 +20,7 @@ from person_detector.samples import Samples, Scene, samples_of, scenes
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.neural_network import MLPRegressor
 
-from trackers.vision.person_model import INPUTS, SHIPPED, Network, PersonModel
+from trackers.vision.person_detector import INPUTS, SHIPPED, Network, PersonModel
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
 

@@ -7,8 +7,7 @@ from person_detector.samples import Scene
 from scipy.optimize import linear_sum_assignment
 
 from trackers.filters.gating import distances
-from trackers.vision.person_detector import PersonDetector
-from trackers.vision.person_model import PersonModel
+from trackers.vision.person_detector import PersonDetector, PersonModel
 
 _GATE_M = 0.5
 

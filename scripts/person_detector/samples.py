@@ -15,8 +15,7 @@ from trackers.cameras.placed import PlacedCamera
 from trackers.observations import Image
 from trackers.rig import placed_camera
 from trackers.vision.foreground import Foreground
-from trackers.vision.person_detector import SILHOUETTES, PersonDetector
-from trackers.vision.person_model import COLUMNS, ROWS, PersonModel
+from trackers.vision.person_detector import COLUMNS, ROWS, SILHOUETTES, PersonDetector, PersonModel
 from twin.recording.reader import Recording
 from twin.recording.tables import read_truth
 

@@ -19,7 +19,7 @@ from trackers.observations import NS_PER_S, Image, LaserScan
 from trackers.presets import make_tracker
 from trackers.prior import Prior
 from trackers.tracks import detections_of
-from trackers.vision.person_model import SHIPPED
+from trackers.vision.person_detector import SHIPPED
 
 PERIOD_S = 0.1
 EMPTY = np.empty((0, 2))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from trackers.errors import InputError
-from trackers.vision.person_model import INPUTS, SHIPPED, PersonModel
+from trackers.vision.person_detector import INPUTS, SHIPPED, PersonModel
 
 
 def test_the_shipped_model_is_small_and_needs_no_pickle():

@@ -42,8 +42,7 @@ from trackers.tracking.association import Stage, associate, left_over
 from trackers.tracking.track_manager import TrackManager, coasting_within, measured_now
 from trackers.tracks import Detection, Track, TrackFrame
 from trackers.vision.foreground import Foreground
-from trackers.vision.person_detector import PeopleSeen, PersonDetector
-from trackers.vision.person_model import SHIPPED, PersonModel
+from trackers.vision.person_detector import SHIPPED, PeopleSeen, PersonDetector, PersonModel
 
 LEARNED = "people"
 """Name under which `background.learned` may hold another model of people than the shipped one."""
