@@ -25,8 +25,7 @@ from trackers.filters.rows import Rows, written
 from trackers.laser_vision_learning.score_maps import ScoreMapOptions, ScoreMaps
 from trackers.learning.boosting import BoostingOptions, OnlineBoosting, StrongClassifiers
 from trackers.vision.histogram import ColourHistogram, HistogramOptions
-from trackers.vision.patch_features import Feature, FeatureOptions, PatchDescriber
-from trackers.vision.patches import Patches, PatchOptions, PatchSampler
+from trackers.vision.patches import Feature, FeatureOptions, PatchDescriber, Patches, PatchOptions, PatchSampler
 
 Picture = UInt8[Bytes, "height width 3"]
 _NEVER_NS = -1

@@ -8,8 +8,7 @@ import pytest
 
 from trackers.cameras import FisheyeIntrinsics, PinholeIntrinsics, PlacedCamera
 from trackers.pose import Pose
-from trackers.vision.patch_features import FeatureOptions, PatchDescriber
-from trackers.vision.patches import PatchOptions, PatchSampler
+from trackers.vision.patches import FeatureOptions, PatchDescriber, PatchOptions, PatchSampler
 
 LOOKING_DOWN = Pose(xyz=(0.0, -6.0, 6.0), rpy=(-2.2, 0.0, 0.0))
 PINHOLE = PinholeIntrinsics(width=320, height=240, fx=250, fy=250, cx=159.5, cy=119.5)
