@@ -1,9 +1,8 @@
 """The room as a tracker knows it: measured by a range scanner beforehand, made into walls, furniture and free space."""
 
 from trackers.environment.build import EnvironmentOptions, build_environment
-from trackers.environment.cloud import PointCloud
 from trackers.environment.file import load_environment, save_environment
-from trackers.environment.grid import FREE, OCCUPIED, UNKNOWN, Grid
+from trackers.environment.grid import FREE, OCCUPIED, UNKNOWN, Grid, PointCloud
 from trackers.environment.model import Environment
 
 __all__ = [

@@ -10,7 +10,6 @@ from scipy import ndimage
 
 from trackers.arrays import Array, Bytes, Mask, Singles
 from trackers.configuration import Strict
-from trackers.environment.cloud import PointCloud
 from trackers.environment.grid import (
     FREE,
     LARGEST_VOXEL_M,
@@ -19,6 +18,7 @@ from trackers.environment.grid import (
     SMALLEST_VOXEL_M,
     UNKNOWN,
     Grid,
+    PointCloud,
     count_rays,
 )
 from trackers.environment.model import Environment
