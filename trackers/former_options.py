@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any
 
-from trackers.deep_merge import deep_merge
+from trackers.plain_data import deep_merge
 
 logger = logging.getLogger(__name__)
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Mapping
 from typing import Any
 
 import yaml
@@ -265,3 +266,18 @@ def parse_json(text: str, source: str, expected: str) -> Any:
     except ValueError as error:  # Python's own limit of an integer's digits
         raise InputError(f"{source}: is not JSON that can be read ({error}); {expected} is expected") from error
     return content
+
+
+def deep_merge(base: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
+    """`base` with `change` laid over it: mappings merge at every depth, everything else is replaced.
+
+    A mapping whose `kind` differs from the one below is another thing, with other fields, and replaces it.
+    """
+    merged = dict(base)
+    for key, value in change.items():
+        held = merged.get(key)
+        if isinstance(value, Mapping) and isinstance(held, Mapping) and value.get("kind") in (None, held.get("kind")):
+            merged[key] = deep_merge(held, value)
+        else:
+            merged[key] = value
+    return merged

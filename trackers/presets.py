@@ -15,9 +15,9 @@ from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any
 
 from trackers.camera_floor_particle import rules as floor_rules
-from trackers.deep_merge import deep_merge
 from trackers.errors import InputError
 from trackers.laser_fisheye_imm.rules import PAPER
+from trackers.plain_data import deep_merge
 from trackers.rgbd_head import rules as head_rules
 
 if TYPE_CHECKING:

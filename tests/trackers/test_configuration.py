@@ -16,8 +16,8 @@ from synthetic_room import rig
 
 import trackers.presets
 from trackers.configuration import Strict, validate
-from trackers.deep_merge import deep_merge
 from trackers.errors import InputError
+from trackers.plain_data import deep_merge
 from trackers.presets import PRESETS, Preset, make_tracker
 from trackers.rgbd_head.options import Start
 

@@ -6,9 +6,9 @@ import pytest
 from pydantic import BaseModel
 
 from trackers.configuration import validate
-from trackers.deep_merge import deep_merge
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.rules import PAPER, RULES, without
+from trackers.plain_data import deep_merge
 from twin.suites.spec import load_suite
 
 VAGUE = ("somebody", "believed", "whoever", "who ", "the same where", "the same for", "and how", "or if")

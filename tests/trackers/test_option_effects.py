@@ -17,11 +17,11 @@ from pydantic.fields import FieldInfo
 
 from trackers.camera_floor_particle.baseline import ClusterKalmanOptions
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
-from trackers.deep_merge import deep_merge
 from trackers.environment import build_environment
 from trackers.errors import InputError
 from trackers.feeding import track_frames
 from trackers.observations import NS_PER_S, FloorFrame, Observation
+from trackers.plain_data import deep_merge
 from trackers.presets import PRESETS, make_tracker
 from trackers.prior import Prior
 from trackers.rgbd_head.options import RgbdHeadOptions

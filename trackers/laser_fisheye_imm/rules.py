@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from trackers.deep_merge import deep_merge
+from trackers.plain_data import deep_merge
 
 RULES: Mapping[str, Mapping[str, Any]] = {
     "body-axis": {

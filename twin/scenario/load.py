@@ -13,9 +13,8 @@ from typing import Any
 from pydantic import BaseModel, Field
 
 from trackers.configuration import checked_current_names, current_path, keys_of, validate
-from trackers.deep_merge import deep_merge
 from trackers.errors import InputError
-from trackers.plain_data import DEEPEST, dump_yaml, parse_yaml, parse_yaml_value
+from trackers.plain_data import DEEPEST, deep_merge, dump_yaml, parse_yaml, parse_yaml_value
 from trackers.rig import Name, files_within
 from trackers.text_file import AnyPath, read_text
 from twin import models
