@@ -250,7 +250,7 @@ def test_a_stop_within_an_import_or_an_exec_ends_the_command_with_its_exit_code(
 def test_a_full_disk_is_said_in_one_sentence(tmp_path: Path) -> None:
     """The disk is a file size limit here: past it every write fails, as on a full disk."""
     code = (
-        "import errno, io, os, twin.recording.mcap_file as writer\n"
+        "import errno, io, os, twin.recording.bag_files as writer\n"
         "class Full(writer.Writer):\n"
         "    def write(self, *arguments):\n"
         "        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))\n"

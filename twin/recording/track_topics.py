@@ -23,7 +23,7 @@ from trackers.tracks import TrackFrame
 from twin.messages import OnWarning
 from twin.recording import topics
 from twin.recording.bag import normal_type, open_bag
-from twin.recording.mcap_file import McapFile
+from twin.recording.bag_files import McapFile
 from twin.recording.reader import Recording
 from twin.recording.rig_checks import first_transforms
 from twin.recording.ros_messages import STRING, TYPESTORE, string_message

@@ -34,7 +34,7 @@ from trackers.cameras import FisheyeIntrinsics, PinholeIntrinsics
 from trackers.observations import NS_PER_S, Observation
 from trackers.rig import CameraSensor, Pose, Rig, StereoSensor
 from twin.recording import topics
-from twin.recording.mcap_file import McapFile
+from twin.recording.bag_files import McapFile
 from twin.recording.ros_messages import (
     COMPRESSED_IMAGE,
     LASER_SCAN,
