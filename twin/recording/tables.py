@@ -24,8 +24,7 @@ from trackers.text_file import AnyPath
 from trackers.tracks import Track, TrackFrame
 from twin.recording.atomic_file import open_atomic
 from twin.tables.columns import MAX_INT64, CsvColumns, StampedRows
-from twin.tables.person_rows import read_person_rows
-from twin.tables.plausibility import check_plausibility
+from twin.tables.person_rows import check_plausibility, read_person_rows
 from twin.truth.frames import PersonTruth, TruthFrame
 
 _TRUTH_NUMBERS = ("x", "y", "z", "yaw", "head_x", "head_y", "head_z", "head_yaw", "vx", "vy")

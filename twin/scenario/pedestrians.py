@@ -19,8 +19,7 @@ from trackers.rig import Point2
 from trackers.text_file import MOST_TEXT_BYTES
 from twin.scenario.behaviour import JUMP_M_S
 from twin.tables.columns import MAX_INT64
-from twin.tables.person_rows import label_order, read_person_rows
-from twin.tables.plausibility import check_plausibility
+from twin.tables.person_rows import check_plausibility, label_order, read_person_rows
 
 _SLOWEST_S = 10.0
 """Rows further apart than this say nothing of how somebody walked."""

@@ -15,8 +15,7 @@ from trackers.errors import InputError
 from twin.cli import main
 from twin.recording.tables import read_tracks, read_truth
 from twin.scenario.pedestrians import Pedestrians, people_from
-from twin.tables.person_rows import read_person_rows
-from twin.tables.plausibility import check_plausibility
+from twin.tables.person_rows import check_plausibility, read_person_rows
 
 RATE_HZ = 10
 CASES = Path(__file__).parents[4] / "shared" / "cases" / "21-csv-dialects"
