@@ -8,7 +8,7 @@ The twin is deterministic: where recordings and figures have the same bits, noth
 - Did one case fall beyond any noise? By ten times what the mean may and four standard deviations between the seeds before.
 - Is a figure missing that was measured before?
 
-Where recordings are others than before, `twin.suites.pairing` says what runs of a seed are to each other, and may differ by.
+Where recordings are others than before, `twin.suites.permutation_test` says what runs of a seed are to each other, and may differ by.
 A scanner's noise that doubled shows in what the scanner reports: what it costs trackers is less than one more draw of it.
 """
 
@@ -21,16 +21,17 @@ from pathlib import Path
 import numpy as np
 
 from twin.suites.metrics import GATED, format_metric, metric_named, worsening
-from twin.suites.pairing import Pair, pair_results
 from twin.suites.permutation_test import (
     ALPHA,
     MinimumDetectableChange,
+    Pair,
     contributions,
     family_wise_p,
     min_recordings,
     minimum_detectable_changes,
     over_scenarios,
     over_trackers,
+    pair_results,
 )
 from twin.suites.results import GroupKey, Results
 from twin.suites.store import ResultStore

@@ -4,7 +4,7 @@ The default tolerances are ours: small enough that validation gates half as wide
 seeds 0 to 2 and on 1000 to 1002), while what is harmless moves less: on the lab, seeds 1000 to 1005, other noise of the
 image changed no figure of any tracker with a camera, in 144 pairs of runs (`scripts/bench --only suite-spread`). Other noise
 of the *scanners* is not harmless: identities go other ways then, and DetA of the trackers without a camera moves by 0.011,
-IDF1 by 0.045 (σ of a mean over three seeds). Where scans differ, `twin.suites.pairing` allows what chance may do besides.
+IDF1 by 0.045 (σ of a mean over three seeds). Where scans differ, `twin.suites.permutation_test` allows what chance may do besides.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ import pytest
 
 from twin.scenario import load_scenario
 from twin.suites.metrics import GATED_SENSOR_METRICS
-from twin.suites.pairing import start_digest
+from twin.suites.permutation_test import start_digest
 from twin.suites.worker import RECORDING, TRUTH, people_digest, range_scatter_m, record
 
 LASERS = ("sensors.fisheye=null", "duration_s=2", "background=none")
