@@ -12,8 +12,8 @@ from trackers.presets import PRESETS
 from twin import models
 from twin.scenario import Scenario, load_scenario
 from twin.sensors.fault_kinds import FAULT_KINDS
-from twin.suites.baseline import read_baseline
 from twin.suites.expansion import Case, expand
+from twin.suites.gate import read_baseline
 from twin.suites.spec import load_suite
 from twin.suites.worker import resolved_scenario
 
