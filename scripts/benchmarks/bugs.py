@@ -11,8 +11,6 @@ from benchmarks.mutation import Bug
 _BY_FILE = {
     "trackers/filters/motion.py": [
         ("sign of a Jacobian", "linearise", "-_A", "_A"),
-    ],
-    "trackers/filters/motion.py": [
         (
             "process noise taken once a step, however short",
             "HeadingMotion.moved",
