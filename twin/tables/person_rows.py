@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from twin.tables.columns import CsvColumns, columns_of
-from twin.tables.dialect import EXPECTED_COLUMNS, HEIGHT_SPREAD_M, Cells, is_number, name_columns, read_cells
+from twin.tables.dialect import Cells, read_cells
+from twin.tables.headerless import EXPECTED_COLUMNS, HEIGHT_SPREAD_M, is_number, name_columns
 
 _NAMES = {
     "t": ("t", "time", "timestamp", "stamp", "seconds", "secs", "sec"),

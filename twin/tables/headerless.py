@@ -1,0 +1,163 @@
+"""Tables of people without a header: which column is which, by how many there are and by what they hold.
+
+People's paths are smooth, and heights vary little: where several readings fit, the table is refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import nan
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.errors import InputError
+from twin.tables.columns import CsvColumns, columns_of
+from twin.tables.dialect import Cells
+
+HEIGHT_SPREAD_M = 0.6
+"""Heads, pelvises and floors lie within this of each other: what varies less may be a height [m]."""
+_LEVEL_M = 0.02
+"""Heights that vary less, and are as near to 0, are a level floor [m]."""
+_HEIGHTS_M = (0.5, 2.2)
+"""Heads and pelvises are between these above the floor [m]."""
+_APART_M = 0.3
+"""People's middles are farther apart [m]."""
+_LONG = 5
+"""Rows of a person that make a path; fewer in a line may be people side by side."""
+_CLEARER = 0.5
+"""Ratio by which people's paths are smoother in one order of columns than in the other, where the order is sure."""
+EXPECTED_COLUMNS = "columns t (or frame), id, x, y"
+
+
+def name_columns(path: Path, found: Cells, per_m: float) -> list[str]:
+    """Name the columns of a table without a header, by how many there are and by what they hold; '?' for those left out.
+
+    per_m: units of length per metre. Raises InputError where the columns may be read in several ways.
+    """
+    width = len(found.rows[0])
+    if not 4 <= width <= 8:
+        raise InputError(
+            f"{path}: has no header and {width} columns; frame,id,x,y without a header, or a header with the {EXPECTED_COLUMNS}, "
+            "is expected"
+        )
+    columns = columns_of(str(path), [f"column {place}" for place in range(1, width + 1)], found)
+    first, second = columns.cells["column 1"], columns.cells["column 2"]
+    held = range(3, min(width, 5) + 1)
+    places = np.stack([columns.numbers(f"column {place}", may_be_empty=False) for place in held], axis=-1)
+    places = places / per_m
+    id_first = _is_id_first(path, columns, places)
+    times = second if id_first else first
+    named = ["frame" if all(_is_whole(cell) for cell in times) else "t", "id"]
+    names = named[::-1] if id_first else named
+    if width == 4:
+        return [*names, "x", "y"]
+    people = np.unique(np.array(first if id_first else second), return_inverse=True)[1]
+    height_last = _is_height_last(path, people, places[:, 1:])
+    return [*names, *(("x", "y", "z") if height_last else ("x", "z", "y")), *(f"?{k}" for k in range(5, width))]
+
+
+def _is_id_first(path: Path, columns: CsvColumns, places: NDArray[np.float64]) -> bool:
+    """Tell whether id, time come first, and not time, id: people's paths are smooth, places (n, 2 or 3) of mixed people
+    are not.
+
+    Raises InputError where both readings give paths that are about as smooth.
+    """
+    first, second = columns.cells["column 1"], columns.cells["column 2"]
+    if not all(_is_whole(cell) for cell in first):
+        return False
+    if not all(_is_whole(cell) for cell in second):
+        return all(is_number(cell) for cell in second) and len(set(second)) > 1
+    columns.labels("column 2")
+    by_second, by_first = _paths(second, first, places), _paths(first, second, places)
+    if by_first is None:
+        return False
+    if by_second is None:  # the first column has one value: a person's id, or a stamp
+        if by_first.step_m < _APART_M or by_first.is_smooth:
+            return True
+    elif min(by_first.off_m, by_second.off_m) < _CLEARER * max(by_first.off_m, by_second.off_m):
+        return by_first.off_m < by_second.off_m
+    elif by_second.step_m <= by_first.step_m:
+        is_far_shorter = by_second.step_m < _CLEARER * by_first.step_m
+        if by_second.is_smooth or (is_far_shorter and not by_first.is_smooth):
+            return False
+    elif by_first.is_smooth and not by_second.is_smooth:
+        return True
+    raise InputError(
+        f"{path}: has no header, and its first two columns may be frame, id or id, frame; a header with the {EXPECTED_COLUMNS} "
+        "is expected"
+    )
+
+
+@dataclass(frozen=True)
+class _Paths:
+    """Medians over people's rows: distance to the next, distance from the line between those before and after, their number."""
+
+    step_m: float
+    off_m: float  # NaN where no person has three rows
+    n_row: float
+
+    @property
+    def is_smooth(self) -> bool:
+        return self.n_row >= _LONG and (self.off_m < _CLEARER * self.step_m or self.off_m == 0)
+
+
+def _paths(people: Sequence[str], times: Sequence[str], places: NDArray) -> _Paths | None:
+    """Measure the paths of people over places (n, 2 or 3) [m]; None where no person has two rows."""
+    who = np.array([float(cell) for cell in people])
+    when = np.array([float(cell) for cell in times])
+    order = np.lexsort((when, who))
+    who, when, places = who[order], when[order], places[order]
+    follows = (np.diff(who) == 0) & (np.diff(when) > 0)
+    if not follows.any():
+        return None
+    step_m = float(np.median(np.hypot.reduce(np.diff(places, axis=0)[follows], axis=-1)))
+    n_row = float(np.median(np.unique(who, return_counts=True)[1]))
+    inner = np.flatnonzero(follows[1:] & follows[:-1]) + 1
+    if not inner.size:
+        return _Paths(step_m, nan, n_row)
+    share = ((when[inner] - when[inner - 1]) / (when[inner + 1] - when[inner - 1]))[:, None]
+    between = (1 - share) * places[inner - 1] + share * places[inner + 1]
+    return _Paths(step_m, float(np.median(np.hypot.reduce(places[inner] - between, axis=-1))), n_row)
+
+
+def _is_height_last(path: Path, people: NDArray[np.intp], last: NDArray[np.float64]) -> bool:
+    """Tell whether the second of two columns (n, 2) is the height: it varies little, and clearly less than the other.
+
+    Raises InputError where neither may be one, and where both may and neither holds heights of people, or of the floor,
+    alone.
+    """
+    low, high = np.quantile(last, [0.05, 0.95], axis=0)
+    flat = high - low < HEIGHT_SPREAD_M
+    if not flat.any():
+        raise InputError(
+            f"{path}: has no header, and neither its column 4 nor 5 looks like a height; a header with the {EXPECTED_COLUMNS} "
+            "is expected"
+        )
+    if flat.all() and not np.array_equal(*last.T):
+        own = [np.max([np.ptp(column[people == who]) for who in np.unique(people)]) for column in last.T]
+        middle = np.abs(np.median(last, axis=0))
+        on_floor = (high - low < _LEVEL_M) & (middle < _LEVEL_M)
+        of_people = (_HEIGHTS_M[0] <= low) & (high <= _HEIGHTS_M[1]) & (np.array(own) < HEIGHT_SPREAD_M)
+        flat = on_floor | of_people
+    if not flat.any() or (flat.all() and not np.array_equal(*last.T)):
+        raise InputError(
+            f"{path}: has no header, and its columns 4 and 5 may both be heights; a header with the {EXPECTED_COLUMNS} is "
+            "expected"
+        )
+    return bool(flat[1])
+
+
+def is_number(text: str) -> bool:
+    """Tell whether a cell holds a number."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _is_whole(text: str) -> bool:
+    return is_number(text) and float(text).is_integer()
