@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.environment import Environment, EnvironmentOptions, build_environment, save_environment
-from trackers.environment.model import Environment
 from trackers.errors import InputError
 from twin.environment.scan import HEIGHT_M, PointCloud, TiltingScanner, chosen_stations, given_stations, scan_room
 from twin.messages import OnProgress

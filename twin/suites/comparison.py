@@ -2,14 +2,14 @@
 
 The twin is deterministic: where recordings and figures have the same bits, nothing changed. Else three questions are asked.
 
-- Did the mean of a figure get worse by more than it may? Of a tracker in one scenario; of a tracker over all its scenarios;
-  of all trackers together, for places and rare events; and of what each scanner reports. More than it may: than its
-  tolerance, a mean over G groups than one of them by √G. By more than chance: `twin.suites.permutation_test`.
-- Did one case fall beyond any noise? By ten times what the mean may and four standard deviations between the seeds before.
+- Did the mean of a metric get worse by more than the allowed change? Of a tracker in one scenario; of a tracker over all its scenarios;
+  of all trackers together, for positions and rare events; and of each scanner's own metrics. Allowed change: the
+  tolerance; divided by √G for a mean over G groups. By more than chance: `twin.suites.permutation_test`.
+- Did one case get much worse? By ten times the allowed change and by four standard deviations between the earlier seeds.
 - Is a figure missing that was measured before?
 
-Where recordings are others than before, `twin.suites.permutation_test` says what runs of a seed are to each other, and may differ by.
-A scanner's noise that doubled shows in what the scanner reports: what it costs trackers is less than one more draw of it.
+Where the recordings differ from the baseline's, `twin.suites.permutation_test` states how runs of a seed are paired and how
+far they may differ. Doubled scanner noise shows in the scanner's own metrics; it costs trackers less than one more draw.
 """
 
 from __future__ import annotations
