@@ -1,4 +1,4 @@
-"""YAML and JSON from users: only plain data comes out, and only as much as can be dealt with.
+"""Read YAML and JSON of users as plain data of bounded size, and merge mappings.
 
 Mappings with text or numbers as keys, lists, texts, numbers, booleans and nothing else. What makes other readers hang,
 run out of memory or stack, or raise all kinds of exceptions is one sentence here: aliases that grow without end or hold

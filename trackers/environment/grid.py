@@ -1,4 +1,4 @@
-"""A grid of voxels in the room, and what the rays of a scan say about each: met, passed, or neither."""
+"""Point clouds, and a grid of voxels that the rays of a scan hit, pass, or do not reach."""
 
 from __future__ import annotations
 

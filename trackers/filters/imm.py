@@ -1,14 +1,14 @@
 """Interacting multiple model estimator of (extended) Kalman filters, batched over tracks (Bar-Shalom; Bai and Takahashi).
 
 An `Imm` is the algorithm and never changes; an `ImmState` holds the arrays of n tracks with m modes each and is passed in
-and handed back. With one mode it is a plain Kalman filter (`trackers.filters.imm`). How the modes move is a `Motion`.
+and handed back. With one mode it is an extended Kalman filter (`kalman`). How the modes move is a `Motion`.
 
     predicted = imm.predict(state, period_s)          # a track that is not measured now coasts on this: nothing more to do
     state = imm.update(predicted, index, positions)   # the tracks `index` measured at `positions`
 
 After `predict` the mode probabilities are those that the transition matrix predicts, c̄ = μ M: a coasting track keeps them.
 
-Where the mathematics ends: a period of 0 changes nothing (no time, no switching); a negative or non-finite period, a
+Edge cases: a period of 0 changes nothing (no time, no switching); a negative or non-finite period, a
 non-finite measurement and a covariance that overflows are refused with InputError; a singular covariance is allowed,
 because the measurement noise, which must be positive definite, keeps every innovation covariance invertible.
 

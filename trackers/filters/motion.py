@@ -12,6 +12,8 @@ A.1 (models 1 and 2) is the case ω = 0: the turn rate does not outlive its step
 persists. One function therefore serves every model, told apart by `turn_persists`. (The paper's A.2 is damaged in the
 text we have; this form is inferred.) Position is first order in the turned angle a, as in the paper.
 
+`HeadingMotion` makes the modes of an IMM of these models.
+
 Components stand in the first axis and the batch (tracks, modes, particles) in the trailing ones, so that every operation
 runs along the batch.
 """

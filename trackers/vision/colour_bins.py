@@ -1,7 +1,7 @@
-"""Colour bins of a picture's pixels, found once, and histograms of many windows gathered from them.
+"""Colours of pixels in HSV, their histogram bins, and histograms of many windows gathered from the bins.
 
-A window's histogram is a count of its pixels' bins. So a picture is binned once, and hundreds of windows, one for each
-hypothesis of a particle filter say, cost a look-up and a count each, whatever the number of colours.
+The histogram of a window counts the bins of its pixels. A picture is therefore binned once; each of hundreds of windows (one per
+particle of a filter, for example) then costs a look-up and a count, independent of the number of bins.
 """
 
 from __future__ import annotations

@@ -1,9 +1,14 @@
-"""Random patches on people: where in the picture small squares of their bodies are (after Lu and Hager, "Dynamic
-foreground/background extraction from images and videos using random patches", 2006).
+"""Random patches on a body, and the features of their pixels (Lu and Hager, "Dynamic foreground/background extraction from
+images and videos using random patches", 2006).
 
-A body is an upright rectangle over its place on the floor that faces the camera. A place is drawn at random on it and
-projected, so that patches lie along the body's axis however the camera is turned and whatever its lens. Patches are squares of a
-fixed size on the body, and so the smaller in the picture the farther away it stands.
+A body is an upright rectangle over its position on the floor that faces the camera. Points drawn on it are projected to the
+picture, so that patches lie along the body's axis for any camera pose and lens. A patch is a square of fixed size on the
+body.
+
+Edge orientation histogram (Levi and Weiss, "Learning object detection from a small number of examples", 2004): Sobel
+gradient magnitudes of the grey picture summed by orientation, as shares of their total. Texture (Haralick, "Textural
+features for image classification", 1973): contrast, energy, homogeneity, correlation and entropy of the co-occurrence of a
+few grey levels.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
-"""Detector of people in a mask, at places of the floor: a window at every place of a grid, scored by a learned model.
+"""Detect people in a foreground mask: a learned model scores a window at every position of a grid on the floor.
 
-The floor's geometry says how large a person is at each place, so that one window per place is looked at and no pyramid of
-scales. Windows with little foreground are left out before the rest is scored (`trackers.vision.person_detector`). A person
-stands where a window has a higher score than all others that mean a place nearby; the position is the mean of the places
-that such windows mean, weighted by their scores.
+The floor's geometry gives the size of a person at each position, so that one window per position suffices and no pyramid of
+scales is needed. Windows with little foreground are dropped before the model runs. The model has two outputs per window: a
+score, exp(−d² / 2 σ²) for a person at the distance d of the window's position, and the offset to that person. A detection
+is a window whose score exceeds those of all others that point to a nearby position; its position is the score-weighted mean
+of theirs. `scripts/train-person-detector` fits the model with scikit-learn and stores it as plain arrays.
 """
 
 from __future__ import annotations

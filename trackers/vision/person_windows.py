@@ -1,8 +1,12 @@
-"""Windows that show an upright person at places of the floor, whatever the lens and however steeply it looks down.
+"""Windows in a picture that show an upright person at a position on the floor, for any lens and camera tilt.
 
-A window is a rectangle through the middle of the person, square to the line of sight and level from side to side: as high as
-a standing person looks from there, as wide as one with swinging arms. It is laid out in the room as a grid of cells and
-projected, so that it has the size, the slant and the bend that a person has at that place of the picture.
+A person window is a rectangle through the person's vertical axis, perpendicular to the line of sight and horizontal from
+side to side: as high as a standing person, as wide as one with swinging arms. It is a grid of cells in the room, projected
+to the picture; it therefore has the size, slant and bend of a person at that position.
+
+A torso window stands over a laser cluster. Its sides are the bearings between which the scanner saw this person and no
+nearer one, so that the window of a partly occluded person covers the visible part. Its top and bottom are heights above the
+floor.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Scan a scenario's empty room and leave the environment, its picture and on request the point cloud as files."""
+"""Scan a scenario's empty room; write the environment, its picture and, on request, the point cloud.
+
+The picture shows the plan, the known voxels at two heights, and a vertical cut.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,8 @@
-"""Bag files on disk: paths as `rosbags` can open them, and the reason why a file cannot be read, with the tool that mends it.
+"""Bag files on disk: paths that `rosbags` can open, an MCAP file that appears when it is complete, and why a file is
+unreadable.
 
-Paths may hold characters with a meaning in a URI; MCAP files may have other profiles than that of ROS 2.
+Paths may hold characters with a meaning in a URI. MCAP files may have a profile other than that of ROS 2. The error names
+the tool that repairs the file.
 """
 
 from __future__ import annotations

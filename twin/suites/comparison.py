@@ -1,9 +1,9 @@
-"""Is anything worse than it was? Figures paired by case, judged together, and nothing waved through for want of seeds.
+"""Compare the metrics of two runs of a suite, paired by case and tested together.
 
-The twin is deterministic: where recordings and figures have the same bits, nothing changed. Else three questions are asked.
+The twin is deterministic: identical bits of recordings and metrics mean no change. Otherwise three questions are asked.
 
-- Did the mean of a metric get worse by more than the allowed change? Of a tracker in one scenario; of a tracker over all its scenarios;
-  of all trackers together, for positions and rare events; and of each scanner's own metrics. Allowed change: the
+- Did the mean of a metric get worse by more than the allowed change? The mean of a tracker in one scenario; of a tracker over all
+  its scenarios; of all trackers together, for positions and rare events; and of each scanner's own metrics. Allowed change: the
   tolerance; divided by √G for a mean over G groups. By more than chance: `twin.suites.permutation_test`.
 - Did one case get much worse? By ten times the allowed change and by four standard deviations between the earlier seeds.
 - Is a figure missing that was measured before?

@@ -1,4 +1,7 @@
-"""A run of a suite as a gate: run, judge against the baseline, write what people and programs read of it."""
+"""Run a suite as a gate: run, compare with the baseline, write results for people and programs.
+
+A baseline is the results to compare with, in one JSON file to be committed, one line per seed.
+"""
 
 from __future__ import annotations
 

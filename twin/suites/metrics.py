@@ -1,10 +1,10 @@
 """Metrics of a case: the entries of `metrics.json`, which of them are compared, and their default tolerances.
 
-The default tolerances are ours: small enough that validation gates half as wide are noticed (in MOTP, DetA and OSPA; on
-seeds 0 to 2 and on 1000 to 1002), while what is harmless moves less: on the lab, seeds 1000 to 1005, other noise of the
-image changed no figure of any tracker with a camera, in 144 pairs of runs (`scripts/bench --only suite-spread`). Other noise
-of the *scanners* is not harmless: identities go other ways then, and DetA of the trackers without a camera moves by 0.011,
-IDF1 by 0.045 (σ of a mean over three seeds). Where scans differ, `twin.suites.permutation_test` allows what chance may do besides.
+The default tolerances are ours. They are small enough to detect validation gates of half the size (in MOTP, DetA and OSPA;
+seeds 0 to 2 and 1000 to 1002). Harmless changes move metrics less: in the lab, seeds 1000 to 1005, other image noise
+changed no metric of any tracker with a camera, in 144 pairs of runs (`scripts/bench --only suite-spread`). Other *scanner*
+noise changes identities: DetA of trackers without a camera moves by 0.011, IDF1 by 0.045 (σ of a mean over three seeds).
+Where scans differ, `twin.suites.permutation_test` adds an allowance for chance.
 """
 
 from __future__ import annotations

@@ -1,13 +1,20 @@
-"""Permutation test over all metrics of a suite at once: family-wise p, and minimum detectable changes.
+"""Pair two runs of a suite by seed, and test all metrics at once: family-wise p, and minimum detectable changes.
 
-If a change does not matter, before and now could be swapped in any recording: that turns the signs of all its differences, of
-all trackers and figures together. (In any unit of chance: recordings of the same people before the same noise are one.) So
-every test's statistic is worked out for all ways to give the units signs, or for drawn ones where they are too many, and a
-test's p is the share of them in which the largest statistic of any test is at least its own (the single-step max-T of Westfall
-and Young, Resampling-Based Multiple Testing, 1993). That keeps the chance of any false alarm, however trackers, figures and
-tests depend on each other, and costs no power where they do.
+Pairs. Two runs of a seed either share their recording (or one made from the same scenario, seed and simulating code; then a
+difference is the tracker's), or show the same people to sensors with other noise (then they are a pair with two draws of
+noise), or show other people (then they are draws from two populations). In the latter two, chance moves a mean, so that a
+mean may also fall by three standard errors of pairs, or two of populations; harmless draws needed this (the lab, seeds 1000
+to 1205 with up to seven draws each). One draw may exchange many identities, which costs a case up to 30 times the allowed
+change of a mean (AssA): a case must fall by 50 times that below the worst earlier seed, and the rare events count the rest.
+Scenarios that differ in light or shirts alone show the same people, scans and noise; recordings of a seed whose people
+start at the same positions are therefore one unit of chance.
 
-What the statistics are is the caller's choice; they are to have one scale, or the noisiest hides the others.
+Test. If a change has no effect, before and after can be swapped in any unit of chance: this flips the signs of all its
+differences, of all trackers and metrics together. The statistics are computed for all sign vectors, or for drawn ones if
+they are too many. A test's p is the share of sign vectors in which the largest statistic of any test is at least its own
+(single-step max-T: Westfall and Young, Resampling-Based Multiple Testing, 1993). This bounds the probability of any false
+alarm under any dependence between trackers, metrics and tests. The caller chooses the statistics; they need one scale, or
+the noisiest dominates.
 """
 
 from __future__ import annotations

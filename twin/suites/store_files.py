@@ -1,4 +1,7 @@
-"""Open the results file of a run: a new one, an earlier one to resume, or any of them for reading."""
+"""Open the results file of a run: a new one, an earlier one to resume, or any for reading; validate its content.
+
+A results file may have been truncated, or edited by hand.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
-"""Rows of people over time: the columns that hold them and their units; one reader for truth, tracks and recorded
-paths.
+"""Rows of people over time: one reader for truth, tracks and recorded paths, and checks of their plausibility.
+
+Refuse or warn of walking speeds and coordinates that people do not have, such as a column that holds heights.
 """
 
 from __future__ import annotations
