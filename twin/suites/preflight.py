@@ -31,7 +31,7 @@ from twin.scenario import Scenario
 from twin.scenario.housings import assumed_rig
 from twin.scenario.scenario import TrackerChoice
 from twin.streams import stream
-from twin.suites.expansion import Variant
+from twin.suites.overrides import Variant
 from twin.world.scene import walkable_in
 
 
