@@ -22,7 +22,8 @@ from twin.suites.expansion import Case, expand
 from twin.suites.progress import ProgressListener
 from twin.suites.run import run_suite
 from twin.suites.spec import Suite, load_suite
-from twin.suites.store_files import DONE, read_store
+from twin.suites.store_files import read_store
+from twin.suites.store_schema import DONE
 from twin.suites.tasks import State
 from twin.suites.worker import TRUTH, Incident, record, renderer_of, resolved_scenario
 

@@ -17,7 +17,7 @@ from twin.recording.atomic_file import atomic_path, open_atomic
 from twin.suites.comparison import Change, Comparison, describe_change
 from twin.suites.results import Group, GroupKey, RequirementCheck, Results, gated_values
 from twin.suites.store import ResultStore
-from twin.suites.store_files import DONE, FAILED, StoredCase
+from twin.suites.store_schema import DONE, FAILED, StoredCase
 
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 

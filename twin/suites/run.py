@@ -27,7 +27,8 @@ from twin.suites.reference import worst_cases
 from twin.suites.results import collect_results
 from twin.suites.spec import Suite, Tolerance
 from twin.suites.store import ResultStore
-from twin.suites.store_files import DONE, FAILED, RecordingInfo, Requirement, open_store
+from twin.suites.store_files import open_store
+from twin.suites.store_schema import DONE, FAILED, RecordingInfo, Requirement
 from twin.suites.tasks import State, Task, TaskListener, TaskResult
 from twin.suites.worker import WORST, CaseResult, CaseWork, Incident, run_case
 

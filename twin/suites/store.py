@@ -20,7 +20,7 @@ from trackers.plain_data import parse_json
 from twin.suites.cache_keys import Provenance
 from twin.suites.expansion import Case
 from twin.suites.metrics import check_ranges
-from twin.suites.store_files import (
+from twin.suites.store_schema import (
     CASES,
     DONE,
     EXPECTED,
