@@ -1,7 +1,4 @@
-"""Expand a suite to cases (scenario × overrides × seed × tracker), checked before the first one runs.
-
-An override is a change that a suite makes to a scenario; each keeps its source in the user's files for error messages.
-"""
+"""Expand a suite to cases (scenario × overrides × seed × tracker), checked before the first one runs."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Open the results file of a run: a new one, an earlier one to resume, or any for reading; validate its content.
-
-A results file may have been truncated, or edited by hand.
-"""
+"""Open the results file of a run: a new one, an earlier one to resume, or any for reading."""
 
 from __future__ import annotations
 
