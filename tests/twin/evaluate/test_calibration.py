@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from trackers.filters.imm import Imm
-from trackers.filters.imm_state import ImmState
+from trackers.filters.imm import Imm, ImmState
 from trackers.filters.negative_information import probability_within, radius_containing
 from trackers.tracks import Track, TrackFrame
 from twin.evaluate import evaluate_tracks
