@@ -75,6 +75,8 @@ _WORDS = {
 _OF_1_1 = ("merge", "value")  # '<<' and '=', which are refused
 _COLOUR = re.compile(r"\s*:?\s*(#(?:[0-9a-fA-F]{3}|[0-9a-fA-F]{6}|[0-9a-fA-F]{8}))(?=[\s,\]}]|$)")
 _FLOW_COLOUR = re.compile(r"[\[{,:]" + _COLOUR.pattern)
+_QUOTED_OR_COLOUR = re.compile(r"""("(?:[^"\\]|\\.)*"|'(?:[^']|'')*')|(?<![^\s\[{,])(#[0-9a-fA-F]{3,8})(?=[\s,\]}]|$)""")
+"""A quoted text, which stays as it is, or a bare colour."""
 
 
 _OTHER_BREAKS = re.compile("[\r\x85\u2028\u2029]")
@@ -202,10 +204,11 @@ def parse_yaml(text: str, source: str, expected: str) -> dict[str, Any]:
 def parse_yaml_value(text: str, source: str) -> Any:
     """Whatever a YAML text holds; `source` opens the sentence of the InputError for one that is none.
 
-    A text that begins with # is a text, a colour say: an argument holds no comments.
+    A text that begins with # is a text, and so is a bare colour in a list or mapping: an argument holds no comments.
     """
     if text.lstrip().startswith("#"):
         return text.strip()
+    text = _QUOTED_OR_COLOUR.sub(lambda found: found[1] or f"'{found[2]}'", text)
     return _loaded(text, source, "a number, word, [list] or {map}", tells_line=False)
 
 

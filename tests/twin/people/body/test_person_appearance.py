@@ -5,6 +5,7 @@ from __future__ import annotations
 from colorsys import rgb_to_hsv
 from dataclasses import asdict
 
+import cv2
 import numpy as np
 import pytest
 from pydantic import ValidationError
@@ -37,6 +38,35 @@ def test_skin_tones_are_those_of_photographs(tone):
     hue, saturation, _ = rgb_to_hsv(*wardrobe().rgb("skin", tone))
     assert 4 <= 180 * hue <= 15
     assert 68 <= 255 * saturation <= 179
+
+
+def lab(garment, name):
+    rgb = np.array(wardrobe().rgb(garment, name), np.float32)
+    return cv2.cvtColor(rgb[None, None], cv2.COLOR_RGB2LAB)[0, 0]
+
+
+@pytest.mark.parametrize(
+    ("garment", "name", "measured", "within"),
+    [
+        # tresses by diffuse reflectance: Scanavez et al., J. Cosmet. Sci. 51 (2000), tables III and IV
+        ("hair", "black", (18.0, 0.0, -0.9), 1.5),
+        ("hair", "dark-brown", (23.0, 4.0, 4.8), 1.5),
+        # Munsell chips matched in daylight: 7.5YR 3/4 and, greying, 7.5YR 5/2, of which ours is the neutral one
+        ("hair", "brown", (30.4, 10.6, 21.9), 4.0),
+        ("hair", "grey", (51.0, 4.9, 11.1), 15.0),
+        # faces by spectrophotometer: Yun et al. (2010); the darkest of five groups of IADR 2009, abstract 120461
+        ("skin", "medium", (64.2, 9.0, 18.3), 11.0),
+        ("skin", "dark", (26.7, 14.6, 14.7), 5.0),
+    ],
+)
+def test_skin_and_hair_are_as_near_as_stated_to_measured_ones(garment, name, measured, within):
+    assert np.linalg.norm(lab(garment, name) - measured) < within
+
+
+def test_skin_has_a_tone_of_each_typology_angle():
+    tones = np.array([lab("skin", tone) for tone in wardrobe().colours["skin"]])
+    angle_deg = np.degrees(np.arctan2(tones[:, 0] - 50, tones[:, 2]))  # Chardon et al. (1991)
+    assert np.digitize(angle_deg, (55, 41, 28, 10, -30)).tolist() == [0, 1, 2, 3, 4, 5]
 
 
 @pytest.mark.parametrize(
