@@ -139,7 +139,8 @@ def one_by_one(camera, picture, head, table, options):
             middle = np.array([0.0, seen_as.range_m[0]])
             point = on_ray / np.linalg.norm(on_ray) * away
             far = abs(np.linalg.norm(point - middle) - np.linalg.norm(on_ray - middle))
-            off += min(far, options.depth_in_metres.most_m)
+            most_m = options.depth_in_metres.most_m
+            off += far if most_m is None else min(far, most_m)
     n, colour = len(inner), options.skin_share
     if table is not None:
         weight = options.person_colour.power * logs / n
