@@ -75,7 +75,9 @@ _WORDS = {
 _OF_1_1 = ("merge", "value")  # '<<' and '=', which are refused
 _COLOUR = re.compile(r"\s*:?\s*(#(?:[0-9a-fA-F]{3}|[0-9a-fA-F]{6}|[0-9a-fA-F]{8}))(?=[\s,\]}]|$)")
 _FLOW_COLOUR = re.compile(r"[\[{,:]" + _COLOUR.pattern)
-_QUOTED_OR_COLOUR = re.compile(r"""("(?:[^"\\]|\\.)*"|'(?:[^']|'')*')|(?<![^\s\[{,])(#[0-9a-fA-F]{3,8})(?=[\s,\]}]|$)""")
+_QUOTED_OR_COLOUR = re.compile(
+    r"""("(?:[^"\\]|\\.)*"|'(?:[^']|'')*')|(?<![^\s\[{,])(#[0-9a-fA-F]{3,8})(?=[\s,\]}]|$)"""
+)
 """A quoted text, which stays as it is, or a bare colour."""
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Literal, NamedTuple
 
-from trackers.deep_merge import deep_merge
+from trackers.plain_data import deep_merge
 
 
 class PaperRule(NamedTuple):
