@@ -21,9 +21,9 @@ from rosbags.typesys.stores.ros2_humble import (
 
 from trackers.observations import LaserScan
 from trackers.tracks import Track, TrackFrame
-from twin.export.recorded import Recorded
+from twin.export.recorded import TRACK_NUMBERS, Recorded
 from twin.recording import topics
-from twin.recording.mcap_file import McapFile
+from twin.recording.bag_files import McapFile
 from twin.recording.reader import Recording
 from twin.recording.ros_messages import TYPESTORE, time_message
 from twin.recording.tables import TrackTable
@@ -55,12 +55,11 @@ def export_foxglove(recordings: Sequence[Recorded], out: Path) -> None:
 def _track_frames(table: TrackTable) -> Iterator[TrackFrame]:
     starts = np.searchsorted(table.stamps_ns, table.frame_stamps_ns)
     ends = np.searchsorted(table.stamps_ns, table.frame_stamps_ns, side="right")
-    numbers = ("x", "y", "z", "vx", "vy", "head_x", "head_y", "head_z", "head_yaw")
     for stamp_ns, start, end in zip(table.frame_stamps_ns.tolist(), starts, ends, strict=True):
         tracks = [
             Track(
                 int(table.id[row]),
-                **dict[str, Any]({name: float(getattr(table, name)[row]) for name in numbers}),
+                **dict[str, Any]({name: float(getattr(table, name)[row]) for name in TRACK_NUMBERS}),
                 status="coasting" if table.status[row] == "coasting" else "confirmed",
             )
             for row in range(start, end)

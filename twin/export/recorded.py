@@ -21,12 +21,14 @@ from twin.recording import topics
 from twin.recording.bag import open_bag
 from twin.recording.reader import Recording
 from twin.recording.ros_messages import STRING
-from twin.recording.tables import STATUSES, TrackTable, read_tracks
+from twin.recording.tables import STATUSES, TRACK_COLUMNS, TrackTable, read_tracks
 from twin.run.inputs import scenario_of
 from twin.scenario import Scenario
 from twin.truth.frames import TruthFrame
 
 RECORDING = "recording.mcap"
+TRACK_NUMBERS = tuple(name for name in TRACK_COLUMNS[2:] if name != "status")
+"""Columns of a table of tracks that hold numbers, after t and id."""
 _TRACKS = "/tracks/"
 _TRUTH_WITHIN_NS = NS_PER_S // 1000
 """Truth is told at every stamp of every sensor: what is further off belongs to another stamp."""
@@ -112,13 +114,12 @@ def _tracks_in(recording: Recording) -> dict[str, TrackTable]:
 
 
 def _table(source: str, stamps: list[int], rows: list[dict[str, Any]]) -> TrackTable:
-    numbers = ("x", "y", "z", "vx", "vy", "head_x", "head_y", "head_z", "head_yaw")
     return TrackTable(
         source,
         np.unique(np.array(stamps, dtype=np.int64)),
         np.array([row["stamp_ns"] for row in rows], dtype=np.int64),
         np.array([row["id"] for row in rows], dtype=np.int64),
-        **dict[str, Any]({name: np.array([row.get(name) for row in rows], dtype=np.float64) for name in numbers}),
+        **dict[str, Any]({name: np.array([row.get(name) for row in rows], dtype=np.float64) for name in TRACK_NUMBERS}),
         status=np.array([row.get("status", STATUSES[0]) for row in rows], dtype="<U9"),
     )
 

@@ -246,7 +246,7 @@ def test_bag_without_truth_says_what_is_left_out(run: Path, tmp_path: Path) -> N
 
 def _without_truth(source: Path, target: Path) -> None:
     from twin.recording.bag import open_bag
-    from twin.recording.mcap_file import McapFile
+    from twin.recording.bag_files import McapFile
 
     with open_bag(source) as original, McapFile(target) as bag:
         kept = [
