@@ -104,3 +104,51 @@ def test_docstrings_say_what_is_done_or_what_a_thing_is() -> None:
         if asked.search(line)
     ]
     assert not found, "\n".join(found)
+
+
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+PRIVATE_WORDS = {
+    r"moments?": "frame, synchronized frame or time",
+    r"newcomers?|strangers?": "unassigned detections, initiation",
+    r"told": "reported, warned",
+    r"gone|begun": "deleted, initiated",
+    r"worthiest": "best assignment",
+    r"recognised|known again": "re-identified",
+    r"doubts?|doubted": "warning, calibration monitor",
+    r"spoil(?:s|ed|ing)": "corruption, fault injection",
+    r"laid over": "merged",
+    r"lone|barred|half-seen": "single, forbidden, partly occluded",
+    r"believed": "assumed",
+    r"lairs?|staged": "lying pose, precomputed",
+    r"caveats?|promises?|promised": "notes, requirements",
+    r"aftermath|as it stands": "validation, baseline",
+    r"whoever|everyone": "the person or track that; all people",
+}
+"""Words of a private dialect that no sentence of the pages holds, each with the field's."""
+
+
+def prose_of(page: Path) -> str:
+    """Return the sentences of a page: no code, no comments, no headings, no tables; links by their text."""
+    text = re.sub(r"^```.*?^```$|<!--.*?-->", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    lines = [line for line in text.splitlines() if not re.match(r"\s*(?:#|\||!\[|:::|\{\{|    )", line)]
+    return re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", "\n".join(lines))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_pages_are_written_in_the_words_of_the_field(page: Path) -> None:
+    text = re.sub(
+        r"^```.*?^```$|`[^`\n]*`|\]\([^)]*\)", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL
+    )
+    found = [
+        f"{page.name}: {hit[0]!r} (the field says {instead})"
+        for words, instead in PRIVATE_WORDS.items()
+        for hit in re.finditer(rf"(?<![\w-])(?:{words})(?![\w-])", text, re.IGNORECASE)
+    ]
+    assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_no_sentence_of_a_page_has_more_than_thirty_words(page: Path) -> None:
+    sentences = re.split(r"(?<=[.:?!])\s+|\n\s*\n|\n(?=\s*(?:[-*]|\d+\.) )", prose_of(page))
+    assert not [each for each in sentences if len(each.split()) > 30]

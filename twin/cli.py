@@ -23,7 +23,6 @@ from twin.commands.exit_codes import (
     EXIT_OUR_FAULT,
     raise_on_signals,
 )
-from twin.commands.export import export
 from twin.commands.info import check, list_, schema
 from twin.commands.memory import check_memory, describe_lack_of_memory, run_in_child
 from twin.commands.new import app as new
@@ -67,7 +66,6 @@ app.command(epilog="Example: twin detections out/library-hall-0/recording.mcap -
 app.command(epilog="Example: twin evaluate out/lab-five-people-0/truth.csv out/lab-five-people-0/tracks/laser-imm.csv")(
     evaluate
 )
-app.command(epilog="Example: twin export out/lab-five-people-0 --format mot --out out/lab-mot")(export)
 app.command(name="list", epilog="Example: twin list")(list_)
 app.command(epilog="Example: twin schema > scenario.schema.json")(schema)
 app.command(epilog="Example: twin check")(check)
@@ -82,7 +80,7 @@ app.command(
 
 
 def main() -> None:
-    """Run the command line; every way out has its exit code (see the README)."""
+    """Run the command line; every way out has its exit code (see docs/concepts/results.md)."""
     if (code := run_in_child()) is not None:
         sys.exit(code)
     for stream in (sys.stdout, sys.stderr):

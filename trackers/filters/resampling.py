@@ -43,7 +43,7 @@ def resample(scheme: str, weights: Array, rng: np.random.Generator) -> Int[Index
 
 
 def scheme_of(name: str) -> Scheme:
-    """Return the scheme of this name. Raises InputError naming the valid ones."""
+    """The scheme of this name. Raises InputError naming the valid ones."""
     if name not in SCHEMES:
         raise InputError(f"there is no resampling scheme {name!r}; valid are {', '.join(SCHEMES)}")
     return SCHEMES[name]
@@ -92,13 +92,13 @@ SCHEMES: Mapping[str, Scheme] = MappingProxyType(
 
 
 def _cumulative(weights: Float[Array, "n p"]) -> Float[Array, "n p"]:
-    """Compute running sums of the rows, the last exactly 1, equal where a weight is 0."""
+    """Running sums of the rows, the last exactly 1, equal where a weight is 0."""
     sums = np.cumsum(weights, axis=1)
     return sums / sums[:, -1:]
 
 
 def _inverse(cumulative: Float[Array, "n p"], uniform: Float[Array, "n p"]) -> Int[Index, "n p"]:
-    """Find the particle whose share of the cumulative weight contains each number in [0, 1)."""
+    """The particle in whose share of the cumulative weight each number in [0, 1) falls."""
     n, p = cumulative.shape
     rows = np.arange(n)[:, None]
     # one sorted table for all rows; a number must not be rounded up into the next row

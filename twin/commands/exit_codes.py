@@ -1,4 +1,4 @@
-"""Ends of `twin`: exit codes (see the README), plug-ins that failed, Ctrl-C and kill."""
+"""Ends of `twin`: exit codes (see docs/concepts/results.md), plug-ins that failed, Ctrl-C and kill."""
 
 from __future__ import annotations
 

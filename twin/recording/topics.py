@@ -20,7 +20,6 @@ TRUTH_BOXES = "/truth/boxes"
 TRUTH_RAYS = "/truth/rays"
 TRUTH_SITUATIONS = "/truth/situations"
 TRUTH_MARKERS = "/truth/markers"
-ROOM_MARKERS = "/room/markers"
 
 ROOM_FRAME = "room"
 

@@ -1,0 +1,231 @@
+"""Figures of README and docs: measured by a command, kept in one file, shown from it.
+
+    scripts/figures measure NAME [--jobs N]     run a source of figures.yaml and keep its figures
+    scripts/figures record NAME PATH            keep the figures of a run: a suite's folder, results.json, rows of scripts/bench
+    scripts/figures readme                      fill the tables of the README
+
+docs/figures.json holds per source: value, interval, n, unit and seeds of each figure; command, commit, date and machine.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import subprocess
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+ROOT = Path(__file__).parents[2]
+FIGURES = ROOT / "docs" / "figures.json"
+SOURCES = Path(__file__).with_name("figures.yaml")
+OUT = Path("out/figures")
+
+Figure = dict[str, Any]
+"""where, row, column, value, low, high, n, unit; of a reproduction: paper, paper_system and baseline too, None without one."""
+
+
+def read_sources() -> dict[str, Any]:
+    """Read figures.yaml; each source has its paths of code in one list."""
+    content = yaml.safe_load(SOURCES.read_text(encoding="utf-8"))
+    for source in content["sources"].values():
+        source["code"] = list(_flat(source["code"]))
+    return content
+
+
+def read_figures() -> dict[str, Any]:
+    """Read docs/figures.json; empty where there is none."""
+    return json.loads(FIGURES.read_text(encoding="utf-8")) if FIGURES.is_file() else {}
+
+
+def _flat(items: Iterable[Any]) -> Iterator[str]:
+    for item in items:
+        if isinstance(item, str):
+            yield item
+        else:
+            yield from _flat(item)
+
+
+def measure(name: str, jobs: int | None) -> None:
+    """Run the suite, reproduction or benchmark of a source, and keep its figures."""
+    source = read_sources()["sources"][name]
+    code_commit(source["code"])  # refuses uncommitted code before hours are spent
+    folder = OUT / name
+    if "before" in source:
+        _run([sys.executable, "-m", "twin", *source["before"]])
+    match source["kind"]:
+        case "suite":
+            _run_suite(source, folder, jobs)
+            record(name, folder)
+        case "reproduce":
+            more = ["--jobs", str(jobs)] if jobs else []
+            _run([sys.executable, "-m", "twin", "reproduce", *source["arguments"], "--out", str(folder), *more])
+            record(name, folder / "results.json")
+        case "bench":
+            rows = OUT / f"{name}.json"
+            OUT.mkdir(parents=True, exist_ok=True)
+            only = [word for each in source["only"] for word in ("--only", each)]
+            _run([sys.executable, "-m", "benchmarks", *only, "--json", str(rows)], check=False)  # 1: a target is missed
+            record(name, rows)
+
+
+def _run(command: list[str], check: bool = True) -> None:
+    subprocess.run(command, check=check, cwd=ROOT)
+
+
+def _run_suite(source: Mapping[str, Any], folder: Path, jobs: int | None) -> None:
+    from twin.messages import printable
+    from twin.models import cache_folder
+    from twin.suites.cache import RecordingCache, cache_limit_bytes
+    from twin.suites.cluster import Workers
+    from twin.suites.progress import suite_progress
+    from twin.suites.run import run_suite
+    from twin.suites.spec import load_suite
+
+    suite, path = load_suite(source["suite"])
+    if "seeds" in source:
+        first, count = source["seeds"]["from"], source["seeds"]["count"]
+        entries = [entry.model_copy(update={"seeds": None}) for entry in suite.scenarios]
+        suite = suite.model_copy(update={"seeds": tuple(range(first, first + count)), "scenarios": entries})
+    cache = RecordingCache(cache_folder(), cache_limit_bytes())
+    with suite_progress() as progress:
+        print(printable(f"{suite.name}: {suite.n_case} cases"), file=sys.stderr)
+        run_suite(suite, path, folder, cache, Workers(jobs), resume=True, progress=progress)
+
+
+def record(name: str, path: Path) -> None:
+    """Keep the figures of a run under the name of its source. Raises SystemExit where the source is unknown."""
+    sources = read_sources()["sources"]
+    if name not in sources:
+        sys.exit(f"scripts/figures: there is no source {name!r}; valid are {', '.join(sources)}")
+    source = sources[name]
+    figures = list(_READERS[source["kind"]](path, source))
+    commit, date = code_commit(source["code"])
+    kept = read_figures()
+    kept[name] = {
+        "kind": source["kind"],
+        "command": f"scripts/figures measure {name}",
+        "commit": commit,
+        "committed": date,
+        "measured": datetime.now(UTC).date().isoformat(),
+        "machine": f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}",
+        "seeds": _seeds(source, path),
+        "code": source["code"],
+        "figures": figures,
+    }
+    lines = ["{"]
+    for number, (key, value) in enumerate(sorted(kept.items())):
+        about = {field: content for field, content in value.items() if field != "figures"}
+        rows = ",\n".join(f"      {json.dumps(row, ensure_ascii=False)}" for row in value["figures"])
+        opened = json.dumps(about, ensure_ascii=False)[:-1]
+        lines.append(
+            f'  "{key}": {opened},\n    "figures": [\n{rows}\n    ]}}' + ("," if number + 1 < len(kept) else "")
+        )
+    FIGURES.write_text("\n".join([*lines, "}"]) + "\n", encoding="utf-8")
+    print(f"{FIGURES.relative_to(ROOT)}: {name}: {len(figures)} figures, of commit {commit[:10]}")
+
+
+def code_commit(code: list[str]) -> tuple[str, str]:
+    """Return hash and date of the last commit that changed the measured code. Raises SystemExit for uncommitted changes."""
+    changed = _git("status", "--porcelain", "--", *code)
+    if changed:
+        sys.exit(f"scripts/figures: the measured code has changes that are not committed:\n{changed}")
+    commit, date = _git("log", "-1", "--format=%H %cs", "--", *code).split()
+    return commit, date
+
+
+def commits_since(commit: str, code: list[str]) -> int | None:
+    """Count commits that changed the measured code since; None where the history does not hold the commit."""
+    try:
+        return int(_git("rev-list", "--count", f"{commit}..HEAD", "--", *code))
+    except subprocess.CalledProcessError:
+        return None
+
+
+def _git(*arguments: str) -> str:
+    done = subprocess.run(["git", *arguments], cwd=ROOT, capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
+def _seeds(source: Mapping[str, Any], path: Path) -> str:
+    if source["kind"] == "suite":
+        from twin.suites.gate import read_results
+
+        seeds = sorted({seed for group in read_results(path).groups.values() for seed in group.seeds})
+        return f"{seeds[0]}–{seeds[-1]}" if len(seeds) > 1 else str(seeds[0])
+    return str(source.get("seeds", ""))
+
+
+def _suite_figures(folder: Path, source: Mapping[str, Any]) -> Iterator[Figure]:
+    from twin.suites.gate import read_results
+    from twin.suites.metrics import METRICS
+    from twin.suites.results import mean_over_seeds
+
+    for key, group in read_results(folder).groups.items():
+        where = f"{key.scenario}, {group.variant}" if group.variant else key.scenario
+        for metric in source["metrics"]:
+            found = mean_over_seeds(group.values(metric))
+            if found is not None:
+                yield {
+                    "where": where, "row": key.tracker, "column": metric, "value": _short(found.mean), "low": _short(found.low),
+                    "high": _short(found.high), "n": found.n, "unit": METRICS[metric].unit,
+                }  # fmt: skip
+
+
+def _reproduction_figures(path: Path, source: Mapping[str, Any]) -> Iterator[Figure]:
+    for row in json.loads(path.read_text(encoding="utf-8")):
+        if any(row["where"].startswith(each) for each in source.get("where", [""])):
+            low, high = row["ci95"]
+            yield {
+                "where": row["where"], "row": row["row"], "column": row["column"], "value": _short(row["ours"]),
+                "low": _short(low), "high": _short(high), "n": row["runs"], "unit": row["unit"], "paper": row["paper"],
+            }  # fmt: skip
+
+
+def _bench_figures(path: Path, source: Mapping[str, Any]) -> Iterator[Figure]:
+    for row in json.loads(path.read_text(encoding="utf-8")):
+        yield {
+            "where": source["kind"], "row": row["name"], "column": "value", "value": _short(row["value"]), "low": None,
+            "high": None, "n": 1, "unit": row["unit"], "target": row["target"],
+        }  # fmt: skip
+
+
+_READERS = {"suite": _suite_figures, "reproduce": _reproduction_figures, "bench": _bench_figures}
+
+
+def _short(value: float | None) -> float | None:
+    return None if value is None else float(f"{value:.5g}")
+
+
+def main() -> None:
+    """Run the command line."""
+    parser = argparse.ArgumentParser(
+        prog="scripts/figures", description="Measure and keep the figures of README and docs."
+    )
+    commands = parser.add_subparsers(dest="command", required=True)
+    run = commands.add_parser("measure", help="run a source and keep its figures")
+    run.add_argument("name", choices=list(read_sources()["sources"]))
+    run.add_argument("--jobs", type=int, help="processes; default: one a core")
+    keep = commands.add_parser("record", help="keep the figures of a run that has been made")
+    keep.add_argument("name", choices=list(read_sources()["sources"]))
+    keep.add_argument("path", type=Path, help="a suite's folder, a results.json, or rows of scripts/bench --json")
+    commands.add_parser("readme", help="fill the tables of the README")
+    arguments = parser.parse_args()
+    if arguments.command == "measure":
+        measure(arguments.name, arguments.jobs)
+    elif arguments.command == "record":
+        record(arguments.name, arguments.path)
+    else:
+        from documentation.tables import fill_readme
+
+        fill_readme()
+
+
+if __name__ == "__main__":
+    main()

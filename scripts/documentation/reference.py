@@ -1,0 +1,152 @@
+"""Reference pages made from the program: fields from the JSON schemas, the command line, metrics, what is shipped."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+Schema = Mapping[str, Any]
+
+
+def schema_pages() -> Iterator[tuple[str, str]]:
+    """Yield path and Markdown of a page per schema: scenario, suite, study and rig."""
+    from trackers.rig import Rig
+    from twin.scenario.load import DrawableScenarioFile
+    from twin.studies.spec import Study
+    from twin.suites.spec import Suite
+
+    for kind, model in {"scenario": DrawableScenarioFile, "suite": Suite, "study": Study, "rig": Rig}.items():
+        yield f"reference/{kind}.md", schema_page(kind, model.model_json_schema())
+
+
+def schema_page(kind: str, schema: Schema) -> str:
+    """Format a schema: a table of the fields of the file, then one per kind of object in it."""
+    lines = [
+        f"# Fields of a {kind}",
+        "",
+        f"Made from `twin schema {kind}`, which gives editors completion too. An unknown field is refused.",
+        "",
+    ]
+    lines += _fields(schema)
+    for name, part in sorted(schema.get("$defs", {}).items()):
+        lines += ["", f"## {name}", ""]
+        if "description" in part:
+            lines += [_text(part["description"]), ""]
+        lines += _fields(part)
+    return "\n".join(lines) + "\n"
+
+
+def _fields(schema: Schema) -> list[str]:
+    if "properties" not in schema:
+        return [_type(schema)]
+    required = schema.get("required", ())
+    lines = ["| field | type | default | meaning |", "|---|---|---|---|"]
+    for name, field in schema["properties"].items():
+        default = "required" if name in required else _default(field)
+        lines.append(f"| `{name}` | {_type(field)} | {default} | {_text(field.get('description', ''))} |")
+    return lines
+
+
+def _default(field: Schema) -> str:
+    if "default" not in field:
+        return ""
+    text = json.dumps(field["default"], ensure_ascii=False)
+    return f"`{text}`" if len(text) <= 60 else "see the schema"
+
+
+def _text(text: str) -> str:
+    return re.sub(r"\s+", " ", text).replace("|", "\\|").replace("<", "&lt;").replace("[", "\\[")
+
+
+def _type(field: Schema) -> str:
+    if "$ref" in field:
+        name = field["$ref"].rsplit("/", 1)[-1]
+        return f"[{name}](#{name.lower()})"
+    for key in ("anyOf", "oneOf"):
+        if key in field:
+            return " or ".join(dict.fromkeys(_type(each) for each in field[key]))
+    if "allOf" in field:
+        return _type(field["allOf"][0])
+    if "const" in field:
+        return f"`{field['const']}`"
+    if "enum" in field:
+        return ", ".join(f"`{each}`" for each in field["enum"])
+    kind = field.get("type", "any value")
+    if kind == "array":
+        if "prefixItems" in field:
+            return "[" + ", ".join(_type(each) for each in field["prefixItems"]) + "]"
+        items = field.get("items") or {}
+        return f"list of {_type(items)}" if items else "list"
+    if kind == "object" and isinstance(field.get("additionalProperties"), Mapping):
+        return f"mapping to {_type(field['additionalProperties'])}"
+    return {"object": "mapping", "null": "none", "string": "text"}.get(str(kind), str(kind)) + _bounds(field)
+
+
+def _bounds(field: Schema) -> str:
+    signs = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<"}  # fmt: skip
+    found = [f"{sign} {field[key]:g}" for key, sign in signs.items() if key in field and abs(field[key]) < 1e15]
+    return f" {', '.join(found)}" if found else ""
+
+
+def command_page() -> str:
+    """Format every command of `twin` with its arguments and options."""
+    import typer.main
+
+    from twin.cli import app
+
+    lines = ["# The command line", "", "Made from the program itself: `twin COMMAND --help` prints the same.", ""]
+    lines += _commands(typer.main.get_command(app), "twin")
+    return "\n".join(lines) + "\n"
+
+
+def _commands(command: Any, name: str) -> Iterator[str]:
+    for each, inner in sorted(getattr(command, "commands", {}).items()):
+        if getattr(inner, "commands", None):
+            yield from _commands(inner, f"{name} {each}")
+            continue
+        context = inner.make_context(each, [], resilient_parsing=True)
+        yield from (f"## {name} {each}", "", re.sub(r"\s+", " ", inner.help or ""), "")
+        if inner.params:
+            yield from ("| argument or option | |", "|---|---|")
+        for parameter in inner.params:
+            written, said, *_ = parameter.get_help_record(context) or ("", "")
+            yield f"| `{written}` | {_text(said)} |"
+        if inner.epilog:
+            yield from ("", *(f"    {line}" for line in inner.epilog.removeprefix("Example: ").split("; ")))
+        yield ""
+
+
+def metrics_table() -> str:
+    """Format every metric with its definition."""
+    from twin.report.metrics_table import METRICS
+
+    lines = ["| key in `metrics.json` | name | unit | better | definition |", "|---|---|---|---|---|"]
+    lines += [
+        f"| `{key}` | {metric.name} | {metric.unit} | {metric.better} | {_text(metric.meaning)} |"
+        for key, metric in METRICS.items()
+    ]
+    return "\n".join(lines)
+
+
+def listed(kind: str) -> str:
+    """Format what is shipped of a kind ('trackers', 'sensors', 'faults', 'scenarios', 'suites', 'studies') as a table."""
+    from trackers.presets import available
+    from twin import models
+
+    if kind == "trackers":
+        entries = {name: preset.description for name, preset in available().items()}
+    elif kind in ("sensors", "faults"):
+        entries = models.SENSOR_KINDS if kind == "sensors" else models.FAULTS
+    else:
+        entries = {name: models.first_description(kind, name) for name in models.names(kind)}
+    return "\n".join(["| name | |", "|---|---|", *(f"| `{name}` | {_text(text)} |" for name, text in entries.items())])
+
+
+_LISTED = re.compile(r"\{\{ (list|metrics)\b ?(\w*) \}\}")
+
+
+def fill(text: str) -> str:
+    """Replace `{{ list KIND }}` and `{{ metrics }}` of a page."""
+    return _LISTED.sub(lambda found: metrics_table() if found[1] == "metrics" else listed(found[2]), text)

@@ -1,0 +1,248 @@
+"""README and docs: every block of code runs or says why not, links lead somewhere, and measured values have a source."""
+
+from __future__ import annotations
+
+import re
+import runpy
+import shlex
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer.main
+from documentation import gallery, reference
+from documentation.build import assembled
+from documentation.figures import read_figures, read_sources
+from documentation.tables import PLACEHOLDER, readme_with_tables, sources_in
+
+from trackers.plain_data import parse_yaml
+from trackers.rig import Rig
+from twin.cli import app
+from twin.models import SENSOR_KINDS
+from twin.recording.situation_table import SITUATION_COLUMNS
+from twin.recording.tables import TRUTH_COLUMNS
+from twin.recording.truth_tables import BOX_COLUMNS, FEET_COLUMNS, PEOPLE_COLUMNS, RAY_COLUMNS
+from twin.scenario import load_scenario
+from twin.studies.spec import load_study
+from twin.suites.spec import load_suite
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+EXAMPLES = sorted((ROOT / "docs" / "examples").glob("*.py"))
+
+FENCE = re.compile(
+    r'(?:^<!-- not run: (?P<reason>[^>]+) -->\n)?^```(?P<language>\w*)(?: title="(?P<title>[^"]+)")?\n(?P<code>.*?)^```$',
+    re.MULTILINE | re.DOTALL,
+)
+
+
+@dataclass(frozen=True)
+class Block:
+    language: str
+    title: str | None
+    code: str
+    reason: str | None
+
+    def commands(self) -> Iterator[list[str]]:
+        for line in self.code.splitlines():
+            if words := shlex.split(line, comments=True):
+                yield words
+
+
+def blocks(page: Path) -> list[Block]:
+    text = page.read_text(encoding="utf-8")
+    return [Block(each["language"], each["title"], each["code"], each["reason"]) for each in FENCE.finditer(text)]
+
+
+def named(page: Path) -> str:
+    return page.relative_to(ROOT).as_posix()
+
+
+WITH_CODE = [page for page in PAGES if blocks(page)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", WITH_CODE, ids=named)
+def test_the_blocks_of_a_page_run_in_their_order(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr("twin.commands.memory.check_memory", lambda: None)
+    names: dict[str, Any] = {}
+    for number, block in enumerate(blocks(page)):
+        if block.title:
+            (tmp_path / block.title).write_text(block.code, encoding="utf-8")
+        if block.language == "sh":
+            for words in block.commands():
+                run_command(words, parse_only=block.reason is not None)
+        elif block.reason is None:
+            match block.language:
+                case "python" if not block.title:
+                    exec(compile(block.code, f"{named(page)}, block {number}", "exec"), names)
+                case "yaml":
+                    load_described(tmp_path / (block.title or f"block-{number}.yaml"), block.code)
+                case "python" | "xml":
+                    pass  # a later block uses the file
+                case other:
+                    pytest.fail(f"a block of {other!r} neither runs nor says why not: {block.code[:80]}")
+
+
+def run_command(words: list[str], parse_only: bool) -> None:
+    """Run a line of a shell, or check that its command and options exist."""
+    if words[0] == "twin":
+        if parse_only:
+            command, rest = typer.main.get_command(app), words[1:]
+            while hasattr(command, "commands"):
+                assert rest[0] in command.commands, f"twin has no command {rest[0]}"
+                command, rest = command.commands[rest[0]], rest[1:]
+            command.make_context(words[1], list(rest))
+        else:
+            assert app(words[1:], standalone_mode=False) in (0, None), shlex.join(words)
+    else:
+        assert parse_only, f"{words[0]} is not run; `<!-- not run: REASON -->` before the block says why"
+        if "scripts/" in words[0]:
+            assert (ROOT / words[0]).is_file(), words[0]
+
+
+def load_described(path: Path, text: str) -> None:
+    """Load a YAML file by what it describes: a study, a suite, a rig or a scenario."""
+    path.write_text(text, encoding="utf-8")
+    content = parse_yaml(text, str(path), "a mapping")
+    if "devices" in content:
+        load_study(path)
+    elif "scenarios" in content:
+        load_suite(path)
+    elif any("topic" in each for each in content["sensors"].values() if each) if "sensors" in content else False:
+        Rig.parse(text, str(path))
+    else:
+        load_scenario(path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("script", EXAMPLES, ids=lambda path: path.stem)
+def test_the_examples_write_their_pictures(script: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "argv", [str(script), str(tmp_path / "shown.png")])
+    runpy.run_path(str(script), run_name="__main__")
+    assert (tmp_path / "shown.png").stat().st_size > 5000
+
+
+def test_the_examples_are_numbered_from_one_on() -> None:
+    assert [path.name[:3] for path in EXAMPLES] == [f"{number:02d}-" for number in range(1, len(EXAMPLES) + 1)]
+
+
+LINK = re.compile(r"(?<!`)\[[^\]]*\]\((?P<to>[^)\s]+)\)")
+
+
+def anchors(text: str) -> set[str]:
+    headings = re.findall(r"^#+ (.+)$", re.sub(r"^```.*?^```$", "", text, flags=re.MULTILINE | re.DOTALL), re.MULTILINE)
+    slugs = {
+        re.sub(r"[-\s]+", "-", re.sub(r"[^\w\s-]", "", each.replace("`", "")).strip().lower()) for each in headings
+    }
+    return slugs | set(re.findall(r"^::: (\S+)$", text, re.MULTILINE))
+
+
+@pytest.fixture(scope="module")
+def pages() -> dict[str, str]:
+    """Every page as it is built: those that the build makes, and figures filled in."""
+    made = {f"docs/{path}": text for path, text in assembled().items()}
+    return made | {named(page): page.read_text(encoding="utf-8") for page in PAGES[:2]}
+
+
+def test_links_and_anchors_lead_somewhere(pages: dict[str, str]) -> None:
+    built = {"docs/assets/moment.webp", "docs/assets/walk.webp", *(f"docs/{path}" for path in gallery.pictures())}
+    faults = []
+    for page, text in pages.items():
+        prose = re.sub(r"^( *)```.*?^\1```$", "", text, flags=re.MULTILINE | re.DOTALL)
+        for link in LINK.finditer(prose):
+            to, _, anchor = link["to"].partition("#")
+            if re.match(r"[a-z]+:", to):
+                continue
+            target = (ROOT / page).parent.joinpath(to).resolve().relative_to(ROOT).as_posix() if to else page
+            if target not in pages and target not in built and not (ROOT / target).exists():
+                faults.append(f"{page}: {link['to']}: there is no {target}")
+            elif anchor and anchor not in anchors(pages.get(target, "")):
+                faults.append(f"{page}: {link['to']}: {target} has no such heading")
+    assert not faults, "\n".join(faults)
+
+
+def test_every_page_is_in_the_menu(pages: dict[str, str]) -> None:
+    menu = (ROOT / "scripts" / "documentation" / "site.yml").read_text(encoding="utf-8")
+    listed = {f"docs/{path}" for path in re.findall(r"(\S+\.md)$", menu, re.MULTILINE)}
+    assert listed == {page for page in pages if page.startswith("docs/")}
+
+
+@pytest.mark.parametrize("schema", ["scenario", "suite", "study", "rig"])
+def test_the_reference_of_a_schema_has_every_field_with_its_meaning(schema: str, pages: dict[str, str]) -> None:
+    text = pages[f"docs/reference/{schema}.md"]
+    rows = re.findall(r"^\| `([^`]+)` \|(?:[^|\\]|\\.)*\|(?:[^|\\]|\\.)*\|((?:[^|\\]|\\.)*)\|$", text, re.MULTILINE)
+    assert len(rows) > 15
+    assert [name for name, meaning in rows if not meaning.strip() and name not in {"kind"}] == []
+
+
+def test_the_command_line_page_has_every_command() -> None:
+    found = reference.command_page()
+    for name, command in typer.main.get_command(app).commands.items():
+        assert f"## twin {name}" in found, name
+        assert not hasattr(command, "help") or command.help
+
+
+def test_the_gallery_shows_everything_that_is_shipped() -> None:
+    assert {name for page, name, *_ in gallery.shown() if page == "sensors"} >= set(SENSOR_KINDS)
+    assert all(text.strip() and line.strip() for _, _, line, text, _ in gallery.shown())
+
+
+@pytest.mark.parametrize(
+    ("table", "columns"),
+    [
+        ("truth_people.csv", PEOPLE_COLUMNS),
+        ("truth.csv", (*TRUTH_COLUMNS, "visible_SENSOR")),
+        ("truth_feet.csv", (*FEET_COLUMNS, "cells_FLOOR")),
+        ("truth_boxes.csv", BOX_COLUMNS),
+        ("truth_rays.csv", RAY_COLUMNS),
+        ("truth_situations.csv", SITUATION_COLUMNS),
+    ],
+)
+def test_every_column_of_the_truth_is_explained_in_its_order(table: str, columns: tuple[str, ...]) -> None:
+    text = (ROOT / "docs" / "reference" / "files.md").read_text(encoding="utf-8")
+    (explained,) = re.findall(rf"^\| `{re.escape(table)}` \|[^|]+\|(.*)\|$", text, re.MULTILINE)
+    assert tuple(re.findall(r"`(\w+)`", explained)) == columns
+
+
+class TestFigures:
+    """Measured values come from docs/figures.json, each with its command, commit and n."""
+
+    def test_every_table_of_a_page_has_its_source(self) -> None:
+        asked = {source for page in PAGES for source in sources_in(page.read_text(encoding="utf-8"))}
+        assert asked <= read_figures().keys()
+
+    def test_every_source_can_be_made_again(self) -> None:
+        sources = read_sources()["sources"]
+        for name, kept in read_figures().items():
+            assert name in sources, f"docs/figures.json: {name}: figures.yaml has no such source"
+            assert kept["code"] == sources[name]["code"], f"{name}: figures.yaml names other code"
+            assert all((ROOT / path).exists() for path in kept["code"]), (
+                f"{name}: measures code that is not there any more"
+            )
+            assert re.fullmatch("[0-9a-f]{40}", kept["commit"]) and kept["command"] and kept["measured"]
+            assert all(each["n"] >= 1 and isinstance(each["value"], float | int) for each in kept["figures"])
+
+    def test_the_readme_shows_the_table_as_it_is(self) -> None:
+        text = (ROOT / "README.md").read_text(encoding="utf-8")
+        assert readme_with_tables(text) == text, "`scripts/figures readme` fills the table"
+
+    def test_no_table_of_results_is_typed(self) -> None:
+        """A table in the results and the README holds no decimal fraction but the paper's, made by the command."""
+        made = re.compile(r"<!-- table: papers -->.*?<!-- end -->", re.DOTALL)
+        for page in (
+            ROOT / "README.md",
+            ROOT / "docs/results/figures.md",
+            ROOT / "docs/results/rules.md",
+            ROOT / "docs/howto/choose.md",
+        ):
+            text = PLACEHOLDER.sub("", made.sub("", FENCE.sub("", page.read_text(encoding="utf-8"))))
+            rows = [row for row in re.findall(r"^\|.*\|$", text, re.MULTILINE) if re.search(r"\d\.\d{2}", row)]
+            assert not rows, f"{named(page)}: {rows}"

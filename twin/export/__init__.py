@@ -1,1 +1,0 @@
-"""Recordings in other people's formats: MOTChallenge, KITTI, COCO, pictures, rerun, Foxglove."""
