@@ -150,7 +150,7 @@ def _check_headers(headers: Mapping[str, _Header], specs: Mapping[str, ArraySpec
 
 
 def _decoded(archive: zipfile.ZipFile, member: zipfile.ZipInfo, header: _Header) -> AnyArray:
-    """The array; raises ValueError for a member of another length than its header says."""
+    """Read the array. Raises ValueError for a member of another length than its header says."""
     shape = header.shape[::-1] if header.fortran_order else header.shape
     n_byte = math.prod(shape) * header.dtype.itemsize
     if member.file_size != header.length + n_byte:

@@ -36,9 +36,9 @@ _LARGEST_NUMBER = 1_000_000_000
 
 
 def _without_conversions(schema: Any, number: Callable[[Any], Any] | None = None) -> Any:
-    """A pydantic schema, or a part of it, in which `int`, `float` and `bool` take no values of other types, and bounded ones.
+    """Make `int`, `float` and `bool` of a pydantic schema strict and bounded.
 
-    number: what looks at a value before it is a number; the keys of a mapping have one of their own.
+    number: the validator before a number; the keys of a mapping have their own.
     """
     number = number or _number
     if isinstance(schema, list | tuple):
@@ -60,7 +60,7 @@ def _without_conversions(schema: Any, number: Callable[[Any], Any] | None = None
 
 
 def _bounded(schema: dict[str, Any]) -> dict[str, Any]:
-    """The schema of a number that is finite and has two bounds: its own, else `_LARGEST_NUMBER`."""
+    """Return the schema of a finite number with two bounds: its own, else `_LARGEST_NUMBER`."""
     if not {"gt", "ge"} & schema.keys():
         schema = schema | {"ge": -_LARGEST_NUMBER}
     if not {"lt", "le"} & schema.keys():
@@ -75,7 +75,7 @@ def _number(value: Any) -> Any:
 
 
 def _number_of_key(value: Any) -> Any:
-    """The number of a mapping's key: JSON has it as a text, written as JSON writes numbers."""
+    """Convert a mapping's key to a number: JSON stores it as text."""
     return int(value) if isinstance(value, str) and re.fullmatch(r"-?(0|[1-9][0-9]{0,18})", value) else _number(value)
 
 
@@ -84,7 +84,7 @@ class Typed(BaseModel):
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """The schema of the fields, its numbers and booleans taking nothing else."""
+        """Return the schema of the fields, with strict numbers and booleans."""
         return _without_conversions(handler(source))
 
 
@@ -115,7 +115,7 @@ class Strict(Typed):
 
 
 def _nested(model: type[BaseModel], given: dict[Any, Any], owner: Mapping[str, Any]) -> dict[str, Any]:
-    """The mappings among `given` that stand for nested models, laid over the owner's values for them, else the defaults."""
+    """Merge the mappings among `given` that stand for nested models over the owner's values, else over the defaults."""
     whole = {}
     for name, info in model.model_fields.items():
         change, default = given.get(name), owner.get(name, info.default)
@@ -206,7 +206,7 @@ def _fixed(model: type[BaseModel]) -> dict[str, Any]:
 
 
 def validate(model: type[Model], content: Any, source: str) -> Model:
-    """The content as this model; raises InputError with one line for every fault: source, path, fault, value."""
+    """Validate the content as this model. Raises InputError with one line per fault: source, path, fault, value."""
     content = checked_current_names(model, content, source)
     try:
         return model.model_validate(content)
@@ -243,13 +243,13 @@ def _lines(error: ValidationError, model: type[BaseModel], content: Any, source:
 
 
 def _shown(value: Any) -> str:
-    """A value as an error tells it: cut where it gets long."""
+    """Format a value for an error message, truncated if long."""
     text = repr(value)
     return text if len(text) <= _MOST_SHOWN else f"{text[:_MOST_SHOWN]}..."
 
 
 def _path(location: tuple[int | str, ...], content: Any) -> list[str]:
-    """The path as the file has it: without the steps to one of several models, which pydantic names between the keys."""
+    """Return the path as in the file, without the names of union members that pydantic inserts."""
     path = []
     for place, part in enumerate(location):
         last = place == len(location) - 1
@@ -279,9 +279,9 @@ def _valid_keys(model: type[BaseModel], location: tuple[int | str, ...]) -> str:
 
 
 def keys_of(model: type[BaseModel], path: tuple[str, ...], kind: Any = None) -> frozenset[str] | None:
-    """The keys that the mapping at a path below a model may have; None where it may have any (names of people, say).
+    """Return the valid keys of the mapping at a path below a model; None if any key is valid (names of people, for example).
 
-    kind: which of several models the mapping is of, where it says so under `kind`.
+    kind: the mapping's own `kind`, which selects one of several models.
     """
     models: list[Any] = [model]
     for part in path:
@@ -291,7 +291,7 @@ def keys_of(model: type[BaseModel], path: tuple[str, ...], kind: Any = None) -> 
 
 
 def _of_kind(kinds: Sequence[Any], kind: Any) -> list[Any]:
-    """The models among the members of a union: those whose tag `kind` is this one, else all."""
+    """Select the models of a union whose tag `kind` is this one, else all."""
     models = [each for each in kinds if _is_model(each)]
     return [
         each for each in models if kind in get_args(getattr(each.model_fields.get("kind"), "annotation", None))
@@ -303,7 +303,7 @@ def _is_model(kind: Any) -> bool:
 
 
 def _inner(kind: Any, part: int | str) -> list[Any]:
-    """The models one step down a pydantic error location: a field, a mapping's value or a union's tag."""
+    """Return the models one step down a pydantic error location: a field, a mapping's value or a union's tag."""
     if _is_model(kind):
         if part in kind.model_fields:
             return _unwrap(kind.model_fields[part].annotation)
@@ -316,7 +316,7 @@ def _inner(kind: Any, part: int | str) -> list[Any]:
 
 
 def _unwrap(kind: Any) -> list[Any]:
-    """The members of Annotated and union types."""
+    """Return the members of Annotated and union types."""
     if get_origin(kind) is Annotated:
         return _unwrap(get_args(kind)[0])
     if get_origin(kind) in (Union, types.UnionType):

@@ -109,7 +109,7 @@ class FedTracker:
         return self._frames([observation] if self._order is None else self._order.add(observation))
 
     def finish(self) -> list[TrackFrame]:
-        """The frames still to come when the observations have ended."""
+        """Return the remaining frames after the last observation."""
         frames = self._frames([] if self._order is None else self._order.finish())
         finish = finish_of(self.tracker)
         if finish is None:
@@ -196,7 +196,7 @@ class RestartedTracker:
         return tracks
 
     def finish(self) -> list[TrackFrame]:
-        """The frames that the tracker at work still holds back."""
+        """Return the frames that the current tracker still holds back."""
         self._detections_before = []
         return self._finished()
 

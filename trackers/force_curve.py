@@ -54,7 +54,7 @@ class ForceCurve(Strict):
         return int(np.rint(self.signal(np.array(self.saturation_n))))
 
     def signal(self, load_n: Array) -> Array:
-        """The divider's voltage in 8-bit steps, before it is rounded, for loads of any shape [N]."""
+        """Compute the divider's voltage in 8-bit steps, before rounding, for loads of any shape [N]."""
         held = np.minimum(load_n, self.saturation_n)
         conductance = (held / self.half_scale_n) ** self.exponent  # in that of the measuring resistor
         return np.where(load_n >= self.threshold_n, FULL_SCALE * conductance / (1 + conductance), 0.0)
@@ -64,7 +64,7 @@ class ForceCurve(Strict):
         return np.rint(self.signal(load_n)).astype(np.uint8)
 
     def load_n(self, values: NDArray[np.uint8]) -> Array:
-        """The load that goes with each value [N], same shape: 0 for 0, saturation_n from a saturated element's value on.
+        """Convert values to loads [N], same shape: 0 for 0, saturation_n from a saturated element's value on.
 
         Inverse of `values` to half an 8-bit step, between threshold and saturation.
         """

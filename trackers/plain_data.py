@@ -75,6 +75,10 @@ _WORDS = {
 _OF_1_1 = ("merge", "value")  # '<<' and '=', which are refused
 _COLOUR = re.compile(r"\s*:?\s*(#(?:[0-9a-fA-F]{3}|[0-9a-fA-F]{6}|[0-9a-fA-F]{8}))(?=[\s,\]}]|$)")
 _FLOW_COLOUR = re.compile(r"[\[{,:]" + _COLOUR.pattern)
+_QUOTED_OR_COLOUR = re.compile(
+    r"""("(?:[^"\\]|\\.)*"|'(?:[^']|'')*')|(?<![^\s\[{,])(#[0-9a-fA-F]{3,8})(?=[\s,\]}]|$)"""
+)
+"""A quoted text, which stays as it is, or a bare colour."""
 
 
 _OTHER_BREAKS = re.compile("[\r\x85\u2028\u2029]")
@@ -96,7 +100,7 @@ class _Dumper(_SafeDumper):  # pyright: ignore[reportGeneralTypeIssues]
     """Quotes a text that YAML 1.1 or this module would read as something else."""
 
     def represent_text(self, text: str) -> ScalarNode:
-        """The text; with breaks of lines that readers would make another of, in double quotes, where they are escaped."""
+        """Represent a text; line breaks that readers would change are escaped in double quotes."""
         return self.represent_scalar(f"{_TAG}str", text, style='"' if _OTHER_BREAKS.search(text) else None)
 
 
@@ -119,7 +123,7 @@ class _Loader(Composer, SafeConstructor, _PlainResolver, _Events):  # pyright: i
         self._n_within: dict[Node, int] = {}  # of the anchored nodes that are whole
 
     def compose_node(self, parent: Node | None, index: Any) -> Node | None:
-        """The node of the next events."""
+        """Compose the node of the next events."""
         event = self.peek_event()
         if isinstance(event, AliasEvent):
             node = super().compose_node(parent, index)
@@ -148,7 +152,7 @@ class _Loader(Composer, SafeConstructor, _PlainResolver, _Events):  # pyright: i
             raise ComposerError(None, None, what, event.start_mark)
 
     def construct_object(self, node: Node, deep: bool = False) -> Any:
-        """The plain value of a node."""
+        """Construct the plain value of a node."""
         if node.tag not in _PLAIN:
             kind = node.tag.removeprefix(_TAG)
             what = "a merge '<<'" if kind == "merge" else f"the tag {kind!r}"
@@ -177,7 +181,7 @@ class _Loader(Composer, SafeConstructor, _PlainResolver, _Events):  # pyright: i
             raise ConstructorError(None, None, _no_colour(found.group(1)), mark)
 
     def construct_mapping(self, node: MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """The mapping; a key given twice, which plain YAML would silently overwrite, is refused."""
+        """Construct the mapping. Refuse a repeated key, which plain YAML would silently overwrite."""
         seen = set()
         for key_node, value_node in node.value if isinstance(node, MappingNode) else ():
             if isinstance(value_node, ScalarNode) and value_node.value == "":
@@ -192,7 +196,7 @@ class _Loader(Composer, SafeConstructor, _PlainResolver, _Events):  # pyright: i
 
 
 def parse_yaml(text: str, source: str, expected: str) -> dict[str, Any]:
-    """The mapping in a YAML text; raises InputError naming the source, the line and what is `expected`."""
+    """Parse the mapping in a YAML text. Raises InputError naming the source, the line and what is `expected`."""
     content = _loaded(text, source, expected, tells_line=True)
     if not isinstance(content, dict):
         raise InputError(f"{source}: holds {type(content).__name__}, not a mapping; {expected} is expected")
@@ -202,10 +206,11 @@ def parse_yaml(text: str, source: str, expected: str) -> dict[str, Any]:
 def parse_yaml_value(text: str, source: str) -> Any:
     """Whatever a YAML text holds; `source` opens the sentence of the InputError for one that is none.
 
-    A text that begins with # is a text, a colour say: an argument holds no comments.
+    A text that begins with # is a text, and so is a bare colour in a list or mapping: an argument holds no comments.
     """
     if text.lstrip().startswith("#"):
         return text.strip()
+    text = _QUOTED_OR_COLOUR.sub(lambda found: found[1] or f"'{found[2]}'", text)
     return _loaded(text, source, "a number, word, [list] or {map}", tells_line=False)
 
 
@@ -269,9 +274,9 @@ def parse_json(text: str, source: str, expected: str) -> Any:
 
 
 def deep_merge(base: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
-    """`base` with `change` laid over it: mappings merge at every depth, everything else is replaced.
+    """Merge `change` into `base`: mappings merge at every depth, everything else is replaced.
 
-    A mapping whose `kind` differs from the one below is another thing, with other fields, and replaces it.
+    A mapping whose `kind` differs from that in `base` has other fields and replaces it.
     """
     merged = dict(base)
     for key, value in change.items():

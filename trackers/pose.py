@@ -46,6 +46,6 @@ class Pose(Strict):
 
     @classmethod
     def from_matrix(cls, rotation: NDArray[np.float64], xyz: Point3) -> Pose:
-        """The pose with this rotation matrix (3, 3) and origin [m]."""
+        """Make the pose with this rotation matrix (3, 3) and origin [m]."""
         roll, pitch, yaw = Rotation.from_matrix(rotation).as_euler("xyz")
         return cls(xyz=xyz, rpy=(float(roll), float(pitch), float(yaw)))

@@ -173,7 +173,7 @@ def make_tracker(
     rng: np.random.Generator | None = None,
     options: Mapping[str, Any] | None = None,
 ) -> Tracker:
-    """The tracker called `name` (a preset, an entry point or `module:Class`) on a rig, ready to be fed.
+    """Make the tracker `name` (a preset, an entry point or `module:Class`) for a rig, ready to be fed.
 
     background: observations of the empty room, or a `trackers.prior.Prior`, which the tracker is handed in any
     case; rng: the tracker's own generator; options: laid over the preset's, at every depth. Raises InputError for a name,
@@ -214,7 +214,7 @@ def _with_current_names(maker: Any, options: Mapping[str, Any], name: str) -> Ma
 
 
 def _unfit_call(maker: Any, name: str, options: Mapping[str, Any], error: TypeError) -> Iterator[str]:
-    """The options that the class does not take; else what Python says of the call."""
+    """Name the options that the class does not take; else return Python's message."""
     takes = list(inspect.signature(maker).parameters.values())[3:]
     valid = [each.name for each in takes if each.kind in (each.POSITIONAL_OR_KEYWORD, each.KEYWORD_ONLY)]
     unknown = [option for option in options if option not in valid]

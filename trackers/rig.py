@@ -174,15 +174,15 @@ class Rig(Strict):
         return self
 
     def lasers(self) -> dict[str, LaserSensor]:
-        """The scanners by name."""
+        """Return the scanners by name."""
         return {name: sensor for name, sensor in self.sensors.items() if isinstance(sensor, LaserSensor)}
 
     def cameras(self) -> dict[str, CameraSensor]:
-        """The cameras by name, of any kind."""
+        """Return the cameras by name, of any kind."""
         return {name: sensor for name, sensor in self.sensors.items() if isinstance(sensor, CameraSensor)}
 
     def floors(self) -> dict[str, FloorSensor]:
-        """The pressure floors by name."""
+        """Return the pressure floors by name."""
         return {name: sensor for name, sensor in self.sensors.items() if isinstance(sensor, FloorSensor)}
 
     @property
@@ -201,17 +201,17 @@ class Rig(Strict):
         return min(parts, key=lambda name: (ranks.index(parts[name]), name))
 
     def dump_yaml(self) -> str:
-        """The rig as the text of a `rig.yaml`."""
+        """Write the rig as the text of a `rig.yaml`."""
         return dump_yaml(self.model_dump(mode="json", exclude_none=True))
 
     @classmethod
     def load(cls, path: AnyPath) -> Rig:
-        """The rig in a `rig.yaml`, the files that it names absolute; raises InputError naming every field at fault."""
+        """Load a `rig.yaml`; paths in it become absolute. Raises InputError naming every invalid field."""
         path = Path(path)
         rig = cls.parse(read_text(path, "a rig.yaml"), str(path))
         return rig.model_copy(update={"prior": rig.prior.within(path.parent)})
 
     @classmethod
     def parse(cls, text: str, source: str) -> Rig:
-        """The rig in the text of a `rig.yaml`; `source` names the text in errors (InputError)."""
+        """Parse the text of a `rig.yaml`; `source` names the text in errors (InputError)."""
         return validate(cls, parse_yaml(text, source, "a mapping with 'sensors:'"), source)

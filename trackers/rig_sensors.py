@@ -209,13 +209,13 @@ class StereoSensor(Strict):
         return [left] if self.baseline_m is None else [left, left + self.baseline_m * right_axis]
 
     def points(self, depth_m: NDArray[np.floating]) -> NDArray[np.float64]:
-        """The point (height, width, 3) [m] in the room that each pixel of a depth picture shows; NaN where it is 0."""
+        """Back-project a depth picture to points (height, width, 3) [m] in the room frame; NaN where it is 0."""
         return placed_camera(self).points(depth_m)
 
 
 @lru_cache
 def _centres(rows: int, columns: int, pitch_m: float, room_from_sensor: Hashable) -> NDArray[np.float64]:
-    """The middles of a floor's elements in the room, which cannot be changed: every frame asks for them."""
+    """Compute the centres of a floor's elements in the room, read-only as they are cached."""
     assert isinstance(room_from_sensor, Pose)
     x, y = np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5)
     local = np.stack([x, y], axis=-1) * pitch_m
@@ -251,7 +251,7 @@ class FloorSensor(Strict):
         return self
 
     def load_n(self, values: NDArray[np.uint8]) -> NDArray[np.float64]:
-        """The load on each element [N] that a frame's values (rows, columns) speak of, by the force curve."""
+        """Convert a frame's values (rows, columns) to the load on each element [N], by the force curve."""
         return self.curve.load_n(values)
 
     @property
@@ -260,9 +260,9 @@ class FloorSensor(Strict):
         return _centres(self.rows, self.columns, self.pitch_m, cast("Hashable", self.room_from_sensor))
 
     def cell_at(self, places: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-        """The element under each place (n, 2) [m] of the room, as its index along rows and columns (0 off the grid).
+        """Return the row and column of the element under each position (n, 2) [m] in the room frame (0 off the grid).
 
-        And which places are on the grid, (n,). The way back of `centres`.
+        Return also the mask (n,) of positions on the grid. The inverse of `centres`.
         """
         pose = self.room_from_sensor
         across, along = ((places - pose.translation[:2]) @ np.linalg.inv(pose.rotation[:2, :2]).T / self.pitch_m).T
@@ -282,7 +282,7 @@ CameraSensor = FisheyeSensor | PinholeSensor | StereoSensor
 
 
 def placed_camera(sensor: CameraSensor) -> PlacedCamera:
-    """The camera in the room; the same one for equal sensors, so that what it works out once is worked out once."""
+    """Return the camera in the room; equal sensors share one, and its caches."""
     return _placed_camera(cast("Hashable", sensor))  # which pydantic makes of frozen models, unknown to type checkers
 
 

@@ -18,7 +18,7 @@ _EXPECTED = "the address of a running Dask scheduler, like tcp://host:8786, is e
 
 
 def connected(address: str, said: str, direct: bool = False) -> Client:
-    """A client of the scheduler at this address; direct: which talks to the workers itself.
+    """Connect to the Dask scheduler at this address; direct: the client talks to the workers itself.
 
     said: what the address was given as, for the sentence. Raises InputError, within seconds, where this is no address of a
     Dask scheduler, or where nothing listens there.

@@ -18,7 +18,7 @@ MOST_TEXT_BYTES = 64 * 1024 * 1024
 
 
 def read_text(source: AnyPath, expected: str, most_bytes: int | None = MOST_TEXT_BYTES) -> str:
-    """The text of a file in UTF-8; raises InputError naming the file and what is `expected` of it.
+    """Read a UTF-8 text file. Raises InputError naming the file and its `expected` content.
 
     No more than `most_bytes` are ever held (None: all of it) unless the limits are lifted. A device, which may never
     end, is refused.

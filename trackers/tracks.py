@@ -33,7 +33,7 @@ class NanEqual:
         return hash((type(self), self._known()))
 
     def _known(self) -> tuple[object, ...]:
-        """The fields in their order, None for NaN."""
+        """Return the fields in their order, None for NaN."""
         values = (getattr(self, each.name) for each in fields(self))  # pyright: ignore[reportArgumentType]
         return tuple(None if isinstance(value, float) and value != value else value for value in values)
 
@@ -172,7 +172,7 @@ class Reporting(Protocol):
         ...
 
     def finish(self) -> list[TrackFrame]:
-        """The frames still held back when the observations have ended. Default: none are."""
+        """Return the frames still held back after the last observation. Default: none."""
         ...
 
     def detections(self) -> list[Detection]:
@@ -200,7 +200,7 @@ def losses(tracker: Tracker) -> Mapping[tuple[str, str], int]:
 
 
 def unused_sensors(tracker: Tracker) -> Sequence[str]:
-    """The sensors that the tracker makes no use of."""
+    """Return the sensors that the tracker does not use."""
     return getattr(tracker, "unused_sensors", ())
 
 
@@ -215,12 +215,12 @@ def background_learned_causally(tracker: Tracker) -> bool:
 
 
 def finish_of(tracker: Tracker) -> Callable[[], list[TrackFrame]] | None:
-    """The call that gives the frames still held back; None where the tracker holds none."""
+    """Return the method that yields the frames still held back; None if the tracker has none."""
     return getattr(tracker, "finish", None)
 
 
 def detections_of(tracker: Tracker) -> Callable[[], list[Detection]] | None:
-    """The call that tells what the detector saw; None where the tracker does not tell."""
+    """Return the method that yields the detections; None if the tracker has none."""
     return getattr(tracker, "detections", None)
 
 

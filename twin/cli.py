@@ -23,6 +23,7 @@ from twin.commands.exit_codes import (
     EXIT_OUR_FAULT,
     raise_on_signals,
 )
+from twin.commands.export import export
 from twin.commands.info import check, list_, schema
 from twin.commands.memory import check_memory, describe_lack_of_memory, run_in_child
 from twin.commands.new import app as new
@@ -66,6 +67,7 @@ app.command(epilog="Example: twin detections out/library-hall-0/recording.mcap -
 app.command(epilog="Example: twin evaluate out/lab-five-people-0/truth.csv out/lab-five-people-0/tracks/laser-imm.csv")(
     evaluate
 )
+app.command(epilog="Example: twin export out/lab-five-people-0 --format mot --out out/lab-mot")(export)
 app.command(name="list", epilog="Example: twin list")(list_)
 app.command(epilog="Example: twin schema > scenario.schema.json")(schema)
 app.command(epilog="Example: twin check")(check)

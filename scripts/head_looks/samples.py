@@ -23,6 +23,10 @@ from trackers.vision.head_outlines import cells_shown, inner_points, outlines
 from twin.recording.reader import Recording
 from twin.recording.tables import read_truth
 
+_PURE = 0.75
+"""Saturation that paint has and cloth, green and navy caps among it, has not."""
+_RIM = np.ones((3, 3), np.uint8)
+"""Pixels that touch others are left out: JPEG mixes their colours."""
 PAINT = {"skin": "#00ff00", "hair": "#0000ff"}
 _POINTS = 200
 _NEAR_M = 0.35
@@ -55,9 +59,7 @@ def heads(plain: Path, painted: Path) -> Iterator[Head]:
         columns, rows = (np.rint(each).astype(np.intp) for each in seen_as.pixels(inner_points(_POINTS)))
         inside = (columns >= 0) & (columns < camera.intrinsics.width) & (rows >= 0) & (rows < camera.intrinsics.height)
         colour, hsv = colour_numbers(picture.rgb), cv2.cvtColor(picture.rgb, cv2.COLOR_RGB2HSV)
-        red, green, blue = np.moveaxis(label.rgb.astype(int), -1, 0)
-        face = (green > 1.6 * np.maximum(red, blue)) & (green > 40)
-        hair = (blue > 1.6 * np.maximum(red, green)) & (blue > 25)
+        face, hair = (_painted(label.rgb, channel) for channel in (1, 2))
         away_m = np.linalg.norm(camera.points(picture.depth_m) - camera.eye_m, axis=-1)
         for k in np.flatnonzero(seen_as.seen & inside.all(axis=0)):
             at = rows[:, k], columns[:, k]
@@ -66,3 +68,10 @@ def heads(plain: Path, painted: Path) -> Iterator[Head]:
                 at = at[0][on], at[1][on]
                 cell = cells_shown(_POINTS)[on, seen_as.aspects()[k]]
                 yield Head(cell, colour[at].astype(np.intp), hsv[at][:, :2].astype(np.intp), face[at], hair[at])
+
+
+def _painted(rgb: NDArray[np.uint8], channel: int) -> NDArray[np.bool_]:
+    """Mark the pixels of a picture that have the colour of one channel alone, and whose neighbours do."""
+    others = np.delete(rgb, channel, axis=2).max(axis=2)
+    is_pure = (rgb[..., channel] > 30) & (others < (1 - _PURE) * rgb[..., channel])
+    return cv2.erode(is_pure.view(np.uint8), _RIM).astype(np.bool_)

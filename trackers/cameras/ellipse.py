@@ -46,7 +46,7 @@ class Ellipsoids:
         return cls(centre, shape)
 
     def seen_from(self, eye_m: Float[Array, "3"], room_from_camera: Float[Array, "3 3"]) -> Ellipsoids:
-        """The same in the frame of a camera with this place [m] and rotation."""
+        """Express the solids in the frame of a camera with this position [m] and rotation."""
         centre = (self.centre - eye_m) @ room_from_camera
         return Ellipsoids(centre, room_from_camera.T @ self.shape @ room_from_camera)
 
@@ -62,7 +62,7 @@ class Ellipses:
     shape: Float[Array, "n 2 2"]
 
     def __len__(self) -> int:
-        """Number of ellipses."""
+        """Return the number of ellipses."""
         return len(self.centre)
 
     def points(self, of_unit_disc: Float[Array, "m 2"]) -> Float[Array, "n m 2"]:
@@ -88,7 +88,7 @@ class Ellipses:
         return np.sqrt(np.diagonal(self.shape, axis1=1, axis2=2))
 
     def semi_axes(self) -> Float[Array, "n 2"]:
-        """The longer and the shorter semi-axis of each [px]."""
+        """Return the major and the minor semi-axis of each [px]."""
         (xx, xy), (_, yy) = np.moveaxis(self.shape, 0, -1)
         middle, off = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
         return np.sqrt(np.stack([middle + off, middle - off], axis=-1))
@@ -111,7 +111,7 @@ def outline_ellipses(intrinsics: Intrinsics, solids: Ellipsoids) -> Ellipses:
 
 
 def _on_plane(solids: Ellipsoids) -> Ellipses:
-    """The outlines on the plane z = 1, NaN where a solid is not wholly before the plane z = 0."""
+    """Project outlines to the plane z = 1; NaN where a solid is not wholly in front of the plane z = 0."""
     m, S = solids.centre, solids.shape
     scale = m[:, 2] ** 2 - S[:, 2, 2]
     scale = np.where((m[:, 2] > 0) & (scale > 0), scale, np.nan)[:, None]

@@ -103,7 +103,7 @@ class FisheyeIntrinsics(Intrinsics):
         return np.where(inside, theta, np.nan)
 
     def rays(self, pixels: Float[Array, "*n 2"]) -> Float[Array, "*n 3"]:
-        """Unit vectors that pixel coordinates see, in the camera frame; NaN outside the field of view."""
+        """Back-project pixel coordinates to unit vectors in the camera frame; NaN outside the field of view."""
         x, y = (pixels[..., 0] - self.cx) / self.fx, (pixels[..., 1] - self.cy) / self.fy
         radius = np.hypot(x, y)
         theta = self.angle_of_radius(radius)

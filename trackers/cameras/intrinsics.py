@@ -42,9 +42,9 @@ class Intrinsics(Strict):
 
     @abstractmethod
     def rays(self, pixels: Float[Array, "*n 2"]) -> Float[Array, "*n 3"]:
-        """Unit vectors that pixel coordinates see, in the camera frame; the way back of `project`.
+        """Back-project pixel coordinates to unit vectors in the camera frame: the inverse of `project`.
 
-        NaN where the lens sends no light to a place.
+        NaN where the lens sends no light to a pixel.
         """
 
     @abstractmethod
@@ -62,12 +62,12 @@ class Intrinsics(Strict):
         return np.asarray((u >= -0.5) & (u < self.width - 0.5) & (v >= -0.5) & (v < self.height - 0.5))
 
     def pixel_centres(self) -> Float[Array, "height width 2"]:
-        """The coordinates of the pixels' centres."""
+        """Return the coordinates of the pixels' centres."""
         u, v = np.meshgrid(np.arange(self.width, dtype=float), np.arange(self.height, dtype=float))
         return np.stack([u, v], axis=-1)
 
     def pixel_rays(self) -> Float[Array, "height width 3"]:
-        """The unit vectors that the pixels' centres see, in the camera frame; NaN without light."""
+        """Back-project the pixels' centres to unit vectors in the camera frame; NaN without light."""
         return self.rays(self.pixel_centres())
 
 

@@ -119,12 +119,12 @@ class PinholeIntrinsics(Intrinsics):
         return np.stack([x, y, np.ones_like(x)], axis=-1)
 
     def rays(self, pixels: Float[Array, "*n 2"]) -> Float[Array, "*n 3"]:
-        """Unit vectors that pixel coordinates see, in the camera frame; NaN without light."""
+        """Back-project pixel coordinates to unit vectors in the camera frame; NaN without light."""
         directions = self.unproject(pixels)
         return directions / np.linalg.norm(directions, axis=-1, keepdims=True)
 
     def directions(self) -> Float[Array, "height width 3"]:
-        """The directions with z = 1 that the pixels' centres see."""
+        """Return the directions of the pixels' centres, scaled to z = 1."""
         return self.unproject(self.pixel_centres())
 
     def _bend(
@@ -140,7 +140,7 @@ class PinholeIntrinsics(Intrinsics):
         )
 
     def _straighten(self, bent_x: ArrayOrNumber, bent_y: ArrayOrNumber) -> tuple[Array, Array]:
-        """The inverse of the bending by Newton's method, begun at the axis; NaN where it does not converge."""
+        """Invert the distortion by Newton's method from the optical axis; NaN where it does not converge."""
         k1, k2, p1, p2, k3 = self.distortion
         fold = self.fold_radius
         x, y = _kept_within(bent_x, bent_y, 0.9 * fold)

@@ -37,7 +37,7 @@ class PlacedCamera:
         return self.intrinsics.project((points_m - self.eye_m) @ self.rotation)
 
     def rays(self, pixels: Float[Array, "*n 2"]) -> Float[Array, "*n 3"]:
-        """Unit vectors from the eye that pixel coordinates see; NaN where there is no light."""
+        """Back-project pixel coordinates to unit vectors in the room frame; NaN where there is no light."""
         return self.intrinsics.rays(pixels) @ self.rotation.T
 
     @cached_property
@@ -46,7 +46,7 @@ class PlacedCamera:
         return _kept(self.intrinsics.pixel_rays() @ self.rotation.T)
 
     def points(self, depth_m: Float[Floats, "height width"]) -> Float[Array, "height width 3"]:
-        """The point [m] that each pixel of a depth picture shows; NaN where the picture is 0.
+        """Back-project a depth picture to a point [m] per pixel; NaN where the picture is 0.
 
         Depth is along the optical axis. Raises TypeError for a camera that is no pinhole, ValueError for a picture of
         another size.

@@ -61,7 +61,7 @@ def build_environment(
     area: ArrayLike | None = None,
     options: EnvironmentOptions | None = None,
 ) -> Environment:
-    """The environment in a point cloud of the empty room.
+    """Build the environment from a point cloud of the empty room.
 
     `room` names it and `area` (k, 2) [m] is the tracked area at the time; both are kept for `Environment.check`.
 
@@ -103,7 +103,7 @@ def build_environment(
 
 
 def _grid(cloud: PointCloud, floor_m: float, ceiling_m: float, options: EnvironmentOptions) -> Grid:
-    """The grid about the room; the floor lies in the middle of a layer, so that its noise stays in that."""
+    """Lay out the grid around the room; the floor lies in the middle of a layer, so that its noise stays in it."""
     voxel = options.voxel_m
     low, high = np.quantile(cloud.points_m[:, :2], (_STRAY, 1 - _STRAY), axis=0)
     low = np.minimum(low, cloud.origins_m[:, :2].min(axis=0)) - _BORDER_VOXELS * voxel
@@ -136,7 +136,7 @@ def _has_neighbours(occupied: Bool[Mask, "size"], grid: Grid) -> Bool[Mask, "siz
 
 
 def _surface(points: Float[Array, "n 3"], grid: Grid, occupied: Bool[Mask, "size"]) -> Float32[Singles, "m 3"]:
-    """The mean [m] of the points in each occupied voxel, in their order."""
+    """Average the points in each occupied voxel [m], in the voxels' order."""
     flat, inside = grid.flat(points)
     kept = inside & occupied[flat]
     row = np.cumsum(occupied)[flat[kept]] - 1

@@ -57,7 +57,7 @@ def save_environment(environment: Environment, path: AnyPath) -> str:
 
 
 def load_environment(path: AnyPath, rig: Rig | None = None) -> Environment:
-    """The environment in a file; with a rig, checked to be of the room that the rig is in (see `Environment.check`).
+    """Load an environment; with a rig, check that it is of the rig's room (see `Environment.check`).
 
     Raises InputError for a file that is none, of another version, damaged or incomplete, for a grid of more than
     `MOST_VOXELS`, before it is decoded, and for the environment of another room.
@@ -139,7 +139,7 @@ def _environment(arrays: dict[str, Any]) -> Environment:
 
 
 def _fingerprint(arrays: dict[str, Any]) -> str:
-    """The first 16 digits of a SHA-256 over names, types, shapes and contents."""
+    """Hash names, types, shapes and contents: the first 16 digits of a SHA-256."""
     digest = hashlib.sha256()
     for name in sorted(set(_ARRAYS) - {"fingerprint"}):
         array = np.ascontiguousarray(arrays[name])

@@ -50,7 +50,7 @@ def find_ceiling(z: Float[Array, "n"], floor_m: float) -> float:
 
 
 def find_walls(points: Float[Array, "n 3"], floor_m: float, ceiling_m: float) -> Float[Array, "w 2 2"]:
-    """The walls as segments in plan [m], the room to the left of the way from first end to second.
+    """Find the walls as segments in plan [m], the room to the left from first end to second.
 
     points: in the room frame [m]. Whatever is flat, upright, at least 0.6 m long and taller than two metres is a wall: the
     face of a pillar too, and that of a wardrobe which reaches that high.
@@ -85,7 +85,7 @@ def _levels(z: Float[Array, "n"]) -> tuple[Float[Array, "levels"], Float[Array, 
 
 
 def _settle(z: Float[Array, "n"], level: float) -> float:
-    """The median height [m] of the points about a level."""
+    """Return the median height [m] of the points around a level."""
     middle = level + _BIN_M / 2
     for reach in (0.03, 0.02):
         middle = float(np.median(z[np.abs(z - middle) < reach]))
@@ -107,7 +107,7 @@ def _tall_cells(band: Float[Array, "n 3"], layers: float) -> tuple[Float[Array, 
 
 
 def _strongest_line(cells: Float[Array, "c 2"], weights: Float[Array, "c"]) -> tuple[Float[Array, "2"], float]:
-    """Normal and offset [m] of the line with most weight on it."""
+    """Find the normal and offset [m] of the line with the largest weight."""
     angles = np.arange(_ANGLES) * np.pi / _ANGLES
     normals = np.stack([np.cos(angles), np.sin(angles)])  # (2, a)
     offsets = cells @ normals  # (c, a)
@@ -124,7 +124,7 @@ def _strongest_line(cells: Float[Array, "c 2"], weights: Float[Array, "c"]) -> t
 def _through_points(
     places: Float[Array, "n 2"], normal: Float[Array, "2"], offset: float, start: float, end: float
 ) -> Float[Array, "2 2"]:
-    """The segment laid through the points about a stretch of a line, closer each time."""
+    """Fit a segment to the points around a stretch of a line, iteratively with a narrower band."""
     ends = normal * offset + np.outer([start, end], _turned(normal))
     along = places @ _turned(normal)
     places = places[(along > start - _CELL_M) & (along < end + _CELL_M)]
@@ -148,12 +148,12 @@ def _near_wall(cells: Float[Array, "c 2"], wall: Float[Array, "2 2"]) -> Bool[Ma
 
 
 def _turned(normal: Float[Array, "2"]) -> Float[Array, "2"]:
-    """The direction along a line with that normal."""
+    """Return the direction of a line with this normal."""
     return np.array([-normal[1], normal[0]])
 
 
 def _runs(along: Float[Array, "n"]) -> list[tuple[float, float]]:
-    """Starts and ends [m] of the stretches of a line that have no long gap and are not short."""
+    """Find the starts and ends [m] of the stretches of a line without a long gap; short ones are dropped."""
     along = np.sort(along)
     breaks = np.flatnonzero(np.diff(along) > _GAP_M)
     starts, ends = along[np.r_[0, breaks + 1]], along[np.r_[breaks, len(along) - 1]]
@@ -161,7 +161,7 @@ def _runs(along: Float[Array, "n"]) -> list[tuple[float, float]]:
 
 
 def _facing(wall: Float[Array, "2 2"], places: Float[Array, "n 2"], middle: Float[Array, "2"]) -> Float[Array, "2 2"]:
-    """The segment with the room, where more of the points are, to its left."""
+    """Direct the segment so that the room, where more of the points are, lies to its left."""
     way = wall[1] - wall[0]
     left = _turned(way) / np.linalg.norm(way)
     across = (places - wall[0]) @ left
@@ -172,7 +172,7 @@ def _facing(wall: Float[Array, "2 2"], places: Float[Array, "n 2"], middle: Floa
 
 
 def _meet_at_corners(walls: Float[Array, "w 2 2"]) -> Float[Array, "w 2 2"]:
-    """The walls with their ends moved along them to where another wall's line is near."""
+    """Move the ends of walls along them to the intersection with a nearby wall."""
     met = walls.copy()
     for number, wall in enumerate(walls):
         way = wall[1] - wall[0]

@@ -46,7 +46,7 @@ def first_met(
     way: Float[Array, "3 n"],
     end: Float[Array, "n"] | float = np.inf,
 ) -> Int32[Voxels, "n"]:
-    """The flat index of the first occupied voxel that each line comes to; −1 where there is none up to the `end`.
+    """Trace each line to its first occupied voxel: the flat index, −1 where there is none before `end`.
 
     Lines go from one origin or one each [m] along unit vectors `way`, each up to its `end` in voxels, and begin
     _ENDS_VOXELS away. They leap as far as `leaps` (`leaps_between`) allows (Hart 1996, Sphere tracing). One that comes to an

@@ -13,7 +13,7 @@ from trackers.arrays import Array, ArrayOrNumber
 def circular_mean(
     angle_rad: Float[Array, "*n p"], weight: Float[Array, "*#n p"]
 ) -> tuple[Float[ArrayOrNumber, "*n"], Float[ArrayOrNumber, "*n"]]:
-    """The weighted mean direction of angles, in (−π, π] [rad], and the mean resultant length.
+    """Compute the weighted mean direction of angles, in (−π, π] [rad], and the mean resultant length.
 
     The length is 1 where all point one way and 0 where they cancel, so that the direction says nothing (Mardia and Jupp,
     "Directional Statistics", 2000, section 2.2). Each row of weights sums to 1.
@@ -24,7 +24,7 @@ def circular_mean(
 
 @lru_cache(maxsize=8)
 def grid_of(n_direction: int) -> Float[Array, "g"]:
-    """So many directions around the circle, from 0 on [rad]."""
+    """Return `n_direction` directions around the circle, from 0 on [rad]."""
     grid = np.linspace(0, 2 * np.pi, n_direction, endpoint=False)
     grid.setflags(write=False)
     return grid
@@ -37,14 +37,14 @@ def mean_direction(belief: Float[Array, "n g"]) -> tuple[Float[Array, "n"], Floa
 
 
 def diffused(belief: Float[Array, "n g"], sigma_rad: float) -> Float[Array, "n g"]:
-    """A belief about directions after turns, wrapped normal of this deviation: a product of its Fourier coefficients."""
+    """Convolve a belief about directions with a wrapped normal of this deviation, by its Fourier coefficients."""
     n_direction = belief.shape[1]
     damped = np.exp(-0.5 * (np.arange(n_direction // 2 + 1) * sigma_rad) ** 2)
     return np.maximum(np.fft.irfft(np.fft.rfft(belief, axis=1) * damped, n_direction, axis=1), 0.0)
 
 
 def drawn(belief: Float[Array, "n g"], n_particle: int, rng: np.random.Generator) -> Float[Array, "n p"]:
-    """Directions from distributions over a grid [rad]."""
+    """Draw directions from distributions over a grid [rad]."""
     shares = np.cumsum(belief, axis=1)
     drawn = rng.random((len(belief), n_particle))
     step = (drawn[:, :, None] > shares[:, None, :-1]).sum(axis=2)

@@ -53,11 +53,11 @@ class ImmState:
         return self.mean[:2].T
 
     def select(self, index: Selection) -> ImmState:
-        """The tracks at `index`."""
+        """Return the tracks at `index`."""
         return ImmState(self.mean[..., index], self.covariance[..., index], self.probability[..., index])
 
     def joined(self, other: ImmState) -> ImmState:
-        """These tracks followed by `other`."""
+        """Concatenate these tracks and `other`."""
         return ImmState(
             np.concatenate([self.mean, other.mean], axis=-1),
             np.concatenate([self.covariance, other.covariance], axis=-1),
@@ -65,7 +65,7 @@ class ImmState:
         )
 
     def replaced(self, index: Selection, other: ImmState) -> ImmState:
-        """These tracks with those at `index` exchanged for `other`."""
+        """Replace the tracks at `index` by `other`."""
         mean, covariance, probability = self.mean.copy(), self.covariance.copy(), self.probability.copy()
         mean[..., index], covariance[..., index], probability[..., index] = (
             other.mean,
@@ -116,7 +116,7 @@ class Imm:
         position_variance_m2: float = MEASUREMENT_VARIANCE_M2,
         speed_variance: float | Float[Array, "n"] = 1.0,
     ) -> ImmState:
-        """New tracks at `position` [m], at rest or with `velocity` [m/s]; `speed_variance` [m²/s²] is that of the speed.
+        """Start tracks at `position` [m], at rest or with `velocity` [m/s]; `speed_variance` [m²/s²] is that of the speed.
 
         Every mode starts alike and equally probable.
         """
@@ -171,7 +171,7 @@ class Imm:
         position: Float[Array, "k 2"],
         measurement_covariance: Float[Array, "k 2 2"] | None = None,
     ) -> ImmState:
-        """The tracks with those at `index` updated by their measured `position` [m]; the others unchanged.
+        """Update the tracks at `index` with their measured `position` [m]; leave the others unchanged.
 
         measurement_covariance: R of each measurement [m²], positive definite; None: the filter's own.
         """
@@ -223,7 +223,7 @@ class Imm:
         return mean.T, covariance.T
 
     def _mix(self, state: ImmState, share: float) -> ImmState:
-        """The mixed initial conditions of every mode (eq. 3), with the predicted mode probabilities."""
+        """Mix the initial conditions of every mode (eq. 3); return them with the predicted mode probabilities."""
         means = self.motion.aligned(state.mean, state.probability)
         transition = share * self.transition + (1 - share) * np.eye(self.n_mode)
         predicted = transition.T @ state.probability  # (m, n)
@@ -268,5 +268,5 @@ def _check_measurement_covariance(R: Array) -> None:
 
 
 def kalman(models: tuple[MotionModel] = KALMAN_MODELS, measurement_covariance: Array | None = None) -> Imm:
-    """Extended Kalman filter batched over tracks, by default the paper's: model 3 with Q = diag(300, 300)."""
+    """Make an extended Kalman filter batched over tracks, by default the paper's: model 3 with Q = diag(300, 300)."""
     return Imm(HeadingMotion(models), measurement_covariance=measurement_covariance)

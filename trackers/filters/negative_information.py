@@ -35,11 +35,11 @@ _TAILS = 6.0  # standard deviations beyond which there is nothing
 def update_missed(
     state: ImmState, missed: Callable[[Array], Array], along: Float[Array, "2 n"], least: float = 1e-3
 ) -> tuple[ImmState, Float[Array, "n"]]:
-    """The n tracks after a look that did not show them, and how probably it would not.
+    """Update n tracks that a scan did not detect; return them and the probability of the miss.
 
-    missed: the probability that the look does not show a target at positions (2, m, n, k) [m], (m, n, k). A mode that it
-    would have shown (all but surely, to `least`) stays as it is: then it is the model that is wrong. along: the way of each
-    target, of any length, in the room.
+    missed: the miss probability (m, n, k) of a target at positions (2, m, n, k) [m]. A mode whose miss probability is below
+    `least` stays as it is: then the detection model is wrong. along: the direction of motion of each target, of any length, in
+    the room frame.
     """
     P = state.covariance  # (s, s, m, n)
     u, v = _axes(along)
@@ -71,7 +71,7 @@ def miss_probability(
 
 
 def _axes(along: Float[Array, "2 n"]) -> tuple[Float[Array, "2 n"], Float[Array, "2 n"]]:
-    """Unit vectors along and across; x and y where somebody has no way at all."""
+    """Return unit vectors along and across the motion; x and y for a target at rest."""
     length = np.hypot(along[0], along[1])
     u = np.where(length > 0, along, np.array([[1.0], [0.0]])) / np.where(length > 0, length, 1.0)
     return u, np.stack([-u[1], u[0]])
@@ -133,7 +133,7 @@ def _places(
 def _root(
     state: ImmState, u: Float[Array, "2 n"], v: Float[Array, "2 n"]
 ) -> tuple[Float[Array, "m n"], Float[Array, "m n"], Float[Array, "m n"]]:
-    """The root L of the position's covariance over axes u, v [m]: its elements uu, vu, vv."""
+    """Factor the position covariance over axes u, v [m]: the elements uu, vu, vv of its root L."""
     xx, xy, yy = state.covariance[0, 0], state.covariance[0, 1], state.covariance[1, 1]
     uu = u[0] ** 2 * xx + 2 * u[0] * u[1] * xy + u[1] ** 2 * yy
     vu = u[0] * v[0] * xx + (u[0] * v[1] + u[1] * v[0]) * xy + u[1] * v[1] * yy
@@ -168,10 +168,10 @@ def existence_after_detection(existence: Float[Array, "n"], likelihood_ratio: Fl
 
 
 def update_missed_particles(cloud: Cloud, missed: Callable[[Array], Array]) -> tuple[Cloud, Float[Array, "n"]]:
-    """The n sets of particles after a look that did not show their targets, and how probably it would not.
+    """Update n sets of particles whose targets a scan did not detect; return them and the probability of the miss.
 
-    missed: the probability that the look does not show a target at positions (2, n, p) [m], the first two components of the
-    state, (n, p). A set of which it would have shown every particle keeps its weights, and is marked `lost`.
+    missed: the miss probability (n, p) of a target at positions (2, n, p) [m], the first two components of the state. A set whose
+    miss probabilities are all 0 keeps its weights and is marked `lost`.
     """
     chance = missed(cloud.state[:2])
     with np.errstate(divide="ignore"):  # a particle in full view has no weight left

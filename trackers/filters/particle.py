@@ -79,7 +79,7 @@ class LogWeights(Rows):
         return 1.0 / np.einsum("np,np->n", self.normalised, self.normalised)
 
     def updated(self, log_likelihood: Array) -> LogWeights:
-        """Weights times exp of `log_likelihood` (n, p), normalised again.
+        """Multiply the weights by exp of `log_likelihood` (n, p) and normalise them.
 
         A set for which nothing is left keeps the weights it had and is marked `lost`; its evidence is −∞. Raises
         InputError for NaN, +∞ or another shape.
@@ -107,7 +107,7 @@ class LogWeights(Rows):
         return LogWeights(log, weight, log_mean, lost)
 
     def resampled(self, which: Bool[Mask, "n"]) -> LogWeights:
-        """These weights with the sets of the mask at equal weights again, as they are after resampling."""
+        """Set the weights of the masked sets equal, as they are after resampling."""
         equal = self._equal(*self.log.shape)
         chosen = which[:, None]
         return LogWeights(
@@ -167,15 +167,15 @@ class Cloud:
         return self.state.shape[1]
 
     def select(self, index: Selection) -> Cloud:
-        """The sets at `index`."""
+        """Return the sets at `index`."""
         return Cloud(self.state[:, index], self.weights.select(index))
 
     def joined(self, other: Cloud) -> Cloud:
-        """These sets followed by `other`, of as many particles each."""
+        """Concatenate these sets and `other`, with the same number of particles."""
         return Cloud(np.concatenate([self.state, other.state], axis=1), self.weights.joined(other.weights))
 
     def replaced(self, index: Selection, other: Cloud) -> Cloud:
-        """These sets with those at `index` exchanged for `other`."""
+        """Replace the sets at `index` by `other`."""
         state = self.state.copy()
         state[:, index] = other.state
         return Cloud(state, self.weights.replaced(index, other.weights))
@@ -187,7 +187,7 @@ class Cloud:
 
 @dataclass(frozen=True)
 class ParticleFilter:
-    """A bootstrap particle filter: particles move as the model says and are weighted by what is measured.
+    """A bootstrap particle filter: the motion model moves particles, the measurement weights them.
 
     resampling: a name of `trackers.filters.resampling.SCHEMES`; threshold: a set is resampled when its effective sample
     size is at most this share of its particles: 1 whenever its weights differ, 0 never. Raises InputError for what is neither.
@@ -215,7 +215,7 @@ class ParticleFilter:
         log_likelihood: LogLikelihood | None,
         rng: np.random.Generator,
     ) -> Cloud:
-        """The same with particles drawn from a proposal (`trackers.filters.proposal`), which corrects their weights."""
+        """Step as `step` does, with particles drawn from a proposal (`trackers.filters.proposal`) that corrects their weights."""
         cloud = self.resampled(cloud, rng)
         state, correction = propose(cloud, rng)
         if state.shape != cloud.state.shape:
@@ -227,7 +227,7 @@ class ParticleFilter:
         return Cloud(state, weights)
 
     def resampled(self, cloud: Cloud, rng: np.random.Generator) -> Cloud:
-        """The cloud with the sets resampled whose effective sample size has fallen to the threshold."""
+        """Resample the sets whose effective sample size has fallen to the threshold."""
         share = cloud.weights.effective_sample_size / cloud.state.shape[2]
         # equal weights (a share of 1 up to rounding) have nothing to gain from another draw
         due = (share <= self.threshold) & (share < 1 - 1e-9)
@@ -250,7 +250,7 @@ LikelihoodStage = Callable[[Array, Index], Array]
 
 
 def cascade(stages: Sequence[LikelihoodStage]) -> LogLikelihood:
-    """The sum of the stages' log-likelihoods, each asked only about the particles that those before have left."""
+    """Sum the stages' log-likelihoods; evaluate each stage only for the particles that the earlier stages left possible."""
 
     def log_likelihood(state: Array) -> Array:
         components, n, p = state.shape

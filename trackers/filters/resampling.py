@@ -43,7 +43,7 @@ def resample(scheme: str, weights: Array, rng: np.random.Generator) -> Int[Index
 
 
 def scheme_of(name: str) -> Scheme:
-    """The scheme of this name. Raises InputError naming the valid ones."""
+    """Return the scheme of this name. Raises InputError naming the valid ones."""
     if name not in SCHEMES:
         raise InputError(f"there is no resampling scheme {name!r}; valid are {', '.join(SCHEMES)}")
     return SCHEMES[name]
@@ -92,13 +92,13 @@ SCHEMES: Mapping[str, Scheme] = MappingProxyType(
 
 
 def _cumulative(weights: Float[Array, "n p"]) -> Float[Array, "n p"]:
-    """Running sums of the rows, the last exactly 1, equal where a weight is 0."""
+    """Compute running sums of the rows, the last exactly 1, equal where a weight is 0."""
     sums = np.cumsum(weights, axis=1)
     return sums / sums[:, -1:]
 
 
 def _inverse(cumulative: Float[Array, "n p"], uniform: Float[Array, "n p"]) -> Int[Index, "n p"]:
-    """The particle in whose share of the cumulative weight each number in [0, 1) falls."""
+    """Find the particle whose share of the cumulative weight contains each number in [0, 1)."""
     n, p = cumulative.shape
     rows = np.arange(n)[:, None]
     # one sorted table for all rows; a number must not be rounded up into the next row

@@ -21,15 +21,15 @@ class Batched(Protocol):
     def __len__(self) -> int: ...
 
     def select(self, index: Selection) -> Self:
-        """The targets at `index`."""
+        """Return the targets at `index`."""
         ...
 
     def joined(self, other: Self) -> Self:
-        """These targets followed by `other`."""
+        """Concatenate these targets and `other`."""
         ...
 
     def replaced(self, index: Selection, other: Self) -> Self:
-        """These targets with those at `index` exchanged for `other`."""
+        """Replace the targets at `index` by `other`."""
         ...
 
 
@@ -40,17 +40,17 @@ class Rows:
         return len(next(iter(vars(self).values())))
 
     def changed(self, **fields: Any) -> Self:
-        """These targets with some of their fields exchanged (`dataclasses.replace` without its checks, which cost more)."""
+        """Replace fields of these targets (`dataclasses.replace` without its checks, which cost more)."""
         return type(self)(**(vars(self) | fields))
 
     def select(self, index: Selection) -> Self:
-        """The targets at `index`."""
+        """Return the targets at `index`."""
         if index.dtype == np.bool_ and index.all():
             return self
         return self._field_by_field(lambda rows: rows[index], lambda batch: batch.select(index))
 
     def joined(self, other: Self) -> Self:
-        """These targets followed by `other`."""
+        """Concatenate these targets and `other`."""
         if len(other) == 0:
             return self
         return self._field_by_field(
@@ -58,7 +58,7 @@ class Rows:
         )
 
     def replaced(self, index: Selection, other: Self) -> Self:
-        """These targets with those at `index` exchanged for `other`."""
+        """Replace the targets at `index` by `other`."""
         return self._field_by_field(
             lambda rows, new: written(rows, index, new), lambda batch, new: batch.replaced(index, new), other
         )
@@ -72,7 +72,7 @@ class Rows:
 
 
 def written(array: Shaped[AnyArray, "n *each"], index: Selection, values: Any) -> Shaped[AnyArray, "n *each"]:
-    """A copy of an array with `values` at `index`."""
+    """Copy an array with `values` at `index`."""
     copy = array.copy()
     copy[index] = values
     return copy

@@ -83,7 +83,7 @@ class VelocityMotion:
         return after, spread
 
     def aligned(self, mean: Float[Array, "4 m n"], probability: Float[Array, "m n"]) -> Float[Array, "4 m n"]:
-        """The means as they are: there is no angle to align."""
+        """Return the means unchanged: there is no angle to align."""
         return mean
 
     def velocity(self, mean: Float[Array, "4 *n"]) -> Float[Array, "2 *n"]:

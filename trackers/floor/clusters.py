@@ -39,7 +39,7 @@ class FloorClusters:
     cell_load_n: Float[Array, "rows columns"]  # the load of elements in clusters, 0 elsewhere [N]
 
     def __len__(self) -> int:
-        """Number of clusters."""
+        """Return the number of clusters."""
         return len(self.load_n)
 
     def share_of_cell(self) -> Float[Array, "rows columns"]:
@@ -51,7 +51,7 @@ class FloorClusters:
 def floor_clusters(
     frame: FloorFrame, floor: FloorSensor, options: FloorClusterOptions = FloorClusterOptions()
 ) -> FloorClusters:
-    """The clusters in one frame of a floor. Raises InputError for a frame of another size than the rig's floor."""
+    """Find the clusters in one frame of a floor. Raises InputError for a frame of another size than the rig's floor."""
     if frame.values.shape != (floor.rows, floor.columns):
         raise InputError(
             f"frame of {frame.sensor!r} has {' x '.join(map(str, frame.values.shape))} elements; "

@@ -98,7 +98,7 @@ class OnlineBoosting:
     def learned(
         self, strong: StrongClassifiers, samples: Float[Array, "n k features"], label: Float[Array, "n k"]
     ) -> StrongClassifiers:
-        """The classifiers after a frame with k samples for each of them, of the label +1 or −1; 0: it is no sample."""
+        """Update the classifiers with k samples each, labelled +1 or −1; a label of 0 marks no sample."""
         taught = (label > 0).any(axis=1) & (label < 0).any(axis=1)
         if not taught.any():
             return strong

@@ -73,7 +73,7 @@ class Trees(Rows):
         return self._field_by_field(lambda each: np.take_along_axis(each, tree[..., None], axis=1), lambda batch: batch)
 
     def followed_by(self, other: Self) -> Self:
-        """The trees of each set, and then those of `other`."""
+        """Concatenate the trees of each set with those of `other`."""
         return self._field_by_field(lambda mine, more: np.concatenate([mine, more], axis=1), lambda batch: batch, other)
 
     def says(self, samples: Float[Array, "sets k features"]) -> Float[Array, "n m k"]:
@@ -113,7 +113,7 @@ class SortedSamples:
         return SortedSamples(**twice)
 
     def grow(self, weight: Float[Array, "n k"], label: Float[Array, "n k"]) -> Grown:
-        """A tree for each set, whose weights sum to 1 and whose labels are +1 or −1.
+        """Grow a tree per set, whose weights sum to 1 and whose labels are +1 or −1.
 
         A sample's weight and its weight times its label are kept as one complex number, so that one pass sums both.
         """
@@ -130,7 +130,7 @@ class SortedSamples:
         return Grown(root, branches, leaves, np.where(yes, said[n:], said[:n]))
 
     def _asked(self, weighed: Complex[Complexes, "n k"]) -> tuple[Questions, Bool[Mask, "n k"]]:
-        """The best question for each set, and of which samples the answer is yes."""
+        """Find the best split of each set, and the samples on its yes side."""
         n, _, places = self.parts.shape
         if places == 0:
             return Questions(np.zeros(n, np.intp), np.full(n, np.inf)), np.zeros(weighed.shape, np.bool_)

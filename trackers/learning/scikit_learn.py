@@ -43,5 +43,5 @@ class ScikitLearnTrees:
 
     @staticmethod
     def _child(node: int, children: Index) -> int:
-        """A node's child, or, where it has none, itself."""
+        """Return a node's child, or the node itself if it is a leaf."""
         return node if children[node] == _LEAF else int(children[node])

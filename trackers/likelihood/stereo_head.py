@@ -71,8 +71,8 @@ class DepthInMetresOptions(Strict):
         default=(1.0, 2.0),
         description="a and b [1/m] of the weight a − b · mean |d − d̂| (eq. 7; the paper gives neither)",
     )
-    most_m: float = Field(
-        default=0.45, gt=0, description="a pixel is off by no more than this (ours; the paper has no cap) [m]"
+    most_m: float | None = Field(
+        default=0.45, gt=0, description="a pixel is off by no more than this (ours) [m]; null: no cap (the paper)"
     )
 
     def log_likelihood(
@@ -85,7 +85,9 @@ class DepthInMetresOptions(Strict):
         off_ray = seen_as.off_ray_m2(disc)
         along = surface / np.sqrt(surface**2 + off_ray)
         away = np.sqrt(np.maximum(found_m * (found_m - 2 * middle * along) + middle**2, 0))
-        off = np.minimum(np.abs(away - np.sqrt((surface - middle) ** 2 + off_ray)), np.float32(self.most_m))
+        off = np.abs(away - np.sqrt((surface - middle) ** 2 + off_ray))
+        if self.most_m is not None:
+            off = np.minimum(off, np.float32(self.most_m))
         known = found_m > 0
         share, mean = mean_of(known), mean_of(off * known)
         mean /= np.maximum(share, np.float32(1e-6))
@@ -109,10 +111,16 @@ class StereoHeadOptions(Strict):
     depth_in_metres: DepthInMetresOptions | None = Field(default=None, description="distances in metres (the paper)")
     silhouette: SilhouetteOptions | None = Field(default=SilhouetteOptions(), description="silhouettes (ours)")
 
-    out_of_view: float = Field(
+    out_of_view: float | None = Field(
         default=0.7,
         ge=0,
-        description="a hypothesis that a picture does not show weighs what the person's do on average, less this (ours)",
+        description="a hypothesis that a picture does not show weighs what the person's do on average, less this (ours); "
+        "null: such a picture says nothing of it",
+    )
+    whole_picture: bool = Field(
+        default=False,
+        description="all pixels of a picture count (the paper); false: those beyond the foreground's box are taken from the "
+        "empty room, which is known already (ours)",
     )
 
     @model_validator(mode="before")

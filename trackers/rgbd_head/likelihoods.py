@@ -78,7 +78,8 @@ class Likelihoods:
         self, people: People, state: Float[Array, "4 n p"], found: Mapping[str, HeadLikelihoods]
     ) -> Float[Array, "n p"]:
         n, p = state.shape[1:]
-        total, missed = np.zeros((n, p)), np.nan_to_num(people.usual) - self._options.stereo_head.out_of_view
+        total, out_of_view = np.zeros((n, p)), self._options.stereo_head.out_of_view
+        missed = np.zeros_like(people.usual) if out_of_view is None else np.nan_to_num(people.usual) - out_of_view
         for name, each in found.items():
             usual, seen = missed[:, self._numbers[name], None], each.seen.reshape(n, p)
             total += np.where(seen, (each.colour + each.depth).reshape(n, p), usual)

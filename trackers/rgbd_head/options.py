@@ -39,6 +39,13 @@ class MotionOptions(Strict):
         description="so many times a frame hypotheses are weighed, each time by the same root of their weights and drawn anew "
         "from the heavy ones: an annealed particle filter (Deutscher et al. 2000; ours); 1: the paper",
     )
+    resample_below: float = Field(
+        default=0.7,
+        ge=0,
+        le=1,
+        description="hypotheses are drawn anew when their effective number is at most this share (ours); 1: in every frame "
+        "(the paper)",
+    )
     nearer: float = Field(
         default=0.5, gt=0, le=1, description="diffusion of a layer, as a share of that of the one before (ours)"
     )

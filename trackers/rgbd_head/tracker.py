@@ -41,7 +41,6 @@ from trackers.vision.front_end import front_ends
 from trackers.vision.head_model import SHIPPED, HeadModel, load_head_model
 from trackers.vision.stereo_picture import StereoCamera
 
-FILTER = ParticleFilter(threshold=0.7)
 LEARNED = "heads"
 """Name under which the prior's `learned` may hold another file than the shipped one (`scripts/learn-heads` makes one)."""
 _LONGEST_S = 0.5
@@ -77,7 +76,8 @@ class RgbdHead(SynchronizedTracker):
         model = load_head_model(prior.learned.get(LEARNED, SHIPPED))
         skin = None if self.options.stereo_head.skin_share is None else model.skin
         prepared = front_ends(sensors, list(prior), self.options.front_end, area)
-        cameras = {name: StereoCamera(each, sensors[name], skin) for name, each in prepared.items()}
+        whole = self.options.stereo_head.whole_picture
+        cameras = {name: StereoCamera(each, sensors[name], skin, whole) for name, each in prepared.items()}
         self.background_learned_causally = any(each.learns_background for each in prepared.values())
         main = rig.main_sensor if rig.main_sensor in sensors else None
         super().__init__(SyncPolicy(tuple(sensors), main=main, period_s=0.25))
@@ -94,6 +94,7 @@ class RgbdHead(SynchronizedTracker):
         self._evaluators = _evaluators_of(here, model, self.options)
         self._room = EnvironmentLikelihood(known, self.options.environment or EnvironmentLikelihoodOptions())
         self._likelihoods = Likelihoods(self._evaluators, self._room, model.common, self.options)
+        self._filter = ParticleFilter(threshold=self.options.motion.resample_below)
 
     @property
     def warnings(self) -> list[str]:
@@ -167,7 +168,7 @@ class RgbdHead(SynchronizedTracker):
 
         cloud = before.roster.state
         for layer in range(options.layers):
-            cloud = FILTER.step(cloud, partial(motion.moved, layer=layer), log_likelihood, self._rng)
+            cloud = self._filter.step(cloud, partial(motion.moved, layer=layer), log_likelihood, self._rng)
         people = before.changed(roster=before.roster.changed(state=cloud))
         facing = likelihoods.facing(people, motion, later_s) if motion.facing.size else motion.facing
         velocity, usual = motion.velocity(people.place), likelihoods.usual(people, found)

@@ -61,7 +61,7 @@ class BinnedSamples:
         return self.counts(inside)[:, : self.size].astype(float)
 
     def counts(self, inside: Bool[Mask, "k n"] | None = None) -> Shaped[AnyArray, "k padded"]:
-        """The same, and last of all how much counts in no bin."""
+        """Count as `histograms` does, with a last column for what falls in no bin."""
         k = self.number.shape[1]
         number = self.number if inside is None else np.where(inside, self.number, self.size)
         row = (self.size + 1) * np.arange(k)[:, None]  # one bin more, for what counts in none
@@ -79,17 +79,17 @@ class BinnedPicture:
     size: int
 
     def where(self, mask: Bool[Mask, "height width"]) -> BinnedPicture:
-        """The same with only the pixels of a mask counting: a person's foreground, say."""
+        """Restrict the count to the pixels of a mask, a person's foreground for example."""
         return BinnedPicture(np.where(mask, self.number, self.number.dtype.type(self.size)), self.weight, self.size)
 
     def at(self, pixels: Float[Array, "k *n 2"]) -> BinnedSamples:
-        """The samples at k sets of pixel coordinates; those outside the picture, or NaN, count in none."""
+        """Sample k sets of pixel coordinates; those outside the picture, or NaN, count in no bin."""
         pixels = pixels.reshape(len(pixels), prod(pixels.shape[1:-1]), 2)
         column, row = self._within(pixels[..., 0], 1), self._within(pixels[..., 1], 0)
         return self._gathered(row * (self.number.shape[2] + 2) + column)
 
     def windows(self, centres: ArrayLike, sizes: ArrayLike, samples: tuple[int, int]) -> BinnedSamples:
-        """The samples of k upright windows about centres (k, 2) [px], of these widths and heights (2,) or (k, 2) [px].
+        """Sample k upright windows around centres (k, 2) [px], of widths and heights (2,) or (k, 2) [px].
 
         `samples` (columns, rows) are taken of each, evenly: as many as the window has pixels, or fewer. What lies outside the
         picture counts in none, and nothing of a window whose centre is NaN does.
@@ -104,7 +104,7 @@ class BinnedPicture:
         return BinnedSamples(np.ascontiguousarray(found.number.swapaxes(1, 2)), weight, self.size)
 
     def _within(self, coordinates: Float[Array, "k n"], axis: int) -> Int[Index, "k n"]:
-        """The index in the bordered picture of the pixels that coordinates fall in; the border's beyond the edges."""
+        """Return the index in the bordered picture of the pixel at each coordinate; the border's beyond the edges."""
         place = coordinates + 1.5  # pixel i covers [i − ½, i + ½), and the border comes first
         np.floor(place, out=place)
         np.fmax(place, 0.0, out=place)  # the border for NaN
@@ -145,11 +145,11 @@ class HueSaturationValueBins(Strict):
         return self.hue * self.saturation + self.value
 
     def picture(self, rgb: UInt8[Bytes, "height width 3"]) -> BinnedPicture:
-        """The bins of a picture."""
+        """Bin a picture."""
         return self.binned(hsv_of(rgb))
 
     def binned(self, hsv: Hsv, mask: Bool[Mask, "height width"] | None = None) -> BinnedPicture:
-        """The bins of a picture; of the pixels of a mask alone where given, which costs as much as there are of them."""
+        """Bin a picture, or only the pixels of a mask, at a cost in proportion to their number."""
         if mask is None:
             return BinnedPicture(self._numbers(hsv)[None], None, self.size)
         there = np.flatnonzero(mask)
@@ -159,7 +159,7 @@ class HueSaturationValueBins(Strict):
         return BinnedPicture(number, None, self.size)
 
     def _numbers(self, hsv: Hsv) -> Integer[Bins, "height width"]:
-        """The bin of each pixel."""
+        """Return the bin of each pixel."""
         hue, saturation, value = hsv
         hue_bin, saturation_bin, value_bin = _bin_tables(self.hue, self.saturation, self.value)
         coloured = cv2.LUT(hue, hue_bin) + cv2.LUT(saturation, saturation_bin)
@@ -169,7 +169,7 @@ class HueSaturationValueBins(Strict):
 
 @lru_cache
 def _middles(count: int) -> Float[Array, "{count}"]:
-    """The middles of so many pieces of a length of 1, from its middle."""
+    """Return the middles of `count` equal pieces of the interval [−½, ½]."""
     return (np.arange(count) + 0.5) / count - 0.5
 
 
@@ -210,11 +210,11 @@ class HueAndGreyBins:
         return self.hue + self.grey
 
     def samples(self, rgb: UInt8[Bytes, "k n 3"]) -> BinnedSamples:
-        """The bins of k sets of n pixels."""
+        """Bin k sets of n pixels."""
         return BinnedSamples(*self._binned(rgb), self.size)
 
     def picture(self, rgb: UInt8[Bytes, "height width 3"]) -> BinnedPicture:
-        """The bins of a picture."""
+        """Bin a picture."""
         return BinnedPicture(*self._binned(rgb), self.size)
 
     def _binned(

@@ -49,7 +49,7 @@ _BLUR_LUMA, _BLUR_CHROMA = _blur(STEPS[0]), np.kron(_blur(STEPS[1]), _blur(STEPS
 
 @lru_cache(maxsize=1)
 def _numbers() -> Int16[AnyArray, "65536"]:
-    """Number every colour that 16 bits tell apart, by the middle of those that have the same 5, 6 and 5 bits."""
+    """Return the number of every colour of 16 bits (5, 6 and 5), by the middle of its cell."""
     every = np.arange(1 << 16, dtype=np.uint16).view(np.uint8).reshape(256, 256, 2)
     rgb = cv2.cvtColor(every, cv2.COLOR_BGR5652RGB) + np.array([4, 2, 4], np.uint8)
     luma, red, blue = np.moveaxis(cv2.cvtColor(rgb, cv2.COLOR_RGB2YCrCb).astype(np.int16), -1, 0)
@@ -57,7 +57,7 @@ def _numbers() -> Int16[AnyArray, "65536"]:
 
 
 def colour_numbers(rgb: UInt8[Bytes, "height width 3"]) -> Int16[AnyArray, "height width"]:
-    """Number each pixel's colour: by Y, Cr and Cb, of the first 5 or 6 bits of red, green and blue."""
+    """Return the number of each pixel's colour: by Y, Cr and Cb, of the first 5 or 6 bits of red, green and blue."""
     return _numbers().take(cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR565).view(np.uint16)[..., 0])
 
 

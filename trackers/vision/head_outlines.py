@@ -149,7 +149,7 @@ def _ball(disc: Float[Array, "k 2"]) -> tuple[Float[Array, "k 1"], Float[Array, 
 
 @lru_cache(maxsize=8)
 def cells_shown(count: int) -> Int[Index, "k m"]:
-    """Number the cell, by azimuth, then level, that each of `inner_points(count)` shows in every aspect of a ball."""
+    """Return the cell, by azimuth, then level, that each of `inner_points(count)` shows in every aspect of a ball."""
     x, y, towards = (each[:, :, None].astype(float) for each in _ball(inner_points(count)))
     facing = ((np.arange(ASPECTS[0]) + 0.5) / ASPECTS[0] * 2 * np.pi)[:, None]
     rise = ((np.arange(ASPECTS[1]) + 0.5) / ASPECTS[1] - 0.5) * np.pi

@@ -136,7 +136,7 @@ class PatchDescriber:
 def _sums(
     planes: Float32[Singles, "height width p"], corner: Int[Index, "k 2"], size: Int[Index, "k"]
 ) -> Float[Array, "k p"]:
-    """Sums of planes over squares."""
+    """Sum planes over squares."""
     integral = np.asarray(cv2.integral(planes, sdepth=cv2.CV_64F), float)
     (u, v), far_u, far_v = corner.T, corner[:, 0] + size, corner[:, 1] + size
     return integral[far_v, far_u] - integral[v, far_u] - integral[far_v, u] + integral[v, u]
@@ -219,7 +219,7 @@ class PatchSampler:
         return Patches(centre.reshape(n, count, 2), heights_m, self._axes(positions_m)[1], shown.reshape(n, count))
 
     def middles(self, positions_m: Float[Array, "n 2"]) -> Float[Array, "n 2"]:
-        """The pixels of the middles of bodies."""
+        """Project the middles of bodies to pixels."""
         heights = np.full((len(positions_m), 1), 0.5 * (self.options.low_m + self.options.high_m))
         return self._projected(positions_m, np.zeros_like(heights), heights)[0][:, 0]
 

@@ -78,7 +78,7 @@ class PersonModel:
 
     @classmethod
     def load(cls, path: AnyPath = SHIPPED) -> PersonModel:
-        """The model in a file that `save` wrote. Raises InputError for one that is missing, damaged or no such model."""
+        """Load a model that `save` wrote. Raises InputError for a file that is missing, damaged or no such model."""
         held = read_arrays(path, _ARRAYS, "a file that scripts/train-person-detector wrote")
         nearness, offset = (
             Network(*(held[f"{name}_{part}"].astype(np.float32) for part in _PARTS)) for name in _OUTPUTS
@@ -92,7 +92,7 @@ _MOST_LEVELS = 6
 
 
 def level_of(cell_px: Float[Array, "n"]) -> Int[AnyArray, "n"]:
-    """The level whose squares come nearest to cells of this side; of one that is not in the picture (NaN) the finest."""
+    """Choose the level whose squares are nearest in size to cells of this side; the finest for NaN (outside the picture)."""
     wanted = np.log2(np.maximum(np.nan_to_num(cell_px), 1.0) / _SQUARE)
     return np.clip(np.rint(wanted), 0, _MOST_LEVELS - 1).astype(np.intp)
 
@@ -178,7 +178,7 @@ class FloorPlaces:
         return len(self.position)
 
     def map(self, index: Int[Index, "k"], values: Float32[Singles, "k"]) -> Float32[Singles, "rows columns"]:
-        """The whole grid with values at the places at `index`, and 0 everywhere else."""
+        """Return the whole grid with values at `index` and 0 elsewhere."""
         grid = np.zeros(self._shape, np.float32)
         grid.flat[self._of_grid[index]] = values
         return grid

@@ -46,7 +46,7 @@ class PersonWindows(Rows):
 
 
 def person_windows(camera: PlacedCamera, places_m: Float[Array, "n 2"], rows: int, columns: int) -> PersonWindows:
-    """The windows at places on the floor, z = 0."""
+    """Lay windows over positions on the floor, z = 0."""
     middle = np.concatenate([places_m, np.full((len(places_m), 1), HEIGHT_M / 2)], axis=1)
     sight = middle - camera.eye_m
     sight /= np.maximum(np.linalg.norm(sight, axis=1, keepdims=True), 1e-9)
@@ -121,7 +121,7 @@ class TorsoWindows:
     clear: Bool[Mask, "k"]  # usable, wide enough and not overlapped by another: may be learned from
 
     def outline(self, index: int) -> Float[Array, "p 2"]:
-        """The border of one window as a polygon of pixels, to draw it."""
+        """Return the border of one window as a polygon of pixels, for drawing."""
         grid = self.pixels[index]
         return np.concatenate([grid[0], grid[1:, -1], grid[-1, -2::-1], grid[-2:0:-1, 0]])
 
@@ -138,7 +138,7 @@ class TorsoProjector:
         self._across = np.linspace(-0.5, 0.5, options.columns) * options.kept_width
 
     def windows(self, detections: Detections) -> TorsoWindows:
-        """The windows of k detections."""
+        """Lay torso windows over k detections."""
         options = self.options
         first, last = detections.angle.T
         middle = 0.5 * (first + last)

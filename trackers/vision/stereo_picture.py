@@ -52,9 +52,14 @@ class PackedPicture:
 
 
 class StereoCamera:
-    """Packs the pictures of one stereo camera. skin: the region of colours to flag; None: no pixel is."""
+    """Packs the pictures of one stereo camera. skin: the region of colours to flag; None: no pixel is.
 
-    def __init__(self, front_end: CameraFrontEnd, sensor: StereoSensor, skin: SkinRegion | None) -> None:
+    whole: pack all of a picture; else the empty room stands for what is beyond the foreground's box.
+    """
+
+    def __init__(
+        self, front_end: CameraFrontEnd, sensor: StereoSensor, skin: SkinRegion | None, whole: bool = False
+    ) -> None:
         self.front_end, self.camera = front_end, front_end.camera
         self._skin = skin
         per_depth = np.linalg.norm(sensor.intrinsics.directions(), axis=-1).astype(np.float32)
@@ -64,7 +69,7 @@ class StereoCamera:
         self._rays = np.ascontiguousarray(self.camera.pixel_rays[::_EVERY, ::_EVERY])
         self._before_m = np.ascontiguousarray((wall_m * per_depth)[::_EVERY, ::_EVERY]) - _BEFORE_M
         self._empty = None
-        if pictures:
+        if pictures and not whole:
             known = np.where(np.isfinite(wall_m), wall_m, np.float32(0))
             self._empty = self._packed(pictures[-1].rgb, known, np.zeros(known.shape, np.uint8), self._mm_per_depth)
 

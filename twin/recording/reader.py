@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import TypeVar
@@ -41,7 +41,8 @@ class Recording:
 
     Attributes: `path`; `rig`; `topics` by name; `scenario_yaml` (None in a robot's bag); `is_twin`; `start_ns`, the
     header stamp [ns] that became 0 (0 in a twin's bag); `duration_s`, first to last message; `ahead_s`, how far each
-    sensor's stamps are ahead of the others' logged at the same time [s]; `jumps_ns`, the stamps at which trackers restart.
+    sensor's stamps are ahead of the others' logged at the same time [s]; `jumps_ns`, the stamps at which trackers restart;
+    `stamps_ns`, of each message of a topic in the order in which they are read (`is_as_written`: that of the file).
     """
 
     def __init__(self, path: AnyPath, rig: Rig | AnyPath | None = None) -> None:
@@ -68,27 +69,28 @@ class Recording:
                 self.rig = Rig.parse(carried, source)
             else:
                 (self.rig, silent), source = guess_rig(path, self.topics), "the rig"
-            self._topics = sensor_topics(path, self.topics, self.rig, source)
-            times = read_times(bag, self._topics.types)
+            self.sensor_topics = sensor_topics(path, self.topics, self.rig, source)
+            times = read_times(bag, self.sensor_topics.types)
             self._check_has_messages(times)
-            self._is_as_written = False
+            self.is_as_written = False
             # where in doubt: that messages stand otherwise in the file decides
             if any(each.falls_back or crowded(topic, each.stamp_ns, usual=0.9) for topic, each in times.items()):
-                written, set_back_ns = read_times_as_written(bag, self._topics.types)
+                written, set_back_ns = read_times_as_written(bag, self.sensor_topics.types)
                 if set_back_ns:
-                    self._is_as_written, times = True, written
+                    self.is_as_written, times = True, written
                     silent += self._set_back(written, set_back_ns)
             right = self._corrected_clocks(times)
             self.ahead_s = right.ahead_s
             self.start_ns = 0 if self.is_twin else self._first_stamp_ns(right)
             self.jumps_ns = tuple(each - self.start_ns for each in right.jumps_ns)
-            self._stamps = {
-                topic: right.stamps_ns[self._topics.label(topic)] - self.start_ns for topic in self._topics.types
+            self.stamps_ns = {
+                topic: right.stamps_ns[self.sensor_topics.label(topic)] - self.start_ns
+                for topic in self.sensor_topics.types
             }
             self._times = times
-            self._found = [*silent, *self._topics.losses, *right.losses, *self._absent_messages(times, bag)]
+            self._found = [*silent, *self.sensor_topics.losses, *right.losses, *self._absent_messages(times, bag)]
             if not self.is_twin:
-                self._found += compare_lenses(bag, self.rig, self._topics.sensors)
+                self._found += compare_lenses(bag, self.rig, self.sensor_topics.sensors)
             self.logged_after_ns = self._logged_after_ns()
             self.moving: list[str] = [] if self.is_twin else motion_warnings(bag, self.frames)
             """Warnings of sensors that move, a clause each; none in a twin's bag."""
@@ -97,17 +99,17 @@ class Recording:
     @property
     def observation_count(self) -> int:
         """Number of observations, all sensors together."""
-        return sum(len(self._times[topic]) for topic in self._topics.sensors)
+        return sum(len(self._times[topic]) for topic in self.sensor_topics.sensors)
 
     @property
     def counts(self) -> dict[str, int]:
         """Number of messages of each sensor."""
-        return {name: len(self._times[topic]) for topic, name in self._topics.sensors.items()}
+        return {name: len(self._times[topic]) for topic, name in self.sensor_topics.sensors.items()}
 
     @property
     def losses(self) -> list[Loss]:
         """Losses of the recording, corrected stamps included; complete when `observations` has come to its end."""
-        return [*self._found, *self._reading.losses(self._topics, self._times)]
+        return [*self._found, *self._reading.losses(self.sensor_topics, self._times)]
 
     @cached_property
     def background(self) -> list[Observation]:
@@ -130,14 +132,15 @@ class Recording:
         }
         return list(self._decoded(SensorTopics(sensors, depths, types), stamps, _LeftOut(), as_written=False))
 
-    def observations(self) -> Iterator[Observation]:
-        """Yield the observations in order of arrival (log time), read one at a time.
+    def observations(self, only: Collection[str] | None = None) -> Iterator[Observation]:
+        """Yield the observations, of `only` these sensors if given, in order of arrival (log time), read one at a time.
 
         Messages that cannot be used are left out and counted (`losses`). Raises InputError where the bag is damaged, or most
         of a sensor's messages cannot be used.
         """
         self._reading = _LeftOut()
-        return self._decoded(self._topics, self._stamps, self._reading, as_written=self._is_as_written)
+        found = self.sensor_topics if only is None else self.sensor_topics.of(only)
+        return self._decoded(found, self.stamps_ns, self._reading, as_written=self.is_as_written)
 
     def truth(self) -> Iterator[TruthFrame]:
         """Yield the truth in order of time; nothing in a robot's bag. Raises InputError where the topic holds something else."""
@@ -238,21 +241,21 @@ class Recording:
             raise InputError(f"{self.path}: topic {topic} is {msgtype}; {STRING} is expected")
 
     def _check_has_messages(self, times: Mapping[str, MessageTimes]) -> None:
-        if any(len(times[topic]) for topic in self._topics.sensors):
+        if any(len(times[topic]) for topic in self.sensor_topics.sensors):
             return
-        if any(self.topics[topic].message_count for topic in self._topics.sensors):
+        if any(self.topics[topic].message_count for topic in self.sensor_topics.sensors):
             raise InputError(
                 f"{self.path}: is damaged, its index counts messages that are not there; a whole bag is expected"
             )
         if self.is_twin:
             return
-        named = ", ".join(self._topics.sensors) or "no topic at all"
+        named = ", ".join(self.sensor_topics.sensors) or "no topic at all"
         raise InputError(f"{self.path}: holds no message on {named}; a recording of the rig's sensors is expected")
 
     def _corrected_clocks(self, times: Mapping[str, MessageTimes]) -> CorrectedClocks:
-        labels = {self._topics.label(topic): each for topic, each in times.items()}
-        names = self._topics.sensors | self._topics.depths
-        offsets = {self._topics.label(topic): _offset_ns(self.rig.sensors[name]) for topic, name in names.items()}
+        labels = {self.sensor_topics.label(topic): each for topic, each in times.items()}
+        names = self.sensor_topics.sensors | self.sensor_topics.depths
+        offsets = {self.sensor_topics.label(topic): _offset_ns(self.rig.sensors[name]) for topic, name in names.items()}
         try:
             return correct_clocks(labels, offsets, keeps_stamps=self.is_twin)
         except InputError as error:
@@ -263,18 +266,20 @@ class Recording:
         what = f"were logged by a recorder whose clock was set back by {by}"
         remedy = "they are taken in the order of the file"
         return [
-            Loss(self._topics.label(topic), len(each), len(each), what, remedy, always=True)
+            Loss(self.sensor_topics.label(topic), len(each), len(each), what, remedy, always=True)
             for topic, each in times.items()
         ]
 
     def _first_stamp_ns(self, right: CorrectedClocks) -> int:
-        firsts = (right.stamps_ns[name] for name in self._topics.sensors.values())
+        firsts = (right.stamps_ns[name] for name in self.sensor_topics.sensors.values())
         return min(int(stamps[0]) for stamps in firsts if stamps.size)
 
     def _logged_after_ns(self) -> int:
         """Return the lag of log times after stamps [ns] where that is another clock and no delay; else 0."""
         ages = [
-            self._times[topic].log_ns - stamps - self.start_ns for topic, stamps in self._stamps.items() if stamps.size
+            self._times[topic].log_ns - stamps - self.start_ns
+            for topic, stamps in self.stamps_ns.items()
+            if stamps.size
         ]
         age_ns = round(float(np.median(np.concatenate(ages)))) if ages else 0
         return age_ns if abs(age_ns) > NS_PER_S and not self.is_twin else 0
@@ -282,23 +287,26 @@ class Recording:
     @property
     def frames(self) -> dict[str, set[str]]:
         """The frames that each sensor's headers name."""
-        return {name: set(self._times[topic].frames) for topic, name in self._topics.sensors.items()}
+        return {name: set(self._times[topic].frames) for topic, name in self.sensor_topics.sensors.items()}
 
     def _absent_messages(self, times: Mapping[str, MessageTimes], bag: Bag) -> Iterator[Loss]:
         """Yield losses of messages that the bag's index counts or the sensors' own rhythm expects."""
-        stamps = [stamps for stamps in self._stamps.values() if stamps.size]
+        stamps = [stamps for stamps in self.stamps_ns.values() if stamps.size]
         if not stamps:
             return
         from_ns = min(int(each.min()) for each in stamps)
         logged_on_ns = max(bag.end_ns - max(int(each.log_ns.max()) for each in times.values() if len(each)), 0)
         to_ns = max(int(each.max()) for each in stamps) + logged_on_ns
         for topic, each in times.items():
-            label, counted = self._topics.label(topic), self.topics[topic].count_of(self._topics.types[topic])
+            label, counted = (
+                self.sensor_topics.label(topic),
+                self.topics[topic].count_of(self.sensor_topics.types[topic]),
+            )
             if not len(each):
                 yield absent(label, topic, "it is empty")
-            elif (loss := missing(label, self._stamps[topic], from_ns, to_ns)) is not None:
+            elif (loss := missing(label, self.stamps_ns[topic], from_ns, to_ns)) is not None:
                 yield loss
-            if (loss := crowded(label, self._stamps[topic])) is not None:
+            if (loss := crowded(label, self.stamps_ns[topic])) is not None:
                 yield loss
             if counted > len(each):
                 what = f"that the bag's index counts on {topic} are not there"

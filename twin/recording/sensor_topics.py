@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -35,6 +35,13 @@ class SensorTopics:
     depths: dict[str, str] = field(default_factory=dict)
     types: dict[str, str] = field(default_factory=dict)
     losses: list[Loss] = field(default_factory=list)
+
+    def of(self, names: Collection[str]) -> SensorTopics:
+        """Return the topics of these sensors."""
+        sensors, depths = (
+            {topic: name for topic, name in each.items() if name in names} for each in (self.sensors, self.depths)
+        )
+        return SensorTopics(sensors, depths, {topic: self.types[topic] for topic in (*sensors, *depths)})
 
     def label(self, topic: str) -> str:
         """Return the topic's name in warnings: its sensor."""

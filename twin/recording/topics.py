@@ -20,6 +20,7 @@ TRUTH_BOXES = "/truth/boxes"
 TRUTH_RAYS = "/truth/rays"
 TRUTH_SITUATIONS = "/truth/situations"
 TRUTH_MARKERS = "/truth/markers"
+ROOM_MARKERS = "/room/markers"
 
 ROOM_FRAME = "room"
 

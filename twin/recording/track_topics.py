@@ -96,8 +96,9 @@ def copy_with_tracks(
     trackers: Sequence[str],
     frames: Iterable[tuple[str, TrackFrame]],
     on_warning: OnWarning = lambda warning: None,
+    add: Callable[[McapFile], object] = lambda bag: None,
 ) -> None:
-    """Copy a recording to `target` (a `.mcap`) with these frames by tracker's name.
+    """Copy a recording to `target` (a `.mcap`) with these frames by tracker's name, and what `add` writes.
 
     Messages of a ROS 2 bag are copied as they are, those of ROS 1 as ROS 2 encodes them, by the definitions in the bag. A
     robot's bag gets `/tf_static` from the frame of the room, in which tracks are, to those of its sensors as the rig has
@@ -126,6 +127,7 @@ def copy_with_tracks(
         for connection, log_time_ns, data in original.raw_messages(kept):
             copy, convert = copies[connection.id]
             bag.write_on(copy, log_time_ns, convert(data))
+        add(bag)
         for tracker, frame in frames:
             tracks.write(tracker, frame)
 

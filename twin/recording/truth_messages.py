@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isnan
 
 import numpy as np
@@ -150,6 +150,20 @@ class PeopleMarkers:
         return _marker(
             self._style.labels, id_, Marker.TEXT_VIEW_FACING, Vector3(0.0, 0.0, 0.2), Color(1.0, 1.0, 1.0, 1.0), text
         )
+
+
+def encode_outline(outlines: Sequence[NDArray[np.float64]]) -> memoryview:
+    """Encode the room's plan, convex outlines (k, 2) [m], as a MarkerArray (CDR): their edges on the floor, at stamp 0."""
+    edges = [
+        (a, b) for each in outlines for a, b in zip(each.tolist(), np.roll(each, -1, axis=0).tolist(), strict=True)
+    ]
+    marker = replace(
+        _marker("room", 1, Marker.LINE_LIST, Vector3(0.03, 0.0, 0.0), Color(0.7, 0.7, 0.7, 1.0)),
+        header=Header(time_message(0), ROOM_FRAME),
+        pose=PoseMessage(Point(0.0, 0.0, 0.0), Quaternion(0.0, 0.0, 0.0, 1.0)),
+        points=[Point(x, y, 0.0) for edge in edges for x, y in edge],
+    )
+    return TYPESTORE.serialize_cdr(MarkerArray([marker]), MARKER_ARRAY)  # pyright: ignore[reportArgumentType]
 
 
 # Values that no place, size, colour or string of ours can hold.

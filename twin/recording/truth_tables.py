@@ -19,18 +19,20 @@ A frame without people is one row with its stamp (and its sensor) alone. Numbers
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TextIO
 
+from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from twin.recording import topics
 from twin.recording.atomic_file import open_atomic
 from twin.recording.ros_messages import string_message
 from twin.recording.situation_table import encode_situation, situation_writer
 from twin.recording.tables import Row, cell, plain, seconds_cell
-from twin.truth.frames import BoxFrame, FootTruth, PersonTruth, RayFrame, Situation, TruthDetail, TruthFrame
+from twin.truth.frames import Box, BoxFrame, FootTruth, PersonTruth, RayFrame, Situation, TruthDetail, TruthFrame
 
 PEOPLE_COLUMNS = ("id", "name")
 _FOOT_NUMBERS = ("x", "y", "z", "yaw", "load_n", "pressure_x", "pressure_y")
@@ -119,6 +121,20 @@ def encode_detail(detail: TruthDetail) -> tuple[str, int, memoryview]:
             return topics.TRUTH_RAYS, detail.stamp_ns, _encode_frame(detail, RAY_COLUMNS)
         case Situation():
             return topics.TRUTH_SITUATIONS, detail.end_ns, encode_situation(detail)
+
+
+def decode_boxes(text: str, stamp_ns: int) -> BoxFrame:
+    """Decode the boxes of a picture that `encode_detail` wrote; raises InputError for another text."""
+    try:
+        rows = json.loads(text)
+        boxes = [{name: row[name] for name in BOX_COLUMNS[2:]} for row in rows if row["id"] is not None]
+        return BoxFrame(
+            stamp_ns, rows[0]["camera"], tuple(Box(**row | {"truncated": bool(row["truncated"])}) for row in boxes)
+        )
+    except (ValueError, KeyError, TypeError, IndexError) as error:
+        raise InputError(
+            f"topic {topics.TRUTH_BOXES}: holds {text[:60]!r}; a JSON list of objects with {','.join(BOX_COLUMNS)} is expected"
+        ) from error
 
 
 def _write_frame(stream: TextIO, frame: BoxFrame | RayFrame, columns: Sequence[str]) -> None:

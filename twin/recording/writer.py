@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Self
 
@@ -45,7 +45,7 @@ from twin.recording.ros_messages import (
     time_message,
 )
 from twin.recording.tables import TruthFrame
-from twin.recording.truth_messages import MARKER_ARRAY, PeopleMarkers, encode_people
+from twin.recording.truth_messages import MARKER_ARRAY, PeopleMarkers, encode_outline, encode_people
 from twin.recording.truth_tables import DETAIL_TOPICS, encode_detail, encode_feet
 from twin.truth.frames import TruthDetail
 
@@ -79,8 +79,11 @@ class BagWriter(McapFile):
         *,
         scenario_yaml: str | None = None,
         names: Mapping[int, str] | None = None,
+        outline: Sequence[NDArray[np.float64]] = (),
     ) -> None:
         """Prepare the bag; `scenario_yaml` is the resolved scenario's text, `names`, by id, label the people's markers.
+
+        `outline`: the room's plan, convex outlines (k, 2) [m].
 
         Messages are written with their own stamps: a reader adds the rig's time offsets. Raises ValueError for a path without
         `.mcap`.
@@ -89,6 +92,7 @@ class BagWriter(McapFile):
         self._rig = rig
         self._scenario_yaml = scenario_yaml
         self._markers = PeopleMarkers(names or {})
+        self._outline = outline
         self._camera_infos = {
             name: bytearray(TYPESTORE.serialize_cdr(_camera_info(name, camera.intrinsics), CAMERA_INFO))
             for name, camera in rig.cameras().items()
@@ -164,6 +168,7 @@ class BagWriter(McapFile):
             self.write(topics.SCENARIO, 0, TYPESTORE.serialize_cdr(String(self._scenario_yaml), STRING))
         transforms = [_transform(name, sensor.room_from_sensor) for name, sensor in self._rig.sensors.items()]
         self.write(topics.TF_STATIC, 0, TYPESTORE.serialize_cdr(TFMessage(transforms), TF_MESSAGE))
+        write_outline(self, self._outline)
 
     def _topic(self, sensor: str, suffix: str) -> str:
         """Return the topic of a further message of an observation."""
@@ -176,6 +181,13 @@ class BagWriter(McapFile):
         # The header comes first in the message, and its stamp first in the header, after CDR's four bytes.
         struct.pack_into("<iI", message, 4, *divmod(observation.stamp_ns, NS_PER_S))
         return bytes(message)
+
+
+def write_outline(bag: McapFile, outline: Sequence[NDArray[np.float64]]) -> None:
+    """Write the room's plan, convex outlines (k, 2) [m], as markers that late viewers get too; nothing for an empty plan."""
+    if len(outline):
+        bag.connect(topics.ROOM_MARKERS, MARKER_ARRAY, latched(depth=1))
+        bag.write(topics.ROOM_MARKERS, 0, encode_outline(outline))
 
 
 def latched(depth: int) -> tuple[Qos, ...]:

@@ -240,7 +240,14 @@ class _LiveRun:
     def _opened_bag(self, stack: ExitStack) -> BagWriter:
         """Open the bag and the tables of the truth, and pass tracks and truth on to them."""
         folder, rig = self._out.path, self._simulation.rig
-        writer = BagWriter(folder / "recording.mcap", rig, scenario_yaml=self._resolved, names=self._place.person_names)
+        place = self._place
+        writer = BagWriter(
+            folder / "recording.mcap",
+            rig,
+            scenario_yaml=self._resolved,
+            names=place.person_names,
+            outline=place.outline,
+        )
         bag = stack.enter_context(writer)
         self._feed.on_frame = TrackTopics(bag, [each.name for each in self._chosen]).write
         table = stack.enter_context(truth_writer(folder / "truth.csv", list(self._simulation.views)))

@@ -156,3 +156,33 @@ def _clear_leftovers(folder: Path, names: set[str]) -> None:
                 shutil.rmtree(left, ignore_errors=True)
             else:
                 left.unlink(missing_ok=True)
+
+
+@contextmanager
+def whole_folder(path: Path) -> Iterator[Path]:
+    """Yield a hidden folder beside `path`, which takes that name when the block ends well; else it is removed.
+
+    It takes the place of a folder that this function made. Raises InputError where another folder or file stands there, and
+    where it cannot be written or the disk is full.
+    """
+    path = Path(os.path.abspath(path))
+    if path.exists() and not (path / MADE).is_file() and not (path.is_dir() and not any(path.iterdir())):
+        raise InputError(
+            f"--out {path}: exists and was not made by `twin export`; the name of a new folder is expected"
+        )
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    replaced = path.with_name(f".{path.name}.{os.getpid()}.replaced")
+    try:
+        partial.mkdir(parents=True)
+        yield partial
+        (partial / MADE).write_text("[]", encoding="utf-8")
+        if path.exists():
+            os.replace(path, replaced)
+        os.replace(partial, path)
+    except OSError as error:
+        raise InputError(
+            f"--out {path}: cannot be written ({error.strerror}); a writable place with free space is needed"
+        ) from error
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+        shutil.rmtree(replaced, ignore_errors=True)

@@ -155,7 +155,7 @@ class _Replay:
         self._truth = truth_table(self._truth_frames, str(bag.path)) if self._truth_frames else None
         self._situations = situation_table(bag.situations(), str(bag.path))
         names = {number: name for number, name in enumerate(scenario.people, start=1)} if scenario else None
-        outline = _outline(scenario) if request.report or request.video else []
+        outline = outline_of(scenario) if request.report or request.video else []
         scans = None if outline or not request.report else ScanDensity(bag.rig)
         self._place = Site(bag.rig, outline, names, scans)
         self._frames: list[tuple[str, TrackFrame]] = []
@@ -257,8 +257,8 @@ def _default_folder(recording: Path, bag: Recording) -> Path:
     return Path("out") / name
 
 
-def _outline(scenario: Scenario | None) -> list[Polygon]:
-    """Return the plan of the room of a twin's bag; empty where the room is not on this machine."""
+def outline_of(scenario: Scenario | None) -> list[Polygon]:
+    """Return the plan of the room of a twin's bag, convex outlines (k, 2) [m]; empty where the room is not on this machine."""
     if scenario is None:
         return []
     try:

@@ -325,7 +325,7 @@ def _calibration(results: Results) -> tuple[Markup, list[tuple[str, int, str]]] 
 
 
 def _slots(results: Results) -> dict[str, int]:
-    """Number the trackers in the order in which they come."""
+    """Assign each tracker a number, in order of appearance."""
     names = dict.fromkeys(key.tracker for key in results.groups)
     return {name: place for place, name in enumerate(names)}
 

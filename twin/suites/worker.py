@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.plain_data import parse_yaml
 from twin.evaluate.summary import Evaluation
+from twin.messages import OnWarning
 from twin.people.poses import PopulationMotion
 from twin.recording.bag import open_bag
 from twin.recording.tables import read_truth
@@ -148,6 +150,42 @@ def run_case(work: CaseWork) -> CaseResult:
                 warnings=tuple(warnings),
                 tracker_warnings=result.tracker_warnings,
             )
+
+
+@dataclass(frozen=True)
+class SuiteRecording:
+    """A recording of a suite: a name of its own, its bag in the cache, and the tables of tracks of its cases by tracker."""
+
+    name: str
+    bag: Path
+    tracks: Mapping[str, Path]
+
+
+def suite_recordings(
+    stack: ExitStack, cases: Sequence[Case], results: Path | None, cache: RecordingCache, on_warning: OnWarning
+) -> list[SuiteRecording]:
+    """Return the recordings of cases, made where the cache has none; they stay there at least until `stack` is closed.
+
+    `results`: folder of a run of the suite, for its tracks. Raises InputError as a simulation does.
+    """
+    found: dict[str, list[Case]] = {}
+    for case in cases:
+        found.setdefault(case.resolved, []).append(case)
+    recordings = []
+    for resolved, own in found.items():
+        scenario = resolved_scenario(own[0])
+        key = recording_key(resolved, renderer_of(scenario))
+        entry, _ = stack.enter_context(cache.recording(key, partial(record, scenario), on_warning))
+        name = file_name("-".join(filter(None, (own[0].scenario, own[0].variant, str(own[0].seed)))))
+        tables = {
+            case.tracker: results / "cases" / case.id / "tracks" / f"{file_name(case.tracker)}.csv"
+            for case in own
+            if results is not None
+        }
+        recordings.append(
+            SuiteRecording(name, entry / RECORDING, {each: path for each, path in tables.items() if path.is_file()})
+        )
+    return recordings
 
 
 def resolved_scenario(case: Case) -> Scenario:

@@ -55,7 +55,7 @@ class PersonRows:
     notes: tuple[str, ...]
 
     def ids(self) -> NDArray[np.int64]:
-        """Number each row's person from 1 on, (n,): the label where all are such numbers, else counted by label."""
+        """Return a number per row's person (n,), from 1 on: the label where all are such numbers, else counted by label."""
         labels = sorted(set(self.labels), key=label_order)
         whole = all(label.isdecimal() and int(label) > 0 for label in labels)
         number = {label: int(label) if whole else place for place, label in enumerate(labels, start=1)}

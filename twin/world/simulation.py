@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import groupby
@@ -223,10 +223,12 @@ class Simulation:
         """Return the pixel boxes of the people in each camera's picture at time t [s], by name."""
         return {name: person_boxes(people) for name, people in self.person_images(t).items()}
 
-    def person_images(self, t: float) -> dict[str, NDArray[np.int16]]:
-        """Return the person that each pixel of each camera shows at time t [s], by name (`PersonImaging.person_image`)."""
+    def person_images(self, t: float, cameras: Collection[str] | None = None) -> dict[str, NDArray[np.int16]]:
+        """Return the person that each pixel shows at time t [s], by camera (`PersonImaging.person_image`); of `cameras` alone
+        if given."""
         snapshot = self.world.snapshot(t)
-        return {name: camera.person_image(snapshot) for name, camera in self._cameras().items()}
+        found = self._cameras().items()
+        return {name: each.person_image(snapshot) for name, each in found if cameras is None or name in cameras}
 
     def snapshot(self, t: float) -> Snapshot:
         """Return the world at time t [s], after the truth of every stamp until then has been told."""

@@ -184,3 +184,5 @@ def test_a_bare_colour_is_a_comment_in_a_file_and_a_text_on_the_command_line(tmp
     for value in (f" '{colour}'", f" dark {colour}", f"  # {colour}\n  b: 1", f" x # {colour}"):
         parse_yaml(f"hair:{value}\n", "s.yaml", "a scenario")
     assert parse_yaml_value(colour, "--set hair") == colour
+    in_list = parse_yaml_value(f"[{colour}, 'room #101', \"x, #fff\", {{hair: {colour}}}, {colour}]", "--set hair")
+    assert in_list == [colour, "room #101", "x, #fff", {"hair": colour}, colour]

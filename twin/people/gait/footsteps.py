@@ -97,7 +97,7 @@ class Footsteps:
     """
 
     def __init__(self, skeleton: Skeleton, count: int) -> None:
-        """The feet are nowhere yet: `stand` or `walk` puts them under their bodies."""
+        """Leave the feet unplaced: `stand` or `walk` puts them under their bodies."""
         self._scale = skeleton.scale
         self._apart = FEET_APART_M * skeleton.scale
         self._per_leg = 1.0 / skeleton.leg

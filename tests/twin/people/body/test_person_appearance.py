@@ -5,10 +5,18 @@ from __future__ import annotations
 from colorsys import rgb_to_hsv
 from dataclasses import asdict
 
+import cv2
 import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from trackers.cameras import CameraGroup
+from trackers.likelihood.stereo_head import StereoHeadOptions
+from trackers.observations import DepthImage
+from trackers.rig import placed_camera
+from trackers.vision.head_model import load_head_model
+from trackers.vision.head_outlines import inner_points, outlines
+from twin import Simulation, load_scenario, truth_table
 from twin.people.body.appearance import appearance_of
 from twin.scenario.behaviour import Walk, Wander
 from twin.scenario.person import Person, wardrobe
@@ -37,6 +45,53 @@ def test_skin_tones_are_those_of_photographs(tone):
     hue, saturation, _ = rgb_to_hsv(*wardrobe().rgb("skin", tone))
     assert 4 <= 180 * hue <= 15
     assert 68 <= 255 * saturation <= 179
+
+
+def lab(garment, name):
+    rgb = np.array(wardrobe().rgb(garment, name), np.float32)
+    return cv2.cvtColor(rgb[None, None], cv2.COLOR_RGB2LAB)[0, 0]
+
+
+@pytest.mark.parametrize(
+    ("garment", "name", "measured", "within"),
+    [
+        # tresses by diffuse reflectance: Scanavez et al., J. Cosmet. Sci. 51 (2000), tables III and IV
+        ("hair", "black", (18.0, 0.0, -0.9), 1.5),
+        ("hair", "dark-brown", (23.0, 4.0, 4.8), 1.5),
+        # Munsell chips matched in daylight: 7.5YR 3/4 and, greying, 7.5YR 5/2, of which ours is the neutral one
+        ("hair", "brown", (30.4, 10.6, 21.9), 4.0),
+        ("hair", "grey", (51.0, 4.9, 11.1), 15.0),
+        # faces by spectrophotometer: Yun et al. (2010); the darkest of five groups of IADR 2009, abstract 120461
+        ("skin", "medium", (64.2, 9.0, 18.3), 11.0),
+        ("skin", "dark", (26.7, 14.6, 14.7), 5.0),
+    ],
+)
+def test_skin_and_hair_are_as_near_as_stated_to_measured_ones(garment, name, measured, within):
+    assert np.linalg.norm(lab(garment, name) - measured) < within
+
+
+def test_skin_has_a_tone_of_each_typology_angle():
+    tones = np.array([lab("skin", tone) for tone in wardrobe().colours["skin"]])
+    angle_deg = np.degrees(np.arctan2(tones[:, 0] - 50, tones[:, 2]))  # Chardon et al. (1991)
+    assert np.digitize(angle_deg, (55, 41, 28, 10, -30)).tolist() == [0, 1, 2, 3, 4, 5]
+
+
+@pytest.mark.parametrize(("heading_deg", "least", "most"), [(39.5, 0.0, 0.3), (219.5, 0.5, 0.9)])
+def test_a_black_haired_head_is_skin_from_the_front_and_hardly_from_behind(heading_deg, least, most):
+    # as rendered, with noise, compressed: the share of skin in the head's ellipse (Suzuki et al., eq. 4)
+    changes = [f"people.ben={{start: [0.2, -1.75], heading_deg: {heading_deg}, script: {{kind: stand}}}}"]
+    changes += [f"sensors.stereo_{k}=null" for k in (2, 3, 4)]
+    looks = ["people.ben.skin=fair", "people.ben.hair=black", "people.ben.hair_style=short", "people.ben.cap=none"]
+    scenario = load_scenario("head-sequence-2", [*changes, *looks, "sensors.stereo_1.mode=ideal", "duration_s=0.2"])
+    truth = []
+    with Simulation(scenario, on_truth=truth.append) as simulation:
+        image = next(each for each in simulation if isinstance(each, DepthImage))
+        camera = placed_camera(simulation.rig.cameras()["stereo_1"])
+    first = truth_table(truth)
+    head = np.array([first.head_x[0], first.head_y[0], first.head_z[0], first.head_yaw[0]])[:, None, None]
+    seen_as = outlines(CameraGroup([camera]), head, StereoHeadOptions().semi_axes_m)
+    column, row = (np.rint(each[:, 0]).astype(int) for each in seen_as.pixels(inner_points(200)))
+    assert least < load_head_model().skin.shown_in(image.rgb)[row, column].mean() < most
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,259 @@
+"""Exports, read back by other people's readers."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+from rosbags.highlevel import AnyReader
+from typer.testing import CliRunner
+
+from trackers.rig import placed_camera
+from twin.cli import app
+from twin.export.coco import run_lengths
+from twin.export.labels import KEYPOINTS
+from twin.recording.reader import Recording
+from twin.recording.tables import read_truth
+from twin.run.live import run_scenario
+from twin.scenario import load_scenario
+
+_SCENARIO = """
+name: short
+room: lab
+duration_s: 1.5
+truth: {boxes_hz: 5}
+people:
+  ann: {start: [-0.4, 1.2], script: {kind: walk, waypoints: [[0.8, 1.6]]}}
+  bob: {start: [0.6, 1.0], script: {kind: stand, for_s: 60}}
+sensors:
+  waist: {kind: laser, role: waist, rate_hz: 10, mount: {xyz: [0, 0, 0.95], yaw_deg: 90}}
+  low: {kind: laser, role: knee, rate_hz: 7, mount: {xyz: [0, 0, 0.3], yaw_deg: 90}}
+  fish: {kind: fisheye, rate_hz: 5, size: [120, 120], mount: {xyz: [0, 0, 1.05], yaw_deg: 90}, lens: equidistant_185}
+  depth: {kind: stereo, rate_hz: 5, size: [96, 72], vertical_field_of_view_deg: 59, baseline_m: 0.12, mode: ideal,
+          mount: {xyz: [0.9, -0.05, 2.0], yaw_deg: 100, pitch_deg: 25}}
+"""
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A short run with two scanners and two cameras, tracked by the plain tracker."""
+    folder = tmp_path_factory.mktemp("export")
+    (folder / "short.yaml").write_text(_SCENARIO)
+    run_scenario(load_scenario(str(folder / "short.yaml")), trackers=["sort"], out=folder / "run", video=False)
+    return folder / "run"
+
+
+def _export(source: Path, kind: str, out: Path, *options: str) -> Path:
+    result = CliRunner().invoke(app, ["export", str(source), "--format", kind, "--out", str(out), *options])
+    assert result.exit_code == 0, (result.output, result.exception)
+    return out
+
+
+def test_mot_is_read_by_motmetrics(run: Path, tmp_path: Path) -> None:
+    motmetrics = pytest.importorskip("motmetrics")
+    out = _export(run, "mot", tmp_path / "mot")
+    sequences = (out / "gt/seqmaps/roomtwin-all.txt").read_text().split()[1:]
+    assert sequences == ["run-ground", "run-fish", "run-depth"] or sequences == ["run-ground", "run-depth", "run-fish"]
+    boxes = np.genfromtxt(run / "truth_boxes.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
+    for camera in ("fish", "depth"):
+        folder = out / "gt/roomtwin-all" / f"run-{camera}"
+        read = motmetrics.io.loadtxt(folder / "gt/gt.txt", fmt="mot16").reset_index()
+        own = boxes[(boxes["camera"] == camera) & (boxes["id"] > 0)]
+        assert len(read) == len(own) > 0
+        # motmetrics takes the 1 of MOTChallenge's pixels off again
+        assert read[["X", "Y", "Width", "Height"]].to_numpy() == pytest.approx(
+            np.stack([own[name] for name in ("left", "top", "width", "height")], axis=-1)
+        )
+        stamps = np.genfromtxt(folder / "frames.csv", delimiter=",", skip_header=1)
+        assert set(stamps[:, 1]) == set(boxes[boxes["camera"] == camera]["t"])
+        info = dict(line.split("=") for line in (folder / "seqinfo.ini").read_text().splitlines()[1:])
+        assert int(info["seqLength"]) == len(list((folder / "img1").iterdir())) == len(stamps)
+        assert float(info["frameRate"]) == pytest.approx(5)
+        tracks = motmetrics.io.loadtxt(out / f"trackers/roomtwin-all/sort/data/run-{camera}.txt", fmt="mot16")
+        assert len(tracks) > 0
+        assert (tracks[["Width", "Height"]].to_numpy() > 0).all()
+    ground = np.loadtxt(out / "gt/roomtwin-all/run-ground/gt/gt.txt", delimiter=",")
+    truth = read_truth(run / "truth.csv")
+    own = np.isin(truth.stamps_ns, np.unique(Recording(run / "recording.mcap").stamps_ns["/waist/scan"]))
+    assert ground[:, 7:9] == pytest.approx(np.stack([truth.x[own], truth.y[own]], axis=-1), abs=1e-4)
+
+
+def test_labels_of_any_picture_are_those_of_the_run(run: Path, tmp_path: Path) -> None:
+    held = _export(run, "mot", tmp_path / "held")
+    again = _export(run, "mot", tmp_path / "again", "--labels-hz", "5")
+    for camera in ("fish", "depth"):
+        name = f"gt/roomtwin-all/run-{camera}/gt/gt.txt"
+        assert (held / name).read_text() == (again / name).read_text()
+
+
+def test_coco_is_read_by_pycocotools(run: Path, tmp_path: Path) -> None:
+    coco_module = pytest.importorskip("pycocotools.coco", reason="pycocotools is not installed")
+    out = _export(run, "coco", tmp_path / "coco")
+    coco = coco_module.COCO(str(out / "annotations.json"))
+    assert coco.cats[1]["keypoints"] == list(KEYPOINTS)
+    assert len(coco.anns) > 0
+    for annotation in coco.anns.values():
+        image = coco.imgs[annotation["image_id"]]
+        mask = coco.annToMask(annotation).astype(bool)
+        assert mask.shape == (image["height"], image["width"])
+        assert mask.sum() == annotation["area"]
+        rows, columns = np.nonzero(mask)
+        left, top, width, height = annotation["bbox"]
+        assert (left, top) == (columns.min(), rows.min())
+        assert (left + width, top + height) == (columns.max() + 1, rows.max() + 1)
+        points = np.array(annotation["keypoints"]).reshape(-1, 3)
+        shown = points[points[:, 2] == 2]
+        assert (
+            (shown[:, :2] >= (left - 1.5, top - 1.5)) & (shown[:, :2] <= (left + width + 1.5, top + height + 1.5))
+        ).all()
+        assert annotation["num_keypoints"] == (points[:, 2] > 0).sum()
+    for image in coco.imgs.values():
+        picture = cv2.imread(str(out / "images" / image["file_name"]))
+        assert picture.shape[:2] == (image["height"], image["width"])
+
+
+def test_coco_of_the_bag_alone_has_its_boxes(run: Path, tmp_path: Path) -> None:
+    whole = json.loads((_export(run, "coco", tmp_path / "whole") / "annotations.json").read_text())
+    held = json.loads((_export(run, "coco", tmp_path / "held", "--labels", "bag") / "annotations.json").read_text())
+    assert [each["bbox"] for each in held["annotations"]] == [each["bbox"] for each in whole["annotations"]]
+    assert held["images"] == whole["images"]
+    assert held["categories"][0]["keypoints"] == ["head", "pelvis"]
+
+
+def test_run_lengths_start_with_a_run_of_0() -> None:
+    mask = np.array([[1, 0], [1, 0], [0, 1]], dtype=bool)
+    assert run_lengths(mask) == {"size": [3, 2], "counts": [0, 2, 3, 1]}
+    assert run_lengths(~mask) == {"size": [3, 2], "counts": [2, 3, 1]}
+
+
+def test_calibrations_are_read_by_opencv_and_ros(run: Path, tmp_path: Path) -> None:
+    out = _export(run, "images", tmp_path / "images") / "run"
+    recording = Recording(run / "recording.mcap")
+    points = np.array([[0.2, 1.5, 0.4], [-0.3, 1.8, 1.2], [0.5, 1.2, 0.9]])
+    for name, camera in recording.rig.cameras().items():
+        storage = cv2.FileStorage(str(out / name / "opencv.yaml"), cv2.FILE_STORAGE_READ)
+        matrix, bend = storage.getNode("camera_matrix").mat(), storage.getNode("distortion_coefficients").mat()
+        pose = storage.getNode("rvec").mat(), storage.getNode("tvec").mat()
+        is_fisheye = storage.getNode("camera_model").string() == "fisheye"
+        if is_fisheye:
+            pixels, _ = cv2.fisheye.projectPoints(points[None], *pose, matrix, bend)
+        else:
+            pixels, _ = cv2.projectPoints(points, *pose, matrix, bend)
+        ours, shown = placed_camera(camera).project(points)
+        assert shown.any()
+        assert pixels.reshape(-1, 2)[shown] == pytest.approx(ours[shown], abs=1e-6)
+        info = yaml.safe_load((out / name / "camera_info.yaml").read_text())
+        assert info["distortion_model"] == ("equidistant" if is_fisheye else "plumb_bob")
+        assert np.array(info["camera_matrix"]["data"]) == pytest.approx(camera.intrinsics.matrix.ravel())
+        files = {row.split(",")[2] for row in (out / name / "stamps.csv").read_text().splitlines()[1:]}
+        found = {path.relative_to(out / name).as_posix() for path in (out / name).rglob("*.[jp][pn]g")}
+        assert files == found
+        assert len(files) == recording.counts[name] * (1 if is_fisheye else 2)
+
+
+def test_kitti_projects_points_and_people_into_the_picture(run: Path, tmp_path: Path) -> None:
+    root = _export(run, "kitti", tmp_path / "kitti") / "training"
+    rows = {
+        line.split()[0].strip(":"): np.array(line.split()[1:], dtype=float) for line in (root / "calib/0000.txt").open()
+    }
+    level_from_velodyne, velodyne_from_room = (rows[name].reshape(3, 4) for name in ("Tr_velo_cam", "Tr_imu_velo"))
+    rig = Recording(run / "recording.mcap").rig
+    room = np.array([0.3, 1.4, 0.8, 1.0])
+    level = level_from_velodyne @ [*(velodyne_from_room @ room), 1.0]
+    pixel = rows["P2"].reshape(3, 4) @ [*level, 1.0]
+    assert pixel[:2] / pixel[2] == pytest.approx(placed_camera(rig.cameras()["depth"]).project(room[None, :3])[0][0])
+    truth = read_truth(run / "truth.csv")
+    stamps = np.genfromtxt(root / "frames/0000.csv", delimiter=",", skip_header=1)
+    for line in (root / "label_02/0000.txt").read_text().splitlines():
+        frame, id_, kind, truncated, occluded, *numbers = line.split()
+        alpha, left, top, right, bottom, height, width, length, x, y, z, rotation = map(float, numbers)
+        assert kind == "Pedestrian"
+        assert truncated in "012"
+        assert occluded in "0123"
+        at = (truth.stamps_ns == round(stamps[int(frame), 1] * 1e9)) & (truth.id == int(id_))
+        place = level_from_velodyne @ [*(velodyne_from_room @ [truth.x[at][0], truth.y[at][0], 0.0, 1.0]), 1.0]
+        assert (x, y, z) == pytest.approx(
+            place, abs=0.15
+        )  # the box's middle: head and pelvis are not one over the other
+        assert 1.4 < height < 2.0
+        assert 0 <= left < right <= 95
+        assert 0 <= top < bottom <= 71
+        assert abs(alpha) <= np.pi
+    points = np.fromfile(root / "velodyne/0000/000003.bin", dtype=np.float32).reshape(-1, 4)
+    assert len(points) > 300
+    assert np.abs(np.unique(points[:, 2].round(3))).max() == pytest.approx(0.65, abs=1e-3)  # both scanners' planes
+
+
+def test_foxglove_copy_plays_and_has_points(run: Path, tmp_path: Path) -> None:
+    out = _export(run, "foxglove", tmp_path / "foxglove")
+    with AnyReader([out / "run.mcap"]) as reader:
+        topics = reader.topics
+        assert {"/waist/points", "/low/points", "/room/markers", "/tf_static", "/tracks/sort/markers"} <= set(topics)
+        clouds = [c for c in reader.connections if c.topic == "/waist/points"]
+        scans = [c for c in reader.connections if c.topic == "/waist/scan"]
+        assert clouds[0].msgcount == scans[0].msgcount
+        _, _, data = next(reader.messages(clouds))
+        cloud = reader.deserialize(data, clouds[0].msgtype)
+        _, _, data = next(reader.messages(scans))
+        scan = reader.deserialize(data, scans[0].msgtype)
+        points = np.frombuffer(cloud.data.tobytes(), dtype="<f4").reshape(-1, 3)
+        hits = scan.ranges[(scan.ranges >= scan.range_min) & (scan.ranges < scan.range_max)]
+        assert np.hypot(points[:, 0], points[:, 1]) == pytest.approx(hits, rel=1e-5)
+        assert cloud.header.frame_id == "waist"
+    layout = json.loads((out / "run.layout.json").read_text())
+    shown = layout["configById"]["3D!room"]["topics"]
+    assert set(shown) <= set(topics) | {"/truth/markers"}
+
+
+def test_rerun_says_what_to_install_or_writes_a_file(run: Path, tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["export", str(run), "--format", "rerun", "--out", str(tmp_path / "rerun")])
+    try:
+        import rerun  # noqa: F401
+    except ImportError:
+        assert "rerun-sdk is not installed" in str(result.exception)
+        assert list(tmp_path.iterdir()) == []
+    else:
+        assert (tmp_path / "rerun/run.rrd").read_bytes()[:3] == b"RRF"
+
+
+def test_folder_of_somebody_else_is_refused_and_nothing_half_written(run: Path, tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine/notes.txt").write_text("kept")
+    result = CliRunner().invoke(app, ["export", str(run), "--format", "images", "--out", str(tmp_path / "mine")])
+    assert "was not made by" in str(result.exception)
+    assert [path.name for path in tmp_path.rglob("*")] == ["mine", "notes.txt"]
+
+
+def test_bag_without_truth_says_what_is_left_out(run: Path, tmp_path: Path) -> None:
+    bare = tmp_path / "bare.mcap"
+    _without_truth(run / "recording.mcap", bare)
+    rig = tmp_path / "rig.yaml"
+    rig.write_text(Recording(run / "recording.mcap").rig.dump_yaml())
+    out = _export(bare, "mot", tmp_path / "mot", "--rig", str(rig))
+    assert not (out / "gt/roomtwin-all/bare-fish/gt/gt.txt").exists()
+    assert len(list((out / "gt/roomtwin-all/bare-fish/img1").iterdir())) == 8
+    told = CliRunner().invoke(
+        app, ["export", str(bare), "--rig", str(rig), "--format", "kitti", "--out", str(tmp_path / "kitti")]
+    )
+    assert "holds no truth: label_02 is left out" in told.output
+    result = CliRunner().invoke(
+        app, ["export", str(bare), "--rig", str(rig), "--format", "coco", "--out", str(tmp_path / "c")]
+    )
+    assert "no recording has a camera and truth" in str(result.exception)
+
+
+def _without_truth(source: Path, target: Path) -> None:
+    from twin.recording.bag import open_bag
+    from twin.recording.bag_files import McapFile
+
+    with open_bag(source) as original, McapFile(target) as bag:
+        kept = [
+            each
+            for each in original.connections
+            if not each.topic.startswith(("/truth", "/rig", "/scenario", "/tracks"))
+        ]
+        copies = {each.id: bag.connect_as(each) for each in kept}
+        for connection, log_time_ns, data in original.raw_messages(kept):
+            bag.write_on(copies[connection.id], log_time_ns, data)

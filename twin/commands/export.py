@@ -1,0 +1,104 @@
+"""`twin export`: recordings in other people's formats."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from twin import models
+from twin.messages import OnWarning
+from twin.options import NoLimits, Rig
+
+if TYPE_CHECKING:
+    from twin.export.recorded import Recorded
+
+Format = Literal["mot", "kitti", "coco", "images", "rerun", "foxglove"]
+
+
+def export(
+    source: Annotated[
+        str, typer.Argument(metavar="RUN|BAG|SUITE", help="Folder of a run, any bag, or a suite: its name or file.")
+    ],
+    format_: Annotated[Format, typer.Option("--format", help="Format to write.")],
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder to make; default: out/<source>-<format>.")
+    ] = None,
+    rig: Rig = None,
+    labels: Annotated[
+        Literal["simulation", "bag"],
+        typer.Option(
+            help="Labels of coco: with masks and 17 keypoints, by simulating again; or what the bag's truth holds."
+        ),
+    ] = "simulation",
+    labels_hz: Annotated[
+        float | None,
+        typer.Option(
+            metavar="HZ",
+            help="Labelled pictures of each camera per second (mot, coco), by simulating again; default: those with boxes.",
+        ),
+    ] = None,
+    no_limits: NoLimits = False,
+) -> None:
+    """Write recordings in other people's formats: MOTChallenge, KITTI tracking, COCO, pictures, rerun, Foxglove."""
+    from trackers.errors import InputError
+    from twin.console import print_paths, print_warning
+    from twin.export.coco import export_coco
+    from twin.export.foxglove import export_foxglove
+    from twin.export.images import export_images
+    from twin.export.kitti import export_kitti
+    from twin.export.mot import export_mot
+    from twin.export.rerun_file import export_rerun
+    from twin.run.out_folder import whole_folder
+
+    if labels_hz is not None and not 0 < labels_hz < float("inf"):
+        raise InputError(f"--labels-hz {labels_hz}: is no rate; a number of pictures per second above 0 is expected")
+    if labels_hz is not None and (labels == "bag" or format_ not in ("mot", "coco")):
+        raise InputError("--labels-hz: has no effect here; --format mot or coco without --labels bag is expected")
+    if labels == "bag" and format_ != "coco":
+        raise InputError(f"--labels bag: has no effect on --format {format_}; --format coco is expected")
+    with ExitStack() as stack:
+        name, recordings = _recordings(stack, source, rig, print_warning)
+        folder = out if out is not None else Path("out") / f"{name}-{format_}"
+        with whole_folder(folder) as partial:
+            match format_:
+                case "mot":
+                    export_mot(recordings, partial, hz=labels_hz)
+                case "kitti":
+                    export_kitti(recordings, partial)
+                case "coco":
+                    export_coco(recordings, partial, simulate=labels == "simulation", hz=labels_hz)
+                case "images":
+                    export_images(recordings, partial)
+                case "rerun":
+                    export_rerun(recordings, partial)
+                case "foxglove":
+                    export_foxglove(recordings, partial)
+    print_paths({format_: folder})
+
+
+def _recordings(stack: ExitStack, source: str, rig: Path | None, on_warning: OnWarning) -> tuple[str, list[Recorded]]:
+    """Open what the source names, with a name for it; a suite's recordings stay in the cache while `stack` is open."""
+    from twin.export.recorded import open_recorded
+
+    path = Path(source)
+    is_results = (path / "results.sqlite").is_file()
+    if path.exists() and path.suffix not in (".yaml", ".yml") and not is_results:
+        found = open_recorded(path, rig, on_warning)
+        return found.name, [found]
+    from twin.suites.cache import RecordingCache, cache_limit_bytes
+    from twin.suites.expansion import expand
+    from twin.suites.spec import load_suite
+    from twin.suites.store_files import read_store
+    from twin.suites.worker import suite_recordings
+
+    facts = read_store(path).facts() if is_results else {"suite": source, "changes": []}
+    suite, file = load_suite(facts["suite"])
+    cases = expand(suite, file, facts["changes"], plug_ins=False)
+    cache = RecordingCache(models.cache_folder(), cache_limit_bytes())
+    recordings = suite_recordings(stack, cases, path if is_results else None, cache, on_warning)
+    return suite.name, [
+        open_recorded(each.bag, rig, on_warning, name=each.name, tables=each.tracks) for each in recordings
+    ]

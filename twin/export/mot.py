@@ -1,0 +1,242 @@
+"""MOTChallenge: a sequence per camera with boxes in its pictures, and one on the ground, laid out as TrackEval reads them.
+
+    gt/roomtwin-all/SEQUENCE/seqinfo.ini, img1/, gt/gt.txt, det/det.txt, frames.csv
+    gt/seqmaps/roomtwin-all.txt
+    trackers/roomtwin-all/TRACKER/data/SEQUENCE.txt
+
+Sequences are `RUN-CAMERA` and `RUN-ground`. A camera's frames are its labelled pictures (all of them without truth), numbered
+from 1; frames.csv has their stamps. Boxes are those of a person's visible pixels, in the image, 1-based as in MOTChallenge.
+Columns: frame, id, left, top, width, height, confidence, class, visibility. Class 1 is a person in the tracked area; one outside
+is a distractor (8, confidence 0), with whom a tracker's box may match unpunished, as in `twin evaluate`. On the ground they are
+those of 3D MOT 2015: frame, id, -1, -1, -1, -1, confidence, x, y, z [m], frames the stamps at which trackers report.
+
+Tracks and detections have places on the ground. In pictures they are boxes of upright people: as high as the track's head and
+0.12 m, else 1.7 m, and 0.5 m wide, cut at the image's edges. Source: Milan et al., MOT16, arXiv 1603.00831, 2016.
+"""
+
+from __future__ import annotations
+
+import csv
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.arrays import Array, Nanoseconds
+from trackers.errors import InputError
+from trackers.observations import NS_PER_S
+from trackers.rig import CameraSensor, placed_camera
+from twin.export.labels import Label, Labeller, open_labeller
+from twin.export.pictures import Picture, pictures
+from twin.export.recorded import Recorded, frame_rate_hz
+from twin.recording.tables import TrackTable, seconds_cell
+from twin.run.detections import write_detections
+
+BENCHMARK = "roomtwin-all"
+_HEAD_TOP_M, _UPRIGHT_M, _WIDE_M = 0.12, 1.7, 0.5
+_PERSON, _DISTRACTOR = 1, 8
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Places of tracks or detections by stamp: stamps ascending (n,) [ns], ids (n,), -1 for a detection, x, y, z of the head."""
+
+    stamps_ns: Nanoseconds
+    id: NDArray[np.int64]
+    xy: Array
+    head_z: Array
+
+    def near(self, stamp_ns: int, within_ns: float) -> Places:
+        """Return those of the stamp nearest to this one, none where that is further off than `within_ns`."""
+        place = int(np.searchsorted(self.stamps_ns, stamp_ns))
+        near = [self.stamps_ns[each] for each in (place - 1, place) if 0 <= each < self.stamps_ns.size]
+        best = min(near, key=lambda each: abs(int(each) - stamp_ns), default=None)
+        if best is None or abs(int(best) - stamp_ns) > within_ns:
+            return self.rows(slice(0, 0))
+        return self.rows(slice(*np.searchsorted(self.stamps_ns, [best, best + 1])))
+
+    def rows(self, rows: slice) -> Places:
+        """Return some of the places."""
+        return Places(self.stamps_ns[rows], self.id[rows], self.xy[rows], self.head_z[rows])
+
+    def boxes(self, camera: CameraSensor) -> tuple[Array, NDArray[np.bool_]]:
+        """Return boxes left, top, width, height [px] in the image, and a mask of the places that have one."""
+        height = np.where(np.isnan(self.head_z), _UPRIGHT_M, self.head_z + _HEAD_TOP_M)
+        corners, shown = placed_camera(camera).person_boxes(self.xy, height, _WIDE_M)
+        lens = camera.intrinsics
+        edges = np.array([lens.width, lens.height], dtype=float)
+        low, high = np.clip(corners[:, :2] + 0.5, 0, edges), np.clip(corners[:, 2:] + 0.5, 0, edges)
+        size = high - low
+        return np.concatenate([low, size], axis=1), shown & (size > 0).all(axis=1)
+
+
+def export_mot(recordings: Sequence[Recorded], out: Path, *, hz: float | None = None) -> None:
+    """Write the sequences of each recording; `hz`: labelled pictures per second, by simulating again (None: the bag's)."""
+    sequences: list[str] = []
+    for recorded in recordings:
+        detections = _detections(recorded)
+        sequences.append(_ground(recorded, out, detections))
+        with ExitStack() as stack:
+            labeller = open_labeller(stack, recorded, simulate=hz is not None, hz=hz)
+            sequences += _cameras(recorded, out, labeller, detections)
+        if not recorded.has_truth:
+            recorded.on_warning(f"{recorded.recording.path}: holds no truth: gt/gt.txt is left out")
+    (out / "gt/seqmaps").mkdir(parents=True)
+    (out / "gt/seqmaps" / f"{BENCHMARK}.txt").write_text("name\n" + "".join(f"{name}\n" for name in sequences))
+
+
+class _Sequence:
+    """The files of one sequence, open while its frames come."""
+
+    def __init__(self, stack: ExitStack, out: Path, name: str, recorded: Recorded, *, has_truth: bool) -> None:
+        self.name, self.folder = name, out / "gt" / BENCHMARK / name
+        self.stamps: list[int] = []
+        self.frames = self._open(stack, self.folder / "frames.csv")
+        self.frames.write("frame,t\n")
+        self.truth = self._open(stack, self.folder / "gt/gt.txt") if has_truth else None
+        self.detections = self._open(stack, self.folder / "det/det.txt")
+        self.tracks = {
+            each: self._open(stack, out / "trackers" / BENCHMARK / each / "data" / f"{name}.txt")
+            for each in recorded.tracks
+        }
+
+    @staticmethod
+    def _open(stack: ExitStack, path: Path) -> TextIO:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return stack.enter_context(path.open("w", encoding="utf-8"))
+
+    def frame(self, stamp_ns: int) -> int:
+        """Begin the next frame; return its number."""
+        self.stamps.append(stamp_ns)
+        self.frames.write(f"{len(self.stamps)},{seconds_cell(stamp_ns)}\n")
+        return len(self.stamps)
+
+    def finish(self, width: int = 0, height: int = 0, suffix: str = "") -> None:
+        """Write seqinfo.ini."""
+        rate_hz = frame_rate_hz(np.array(self.stamps, dtype=np.int64))
+        lines = [
+            "[Sequence]", f"name={self.name}", "imDir=img1", f"frameRate={rate_hz:.6g}", f"seqLength={len(self.stamps)}",
+            f"imWidth={width}", f"imHeight={height}", f"imExt={suffix}",
+        ]  # fmt: skip
+        (self.folder / "seqinfo.ini").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _cameras(recorded: Recorded, out: Path, labeller: Labeller | None, detections: Places) -> list[str]:
+    cameras = recorded.recording.rig.cameras()
+    tracks = {name: _places(table) for name, table in recorded.tracks.items()}
+    within = {name: 0.5 * NS_PER_S / frame_rate_hz(table.frame_stamps_ns) for name, table in recorded.tracks.items()}
+    detected_within = 0.5 * NS_PER_S / frame_rate_hz(detections.stamps_ns)
+    with ExitStack() as stack:
+        sequences, suffixes = {}, {}
+        for picture, labels in _frames(recorded, list(cameras), labeller):
+            camera = cameras[picture.camera]
+            if picture.camera not in sequences:
+                name = f"{recorded.name}-{picture.camera}"
+                sequences[picture.camera] = _Sequence(stack, out, name, recorded, has_truth=labeller is not None)
+                (sequences[picture.camera].folder / "img1").mkdir()
+            sequence = sequences[picture.camera]
+            suffixes[picture.camera] = picture.suffix
+            number = sequence.frame(picture.stamp_ns)
+            picture.save(sequence.folder / "img1", number)
+            if sequence.truth is not None:
+                sequence.truth.writelines(_truth_row(number, label) for label in labels)
+            _write_boxes(sequence.detections, number, detections.near(picture.stamp_ns, detected_within), camera)
+            for each, places in tracks.items():
+                _write_boxes(sequence.tracks[each], number, places.near(picture.stamp_ns, within[each]), camera)
+        for name, sequence in sequences.items():
+            lens = cameras[name].intrinsics
+            sequence.finish(lens.width, lens.height, suffixes[name])
+    if missing := [name for name in cameras if name not in sequences]:
+        recorded.on_warning(
+            f"{recorded.recording.path}: no labelled picture of {', '.join(missing)}: left out; --labels-hz labels any"
+        )
+    return [sequence.name for sequence in sequences.values()]
+
+
+def _frames(
+    recorded: Recorded, cameras: list[str], labeller: Labeller | None
+) -> Iterator[tuple[Picture, tuple[Label, ...]]]:
+    if labeller is None:
+        yield from ((picture, ()) for picture in pictures(recorded, cameras))
+    else:
+        yield from ((each.picture, each.labels) for each in labeller.labelled(cameras))
+
+
+def _truth_row(frame: int, label: Label) -> str:
+    box = label.box
+    kind, confidence = (_PERSON, 1) if label.in_area else (_DISTRACTOR, 0)
+    visible = -1 if np.isnan(label.visible) else round(label.visible, 4)
+    return f"{frame},{box.id},{box.left + 1},{box.top + 1},{box.width},{box.height},{confidence},{kind},{visible}\n"
+
+
+def _write_boxes(stream: TextIO, frame: int, places: Places, camera: CameraSensor) -> None:
+    if places.id.size:
+        boxes, shown = places.boxes(camera)
+        for id_, (left, top, width, height) in zip(places.id[shown], boxes[shown], strict=True):
+            stream.write(f"{frame},{id_},{left + 1:.2f},{top + 1:.2f},{width:.2f},{height:.2f},1,-1,-1,-1\n")
+
+
+def _ground(recorded: Recorded, out: Path, detections: Places) -> str:
+    """Write the sequence on the ground: the truth at the stamps of the sensor at which trackers report."""
+    name = f"{recorded.name}-ground"
+    stamps = np.unique(recorded.stamps_ns(recorded.recording.rig.main_sensor))
+    number_of = {int(stamp): number for number, stamp in enumerate(stamps, start=1)}
+    within = 0.5 * NS_PER_S / frame_rate_hz(stamps)
+    with ExitStack() as stack:
+        sequence = _Sequence(stack, out, name, recorded, has_truth=recorded.has_truth)
+        for stamp_ns in stamps.tolist():
+            sequence.frame(stamp_ns)
+        if sequence.truth is not None:
+            for frame in recorded.recording.truth():
+                number = number_of.get(frame.stamp_ns, 0)
+                for person in frame.people if number else ():
+                    sequence.truth.write(_ground_row(number, person.id, int(person.in_area), person.x, person.y, 0.0))
+        files = {"": detections} | {tracker: _places(table) for tracker, table in recorded.tracks.items()}
+        for tracker, places in files.items():
+            stream = sequence.tracks[tracker] if tracker else sequence.detections
+            nearest = _nearest(stamps, places.stamps_ns)
+            for row in np.flatnonzero(np.abs(stamps[nearest] - places.stamps_ns) <= within) if stamps.size else ():
+                x, y = places.xy[row]
+                stream.write(_ground_row(int(nearest[row]) + 1, int(places.id[row]), 1, x, y, 0.0))
+        sequence.finish()
+    return name
+
+
+def _ground_row(frame: int, id_: int, confidence: int, x: float, y: float, z: float) -> str:
+    return f"{frame},{id_},-1,-1,-1,-1,{confidence},{x:.4f},{y:.4f},{z:g}\n"
+
+
+def _nearest(stamps: Nanoseconds, wanted: Nanoseconds) -> NDArray[np.intp]:
+    if stamps.size < 2:
+        return np.zeros(wanted.size, dtype=np.intp)
+    after = np.clip(np.searchsorted(stamps, wanted), 1, stamps.size - 1)
+    return after - (wanted - stamps[after - 1] < stamps[after] - wanted)
+
+
+def _places(table: TrackTable) -> Places:
+    return Places(table.stamps_ns, table.id, np.stack([table.x, table.y], axis=-1), table.head_z)
+
+
+def _detections(recorded: Recorded) -> Places:
+    """Detect people with the detector of the plain tracker; none where the rig has no scanner."""
+    rows = np.zeros((0, 3))
+    if recorded.recording.rig.lasers():
+        with tempfile.TemporaryFile("w+", encoding="utf-8") as table:
+            try:
+                write_detections(recorded.recording.path, table, tracker="sort", rig_path=recorded.rig_path)
+            except InputError as error:
+                recorded.on_warning(f"det/det.txt stays empty: {error}")
+            table.seek(0)
+            rows = np.array(
+                [(round(float(row["t"]) * NS_PER_S), row["x"], row["y"]) for row in csv.DictReader(table)], dtype=float
+            ).reshape(-1, 3)
+    else:
+        recorded.on_warning(f"{recorded.recording.path}: has no scanner: det/det.txt stays empty")
+    rows = rows[np.argsort(rows[:, 0], kind="stable")]
+    count = len(rows)
+    return Places(rows[:, 0].astype(np.int64), np.full(count, -1), rows[:, 1:], np.full(count, np.nan))

@@ -1,0 +1,154 @@
+"""Pictures of a recording as they are stored, the bytes of each JPEG or PNG, and the calibration of each camera.
+
+A picture's number counts those of its camera from 1 in the order in which they arrived, in every format. Bytes are copied where
+the message holds a JPEG or PNG; raw pictures become PNG, which loses nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from trackers.cameras import FisheyeIntrinsics, PinholeIntrinsics
+from trackers.errors import InputError
+from trackers.plain_data import dump_yaml
+from trackers.rig import CameraSensor
+from twin.export.recorded import Recorded
+from twin.recording.bag import decoded, open_bag
+from twin.recording.colour_images import decode_raw
+from twin.recording.depth_images import PNG_FORMAT, decode_depth, encode_png
+from twin.recording.ros_messages import COMPRESSED_IMAGE
+
+_SUFFIXES = {b"\xff\xd8\xff": ".jpg", b"\x89PNG": ".png"}
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Picture:
+    """One picture of a camera: number from 1 in order of arrival, stamp [ns], and its file's bytes and suffix.
+
+    is_depth: depth along the optical axis, 16 bits, in millimetres, 0 for none.
+    """
+
+    camera: str
+    number: int
+    stamp_ns: int
+    data: bytes
+    suffix: str
+    is_depth: bool = False
+
+    def save(self, folder: Path, number: int | None = None) -> str:
+        """Write `NNNNNN.jpg` or `.png` into the folder, under another number if one is given; return the file's name."""
+        name = f"{self.number if number is None else number:06d}{self.suffix}"
+        (folder / name).write_bytes(self.data)
+        return name
+
+    def rgb(self) -> np.ndarray:
+        """Decode the picture, (height, width, 3) RGB."""
+        image = cv2.imdecode(np.frombuffer(self.data, dtype=np.uint8), cv2.IMREAD_COLOR)
+        if image is None:
+            raise InputError(
+                f"image of {self.camera!r}: {len(self.data)} bytes that are no image; a JPEG or PNG is expected"
+            )
+        return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
+
+
+def pictures(recorded: Recorded, cameras: Collection[str], *, depth: bool = False) -> Iterator[Picture]:
+    """Yield the pictures of these cameras in order of arrival, read one at a time; with `depth` those of depth too.
+
+    A message that holds no picture keeps its number and is left out, with one warning for each camera.
+    """
+    recording = recorded.recording
+    found = recording.sensor_topics
+    names = {topic: name for topic, name in found.sensors.items() if name in cameras}
+    depths = {topic: name for topic, name in found.depths.items() if name in cameras} if depth else {}
+    types = {topic: found.types[topic] for topic in (*names, *depths)}
+    numbers, warned = dict.fromkeys(types, 0), set()
+    with open_bag(recording.path) as bag:
+        for topic, _, data, is_ros1 in bag.encoded_messages(types, in_file_order=recording.is_as_written):
+            number = numbers[topic] = numbers[topic] + 1
+            camera, is_depth = names.get(topic) or depths[topic], topic in depths
+            stamp_ns = int(recording.stamps_ns[topic][number - 1])
+            try:
+                message = decoded(data, types[topic], is_ros1)
+                content, suffix = _depth_file(message, camera) if is_depth else _colour_file(message, camera)
+            except InputError as error:
+                if topic not in warned:
+                    recorded.on_warning(f"{recording.path}: topic {topic}: left out what is no picture: {error}")
+                warned.add(topic)
+                continue
+            yield Picture(camera, number, stamp_ns, content, suffix, is_depth)
+
+
+def _colour_file(message: Any, camera: str) -> tuple[bytes, str]:
+    if message.__msgtype__ == COMPRESSED_IMAGE:
+        data = bytes(message.data)
+        for magic, suffix in _SUFFIXES.items():
+            if data.startswith(magic):
+                return data, suffix
+        raise InputError(f"image of {camera!r}: format is {message.format!r}; a JPEG or PNG is expected")
+    return png_of(decode_raw(message, f"image of {camera!r}")), ".png"
+
+
+def png_of(rgb: np.ndarray) -> bytes:
+    """Encode a picture (height, width, 3) RGB as PNG, fast rather than small."""
+    _, data = cv2.imencode(".png", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    return data.tobytes()
+
+
+def _depth_file(message: Any, camera: str) -> tuple[bytes, str]:
+    if message.__msgtype__ == COMPRESSED_IMAGE and message.format == PNG_FORMAT:
+        return bytes(message.data), ".png"
+    return encode_png(decode_depth(message, camera))[0].tobytes(), ".png"
+
+
+def write_calibration(folder: Path, name: str, camera: CameraSensor) -> None:
+    """Write `camera_info.yaml` (as ROS's camera_calibration writes it) and `opencv.yaml` (cv2.FileStorage) of a camera.
+
+    opencv.yaml holds camera_matrix, distortion_coefficients (k1 k2 p1 p2 k3, or of a fisheye k1 to k4 for cv2.fisheye), and
+    the extrinsics as OpenCV has them: rvec, tvec take points of the room [m] to the camera.
+    """
+    lens = camera.intrinsics
+    (folder / "camera_info.yaml").write_text(_camera_info_yaml(name, lens), encoding="utf-8")
+    camera_from_room = camera.room_from_sensor.rotation.T
+    storage = cv2.FileStorage(str(folder / "opencv.yaml"), cv2.FILE_STORAGE_WRITE)
+    storage.write("camera_name", name)
+    storage.write("camera_model", "pinhole" if isinstance(lens, PinholeIntrinsics) else "fisheye")
+    storage.write("image_width", lens.width)
+    storage.write("image_height", lens.height)
+    storage.write("camera_matrix", lens.matrix)
+    storage.write("distortion_coefficients", np.array([_coefficients(lens)]))
+    storage.write("rvec", cv2.Rodrigues(camera_from_room)[0])
+    storage.write("tvec", (-camera_from_room @ camera.room_from_sensor.translation).reshape(3, 1))
+    if (baseline_m := getattr(camera, "baseline_m", None)) is not None:
+        storage.write("baseline_m", baseline_m)
+    storage.release()
+
+
+def _coefficients(lens: FisheyeIntrinsics | PinholeIntrinsics) -> list[float]:
+    return list(lens.distortion if isinstance(lens, PinholeIntrinsics) else lens.k)
+
+
+def _camera_info_yaml(name: str, lens: FisheyeIntrinsics | PinholeIntrinsics) -> str:
+    """Format the calibration as camera_calibration_parsers reads it."""
+
+    def matrix(rows: int, columns: int, values: np.ndarray | list[float]) -> dict[str, Any]:
+        return {"rows": rows, "cols": columns, "data": [float(value) for value in np.ravel(values)]}
+
+    coefficients = _coefficients(lens)
+    return dump_yaml(
+        {
+            "image_width": lens.width,
+            "image_height": lens.height,
+            "camera_name": name,
+            "camera_matrix": matrix(3, 3, lens.matrix),
+            "distortion_model": "plumb_bob" if isinstance(lens, PinholeIntrinsics) else "equidistant",
+            "distortion_coefficients": matrix(1, len(coefficients), coefficients),
+            "rectification_matrix": matrix(3, 3, np.eye(3)),
+            "projection_matrix": matrix(3, 4, np.hstack([lens.matrix, np.zeros((3, 1))])),
+        }
+    )
