@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from twin.options import NoLimits
+
+if TYPE_CHECKING:
+    from trackers.arrays import Nanoseconds
 
 
 def evaluate(
@@ -20,22 +23,50 @@ def evaluate(
     frame_rate: Annotated[
         float | None, typer.Option(metavar="HZ", help="Frames a second, for tables that count frames [Hz].")
     ] = None,
+    format_: Annotated[
+        Literal["csv", "mot"],
+        typer.Option("--format", help="Tables with t,id,x,y in any order, or MOT text with places on the ground."),
+    ] = "csv",
     no_limits: NoLimits = False,
 ) -> None:
     """Compute metrics from two tables, as JSON."""
     import json
+    import sys
+    from dataclasses import replace
+
+    import numpy as np
 
     from trackers.errors import InputError
+    from trackers.observations import NS_PER_S
     from twin.console import print_warnings
     from twin.evaluate import evaluate_with_details
     from twin.recording.situation_table import read_situations
     from twin.recording.tables import MOST_TABLE_BYTES, read_tracks, read_truth
+    from twin.tables.headerless import sequence_info
 
     if not 0 < gate < float("inf"):
         raise InputError(f"--gate {gate}: is not a distance; a number of metres above 0 is expected")
+    is_mot, n_frame = format_ == "mot", 0
+    if is_mot:
+        rate_hz, n_frame = sequence_info(truth)
+        frame_rate = frame_rate if frame_rate is not None else rate_hz
     how = MOST_TABLE_BYTES, frame_rate, "--frame-rate"
-    tables = read_truth(truth, *how), read_tracks(tracks, *how)
+    tables = read_truth(truth, *how, mot=is_mot), read_tracks(tracks, *how, mot=is_mot)
+    if is_mot:  # a frame without rows is a frame without people
+        stamps = np.unique(np.concatenate([each.frame_stamps_ns for each in tables]))
+        if n_frame and frame_rate is not None:
+            stamps = np.union1d(stamps, [round(NS_PER_S * number / frame_rate) for number in range(1, n_frame + 1)])
+        tables = replace(tables[0], frame_stamps_ns=stamps), replace(tables[1], frame_stamps_ns=stamps)
     pairs = read_situations(situations) if situations is not None else None
     evaluation = evaluate_with_details(*tables, gate_m=gate, situations=pairs)
     print_warnings(evaluation.notes)
+    sys.stderr.write(f"twin: {_judged(evaluation.stamps_ns, tables[1].frame_stamps_ns)}\n")
     typer.echo(json.dumps(evaluation.metrics, indent=2))
+
+
+def _judged(judged_ns: Nanoseconds, tracked_ns: Nanoseconds) -> str:
+    """Say how many frames were judged, of how many, and from when to when."""
+    if not len(judged_ns):
+        return "no frame was judged"
+    first_s, last_s = judged_ns.min() / 1e9, judged_ns.max() / 1e9
+    return f"{len(judged_ns)} frames judged, {first_s:g} to {last_s:g} s; the tracks have {len(tracked_ns)}"

@@ -163,16 +163,23 @@ def track_writer(path: Path) -> Iterator[TrackWriter]:
 
 
 def read_truth(
-    path: AnyPath, most_bytes: int | None = None, frame_rate_hz: float | None = None, rate_field: str = "frame_rate_hz"
+    path: AnyPath,
+    most_bytes: int | None = None,
+    frame_rate_hz: float | None = None,
+    rate_field: str = "frame_rate_hz",
+    *,
+    mot: bool = False,
 ) -> TruthTable:
     """Read a `truth.csv` of no more than `most_bytes` (None: any size).
 
     t (or frame, with `frame_rate_hz`, which `rate_field` says), id, x and y suffice; see `read_person_rows` for the layouts. Ids
     that are not all whole numbers from 1 on are counted from 1. Without in_area all people are inside. Columns
-    visible_<sensor> are kept by sensor, others that the contract does not name are ignored. Raises InputError naming file,
-    line, column and value.
+    visible_<sensor> are kept by sensor, others that the contract does not name are ignored. `mot`: the file is MOT text with
+    places on the ground. Raises InputError naming file, line, column and value.
     """
-    found = read_person_rows(Path(path), "a truth table", most_bytes, frame_rate_hz, rate_field)
+    found = read_person_rows(
+        Path(path), "a truth table", most_bytes, frame_rate_hz, rate_field, "truth" if mot else None
+    )
     rows = found.rows
     visible = {}
     for name in rows.cells:
@@ -196,30 +203,29 @@ def read_truth(
 
 
 def read_tracks(
-    path: AnyPath, most_bytes: int | None = None, frame_rate_hz: float | None = None, rate_field: str = "frame_rate_hz"
+    path: AnyPath,
+    most_bytes: int | None = None,
+    frame_rate_hz: float | None = None,
+    rate_field: str = "frame_rate_hz",
+    *,
+    mot: bool = False,
 ) -> TrackTable:
     """Read a `tracks/<tracker>.csv` of no more than `most_bytes` (None: any size).
 
     t (or frame), id, x and y suffice, as in `read_truth`; status is "" where the table has none. Columns that the
-    contract does not name are passed over. Raises InputError naming file, line, column and value.
+    contract does not name are passed over. `mot` as in `read_truth`. Raises InputError naming file, line, column and value.
     """
-    found = read_person_rows(Path(path), "a tracks table", most_bytes, frame_rate_hz, rate_field)
+    found = read_person_rows(
+        Path(path), "a tracks table", most_bytes, frame_rate_hz, rate_field, "tracks" if mot else None
+    )
     rows = found.rows
     numbers = {name: _numbers(rows, name) for name in _TRACK_NUMBERS}
     status = rows.words("status", STATUSES) if "status" in rows.cells else np.zeros(len(rows), dtype="<U9")
     radius = _numbers(rows, "radius95_m")
     for row in np.flatnonzero(radius <= 0)[:1]:
         rows.refuse(int(row), "radius95_m", "a radius above 0 [m] or an empty cell")
-    return TrackTable(
-        os.fspath(path),
-        found.frame_stamps_ns,
-        found.stamps_ns,
-        found.ids(),
-        **numbers,
-        status=status,
-        radius95_m=radius,
-        notes=found.notes,
-    )
+    index = found.frame_stamps_ns, found.stamps_ns, found.ids()
+    return TrackTable(os.fspath(path), *index, **numbers, status=status, radius95_m=radius, notes=found.notes)
 
 
 def truth_table(frames: Iterable[TruthFrame], source: str = "truth") -> TruthTable:

@@ -5,6 +5,7 @@ People's paths are smooth, and heights vary little: where several readings fit, 
 
 from __future__ import annotations
 
+import configparser
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import nan
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.errors import InputError
+from trackers.text_file import read_text
 from twin.tables.columns import CsvColumns, columns_of
 from twin.tables.dialect import Cells
 
@@ -30,6 +32,41 @@ _LONG = 5
 _CLEARER = 0.5
 """Ratio by which people's paths are smoother in one order of columns than in the other, where the order is sure."""
 EXPECTED_COLUMNS = "columns t (or frame), id, x, y"
+
+
+_MOT_WIDTH = 10
+MOT_COLUMNS = {
+    "truth": ("frame", "id", "?left", "?top", "?width", "?height", "in_area", "x", "y", "?z"),
+    "tracks": ("frame", "id", "?left", "?top", "?width", "?height", "?confidence", "x", "y", "?z"),
+}
+"""Columns of 3D MOT 2015; a confidence of 0 in the truth marks a person who is not evaluated."""
+
+
+def mot_columns(path: Path, kind: str, found: Cells) -> list[str]:
+    """Name the columns of MOT text ('truth' or 'tracks'); raises InputError for text without places on the ground."""
+    expected = "frame,id,-1,-1,-1,-1,confidence,x,y,z as in 3D MOT 2015, x and y in metres, is expected"
+    if found.header is not None:
+        raise InputError(f"{path}: line {found.header_line}: has a header; {expected}")
+    if not found.rows or len(found.rows[0]) != _MOT_WIDTH:
+        raise InputError(f"{path}: has {len(found.rows[0]) if found.rows else 0} columns; {expected}")
+    if all(is_number(x) and is_number(y) and float(x) == float(y) == -1 for *_, x, y, _ in found.rows):
+        raise InputError(f"{path}: holds boxes in pictures alone, x and y are -1; {expected}")
+    return list(MOT_COLUMNS[kind])
+
+
+def sequence_info(truth: Path) -> tuple[float | None, int]:
+    """Read frame rate [Hz] and number of frames in the seqinfo.ini of a MOT sequence, from its gt/gt.txt; None, 0 without."""
+    path = truth.resolve().parent.parent / "seqinfo.ini"
+    if truth.parent.name != "gt" or not path.is_file():
+        return None, 0
+    parser = configparser.ConfigParser()
+    try:
+        parser.read_string(read_text(path, "a seqinfo.ini"))
+        return parser.getfloat("Sequence", "frameRate"), parser.getint("Sequence", "seqLength")
+    except (configparser.Error, ValueError) as error:
+        raise InputError(
+            f"{path}: {str(error).splitlines()[0]}; frameRate and seqLength of [Sequence] are expected"
+        ) from error
 
 
 def name_columns(path: Path, found: Cells, per_m: float) -> list[str]:

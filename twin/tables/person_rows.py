@@ -17,7 +17,7 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from twin.tables.columns import CsvColumns, columns_of
 from twin.tables.dialect import Cells, read_cells
-from twin.tables.headerless import EXPECTED_COLUMNS, HEIGHT_SPREAD_M, is_number, name_columns
+from twin.tables.headerless import EXPECTED_COLUMNS, HEIGHT_SPREAD_M, is_number, mot_columns, name_columns
 
 _NAMES = {
     "t": ("t", "time", "timestamp", "stamp", "seconds", "secs", "sec"),
@@ -68,7 +68,12 @@ def label_order(label: str) -> tuple[int, int, str]:
 
 
 def read_person_rows(
-    path: Path, what: str, most_bytes: int | None = None, frame_rate_hz: float | None = None, rate_field: str = ""
+    path: Path,
+    what: str,
+    most_bytes: int | None = None,
+    frame_rate_hz: float | None = None,
+    rate_field: str = "",
+    mot: str | None = None,
 ) -> PersonRows:
     """Read a table of people over time; `what` names its kind, `rate_field` the field where a user gives
     `frame_rate_hz`.
@@ -77,14 +82,18 @@ def read_person_rows(
     one it is frame (whole numbers) or t, then id, x, y; of 5 to 8 columns also a height: x, z, y (ETH, UCY) or x, y, z. A row
     with only its time says that no person is there. Raises InputError naming file, line, column and value, or what a table
     without a header leaves open.
+
+    `mot`: 'truth' or 'tracks' for MOT text (`mot_columns`).
     """
     found = read_cells(path, what, most_bytes)
-    if found.header is None and not found.rows:
+    if mot is None and found.header is None and not found.rows:
         raise InputError(f"{path}: is empty and holds no rows; {what} with the {EXPECTED_COLUMNS} is expected")
     notes: list[str] = []
     comment_unit = next((m[1].lower() for _, text in found.comments if (m := _UNIT.search(text))), None)
     units: dict[str, float] = {}
-    if found.header is not None:
+    if mot is not None:
+        names = mot_columns(path, mot, found)
+    elif found.header is not None:
         names, units, found = _by_header(path, found)
     else:
         names = name_columns(path, found, _LENGTHS.get(comment_unit or "m", 1.0))

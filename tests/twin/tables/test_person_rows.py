@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
+from typer.testing import CliRunner
 
 from trackers.errors import InputError
-from twin.cli import main
+from twin.cli import app, main
 from twin.recording.tables import read_tracks, read_truth
 from twin.scenario.pedestrians import Pedestrians, people_from
 from twin.tables.person_rows import check_plausibility, read_person_rows
@@ -317,3 +318,42 @@ def test_people_side_by_side_are_read_in_any_order_of_columns(
     np.testing.assert_allclose(found.rows.numbers("y", may_be_empty=False), [row[3] for row in rows])
     assert found.labels == [str(row[1]) for row in rows]
     assert bool(check_plausibility(found)) == (speed_m_s != 1.3)
+
+
+def test_mot_text_gives_the_metrics_of_the_tables_it_was_made_from(tmp_path: Path) -> None:
+    """MOT text has no row for a frame without people; seqinfo.ini says how many frames there are, and their rate."""
+    folder = tmp_path / "sequence/gt"
+    folder.mkdir(parents=True)
+    (folder / "gt.txt").write_text("1,1,-1,-1,-1,-1,1,0,0,0\n2,1,-1,-1,-1,-1,1,0.1,0,0\n2,2,-1,-1,-1,-1,0,5,5,0\n")
+    (folder.parent / "seqinfo.ini").write_text("[Sequence]\nname=sequence\nframeRate=10\nseqLength=4\n")
+    (tmp_path / "tracks.txt").write_text("1,7,-1,-1,-1,-1,1,0,0.1,0\n4,7,-1,-1,-1,-1,1,3,3,0\n")
+    (tmp_path / "truth.csv").write_text(
+        "y,t,x,id,in_area\n0,0.1,0,ann,1\n0,0.2,0.1,ann,1\n5,0.2,5,bob,0\n,0.3,,,\n,0.4,,,\n"
+    )
+    (tmp_path / "tracks.csv").write_text("id,x,y,t\nu,0,0.1,0.1\n,,,0.2\n,,,0.3\nu,3,3,0.4\n")
+
+    def evaluated(*arguments: str) -> tuple[dict, str]:
+        result = CliRunner().invoke(app, ["evaluate", *arguments])
+        assert result.exit_code == 0, result.output
+        return json.loads(result.stdout), result.stderr
+
+    of_text, told = evaluated(str(folder / "gt.txt"), str(tmp_path / "tracks.txt"), "--format", "mot")
+    of_tables, _ = evaluated(str(tmp_path / "truth.csv"), str(tmp_path / "tracks.csv"))
+    assert of_text == of_tables
+    assert (of_text["misses"], of_text["false_positives"]) == (1, 1)
+    assert "4 frames judged, 0.1 to 0.4 s" in told
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("1,1,3,4,5,6,1,1,0.5\n", "9 columns"),
+        ("1,1,3,4,5,6,1,-1,-1,-1\n", "boxes in pictures alone"),
+        ("t,id\n", "header"),
+    ],
+)
+def test_mot_text_without_places_on_the_ground_is_refused(tmp_path: Path, text: str, said: str) -> None:
+    path = tmp_path / "gt.txt"
+    path.write_text(text)
+    with pytest.raises(InputError, match=said):
+        read_truth(path, frame_rate_hz=10, mot=True)
