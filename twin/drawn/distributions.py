@@ -94,6 +94,10 @@ class DrawnPeople(Strict):
     shoulder_to_shoulder: Share = Field(
         default=0.0, description="share of those beside the first who walk shoulder to shoulder, at 0.5 to 0.6 m"
     )
+    led: Share = Field(
+        default=0.0,
+        description="share of groups whose first member leads them about: they change sides, talk in a ring and part",
+    )
     group_slowdown_m_s: float = Field(
         default=0.0,
         ge=0,

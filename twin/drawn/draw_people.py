@@ -20,7 +20,7 @@ _APART_M = 0.8
 _GROUP_SIZES = (2, 3, 4)
 _GROUP_SHARES = (0.65, 0.25, 0.1)
 """Shares of group sizes: most are pairs (Moussaïd et al. 2010, figure 1, sizes of two to four)."""
-_ABREAST_M, _SHOULDERS_M, _BEHIND_M = (0.65, 0.8), (0.5, 0.6), (0.8, 1.1)
+_ABREAST_M, _SHOULDERS_M, _BEHIND_M, _FAR_M = (0.65, 0.8), (0.5, 0.6), (0.8, 1.1), (0.8, 1.1)
 
 Script = list[dict[str, Any]]
 
@@ -81,14 +81,17 @@ class _PeopleDraws:
         first = self._person(arrive_s, None, arrives)
         if first is None:
             return [None] * len(names)
-        script = self._walking(len(names)) if len(names) > 1 else self._script(others)
+        led = len(names) > 1 and options.led > 0 and rng.random() < options.led
+        alone = len(names) == 1
+        script = self._leading(len(names)) if led else self._script(others) if alone else self._walking(len(names))
         members: list[dict[str, Any] | None] = [first]
         for place, _ in enumerate(names[1:], start=1):
             near = None if arrives else self._starts[-place]
             member = self._person(round(arrive_s + 1.3 * place, 1) if arrives else 0.0, near, arrives)
             members.append(member)
             if member is not None:
-                member["script"] = [self._following(names[0], place, leaves), *self._parting(leaves)]
+                goes = {"kind": "join", "person": names[0]} if led else self._following(names[0], place, leaves)
+                member["script"] = [goes, *(self._parting(leaves) or [self._wandering(None)] * led)]
         first["script"] = [*script[:-1], *self._parting(leaves)] if leaves else script
         return members
 
@@ -183,6 +186,19 @@ class _PeopleDraws:
         speed = round(max(low, float(self._rng.uniform(low, high)) - slower), 2)
         walk = {"kind": "walk", "waypoints": self._places(int(self._rng.integers(2, 6))), "speed_m_s": speed}
         return [walk, {"kind": "stand", "for_s": round(float(self._rng.uniform(1, 6)), 1)}, self._wandering(None)]
+
+    def _leading(self, size: int) -> Script:
+        """Lead a group for most of the run, then wander."""
+        rng, near_m = self._rng, _SHOULDERS_M if self._rng.random() < self._options.shoulder_to_shoulder else _ABREAST_M
+        low, high = sorted(rng.uniform(*self._options.speed_m_s, 2))
+        lead = {
+            "kind": "lead",
+            "formation": "v" if size == 3 else "file" if rng.random() > self._options.abreast else "abreast",
+            "spacing_m": [round(float(rng.uniform(*near_m)), 2), round(float(rng.uniform(*_FAR_M)), 2)],
+            "speed_m_s": [round(float(low), 2), round(float(high), 2)],
+            "for_s": round(float(rng.uniform(0.5, 0.9)) * self._duration_s, 1),
+        }
+        return [lead, self._wandering(None)]
 
     def _places(self, count: int) -> list[list[float]]:
         return [list(place) for place in self._building.to_room(self._building.space.draw(count, self._rng))]

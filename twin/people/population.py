@@ -23,7 +23,7 @@ from twin.people.script.actor import Actor, ScriptContext
 from twin.people.script.arrivals import first_heading, start_places
 from twin.people.script.recorded import RecordedPaths
 from twin.room.furniture import Seat
-from twin.scenario.behaviour import RecordedPath, Sit, Wander
+from twin.scenario.behaviour import Join, Lead, RecordedPath, Sit, Wander
 from twin.scenario.person import Person
 
 _ENTER_APART_M, _THROUGH_S = 0.7, 1.0
@@ -251,5 +251,5 @@ def _kept_in(person: Person, ground: Ground) -> Array | None:
     """Return the polygon (k, 2) [m] that a person does not leave: wanderers the tracked area, others the walkable one."""
     if person.script and isinstance(person.script[0], RecordedPath):
         return None
-    only_wanders = all(isinstance(action, Wander) for action in person.script)
+    only_wanders = all(isinstance(action, Wander | Lead | Join) for action in person.script)
     return ground.area if only_wanders and person.script else ground.walkable

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from twin.scenario import Scenario
-from twin.scenario.behaviour import TOP_WALK_M_S, RecordedPath, Walk
+from twin.scenario.action import TOP_WALK_M_S
+from twin.scenario.behaviour import RecordedPath, Walk
 from twin.scenario.person import STEADY, Person, Randomize
 from twin.streams import stream
 

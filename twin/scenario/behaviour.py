@@ -13,75 +13,26 @@ from typing import Annotated, Literal
 
 from pydantic import Field, FiniteFloat, model_validator
 
-from trackers.configuration import Strict
 from trackers.pose import Coordinate, Point3
 from trackers.rig import Name, Point2
-
-TOP_WALK_M_S = 2.5
-"""The fastest that somebody is sent walking [m/s]; from about 2.2 m/s on people run."""
-TOP_RUN_M_S = 5.0
-"""The fastest that people of this model run [m/s]."""
-JUMP_M_S = 12.0
-"""A recorded path that moves faster than this is an error of the recording [m/s]: no human runs so."""
-
-NEAREST_M = 0.7
-"""People who walk come no closer to each other than about this [m]."""
-
-WalkSpeed = Annotated[float, Field(gt=0, le=TOP_WALK_M_S)]
-RunSpeed = Annotated[float, Field(ge=2.0, le=TOP_RUN_M_S)]
-Share = Annotated[float, Field(ge=0, le=1)]
-Seconds = Annotated[float, Field(ge=0, le=86_400)]
-Target = Name | Point3 | Point2
-"""Somebody by name, or a place in the room frame: [x, y] on the floor or [x, y, z] [m]."""
-
+from twin.scenario.action import (
+    JUMP_M_S,
+    LastingAction,
+    RunSpeed,
+    Seconds,
+    Share,
+    Spacing,
+    Target,
+    TimedAction,
+    WalkSpeed,
+    check_ranges,
+)  # fmt: skip
 
 _RecordedTime = Annotated[float, Field(ge=-1e9, le=1e9, allow_inf_nan=False)]
 """A time of a recording [s], which may have begun years before the scenario."""
 
 
-class WaitCondition(Strict):
-    """Something to wait for: `near` somebody or a place within `within_m`, or `person` doing (`does`) an action."""
-
-    near: Target | None = Field(
-        default=None,
-        description="somebody by name, or a place [x, y] or [x, y, z] in the room frame [m]; needs `within_m`",
-    )
-    within_m: float | None = Field(
-        default=None, gt=0, le=1000, description="how close to `near` the person must be [m]"
-    )
-    person: Name | None = Field(default=None, description="name of the person who is watched; needs `does`")
-    does: (
-        Literal[
-            "wander", "stand", "walk", "run", "turn", "sit", "lie", "bend", "reach", "follow", "meet", "path", "leave",
-        ]
-        | None
-    ) = Field(default=None, description="the action that `person` must be doing")  # fmt: skip
-
-    @model_validator(mode="after")
-    def _one_of_two(self) -> WaitCondition:
-        near, does = (self.near, self.within_m), (self.person, self.does)
-        complete = [None not in pair for pair in (near, does)]
-        if sum(complete) != 1 or any(pair != (None, None) for pair in (near, does) if None in pair):
-            raise ValueError(
-                "is not a condition; {near: NAME or [x, y], within_m: M} or {person: NAME, does: ACTION} is expected"
-            )
-        if isinstance(self.near, str) and self.within_m is not None and self.within_m < NEAREST_M:
-            raise ValueError(
-                f"within_m {self.within_m:g} is closer than people come to each other; more than {NEAREST_M:g} is expected"
-            )
-        return self
-
-
-class _Action(Strict):
-    at_s: Seconds | None = Field(default=None, description="not before this time since the start [s]")
-    when: WaitCondition | None = Field(default=None, description="not before this holds")
-
-
-class _Lasting(_Action):
-    for_s: Seconds | None = Field(default=None, description="how long [s]; none: to the end of the run")
-
-
-class Wander(_Lasting):
+class Wander(LastingAction):
     """Walk about the tracked area at random, with sudden stops, starts and turns.
 
     The person walks to a random place after another, each stretch at a speed of its own. Stretches end after an
@@ -99,19 +50,17 @@ class Wander(_Lasting):
 
     @model_validator(mode="after")
     def _ordered(self) -> Wander:
-        for name, (low, high) in (("speed_m_s", self.speed_m_s), ("stop_s", self.stop_s)):
-            if not 0 <= low <= high:
-                raise ValueError(f"{name} [{low:g}, {high:g}] is not a range; the smaller number first, none negative")
+        check_ranges(speed_m_s=self.speed_m_s, stop_s=self.stop_s)
         return self
 
 
-class Stand(_Lasting):
+class Stand(LastingAction):
     """Stand still where one is (whoever sits or lies stands up); the others walk around."""
 
     kind: Literal["stand"] = Field(default="stand", description="the action: stand still")
 
 
-class Walk(_Action):
+class Walk(TimedAction):
     """Walk through waypoints, around furniture and people, then stop; with `repeat`, over and over.
 
     `face`: somebody or a place to keep facing meanwhile: so people step backwards and sideways (slowly).
@@ -126,7 +75,7 @@ class Walk(_Action):
     )
 
 
-class Run(_Action):
+class Run(TimedAction):
     """Run through waypoints, around furniture and people, then stop; with `repeat`, over and over."""
 
     kind: Literal["run"] = Field(default="run", description="the action: run through waypoints")
@@ -135,7 +84,7 @@ class Run(_Action):
     repeat: bool = Field(default=False, description="whether to begin again after the last waypoint, over and over")
 
 
-class Turn(_Action):
+class Turn(TimedAction):
     """Turn on the spot: to a heading, by an angle, or towards somebody or a place; exactly one of the three."""
 
     kind: Literal["turn"] = Field(default="turn", description="the action: turn on the spot")
@@ -152,7 +101,7 @@ class Turn(_Action):
         return self
 
 
-class Sit(_Lasting):
+class Sit(LastingAction):
     """Walk to a seat of the room and sit down; the person stands up when the time is over.
 
     `seated` (the first action only, without `start` and `heading_deg`): the person comes into being seated there.
@@ -165,14 +114,14 @@ class Sit(_Lasting):
     )
 
 
-class Lie(_Lasting):
+class Lie(LastingAction):
     """Walk to a bed of the room, sit on its edge and lie down; the person gets up when the time is over."""
 
     kind: Literal["lie"] = Field(default="lie", description="the action: lie down on a bed")
     bed: str = Field(description="NAME of a site bed_NAME of the room")
 
 
-class Bend(_Action):
+class Bend(TimedAction):
     """Bend forward by an angle of the trunk, stay so for `for_s`, and straighten up."""
 
     kind: Literal["bend"] = Field(default="bend", description="the action: bend forward")
@@ -182,7 +131,7 @@ class Bend(_Action):
     for_s: Seconds = Field(default=1.0, description="how long the person stays bent [s]")
 
 
-class Reach(_Action):
+class Reach(TimedAction):
     """Stretch a hand out to a point, hold it there for `for_s`, and take it back.
 
     A point out of reach from where the person stands is reached for, not touched: walk there first. The hand goes
@@ -197,7 +146,7 @@ class Reach(_Action):
     for_s: Seconds = Field(default=1.0, description="how long the hand is held there [s]")
 
 
-class Look(_Action):
+class Look(TimedAction):
     """Turn the head: at somebody or a place, or by an angle (left and down positive); with neither, look about freely.
 
     The script goes on at once, and the head keeps turned, while the person walks too, for `for_s` (none: until the
@@ -224,7 +173,7 @@ class Look(_Action):
         return self
 
 
-class Follow(_Lasting):
+class Follow(LastingAction):
     """Walk after somebody at a distance, as they go; or, with `beside`, abreast of them where there is room, else behind.
 
     Whoever walks beside falls behind before a wall, furniture or somebody who comes their way, and draws level again.
@@ -260,7 +209,7 @@ class Follow(_Lasting):
         return self
 
 
-class Meet(_Action):
+class Meet(TimedAction):
     """Walk up to somebody, stand face to face for `for_s`, and part: go on with the script."""
 
     kind: Literal["meet"] = Field(default="meet", description="the action: walk up to somebody and stand face to face")
@@ -270,7 +219,65 @@ class Meet(_Action):
     for_s: Seconds = Field(default=3.0, description="how long they stand face to face [s]")
 
 
-class RecordedPath(_Action):
+class Lead(LastingAction):
+    """Lead a group about the tracked area: those who `join` the person walk with them, talk with them, and part.
+
+    The group walks to a random place after another, all of it the more slowly the larger it is (Moussaïd et al. 2010,
+    figure 2). At the end of a stretch it may stop and talk in a ring. `formation` is how it walks where there is
+    room: abreast; as a V, whose middle lags behind (usual for three); or in file. Neighbours draw near to the first
+    distance of `spacing_m` for `near_s`, never closer than their shoulders allow, and keep the second for `far_s`.
+    """
+
+    kind: Literal["lead"] = Field(default="lead", description="the action: lead a group of those who join")
+    formation: Literal["abreast", "v", "file"] = Field(
+        default="abreast", description="how the group walks: abreast, abreast with the middle behind, or in file"
+    )
+    spacing_m: tuple[Spacing, Spacing] = Field(
+        default=(0.65, 0.9),
+        description="near and far distance between neighbours, in turn [m]; 0.5: shoulder to shoulder",
+    )
+    near_s: tuple[Seconds, Seconds] = Field(
+        default=(2.0, 4.0), description="shortest and longest time for which neighbours are near [s]"
+    )
+    far_s: tuple[Seconds, Seconds] = Field(
+        default=(2.0, 4.0), description="shortest and longest time for which neighbours keep the far distance [s]"
+    )
+    speed_m_s: tuple[WalkSpeed, WalkSpeed] = Field(
+        default=(1.12, 1.32), description="slowest and fastest speed that the person would walk at alone [m/s]"
+    )
+    slowdown_m_s: float = Field(
+        default=0.04, ge=0, le=0.3, description="how much slower the group walks for each member but the first [m/s]"
+    )
+    stretch_s: float = Field(
+        default=8.0, ge=0.5, le=60, description="mean time for which the group walks to one place [s]"
+    )
+    change_share: Share = Field(
+        default=0.25, description="share of the times they are near in which a member changes sides, 0 to 1"
+    )
+    talk_share: Share = Field(default=0.3, description="share of stretches that end in a talk in a ring, 0 to 1")
+    talk_s: tuple[Seconds, Seconds] = Field(default=(3.0, 8.0), description="shortest and longest talk [s]")
+    ring_m: float = Field(default=0.9, ge=0.7, le=2, description="distance between neighbours in the ring [m]")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Lead:
+        check_ranges(
+            spacing_m=self.spacing_m, speed_m_s=self.speed_m_s, near_s=self.near_s, far_s=self.far_s, talk_s=self.talk_s
+        )
+        return self
+
+
+class Join(LastingAction):
+    """Walk up to somebody who leads a group, and go with them for `for_s`, or until they lead it no more.
+
+    The person waits where they are while the other does not lead yet.
+    """
+
+    kind: Literal["join"] = Field(default="join", description="the action: go with a group")
+    person: Name = Field(description="name of the person who leads the group")
+    speed_m_s: WalkSpeed = Field(default=1.8, description="the fastest that the person walks, to draw level [m/s]")
+
+
+class RecordedPath(TimedAction):
     """Keep a recorded path: rows of t [s], x, y [m]; the person enters with its first row and leaves with its last.
 
     Before t = 0 the person has walked already. Given as `points`, or read from `file` (see `Pedestrians`).
@@ -299,7 +306,7 @@ class RecordedPath(_Action):
         return self
 
 
-class Leave(_Action):
+class Leave(TimedAction):
     """Walk to a place, at a door say, and be gone from there on."""
 
     kind: Literal["leave"] = Field(default="leave", description="the action: walk to a place and be gone")
@@ -308,14 +315,29 @@ class Leave(_Action):
 
 
 Action = Annotated[
-    Wander | Stand | Walk | Run | Turn | Sit | Lie | Bend | Reach | Look | Follow | Meet | RecordedPath | Leave,
+    Wander
+    | Stand
+    | Walk
+    | Run
+    | Turn
+    | Sit
+    | Lie
+    | Bend
+    | Reach
+    | Look
+    | Follow
+    | Meet
+    | Lead
+    | Join
+    | RecordedPath
+    | Leave,
     Field(discriminator="kind"),
 ]
 
 
 def endless(action: Action) -> bool:
     """Return whether nothing after this action would ever be done."""
-    if isinstance(action, Wander | Stand | Sit | Lie | Follow):
+    if isinstance(action, Wander | Stand | Sit | Lie | Follow | Lead):
         return action.for_s is None
     return isinstance(action, RecordedPath | Leave) or (isinstance(action, Walk | Run) and action.repeat)
 
@@ -324,7 +346,7 @@ def companions(action: Action) -> list[tuple[str, str]]:
     """Return the people an action names, each as (field, name)."""
     named = []
     match action:
-        case Follow() | Meet():
+        case Follow() | Meet() | Join():
             named.append(("person", action.person))
         case Turn(towards=str() as name):
             named.append(("towards", name))

@@ -10,7 +10,8 @@ from pydantic import ValidationError
 from trackers.errors import InputError
 from twin.people.script.arrivals import describe_late_actions
 from twin.scenario import load_scenario
-from twin.scenario.behaviour import Look, RecordedPath, Turn, WaitCondition, endless
+from twin.scenario.action import WaitCondition
+from twin.scenario.behaviour import Look, RecordedPath, Turn, endless
 from twin.scenario.person import Person
 
 

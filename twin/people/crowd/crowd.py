@@ -142,7 +142,8 @@ class Crowd:
         self._hold[person] = 0.0 if command.heading is None else command.heading
         self._may_move[person] = 0.0 if command.immovable or self._fixed[person] else 1.0
         self._heeds_walls[person] = 1.0 / HALTING_M if command.halt else _PASSES
-        self._companions[person] = self._numbers == (-1 if command.companion is None else command.companion)
+        self._companions[person] = False
+        self._companions[person, list(command.companions)] = True
         self._companion_m[person] = min(command.companion_m, KEEP_APART_M)
         near = self._furniture.belong_to(command.near)
         self._clearance[person, : len(near)] = np.where(near, NEAR_M, KEEP_FROM_FURNITURE_M)

@@ -21,8 +21,8 @@ class MotionCommand:
     `heading`: where to face meanwhile [rad], None: where one goes. Who goes and holds a heading steps sideways and
     backwards; who stands turns on the spot. `near`: furniture by name that may be come up to closely, for the last
     steps to a seat, a bed or a shelf; `immovable`: do not give way to others, as people who sit, lie or bend do not;
-    `companion`: the number of somebody whom one walks with: neither feels the other's repulsion, and abreast the two
-    may come as near as `companion_m` [m], with their arms held in.
+    `companions`: the numbers of those whom one walks with: they and the person do not feel each other's repulsion, and
+    abreast they may come as near as `companion_m` [m], with their arms held in.
     """
 
     goal: tuple[float, float] | None
@@ -33,6 +33,6 @@ class MotionCommand:
     heading: float | None = None
     near: frozenset[str] = frozenset()
     immovable: bool = False
-    companion: int | None = None
+    companions: tuple[int, ...] = ()
     companion_m: float = inf
     done: Callable[[], bool] | None = None

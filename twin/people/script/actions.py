@@ -16,12 +16,16 @@ from twin.people.crowd.motion_command import MotionCommand
 from twin.people.posture.postures import Part
 from twin.people.script.actor import Actor, Going
 from twin.people.script.companions import follow, meet
+from twin.people.script.groups import join, lead
 from twin.people.script.walking import LOOKS_AGAIN_S, Commands, walk, walk_to, wander
 from twin.room.furniture import Bed, Seat
+from twin.scenario.action import WaitCondition
 from twin.scenario.behaviour import (
     Action,
     Bend,
     Follow,
+    Join,
+    Lead,
     Leave,
     Lie,
     Look,
@@ -32,7 +36,6 @@ from twin.scenario.behaviour import (
     Sit,
     Stand,
     Turn,
-    WaitCondition,
     Walk,
     Wander,
 )  # fmt: skip
@@ -205,6 +208,16 @@ def _meet(actor: Actor, action: Meet) -> Commands:
     yield from meet(actor, action)
 
 
+def _lead(actor: Actor, action: Lead) -> Commands:
+    yield from _upright(actor)
+    yield from lead(actor, action)
+
+
+def _join(actor: Actor, action: Join) -> Commands:
+    yield from _upright(actor)
+    yield from join(actor, action)
+
+
 def _keep_path(actor: Actor, action: RecordedPath) -> Commands:
     yield MotionCommand(None)
 
@@ -219,5 +232,5 @@ def _leave(actor: Actor, action: Leave) -> Commands:
 
 _DOING: dict[type, Callable[[Actor, Any], Commands]] = {
     Wander: wander, Stand: _stand, Walk: _walk, Run: _walk, Turn: _turn, Sit: _rest, Lie: _rest, Bend: _bend,
-    Reach: _reach, Look: _look, Follow: _follow, Meet: _meet, RecordedPath: _keep_path, Leave: _leave,
+    Reach: _reach, Look: _look, Follow: _follow, Meet: _meet, Lead: _lead, Join: _join, RecordedPath: _keep_path, Leave: _leave,
 }  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import cos, inf, radians, sin
+from typing import Literal
 
 import numpy as np
 
@@ -15,7 +16,8 @@ from twin.people.posture.body_measures import BodyMeasures
 from twin.people.posture.postures import Postures
 from twin.people.posture.resting import lying_pose, seated_pose
 from twin.room.furniture import Bed, Seat
-from twin.scenario.behaviour import Look, Target
+from twin.scenario.action import Target
+from twin.scenario.behaviour import Look
 
 _EYE_LEVEL_M = 1.5
 """Height of a place that is given on the floor, when it is looked at [m]."""
@@ -70,12 +72,37 @@ class Going:
 
 
 @dataclass(eq=False)
+class Group:
+    """People who walk together: their numbers from left to right as they walk, of whom `leader` leads.
+
+    `gap_m`: the distance that neighbours keep now [m]; `ring`: where each stands while they talk, None: they walk;
+    `changes`: the number of the one who is changing sides, None: nobody is; `spaced_until_s`, `changes_at_s`: when the
+    distance changes, and when somebody changes sides [s].
+    """
+
+    leader: int
+    formation: Literal["abreast", "v", "file"]
+    gap_m: float
+    order: list[int]
+    ring: dict[int, complex] | None = None
+    changes: int | None = None
+    spaced_until_s: float = 0.0
+    changes_at_s: float = inf
+
+    @property
+    def others(self) -> list[int]:
+        """Those who follow the leader."""
+        return [number for number in self.order if number != self.leader]
+
+
+@dataclass(eq=False)
 class ScriptContext:
     """State that all actors share: the clock, places and postures of all people, the room.
 
     `doing`: the kind of action that each is at; `taken`: who uses a seat or bed; `leaving`: who is to go, `gone`: who has
     gone;
-    `looks_until`: when a turned head is free again [s]; `going`: where those who are on their way are to come to.
+    `looks_until`: when a turned head is free again [s]; `going`: where those who are on their way are to come to;
+    `groups`: those who walk together, by the number of the person who leads them.
     """
 
     names: tuple[str, ...]
@@ -89,6 +116,7 @@ class ScriptContext:
     departed: set[int] = field(default_factory=set)
     looks_until: dict[int, float] = field(default_factory=dict)
     going: dict[int, Going] = field(default_factory=dict)
+    groups: dict[int, Group] = field(default_factory=dict)
 
     def late(self) -> list[str]:
         """Tell who has not arrived in twice the time that the way takes, one sentence each."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import cos, inf, sin
 
 import numpy as np
@@ -88,7 +89,7 @@ def _walk_abreast(actor: Actor, action: Follow) -> Commands:
     """Keep level with somebody who goes their own way, or behind them for a while (see `twin.scenario.behaviour.Follow`)."""
     crowd, other = actor.context.crowd, actor.context.number_of(action.person)
     ends_at, behind_until = actor.ends_at(action.for_s), -np.inf
-    keeps_m = max(action.keeps_m, _shoulders_m(actor, other))
+    keeps_m = max(action.keeps_m, shoulders_m(actor, actor.number, other))
     lateral = keeps_m * (1j if action.beside == "left" else -1j)
     while actor.t < ends_at and not actor.has_left(action.person):
         until = min(actor.t + _COMMANDS_EVERY_S, ends_at)
@@ -97,7 +98,7 @@ def _walk_abreast(actor: Actor, action: Follow) -> Commands:
             continue
         place, velocity, facing = crowd.place[other], crowd.velocity[other], crowd.facing[other]
         adjacent = place + lateral * facing
-        if not _has_room(actor, other, place, adjacent, velocity):
+        if not has_room(actor, (other,), place, adjacent, velocity):
             behind_until = actor.t + _STAYS_BEHIND_S
         if actor.t >= behind_until:
             lags_m = ((adjacent - crowd.place[actor.number]) * facing.conjugate()).real
@@ -107,9 +108,9 @@ def _walk_abreast(actor: Actor, action: Follow) -> Commands:
         yield _keep_up(actor, action, other, goal, until, keeps_m)
 
 
-def _shoulders_m(actor: Actor, other: int) -> float:
-    """Return how near a person comes to another abreast, shoulder to shoulder, from middle to middle [m]."""
-    return float(actor.context.postures.measures.shoulder_lateral[[actor.number, other]].sum()) * _BREADTH
+def shoulders_m(actor: Actor, first: int, second: int) -> float:
+    """Return how near two people come to each other abreast, shoulder to shoulder, from middle to middle [m]."""
+    return float(actor.context.postures.measures.shoulder_lateral[[first, second]].sum()) * _BREADTH
 
 
 def _keep_up(actor: Actor, action: Follow, other: int, goal: complex, until: float, keeps_m: float) -> MotionCommand:
@@ -119,28 +120,38 @@ def _keep_up(actor: Actor, action: Follow, other: int, goal: complex, until: flo
     stands = abs(velocity) < _STANDS_M_S
     if stands and abs(goal - here) < _IN_PLACE_M:
         return MotionCommand(
-            None, until=until, heading=float(crowd.heading[other]), companion=other, companion_m=keeps_m
+            None, until=until, heading=float(crowd.heading[other]), companions=(other,), companion_m=keeps_m
         )
     soon = goal if stands else goal + velocity * _DRAWS_LEVEL_S
     speed = min(max(abs(soon - here) / _DRAWS_LEVEL_S, _STANDS_M_S), action.speed_m_s)
     way = actor.way_to((soon.real, soon.imag)) or actor.way_to(actor.target(action.person))
     if not way:
-        return MotionCommand(None, until=until, companion=other, companion_m=keeps_m)
+        return MotionCommand(None, until=until, companions=(other,), companion_m=keeps_m)
     return MotionCommand(
-        way[0], speed, until, 0.05, halt=stands and len(way) == 1, companion=other, companion_m=keeps_m
+        way[0], speed, until, 0.05, halt=stands and len(way) == 1, companions=(other,), companion_m=keeps_m
     )
 
 
-def _has_room(actor: Actor, other: int, place: complex, adjacent: complex, velocity: complex) -> bool:
-    """Return whether the place beside somebody is free, and stays so for a while as they go on."""
+def has_room(
+    actor: Actor,
+    together: Sequence[int],
+    place: complex,
+    adjacent: complex,
+    velocity: complex,
+    ahead_s: float = _SEES_AHEAD_S,
+) -> bool:
+    """Return whether the place beside somebody is free, and stays so for `ahead_s` as they go on.
+
+    together: the numbers of those who walk together and are in nobody's way.
+    """
     routes, crowd = actor.context.ground.routes, actor.context.crowd
-    points = [np.array([at.real, at.imag]) for at in (place, adjacent, adjacent + velocity * _SEES_AHEAD_S)]
+    points = [np.array([at.real, at.imag]) for at in (place, adjacent, adjacent + velocity * ahead_s)]
     for start, end in ((points[0], points[1]), (points[1], points[2])):
         way = routes.way(start, end)
         if way is None or len(way) > 1:
             return False
     others = crowd.present.copy()
-    others[[actor.number, other]] = False
+    others[[actor.number, *together]] = False
     gap, drift = crowd.place[others] - adjacent, crowd.velocity[others] - velocity
-    nearest_s = np.clip(-(gap * drift.conj()).real / np.maximum(np.abs(drift) ** 2, 1e-9), 0.0, _SEES_AHEAD_S)
+    nearest_s = np.clip(-(gap * drift.conj()).real / np.maximum(np.abs(drift) ** 2, 1e-9), 0.0, ahead_s)
     return not (np.abs(gap + drift * nearest_s) < KEEP_APART_M).any()

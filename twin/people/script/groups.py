@@ -1,0 +1,275 @@
+"""Walk in a group: abreast, as a V or in file; change sides; talk in a ring; part.
+
+One leads, the others keep a place beside or behind. M. Moussaïd, N. Perozo, S. Garnier, D. Helbing and G. Theraulaz,
+"The walking behaviour of pedestrian social groups and its impact on crowd dynamics", PLoS ONE 5(4), 2010: groups walk side
+by side at low density, as a V whose middle lags in denser crowds, at about 0.8 m from neighbour to neighbour, and at
+1.26 − 0.04 n m/s (n: members). The ring in which they talk is an F-formation (A. Kendon, "Conducting Interaction", 1990).
+"""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from trackers.area import Area
+from twin.people.crowd.motion_command import MotionCommand
+from twin.people.script.actor import Actor, Group
+from twin.people.script.companions import has_room, shoulders_m
+from twin.people.script.walking import Commands
+from twin.scenario.behaviour import Join, Lead, Look
+
+_COMMANDS_EVERY_S = 0.1
+_DRAWS_LEVEL_S = 0.35
+"""The way to one's place is made up within about this time [s]."""
+_STANDS_M_S = 0.2
+_IN_PLACE_M = 0.12
+_FILE_M = 0.85
+"""From one to the next of those who walk in file, or behind for want of room [m]."""
+_V_BACK = 0.35
+"""How far the middle of a V lags, per distance to the neighbour (Moussaïd et al. 2010, figure 4)."""
+_PASSES_BEHIND_M = 0.5
+"""Whoever changes sides makes for a place so far behind the leader, nearer than people come [m]."""
+_CHANGE_TAKES_S = 1.5
+"""Time by which neighbours stay near for longer where one changes sides [s]."""
+_PASSES_BY_M, _IN_THE_WAY_M = 0.8, 0.6
+"""Whoever goes to their place in the ring passes by the leader at the first distance, where straight on they would come
+nearer than the second [m]."""
+_STAYS_BEHIND_S = 0.5
+_SEES_AHEAD_S = 0.7
+"""So far ahead members look for what would be in their way beside the leader [s]."""
+_SWINGS_OUT, _SWINGS_AT_MOST_M = 0.5, 0.25
+"""Whoever draws level passes wide of the leader's back: so much farther to the side for each metre that they lag."""
+_WAITS_FROM_M, _WAITS_AT_M = 0.5, 2.5
+"""How far the last member lags when the leader begins to slow down, and when they wait [m]."""
+_CHANGES_AFTER = 0.35
+"""Share of the time for which neighbours are near after which one changes sides."""
+_CANDIDATES = 8
+_STRAIGHT_ON_M = 4.0
+"""A place straight ahead is preferred to one behind that is so much farther away [m]: groups turn seldom."""
+_LEAST_SPEED_M_S = 0.3
+_ON_A_SIDE_M = 0.3
+"""Whoever is so far to the left or right of the leader is on that side [m]."""
+
+
+def lead(actor: Actor, action: Lead) -> Commands:
+    """Walk to random places, with those who join (see `twin.scenario.behaviour.Lead`)."""
+    ends_at, rng = actor.ends_at(action.for_s), actor.rng
+    group = Group(actor.number, action.formation, action.spacing_m[1], [actor.number])
+    actor.context.groups[actor.number] = group
+    while actor.t < ends_at:
+        yield from _lead_on(actor, action, group, min(actor.t + 1.0 + rng.exponential(action.stretch_s), ends_at))
+        if len(group.order) > 1 and rng.random() < action.talk_share:
+            yield from _talk(actor, action, group, ends_at)
+    del actor.context.groups[actor.number]
+
+
+def _lead_on(actor: Actor, action: Lead, group: Group, until: float) -> Commands:
+    """Walk to one place; neighbours draw near and part meanwhile, and somebody may change sides."""
+    rng, goal = actor.rng, _goal_ahead(actor)
+    speed_m_s = rng.uniform(*action.speed_m_s)
+    while actor.t < until:
+        _space(actor, action, group)
+        way = actor.way_to(goal)
+        speed = max(speed_m_s - action.slowdown_m_s * len(group.others), _LEAST_SPEED_M_S) * _waits(actor, group)
+        if not way or speed < _STANDS_M_S:
+            yield MotionCommand(None, until=min(actor.t + 3 * _COMMANDS_EVERY_S, until))
+            continue
+        end = yield MotionCommand(way[0], speed, min(actor.t + 3 * _COMMANDS_EVERY_S, until))
+        if end in ("blocked", "taken") or (end == "arrived" and len(way) == 1):
+            return
+
+
+def _space(actor: Actor, action: Lead, group: Group) -> None:
+    """Let neighbours draw near, and apart again; whoever changes sides does so while they are near."""
+    rng, now = actor.rng, actor.t
+    if now >= group.spaced_until_s:
+        near = group.gap_m != action.spacing_m[0]
+        group.gap_m = action.spacing_m[0 if near else 1]
+        group.spaced_until_s = now + rng.uniform(*(action.near_s if near else action.far_s))
+        changes = near and rng.random() < action.change_share
+        group.changes_at_s = now + _CHANGES_AFTER * (group.spaced_until_s - now) if changes else np.inf
+        group.spaced_until_s += _CHANGE_TAKES_S * changes
+    if now >= group.changes_at_s and group.others:
+        _change_sides(group, rng)
+        group.changes_at_s = np.inf
+
+
+def _goal_ahead(actor: Actor) -> np.ndarray:
+    """Choose of a few random places one that is far and not behind."""
+    goals = actor.free_places(_CANDIDATES)
+    way = goals - actor.here
+    length = np.hypot(way[:, 0], way[:, 1])
+    ahead = way @ (np.cos(actor.heading), np.sin(actor.heading)) / np.maximum(length, 1e-9)
+    return goals[int(np.argmax(length + _STRAIGHT_ON_M * ahead))]
+
+
+def _waits(actor: Actor, group: Group) -> float:
+    """Return the share of their speed that the leader keeps, for those who have not caught up."""
+    crowd = actor.context.crowd
+    others = [number for number in group.others if crowd.present[number]]
+    if not others:
+        return 1.0
+    seen = (crowd.place[others] - crowd.place[actor.number]) * crowd.facing[actor.number].conjugate()
+    places = np.array([_place_in(actor, group, number) for number in others])
+    lags_m = np.where(seen.real < places.real, np.abs(seen - places), 0.0).max()
+    return float(np.clip((_WAITS_AT_M - lags_m) / (_WAITS_AT_M - _WAITS_FROM_M), 0.0, 1.0))
+
+
+def _change_sides(group: Group, rng: np.random.Generator) -> None:
+    """Send one of those who follow to the other side of the leader."""
+    number = group.others[int(rng.integers(len(group.others)))]
+    left = group.order.index(number) < group.order.index(group.leader)
+    group.order.remove(number)
+    group.order.insert(len(group.order) if left else 0, number)
+    group.changes = number
+
+
+def _talk(actor: Actor, action: Lead, group: Group, ends_at: float) -> Commands:
+    """Stand in a ring for a while, facing its middle, where there is room for it."""
+    crowd, count = actor.context.crowd, len(group.order)
+    radius_m = action.ring_m / (2 * np.sin(pi / count))
+    here = complex(crowd.place[actor.number])
+    middle = here + radius_m * complex(crowd.facing[actor.number])
+    others = group.others
+    slots = middle + (here - middle) * np.exp(2j * pi * np.arange(1, count) / count)
+    points = np.stack([slots.real, slots.imag], axis=1)
+    ground = actor.context.ground
+    if not (Area(ground.inner).contains(points).all() and all(ground.routes.reachable(point) for point in points)):
+        return
+    member, slot = linear_sum_assignment(np.abs(crowd.place[others][:, None] - slots))
+    group.ring = {others[m]: complex(slots[s]) for m, s in zip(member, slot, strict=True)} | {actor.number: here}
+    until = min(actor.t + actor.rng.uniform(*action.talk_s), ends_at)
+    actor.look(Look(at=actor.context.names[others[int(actor.rng.integers(len(others)))]]))
+    heading = float(np.angle(middle - here))
+    while actor.t < until:
+        yield MotionCommand(
+            None, until=min(actor.t + _COMMANDS_EVERY_S, until), heading=heading, companions=tuple(others)
+        )
+    group.ring = None
+    actor.look(Look())
+
+
+def join(actor: Actor, action: Join) -> Commands:
+    """Go with those whom somebody leads (see `twin.scenario.behaviour.Join`)."""
+    context, leader = actor.context, actor.context.number_of(action.person)
+    ends_at, behind_until, group = actor.ends_at(action.for_s), -np.inf, None
+    while actor.t < ends_at and not actor.has_left(action.person):
+        found = context.groups.get(leader)
+        if found is None or not context.crowd.present[leader]:
+            if group is not None:
+                break
+            yield MotionCommand(None, until=actor.t + _COMMANDS_EVERY_S)
+            continue
+        if group is None:
+            group = found
+            group.order.insert(int(actor.rng.integers(len(group.order) + 1)), actor.number)
+        until = min(actor.t + _COMMANDS_EVERY_S, ends_at)
+        if group.ring is not None and actor.number in group.ring:
+            yield _ring_place(actor, action, group, group.ring, until)
+            continue
+        crowd = context.crowd
+        place, facing = crowd.place[leader], crowd.facing[leader]
+        _keep_sides(actor, group)
+        goal = place + _place_in(actor, group, actor.number) * facing
+        if group.formation != "file" and not has_room(
+            actor, group.order, place, goal, crowd.velocity[leader], _SEES_AHEAD_S
+        ):
+            behind_until = actor.t + _STAYS_BEHIND_S
+        if actor.t < behind_until:
+            goal = place - _FILE_M * (1 + group.others.index(actor.number)) * facing
+        yield _keep_place(actor, action, group, _around(actor, place, facing, goal), until)
+    if group is not None and actor.number in group.order:
+        group.order.remove(actor.number)
+
+
+def _keep_sides(actor: Actor, group: Group) -> None:
+    """Let a person who is on the other side, since the group has turned, stay there; who changes sides has arrived there."""
+    crowd, order = actor.context.crowd, group.order
+    seen = (crowd.place[actor.number] - crowd.place[group.leader]) * crowd.facing[group.leader].conjugate()
+    left = order.index(actor.number) < order.index(group.leader)
+    if abs(seen.imag) < _ON_A_SIDE_M:
+        return
+    if left == (seen.imag > 0):
+        group.changes = None if group.changes == actor.number else group.changes
+    elif group.changes != actor.number:
+        order.remove(actor.number)
+        order.insert(0 if seen.imag > 0 else len(order), actor.number)
+
+
+def _gap_m(actor: Actor, group: Group, first: int, second: int) -> float:
+    """Return the distance that two neighbours keep [m]: no less than their shoulders need."""
+    return max(group.gap_m, shoulders_m(actor, first, second))
+
+
+def _place_in(actor: Actor, group: Group, number: int) -> complex:
+    """Return the place of a member in the frame of the leader, ahead + left i [m]."""
+    if group.formation == "file":
+        return complex(-_FILE_M * (1 + group.others.index(number)), 0.0)
+    gaps = [_gap_m(actor, group, *pair) for pair in zip(group.order, group.order[1:], strict=False)]
+    left = -np.concatenate([[0.0], np.cumsum(gaps)])
+    own, leads = group.order.index(number), group.order.index(group.leader)
+    ahead = np.zeros(len(left))
+    if group.formation == "v":
+        ahead = _V_BACK * np.abs(left - left.mean())
+    return complex(ahead[own] - ahead[leads], left[own] - left[leads])
+
+
+def _around(actor: Actor, place: complex, facing: complex, goal: complex) -> complex:
+    """Return where to go on the way to one's place: round the leader's back, not through them."""
+    seen = (actor.context.crowd.place[actor.number] - place) * facing.conjugate()
+    wanted = (goal - place) * facing.conjugate()
+    if seen.imag * wanted.imag < 0 and abs(wanted.imag) > 0.1:  # on the wrong side
+        back = complex(-_PASSES_BEHIND_M, np.sign(wanted.imag) * 0.3 if seen.real < -0.4 else seen.imag)
+        return place + back * facing
+    wide_m = float(np.clip(_SWINGS_OUT * (wanted.real - seen.real), 0.0, _SWINGS_AT_MOST_M))
+    return goal + wide_m * 1j * np.sign(wanted.imag) * facing
+
+
+def _keep_place(actor: Actor, action: Join, group: Group, goal: complex, until: float) -> MotionCommand:
+    """Return the command for a moment: be where one's place will be, or stand there, facing as the leader does."""
+    crowd, here = actor.context.crowd, actor.context.crowd.place[actor.number]
+    velocity = crowd.velocity[group.leader]
+    stands = abs(velocity) < _STANDS_M_S
+    others, least_m = _company(actor, group)
+    if stands and abs(goal - here) < _IN_PLACE_M:
+        heading = float(crowd.heading[group.leader])
+        return MotionCommand(None, until=until, heading=heading, companions=others, companion_m=least_m)
+    soon = goal if stands else goal + velocity * _DRAWS_LEVEL_S
+    speed = min(max(abs(soon - here) / _DRAWS_LEVEL_S, _STANDS_M_S), action.speed_m_s)
+    way = actor.way_to((soon.real, soon.imag)) or actor.way_to(actor.place_of(group.leader))
+    if not way:
+        return MotionCommand(None, until=until, companions=others, companion_m=least_m)
+    return MotionCommand(
+        way[0], speed, until, 0.05, halt=stands and len(way) == 1, companions=others, companion_m=least_m
+    )
+
+
+def _ring_place(actor: Actor, action: Join, group: Group, ring: dict[int, complex], until: float) -> MotionCommand:
+    """Return the command for a moment of a talk: go to one's place in the ring, and stand there facing its middle."""
+    goal, here = ring[actor.number], actor.context.crowd.place[actor.number]
+    others, least_m = _company(actor, group)
+    middle = sum(ring.values()) / len(ring)
+    aim = _past(here, goal, complex(actor.context.crowd.place[group.leader]))
+    way = [] if abs(goal - here) < _IN_PLACE_M else actor.way_to((aim.real, aim.imag))
+    if not way:
+        heading = float(np.angle(middle - here))
+        return MotionCommand(None, until=until, heading=heading, companions=others, companion_m=least_m)
+    speed = min(max(abs(goal - here) / _DRAWS_LEVEL_S, _STANDS_M_S), 1.2)
+    return MotionCommand(way[0], speed, until, 0.05, halt=len(way) == 1, companions=others, companion_m=least_m)
+
+
+def _past(here: complex, goal: complex, leader: complex) -> complex:
+    """Return where to go on the way to a goal: past the leader's side where they stand between."""
+    ahead = (goal - here) / max(abs(goal - here), 1e-9)
+    seen = (leader - here) * ahead.conjugate()
+    if not (0 < seen.real < abs(goal - here) and abs(seen.imag) < _IN_THE_WAY_M):
+        return goal
+    return leader + ahead * complex(0.0, -_PASSES_BY_M if seen.imag > 0 else _PASSES_BY_M)
+
+
+def _company(actor: Actor, group: Group) -> tuple[tuple[int, ...], float]:
+    """Return the others of the group, and how near the person comes to them abreast [m]."""
+    others = tuple(number for number in group.order if number != actor.number)
+    return others, max(shoulders_m(actor, actor.number, other) for other in others)

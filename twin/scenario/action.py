@@ -1,0 +1,80 @@
+"""What all actions of people share: when they begin, for how long they last, and what they may wait for."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from trackers.configuration import Strict
+from trackers.pose import Point3
+from trackers.rig import Name, Point2
+
+TOP_WALK_M_S = 2.5
+"""The fastest that somebody is sent walking [m/s]; from about 2.2 m/s on people run."""
+TOP_RUN_M_S = 5.0
+"""The fastest that people of this model run [m/s]."""
+JUMP_M_S = 12.0
+"""A recorded path that moves faster than this is an error of the recording [m/s]: no human runs so."""
+
+NEAREST_M = 0.7
+"""People who walk come no closer to each other than about this [m]."""
+
+WalkSpeed = Annotated[float, Field(gt=0, le=TOP_WALK_M_S)]
+RunSpeed = Annotated[float, Field(ge=2.0, le=TOP_RUN_M_S)]
+Spacing = Annotated[float, Field(ge=0.45, le=1.5)]
+"""Distance between people who walk together [m]; nobody comes closer than their shoulders allow."""
+Share = Annotated[float, Field(ge=0, le=1)]
+Seconds = Annotated[float, Field(ge=0, le=86_400)]
+Target = Name | Point3 | Point2
+"""Somebody by name, or a place in the room frame: [x, y] on the floor or [x, y, z] [m]."""
+
+
+class WaitCondition(Strict):
+    """Something to wait for: `near` somebody or a place within `within_m`, or `person` doing (`does`) an action."""
+
+    near: Target | None = Field(
+        default=None,
+        description="somebody by name, or a place [x, y] or [x, y, z] in the room frame [m]; needs `within_m`",
+    )
+    within_m: float | None = Field(
+        default=None, gt=0, le=1000, description="how close to `near` the person must be [m]"
+    )
+    person: Name | None = Field(default=None, description="name of the person who is watched; needs `does`")
+    does: (
+        Literal[
+            "wander", "stand", "walk", "run", "turn", "sit", "lie", "bend", "reach", "follow", "meet", "lead",
+            "join", "path", "leave",
+        ]
+        | None
+    ) = Field(default=None, description="the action that `person` must be doing")  # fmt: skip
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> WaitCondition:
+        near, does = (self.near, self.within_m), (self.person, self.does)
+        complete = [None not in pair for pair in (near, does)]
+        if sum(complete) != 1 or any(pair != (None, None) for pair in (near, does) if None in pair):
+            raise ValueError(
+                "is not a condition; {near: NAME or [x, y], within_m: M} or {person: NAME, does: ACTION} is expected"
+            )
+        if isinstance(self.near, str) and self.within_m is not None and self.within_m < NEAREST_M:
+            raise ValueError(
+                f"within_m {self.within_m:g} is closer than people come to each other; more than {NEAREST_M:g} is expected"
+            )
+        return self
+
+
+class TimedAction(Strict):
+    at_s: Seconds | None = Field(default=None, description="not before this time since the start [s]")
+    when: WaitCondition | None = Field(default=None, description="not before this holds")
+
+
+class LastingAction(TimedAction):
+    for_s: Seconds | None = Field(default=None, description="how long [s]; none: to the end of the run")
+
+
+def check_ranges(**ranges: tuple[float, float]) -> None:
+    """Raise ValueError for a range (low, high), named by its field, whose ends are out of order or negative."""
+    for name, (low, high) in ranges.items():
+        if not 0 <= low <= high:
+            raise ValueError(f"{name} [{low:g}, {high:g}] is not a range; the smaller number first, none negative")
