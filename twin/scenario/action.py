@@ -1,4 +1,4 @@
-"""What all actions of people share: when they begin, for how long they last, and what they may wait for."""
+"""The base of all actions of people: when they begin, for how long they last, and what they wait for."""
 
 from __future__ import annotations
 

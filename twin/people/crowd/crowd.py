@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from trackers.arrays import Array, Mask
 from twin.people.crowd.motion_command import MotionCommand
-from twin.people.crowd.social_force import KEEP_APART_M, arms_in, least_apart, repulsion
+from twin.people.crowd.social_force import KEEP_APART_M, arms_in, least_apart, repulsion, room_made
 from twin.room.obstacles import KEEP_FROM_EDGE_M, KEEP_FROM_FURNITURE_M, Footprints, Obstacle
 
 Planar = NDArray[np.complex128]
@@ -125,6 +125,7 @@ class Crowd:
         self._self_far = np.where(np.eye(count, dtype=bool), 1e3, 0.0)
         self._companions = np.zeros((count, count), dtype=bool)  # who walks with whom
         self._companion_m = np.full(count, KEEP_APART_M)  # least distance abreast of them [m]
+        self._keeps_step = np.zeros(count, dtype=bool)
         self._numbers = np.arange(count)
 
     def command(self, person: int, command: MotionCommand) -> None:
@@ -144,6 +145,7 @@ class Crowd:
         self._heeds_walls[person] = 1.0 / HALTING_M if command.halt else _PASSES
         self._companions[person] = False
         self._companions[person, list(command.companions)] = True
+        self._keeps_step[person] = command.keeps_step
         self._companion_m[person] = min(command.companion_m, KEEP_APART_M)
         near = self._furniture.belong_to(command.near)
         self._clearance[person, : len(near)] = np.where(near, NEAR_M, KEEP_FROM_FURNITURE_M)
@@ -171,8 +173,7 @@ class Crowd:
         return (self._distance < within_m) & (self._slow_down < _PASSES) & self.present
 
     def taken(self) -> Mask:
-        """Return a mask (n,) of the people who is about to halt at a goal that somebody else is closer to than people
-        come to each other."""
+        """Return a mask (n,) of the people who are about to halt at a goal that somebody else is at."""
         close = self.halting(TAKEN_WITHIN_M)
         if not close.any():
             return close
@@ -225,6 +226,10 @@ class Crowd:
         free = np.concatenate([0.5 * gap, room], axis=1)
         limit = np.sqrt((2 * self._braking[rows, None]) * np.maximum(free, 0.0))
         limit[:, : len(place)] -= comes_on
+        if np.count_nonzero(self._keeps_step):
+            limit[:, : len(place)] += room_made(
+                self._companions[rows][:, rows], self._keeps_step[rows], towards, before
+            )
         velocity = self._safe(velocity, normals, limit)
         after = place + velocity * dt
         if anybody_driven:

@@ -68,6 +68,15 @@ def least_apart(companions: Mask, companion_m: Array, towards: Planar, facing: P
     return KEEP_APART_M - np.maximum(closer, closer.T) * np.minimum(lateral, lateral.T)
 
 
+def room_made(companions: Mask, keeps_step: Mask, towards: Planar, velocity: Planar) -> Array:
+    """Return how fast companions walk on ahead of those who keep step with them, (n, n) [m/s]: 0 for all others.
+
+    companions (n, n): who walks with whom; keeps_step (n,): who counts on that; towards (n, n): unit, from each to each;
+    velocity (n,) [m/s].
+    """
+    return np.maximum((towards.conj() * velocity).real, 0.0) * (companions & keeps_step[:, None])
+
+
 def arms_in(together: Mask, seen: Planar) -> Array:
     """Return how far each person holds in the left and the right arm, (2, n): 0 as when alone, 1 straight down.
 

@@ -28,7 +28,7 @@ _IN_PLACE_M = 0.12
 _FILE_M = 0.85
 """From one to the next of those who walk in file, or behind for want of room [m]."""
 _V_BACK = 0.35
-"""How far the middle of a V lags, per distance to the neighbour (Moussaïd et al. 2010, figure 4)."""
+"""Lag of the middle of a V, per distance to the neighbour (Moussaïd et al. 2010, figure 4)."""
 _PASSES_BEHIND_M = 0.5
 """Whoever changes sides makes for a place so far behind the leader, nearer than people come [m]."""
 _CHANGE_TAKES_S = 1.5
@@ -42,7 +42,7 @@ _SEES_AHEAD_S = 0.7
 _SWINGS_OUT, _SWINGS_AT_MOST_M = 0.5, 0.25
 """Whoever draws level passes wide of the leader's back: so much farther to the side for each metre that they lag."""
 _WAITS_FROM_M, _WAITS_AT_M = 0.5, 2.5
-"""How far the last member lags when the leader begins to slow down, and when they wait [m]."""
+"""Lags of the last member at which the leader begins to slow down, and at which they wait [m]."""
 _CHANGES_AFTER = 0.35
 """Share of the time for which neighbours are near after which one changes sides."""
 _CANDIDATES = 8
@@ -235,14 +235,23 @@ def _keep_place(actor: Actor, action: Join, group: Group, goal: complex, until: 
     others, least_m = _company(actor, group)
     if stands and abs(goal - here) < _IN_PLACE_M:
         heading = float(crowd.heading[group.leader])
-        return MotionCommand(None, until=until, heading=heading, companions=others, companion_m=least_m)
+        return MotionCommand(
+            None, until=until, heading=heading, companions=others, companion_m=least_m, keeps_step=True
+        )
     soon = goal if stands else goal + velocity * _DRAWS_LEVEL_S
     speed = min(max(abs(soon - here) / _DRAWS_LEVEL_S, _STANDS_M_S), action.speed_m_s)
     way = actor.way_to((soon.real, soon.imag)) or actor.way_to(actor.place_of(group.leader))
     if not way:
-        return MotionCommand(None, until=until, companions=others, companion_m=least_m)
+        return MotionCommand(None, until=until, companions=others, companion_m=least_m, keeps_step=True)
     return MotionCommand(
-        way[0], speed, until, 0.05, halt=stands and len(way) == 1, companions=others, companion_m=least_m
+        way[0],
+        speed,
+        until,
+        0.05,
+        halt=stands and len(way) == 1,
+        companions=others,
+        companion_m=least_m,
+        keeps_step=True,
     )
 
 
