@@ -22,8 +22,8 @@ class MotionCommand:
     backwards; who stands turns on the spot. `near`: furniture by name that may be come up to closely, for the last
     steps to a seat, a bed or a shelf; `immovable`: do not give way to others, as people who sit, lie or bend do not;
     `companions`: the numbers of those whom one walks with: they and the person do not feel each other's repulsion, and
-    abreast they may come as near as `companion_m` [m], with their arms held in; `keeps_step`: the person counts on companions to walk on, and
-    follows as closely as they stand.
+    abreast they may come as near as `companion_m` [m], with their arms held in; `keeps_step`: the person counts
+    on companions to walk on, and follows as closely as they stand.
     """
 
     goal: tuple[float, float] | None
