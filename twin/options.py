@@ -69,6 +69,9 @@ RoomRoot = Annotated[
     ),
 ]
 NoImages = Annotated[bool, typer.Option("--no-images", help="Leave the cameras out: no rendering at all.")]
+Verbose = Annotated[
+    bool, typer.Option("--verbose", help="Say on stderr what cost time that it need not, such as pictures drawn whole.")
+]
 
 
 def overrides(changes: list[str] | None, seed: int | None, duration_s: float | None = None) -> list[str]:

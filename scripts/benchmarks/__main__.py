@@ -51,6 +51,7 @@ BENCHMARKS: dict[str, Callable[[], Iterator[Figure]]] = {
     "crowd-building": people.crowd_building,
     "recorded-paths": people.recorded_paths,
     "camera": cameras.picture,
+    "still-rooms": cameras.still_rooms,
     "switches": cameras.switches,
     "depth": cameras.depth,
     "four-cameras": cameras.four_cameras,

@@ -6,6 +6,7 @@ import statistics
 import tempfile
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,10 +22,12 @@ from twin.scenario import load_scenario
 from twin.scenario.cameras import PinholeDescription
 from twin.scenario.sensors import SensorDescription, build_sensor
 from twin.sensors.camera_noise import CAMERA_NOISE
+from twin.sensors.fisheye import Fisheye
 from twin.sensors.layers import Noisy
 from twin.sensors.pinhole import Pinhole
 from twin.sensors.rays import trace_rays
 from twin.sensors.render import OffscreenRenderer, RendererOnDemand
+from twin.sensors.render_scene import point_cameras
 from twin.sensors.sensor import Sensor
 from twin.world.simulation import Simulation
 from twin.world.world import World
@@ -52,11 +55,12 @@ def picture() -> Iterator[Figure]:
         (", distorted", "off", {"k1": -0.25, "k2": 0.05}, ""),
     ):
         content = description.model_dump() | {"noise": noise, "distortion": distortion}
-        with RendererOnDemand(snapshot.model) as renderer:
+        with ExitStack() as stack:
+            renderer = stack.enter_context(RendererOnDemand(snapshot.model, keep_still=False))
             sensor = build_sensor("camera", _DESCRIBE.validate_python(content), renderer)
             ideal = sensor.ideal if isinstance(sensor, Noisy) else sensor
             assert isinstance(ideal, Pinhole)
-            bare = Bare(renderer(), snapshot, ideal)
+            bare = stack.enter_context(Bare(snapshot, ideal))
             state = None
 
             def measured(sensor: Sensor = sensor) -> None:
@@ -69,21 +73,67 @@ def picture() -> Iterator[Figure]:
 
 
 class Bare:
-    """Nothing but `mjr_render` and `mjr_readPixels`, of the scene that a renderer has just drawn."""
+    """Nothing but `mjr_render` and `mjr_readPixels` of all that a camera sees; a context manager."""
 
-    def __init__(self, renderer: OffscreenRenderer, snapshot: Snapshot, camera: Pinhole) -> None:
-        view = camera.view
-        self._pixels = np.zeros((view.height, view.width, 4), dtype=np.uint8)
-        self._rectangle = mujoco.MjrRect(0, 0, view.width, view.height)
-        self._renderer = renderer
-        eye_m = camera.rig_sensor().room_from_sensor.translation
-        renderer.render(snapshot.data, eye_m, (view.view,), self._pixels)
+    def __init__(self, snapshot: Snapshot, camera: Pinhole | Fisheye) -> None:
+        self._views = camera.views
+        self._eye_m = camera.rig_sensor().room_from_sensor.translation
+        width, height = camera.buffer_px
+        self._pixels = np.zeros((height, width, 4), dtype=np.uint8)
+        self._rectangle = mujoco.MjrRect(0, 0, width, height)
+        self._renderer = OffscreenRenderer(snapshot.model, keep_still=False)
+        self._renderer.render(snapshot.data, self._eye_m, self._views, self._pixels)
+
+    def __enter__(self) -> Bare:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._renderer.close()
 
     def draw(self) -> None:
         """Draw the scene and read it."""
         scene, context = self._renderer.drawing()
-        mujoco.mjr_render(self._rectangle, scene, context)
+        cameras = scene.camera[0], scene.camera[1]
+        for view in self._views:
+            if len(self._views) > 1:
+                point_cameras(cameras, self._eye_m, view)
+            mujoco.mjr_render(mujoco.MjrRect(*view.viewport), scene, context)
         mujoco.mjr_readPixels(self._pixels, None, self._rectangle, context)
+
+
+_LAB_MOUNT = {"xyz": [0.0, 0.0, 1.05], "yaw_deg": 90}
+_STILL = {
+    "lab": ("lab-five-people", ("home-cameras", "camera_1"), {"mount": _LAB_MOUNT, "size": [640, 480]}, "<= 0.3"),
+    "hall": ("library-hall", ("library-hall", "camera"), {}, "<= 0.35"),
+    "home": ("home-cameras", ("home-cameras", "camera_1"), {"size": [640, 480]}, "<= 0.2"),
+    "lab by the fisheye": ("lab-five-people", ("lab-five-people", "fisheye"), {}, ""),
+}
+"""By room: scenario, the camera, what is changed of it, and what a picture may cost over the bare call for the whole of it."""
+
+
+def still_rooms() -> Iterator[Figure]:
+    """A picture of a still room, whose walls are kept, against drawing and reading all of it: CPU time, people walking."""
+    for name, (scenario_name, (source, camera), changes, target) in _STILL.items():
+        world = World(load_scenario(scenario_name))
+        content = load_scenario(source).sensors[camera].model_dump() | changes | {"noise": "off"}
+        description = _DESCRIBE.validate_python(content)
+        rng = np.random.default_rng(0)
+        for kept, said, bound in ((True, "", target), (False, ", nothing kept", "<= 1.15")):
+            if not kept and not target:
+                continue
+            ratios = []
+            with ExitStack() as stack:
+                renderer = stack.enter_context(RendererOnDemand(world.snapshot(0.0).model, keep_still=kept))
+                sensor = build_sensor(camera, description, renderer)
+                assert isinstance(sensor, Pinhole | Fisheye)
+                for t in np.arange(5) / 2 if kept else [2.0]:
+                    snapshot = world.snapshot(float(t))
+                    bare = stack.enter_context(Bare(snapshot, sensor))
+                    look = partial(sensor.observe, 0, [snapshot], None, rng)
+                    look()
+                    look()
+                    ratios.append(median_ratio(look, bare.draw, 15, time.process_time))
+            yield Figure(f"picture of the {name}{said}, over the bare calls", statistics.median(ratios), "×", bound)
 
 
 def switches() -> Iterator[Figure]:

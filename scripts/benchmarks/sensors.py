@@ -9,6 +9,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from benchmarks.cameras import Bare
 from benchmarks.figure import Figure, median_ratio
 from twin.instant.snapshot import RAY_GROUPS
 from twin.scenario import load_scenario
@@ -64,7 +65,8 @@ def fisheye() -> Iterator[Figure]:
             _, state = sensor.observe(0, [snapshot], state, rng)
 
         measured()
-        ratio = median_ratio(measured, lambda: ideal.draw_faces(snapshot), 60)
+        with Bare(snapshot, ideal) as bare:
+            ratio = median_ratio(measured, bare.draw, 60)
     yield Figure("fisheye picture, noise included, over the bare render of its faces", ratio, "×", "<= 1.3")
 
 

@@ -19,6 +19,7 @@ from twin.options import (
     Seed,
     Set,
     Trackers,
+    Verbose,
     overrides,
 )
 
@@ -39,6 +40,7 @@ def run(
     room_root: RoomRoot = None,
     no_limits: NoLimits = False,
     allow_plugins: AllowPlugins = False,
+    verbose: Verbose = False,
 ) -> None:
     """Simulate, record, track, evaluate and report."""
     from twin.console import print_metrics, print_paths, print_warning, progress
@@ -61,6 +63,7 @@ def run(
             source=scenario,
             on_progress=report,
             on_warning=print_warning,
+            on_note=_print_note if verbose else _keep_silent,
         )
     if result.metrics is not None:
         print_metrics(result.metrics)
@@ -78,6 +81,7 @@ def render(
     no_images: NoImages = False,
     room_root: RoomRoot = None,
     no_limits: NoLimits = False,
+    verbose: Verbose = False,
 ) -> None:
     """Simulate and record only."""
     from twin.console import print_paths, print_warning, progress
@@ -95,8 +99,17 @@ def render(
             images=not no_images,
             on_progress=report,
             on_warning=print_warning,
+            on_note=_print_note if verbose else _keep_silent,
         )
     print_paths(result.files)
+
+
+def _print_note(note: str) -> None:
+    sys.stderr.write(f"twin: {note}\n")
+
+
+def _keep_silent(note: str) -> None:
+    """Take a note that nobody asked for."""
 
 
 def _print_size(scenario: Scenario, *, images: bool) -> None:

@@ -65,12 +65,14 @@ def run_scenario(
     precomputed: PrecomputedScene | None = None,
     on_progress: OnProgress = lambda what, done, total: None,
     on_warning: OnWarning = lambda warning: None,
+    on_note: OnWarning = lambda note: None,
 ) -> RunResult:
     """Simulate, record, track, evaluate and report into `out` (default out/<scenario>-<seed>).
 
     `trackers`: names; None: those the scenario defines, else the default where the rig has what it needs (a warning says
     where it has not); empty: none, and so no metrics and no report. `trusted`: classes that the scenario may name.
     `precomputed`: its people, moved before. `source`: what errors about its trackers call it, its file; default: by its name.
+    `on_note`: is told what a run did that costs time and changes no result.
     Every file appears under its name when it is whole. Raises InputError for bad input, before anything is written, and
     PlugInError when every tracker has failed; where others are left, the result says which did.
     """
@@ -81,7 +83,7 @@ def run_scenario(
     if chosen:
         scenario.prior.check(source)
     is_default = trackers is None and not scenario.trackers
-    request = _RunRequest(scenario, chosen, is_default, video, images, precomputed, on_progress, on_warning)
+    request = _RunRequest(scenario, chosen, is_default, video, images, precomputed, on_progress, on_warning, on_note)
     with heap_trimmed(), out_folder(folder, _names(names, video)) as out_:
         with ExitStack() as stack:
             run = _LiveRun(request, out_, stack)
@@ -102,6 +104,7 @@ class _RunRequest:
     precomputed: PrecomputedScene | None
     on_progress: OnProgress
     on_warning: OnWarning
+    on_note: OnWarning
 
 
 class _LiveRun:
@@ -155,6 +158,8 @@ class _LiveRun:
         for each in self._new:
             request.on_warning(each)
         self._spent_s = time.perf_counter() - start
+        for note in self._simulation.drawing_notes():
+            request.on_note(note)
 
     def finish(self) -> RunResult:
         """Write what needs the closed tables: names, scenario, metrics and report; return what the run leaves."""

@@ -158,6 +158,17 @@ class Fisheye:
     def _faces(self) -> _Faces:
         return _Faces(self._rig, self._oversampling)
 
+    @property
+    def views(self) -> tuple[RenderView, ...]:
+        """Views of the room that make up an image: the faces."""
+        return self._faces.views
+
+    @property
+    def buffer_px(self) -> tuple[int, int]:
+        """Width and height of the buffer in which the views are drawn [px]."""
+        height, width = self._faces.drawn.shape[:2]
+        return width, height
+
     def observe(
         self, stamp_ns: int, snapshots: Iterable[Snapshot], state: State, rng: np.random.Generator
     ) -> tuple[Reading, State]:

@@ -199,6 +199,26 @@ def make_mjr_context(model: mujoco.MjModel, context: Any, samples: int, shadow_m
     return mjr
 
 
+def fitted(mjr: mujoco.MjrContext | None, width: int, height: int) -> mujoco.MjrContext:
+    """Return MuJoCo's side of a context with a buffer of at least this size [px]."""
+    assert mjr is not None
+    if width > mjr.offWidth or height > mjr.offHeight:
+        mujoco.mjr_resizeOffscreen(max(width, mjr.offWidth), max(height, mjr.offHeight), mjr)
+    return mjr
+
+
+def free(context: Any, maker: tuple[int, int], *drawers: mujoco.MjrContext | None) -> None:
+    """Free a context that `maker`, a process and its thread, made, and MuJoCo's sides of it."""
+    if is_lost(*maker):
+        abandon(context, *drawers)
+        return
+    with context.as_current():
+        for each in drawers:
+            if each is not None:
+                each.free()
+    context.free()
+
+
 def _no_egl(error: Exception) -> str:
     reason = str(error).split(". ")[0].strip() or type(error).__name__
     return (

@@ -151,6 +151,16 @@ class Pinhole:
         """View drawn for an image."""
         return pinhole_view(self._rig.intrinsics, self._rig.room_from_sensor)
 
+    @property
+    def views(self) -> tuple[RenderView, ...]:
+        """Views of the room that make up an image."""
+        return (self.view.view,)
+
+    @property
+    def buffer_px(self) -> tuple[int, int]:
+        """Width and height of the buffer in which the views are drawn [px]."""
+        return self.view.width, self.view.height
+
     @cached_property
     def _drawn(self) -> NDArray[np.uint8]:
         return np.zeros((self.view.height, self.view.width, 4), dtype=np.uint8)

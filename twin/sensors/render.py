@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
-from typing import Any
+from typing import Any, Unpack
 
 import mujoco
 import numpy as np
@@ -14,15 +16,28 @@ from numpy.typing import NDArray
 
 from twin.sensors.gl_context import (
     GlInfo,
-    abandon,
     check_process,
+    fitted,
+    free,
     gl_info,
-    is_lost,
     make_context,
     make_mjr_context,
     no_fork,
 )
-from twin.sensors.render_scene import Mark, RenderView, SceneGeoms, drawing_option, has_open_mesh
+from twin.sensors.render_scene import (
+    Mark,
+    RenderView,
+    SceneGeoms,
+    Shot,
+    Switches,
+    add_mark,
+    drawing_option,
+    ensure_shadow_light,
+    has_open_mesh,
+    make_metres,
+    point_cameras,
+)
+from twin.sensors.still_room import StillRoom, StillRooms, covered_rectangle, lay_over
 
 _SHADOW_MAP_PX = 1024
 """Side of a lamp's map of shadows: of a room of 5 m it shows 6 mm, and twice the side costs half as much again."""
@@ -50,11 +65,13 @@ class OffscreenRenderer:
         samples: int = 0,
         static: bool = True,
         cull: bool = True,
+        keep_still: bool = True,
     ) -> None:
         """Make the context; `most_marks`: marks that an image may hold at most; `samples`: multisampling per pixel (0: none).
 
         `static`: draw geoms that cannot move; `cull`: pass over geoms out of sight, which changes no pixel (with
-        shadows they are drawn all the same: they may throw one into the image).
+        shadows they are drawn all the same: they may throw one into the image); `keep_still`: draw what cannot move once per
+        camera, which changes no pixel (`twin.sensors.still_room`).
         """
         self._context: Any = None
         self._mjr: mujoco.MjrContext | None = None
@@ -78,6 +95,10 @@ class OffscreenRenderer:
         self._geoms = self._scene.geoms
         self._listed: tuple[int, SceneGeoms] | None = None
         self._cameras = self._scene.camera[0], self._scene.camera[1]
+        self._rooms = StillRooms()
+        self.keep_still = keep_still and static
+        self.pictures: Counter[str] = Counter()
+        """Pictures taken so far: `all`, and of these by the reason for it those drawn whole."""
 
     def gl_info(self) -> GlInfo:
         """Return name and version of the OpenGL that draws."""
@@ -119,64 +140,106 @@ class OffscreenRenderer:
         if len(sizes) != 1:
             raise ValueError(f"pictures of sizes {sorted(sizes)} are asked for; one size is drawn at a time")
         ((height, width),) = sizes
-        mjr = self._fitted(self._mjr, width, height)
+        mjr = fitted(self._mjr, width, height)
         is_exact_asked = depth is not None or numbers is not None
-        exact = self._fitted(self._without_samples(), width, height) if is_exact_asked else mjr
+        exact = fitted(self._without_samples(), width, height) if is_exact_asked else mjr
         self._update_scene(data, eye_m, views[0])
         for mark in marks:
-            self._add(mark)
-        rectangle = mujoco.MjrRect(0, 0, width, height)
+            add_mark(self._scene, self._geoms, mark)
         drawn = self._scene_geoms()
         seen = self._seen(drawn, data, eye_m, views)
+        shot = Shot(data, eye_m, tuple(views), drawn, seen, (height, width), any(mark.rgba[3] < 1 for mark in marks))
         passes = [(exact, out, depth)] if exact is mjr or out is None else [(mjr, out, None), (exact, None, depth)]
         for context, colours, depths in passes:
             if colours is not None or depths is not None:
-                self._draw(context, drawn, seen, eye_m, views)
-                mujoco.mjr_readPixels(colours, depths, rectangle, context)
+                self._take(context, shot, colours, depths)
         if depth is not None:
-            self._make_metres(depth)
+            make_metres(self.model, depth)
         if numbers is None:
             return np.empty(0, dtype=np.intp)
-        self._draw_numbers(exact, drawn, seen, eye_m, views)
-        mujoco.mjr_readPixels(numbers, None, rectangle, exact)
+        with self._numbered():
+            self._take(exact, shot, numbers, None, kind="numbers")
         return drawn.geom_of_number()
 
-    def _draw(
+    def _take(
         self,
         context: mujoco.MjrContext,
-        drawn: SceneGeoms,
-        seen: NDArray[np.bool_],
-        eye_m: NDArray[np.float64],
-        views: Sequence[RenderView],
+        shot: Shot,
+        values: NDArray[np.uint8] | None,
+        depth: NDArray[np.float32] | None,
+        kind: str = "colours",
     ) -> None:
-        """Draw the scene as it was last updated, of its geoms those that are `seen`, (n_view, n_scene_geom)."""
+        """Draw a shot and read values (height, width, 4) and the depth buffer (height, width), each where it is given."""
+        room = self._still_room(context, shot, kind if values is not None else "depth")
+        moving = shot.seen & shot.drawn.moves
+        if room is None:
+            self._draw(context, shot, shot.seen)
+            mujoco.mjr_readPixels(values, depth, mujoco.MjrRect(0, 0, *shot.size[::-1]), context)
+            return
+        self._draw(context, shot, moving, sky=False)
+        covered = []
+        for place, view in enumerate(shot.views):
+            spheres = shot.drawn.spheres(shot.data, moving[place])
+            rectangle = covered_rectangle(view, shot.eye_m, *spheres)
+            if rectangle[2] and rectangle[3]:
+                part = None if values is None else np.empty((rectangle[3], rectangle[2], 4), dtype=np.uint8)
+                part_depth = np.empty((rectangle[3], rectangle[2]), dtype=np.float32)
+                mujoco.mjr_readPixels(part, part_depth, mujoco.MjrRect(*rectangle), context)
+                covered.append((rectangle, part, part_depth))
+        lay_over(room, covered, values, depth)
+
+    def _still_room(self, context: mujoco.MjrContext, shot: Shot, kind: str) -> StillRoom | None:
+        """Return what a shot shows of things that cannot move; None where it is drawn whole, which is counted by its reason."""
+        self.pictures["all"] += 1
+        if reason := self._drawn_whole_for(context, shot):
+            self.pictures[reason] += 1
+            return None
+        camera = kind, shot.eye_m.tobytes(), shot.views, shot.size
+        room, is_new = self._rooms.find(camera, shot.drawn.appearance(shot.data))
+        if is_new:
+            values = None if kind == "depth" else np.empty((*shot.size, 4), dtype=np.uint8)
+            room = self._rooms.keep(camera, StillRoom(values, np.empty(shot.size, dtype=np.float32)))
+            self._draw(context, shot, shot.seen & ~shot.drawn.moves)
+            mujoco.mjr_readPixels(room.values, room.depth, mujoco.MjrRect(0, 0, *shot.size[::-1]), context)
+        if room is None:
+            self.pictures["first of a camera and its light"] += 1
+        return room
+
+    def _drawn_whole_for(self, context: mujoco.MjrContext, shot: Shot) -> str:
+        """Return why a shot has to be drawn whole; '' where it need not be."""
+        if not self.keep_still:
+            return "as asked for"
+        if self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW]:
+            return "shadows"
+        if self._samples and context is self._mjr:
+            return "multisampling"
+        if shot.has_clear_marks or (shot.seen & shot.drawn.transparent).any():
+            return "transparent things in sight"
+        return ""
+
+    def _draw(self, context: mujoco.MjrContext, shot: Shot, shown: NDArray[np.bool_], *, sky: bool = True) -> None:
+        """Draw the scene as it was last updated, of its geoms those that are `shown`, (n_view, n_scene_geom).
+
+        Without the sky, views that show nothing are left as they are.
+        """
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)  # the other context's may be bound
-        for place, view in enumerate(views):
-            drawn.show_only(seen[place])
-            self._point_cameras(eye_m, view)
-            mujoco.mjr_render(mujoco.MjrRect(*view.viewport), self._scene, context)
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = sky
+        for place, view in enumerate(shot.views):
+            if sky or shown[place].any():
+                shot.drawn.show_only(shown[place])
+                point_cameras(self._cameras, shot.eye_m, view)
+                mujoco.mjr_render(mujoco.MjrRect(*view.viewport), self._scene, context)
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = 1
 
-    def _make_metres(self, depth: NDArray[np.float32]) -> None:
-        """Turn the depth buffer's values, 1 at the near plane and 0 at the far one, into distances [m], in place."""
-        near = self.model.vis.map.znear * self.model.stat.extent
-        far = self.model.vis.map.zfar * self.model.stat.extent
-        np.divide(near * far, depth.astype(np.float64) * (far - near) + near, out=depth, casting="same_kind")
-
-    def _draw_numbers(
-        self,
-        context: mujoco.MjrContext,
-        drawn: SceneGeoms,
-        seen: NDArray[np.bool_],
-        eye_m: NDArray[np.float64],
-        views: Sequence[RenderView],
-    ) -> None:
-        """Draw every geom of the scene in the colour that is its number."""
+    @contextmanager
+    def _numbered(self) -> Iterator[None]:
+        """Draw every geom of the scene in the colour that is its number while the block runs."""
         flags = self._scene.flags
         before = flags.copy()
         flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 0
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1
         try:
-            self._draw(context, drawn, seen, eye_m, views)
+            yield
         finally:
             flags[:] = before
 
@@ -189,19 +252,12 @@ class OffscreenRenderer:
         camera.elevation = np.rad2deg(np.arcsin(np.clip(forward[2], -1, 1)))
         mujoco.mjv_updateScene(self.model, data, self._option, None, camera, int(self._bodies), self._scene)
 
-    def _add(self, mark: Mark) -> None:
-        place = self._scene.ngeom
-        cos, sin = np.cos(mark.yaw_rad), np.sin(mark.yaw_rad)
-        turn = np.array([cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0])
-        half, middle, rgba = np.array(mark.half), np.array(mark.middle), np.array(mark.rgba, dtype=np.float32)
-        mujoco.mjv_initGeom(self._geoms[place], mujoco.mjtGeom.mjGEOM_BOX, half, middle, turn, rgba)
-        self._scene.ngeom = place + 1
-
     def _scene_geoms(self) -> SceneGeoms:
         """Return the geoms of the last update, kept from update to update."""
         count = self._scene.ngeom
         if self._listed is None or self._listed[0] != count or not self._listed[1].updated():
             self._listed = count, SceneGeoms(self.model, self._geoms[:count])
+            self._rooms.clear()  # numbers are those of the geoms' list
         return self._listed[1]
 
     def _seen(
@@ -214,18 +270,6 @@ class OffscreenRenderer:
             return faces
         return faces & drawn.in_sight(data, eyes_m, np.stack([view.inward_normals for view in views]))
 
-    def _point_cameras(self, eye_m: NDArray[np.float64], view: RenderView) -> None:
-        for camera in self._cameras:  # left and right eye of the same picture
-            near = camera.frustum_near
-            camera.orthographic = 0
-            camera.pos[:] = eye_m + view.offset_m
-            camera.forward[:] = view.forward
-            camera.up[:] = view.up
-            camera.frustum_center = near * (view.left + view.right) / 2
-            camera.frustum_width = near * (view.right - view.left) / 2  # half the width, despite its name
-            camera.frustum_bottom = near * view.bottom
-            camera.frustum_top = near * view.top
-
     def _without_samples(self) -> mujoco.MjrContext:
         """Return the context that draws one sample per pixel."""
         assert self._mjr is not None
@@ -234,14 +278,6 @@ class OffscreenRenderer:
         if self._exact is None:
             self._exact = make_mjr_context(self.model, self._context, 0, 0)
         return self._exact
-
-    @staticmethod
-    def _fitted(mjr: mujoco.MjrContext | None, width: int, height: int) -> mujoco.MjrContext:
-        """Return the context with a buffer of at least this size."""
-        assert mjr is not None
-        if width > mjr.offWidth or height > mjr.offHeight:
-            mujoco.mjr_resizeOffscreen(max(width, mjr.offWidth), max(height, mjr.offHeight), mjr)
-        return mjr
 
     def _make_current(self) -> None:
         if self._context is None:
@@ -254,18 +290,9 @@ class OffscreenRenderer:
     @no_fork()
     def close(self) -> None:
         """Free the context; may be called twice."""
-        if self._context is not None and is_lost(*self._maker):
-            abandon(self._context, self._mjr, self._exact)
-            self._mjr = self._exact = self._context = None
-        if self._mjr is not None and self._context is not None:
-            with self._context.as_current():
-                for each in (self._mjr, self._exact):
-                    if each is not None:
-                        each.free()
-        self._mjr = self._exact = None
         if self._context is not None:
-            self._context.free()
-        self._context = None
+            free(self._context, self._maker, self._mjr, self._exact)
+        self._mjr = self._exact = self._context = None
 
     def __del__(self) -> None:
         self.close()
@@ -277,44 +304,18 @@ class OffscreenRenderer:
         self.close()
 
 
-def ensure_shadow_light(model: mujoco.MjModel) -> None:
-    """Let the steepest lamp of a model throw shadows where none does.
-
-    Its shadows show only where shadows are drawn. In a lamp's shadow MuJoCo leaves out its ambient light too, so that a lamp
-    with any is chosen where there is no other.
-    """
-    if model.nlight and not model.light_castshadow.any():
-        steepness = model.light_dir[:, 2] + 2 * model.light_ambient.any(axis=1)
-        model.light_castshadow[np.argmin(steepness)] = True
-
-
 class RendererOnDemand:
     """Makes the renderer of a model when a camera first asks for it: a run without cameras never opens EGL.
 
     The switches are those of `OffscreenRenderer`.
     """
 
-    def __init__(
-        self,
-        model: mujoco.MjModel | Callable[[], mujoco.MjModel],
-        *,
-        shadows: bool = False,
-        most_marks: int = 0,
-        samples: int = 0,
-        static: bool = True,
-        cull: bool = True,
-    ) -> None:
+    def __init__(self, model: mujoco.MjModel | Callable[[], mujoco.MjModel], **switches: Unpack[Switches]) -> None:
         """Keep the switches; `model`: the one to draw, or a function that returns it: another model gets a new renderer."""
         self._model = model if callable(model) else lambda: model
-        self._make = partial(
-            OffscreenRenderer,
-            shadows=shadows,
-            most_marks=most_marks,
-            samples=samples,
-            static=static,
-            cull=cull,
-        )
+        self._make = partial(OffscreenRenderer, **switches)
         self._renderer: OffscreenRenderer | None = None
+        self._pictures: Counter[str] = Counter()
 
     def __call__(self) -> OffscreenRenderer:
         """Return the renderer of the model, shared by all callers; raises InputError where there is no EGL."""
@@ -325,9 +326,19 @@ class RendererOnDemand:
             self._renderer = self._make(model)
         return self._renderer
 
+    def notes(self) -> list[str]:
+        """Tell, by the reason for it, how many pictures were drawn whole so far."""
+        counts = self._pictures + (self._renderer.pictures if self._renderer is not None else Counter())
+        return [
+            f"{count} of {counts['all']} pictures were drawn whole: {reason}"
+            for reason, count in counts.items()
+            if reason != "all"
+        ]
+
     def close(self) -> None:
         """Free the renderer, if one was made."""
         if self._renderer is not None:
+            self._pictures += self._renderer.pictures
             self._renderer.close()
         self._renderer = None
 

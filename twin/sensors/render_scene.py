@@ -5,12 +5,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypedDict
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.instant.snapshot import DRAWN_GROUPS
+
+
+class Switches(TypedDict, total=False):
+    """The switches of a renderer (`twin.sensors.render.OffscreenRenderer`)."""
+
+    shadows: bool
+    most_marks: int
+    samples: int
+    static: bool
+    cull: bool
+    keep_still: bool
 
 
 @dataclass(frozen=True)
@@ -32,10 +44,15 @@ class RenderView:
     offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @cached_property
+    def axes(self) -> NDArray[np.float64]:
+        """Unit vectors to the right, up and ahead, room frame, (3, 3)."""
+        forward, up = np.array(self.forward), np.array(self.up)
+        return np.stack([np.cross(forward, up), up, forward])
+
+    @cached_property
     def inward_normals(self) -> NDArray[np.float64]:
         """Unit normals of the pyramid's four sides, pointing into it, room frame, (4, 3)."""
-        forward, up = np.array(self.forward), np.array(self.up)
-        across = np.cross(forward, up)
+        across, up, forward = self.axes
         normals = np.stack(
             [
                 across - self.left * forward,
@@ -60,6 +77,22 @@ class Mark:
     yaw_rad: float = 0.0
 
 
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """The views of one picture from `eye_m` (3,), and the geoms `seen` in each, (n_view, n_scene_geom), at `data`.
+
+    `size`: height and width of their buffer [px]; `has_clear_marks`: marks through which other things show are among the geoms.
+    """
+
+    data: mujoco.MjData
+    eye_m: NDArray[np.float64]
+    views: tuple[RenderView, ...]
+    drawn: SceneGeoms
+    seen: NDArray[np.bool_]
+    size: tuple[int, int]
+    has_clear_marks: bool
+
+
 _NOTHING = int(mujoco.mjtGeom.mjGEOM_NONE)  # mjr_render passes over a geom of this type
 IS_GEOM = int(mujoco.mjtObj.mjOBJ_GEOM)
 
@@ -68,7 +101,7 @@ class SceneGeoms:
     """The geoms of a scene as an update lists them, all of them shown at first."""
 
     def __init__(self, model: mujoco.MjModel, geoms: Sequence[mujoco.MjvGeom]) -> None:
-        self._geoms = geoms
+        self._model, self._geoms = model, geoms
         self._objects = self._listed()
         self._types = [geom.type for geom in geoms]
         self._shown = np.ones(len(geoms), dtype=bool)
@@ -79,11 +112,30 @@ class SceneGeoms:
         radius[radius == 0] = np.inf  # planes
         self._index, self._radius = index, radius
         self._is_plane = bounded & (model.geom_type[index] == mujoco.mjtGeom.mjGEOM_PLANE)
+        self.moves = np.array([geom.category for geom in geoms]) != mujoco.mjtCatBit.mjCAT_STATIC
+        """Which can move from picture to picture, marks among them, (n_geom,)."""
+        self.transparent = np.array([geom.rgba[3] for geom in geoms]) < 1
+        """Through which other geoms show, (n_geom,)."""
+        self._still = index[bounded & ~self.moves]
 
     def updated(self) -> bool:
         """Show all geoms again after an update; return True where the same objects are listed."""
         self._shown = np.ones(len(self._geoms), dtype=bool)
         return self._listed() == self._objects
+
+    def appearance(self, data: mujoco.MjData) -> bytes:
+        """Return all that the look of geoms that cannot move depends on besides the camera: poses, colours and lights."""
+        model, head = self._model, self._model.vis.headlight
+        lights = model.light_active, model.light_diffuse, model.light_ambient, model.light_specular
+        shapes = model.light_type, model.light_cutoff, model.light_exponent, model.light_attenuation
+        poses = data.geom_xpos[self._still], data.geom_xmat[self._still], data.light_xpos, data.light_xdir
+        eye = np.array(head.active), head.ambient, head.diffuse, head.specular
+        colours = model.geom_rgba, model.geom_matid, model.mat_rgba, model.mat_emission
+        return b"".join(each.tobytes() for each in (*lights, *shapes, *poses, *eye, *colours))
+
+    def spheres(self, data: mujoco.MjData, which: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return spheres that hold those geoms (n_geom,): middles (k, 3) and radii (k,) [m], infinite where none is known."""
+        return data.geom_xpos[self._index[which]], self._radius[which]
 
     def in_sight(
         self, data: mujoco.MjData, eyes_m: NDArray[np.float64], inward: NDArray[np.float64]
@@ -123,6 +175,37 @@ class SceneGeoms:
         return geom_of_number
 
 
+def add_mark(scene: mujoco.MjvScene, geoms: Sequence[mujoco.MjvGeom], mark: Mark) -> None:
+    """Append a mark to a scene, of which `geoms` are all the places."""
+    place = scene.ngeom
+    cos, sin = np.cos(mark.yaw_rad), np.sin(mark.yaw_rad)
+    turn = np.array([cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0])
+    half, middle, rgba = np.array(mark.half), np.array(mark.middle), np.array(mark.rgba, dtype=np.float32)
+    mujoco.mjv_initGeom(geoms[place], mujoco.mjtGeom.mjGEOM_BOX, half, middle, turn, rgba)
+    scene.ngeom = place + 1
+
+
+def point_cameras(cameras: Sequence[mujoco.MjvGLCamera], eye_m: NDArray[np.float64], view: RenderView) -> None:
+    """Point a scene's cameras, the left and right eye of the same picture, for a view from `eye_m` (3,) [m]."""
+    for camera in cameras:
+        near = camera.frustum_near
+        camera.orthographic = 0
+        camera.pos[:] = eye_m + view.offset_m
+        camera.forward[:] = view.forward
+        camera.up[:] = view.up
+        camera.frustum_center = near * (view.left + view.right) / 2
+        camera.frustum_width = near * (view.right - view.left) / 2  # half the width, despite its name
+        camera.frustum_bottom = near * view.bottom
+        camera.frustum_top = near * view.top
+
+
+def make_metres(model: mujoco.MjModel, depth: NDArray[np.float32]) -> None:
+    """Turn the depth buffer's values, 1 at the near plane and 0 at the far one, into distances [m], in place."""
+    near = model.vis.map.znear * model.stat.extent
+    far = model.vis.map.zfar * model.stat.extent
+    np.divide(near * far, depth.astype(np.float64) * (far - near) + near, out=depth, casting="same_kind")
+
+
 def has_open_mesh(model: mujoco.MjModel) -> bool:
     """Return True where a mesh of the room has an edge that is not between two faces: it can be seen from inside.
 
@@ -137,6 +220,17 @@ def has_open_mesh(model: mujoco.MjModel) -> bool:
         if (count != 2).any():
             return True
     return False
+
+
+def ensure_shadow_light(model: mujoco.MjModel) -> None:
+    """Let the steepest lamp of a model throw shadows where none does.
+
+    Its shadows show only where shadows are drawn. In a lamp's shadow MuJoCo leaves out its ambient light too, so that a lamp
+    with any is chosen where there is no other.
+    """
+    if model.nlight and not model.light_castshadow.any():
+        steepness = model.light_dir[:, 2] + 2 * model.light_ambient.any(axis=1)
+        model.light_castshadow[np.argmin(steepness)] = True
 
 
 def drawing_option() -> mujoco.MjvOption:

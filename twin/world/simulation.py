@@ -239,6 +239,10 @@ class Simulation:
         """Return the OpenGL that renders; None in a run without cameras."""
         return self._renderer().gl_info() if self.rig.cameras() else None
 
+    def drawing_notes(self) -> list[str]:
+        """Tell how many pictures, parts of a camera's message, were drawn whole and why; the others' rooms were kept."""
+        return self._renderer.notes()
+
     def sensor_costs(self) -> dict[str, dict[str, float | int | None]]:
         """Return by sensor, how many observations were made and what one cost [ms]."""
         return {
