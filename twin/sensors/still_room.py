@@ -27,8 +27,8 @@ Rectangle = tuple[int, int, int, int]
 
 @dataclass(frozen=True, eq=False)
 class StillRoom:
-    """What a camera sees of things that cannot move: `values` (height, width, 4), colours or numbers, none where depth
-    alone is drawn, and the depth buffer (height, width), 0 at the far plane."""
+    """The picture of things that cannot move: `values` (height, width, 4), colours or numbers, none where depth alone is
+    drawn, and the depth buffer (height, width), 0 at the far plane."""
 
     values: NDArray[np.uint8] | None
     depth: NDArray[np.float32]
