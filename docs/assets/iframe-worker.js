@@ -10,7 +10,7 @@ if (location.protocol === "file:") {
       frame.srcdoc = '<script>addEventListener("message",e=>{if(e.data&&e.data.load!==undefined){' +
         'self.importScripts=(...u)=>u.reduce((p,x)=>p.then(()=>new Promise((ok,no)=>{const s=document.createElement("script");' +
         's.src=x;s.onload=ok;s.onerror=no;document.body.append(s)})),Promise.resolve());' +
-        'self.postMessage=(d)=>parent.dispatchEvent(new MessageEvent("message",{data:d,source:self}));' +
+        'self.postMessage=(d)=>setTimeout(()=>parent.dispatchEvent(new MessageEvent("message",{data:d,source:self})));' +
         'importScripts(e.data.load).then(()=>parent.dispatchEvent(new MessageEvent("frame-ready",{source:self})))}})<\/script>';
       document.body.append(frame);
       frame.onload = () => {
@@ -30,7 +30,7 @@ if (location.protocol === "file:") {
     }
     postMessage(data) {
       if (!this.ready) { this.waiting.push(data); return; }
-      this.inner.dispatchEvent(new MessageEvent("message", { data }));
+      setTimeout(() => this.inner.dispatchEvent(new MessageEvent("message", { data })));  // as a worker: never at once
     }
     terminate() {}
   };
