@@ -71,7 +71,6 @@ def test_the_blocks_of_a_page_run_in_their_order(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr("twin.commands.memory.check_memory", lambda: None)
     names: dict[str, Any] = {}
     for number, block in enumerate(blocks(page)):
         if block.title:
@@ -99,7 +98,9 @@ def run_command(words: list[str], parse_only: bool) -> None:
             while hasattr(command, "commands"):
                 assert rest[0] in command.commands, f"twin has no command {rest[0]}"
                 command, rest = command.commands[rest[0]], rest[1:]
-            command.make_context(words[1], list(rest))
+            options = {name for parameter in command.params for name in (*parameter.opts, "-h", "--help")}
+            unknown = {word.partition("=")[0] for word in rest if word.startswith("--")} - options
+            assert not unknown, f"{shlex.join(words)}: there are no options {unknown}"
         else:
             assert app(words[1:], standalone_mode=False) in (0, None), shlex.join(words)
     else:
