@@ -65,7 +65,10 @@ def _scenario(page: str, name: str, drawn: str) -> NDArray[np.uint8]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "shown.yaml"
         path.write_text(drawn, encoding="utf-8")
-        return drawn_view(load_scenario(path), 0.0 if page == "rooms" else 6.0, TILE_PX)[0]
+        if page == "rooms":  # room and plan; the third tile is the plan again
+            shown_rgb = drawn_view(load_scenario(path), 0.0, TILE_PX)[0]
+            return shown_rgb[:, : 2 * shown_rgb.shape[1] // 3]
+        return drawn_view(load_scenario(path), 6.0, TILE_PX)[0]
 
 
 def _sheet() -> NDArray[np.uint8]:

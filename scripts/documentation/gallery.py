@@ -70,9 +70,15 @@ def shown() -> Iterator[tuple[str, str, str, str, str]]:
         yield "scenarios", name, models.first_description("scenarios", name), text, text
     for name in models.names("rooms"):
         text = (models.MODELS / "rooms" / f"{name}.xml").read_text(encoding="utf-8")
-        empty = yaml.safe_dump(
-            {"name": name.replace("_", "-"), "room": name, "duration_s": 1, "people": {}, "sensors": {}}
-        )
+        scanner = {"kind": "laser", "rate_hz": 10, "field_of_view_deg": 360, "mount": {"xyz": [0, 0.5, 1.2]}}
+        described = {
+            "name": name.replace("_", "-"),
+            "room": name,
+            "duration_s": 1,
+            "people": {},
+            "sensors": {"scanner": scanner},
+        }
+        empty = yaml.safe_dump(described)
         yield "rooms", name, _first_comment(text), f"room: {name}\n", empty
     for kind, sensor in _SENSORS.items():
         text = yaml.safe_dump({"sensors": {kind: sensor}}, sort_keys=False, default_flow_style=None)
