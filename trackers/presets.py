@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from trackers.camera_floor_particle import rules as floor_rules
 from trackers.errors import InputError
 from trackers.laser_fisheye_imm.rules import PAPER
+from trackers.laser_vision_learning import rules as learning_rules
 from trackers.plain_data import deep_merge
 from trackers.rgbd_head import rules as head_rules
 
@@ -101,6 +102,21 @@ PRESETS: Mapping[str, Preset] = {
         "trackers.laser_vision_learning.vision_only.tracker:VisionOnly",
         "one camera alone: background subtraction, a learned detector of people, a particle filter per person",
         "Song, Cui, Zha, Zhao: Probabilistic Detection-Based Particle Filter for Multi-target Tracking (BMVC 2008)",
+    ),
+    "laser-vision-learning-paper": Preset(
+        _LASER_LEARNING, "the fused system by the paper's rules alone", _SONG, learning_rules.PAPER
+    ),
+    "laser-vision-learning-paper-laser": Preset(
+        _LASER_LEARNING,
+        "the paper's laser half: one time for all who are missing",
+        _SONG,
+        {"camera": False, **learning_rules.PAPER_LASER},
+    ),
+    "laser-vision-learning-paper-vision": Preset(
+        "trackers.laser_vision_learning.vision_only.tracker:VisionOnly",
+        "the paper's baseline by one camera alone",
+        "Song, Cui, Zha, Zhao: Probabilistic Detection-Based Particle Filter for Multi-target Tracking (BMVC 2008)",
+        learning_rules.PAPER_VISION,
     ),
     "sort": Preset(
         "trackers.sort:Sort",

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
@@ -43,6 +43,10 @@ class RecognitionOptions(Strict):
         default=True, description="looks decide who is who when a group splits; no: motion (ablation)"
     )
     correlated: bool = Field(default=True, description="score maps draw the particles of who is correlated (eq. 1)")
+    drawn: Literal["missed", "all"] = Field(
+        default="missed",
+        description="which of the correlated score maps draw: those that no scanner shows (ours), or all (paper, V.A)",
+    )
     within_s: float = Field(default=0.6, gt=0, description="how long a decision waits for its pictures [s] (ours)")
     spread_m: ClassVar[float] = 0.02
     """Standard deviation of particles drawn to one place [m] (ours)."""
@@ -231,21 +235,23 @@ class Recognition:
         return people.changed(roster=people.roster.changed(id=written(ids, rows, ids[source])))
 
     def _drawn(self, people: People, now: Situations, shown: _Shown, ns: int) -> People:
-        """The particles of correlated people whom no scanner sees drawn to where their looks are in the picture."""
+        """The particles of correlated people, of all or of the missed, drawn to where their looks are in the picture."""
         known = self._looks.known & people.roster.confirmed & ~self.deciding(people.serial)
-        missed = known & ~measured_now(people.roster, ns) & now.correlated.any(axis=1)
-        if not (self.options.correlated and missed.any()):
+        moved = known & now.correlated.any(axis=1)
+        if self.options.drawn == "missed":
+            moved &= ~measured_now(people.roster, ns)
+        if not (self.options.correlated and moved.any()):
             return people
         label = linked(now.correlated & known & known[:, None])
         cloud, levels = people.cloud, self.learner.options.maps.levels
-        for each in np.unique(label[missed]).tolist():
+        for each in np.unique(label[moved]).tolist():
             rows = np.flatnonzero((label == each) & known)
             maps = self.learner.score_maps(
                 self._looks, shown.rgb, shown.places[rows], rows, self._rng, shown.foreground
             )
             self.maps.append((people.serial[rows], maps))
             drawn = in_levels(cloud.select(rows), self.learner.likelihood(maps), levels, self._spread, self._rng)
-            cloud = cloud.replaced(rows[missed[rows]], drawn.select(missed[rows]))
+            cloud = cloud.replaced(rows[moved[rows]], drawn.select(moved[rows]))
         return people.changed(roster=people.roster.changed(state=cloud))
 
     def _spread(self, state: Array, rng: np.random.Generator) -> Array:

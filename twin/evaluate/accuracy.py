@@ -159,8 +159,11 @@ def disposal(people: PersonFrames, stamps_ns: NDArray[np.int64], situations: Sit
 
     After Song et al., table I. Correlated: counted per pair and frame, disposed of where both people are right in that
     frame. Merge/split: counted per merge for the rig whose end, and the second after it, the run has seen; disposed of
-    where both people are right from its start to `AFTER_S` after its end. Frames in which one of the two is outside the
-    tracked area are not counted; a merge counts where both are inside in at least one of its frames.
+    where both people are right from its start to `AFTER_S` after its end. Identity after: of the merges whose two
+    people are both judged in the first frame from `AFTER_S` after their end on, those where both are right in that
+    frame: a tracker that follows merged people as one, as the paper's does, is judged by what it makes of the split.
+    Frames in which one of the two is outside the tracked area are not counted; a merge counts where both are inside
+    in at least one of its frames.
 
     stamps_ns (f,): of the judged frames, in order.
     """
@@ -171,10 +174,15 @@ def disposal(people: PersonFrames, stamps_ns: NDArray[np.int64], situations: Sit
     both, right_too = _of_pairs(people, merged)
     during, until_after = merged.frames(stamps_ns) & both, merged.frames(stamps_ns, AFTER_S) & both
     last_ns = stamps_ns[-1] if stamps_ns.size else 0
-    seen = merged.complete & (merged.end_ns + round(AFTER_S * NS_PER_S) <= last_ns) & during.any(axis=1)
+    after_ns = merged.end_ns + round(AFTER_S * NS_PER_S)
+    seen = merged.complete & (after_ns <= last_ns) & during.any(axis=1)
+    rows = np.flatnonzero(seen)
+    frame = np.searchsorted(stamps_ns, after_ns[rows])
+    judged_after = both[rows, frame]
     return {
         "correlated": _share(holding.sum(), (holding & right).sum()),
         "merge_split": _share(seen.sum(), (seen & ~(until_after & ~right_too).any(axis=1)).sum()),
+        "identity_after": _share(judged_after.sum(), (judged_after & right_too[rows, frame]).sum()),
     }
 
 

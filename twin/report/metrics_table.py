@@ -66,6 +66,7 @@ _ACCURACY = (
     ),
     Metric("disposal.correlated.share", "Correlated, right", "", "pairs less than 0.3 m apart, both right", "more", 3),
     Metric("disposal.merge_split.share", "Merges, right", "", "both right from the merge to 1 s after", "more", 3),
+    Metric("disposal.identity_after.share", "Merges, right after", "", "both right 1 s after the merge", "more", 3),
 )
 _HEAD = (
     Metric("head_error_m.x", "Head, x", "m", "mean absolute error", "less", 3),

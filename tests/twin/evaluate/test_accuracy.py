@@ -101,6 +101,12 @@ def test_a_merge_is_disposed_of_until_a_second_after_its_end():
     assert disposed(situations, tracks_that_fail(20))["merge_split"] == (1, 1)
 
 
+def test_the_identity_after_a_merge_is_judged_one_second_after_its_end():
+    situations = [pair("merged_rig", 5, 10)]
+    assert disposed(situations, tracks_that_fail(7, 19))["identity_after"] == (1, 1)
+    assert disposed(situations, tracks_that_fail(20))["identity_after"] == (1, 0)
+
+
 def test_a_merge_whose_end_is_not_seen_is_not_counted():
     assert disposed([pair("merged_rig", 5, 39, complete=False)], tracks_that_fail())["merge_split"] == (0, 0)
     assert disposed([pair("merged_rig", 5, 30)], tracks_that_fail())["merge_split"] == (
@@ -115,8 +121,8 @@ def test_disposal_outside_the_area_is_not_counted():
     truth = truth_of({1: still(0, 0, range(40)), 2: still(0.7, 0, range(40), False)})
     situations = situation_table([pair("correlated", 5, 15), pair("merged_rig", 5, 15)])
     found = evaluate_tracks(truth, tracks_that_fail(), situations=situations)["disposal"]
-    assert [each["total"] for each in found.values()] == [0, 0]
-    assert [each["share"] for each in found.values()] == [None, None]
+    assert [each["total"] for each in found.values()] == [0, 0, 0]
+    assert [each["share"] for each in found.values()] == [None, None, None]
 
 
 # --- the same from loops
@@ -153,7 +159,7 @@ def by_loops(truth: TruthTable, tracks: TrackTable, situations: SituationTable) 
                 verdicts[frame.stamp_ns, person] = verdict
     kinds = list(verdicts.values())
     stamps = [frame.stamp_ns for frame in frames]
-    counted = {"correlated": [0, 0], "merge_split": [0, 0]}
+    counted = {"correlated": [0, 0], "merge_split": [0, 0], "identity_after": [0, 0]}
     for k in range(len(situations)):
         start, end = int(situations.start_ns[k]), int(situations.end_ns[k])
         pair = int(situations.first_id[k]), int(situations.second_id[k])
@@ -166,6 +172,9 @@ def by_loops(truth: TruthTable, tracks: TrackTable, situations: SituationTable) 
         elif situations.complete[k] and end + ns(10) <= stamps[-1]:
             if not any(start <= t < end and None not in frames_of[t] for t in stamps):
                 continue
+            after = next(frames_of[t] for t in stamps if t >= end + ns(10))
+            counted["identity_after"][0] += None not in after
+            counted["identity_after"][1] += after == ["right", "right"]
             counted["merge_split"][0] += 1
             counted["merge_split"][1] += all(
                 frames_of[t] == ["right", "right"]

@@ -13,18 +13,23 @@ from trackers.errors import InputError
 from twin.commands.reproduce import reproduce
 from twin.reproduce.laser_vision_learning.results import (
     ACCURACY,
+    AFTER,
     CORRELATED,
     COST,
     MERGES,
     RELATIVE,
+    TABLE_GROUPS,
     TABLE_ONE,
     TABLE_TWO,
     cost_fit,
     hall_results,
 )
 from twin.reproduce.laser_vision_learning.runs import (
+    BASELINE,
     FUSED,
     LASER,
+    NO_LEARNING,
+    PAPER_SYSTEMS,
     SYSTEMS,
     VISION,
     HallCondition,
@@ -54,7 +59,8 @@ def condition(name: str, n_run: int = 4, people: float = 10.0, close: float = 2.
     """A made-up condition of the three systems: what a frame costs is 1 ms, 0.2 a person and 0.5 one who interacts."""
     ones = np.ones(n_run)
     figures = {}
-    for place, tracker in enumerate(SYSTEMS):
+    trackers = (*SYSTEMS, *PAPER_SYSTEMS.values(), BASELINE, NO_LEARNING)
+    for place, tracker in enumerate(trackers if name == "groups" else SYSTEMS):
         figures[tracker] = {
             "failures.person_frames": 1000 * ones,
             "failures.missed": 10.0 * (place + np.arange(n_run)),
@@ -64,6 +70,8 @@ def condition(name: str, n_run: int = 4, people: float = 10.0, close: float = 2.
             "disposal.correlated.disposed": 40 * ones - place,
             "disposal.merge_split.total": np.arange(n_run) + 1.0,
             "disposal.merge_split.disposed": np.arange(n_run) * 1.0,
+            "disposal.identity_after.total": 10 * ones,
+            "disposal.identity_after.disposed": 10 * ones - place,
             "mota": 0.9 * ones, "idf1": 0.8 * ones, "hota": 0.7 * ones,
             "ms_per_frame.mean": (1 + 0.2 * people + 0.5 * close) * ones * (place + 1),
             "ms_per_frame.p95": 20 * ones,
@@ -71,7 +79,7 @@ def condition(name: str, n_run: int = 4, people: float = 10.0, close: float = 2.
     place = PlaceStatistics(
         100 * ones, 100 * people * ones, 100 * close * ones, 64 * ones, 2 * ones, 0.5 * ones, np.array([0.4, 0.6, 1.2])
     )
-    return HallCondition(name, tuple(SYSTEMS), (), tuple(range(n_run)), figures, place)
+    return HallCondition(name, tuple(figures), (), tuple(range(n_run)), figures, place)
 
 
 def results_of(*conditions: HallCondition) -> dict[tuple[str, str, str], tuple[float | None, float]]:
@@ -90,6 +98,17 @@ def test_the_tables_are_sums_over_runs_with_the_papers_values() -> None:
     assert found["the place", "merges a minute", "busy"] == (pytest.approx(134.25), pytest.approx(4.0))
     assert found["the place", "share of them interacting", "hall"] == (16.35, pytest.approx(20.0))
     assert found["the place", "merges of 0.5 s or more", "hall"] == (None, pytest.approx(200 / 3))
+
+
+def test_people_in_groups_have_four_columns_and_differences_paired_by_run() -> None:
+    runs = HallRuns({each: condition(each) for each in ("hall", "busy", "groups")}, None, None, ())  # pyright: ignore[reportArgumentType]
+    found = {(each.row, each.column): each for each in hall_results(runs) if each.where == TABLE_GROUPS}
+    row = found[AFTER, "fused"]
+    assert (row.paper, row.ours) == (None, pytest.approx(100))
+    assert row.paper_system is not None and row.paper_system.value == pytest.approx(70)
+    assert row.baseline is not None and (row.baseline.tracker, row.baseline.value) == ("sort", pytest.approx(40))
+    assert found[ACCURACY, "laser only"].paper == 73.37
+    assert found[f"{AFTER}, fused over without learning", "difference"].ours == pytest.approx(70)
 
 
 def test_the_cost_of_a_change_of_the_hall_is_paired_by_seed() -> None:

@@ -12,20 +12,27 @@ import numpy as np
 from trackers.arrays import Array
 from twin.reproduce.bootstrap import Bootstrap, Interval, interval
 from twin.reproduce.laser_vision_learning.runs import (
+    BASELINE,
     BUSY,
     FUSED,
+    GROUPS,
     HALL,
     LASER,
+    NO_LEARNING,
+    OTHER_BASELINE,
+    PAPER_SYSTEMS,
+    SYSTEMS,
     VISION,
     HallCondition,
     HallRuns,
 )
-from twin.reproduce.results import ResultRow
+from twin.reproduce.results import ResultRow, SystemValue
 from twin.streams import stream
 
 PLACE, TABLE_ONE, TABLE_TWO = "the place", "table I", "table II"
 CHANGED, DENSITY, ABLATION = "beyond the paper, changed", "beyond the paper, density", "beyond the paper, ablation"
 ACCURACY, CORRELATED, MERGES = "accuracy", "correlated, disposed of", "merge/split, disposed of"
+TABLE_GROUPS, AFTER = "people in groups", "identity 1 s after a merge"
 COST, RELATIVE = "time per frame", "time per frame, fused / vision only"
 
 _DISPOSAL = {CORRELATED: "disposal.correlated", MERGES: "disposal.merge_split"}
@@ -52,6 +59,8 @@ def hall_results(hall: HallRuns) -> list[ResultRow]:
     found += _accuracies(hall.conditions[HALL], TABLE_TWO, with_paper=True)
     found += _disposals(hall.conditions[HALL], TABLE_TWO, with_paper=False)
     found += _costs(hall.conditions[HALL], TABLE_TWO)
+    if GROUPS in hall.conditions:
+        found += group_results(hall.conditions[GROUPS])
     for condition in hall.densities:
         found += _beyond(condition, DENSITY)
     for condition in hall.changed:
@@ -60,6 +69,51 @@ def hall_results(hall: HallRuns) -> list[ResultRow]:
     if hall.ablation is not None:
         found += _beyond(hall.ablation, ABLATION)
     return found
+
+
+_SHARES = {
+    CORRELATED: "disposal.correlated",
+    MERGES: "disposal.merge_split",
+    AFTER: "disposal.identity_after",
+}
+
+
+def _share(condition: HallCondition, tracker: str, row: str) -> tuple[Array, Array]:
+    """Return what of a tracker is right and what there is in each run, (n,) each, for a row of the table of groups."""
+    metrics = condition.metrics[tracker]
+    if row == ACCURACY:
+        count = metrics["failures.person_frames"]
+        return count - condition.failures(tracker), count
+    return metrics[f"{_SHARES[row]}.disposed"], metrics[f"{_SHARES[row]}.total"]
+
+
+def group_results(condition: HallCondition) -> Iterator[ResultRow]:
+    """Compute the table of people in groups: the paper's figure, its system here, ours, and the baseline; then differences.
+
+    Differences are of shares over all runs, in points, their replicates paired by run.
+    """
+    yield from _place(condition)
+    boot = _bootstrap(condition)
+    replicates = {
+        (tracker, row): 100 * boot.ratio(*(each[:, None] for each in _share(condition, tracker, row)))[:, 0]
+        for tracker in condition.trackers
+        for row in (ACCURACY, *_SHARES)
+    }
+    for (tracker, row), values in replicates.items():
+        if tracker not in SYSTEMS:
+            continue
+        paper = _PAPER_TWO.get(tracker) if row == ACCURACY else _PAPER_ONE.get((tracker, row))
+        others = [
+            None if (name, row) not in replicates else SystemValue.of(name, interval(replicates[name, row]))
+            for name in (PAPER_SYSTEMS[tracker], BASELINE)
+        ]
+        ours, column = interval(values), condition.tracker_label(tracker)
+        yield ResultRow.of(TABLE_GROUPS, row, column, ours, "%", len(condition.seeds), paper, *others)
+    for name, what in ((BASELINE, BASELINE), (OTHER_BASELINE, OTHER_BASELINE), (NO_LEARNING, "without learning")):
+        for row in (ACCURACY, AFTER):
+            if (FUSED, row) in replicates and (name, row) in replicates:
+                gain = interval(replicates[FUSED, row] - replicates[name, row])
+                yield _result(TABLE_GROUPS, f"{row}, fused over {what}", "difference", None, gain, "%", condition)
 
 
 def cost_fit(conditions: list[HallCondition], tracker: str) -> Array | None:
@@ -104,6 +158,9 @@ def _place(condition: HallCondition) -> Iterator[ResultRow]:
             ("merges of 0.5 s or more", long, "%"),
         ):
             yield _result(PLACE, row, condition.name, None, interval(lasting.mean(values)), unit, condition)
+        seconds = np.where(place.merge_s >= 1.0, 1.0, 0.0)
+        a_minute = interval(lasting.mean(seconds) * len(seconds) / place.minutes.sum())
+        yield _result(PLACE, "merges of 1 s or more a minute", condition.name, None, a_minute, "/min", condition)
 
 
 def _disposals(condition: HallCondition, where: str, with_paper: bool) -> Iterator[ResultRow]:

@@ -1,7 +1,8 @@
 """Runs of the hall, read from the suite's results: the three systems, conditions, places, and one run in full.
 
-A condition is an entry of the suite. Its name says what it is for: `busy` is table I, `hall` is table II and figure 11,
-`people-N` a density; `ablation` sets variants of the fused system beside it; every other is the hall with one thing changed.
+A condition is an entry of the suite. Its name says what it is for: `busy` is table I, `hall` is table II and figure 11;
+`groups` holds people in groups, for whom the system is; `people-N` is a density; `ablation` sets variants of the fused
+system beside it; every other is the hall with one thing changed.
 """
 
 from __future__ import annotations
@@ -27,7 +28,14 @@ from twin.suites.worker import TRUTH, resolved_scenario
 FUSED, LASER, VISION = "laser-vision-learning", "laser-vision-learning-laser", "laser-vision-learning-vision"
 SYSTEMS: Mapping[str, str] = {FUSED: "fused", LASER: "laser only", VISION: "vision only"}
 """The paper's three systems, by preset, as they stand in tables."""
-HALL, BUSY, ABLATION = "hall", "busy", "ablation"
+HALL, BUSY, GROUPS, ABLATION = "hall", "busy", "groups", "ablation"
+PAPER_SYSTEMS: Mapping[str, str] = {
+    FUSED: "laser-vision-learning-paper",
+    LASER: "laser-vision-learning-paper-laser",
+    VISION: "laser-vision-learning-paper-vision",
+}
+"""By preset of ours, the same system by the paper's rules."""
+BASELINE, OTHER_BASELINE, NO_LEARNING = "sort", "laser-imm", "no-learning"
 DENSITY = re.compile(r"people-\d+")
 
 
@@ -111,7 +119,7 @@ class HallRuns:
     @property
     def changed(self) -> list[HallCondition]:
         """The hall with one thing changed."""
-        others = (HALL, BUSY, ABLATION)
+        others = (HALL, BUSY, GROUPS, ABLATION)
         return [each for each in self.conditions.values() if each.name not in others and each not in self.densities]
 
     @property
