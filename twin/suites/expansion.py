@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 from pydantic import JsonValue
@@ -15,13 +16,15 @@ from trackers.errors import InputError
 from trackers.limits import refuse_unless_lifted
 from trackers.rig import NO_PRIOR, PriorFiles
 from twin.models import is_kept_room
+from twin.recording.reader import Recording
+from twin.recording.tables import read_truth
 from twin.run.inputs import NONE_TRUSTED, TrustedClasses
 from twin.run.tracker_runner import file_name
 from twin.scenario import load_scenario
 from twin.scenario.load import dump_scenario
 from twin.scenario.run_size import RunSize, check_size, size_of
 from twin.scenario.scenario import Scenario, TrackerChoice
-from twin.suites.cache_keys import Provenance, people_key, provenance_of, recording_key, room_digest
+from twin.suites.cache_keys import Provenance, digest_of, people_key, provenance_of, recording_key, room_digest
 from twin.suites.overrides import Variant, format_overrides, variants
 from twin.suites.preflight import TrackerCheck
 from twin.suites.spec import Overrides, Suite, find_scenario
@@ -30,6 +33,33 @@ MOST_CASES = 5000
 
 NO_CAMERA = ("laser", "floor")
 """The kinds of sensor that need no renderer."""
+
+
+@dataclass(frozen=True)
+class RecordedInput:
+    """A bag of a suite, its rig and the table of its truth (None: there is none), and a digest of all three."""
+
+    path: Path
+    rig: Path | None
+    truth: Path | None
+    digest: str
+
+    @classmethod
+    def of(cls, path: Path, rig: Path | None, truth: Path | None) -> RecordedInput:
+        """Digest the files. Raises InputError for one that cannot be read."""
+        digest = hashlib.sha256()
+        for file in (*(sorted(path.rglob("*")) if path.is_dir() else [path]), rig, truth):
+            if file is None or file.is_dir():
+                digest.update(b"-")
+                continue
+            try:
+                with file.open("rb") as stream:
+                    digest.update(hashlib.file_digest(stream, "sha256").digest())
+            except OSError as error:
+                raise InputError(
+                    f"{file}: cannot be read ({error.strerror}); the file of a suite's recording is expected"
+                ) from error
+        return cls(path, rig, truth, digest.hexdigest()[:32])
 
 
 @dataclass(frozen=True)
@@ -62,7 +92,14 @@ class Case:
         return (*self.tracker_changes, *format_overrides(files))
 
     def check_files(self) -> None:
-        """Raise InputError where the room, or the files that trackers are handed, are not there or not what they were."""
+        """Raise InputError where the bag, the room, or files handed to trackers are not there or not what they were."""
+        if self.bag is not None:
+            if RecordedInput.of(self.bag.path, self.bag.rig, self.bag.truth) != self.bag:
+                raise InputError(
+                    f"{self.id}: {self.bag.path}, its rig or its truth changed after the suite was started; --resume tracks it "
+                    "as it is now"
+                )
+            return
         if recording_key(self.resolved, "") != self.recipe:
             raise InputError(
                 f"{self.id}: its room changed after the suite was started; --resume records it as it is now"
@@ -77,6 +114,8 @@ class Case:
     size: RunSize  # of its recording
     people: str = ""
     """The key of its people's motion: cases with the same one differ in their sensors alone."""
+    bag: RecordedInput | None = None
+    """The bag that is tracked as it is; None: the recording of `resolved`."""
 
 
 def check_case_count(suite: Suite, path: Path) -> None:
@@ -118,6 +157,12 @@ def expand(
             checked += _check_entry(suite, number, path, changes, check, limits=limits)
         except InputError as error:
             faults |= dict.fromkeys(str(error).splitlines())
+    recorded: list[Case] = []
+    for number in range(len(suite.recordings)):
+        try:
+            recorded += _recorded_cases(suite, number, path, changes, check)
+        except InputError as error:
+            faults |= dict.fromkeys(f"{path}: recordings.{number}: {line}" for line in str(error).splitlines())
     faults |= dict.fromkeys(check.faults())
     if faults:  # before each seed draws a room of its own
         raise InputError("\n".join(faults))
@@ -134,6 +179,12 @@ def expand(
                     f"{case.tracker} is there twice; a name of its own for each entry is expected"
                 ] = None
             cases[case.id] = case
+    for case in recorded:
+        if case.id in cases:
+            faults[
+                f"{path}: recordings: {case.scenario} is there twice; a name of its own for each entry is expected"
+            ] = None
+        cases[case.id] = case
     if faults:
         raise InputError("\n".join(faults))
     return list(cases.values())
@@ -213,6 +264,58 @@ def _cases_of(suite: Suite, checked: _Checked, path: Path, changes: Sequence[str
                     {f"trackers.{name}": _options(choice) for name, choice in scenario.trackers.items()}
                 ),
             )
+
+
+def _recorded_cases(
+    suite: Suite, number: int, path: Path, changes: Sequence[str], check: TrackerCheck
+) -> Iterator[Case]:
+    """Yield the cases of an entry of `recordings`: bag × seed × tracker."""
+    entry = suite.recordings[number]
+    bags = (
+        sorted(path.parent.glob(entry.recording))
+        if not Path(entry.recording).is_absolute()
+        else [Path(entry.recording)]
+    )
+    if not bags:
+        raise InputError(
+            f"recording: no bag is {path.parent / entry.recording}; a bag, or a pattern of several, is expected"
+        )
+    if entry.name is not None and len(bags) > 1:
+        raise InputError(f"name: {entry.name} would be that of {len(bags)} bags; no name, or one bag, is expected")
+    rig, truth = (None if each is None else path.parent / each for each in (entry.rig, entry.truth))
+    chosen = tuple(change for change in changes if change.partition("=")[0].split(".")[0] in ("trackers", "prior"))
+    for bag in bags:
+        recording, found = Recording(bag, rig), RecordedInput.of(bag, rig, truth)
+        if truth is not None:
+            read_truth(truth)
+        name = entry.name or (bag.resolve().parent.name if bag.name == "recording.mcap" else bag.stem)
+        seconds = RunSize(
+            seconds=recording.duration_s, observations=recording.observation_count, n_bytes=_bytes_of(bag)
+        )
+        for seed, tracker in product(entry.seeds, entry.trackers or suite.trackers):
+            check.check_recorded(f"recordings.{number}.trackers", tracker, recording.rig, name)
+            yield Case(
+                id=_case_id(name, (), seed, tracker),
+                scenario=name,
+                variant="",
+                overrides=(),
+                seed=seed,
+                tracker=tracker,
+                limit_s=entry.limit_s or suite.limit_s,
+                report=suite.reports,
+                require={**suite.require.get(tracker, {}), **entry.require.get(tracker, {})},
+                resolved=f"bag {found.digest}",
+                size=seconds,
+                prior=NO_PRIOR,
+                provenance=Provenance(found.digest, "", "", digest_of(tracker, *chosen), NO_PRIOR.digest()),
+                recipe=f"bag-{found.digest}",
+                tracker_changes=chosen,
+                bag=found,
+            )
+
+
+def _bytes_of(bag: Path) -> float:
+    return float(sum(each.stat().st_size for each in ([bag] if bag.is_file() else bag.rglob("*"))))
 
 
 def _options(choice: TrackerChoice) -> JsonValue:

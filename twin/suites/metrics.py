@@ -15,7 +15,18 @@ from math import inf, isfinite
 from typing import Any
 
 from trackers.errors import InputError
-from twin.report.metrics_table import HEADLINE_METRICS as HEADLINE_METRICS, METRICS as METRICS, Metric
+from twin.report.metrics_table import HEADLINE_METRICS as HEADLINE_METRICS, METRICS as REPORT_METRICS, Metric
+
+RECORDING_METRICS: Mapping[str, Metric] = {
+    each.key: each
+    for each in (
+        Metric("track_count", "Tracks", "", "ids that a tracker gave in a recording", "less", 0),
+        Metric("tracks_per_frame", "Tracks per frame", "", "mean number of tracks reported at once", "less", 2),
+    )
+}
+"""Figures of tracks alone, for bags without truth: bounds of `require`, not compared, as neither way is better."""
+
+METRICS: Mapping[str, Metric] = {**REPORT_METRICS, **RECORDING_METRICS}
 
 
 @dataclass(frozen=True)

@@ -91,6 +91,20 @@ class TrackerCheck:
             self._digests[key] = scenario.prior.digest()
         return self._digests[key]
 
+    def check_recorded(self, listed: str, name: str, rig: Rig, title: str) -> None:
+        """Check that a tracker can be made for the rig of a bag; `listed`: where the suite names it."""
+        if not _known(name):
+            self._tell(_unknown(listed, name, "a class of your own"))
+        elif name not in available() and not self._trusted.has(name):
+            self._tell(not_trusted(listed, name, SUITE))
+        elif name in PRESETS:
+            try:
+                with warnings_silenced():
+                    make_tracker(name, rig, Prior(_EmptyRoom(), None, {}), stream(0, "tracker", name))
+            except InputError as error:
+                for line in str(error).splitlines():
+                    self._tell(f"{listed}: {name!r} cannot work on ", title, f": {line}")
+
     def faults(self) -> list[str]:
         """Format one sentence per fault: the suite's file, the field as written by the user, what is valid."""
         parts = []

@@ -177,7 +177,7 @@ def _draw_filmstrips(
     worst_second: dict[str, Incident] = {}
     for each in store.cases():
         case = by_id[each.id]
-        for incident in store.incidents(each.id)[:1]:
+        for incident in store.incidents(each.id)[:1] if case.bag is None else ():  # a bag's room is not known
             row = (case.scenario, case.variant)
             if incident.kind == WORST:
                 worst_second[each.id] = incident
@@ -190,7 +190,7 @@ def _draw_filmstrips(
     of_reference = {
         case.case_id: worst_second[case.case_id].t_s
         for case in behind
-        if case.case_id is not None and case.case_id in worst_second
+        if case.case_id is not None and case.case_id in worst_second and by_id[case.case_id].bag is None
     }
     tasks = [
         Task(

@@ -16,8 +16,6 @@ from pydantic import (
     Field,
     JsonValue,
     ValidationError,
-    ValidatorFunctionWrapHandler,
-    WrapValidator,
     field_validator,
     model_validator,
 )
@@ -27,52 +25,8 @@ from trackers.plain_data import parse_yaml
 from trackers.rig import Name
 from trackers.text_file import read_text
 from twin import models
+from twin.suites.fields import expected_error, list_of, mapping_of, single
 from twin.suites.metrics import GATED, GATED_SENSOR_METRICS, METRICS
-
-
-def list_of(what: str, *, or_empty: bool = False) -> BeforeValidator:
-    """Make a validator of a field that takes a list, not empty unless `or_empty`; `what`: start of the error's sentence."""
-
-    def check(value: Any) -> Any:
-        if not isinstance(value, list | tuple) or not (value or or_empty):
-            raise expected_error(value, f"{what} is expected")
-        return value
-
-    return BeforeValidator(check)
-
-
-def mapping_of(what: str) -> BeforeValidator:
-    """Make a validator of a field that takes a mapping with texts as keys."""
-
-    def check(value: Any) -> Any:
-        if not isinstance(value, dict):
-            raise expected_error(value, f"{what} is expected")
-        for key in value:
-            if not isinstance(key, str):
-                raise ValueError(f"the key {key!r} is not a text; {what} is expected")
-        return value
-
-    return BeforeValidator(check)
-
-
-def single(what: str) -> WrapValidator:
-    """Make a validator of a field that takes one value; every error of it says what is expected."""
-
-    def check(value: Any, inner: ValidatorFunctionWrapHandler) -> Any:
-        if not isinstance(value, bool):
-            try:
-                return inner(value)
-            except ValidationError:
-                pass
-        raise expected_error(value, f"{what} is expected")
-
-    return WrapValidator(check)
-
-
-def expected_error(value: Any, sentence: str) -> ValueError:
-    """Make the error for a value; `validate` itself shows every value that is no mapping."""
-    return ValueError(f"{sentence} (got {value!r})" if isinstance(value, dict) else sentence)
-
 
 _COMPARISONS: Mapping[str, Callable[[float, float], bool]] = {
     ">=": operator.ge,
@@ -238,6 +192,29 @@ def _entry(value: Any) -> Any:
     return value
 
 
+class SuiteRecording(Strict):
+    """Bags as cases: a gate on what was recorded, the twin's or a robot's, with or without truth."""
+
+    recording: Annotated[str, single("the path of a bag, or a pattern like bags/*.mcap,")] = Field(
+        description="bag, or pattern of several (*, ?, **), relative to the suite"
+    )
+    name: OwnName | None = Field(default=None, description="what to call it in the results; none: the bag's own name")
+    rig: Text | None = Field(
+        default=None,
+        description="rig.yaml of the bags, relative to the suite; none: the one in the bag, or a lone scanner",
+    )
+    truth: Text | None = Field(
+        default=None,
+        description="table of the truth (t from the bag's start, id, x, y); none: what the bag holds, if any",
+    )
+    seeds: Seeds = Field(default=(0,), description="seeds of trackers that draw at random")
+    trackers: Annotated[tuple[TrackerName, ...], Field(min_length=1), list_of(_TRACKERS)] | None = Field(
+        default=None, description="names of trackers to run; none: the suite's"
+    )
+    limit_s: Limit | None = Field(default=None, description="how long a case may take [s]; none: the suite's")
+    require: Requirements = Field(default={}, description="what figures trackers are to reach here")
+
+
 class Suite(Strict):
     """Scenarios × seeds × overrides × trackers, the time limit of a case, and the tolerances."""
 
@@ -267,9 +244,11 @@ class Suite(Strict):
     set: Overrides = Field(default={}, description="changes to every case of every scenario, by path")
     scenarios: Annotated[
         list[Annotated[SuiteScenario, BeforeValidator(_entry)]],
-        Field(min_length=1),
         list_of("a list of scenarios, as in [{scenario: lab-five-people}],"),
-    ] = Field(description="what is run: scenarios with their own seeds, trackers and changes")
+    ] = Field(default=[], description="what is simulated: scenarios with their own seeds, trackers and changes")
+    recordings: Annotated[
+        list[SuiteRecording], list_of("a list of bags, as in [{recording: bags/*.mcap, rig: rig.yaml}],")
+    ] = Field(default=[], description="bags that are tracked as they are, beside the scenarios")
     tolerances: Annotated[
         dict[str, Annotated[Tolerance, mapping_of("a mapping, as in {absolute: 0.01},")]],
         mapping_of("a mapping of metrics, as in {mota: {absolute: 0.01}},"),
@@ -285,29 +264,32 @@ class Suite(Strict):
 
     @model_validator(mode="after")
     def _check_trackers(self) -> Suite:
-        for number, entry in enumerate(self.scenarios):
+        entries: dict[str, SuiteScenario | SuiteRecording] = {
+            **{f"scenarios.{number}": each for number, each in enumerate(self.scenarios)},
+            **{f"recordings.{number}": each for number, each in enumerate(self.recordings)},
+        }
+        if not entries:
+            raise ValueError("scenarios: is missing; a list of scenarios, or recordings, is expected")
+        for where, entry in entries.items():
             if not (entry.trackers or self.trackers):
-                raise ValueError(
-                    f"scenarios.{number} ({entry.scenario}) has no trackers and the suite has none; one is needed"
-                )
-        named = {name for entry in self.scenarios for name in entry.trackers or self.trackers}
+                what = entry.scenario if isinstance(entry, SuiteScenario) else entry.recording
+                raise ValueError(f"{where} ({what}) has no trackers and the suite has none; one is needed")
+        named = {name for entry in entries.values() for name in entry.trackers or self.trackers}
         if self.reference is not None and self.reference not in named:
             raise ValueError(
                 f"reference: {self.reference!r} is none of the trackers; valid are {', '.join(sorted(named))}"
             )
-        for number, entry in ((None, self), *enumerate(self.scenarios)):
-            where = "" if number is None else f"scenarios.{number}."
-            has = named if number is None else set(entry.trackers or self.trackers)
+        for where, entry in {"": self, **entries}.items():
+            has = named if entry is self else set(entry.trackers or self.trackers)
             for name in sorted(set(entry.require) - has):
-                raise ValueError(
-                    f"{where}require: {name!r} is none of the trackers; valid are {', '.join(sorted(has))}"
-                )
+                field = f"{where}.require" if where else "require"
+                raise ValueError(f"{field}: {name!r} is none of the trackers; valid are {', '.join(sorted(has))}")
         return self
 
     @property
     def n_case(self) -> int:
-        """Number of cases, without making them."""
-        return sum(
+        """Number of cases, without making them; a pattern of bags counts as one."""
+        return sum(len(each.seeds) * len(each.trackers or self.trackers) for each in self.recordings) + sum(
             len(entry.seeds or self.seeds)
             * len(entry.trackers or self.trackers)
             * len(entry.variants)

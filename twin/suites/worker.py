@@ -21,11 +21,11 @@ from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.plain_data import parse_yaml
-from twin.evaluate.summary import Evaluation
+from twin.evaluate.summary import Evaluation, evaluate_with_details
 from twin.messages import OnWarning
 from twin.people.poses import PopulationMotion
 from twin.recording.bag import open_bag
-from twin.recording.tables import read_truth
+from twin.recording.tables import read_tracks, read_truth
 from twin.recording.topics import SCAN, sensor_topic
 from twin.report.timeline import describe_event
 from twin.run.live import run_scenario
@@ -35,7 +35,7 @@ from twin.scenario import Scenario
 from twin.sensors.render import OffscreenRenderer
 from twin.suites.cache import RecordingCache, digests_of
 from twin.suites.cache_keys import people_key, recording_key, whole_code
-from twin.suites.expansion import NO_CAMERA, Case
+from twin.suites.expansion import NO_CAMERA, Case, RecordedInput
 from twin.world.precomputed import PrecomputedScene, precompute_motion
 
 RECORDING, TRUTH = "recording.mcap", "truth.csv"
@@ -112,6 +112,8 @@ def run_case(work: CaseWork) -> CaseResult:
         )
     case = work.case
     case.check_files()
+    if case.bag is not None:
+        return _run_recorded(case, case.bag)
     scenario = resolved_scenario(case)
     start = time.perf_counter()
     renderer = renderer_of(scenario)
@@ -139,7 +141,9 @@ def run_case(work: CaseWork) -> CaseResult:
             names = [*(["report.html"] if case.report else []), "metrics.json", table]
             return CaseResult(
                 metrics=result.metrics["trackers"][case.tracker],
-                incidents=tuple(_incidents(result.evaluations[case.tracker], scenario)),
+                incidents=tuple(
+                    _incidents(result.evaluations[case.tracker], dict(enumerate(scenario.people, start=1)))
+                ),
                 files={name: (folder / name).read_bytes() for name in names},
                 renderer=renderer,
                 recorded=not found,
@@ -173,19 +177,23 @@ def suite_recordings(
         found.setdefault(case.resolved, []).append(case)
     recordings = []
     for resolved, own in found.items():
+        if (bag := own[0].bag) is not None:
+            recordings.append(SuiteRecording(own[0].scenario, bag.path, _tables(own, results)))
+            continue
         scenario = resolved_scenario(own[0])
         key = recording_key(resolved, renderer_of(scenario))
         entry, _ = stack.enter_context(cache.recording(key, partial(record, scenario), on_warning))
         name = file_name("-".join(filter(None, (own[0].scenario, own[0].variant, str(own[0].seed)))))
-        tables = {
-            case.tracker: results / "cases" / case.id / "tracks" / f"{file_name(case.tracker)}.csv"
-            for case in own
-            if results is not None
-        }
-        recordings.append(
-            SuiteRecording(name, entry / RECORDING, {each: path for each, path in tables.items() if path.is_file()})
-        )
+        recordings.append(SuiteRecording(name, entry / RECORDING, _tables(own, results)))
     return recordings
+
+
+def _tables(cases: Sequence[Case], results: Path | None) -> dict[str, Path]:
+    """Find the tables of tracks of cases, by tracker, in the folder of a suite's results."""
+    if results is None:
+        return {}
+    tables = {each.tracker: results / "cases" / each.id / "tracks" / f"{file_name(each.tracker)}.csv" for each in cases}
+    return {tracker: path for tracker, path in tables.items() if path.is_file()}
 
 
 def resolved_scenario(case: Case) -> Scenario:
@@ -215,9 +223,42 @@ def record(scenario: Scenario, folder: Path, precomputed: PrecomputedScene | Non
     run_scenario(scenario, trackers=[], out=folder, video=False, precomputed=precomputed)
 
 
-def _incidents(evaluation: Evaluation, scenario: Scenario) -> list[Incident]:
-    """List the worst second, then the events; stamps of a twin's recording count from its start."""
-    names = dict(enumerate(scenario.people, start=1))
+def _run_recorded(case: Case, bag: RecordedInput) -> CaseResult:
+    """Track a bag as it is; evaluate by its table of truth, else by the truth in it, else count tracks alone."""
+    with tempfile.TemporaryDirectory(prefix="roomtwin-case-") as temporary:
+        folder = Path(temporary)
+        result = track_recording(
+            bag.path, trackers=[case.tracker], rig_path=bag.rig, changes=case.tracking_changes, seed=case.seed, out=folder,
+            video=False, report=case.report,
+        )  # fmt: skip
+        name = f"tracks/{file_name(case.tracker)}.csv"
+        tracks = read_tracks(folder / name)
+        frames = tracks.frame_stamps_ns.size
+        metrics: dict[str, Any] = {
+            "track_count": int(np.unique(tracks.id).size),
+            "tracks_per_frame": tracks.id.size / frames if frames else None,
+        }
+        evaluation = result.evaluations.get(case.tracker)
+        if bag.truth is not None:
+            evaluation = evaluate_with_details(read_truth(bag.truth), tracks)
+            metrics = evaluation.metrics | metrics
+        elif result.metrics is not None:
+            metrics = result.metrics["trackers"][case.tracker] | metrics
+        files = [name, *(each for each in ("report.html", "metrics.json") if (folder / each).is_file())]
+        return CaseResult(
+            metrics=metrics,
+            incidents=tuple(_incidents(evaluation, {})) if evaluation is not None else (),
+            files={each: (folder / each).read_bytes() for each in files},
+            renderer=NO_RENDERER,
+            recorded=False,
+            record_s=0.0,
+            recording=bag.digest[:_DIGEST],
+            tracker_warnings=result.tracker_warnings,
+        )
+
+
+def _incidents(evaluation: Evaluation, names: Mapping[int, str]) -> list[Incident]:
+    """List the worst second, then the events, people by `names`; stamps of a twin's recording count from its start."""
     incidents = []
     if evaluation.stamps_ns.size:
         t = evaluation.stamps_ns / NS_PER_S

@@ -1,0 +1,114 @@
+"""Bags as cases of a suite: with the truth in the bag, in a table, and without; requirements, baseline, changed files."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from trackers.errors import InputError
+from twin.cli import app
+from twin.recording.bag import open_bag
+from twin.recording.bag_files import McapFile
+from twin.recording.reader import Recording
+from twin.run.live import run_scenario
+from twin.scenario import load_scenario
+from twin.suites.expansion import expand
+from twin.suites.spec import load_suite
+
+
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a short bag of the lab's scanners, its truth as a table, and the same bag without truth and rig."""
+    folder = tmp_path_factory.mktemp("bags")
+    scenario = load_scenario("lab-five-people", ["duration_s=3"])
+    run_scenario(scenario, trackers=[], out=folder / "lab", video=False, images=False)
+    shutil.copy(folder / "lab/truth.csv", folder / "truth.csv")
+    (folder / "rig.yaml").write_text(Recording(folder / "lab/recording.mcap").rig.dump_yaml())
+    with open_bag(folder / "lab/recording.mcap") as original, McapFile(folder / "bare.mcap") as bag:
+        kept = [each for each in original.connections if each.topic in ("/waist/scan", "/knee/scan")]
+        copies = {each.id: bag.connect_as(each) for each in kept}
+        for connection, log_time_ns, data in original.raw_messages(kept):
+            bag.write_on(copies[connection.id], log_time_ns, data)
+    return folder
+
+
+def _suite(folder: Path, *entries: str, more: str = "") -> Path:
+    path = folder / "gate.yaml"
+    lines = "".join(f"  - {{{entry}}}\n" for entry in entries)
+    path.write_text(f"name: gate\ntrackers: [sort]\nreports: false\n{more}recordings:\n{lines}")
+    return path
+
+
+def _run(suite: Path, out: Path, *options: str):
+    return CliRunner().invoke(app, ["suite", "run", str(suite), "--out", str(out), "--jobs", "1", *options])
+
+
+def test_truth_of_the_bag_and_of_a_table_give_the_same_and_none_gives_counts(bags: Path, tmp_path: Path) -> None:
+    topics = set(Recording(bags / "lab/recording.mcap").topics)
+    assert {"/waist/scan", "/room/markers"} <= topics
+    suite = _suite(
+        bags,
+        "recording: lab/recording.mcap",
+        "recording: lab/recording.mcap, name: table, truth: truth.csv",
+        'recording: "ba*.mcap", rig: rig.yaml, require: {sort: {track_count: "<= 9", tracks_per_frame: ">= 1"}}',
+    )
+    done = _run(suite, tmp_path / "out", "--baseline", str(tmp_path / "base.json"), "--update-baseline")
+    assert done.exit_code == 0, done.output
+    rows = {
+        row["scenario"]: row["metrics"] for row in json.loads((tmp_path / "out/summary.json").read_text())["groups"]
+    }
+    assert set(rows) == {"lab", "table", "bare"}
+    assert rows["lab"]["mota"]["mean"] > 0.5
+    assert rows["lab"]["mota"] == rows["table"]["mota"]
+    assert rows["bare"].get("mota", {"mean": None})["mean"] is None
+    assert "2 of 2 requirements met" in done.output
+    again = _run(suite, tmp_path / "again", "--baseline", str(tmp_path / "base.json"))
+    assert again.exit_code == 0, again.output
+
+
+def test_requirement_that_is_not_met_fails(bags: Path, tmp_path: Path) -> None:
+    suite = _suite(bags, 'recording: bare.mcap, rig: rig.yaml, require: {sort: {track_count: "<= 0"}}')
+    done = _run(suite, tmp_path / "out")
+    assert done.exit_code == 1
+    assert "0 of 1 requirements met" in done.output
+
+
+@pytest.mark.parametrize(
+    ("entry", "said"),
+    [
+        ("recording: nothing*.mcap", "no bag is"),
+        ("recording: lab/recording.mcap, truth: gone.csv", "gone.csv"),
+        ("recording: rig.yaml", "rig.yaml"),
+        ("recording: bare.mcap, rig: rig.yaml, trackers: [sorts]", "there is no tracker 'sorts'"),
+        ("recording: lab/recording.mcap, trackers: [rgbd-head]", "cannot work on lab"),
+    ],
+)
+def test_what_cannot_be_tracked_is_refused_before_anything_runs(bags: Path, entry: str, said: str) -> None:
+    suite, path = load_suite(_suite(bags, entry))
+    with pytest.raises(InputError) as refused:
+        expand(suite, path)
+    assert said in str(refused.value)
+    assert "recordings.0" in str(refused.value)
+
+
+def test_case_is_another_one_once_its_bag_has_changed(bags: Path, tmp_path: Path) -> None:
+    shutil.copy(bags / "bare.mcap", tmp_path / "own.mcap")
+    suite, path = load_suite(_suite(tmp_path, "recording: own.mcap, rig: " + str(bags / "rig.yaml")))
+    (before,) = expand(suite, path)
+    before.check_files()
+    shutil.copy(bags / "lab/recording.mcap", tmp_path / "own.mcap")
+    (after,) = expand(suite, path)
+    assert after.id == before.id
+    assert after.provenance.changed(before.provenance) == ["scenario"]
+    with pytest.raises(InputError, match="changed after the suite was started"):
+        before.check_files()
+
+
+def test_suite_of_nothing_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "none.yaml").write_text("name: none\ntrackers: [sort]\n")
+    with pytest.raises(InputError, match="a list of scenarios, or recordings, is expected"):
+        load_suite(tmp_path / "none.yaml")
