@@ -57,7 +57,7 @@ def measure(name: str, jobs: int | None) -> None:
     source = read_sources()["sources"][name]
     code_commit(source["code"])  # refuses uncommitted code before hours are spent
     folder = OUT / name
-    if "before" in source:
+    if "before" in source and not (ROOT / source["before"][-1]).is_file():  # a run that goes on has it
         _run([sys.executable, "-m", "twin", *source["before"]])
     match source["kind"]:
         case "suite":
@@ -105,6 +105,7 @@ def record(name: str, path: Path) -> None:
     if name not in sources:
         sys.exit(f"scripts/figures: there is no source {name!r}; valid are {', '.join(sources)}")
     source = sources[name]
+    _check_code(path)
     figures = list(_READERS[source["kind"]](path, source))
     commit, date = code_commit(source["code"])
     kept = read_figures()
@@ -129,6 +130,18 @@ def record(name: str, path: Path) -> None:
         )
     FIGURES.write_text("\n".join([*lines, "}"]) + "\n", encoding="utf-8")
     print(f"{FIGURES.relative_to(ROOT)}: {name}: {len(figures)} figures, of commit {commit[:10]}")
+
+
+def _check_code(path: Path) -> None:
+    """Raise SystemExit where the runs of a suite, or those of a reproduction, were made by other code than this."""
+    from twin.suites.cache_keys import whole_code
+    from twin.suites.store_files import RESULTS_FILE, read_store
+
+    for folder in (path, path.parent / "suite"):
+        if (folder / RESULTS_FILE).is_file():
+            with read_store(folder) as store:
+                if store.facts()["code"] != whole_code():
+                    sys.exit(f"scripts/figures: {folder}: was run by other code than this; run it again")
 
 
 def code_commit(code: list[str]) -> tuple[str, str]:
