@@ -56,7 +56,9 @@ if [ -z "$has" ] || { [ -n "${ROOMTWIN_PYTHON:-}" ] && [ "$has" != "$(supported_
 fi
 stamp="$venv/installed${project_extra:+-$project_extra}"
 wanted="$(cat pyproject.toml scripts/tested-versions.txt | sha256sum | cut -d' ' -f1)"
-if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ] && [ "$(cat "$venv/installed-dev" 2>/dev/null)" != "$wanted" ]; then
+# What the extra `dev` brings is enough where no extra is asked for.
+if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ] &&
+    { [ -n "$project_extra" ] || [ "$(cat "$venv/installed-dev" 2>/dev/null)" != "$wanted" ]; }; then
     echo "Installing the project into $venv (a minute or two, once) ..." >&2
     "$venv/bin/python" -m pip install --quiet --constraint scripts/tested-versions.txt \
         --editable ".${project_extra:+[$project_extra]}" >&2

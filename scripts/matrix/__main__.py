@@ -96,7 +96,7 @@ def _install(environment: Path, interpreter: str, versions: str) -> bool:
     shutil.rmtree(environment, ignore_errors=True)
     if not _run([interpreter, "-m", "venv", environment]):
         return False
-    command = [environment / "bin/python", "-m", "pip", "install", "--quiet", "--editable", ".[dev]"]
+    command = [environment / "bin/python", "-m", "pip", "install", "--quiet", "--editable", ".[dev,docs]"]
     if versions == "lowest":
         constraints = environment / "lowest.txt"
         constraints.write_text("\n".join(lowest(ROOT / "pyproject.toml")) + "\n", encoding="utf-8")
@@ -108,10 +108,10 @@ def _install(environment: Path, interpreter: str, versions: str) -> bool:
 
 
 def lowest(pyproject: Path) -> list[str]:
-    """The lower bounds of a project's dependencies and of its extra `dev`, as constraints; ValueError where one has none."""
+    """The lower bounds of a project's dependencies and of its extras `dev` and `docs`, as constraints; ValueError where one has none."""
     project = tomllib.loads(pyproject.read_text(encoding="utf-8"))["project"]
-    constraints = []
-    for requirement in (*project["dependencies"], *project["optional-dependencies"]["dev"]):
+    constraints, extras = [], project["optional-dependencies"]
+    for requirement in (*project["dependencies"], *extras["dev"], *extras.get("docs", ())):
         bound = re.match(r"([\w.-]+)>=([\w.]+)[^;]*(;.*)?$", requirement)
         if bound is None:
             raise ValueError(f"{pyproject}: {requirement!r} has no lower bound; NAME>=VERSION is expected")
