@@ -108,7 +108,10 @@ def _install(environment: Path, interpreter: str, versions: str) -> bool:
 
 
 def lowest(pyproject: Path) -> list[str]:
-    """The lower bounds of a project's dependencies and of its extras `dev` and `docs`, as constraints; ValueError where one has none."""
+    """The lower bounds of a project's dependencies and of its extras `dev` and `docs`, as constraints.
+
+    Raises ValueError where one has none.
+    """
     project = tomllib.loads(pyproject.read_text(encoding="utf-8"))["project"]
     constraints, extras = [], project["optional-dependencies"]
     for requirement in (*project["dependencies"], *extras["dev"], *extras.get("docs", ())):
