@@ -14,9 +14,11 @@ from twin.console import PlainConsole
 from twin.recording.atomic_file import open_atomic
 from twin.reproduce.page import data_uri
 from twin.scenario import Scenario
+from twin.scenario.load import dump_scenario
 from twin.scenario.pressure_floor import FloorDescription
 from twin.studies.candidate_set import building_of
 from twin.studies.coverage import at_least, count_bits
+from twin.studies.interactive_plan import plan_data, section
 from twin.studies.page import environment
 from twin.studies.plots import heat_map, is_scanner, plan_sensors
 from twin.studies.spec import Coverage
@@ -24,10 +26,14 @@ from twin.studies.visibility import SampledWorld, SensorVisibility, floor_cells,
 from twin.world.precomputed import PrecomputedScene, precompute_motion
 
 _CELLS = 10_000
+_SCENARIO = "scenario.yaml"
 
 
 def write_coverage(scenario: Scenario, folder: Path, *, beams: int, px_per_m: float, samples: int) -> dict[str, Any]:
-    """Write coverage.json and coverage.html; return the metrics. Raises InputError without scanners and cameras."""
+    """Write coverage.json, coverage.html and the resolved scenario; return the metrics.
+
+    Raises InputError without scanners and cameras.
+    """
     names = [name for name, each in scenario.sensors.items() if not isinstance(each, FloorDescription)]
     if not names:
         raise InputError(
@@ -81,8 +87,11 @@ def write_coverage(scenario: Scenario, folder: Path, *, beams: int, px_per_m: fl
         json.dump(found, stream, indent=2)
         stream.write("\n")
     template: Template = environment().get_template("coverage.html.j2")
+    plan = plan_data(scenario, names, building, area, asked, cell_m, extends=_SCENARIO)
+    with open_atomic(folder / _SCENARIO) as stream:
+        stream.write(dump_scenario(scenario))
     with open_atomic(folder / "coverage.html") as stream:
-        stream.write(template.render(found=found, maps=maps, sensors=sensors))
+        stream.write(template.render(found=found, maps=maps, sensors=sensors, **section(plan)))
     return found
 
 

@@ -17,6 +17,7 @@ from twin.room.mjcf import compiled
 from twin.room.obstacles import Footprints, obstacles_of
 from twin.scenario import Scenario
 from twin.scenario.mount import Mount
+from twin.scenario.sensors import AnyDescription
 from twin.studies.candidate_poses import cable_lengths_m, candidate_mounts, rejection_reasons, sensor_positions
 from twin.studies.devices import Device
 from twin.studies.spec import Study
@@ -136,19 +137,16 @@ class CandidateSet:
         if placement != BASELINE:
             return float(self.prices[list(placement)].sum())
         return sum(
-            self._baseline_price(device, name)
+            self.device_price(device, self.scenario.sensors[name] if name else None)
             for device in self.study.devices.values()
             for name in device.sensors or ("",)
         )
 
-    def _baseline_price(self, device: Device, name: str) -> float:
-        """Return the price of a device of the scenario; name: its sensor, "" where it consists of several."""
-        sensors = self.scenario.sensors
-        own = sensors[name].model_dump(mode="json", exclude_none=True) if name else {}
-        indistinguishable = [
-            kind for kind in device.kinds if all(own.get(field) == value for field, value in kind.set.items())
-        ]
-        kind = (indistinguishable or device.kinds)[0]
+    def device_price(self, device: Device, sensor: AnyDescription | None) -> float:
+        """Return the price of a device that stands for a sensor: of the first kind that it could be; None: of several sensors."""
+        own = sensor.model_dump(mode="json", exclude_none=True) if sensor is not None else {}
+        possible = [kind for kind in device.kinds if all(own.get(field) == value for field, value in kind.set.items())]
+        kind = (possible or device.kinds)[0]
         return kind.price if kind.price is not None else device.price
 
     def violation(self, placement: Iterable[int]) -> str:

@@ -18,6 +18,7 @@ from twin.scenario.pressure_floor import FloorDescription
 from twin.studies.candidate_poses import first_sensor
 from twin.studies.candidate_set import BASELINE
 from twin.studies.devices import Device
+from twin.studies.interactive_plan import plan_data, section
 from twin.studies.plots import PlanSensor, floor_plan, heat_map, is_scanner, pareto_plot, plan_sensors, trial_map
 from twin.studies.results import StudyResults, describe_placement
 from twin.studies.trials import Trial
@@ -27,6 +28,7 @@ from twin.studies.worker import EvaluationTask, matched_errors
 from twin.suites.cache_keys import whole_code
 
 _HEAT_CELLS = 4000
+_PLAN_CELLS = 10_000
 _MOST_ERROR_SEEDS = 3
 _ERROR_CELL_M = 0.5
 _FEWEST = 3
@@ -72,6 +74,7 @@ def write_page(path: Path, results: StudyResults) -> None:
         "n_tried": sum(not each.failure for each in results.result.trials.values()),
         "rejected": _rejections(results),
         "seeds": len(study.held_out.seeds) if study.held_out else 0,
+        **section(_plan(results, scenario)),
     }
     with open_atomic(path) as stream:
         stream.write(environment().get_template("page.html.j2").render(**content))
@@ -135,6 +138,34 @@ def _left_out(results: StudyResults, placement: tuple[int, ...]) -> str:
     removed = next(each for each in results.best.placement if each not in placement)
     x, y, z = results.prepared.candidate_set.poses[removed].mounts[0].xyz
     return f"{results.prepared.candidate_set.poses[removed].device} at ({x:g}, {y:g}, {z:g})"
+
+
+def _plan(results: StudyResults, scenario: Scenario) -> dict[str, Any]:
+    """Return the data of the interactive plan, which starts from the recommended placement."""
+    prepared = results.prepared
+    area, building = prepared.scene.area, prepared.candidate_set.building
+    names = [name for name, each in scenario.sensors.items() if not isinstance(each, FloorDescription)]
+    cell_m = max(0.05, float(np.sqrt(np.prod(np.ptp(area, axis=0)) / _PLAN_CELLS)))
+    prices = _prices(results, scenario)
+    coverage = prepared.study.coverage
+    return plan_data(scenario, names, building, area, coverage, cell_m, extends="recommended.yaml", prices=prices)
+
+
+def _prices(results: StudyResults, scenario: Scenario) -> dict[str, float]:
+    """Return the price of each sensor's device, at the first of several sensors in one; empty if all are free."""
+    candidate_set, prices = results.prepared.candidate_set, {}
+    for device_name, device in results.prepared.study.devices.items():
+        if device.sensors:
+            mine = [each for each in scenario.sensors if each in device.sensors or each.startswith(f"{device_name}-")]
+            prices |= {each: candidate_set.device_price(device, scenario.sensors[each]) for each in mine}
+            continue
+        of_housing = (
+            each for each, sensor in scenario.sensors.items() if getattr(sensor, "housing", "") == device.housing
+        )
+        first = next(iter(device.together), None) or next(of_housing, None)
+        if first is not None:
+            prices[first] = candidate_set.device_price(device, None)
+    return prices if any(prices.values()) else {}
 
 
 def _maps(results: StudyResults, scenario: Any, sensors: list[PlanSensor]) -> list[tuple[str, str]]:

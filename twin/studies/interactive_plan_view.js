@@ -1,0 +1,199 @@
+// The interactive plan on its page: draws, drags and turns sensors, and shows the metrics of what is placed now.
+"use strict";
+(() => {
+  const plan = RoomPlan.planOf(JSON.parse(document.getElementById("plan-data").textContent));
+  const root = document.getElementById("interactive-plan"), canvas = root.querySelector("canvas");
+  const find = (name) => root.querySelector(`[data-part="${name}"]`);
+  const copyOf = (sensor) => ({ ...sensor, xyz: [...sensor.xyz] });
+  const original = plan.sensors.map(copyOf);
+  const models = [...new Map([...original].reverse().map((each) => [JSON.stringify(each.model), each])).values()].reverse();
+  const cells = RoomPlan.cellsOf(plan.area, plan.cell_m);
+  const coarse = cells.map((_, i) => i).filter((i) => i % 5 === 0);
+  let sensors = original.map(copyOf), chosen = sensors[0], drag = null, found = new Map();
+
+  // ---- metrics -----------------------------------------------------------------------------------------------------
+  function measure(sensor, rough) {
+    const points = rough ? coarse.map((i) => cells[i]) : cells;
+    found.set(sensor, { rough, values: RoomPlan.resolution(plan, sensor, points) });
+  }
+  function seenBy() { // number of sensors that see each cell; cells that a rough pass left out copy their neighbour
+    const counts = new Int16Array(cells.length);
+    for (const sensor of sensors) {
+      const { rough, values } = found.get(sensor), least = RoomPlan.wanted(plan, sensor);
+      for (let i = 0; i < cells.length; i++) if (values[rough ? Math.floor(i / 5) : i] >= least) counts[i]++;
+    }
+    return counts;
+  }
+  function solidAt([x, y, z]) {
+    return plan.solid.some((each) => z > each.low && z < each.high &&
+      each.sides.every(([nx, ny, c]) => nx * x + ny * y < c));
+  }
+  function best(kindIsLaser) {
+    return cells.map((_, i) => Math.max(0, ...sensors.filter((each) => (each.kind === "laser") === kindIsLaser)
+      .map((each) => { const { rough, values } = found.get(each); return values[rough ? Math.floor(i / 5) : i]; })));
+  }
+
+  // ---- drawing -----------------------------------------------------------------------------------------------------
+  const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  let scale = 1, left = 0, top = 0;
+  function fit() {
+    const points = [...plan.area, ...plan.outline], margin_m = 0.5;
+    const low = [0, 1].map((axis) => Math.min(...points.map((each) => each[axis])) - margin_m);
+    const high = [0, 1].map((axis) => Math.max(...points.map((each) => each[axis])) + margin_m);
+    const width = root.querySelector(".plan-canvas").clientWidth, ratio = window.devicePixelRatio || 1;
+    const height = Math.min((width * (high[1] - low[1])) / (high[0] - low[0]), 640);
+    canvas.style.height = `${height}px`;
+    canvas.width = width * ratio; canvas.height = height * ratio;
+    scale = Math.min(canvas.width / (high[0] - low[0]), canvas.height / (high[1] - low[1]));
+    left = low[0] - (canvas.width / scale - (high[0] - low[0])) / 2; top = high[1] + (canvas.height / scale - (high[1] - low[1])) / 2;
+  }
+  const toPixel = ([x, y]) => [(x - left) * scale, (top - y) * scale];
+  const toRoom = (u, v) => [left + u / scale, top - v / scale];
+  const ramp = (share) => { // light to dark blue, for any theme
+    const t = Math.min(Math.max(share, 0), 1);
+    return `rgb(${Math.round(214 - 190 * t)}, ${Math.round(230 - 130 * t)}, ${Math.round(244 - 60 * t)})`;
+  };
+  function shades(kind) {
+    if (kind === "count") {
+      const counts = seenBy();
+      return Array.from(counts, (value) => (value ? ramp((value - 1) / Math.max(sensors.length - 1, 1)) : null));
+    }
+    const laser = kind === "beams", values = best(laser), least = laser ? plan.beams : plan.px_per_m;
+    return values.map((value) => (value >= least ? ramp(Math.log2(value / least) / 3) : null));
+  }
+  function outline(pen, corners) {
+    pen.beginPath();
+    corners.forEach((each, i) => pen[i ? "lineTo" : "moveTo"](...toPixel(each)));
+    pen.closePath();
+  }
+  function draw() {
+    fit();
+    const pen = canvas.getContext("2d"), ratio = window.devicePixelRatio || 1, half = plan.cell_m / 2;
+    pen.clearRect(0, 0, canvas.width, canvas.height);
+    shades(find("map").value).forEach((shade, i) => {
+      const [x, y] = cells[i], from = toPixel([x - half, y + half]).map(Math.round), to = toPixel([x + half, y - half]).map(Math.round);
+      pen.fillStyle = shade ?? "#e59a8c";
+      pen.fillRect(from[0], from[1], to[0] - from[0], to[1] - from[1]);
+    });
+    pen.fillStyle = colour("--quiet");
+    for (const each of plan.solid) {
+      if (each.high < 0.1 || each.low > 1.8) continue; // neither floor marks nor lamps
+      outline(pen, each.corners); pen.globalAlpha = each.high > 1.5 ? 1 : 0.35; pen.fill();
+    }
+    pen.globalAlpha = 1;
+    pen.setLineDash([6 * ratio, 4 * ratio]); pen.strokeStyle = colour("--ink"); pen.lineWidth = ratio;
+    outline(pen, plan.area); pen.stroke(); pen.setLineDash([]);
+    const order = [...sensors.filter((each) => each !== chosen), chosen]; // the chosen one over those at the same place
+    for (const sensor of order) drawSensor(pen, sensor, sensors.indexOf(sensor) + 1, ratio);
+  }
+  function tipOf(sensor) { // of the arrow, which turns the sensor
+    const [u, v] = toPixel(sensor.xyz), angle = sensor.yaw_deg * RoomPlan.rad, length = 34 * (window.devicePixelRatio || 1);
+    return [u + length * Math.cos(angle), v - length * Math.sin(angle)];
+  }
+  function drawSensor(pen, sensor, number, ratio) {
+    const [u, v] = toPixel(sensor.xyz), [tu, tv] = tipOf(sensor), wrong = solidAt(sensor.xyz);
+    pen.strokeStyle = pen.fillStyle = wrong ? "#c2330f" : sensor === chosen ? "#0b57d0" : colour("--ink");
+    pen.lineWidth = 2 * ratio;
+    pen.beginPath(); pen.moveTo(u, v); pen.lineTo(tu, tv); pen.stroke();
+    pen.beginPath(); pen.arc(tu, tv, 4 * ratio, 0, 7); pen.fill();
+    pen.beginPath(); pen.arc(u, v, 10 * ratio, 0, 7); pen.fill();
+    pen.fillStyle = colour("--paper"); pen.font = `${11 * ratio}px system-ui, sans-serif`;
+    pen.textAlign = "center"; pen.textBaseline = "middle"; pen.fillText(number, u, v);
+  }
+
+  // ---- text --------------------------------------------------------------------------------------------------------
+  const percent = (share) => `${(100 * share).toFixed(1)} %`;
+  function tell() {
+    const counts = seenBy(), blind = counts.filter((value) => !value).length * plan.cell_m ** 2, shares = {};
+    const rows = sensors.map((sensor, i) => {
+      const { values } = found.get(sensor), least = RoomPlan.wanted(plan, sensor);
+      shares[sensor.name] = values.filter((value) => value >= least).length / Math.max(values.length, 1);
+      const price = sensor.price === null ? "" : `<td class="num">${sensor.price}</td>`;
+      const inside = solidAt(sensor.xyz) ? " – inside a thing of the room" : "";
+      return `<tr data-row="${i}"${sensor === chosen ? ' class="chosen"' : ""}><td>${i + 1}</td><th></th>` +
+        `<td class="num">${percent(shares[sensor.name])}${inside}</td>${price}</tr>`;
+    });
+    find("rows").innerHTML = rows.join("");
+    find("rows").querySelectorAll("th").forEach((each, i) => { each.textContent = sensors[i].name; });
+    const total = cells.length || 1, prices = sensors.map((each) => each.price).filter((each) => each !== null);
+    find("sum").textContent = [
+      `seen by at least 1: ${percent(counts.filter((value) => value >= 1).length / total)}`,
+      `by at least 2: ${percent(counts.filter((value) => value >= 2).length / total)}`,
+      `blind: ${blind.toFixed(1)} m²`,
+      ...(prices.length ? [`price of the devices: ${prices.reduce((sum, each) => sum + each, 0)}`] : []),
+    ].join(" · ");
+    for (const [field, value] of Object.entries({
+      x: chosen.xyz[0], y: chosen.xyz[1], z: chosen.xyz[2], yaw: chosen.yaw_deg, pitch: chosen.pitch_deg, roll: chosen.roll_deg,
+    })) if (document.activeElement !== find(field)) find(field).value = +value.toFixed(3);
+    find("model").value = Math.max(0, models.findIndex((each) => JSON.stringify(each.model) === JSON.stringify(chosen.model)));
+    find("name").textContent = chosen.name;
+    find("yaml").value = RoomPlan.yamlOf(plan, sensors, original);
+    if (![...found.values()].some((each) => each.rough)) root.dataset.floorShares = JSON.stringify(shares);
+  }
+  function update(changed, rough = false) {
+    for (const sensor of changed) measure(sensor, rough);
+    draw(); tell();
+  }
+
+  // ---- what the reader does ----------------------------------------------------------------------------------------
+  const at = (event) => {
+    const box = canvas.getBoundingClientRect(), ratio = canvas.width / box.width;
+    return [(event.clientX - box.left) * ratio, (event.clientY - box.top) * ratio];
+  };
+  canvas.addEventListener("pointerdown", (event) => {
+    const [u, v] = at(event), reach = 14 * (window.devicePixelRatio || 1);
+    const near = (point) => Math.hypot(point[0] - u, point[1] - v) < reach;
+    const turned = near(tipOf(chosen)) ? chosen : null, held = [...sensors].reverse().find((each) => near(toPixel(each.xyz)));
+    if (!turned && !held) return;
+    drag = held && !turned ? { sensor: held, turns: false } : { sensor: turned, turns: true };
+    chosen = drag.sensor; canvas.setPointerCapture(event.pointerId); update([]);
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    if (!drag) return;
+    const [x, y] = toRoom(...at(event)), { sensor } = drag;
+    if (drag.turns) sensor.yaw_deg = Math.round(Math.atan2(y - sensor.xyz[1], x - sensor.xyz[0]) / RoomPlan.rad);
+    else { sensor.xyz[0] = Math.round(x * 100) / 100; sensor.xyz[1] = Math.round(y * 100) / 100; }
+    update([sensor], true);
+  });
+  canvas.addEventListener("pointerup", () => { if (drag) { const { sensor } = drag; drag = null; update([sensor]); } });
+  const setters = {
+    x: (value) => { chosen.xyz[0] = value; }, y: (value) => { chosen.xyz[1] = value; }, z: (value) => { chosen.xyz[2] = value; },
+    yaw: (value) => { chosen.yaw_deg = value; }, pitch: (value) => { chosen.pitch_deg = value; }, roll: (value) => { chosen.roll_deg = value; },
+  };
+  for (const [field, set] of Object.entries(setters)) {
+    find(field).addEventListener("input", (event) => {
+      const value = event.target.valueAsNumber;
+      if (Number.isFinite(value)) { set(value); update([chosen]); }
+    });
+  }
+  models.forEach((each, i) => find("model").add(new Option(`${each.kind} as ${each.name}`, i)));
+  find("model").addEventListener("change", (event) => {
+    const { kind, model, field, mount_from_sensor, price } = models[event.target.value];
+    Object.assign(chosen, { kind, model, field, mount_from_sensor, price }); update([chosen]);
+  });
+  find("rows").addEventListener("click", (event) => {
+    const row = event.target.closest("tr");
+    if (row) { chosen = sensors[row.dataset.row]; update([]); }
+  });
+  find("map").addEventListener("change", draw);
+  find("add").addEventListener("click", () => {
+    let number = 2;
+    while (sensors.some((each) => each.name === `${chosen.name}_${number}`)) number++;
+    const added = copyOf({ ...chosen, name: `${chosen.name}_${number}` });
+    added.xyz[0] += 0.5; sensors.push(added); chosen = added; update([added]);
+  });
+  find("remove").addEventListener("click", () => {
+    if (sensors.length < 2) return;
+    found.delete(chosen); sensors = sensors.filter((each) => each !== chosen); chosen = sensors[0]; update([]);
+  });
+  find("reset").addEventListener("click", () => {
+    found = new Map(); sensors = original.map(copyOf); chosen = sensors[0]; update(sensors);
+  });
+  find("copy").addEventListener("click", async () => {
+    find("yaml").select();
+    try { await navigator.clipboard.writeText(find("yaml").value); } catch { document.execCommand("copy"); }
+  });
+  window.addEventListener("resize", draw);
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+  update(sensors);
+})();
