@@ -100,8 +100,13 @@ def probability_within(
     return (state.probability * chance).sum(axis=0)
 
 
-def radius_containing(state: ImmState, centre: Float[Array, "n 2"], share: float) -> Float[Array, "n"]:
+def radius_containing(
+    state: ImmState, centre: Float[Array, "n 2"], share: float, offset_m2: float | Float[Array, "n"] = 0.0
+) -> Float[Array, "n"]:
     """Return the radius about `centre` [m] that holds a `share` of each of n densities, modes and all.
+
+    offset_m2: variance to add on each axis, of an error that all measurements of a target share (S. F. Schmidt's considered
+    bias: the filter does not estimate it, and does not forget it).
 
     The squared distance is taken for a scaled χ² of its mean and variance over the modes (F. E. Satterthwaite, "An approximate
     distribution of estimates of variance components", Biometrics Bulletin 2, 1946): exact for circles and for lines.
@@ -109,7 +114,7 @@ def radius_containing(state: ImmState, centre: Float[Array, "n 2"], share: float
     from scipy.special import chdtri
 
     off_x, off_y = state.mean[0] - centre[:, 0], state.mean[1] - centre[:, 1]  # (m, n)
-    xx, xy, yy = state.covariance[0, 0], state.covariance[0, 1], state.covariance[1, 1]
+    xx, xy, yy = state.covariance[0, 0] + offset_m2, state.covariance[0, 1], state.covariance[1, 1] + offset_m2
     square = xx + yy + off_x**2 + off_y**2
     spread = 2 * (xx**2 + 2 * xy**2 + yy**2) + 4 * (xx * off_x**2 + 2 * xy * off_x * off_y + yy * off_y**2)
     mean = np.maximum((state.probability * square).sum(axis=0), _LEAST_VARIANCE_M2)

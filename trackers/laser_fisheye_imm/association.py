@@ -23,7 +23,7 @@ from trackers.laser_fisheye_imm.options import EVEN_AT, EXPLAINED_BELOW, WRONG_L
 from trackers.laser_fisheye_imm.people import People
 from trackers.likelihood.legs import LegPairs, pair_legs
 from trackers.likelihood.position import PositionLikelihood
-from trackers.likelihood.trunk import trunk_likelihood
+from trackers.likelihood.trunk import offset_variance_m2, trunk_likelihood
 from trackers.tracking.association import Stage, associate, left_over
 from trackers.tracking.track_manager import nanoseconds, reachable
 
@@ -64,6 +64,7 @@ class Matches:
     track: Int[Index, "p"]
     position: Float[Array, "p 2"]
     variance: Float[Array, "p"]  # of the position on each axis
+    offset_m2: Float[Array, "p"]  # of the part of it that stays while the person is seen so
     single: Bool[Mask, "p"]  # by a single leg alone
     trunk: Int[Index, "p"]  # the trunk, or -1 where legs were used
     legs: Float[Array, "p 2"]  # the middle of the legs under that trunk [m], NaN where none is seen
@@ -121,6 +122,9 @@ class Association:
             track=track,
             position=position[taken],
             variance=np.concatenate([trunks.variance_m2, by_legs.variance_m2])[taken],
+            offset_m2=np.concatenate(
+                [offset_variance_m2(seen.trunks, options.trunk), walkers.offset_variance_m2(options.legs)]
+            )[taken],
             single=single[taken],
             trunk=trunk[taken],
             legs=np.concatenate([walkers.under_trunk, np.full((n_walker, 2), np.nan)])[taken],

@@ -28,6 +28,7 @@ class People(Rows):
     born_at: Float[Array, "n 2"]  # first measured position [m]
     measured_at: Float[Array, "n 2"]  # last measured position [m]
     single_ns: Int[Index, "n"]  # stamp of the last measurement by a single leg; before any: `NEVER_NS`
+    offset_m2: Float[Array, "n"]  # variance of what stays of the error of the last measurement, on each axis
     posture: Posture
     existence: Float[Array, "n"]  # how probably they are still there
 
@@ -45,7 +46,8 @@ class People(Rows):
         clothes = Appearance.started(reference, n_look)
         serial = first_serial + np.arange(len(position))
         n, roster = len(position), Roster.started(state, ns)
-        return cls(serial, roster, clothes, position, position, np.full(n, NEVER_NS), Posture.upright(n), np.ones(n))
+        never, offset_m2 = np.full(n, NEVER_NS), np.zeros(n)
+        return cls(serial, roster, clothes, position, position, never, offset_m2, Posture.upright(n), np.ones(n))
 
     @property
     def state(self) -> ImmState:
@@ -77,10 +79,15 @@ class People(Rows):
         ns: int,
         state: ImmState,
         existence: Float[Array, "p"],
+        offset_m2: Float[Array, "p"],
     ) -> Self:
-        """These tracks in `state`, with those at `track` measured at `position` at ns, and now so probably still there."""
+        """These tracks in `state`, with those at `track` measured at `position` at ns, and now so probably still there.
+
+        offset_m2: variance of what stays of the error.
+        """
         return self.changed(
             roster=self.roster.measured(track, ns, state),
             measured_at=written(self.measured_at, track, position),
             existence=written(self.existence, track, existence),
+            offset_m2=written(self.offset_m2, track, offset_m2),
         )

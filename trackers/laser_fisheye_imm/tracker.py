@@ -135,7 +135,7 @@ class LaserFisheyeImm(SynchronizedTracker):
         shown = shown[roster.id[shown].argsort()]
         mean = self._imm.average(people.state)[:, shown]
         velocity = self._imm.motion.velocity(mean)
-        radius_m = radius_containing(people.state.select(shown), mean[:2].T, 0.95)
+        radius_m = radius_containing(people.state.select(shown), mean[:2].T, 0.95, people.offset_m2[shown])
         columns = roster.id[shown], *mean[:2], *velocity, radius_m, measured[shown]
         return [
             Track(number, x, y, vx, vy, status="confirmed" if is_measured else "coasting", radius95_m=radius_m)
@@ -209,7 +209,7 @@ class LaserFisheyeImm(SynchronizedTracker):
         variance = matches.variance / shares
         state = self._imm.update(people.state, track, matches.position, variance[:, None, None] * _ISOTROPIC)
         posture = people.posture.measured(track, matches.position, matches.legs, self.options.posture)
-        people = people.measured(track, matches.position, ns, state, matches.existence)
+        people = people.measured(track, matches.position, ns, state, matches.existence, matches.offset_m2)
         self._people = people.changed(posture=posture, single_ns=written(people.single_ns, track[matches.single], ns))
 
     def _learn_colours(self, matches: Matches, seen: Seen) -> None:
@@ -294,4 +294,5 @@ def filter_of(options: LaserFisheyeImmOptions) -> Imm:
     motion: Motion = HeadingMotion(KALMAN_MODELS if single else IMM_MODELS)
     if options.motion == "velocities":
         motion = VelocityMotion((AGILE,)) if single else VelocityMotion()
-    return Imm(motion, measurement_covariance=np.eye(2) * options.trunk.variance_m2)
+    transition = motion.transition if isinstance(motion, VelocityMotion) else None
+    return Imm(motion, transition, np.eye(2) * options.trunk.variance_m2)

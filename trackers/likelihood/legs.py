@@ -38,6 +38,12 @@ class LegOptions(Strict):
         ge=0,
         description="variance added for a single leg, which is up to half a stride from the body [m²] (ours, measured)",
     )
+    offset_m: float = Field(
+        default=0.045,
+        ge=0,
+        description="standard deviation, on each axis, of how far the middle of two legs is off the person's place as long as they are "
+        "held so, which counts in the stated radius; that of a single leg counts in full beside [m] (ours, measured)",
+    )
     pair_m: float = Field(
         default=PAIR_M,
         ge=0,
@@ -68,8 +74,14 @@ class LegPairs:
 
     def likelihood(self, options: LegOptions, gate_m: float) -> PositionLikelihood:
         """Return the likelihood of these people's positions, in validation regions of this radius [m]."""
-        single_m2 = np.where(self.n_leg == 1, options.single_leg_variance_m2, 0.0)
-        return PositionLikelihood(self.position, options.variance_m2 + single_m2, gate_m)
+        return PositionLikelihood(self.position, options.variance_m2 + self._single_m2(options), gate_m)
+
+    def offset_variance_m2(self, options: LegOptions) -> Float[Array, "p"]:
+        """Return the variance on each axis of what stays of these people's errors [m²], see `LegOptions.offset_m`."""
+        return options.offset_m**2 + self._single_m2(options)
+
+    def _single_m2(self, options: LegOptions) -> Float[Array, "p"]:
+        return np.where(self.n_leg == 1, options.single_leg_variance_m2, 0.0)
 
 
 def pair_legs(
