@@ -187,12 +187,11 @@ class Association:
         """Select pairs of a `hidden` track and a measurement that it can have become meanwhile, by reach and shirt.
 
         Its prediction says little after a while: what it can have walked since it was measured is asked instead, and the
-        shirt; where no shirt is seen nothing tells but that only one of the hidden can be there.
+        shirt where one is seen. Of several that it can be, the likeliest by their predictions is taken.
         """
         coasted_ns, rules = self.ns - self.people.roster.measured_ns, self.options.track_management
         can_be = reachable(self.people.measured_at, coasted_ns, position, rules) & hidden[:, None]
-        alone = can_be & (np.count_nonzero(can_be, axis=0) == 1)
-        return np.where(np.isnan(colour), alone, can_be & (colour <= self.options.appearance.same_below))
+        return can_be & (np.isnan(colour) | (colour <= self.options.appearance.same_below))
 
     def _hidden(self) -> Bool[Mask, "n"]:
         """Select the tracks that were not measured at the last scan either, but for lying people, who do not walk."""

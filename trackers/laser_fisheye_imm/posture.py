@@ -35,6 +35,8 @@ class PostureOptions(Strict):
     """Distance from the seat within which trunk and legs of a sitting or lying person stay, and no track is initiated [m]."""
     place_m: ClassVar[float] = 0.35
     """Standard deviation of a lying person's trunk from the seat when it comes up again [m]."""
+    lean_m: ClassVar[float] = 0.07
+    """Standard deviation, on each axis, of a sitting person's trunk from the pelvis [m]."""
     lies_down_s: float = Field(
         default=10.0, gt=0, description="how long a sitting person sits on average before lying down [s] (ours)"
     )

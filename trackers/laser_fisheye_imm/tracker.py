@@ -15,7 +15,7 @@ to be taken at once.
 Ours, not the paper's, each an option: the correction from a cluster's middle to the body's axis, the completion of half
 hidden clusters, the grouping of arms and legs, that no track starts by a leg alone, that people accelerate to whichever side,
 that a measurement is left apart where that is likelier, that beams which go on show where nobody is, that an occluded person
-is re-identified by the shirt, or in what only that one of the occluded can have become, and that whoever sat and is seen no
+is re-identified by the shirt, or in what the likeliest of the occluded can have become, and that whoever sat and is seen no
 more lies there.
 """
 
@@ -135,7 +135,9 @@ class LaserFisheyeImm(SynchronizedTracker):
         shown = shown[roster.id[shown].argsort()]
         mean = self._imm.average(people.state)[:, shown]
         velocity = self._imm.motion.velocity(mean)
-        radius_m = radius_containing(people.state.select(shown), mean[:2].T, 0.95, people.offset_m2[shown])
+        sitting = people.posture.seated(people.measured_at, self.options.posture)[shown]
+        offset_m2 = people.offset_m2[shown] + np.where(sitting, self.options.posture.lean_m**2, 0.0)
+        radius_m = radius_containing(people.state.select(shown), mean[:2].T, 0.95, offset_m2)
         columns = roster.id[shown], *mean[:2], *velocity, radius_m, measured[shown]
         return [
             Track(number, x, y, vx, vy, status="confirmed" if is_measured else "coasting", radius95_m=radius_m)
