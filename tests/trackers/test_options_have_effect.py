@@ -78,7 +78,13 @@ def frames(preset: str, recording: Recording, options: dict[str, Any]) -> list[A
     on, empty, given = recording
     tracker = make_tracker(preset, on, empty, np.random.default_rng(0), options)
     return [
-        (frame.stamp_ns, [(each.id, each.x, each.y, each.head_x, each.head_yaw, each.status) for each in frame.tracks])
+        (
+            frame.stamp_ns,
+            [
+                (each.id, each.x, each.y, each.head_x, each.head_yaw, each.status, each.radius95_m)
+                for each in frame.tracks
+            ],
+        )
         for frame in track_frames(tracker, on, given)
     ]
 

@@ -41,8 +41,8 @@ class LegOptions(Strict):
     offset_m: float = Field(
         default=0.045,
         ge=0,
-        description="standard deviation, on each axis, of how far the middle of two legs is off the person's place as long as they are "
-        "held so, which counts in the stated radius; that of a single leg counts in full beside [m] (ours, measured)",
+        description="standard deviation, on each axis, of how far the middle of two legs is off the person's place as long as "
+        "they are held so; it counts in the stated radius, as does all that a single leg adds [m] (ours, measured)",
     )
     pair_m: float = Field(
         default=PAIR_M,

@@ -23,9 +23,9 @@ class TrunkOptions(Strict):
     offset_m: float = Field(
         default=0.03,
         ge=0,
-        description="standard deviation, on each axis, of how far a trunk is off the person's place as long as it is held so, and as "
-        "much again by its depth, arms and clothes as long as it is seen from one side, which scanners on several sides average "
-        "out; measurements do not, so that it counts in the stated radius [m] (ours, measured)",
+        description="standard deviation, on each axis, of how far a trunk is off the person's place as long as it is held so, "
+        "and as much again, by its depth, arms and clothes, as long as it is seen from one side. Scanners on several sides "
+        "average the latter out, measurements neither, so that they count in the stated radius [m] (ours, measured)",
     )
     gate_m: float = Field(default=1.0, gt=0, description="radius of the validation region of trunks [m] (the paper's)")
 
