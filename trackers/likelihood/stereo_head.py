@@ -115,7 +115,7 @@ class StereoHeadOptions(Strict):
         default=0.7,
         ge=0,
         description="a hypothesis that a picture does not show weighs what the person's do on average, less this (ours); "
-        "null: such a picture says nothing of it",
+        "null: it shows no skin there, and no distances (the paper's equations as they stand)",
     )
     whole_picture: bool = Field(
         default=False,
@@ -158,7 +158,7 @@ class StereoHeadOptions(Strict):
 
 @dataclass(frozen=True, eq=False)
 class HeadLikelihoods:
-    """Two log-likelihoods of n heads by one picture, and which it sees; those that it does not see have 0.
+    """Two log-likelihoods of n heads by one picture, and which it sees; those that it does not see have 0, or no skin's.
 
     colour: by colours and silhouettes; depth: by distances. p_detect: share of foreground in the ellipse times that of
     background over it, near 1 where a head is.
@@ -209,10 +209,16 @@ class StereoHeads:
             for each in (options.depth, options.depth_in_metres):
                 if each is not None:
                     depth += each.log_likelihood(seen_as, inner, range_m(pixels))
-        seen = seen_as.seen.reshape(c, n * p)
+        seen, unseen = seen_as.seen.reshape(c, n * p), np.float32(0)
+        if options.out_of_view is None and options.skin_share is not None:
+            unseen = options.skin_share.log_likelihood(np.zeros_like(depth), seen_as.facing).reshape(c, n * p)
         colour, depth, p_detect = (
-            np.where(counts, each.reshape(c, n * p), np.float32(0))
-            for counts, each in ((seen, colour), (seen & known[:, None], depth), (seen, filled * free))
+            np.where(counts, each.reshape(c, n * p), other)
+            for counts, each, other in (
+                (seen, colour, unseen),
+                (seen & known[:, None], depth, np.float32(0)),
+                (seen, filled * free, np.float32(0)),
+            )
         )
         return [HeadLikelihoods(*each) for each in zip(colour, depth, p_detect.astype(np.float16), seen, strict=True)]
 

@@ -79,10 +79,11 @@ class Likelihoods:
     ) -> Float[Array, "n p"]:
         n, p = state.shape[1:]
         total, out_of_view = np.zeros((n, p)), self._options.stereo_head.out_of_view
-        missed = np.zeros_like(people.usual) if out_of_view is None else np.nan_to_num(people.usual) - out_of_view
+        missed = np.nan_to_num(people.usual) - (out_of_view or 0.0)
         for name, each in found.items():
             usual, seen = missed[:, self._numbers[name], None], each.seen.reshape(n, p)
-            total += np.where(seen, (each.colour + each.depth).reshape(n, p), usual)
+            of_picture = (each.colour + each.depth).reshape(n, p)
+            total += of_picture if out_of_view is None else np.where(seen, of_picture, usual)
         return total
 
     def _by_room(self, state: Float[Array, "4 n p"]) -> Float[Array, "n p"]:
