@@ -209,13 +209,13 @@ class StereoHeads:
             for each in (options.depth, options.depth_in_metres):
                 if each is not None:
                     depth += each.log_likelihood(seen_as, inner, range_m(pixels))
-        seen, unseen = seen_as.seen.reshape(c, n * p), np.float32(0)
+        seen, not_shown = seen_as.seen.reshape(c, n * p), np.float32(0)
         if options.out_of_view is None and options.skin_share is not None:
-            unseen = options.skin_share.log_likelihood(np.zeros_like(depth), seen_as.facing).reshape(c, n * p)
+            not_shown = options.skin_share.log_likelihood(np.zeros_like(depth), seen_as.facing).reshape(c, n * p)
         colour, depth, p_detect = (
             np.where(counts, each.reshape(c, n * p), other)
             for counts, each, other in (
-                (seen, colour, unseen),
+                (seen, colour, not_shown),
                 (seen & known[:, None], depth, np.float32(0)),
                 (seen, filled * free, np.float32(0)),
             )
