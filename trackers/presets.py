@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, Any
 
 from trackers.camera_floor_particle import rules as floor_rules
 from trackers.errors import InputError
-from trackers.laser_fisheye_imm.rules import PAPER
+from trackers.laser_fisheye_imm.rules import PAPER_RULES, paper_options
 from trackers.laser_vision_learning import rules as learning_rules
+from trackers.paper_rules import PaperRule
 from trackers.plain_data import deep_merge
 from trackers.rgbd_head import rules as head_rules
 
@@ -33,12 +34,13 @@ ENTRY_POINT_GROUP = "roomtwin.trackers"
 
 @dataclass(frozen=True)
 class Preset:
-    """A tracker class with options: what a name stands for. `target` is `module:Class`."""
+    """A tracker class with options: what a name stands for. `target` is `module:Class`; `rules`: a paper's own."""
 
     target: str
     description: str
     citation: str = ""
     options: Mapping[str, Any] = field(default_factory=dict)
+    rules: tuple[PaperRule, ...] = ()
 
 
 _BAI = "Bai, Takahashi: Identification and Tracking Using Laser and Vision of Maneuvering People"
@@ -56,6 +58,12 @@ _CAMERA_FLOOR = "trackers.camera_floor_particle.tracker:CameraFloorParticle"
 _CLUSTERS = "trackers.camera_floor_particle.baseline:ClusterKalman"
 _LASER_LEARNING = "trackers.laser_vision_learning.tracker:LaserVisionLearning"
 _LASER_FISHEYE = "trackers.laser_fisheye_imm.tracker:LaserFisheyeImm"
+
+_PAPER_SENSORS = {
+    "laser-fisheye": "both layers and the camera",
+    "waist-fisheye": "the waist layer and the camera",
+    "laser": "both layers without the camera",
+}
 
 PRESETS: Mapping[str, Preset] = {
     "laser-fisheye-imm": Preset(
@@ -84,9 +92,17 @@ PRESETS: Mapping[str, Preset] = {
         _BAI,
         {"filter": "kalman", "layers": ("waist",)},
     ),
-    "laser-fisheye-imm-paper": Preset(
-        _LASER_FISHEYE, "the full system with every rule that is ours and not the paper's switched off", _BAI, PAPER
-    ),
+    **{
+        f"{sensors}-{filter_}-paper": Preset(
+            _LASER_FISHEYE,
+            f"by the rules of Bai and Takahashi alone: {described}, {'IMM' if filter_ == 'imm' else 'Kalman filter'}",
+            _BAI,
+            paper_options(waist_only=sensors[0] == "w", camera=sensors != "laser", kalman=filter_ == "kalman"),
+            PAPER_RULES,
+        )
+        for sensors, described in _PAPER_SENSORS.items()
+        for filter_ in ("imm", "kalman")
+    },
     "laser-vision-learning": Preset(
         _LASER_LEARNING,
         "the points of low scanners while people are apart, classifiers of a camera's patches learned on-line when they meet",
@@ -129,7 +145,11 @@ PRESETS: Mapping[str, Preset] = {
         _MORI,
     ),
     "camera-floor-particle-paper": Preset(
-        _CAMERA_FLOOR, "the same with every rule as the paper has it", _MORI, floor_rules.PAPER
+        _CAMERA_FLOOR,
+        "by the rules of Mori and others alone: body and head by cameras and a pressure floor",
+        _MORI,
+        floor_rules.PAPER,
+        floor_rules.PAPER_RULES,
     ),
     "camera-floor-particle-floor": Preset(
         _CAMERA_FLOOR, "the same by the floor alone, without any picture", _MORI, floor_rules.FLOOR_ONLY
@@ -169,6 +189,15 @@ PRESETS: Mapping[str, Preset] = {
         {"colour": 1.0},
     ),
 }
+
+
+def rules_of(name: str) -> tuple[PaperRule, ...]:
+    """Return the table of a paper's own system. Raises InputError for a name without one, naming those that have one."""
+    found = available().get(name)
+    if found is None or not found.rules:
+        having = ", ".join(each for each, preset in PRESETS.items() if preset.rules)
+        raise InputError(f"--rules {name}: no table of a paper's rules has this name; valid are {having}")
+    return found.rules
 
 
 def available() -> dict[str, Preset]:

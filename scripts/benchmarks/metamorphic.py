@@ -33,7 +33,7 @@ _SAMPLING = ("vision-learning", "particle", "rgbd")
 """In the names of trackers that draw at random."""
 NOT_INVARIANT: Mapping[tuple[str, str], tuple[str, str]] = {
     ("laser-fisheye-imm-paper", "turned by 37°, moved by 1 km"): (
-        "motions",
+        "velocities",
         "the paper's heading of a person at rest starts along the room's x axis, and a step along it alone is expected",
     ),
     ("laser-fisheye-imm-paper", "every other beam"): (

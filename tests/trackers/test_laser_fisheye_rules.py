@@ -5,9 +5,11 @@ from __future__ import annotations
 import pytest
 from pydantic import BaseModel
 
+from trackers.camera_floor_particle.rules import PAPER_RULES as FLOOR_RULES
 from trackers.configuration import validate
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
-from trackers.laser_fisheye_imm.rules import PAPER, RULES, without
+from trackers.laser_fisheye_imm.rules import PAPER, PAPER_RULES, RULES, without
+from trackers.paper_rules import KINDS, at_paths, option_paths, options_of, rules_markdown
 from trackers.plain_data import deep_merge
 from twin.suites.spec import load_suite
 
@@ -28,34 +30,40 @@ def test_every_option_says_what_it_means_by_itself(path, field):
     assert not [word for word in VAGUE if word in field.description], field.description
 
 
-def switched(options, path=()):
-    for name, value in options.items():
-        if isinstance(value, dict):
-            yield from switched(value, (*path, name))
-        else:
-            yield (*path, name), value
+DEFAULTS = LaserFisheyeImmOptions().model_dump()
+
+
+def differing(options, defaults):
+    return {path for path in option_paths(options) if at_paths(options, [path]) != at_paths(defaults, [path])}
 
 
 @pytest.mark.parametrize("rule", RULES)
-def test_every_rule_changes_an_option_from_its_default(rule):
-    defaults = LaserFisheyeImmOptions()
-    for path, off in switched(RULES[rule]):
-        value = defaults
-        for name in path:
-            value = getattr(value, name)
-        assert value != off, path
-    LaserFisheyeImmOptions.model_validate(deep_merge(defaults.model_dump(), without(rule)))
+def test_every_rule_of_ours_differs_from_the_paper(rule):
+    assert differing(without(rule), DEFAULTS) == set(RULES[rule])
+    LaserFisheyeImmOptions.model_validate(deep_merge(DEFAULTS, without(rule)))
 
 
-def test_the_papers_system_is_without_any_rule():
-    assert {path for rule in RULES for path, _ in switched(RULES[rule])} == {path for path, _ in switched(PAPER)}
+def test_ours_differs_from_the_paper_by_its_rules_alone():
+    assert differing(PAPER, DEFAULTS) == {path for paths in RULES.values() for path in paths}
 
 
-def test_the_ablation_has_a_row_for_each_rule():
+@pytest.mark.parametrize("rules", [PAPER_RULES, FLOOR_RULES], ids=["laser-fisheye-imm", "camera-floor-particle"])
+def test_every_rule_of_a_paper_says_of_which_kind_it_is_and_where(rules):
+    assert all(rule.kind in KINDS and rule.where and rule.text for rule in rules)
+    assert len({rule.name for rule in rules}) == len(rules)
+    with pytest.raises(ValueError, match="both set"):
+        options_of([*rules, rules[0]])
+    text = rules_markdown("made up", rules)
+    assert all(f"| {rule.name} | {rule.where} |" in text for rule in rules)
+    assert all(f"`{path}`" in text for rule in rules for path in option_paths(rule.options))
+
+
+def test_the_ablation_starts_from_the_paper_and_adds_each_rule():
     suite, _ = load_suite("ablation")
     rows = {name.removeprefix("trackers."): options for name, options in suite.set.items()}
-    assert rows == {f"without-{rule}": {"preset": "laser-fisheye-imm", **options} for rule, options in RULES.items()}
-    assert suite.trackers == ("laser-fisheye-imm", "laser-fisheye-imm-paper", *rows)
+    paper = "laser-fisheye-imm-paper"
+    assert rows == {f"with-{rule}": {"preset": paper, **at_paths(DEFAULTS, paths)} for rule, paths in RULES.items()}
+    assert suite.trackers == (paper, *rows, "laser-fisheye-imm", "sort")
     baseline, _ = load_suite("baseline")
     shared = [each.model_dump() | {"seeds": None, "trackers": None} for each in baseline.scenarios]
     assert all(each.model_dump() | {"seeds": None, "trackers": None} in shared for each in suite.scenarios)  # one cache

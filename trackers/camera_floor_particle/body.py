@@ -147,6 +147,12 @@ class BodyFilter:
         return log_likelihood
 
 
+def redrawn(cloud: Cloud, state: Float[Array, "c n p"]) -> Cloud:
+    """Return a cloud with particles drawn anew, of equal weight, in each set of which none was left."""
+    lost = cloud.weights.lost
+    return Cloud(np.where(lost[:, None], state, cloud.state), cloud.weights.resampled(lost))
+
+
 def started(place: Float[Array, "n 3"], n_particle: int, rng: np.random.Generator) -> Cloud:
     """Draw body particles about places where people were detected [m]: 8 cm about in x and y, 5 cm in z."""
     covariance = np.broadcast_to(np.diag([0.08, 0.08, 0.05]) ** 2, (len(place), 3, 3))

@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from trackers.area import Area
 from trackers.arrays import Array, Index
-from trackers.camera_floor_particle.body import FILTER, in_room, smoothed, spread
+from trackers.camera_floor_particle.body import FILTER, in_room, redrawn, smoothed, spread
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
 from trackers.camera_floor_particle.pan import aligned, learned, looks, pan_bin, turned, whole
 from trackers.camera_floor_particle.people import PAN_BINS, People
@@ -57,6 +57,10 @@ class HeadFilter:
         cloud = FILTER.step_proposed(people.head, MixtureProposal(options.share, move, draw), cascade(stages), rng)
         place = cloud.expectation(cloud.state[:3]).T
         velocity = smoothed(people.head_velocity, place - people.head_place, dt, options.motion)
+        if (lost := cloud.weights.lost).any():  # nothing of the head is left: it stays where it was over the body
+            cloud = redrawn(cloud, draw(options.particles, rng))
+            place = np.where(lost[:, None], people.place + offset, place)
+            velocity = np.where(lost[:, None], 0.0, velocity)
         people = people.changed(head=cloud, head_place=place, head_velocity=velocity)
         if options.facing is None:
             pan, _ = circular_mean(cloud.state[3], cloud.weights.normalised)

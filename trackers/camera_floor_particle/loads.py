@@ -20,8 +20,6 @@ _OLDEST_S = 0.35
 """A frame older than this says nothing of now."""
 _MOST_LOADED = 0.5
 """Share of the elements from which a frame is that of a broken floor."""
-_STUCK_S = 3.0
-"""A load over which no camera has shown a person for longer is the floor's own [s] (ours)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,11 +88,14 @@ class FloorFrontEnd:
         return frame is not None and (self._last is None or self._last[0] is not frame)
 
     def learn_own(self, loads: Loads, empty: Bool[Mask, "k"], ns: int) -> None:
-        """Take clusters over which cameras see no person, after a while, for the floor's own load from now on."""
+        """Take clusters over which cameras see no person, after a while, for the floor's own load from now on (ours)."""
+        stuck_s = self._options.track_management.stuck_s
+        if stuck_s is None:
+            return
         number = loads.clusters.cluster_of_cell
         alone = (number >= 0) & np.append(empty, False)[number]
         self._alone_ns = np.where(alone, np.where(self._alone_ns > 0, self._alone_ns, ns), 0)
-        stuck = alone & (ns - self._alone_ns > _STUCK_S * NS_PER_S)
+        stuck = alone & (ns - self._alone_ns > stuck_s * NS_PER_S)
         if stuck.any() and self._last is not None:
             self._own = np.where(stuck, self._last[0].values, self._own)
             self._last = None

@@ -191,8 +191,6 @@ class ExclusionOptions(Strict):
 class FloorTrackManagementOptions(TrackManagementOptions):
     """Those of every tracker, with clusters of the floor as tentative tracks, and deletion and re-identification by colours."""
 
-    fixed_values: ClassVar[Mapping[str, Any]] = {"stuck_s": 3.0}
-
     confirm_s: float = Field(default=0.28, ge=0, description=described(TrackManagementOptions, "confirm_s"))
     confirm_hits: PositiveInt = Field(default=2, description=described(TrackManagementOptions, "confirm_hits"))
     coast_s: float = Field(
@@ -225,7 +223,12 @@ class FloorTrackManagementOptions(TrackManagementOptions):
         default=0.35,
         ge=0,
         le=1,
-        description="a new track at a smaller distance D in colour from a deleted one is that track again; 0: none is",
+        description="a new track at a smaller distance D in colour from a deleted one is that track again (ours); 0: none is",
+    )
+    stuck_s: float | None = Field(
+        default=3.0,
+        gt=0,
+        description="a load over which no camera has shown a person for longer is the floor's own [s] (ours); null: never",
     )
 
 

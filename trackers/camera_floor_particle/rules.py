@@ -1,31 +1,137 @@
-"""The paper's own value of every rule of `camera-floor-particle`, and the options of its ablations."""
+"""Rules of the system of Mori and others as a table, and the options of its ablations.
+
+`PAPER_RULES` is the paper read plainly; its options are the preset `camera-floor-particle-paper`.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
-PAPER: Mapping[str, Any] = {
-    "load": {"no_load": "drop", "smoothing_m": 0.0},
-    "body": {
-        "checks": "drop",
-        "under_head_m": 0.0,
-        "motion": {"memory": 0.0},
-        "window": {"size_px": (30, 90), "size_m": None, "pixels": "all"},
-    },
-    "head": {
-        "checks": "drop",
-        "motion": {"memory": 0.0},
-        "window": {"size_px": (20, 20), "size_m": None, "pixels": "all"},
-        "facing": None,
-        "references": "nearest",
-        "covered": 0.0,
-    },
-    "exclusion": {"likelier_stays": False},
-    "track_management": {"area_margin_m": 0.0},
-    "front_end": {"shadow_region": "everywhere", "exposure_tolerance": 0.0},
-}
-"""The options of `camera-floor-particle-paper`. What the paper does not give (λ, α, ω, initiation) is as in ours."""
+from trackers.paper_rules import PaperRule, options_of
+
+PAPER_RULES: tuple[PaperRule, ...] = (
+    PaperRule(
+        "transition",
+        "stated",
+        "4.1, eq. 1 and 2",
+        "s' = s + τ v + ω with v = (p_t − p_{t−1}) / τ alone",
+        {"body": {"motion": {"memory": 0.0}}, "head": {"motion": {"memory": 0.0}}},
+    ),
+    PaperRule(
+        "exclusion",
+        "stated",
+        "3.2",
+        "squares of 100 mm about particles; where those of two persons overlap both weigh nothing",
+        {"exclusion": {"side_m": 0.1, "likelier_stays": False}},
+    ),
+    PaperRule(
+        "floor",
+        "stated",
+        "4.2 (2), 4.3, eq. 3",
+        "the share of the cluster's load at x, y; a particle over none is eliminated",
+        {"load": {"no_load": "drop", "smoothing_m": 0.0}},
+    ),
+    PaperRule(
+        "view and foreground",
+        "stated",
+        "4.2 (3, 4), 5.3 (3, 4)",
+        "a particle that one camera does not see, or sees off the foreground, is eliminated",
+        {"body": {"checks": "drop"}, "head": {"checks": "drop"}},
+    ),
+    PaperRule(
+        "background subtraction",
+        "stated",
+        "4.2",
+        "in HSV, then erosion, dilation and removal of small regions; of shadows and exposure nothing is said, nothing is done",
+        {"front_end": {"foreground": {"shadows": False}, "exposure_tolerance": 0.0}},
+    ),
+    PaperRule(
+        "windows",
+        "stated",
+        "4.4, 5.3, eq. 4 and 5",
+        "every pixel of 30 × 90 px about a body and of 20 × 20 px about a head, wherever they stand; 10 × 10 + 10 bins",
+        {
+            "body": {"window": {"size_px": (30, 90), "size_m": None, "pixels": "all", "stride": 1}},
+            "head": {"window": {"size_px": (20, 20), "size_m": None, "pixels": "all", "stride": 1}},
+        },
+    ),
+    PaperRule(
+        "particles",
+        "stated",
+        "5.1, 6.1",
+        "250 of the body and 150 of the head, whose pan is a component",
+        {"body": {"particles": 250}, "head": {"particles": 150, "facing": None}},
+    ),
+    PaperRule(
+        "head",
+        "stated",
+        "5.2, 5.3",
+        "a share is drawn about the body by h (eq. 6), and weighted by distance, view, foreground and the reference of its pan, "
+        "of one camera's picture; the head says nothing of the body",
+        {"head": {"references": "nearest", "covered": 0.0}, "body": {"under_head_m": 0.0}},
+    ),
+    PaperRule(
+        "identity",
+        "stated",
+        "3.1",
+        "given at detection by the floor; no word of re-identification, nor of loads of the floor's own",
+        {"track_management": {"reid_distance": 0.0, "stuck_s": None}},
+    ),
+    PaperRule(
+        "the floor between sensors",
+        "unstated",
+        "4.3, eq. 3",
+        "f(x, y) is interpolated between the middles of elements, since x, y is a place and not an element",
+    ),
+    PaperRule(
+        "nothing left of a head",
+        "unstated",
+        "5.1",
+        "where all head particles are eliminated, h (eq. 7) stays, v = 0, and particles are drawn anew about the body's place "
+        "+ h. Without, the head leaves the room: 87 cm off at home",
+    ),
+    PaperRule(
+        "room",
+        "unstated",
+        "4.2 (1)",
+        "the room's walls are half a metre beyond the floor sensors here: by the sensors' edge, who sits at it is eliminated",
+        {"track_management": {"area_margin_m": 0.5}},
+    ),
+    PaperRule(
+        "distance of a head",
+        "unstated",
+        "5.3 (2)",
+        "0.3 to 0.95 m from the middle of the body, 1 there and 0 elsewhere: a person's reach, standing or bent",
+        {"head": {"nearest_m": 0.3, "farthest_m": 0.95}},
+    ),
+    PaperRule(
+        "detection",
+        "unstated",
+        "3.1",
+        "a cluster of 80 N in two frames, over which the silhouettes of all cameras carve a hull, whose top is the head; the pan "
+        "is at first where the head shows the most skin",
+    ),
+    PaperRule(
+        "end of a track",
+        "unstated",
+        "–",
+        "a person whom no sensor has shown for 2.5 s: nobody leaves in the paper's experiments",
+        {"track_management": {"coast_s": 2.5}},
+    ),
+    PaperRule(
+        "λ",
+        "empirical",
+        "4.4, eq. 5",
+        "15 of bodies and 30 of heads",
+        {"body": {"colour": 15.0}, "head": {"colour": 30.0}},
+    ),
+    PaperRule("α", "empirical", "5.1", "0.3", {"head": {"share": 0.3}}),
+)
+"""The paper's system. Options that no rule names are of the sensors, or have no effect beside these."""
+
+PAPER: Mapping[str, Any] = options_of(PAPER_RULES)
+"""The options of `camera-floor-particle-paper`."""
 
 FLOOR_ONLY: Mapping[str, Any] = {"use_cameras": False}
 COLOUR_ONLY: Mapping[str, Any] = {"use_floor": False}

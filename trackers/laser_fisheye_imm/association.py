@@ -18,6 +18,7 @@ from jaxtyping import Bool, Float, Int
 from trackers.arrays import Array, Index, Mask
 from trackers.filters.negative_information import existence_after_detection
 from trackers.filters.rows import written
+from trackers.laser.grouping import pair_off
 from trackers.laser_fisheye_imm.detection import Seen
 from trackers.laser_fisheye_imm.options import EVEN_AT, EXPLAINED_BELOW, WRONG_LOOK, LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import People
@@ -142,6 +143,8 @@ class Association:
     def _walkers(self, seen: Seen, trunk_of: Int[Index, "n"]) -> LegPairs:
         """Share the legs out among the trunks and the people that no trunk shows; trunk_of: the trunk of each track, or −1."""
         options = self.options
+        if options.legs.assignment == "nearest":
+            return self._nearest(seen, trunk_of)
         known = np.ones(len(self.people), np.bool_) if self.knows_room else self.people.confirmed
         people, trunk_of = self.people.select(known), trunk_of[known]
         shown = trunk_of >= 0
@@ -153,6 +156,16 @@ class Association:
         apart_m = options.track_management.apart_m
         gate_m = self._leg_gate_m
         return pair_legs(seen.legs, seen.sufficient, under, hidden.positions, knees, apart_m, gate_m, options.legs)
+
+    def _nearest(self, seen: Seen, trunk_of: Int[Index, "n"]) -> LegPairs:
+        """Leave out the knees nearest to tracks with a trunk (the paper, fig. 4 d); legs that are close are one person's."""
+        legs = self.options.legs
+        position, n_leg = pair_off(seen.legs.position, legs.pair_m)
+        groups = LegPairs(position, np.full_like(n_leg, 2), np.full((len(seen.trunks), 2), np.nan))
+        cost = Costs.of(self.people, groups.likelihood(legs, self._leg_gate_m), self.options)
+        track, taken = associate([self._explained(cost, np.full(cost.pair.shape, np.nan))])
+        left = left_over(len(position), taken[trunk_of[track] >= 0])
+        return LegPairs(position[left], groups.n_leg[left], groups.under_trunk)
 
     def _explained(self, cost: Costs, colour: Float[Array, "n k"], without: Bool[Mask, "k"] | bool = False) -> Stage:
         """Pair what predictions explain, but for the measurements `without`; colour: E, NaN where unknown."""

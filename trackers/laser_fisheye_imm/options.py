@@ -97,6 +97,10 @@ class LayerScannerOptions(ScannerOptions):
     """Options of a scanner that every layer of this system adds."""
 
     min_samples: PositiveInt = Field(description="least samples of a cluster that initiates a track")
+    min_width_m: float = Field(
+        ge=0,
+        description="least width of a cluster, as the number of beams that a thing so wide returns at its range [m]",
+    )
     hidden_variance_m2: float = Field(
         ge=0, description="measurement variance added for a partly occluded cluster [m²] (ours)"
     )
@@ -108,7 +112,7 @@ class LayerScannerOptions(ScannerOptions):
     def layer(self, defaults: LayerOptions, **own: Any) -> LayerOptions:
         """Return the parameters of a layer: these, and others of its `own`, over the `defaults` of its height."""
         base, names = self.over(defaults), ("hidden_variance_m2", "fuse_m")
-        cluster = base.cluster.model_copy(update={"min_samples": self.min_samples})
+        cluster = base.cluster.model_copy(update={"min_samples": self.min_samples, "min_width_m": self.min_width_m})
         return base.model_copy(update={"cluster": cluster, **{name: getattr(self, name) for name in names}, **own})
 
 
@@ -116,6 +120,7 @@ class WaistScannerOptions(LayerScannerOptions):
     """Scanners at waist height: one trunk per person, arms beside it."""
 
     min_samples: PositiveInt = Field(default=3, description=described(LayerScannerOptions, "min_samples"))
+    min_width_m: float = Field(default=0.06, ge=0, description=described(LayerScannerOptions, "min_width_m"))
     half_depth_m: float = Field(default=0.11, ge=0, description=described(ScannerOptions, "half_depth_m"))
     side_half_depth_m: float | None = Field(
         default=0.168,
@@ -152,6 +157,7 @@ class KneeScannerOptions(LayerScannerOptions):
     """Scanners at knee height: two legs per person."""
 
     min_samples: PositiveInt = Field(default=2, description=described(LayerScannerOptions, "min_samples"))
+    min_width_m: float = Field(default=0.03, ge=0, description=described(LayerScannerOptions, "min_width_m"))
     weak_samples: PositiveInt | None = Field(
         default=1,
         description="least samples of a leg that goes on with a track, but alone initiates none, where nothing nearer is beside "
@@ -195,7 +201,7 @@ class AppearanceOptions(Strict):
 
 _SHARED = (
     *(("jump_m", "cluster.jump_m"), ("min_samples", "cluster.min_samples"), ("margin_m", "background.margin_m")),
-    *(("memory_s", "background.memory_s"), ("p_detect", "free_space.detected")),
+    *(("min_width_m", "cluster.min_width_m"), ("memory_s", "background.memory_s"), ("p_detect", "free_space.detected")),
 )
 _MOVED = (*(former for _, former in _SHARED), "satellite_width_m")
 _SCANNERS: Mapping[str, LayerOptions] = {"waist": WaistOptions(), "knee": KneeOptions()}

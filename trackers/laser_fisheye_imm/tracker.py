@@ -36,7 +36,6 @@ from trackers.filters.motion import IMM_MODELS, KALMAN_MODELS, HeadingMotion
 from trackers.filters.negative_information import miss_probability, radius_containing
 from trackers.filters.rows import written
 from trackers.filters.velocity_motion import AGILE, VelocityMotion
-from trackers.laser.grouping import STRIDE_M
 from trackers.laser_fisheye_imm.association import Association, Matches
 from trackers.laser_fisheye_imm.detection import Detector, Seen
 from trackers.laser_fisheye_imm.options import START_SPEED_M_S, LaserFisheyeImmOptions
@@ -241,7 +240,7 @@ class LaserFisheyeImm(SynchronizedTracker):
         bodies = np.concatenate([people.positions[exist], matches.position])
         # a single leg, or knees without a trunk where waists are scanned, within a stride of somebody are likelier theirs
         maybe_theirs = matches.new_single | (self._detector.sees_waists & (matches.new_trunk < 0))
-        stride_m = np.where(maybe_theirs, STRIDE_M, 0.0)
+        stride_m = np.where(maybe_theirs, self.options.legs.start_apart_m, 0.0)
         free = clear_of(matches.new_position, bodies, np.maximum(self.options.track_management.start_apart_m, stride_m))
         seats = people.posture.seat[people.posture.seated(people.measured_at, sitting)]
         free &= clear_of(matches.new_position, seats, sitting.length_m)  # trunk and legs of who lies or gets up

@@ -26,7 +26,7 @@ class FloorLikelihoodOptions(Strict):
     smoothing_m: float = Field(
         default=0.12,
         ge=0,
-        description="standard deviation by which a cluster's load is smoothed over the floor (ours) [m]; 0: by element (eq. 3)",
+        description="standard deviation by which a cluster's load is smoothed over the floor (ours) [m]; 0: as measured (eq. 3)",
     )
 
 
@@ -47,16 +47,10 @@ class FloorLikelihood:
         return cls(options, floor, share)
 
     def log_likelihood(self, places: Float[Array, "2 k"]) -> Float[Array, "k"]:
-        """Return log π_f (eq. 3) at x, y [m]: of the element (paper), or between elements of the smoothed shares (ours)."""
-        if self.options.smoothing_m:
-            pose = self.floor.room_from_sensor
-            local = (places.T - pose.translation[:2]) @ np.linalg.inv(
-                pose.rotation[:2, :2]
-            ).T / self.floor.pitch_m - 0.5
-            share = ndimage.map_coordinates(self.share, local.T[::-1], order=1, mode="constant")
-        else:
-            cell, inside = self.floor.cell_at(places.T)
-            share = np.where(inside, self.share.ravel()[cell], 0.0)
+        """Return log π_f (eq. 3) at x, y [m]: f(x, y) is interpolated between the middles of elements."""
+        pose = self.floor.room_from_sensor
+        local = (places.T - pose.translation[:2]) @ np.linalg.inv(pose.rotation[:2, :2]).T / self.floor.pitch_m - 0.5
+        share = ndimage.map_coordinates(self.share, local.T[::-1], order=1, mode="constant")
         if self.options.no_load == "drop":
             with np.errstate(divide="ignore"):
                 return np.log(share)

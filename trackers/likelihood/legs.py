@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -27,6 +28,11 @@ before it and one behind, an error of the prediction both on one side. Measured 
 class LegOptions(Strict):
     """Options of how exactly legs show their person, and which legs are one person's."""
 
+    assignment: Literal["joint", "nearest"] = Field(
+        default="joint",
+        description="legs are shared out, two to each person, in one assignment (ours); or each group of knees is one person's, "
+        "the nearest to it by the global nearest neighbour (the paper)",
+    )
     variance_m2: float = Field(
         default=0.0045,
         gt=0,
@@ -55,6 +61,12 @@ class LegOptions(Strict):
         gt=0,
         description="without a waist scanner, time in which all looks upon a single leg together tell what one tells: it stays "
         "behind the body or before it while it stands [s] (ours)",
+    )
+    start_apart_m: float = Field(
+        default=STRIDE_M,
+        ge=0,
+        description="a leg, or knees without a trunk where waists are scanned, nearer than this to a track initiates none [m]: "
+        "they may be its person's: a stride (the paper is silent)",
     )
     gate_m: float = Field(default=0.5, gt=0, description="radius of the validation region of legs [m] (the paper's)")
     gate_alone_m: float = Field(

@@ -21,10 +21,28 @@ _LEAST_COLUMN = 30
 """A column of text that is narrower is hard to read."""
 
 
-def list_() -> None:
+def list_(
+    part: Annotated[str | None, typer.Argument(help="Only one of these parts, e.g. trackers; default: all.")] = None,
+    rules: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Print the rules of a paper's own system (e.g. laser-fisheye-imm-paper) as a table: stated by the paper, filled "
+            "where it is silent, chosen where it is empirical.",
+        ),
+    ] = None,
+) -> None:
     """List scenarios, rooms, trackers, sensors, suites, studies and faults."""
-    from trackers.presets import available
+    from trackers.errors import InputError
+    from trackers.paper_rules import rules_markdown
+    from trackers.presets import available, rules_of
     from twin import models
+
+    if rules is not None:
+        if part not in (None, "trackers"):
+            raise InputError(f"--rules: is of trackers, not of {part}")
+        typer.echo(rules_markdown(rules, rules_of(rules)), nl=False)
+        return
 
     described = {
         folder: {name: models.first_description(folder, name) for name in models.names(folder)} for folder in _DESCRIBED
@@ -38,7 +56,11 @@ def list_() -> None:
         "studies": described["studies"],
         "faults": models.FAULTS,
     }
+    if part is not None and part not in parts:
+        raise InputError(f"list: there is none of {part!r}; valid are {', '.join(parts)}")
     for title, entries in parts.items():
+        if part not in (None, title):
+            continue
         typer.echo(title)
         for line in _columns(entries, shutil.get_terminal_size().columns if sys.stdout.isatty() else None):
             typer.echo(line)

@@ -1,0 +1,92 @@
+"""The rules of a paper's own system as a table: what the paper states, how its silence is filled, what it calls empirical.
+
+A preset `NAME-paper` is such a table: nothing else of ours is on in it. `twin list trackers --rules NAME` prints it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from trackers.plain_data import deep_merge
+
+Kind = Literal["stated", "unstated", "empirical"]
+KINDS: Mapping[Kind, str] = {
+    "stated": "Stated by the paper",
+    "unstated": "Unstated by the paper: filled in the least way",
+    "empirical": "Empirical by the paper: chosen on development seeds",
+}
+
+
+@dataclass(frozen=True)
+class PaperRule:
+    """One rule of a paper's system, and the options of the tracker that say it (none: the tracker knows no other rule).
+
+    where: section, equation or figure; text: of a stated rule what the paper says; of an unstated one the filling, why, and its
+    effect; of an empirical one the value and the sweep that chose it.
+    """
+
+    name: str
+    kind: Kind
+    where: str
+    text: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+def options_of(rules: Iterable[PaperRule]) -> dict[str, Any]:
+    """Return the options that these rules set together. Raises ValueError where two of them set the same one."""
+    options: dict[str, Any] = {}
+    taken: dict[str, str] = {}
+    for rule in rules:
+        for path in option_paths(rule.options):
+            if path in taken:
+                raise ValueError(f"rules {taken[path]!r} and {rule.name!r} both set {path}")
+            taken[path] = rule.name
+        options = deep_merge(options, rule.options)
+    return options
+
+
+def option_paths(options: Mapping[str, Any], above: str = "") -> Iterator[str]:
+    """Yield the options of a mapping by their paths with dots."""
+    for name, value in options.items():
+        if isinstance(value, Mapping):
+            yield from option_paths(value, f"{above}{name}.")
+        else:
+            yield f"{above}{name}"
+
+
+def at_paths(options: Mapping[str, Any], paths: Iterable[str]) -> dict[str, Any]:
+    """Return the part of options that these paths name. Raises KeyError for a path that they have not."""
+    part: dict[str, Any] = {}
+    for path in paths:
+        value: Any = options
+        for name in path.split("."):
+            value = value[name]
+        for name in reversed(path.split(".")):
+            value = {name: value}
+        part = deep_merge(part, value)
+    return part
+
+
+def rules_markdown(title: str, rules: Iterable[PaperRule]) -> str:
+    """Return the table as Markdown, a section per kind of rule."""
+    rules = list(rules)
+    lines = [f"## {title}"]
+    for kind, heading in KINDS.items():
+        own = [rule for rule in rules if rule.kind == kind]
+        if own:
+            lines += ["", f"### {heading}", "", "| rule | where | | options |", "| --- | --- | --- | --- |"]
+            lines += [f"| {rule.name} | {rule.where} | {rule.text} | {_options_text(rule.options)} |" for rule in own]
+    return "\n".join(lines) + "\n"
+
+
+def _options_text(options: Mapping[str, Any]) -> str:
+    values = {path: at_paths(options, [path]) for path in option_paths(options)}
+    return ", ".join(f"`{path}` {_leaf(value)}" for path, value in values.items()) or "–"
+
+
+def _leaf(value: Any) -> str:
+    while isinstance(value, Mapping):
+        (value,) = value.values()
+    return "none" if value is None else "no" if value is False else "yes" if value is True else str(value)
