@@ -69,6 +69,14 @@ RoomRoot = Annotated[
     ),
 ]
 NoImages = Annotated[bool, typer.Option("--no-images", help="Leave the cameras out: no rendering at all.")]
+Truth = Annotated[
+    str,
+    typer.Option(
+        "--truth",
+        metavar="all|positions",
+        help="What to find out of the truth: all, or where people are and nothing that costs more.",
+    ),
+]
 Verbose = Annotated[
     bool, typer.Option("--verbose", help="Say on stderr what cost time that it need not, such as pictures drawn whole.")
 ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
+from trackers.errors import InputError
 from twin.commands.exit_codes import exit_with_failures
 from twin.options import (
     AllowPlugins,
@@ -19,11 +20,13 @@ from twin.options import (
     Seed,
     Set,
     Trackers,
+    Truth,
     Verbose,
     overrides,
 )
 
 if TYPE_CHECKING:
+    from twin.run.live import TruthKept
     from twin.scenario import Scenario
 
 
@@ -40,6 +43,7 @@ def run(
     room_root: RoomRoot = None,
     no_limits: NoLimits = False,
     allow_plugins: AllowPlugins = False,
+    truth: Truth = "all",
     verbose: Verbose = False,
 ) -> None:
     """Simulate, record, track, evaluate and report."""
@@ -63,6 +67,7 @@ def run(
             source=scenario,
             on_progress=report,
             on_warning=print_warning,
+            truth=_kept_truth(truth),
             on_note=_print_note if verbose else _keep_silent,
         )
     if result.metrics is not None:
@@ -81,6 +86,7 @@ def render(
     no_images: NoImages = False,
     room_root: RoomRoot = None,
     no_limits: NoLimits = False,
+    truth: Truth = "all",
     verbose: Verbose = False,
 ) -> None:
     """Simulate and record only."""
@@ -99,9 +105,16 @@ def render(
             images=not no_images,
             on_progress=report,
             on_warning=print_warning,
+            truth=_kept_truth(truth),
             on_note=_print_note if verbose else _keep_silent,
         )
     print_paths(result.files)
+
+
+def _kept_truth(name: str) -> TruthKept:
+    if name == "all" or name == "positions":
+        return name
+    raise InputError(f"--truth {name}: is not known; all or positions is expected")
 
 
 def _print_note(note: str) -> None:

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any, cast
 
@@ -20,6 +21,7 @@ from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
 
 from trackers.errors import InputError
 from trackers.limits import refuse_unless_lifted
@@ -52,7 +54,12 @@ _BROKEN_BAG = (
     zstd.ZstdError,
 )
 _EXPECTED = "a whole ROS 1 .bag, ROS 2 bag folder, .mcap or .db3 is expected"
-_ROS1_TYPESTORE = get_typestore(Stores.ROS1_NOETIC)
+
+
+@cache
+def _ros1_typestore() -> Typestore:
+    """Return the messages of ROS 1, whose code is made where a bag of theirs is read."""
+    return get_typestore(Stores.ROS1_NOETIC)
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,7 +198,7 @@ def decode(data: bytes, msgtype: str, is_ros1: bool) -> Any:
 
     The definitions in the bag are not parsed: only standard messages are used, and nothing can be broken there.
     """
-    return (_ROS1_TYPESTORE.deserialize_ros1 if is_ros1 else TYPESTORE.deserialize_cdr)(data, msgtype)
+    return (_ros1_typestore().deserialize_ros1 if is_ros1 else TYPESTORE.deserialize_cdr)(data, msgtype)
 
 
 def decoded(data: bytes, msgtype: str, is_ros1: bool) -> Any:

@@ -14,19 +14,24 @@ import struct
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import lru_cache
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 from urllib.parse import quote
 
 from rosbags.interfaces import Connection, ConnectionExtRosbag1, Qos
-from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2 import StoragePlugin, Writer, metadata, writer
 
 from trackers.errors import InputError
 from twin.recording.ros_messages import TYPESTORE
 
 _NO_HASH = "RIHS00_" + 64 * "0"
 """Hash that ROS 2 writes for a type whose hash is not set."""
+
+_kept_qos_texts = lru_cache(maxsize=64)(lambda qos: metadata.dump_qos_v8(list(qos)))
+# The library writes out the same few QoS twice for every topic.
+writer.dump_qos_v8 = lambda qos: _kept_qos_texts(tuple(qos))  # pyright: ignore[reportPrivateImportUsage]
 
 
 class McapFile:

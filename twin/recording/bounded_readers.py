@@ -11,7 +11,7 @@ import io
 import struct
 import sys
 from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
-from functools import partial
+from functools import lru_cache, partial
 from itertools import count
 from pathlib import Path
 from types import MappingProxyType
@@ -21,7 +21,7 @@ import apsw
 import lz4.frame
 import numpy as np
 from rosbags import rosbag1, rosbag2
-from rosbags.interfaces import Connection
+from rosbags.interfaces import Connection, Qos
 from rosbags.interfaces.typing import RPath
 from rosbags.rosbag1.reader import Chunk, Header, RecordType
 from rosbags.rosbag2 import storage_mcap
@@ -85,6 +85,17 @@ def unpack(make: Callable[[], Any], data: bytes, n_bytes: int) -> bytes:
 storage_mcap.DECOMPRESSORS.update(
     lz4=partial(unpack, lz4.frame.LZ4FrameDecompressor), zstd=partial(unpack, zstd.ZstdDecompressor)
 )
+_MOST_QOS_BYTES = 2**14
+"""Of a topic's offered QoS whose reading is kept; those that ROS writes have less than 1 kB."""
+_kept_qos = lru_cache(maxsize=64)(storage_mcap.get_qos)
+
+
+def _qos(metadata: bytes) -> list[Qos]:
+    """Read the QoS that a topic was offered with; the library parses the same few texts anew whenever a bag is opened."""
+    return list(_kept_qos(metadata)) if len(metadata) <= _MOST_QOS_BYTES else _kept_qos.__wrapped__(metadata)
+
+
+storage_mcap.get_qos = _qos
 _ROS1_DECODERS: dict[str, Callable[[], Any]] = {"bz2": bz2.BZ2Decompressor, "lz4": lz4.frame.LZ4FrameDecompressor}
 
 

@@ -160,6 +160,11 @@ class Recording:
         """Yield the situations of two people, in the order in which they end; nothing in a robot's bag. Raises as `truth`."""
         return self._strings(topics.TRUTH_SITUATIONS, lambda text, _: decode_situation(text))
 
+    @property
+    def has_situations(self) -> bool:
+        """True where situations were looked for, found or not."""
+        return topics.TRUTH_SITUATIONS in self.topics
+
     def _strings(self, topic: str, decode: Callable[[str, int], _Decoded]) -> Iterator[_Decoded]:
         """Decode the strings on a topic with their log times [ns]; yield nothing where the bag has none."""
         if topic not in self.topics:

@@ -80,10 +80,11 @@ class BagWriter(McapFile):
         scenario_yaml: str | None = None,
         names: Mapping[int, str] | None = None,
         outline: Sequence[NDArray[np.float64]] = (),
+        positions_only: bool = False,
     ) -> None:
         """Prepare the bag; `scenario_yaml` is the resolved scenario's text, `names`, by id, label the people's markers.
 
-        `outline`: the room's plan, convex outlines (k, 2) [m].
+        `outline`: the room's plan, convex outlines (k, 2) [m]. `positions_only`: no topics for feet, markers and details.
 
         Messages are written with their own stamps: a reader adds the rig's time offsets. Raises ValueError for a path without
         `.mcap`.
@@ -93,6 +94,7 @@ class BagWriter(McapFile):
         self._scenario_yaml = scenario_yaml
         self._markers = PeopleMarkers(names or {})
         self._outline = outline
+        self._positions_only = positions_only
         self._camera_infos = {
             name: bytearray(TYPESTORE.serialize_cdr(_camera_info(name, camera.intrinsics), CAMERA_INFO))
             for name, camera in rig.cameras().items()
@@ -137,6 +139,8 @@ class BagWriter(McapFile):
     def truth(self, frame: TruthFrame) -> None:
         """Write the truth at a stamp, for programs and for the eye."""
         self.write(topics.TRUTH_PEOPLE, frame.stamp_ns, encode_people(frame))
+        if self._positions_only:
+            return
         self.write(topics.TRUTH_FEET, frame.stamp_ns, encode_feet(frame))
         self.write(topics.TRUTH_MARKERS, frame.stamp_ns, self._markers.encode(frame.stamp_ns, frame.people))
 
@@ -159,10 +163,11 @@ class BagWriter(McapFile):
             if isinstance(sensor, CameraSensor):
                 self.connect(topics.sensor_topic(name, topics.CAMERA_INFO), CAMERA_INFO)
         self.connect(topics.TRUTH_PEOPLE, STRING)
-        self.connect(topics.TRUTH_FEET, STRING)
-        self.connect(topics.TRUTH_MARKERS, MARKER_ARRAY)
-        for topic in DETAIL_TOPICS:
-            self.connect(topic, STRING)
+        if not self._positions_only:
+            self.connect(topics.TRUTH_FEET, STRING)
+            self.connect(topics.TRUTH_MARKERS, MARKER_ARRAY)
+            for topic in DETAIL_TOPICS:
+                self.connect(topic, STRING)
         self.write(topics.RIG, 0, TYPESTORE.serialize_cdr(String(self._rig.dump_yaml()), STRING))
         if self._scenario_yaml is not None:
             self.write(topics.SCENARIO, 0, TYPESTORE.serialize_cdr(String(self._scenario_yaml), STRING))

@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,11 +19,14 @@ from trackers.rig import Rig
 from trackers.tracks import TrackFrame
 from twin.recording.losses import Loss, ObservationLog, dropped_by
 from twin.report.birdseye import Polygon
-from twin.report.preview import PreviewWriter, TruePoses
+from twin.report.floor_panel import TruePoses
 from twin.report.silent_sensors import SilenceMonitor
 from twin.run.inputs import ChosenTracker
 from twin.run.tracker_runner import TrackerRunner, check_some_left, tracker_runners
 from twin.truth.frames import TruthFrame
+
+if TYPE_CHECKING:
+    from twin.report.preview import PreviewWriter
 
 _HELD_OBSERVATIONS = 32
 _HELD_TRUTHS = 256
@@ -130,6 +134,8 @@ def open_preview(
     true_rig: Rig | None = None,
 ) -> Iterator[Preview]:
     """Open a preview video that appears under its name when the block ends well; see `PreviewWriter`."""
+    from twin.report.preview import PreviewWriter  # the encoder of videos is loaded where one is made
+
     with PreviewWriter(
         path, rig, fps=fps, tracker=tracker, title=title, outline=outline, person_names=person_names, true_rig=true_rig
     ) as writer:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
@@ -51,6 +52,10 @@ from twin.world.precomputed import PrecomputedScene
 from twin.world.simulation import Simulation
 
 DEFAULT_TRACKER = "laser-fisheye-imm"
+_MORE_TRUTH = ("truth_feet.csv", *DETAIL_FILES)
+
+TruthKept = Literal["all", "positions"]
+"""How much of the truth a run finds out and keeps."""
 
 
 def run_scenario(
@@ -63,6 +68,7 @@ def run_scenario(
     trusted: TrustedClasses = NONE_TRUSTED,
     source: str | None = None,
     precomputed: PrecomputedScene | None = None,
+    truth: TruthKept = "all",
     on_progress: OnProgress = lambda what, done, total: None,
     on_warning: OnWarning = lambda warning: None,
     on_note: OnWarning = lambda note: None,
@@ -71,7 +77,9 @@ def run_scenario(
 
     `trackers`: names; None: those the scenario defines, else the default where the rig has what it needs (a warning says
     where it has not); empty: none, and so no metrics and no report. `trusted`: classes that the scenario may name.
-    `precomputed`: its people, moved before. `source`: what errors about its trackers call it, its file; default: by its name.
+    `truth`: "positions" keeps where people are, and works out nothing else of the truth: no share of them that sensors see, no
+    feet, boxes, beams or situations, nor the metrics that these give. `precomputed`: its people, moved before. `source`: what
+    errors about its trackers call it, its file; default: by its name.
     `on_note`: is told what a run did that costs time and changes no result.
     Every file appears under its name when it is whole. Raises InputError for bad input, before anything is written, and
     PlugInError when every tracker has failed; where others are left, the result says which did.
@@ -83,7 +91,9 @@ def run_scenario(
     if chosen:
         scenario.prior.check(source)
     is_default = trackers is None and not scenario.trackers
-    request = _RunRequest(scenario, chosen, is_default, video, images, precomputed, on_progress, on_warning, on_note)
+    request = _RunRequest(
+        scenario, chosen, is_default, video, images, precomputed, truth == "all", on_progress, on_warning, on_note
+    )
     with heap_trimmed(), out_folder(folder, _names(names, video)) as out_:
         with ExitStack() as stack:
             run = _LiveRun(request, out_, stack)
@@ -102,6 +112,7 @@ class _RunRequest:
     video: bool
     images: bool
     precomputed: PrecomputedScene | None
+    whole_truth: bool
     on_progress: OnProgress
     on_warning: OnWarning
     on_note: OnWarning
@@ -120,8 +131,10 @@ class _LiveRun:
                 request.scenario,
                 images=request.images,
                 on_truth=self._pass_truth,
-                on_detail=self._pass_detail,
+                on_detail=self._pass_detail if request.whole_truth else None,
                 precomputed=request.precomputed,
+                shares=request.whole_truth,
+                feet=request.whole_truth,
             )
         )
         self._chosen, self._warnings = request.chosen, self._simulation.warnings
@@ -168,8 +181,7 @@ class _LiveRun:
             "recording": folder / "recording.mcap",
             "truth": folder / "truth.csv",
             "truth_people": folder / "truth_people.csv",
-            "truth_feet": folder / "truth_feet.csv",
-            **{Path(name).stem: folder / name for name in DETAIL_FILES},
+            **{Path(name).stem: folder / name for name in (_MORE_TRUTH if self._request.whole_truth else ())},
             "scenario": folder / "scenario.yaml",
         }
         write_names(files["truth_people"], self._place.person_names or {})
@@ -187,7 +199,8 @@ class _LiveRun:
         """Evaluate the trackers and write metrics and report."""
         request, folder = self._request, self._out.path
         request.on_progress("evaluating and reporting", 0, 1)
-        truth, situations = read_truth(files["truth"]), read_situations(files["truth_situations"])
+        truth = read_truth(files["truth"])
+        situations = read_situations(files["truth_situations"]) if request.whole_truth else None
         results = evaluate_trackers(folder, self._feed.runners, truth, situations)
         facts = self._facts()
         result = write_results(folder, facts, results, self._feed, truth, self._place, losses=self._losses)
@@ -206,7 +219,7 @@ class _LiveRun:
             realtime_factor=scenario.duration_s / self._spent_s,
             versions=versions(self._gl),
             sensors=self._simulation.sensor_costs(),
-            command=_command(self._out.path, self._chosen, self._request.images),
+            command=_command(self._out.path, self._chosen, self._request),
             notes=(
                 *describe_conditions(scenario),
                 *(f"{each}." for each in (*self._warnings, *self._late, *lines(self._losses))),
@@ -252,13 +265,16 @@ class _LiveRun:
             scenario_yaml=self._resolved,
             names=place.person_names,
             outline=place.outline,
+            positions_only=not self._request.whole_truth,
         )
         bag = stack.enter_context(writer)
         self._feed.on_frame = TrackTopics(bag, [each.name for each in self._chosen]).write
-        table = stack.enter_context(truth_writer(folder / "truth.csv", list(self._simulation.views)))
-        feet = stack.enter_context(feet_writer(folder / "truth_feet.csv", list(rig.floors())))
-        self._on_truth += [table.write, feet, bag.truth]
-        self._on_detail += [stack.enter_context(detail_writer(folder)), bag.detail]
+        whole = self._request.whole_truth
+        table = stack.enter_context(truth_writer(folder / "truth.csv", list(self._simulation.views) if whole else []))
+        self._on_truth += [table.write, bag.truth]
+        if whole:
+            self._on_truth.append(stack.enter_context(feet_writer(folder / "truth_feet.csv", list(rig.floors()))))
+            self._on_detail += [stack.enter_context(detail_writer(folder)), bag.detail]
         if self._feed.preview is not None:
             self._on_truth.append(self._feed.preview.add_truth)
         return bag
@@ -283,17 +299,18 @@ def _unfit(rig: Rig, prior: Prior, seed: int) -> str:
 
 def _names(trackers: Sequence[str], video: bool) -> list[str]:
     """List the files that a run writes into its folder."""
-    truth = ["truth.csv", "truth_people.csv", "truth_feet.csv", *DETAIL_FILES]
+    truth = ["truth.csv", "truth_people.csv", *_MORE_TRUTH]
     names = ["recording.mcap", *truth, "scenario.yaml", *(["preview.mp4"] if video else [])]
     tables = [f"tracks/{file_name(name)}.csv" for name in trackers]
     return [*names, *tables, *(["metrics.json", "report.html"] if trackers else [])]
 
 
-def _command(folder: Path, chosen: Sequence[ChosenTracker], images: bool) -> str:
+def _command(folder: Path, chosen: Sequence[ChosenTracker], request: _RunRequest) -> str:
     """Return the command that runs the resolved scenario again, with every class of the user's in it."""
     parts = ["twin", "run", str(folder / "scenario.yaml")]
     for each in chosen:
         parts += ["--tracker", each.name]
         if ":" in each.target and each.target != each.name:
             parts += ["--set", f"trackers.{each.name}.preset={each.target}"]
-    return shlex.join([*parts, *([] if images else ["--no-images"])])
+    kept = [] if request.whole_truth else ["--truth", "positions"]
+    return shlex.join([*parts, *([] if request.images else ["--no-images"]), *kept])

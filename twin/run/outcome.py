@@ -69,7 +69,7 @@ class Site:
 
 
 def evaluate_trackers(
-    folder: Path, runners: Sequence[TrackerRunner], truth: TruthTable | None, situations: SituationTable
+    folder: Path, runners: Sequence[TrackerRunner], truth: TruthTable | None, situations: SituationTable | None
 ) -> list[TrackerResult]:
     """Read and evaluate the table of each tracker that has not failed, from `folder/tracks`; without truth, only read it."""
     results = []

@@ -153,7 +153,7 @@ class _Replay:
         self._faults = scenario.faults if scenario is not None else {}
         self._truth_frames = list(bag.truth())
         self._truth = truth_table(self._truth_frames, str(bag.path)) if self._truth_frames else None
-        self._situations = situation_table(bag.situations(), str(bag.path))
+        self._situations = situation_table(bag.situations(), str(bag.path)) if bag.has_situations else None
         names = {number: name for number, name in enumerate(scenario.people, start=1)} if scenario else None
         outline = outline_of(scenario) if request.report or request.video else []
         scans = None if outline or not request.report else ScanDensity(bag.rig)

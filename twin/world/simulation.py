@@ -72,7 +72,8 @@ class Simulation:
     measured; without it none of that is found out. With `images=False` the cameras are left out, and nothing is rendered.
 
     `precomputed`: its people as they have moved before, with their bodies, whatever sensors looked then: nothing of them is done
-    again, and every bit is the same. Without `shares` the truth does not say how much of whom a sensor sees.
+    again, and every bit is the same. Without `shares` the truth does not say how much of whom a sensor sees, without
+    `feet` nothing of feet.
 
     `warnings`: what can be, but is hardly meant, one sentence each.
 
@@ -89,6 +90,7 @@ class Simulation:
         on_detail: Callable[[TruthDetail], object] | None = None,
         precomputed: PrecomputedScene | None = None,
         shares: bool = True,
+        feet: bool = True,
     ) -> None:
         self.scenario = scenario = randomized(scenario)
         self.world = world = World(scenario, precomputed)
@@ -117,7 +119,7 @@ class Simulation:
         assumed = {name: assumed_sensor(self._descriptions[name], sensor) for name, sensor in true.items()}
         self.rig = Rig(sensors=assumed, area=area, room=scenario.room_name, main=main)
         self._check_mounts()
-        self._on_truth, self._shares = on_truth, shares
+        self._on_truth, self._shares, self._feet = on_truth, shares, feet
         self.views = {
             name: view
             for name, sensor in self.true_rig.sensors.items()
@@ -255,7 +257,8 @@ class Simulation:
             stamp_ns, sensors = self._next_truth
             if self._on_truth is not None or self._details is not None:
                 floors = {name: cells_of for name, cells_of in self._floors.items() if name in sensors}
-                frame = self.world.truth(stamp_ns, self.views if self._shares else {}, floors)
+                views = self.views if self._shares else {}
+                frame = self.world.truth(stamp_ns, views, floors, with_feet=self._feet)
                 if self._on_truth is not None:
                     self._on_truth(frame)
                 if self._details is not None:

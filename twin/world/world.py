@@ -109,12 +109,18 @@ class World:
         mujoco.mj_camlight(self.scene.model, self.data)
 
     def truth(
-        self, stamp_ns: int, views: Mapping[str, SensorView], floors: Mapping[str, CellsOfFeet] | None = None
+        self,
+        stamp_ns: int,
+        views: Mapping[str, SensorView],
+        floors: Mapping[str, CellsOfFeet] | None = None,
+        *,
+        with_feet: bool = True,
     ) -> TruthFrame:
         """Return the truth at a stamp: places of all people in the room, and the share of them that each sensor can
         see.
 
         `floors`: the floor sensors that look at this stamp, each as a function that tells which cells each foot loads.
+        Without `with_feet` nothing is found out of feet.
         """
         t = stamp_ns / NS_PER_S
         snapshot = self.snapshot(t)
@@ -127,7 +133,7 @@ class World:
         shares = {name: np.zeros(len(there)) for name in views}
         for name, view in views.items():
             shares[name][there] = visible_share(view, snapshot, points[there], self._ids[there])
-        feet = self._feet_truth(snapshot, floors or {})
+        feet = self._feet_truth(snapshot, floors or {}) if with_feet else [()] * len(there)
         people = [
             PersonTruth(
                 id=int(self._ids[place]),
