@@ -55,7 +55,7 @@ DEFAULT_TRACKER = "laser-fisheye-imm"
 _MORE_TRUTH = ("truth_feet.csv", *DETAIL_FILES)
 
 TruthKept = Literal["all", "positions"]
-"""How much of the truth a run finds out and keeps."""
+"""Parts of the truth that a run finds out and keeps."""
 
 
 def run_scenario(
