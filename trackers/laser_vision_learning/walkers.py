@@ -66,8 +66,8 @@ class Walkers:
         cloud = self._moved(self._filter.resampled(self.people.cloud, self.rng), step_s, last_look_ns)
         legs = self._model.legs(cloud.state)
         # a track that nobody was seen by for a while is no surer than one that was seen all along
-        surest = np.where(self.people.roster.confirmed, self.people.missing_s, np.inf).argsort(kind="stable")
-        whose = shares(points, cloud.expectation(legs), options.points, surest)
+        missing_s = np.where(self.people.roster.confirmed, self.people.missing_s, np.inf)
+        whose = shares(points, cloud.expectation(legs), options.points, missing_s)
         seen = whose.legs >= rules.detect_legs
         weights = cloud.weights.updated(log_likelihood(points, whose, legs, options.points))
         roster = self.people.roster.measured(np.flatnonzero(seen), ns, Cloud(cloud.state, weights))

@@ -45,7 +45,7 @@ class PointOptions(Strict):
     own_m: float = Field(
         default=0.3,
         ge=0,
-        description="points this near to a surer person measure no other one [m]; 0: they do (ours)",
+        description="points this near to a surer person are no other one's [m]; 0: they are shared (ours)",
     )
     link_m: float = Field(
         default=0.4, gt=0, description="single linkage of unexplained points, to one new person [m] (ours)"
@@ -82,24 +82,29 @@ class Shares:
 
 
 def shares(
-    points: Points, legs: Float[Array, "2 2 n"], options: PointOptions, first: Int[Index, "n"] | None = None
+    points: Points, legs: Float[Array, "2 2 n"], options: PointOptions, missing_s: Float[Array, "n"] | None = None
 ) -> Shares:
     """Share the points among people, by their expected legs (side, x or y, person) [m].
 
-    first: the people in order of certainty, the surest first (None: as they come).
+    missing_s: for how long each was not measured [s], infinite for who is not confirmed (None: all alike). Whoever is
+    missing has no share in points near a person who is missing for less: a hidden person's particles would follow
+    whoever passes.
     """
     off = points.place[:, :, None] - legs[:, None]  # (side, k, xy, n)
     square = (off**2).sum(axis=2).min(axis=0).T
     likeness = np.exp(-square / (2 * options.soft_m**2))
     unknown = np.exp(-(options.gate_m**2) / (2 * options.soft_m**2))
-    share, weight = likeness / (likeness.sum(axis=0) + unknown), np.minimum(points.width_m / options.leg_m, 1.0)
-    if share.size == 0:
-        return Shares(share, weight, np.zeros(len(share)))
-    first = np.arange(len(share)) if first is None else first
+    weight = np.minimum(points.width_m / options.leg_m, 1.0)
+    if likeness.size == 0:
+        return Shares(likeness, weight, np.zeros(len(likeness)))
+    missing_s = np.zeros(len(likeness)) if missing_s is None else missing_s
     off = points.place.T[:, None] - legs.mean(axis=0)[:, :, None]  # (xy, n, k): bodies keep apart, legs do not
-    taken = np.minimum.accumulate((off**2).sum(axis=0)[first], axis=0)[:-1] < options.own_m**2
+    beside = (off**2).sum(axis=0) < options.own_m**2
+    likeness[(missing_s[:, None] > missing_s) @ beside] = 0.0
+    share = likeness / (likeness.sum(axis=0) + unknown)
+    first = missing_s.argsort(kind="stable")
     own = (share == share.max(axis=0)) & (square < options.gate_m**2)
-    own[first[1:]] &= ~taken
+    own[first[1:]] &= ~np.logical_or.accumulate(beside[first], axis=0)[:-1]
     return Shares(share, weight, own @ weight)
 
 

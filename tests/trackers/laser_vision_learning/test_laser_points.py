@@ -91,9 +91,12 @@ def test_of_two_tracks_on_one_body_the_surer_alone_is_measured_and_beside_it_the
     legs = np.zeros((2, 2, 2))
     legs[0, 0], legs[1, 0] = -0.1, 0.1  # side by side, the second track's a little off
     seen = points([(-0.1, 0), (0.1, 0.0)], 0.1)
-    for first in ([0, 1], [1, 0]):
-        legs[:, 1] = [0.0, 0.1] if first[0] == 0 else [0.1, 0.0]
-        assert shares(seen, legs, OPTIONS, np.array(first)).legs[first[1]] == 0
+    for missing_s in ([0.0, 0.5], [0.5, 0.0]):
+        legs[:, 1] = [0.0, 0.1] if missing_s[0] == 0 else [0.1, 0.0]
+        whose = shares(seen, legs, OPTIONS, np.array(missing_s))
+        unsure = int(np.argmax(missing_s))
+        assert whose.legs[unsure] == 0
+        assert (whose.share[unsure] == 0).all()  # nor are its particles drawn by the other's points
     legs[:, 0, 1] += 0.7  # a body's breadth away
     beside = points([(-0.1, 0), (0.1, 0.0), (0.6, 0.05), (0.8, 0.05)], 0.1)
-    assert (shares(beside, legs, OPTIONS, np.array([0, 1])).legs >= 2).all()
+    assert (shares(beside, legs, OPTIONS, np.array([0.0, 1.0])).legs >= 2).all()

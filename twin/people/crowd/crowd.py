@@ -160,8 +160,7 @@ class Crowd:
         self._distance[person] = np.inf
 
     def drive(self, place: Planar, velocity: Planar) -> None:
-        """Set where those who are `driven` will be at the end of the next step, (n,) each [m, m/s]; other rows are
-        unused."""
+        """Set where those who are `driven` will be after the next step, (n,) each [m, m/s]; other rows are unused."""
         self._path_place, self._path_velocity = place, velocity
 
     def arrived(self) -> Mask:
@@ -186,8 +185,7 @@ class Crowd:
         return (np.abs(self.velocity) < 0.12 * self._going) & self.present & ~self.driven
 
     def heading_error(self) -> Array:
-        """Return how far everybody still has to turn to the heading they were told to hold, (n,) [rad], 0 where to
-        none."""
+        """Return how far everybody still has to turn to the heading they hold, (n,) [rad], 0 where to none."""
         error = (self._hold - self.heading + np.pi) % (2 * np.pi) - np.pi
         return np.where(self._holds, error, 0.0)
 
@@ -253,7 +251,9 @@ class Crowd:
         """Return the least distance between those present, (n, n) [m] or one for all."""
         if not np.count_nonzero(self._companion_m < KEEP_APART_M):
             return KEEP_APART_M
-        return least_apart(self._companions[rows][:, rows], self._companion_m[rows], towards, facing)
+        return least_apart(
+            self._companions[rows][:, rows], self._companion_m[rows], self._keeps_step[rows], towards, facing
+        )
 
     def arms_in(self) -> Array | float:
         """Return how far each holds in the left and the right arm, (2, n) from 0 to 1; 0 where all are far apart."""

@@ -29,6 +29,8 @@ PASS_ON_THE_RIGHT_RAD = 0.5
 """Angle by which the repulsion is turned to the right of straight away, so that two who meet head on pass [rad]."""
 ARMS_IN_FROM_M, ARMS_IN_AT_M = 0.75, 0.58
 """Distances of a companion from which the arm on their side is held in, and hangs straight down [m]."""
+FOOT_M = 0.25
+"""Length of a foot with its shoe [m]."""
 KEEP_APART_M = 0.65
 """Least distance between the middles of two people [m]: room for the swinging arms, and the feet, of both."""
 
@@ -56,16 +58,20 @@ def repulsion(
     return away * (STANDING_SHARE + (1 - STANDING_SHARE) * going) * (-REPULSION_M_S2 * _PASS)
 
 
-def least_apart(companions: Mask, companion_m: Array, towards: Planar, facing: Planar) -> Array:
+def least_apart(companions: Mask, companion_m: Array, keeps_step: Mask, towards: Planar, facing: Planar) -> Array:
     """Return the least distance (n, n) [m] between people: less for companions abreast of each other.
 
-    companions (n, n): who walks with whom; companion_m (n,): how near each comes to theirs abreast [m]; towards (n, n):
-    unit, from each to each; facing (n,): unit. Before and behind each other companions keep apart as others do, for the
-    sake of their feet.
+    companions (n, n): who walks with whom; companion_m (n,): how near each comes to theirs abreast [m]; keeps_step (n,):
+    who counts on companions to walk on; towards (n, n): unit, from each to each; facing (n,): unit. Before and behind each
+    other companions keep apart as others do, and those who keep step a foot's length more, for the sake of their feet.
     """
     closer = np.where(companions, KEEP_APART_M - companion_m[:, None], 0.0)
     lateral = (towards * facing.conj()[:, None]).imag ** 2
-    return KEEP_APART_M - np.maximum(closer, closer.T) * np.minimum(lateral, lateral.T)
+    lateral = np.minimum(lateral, lateral.T)
+    apart = KEEP_APART_M - np.maximum(closer, closer.T) * lateral
+    if not np.count_nonzero(keeps_step):
+        return apart
+    return apart + FOOT_M * (1.0 - lateral) * (companions & keeps_step[:, None])
 
 
 def room_made(companions: Mask, keeps_step: Mask, towards: Planar, velocity: Planar) -> Array:

@@ -57,6 +57,7 @@ def lead(actor: Actor, action: Lead) -> Commands:
     """Walk to random places, with those who join (see `twin.scenario.behaviour.Lead`)."""
     ends_at, rng = actor.ends_at(action.for_s), actor.rng
     group = Group(actor.number, action.formation, action.spacing_m[1], [actor.number])
+    group.spaced_until_s = actor.t + rng.uniform(0.0, action.far_s[1])
     actor.context.groups[actor.number] = group
     while actor.t < ends_at:
         yield from _lead_on(actor, action, group, min(actor.t + 1.0 + rng.exponential(action.stretch_s), ends_at))
