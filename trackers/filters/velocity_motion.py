@@ -28,14 +28,11 @@ class VelocityModel:
 
     kept: float  # share of the velocity, from 0 to 1
     acceleration_variance: float  # on each axis [m²/s⁴]
-    stays: float = 1.0  # probability that a person still moves so after the period
 
 
-WALKS_ON = VelocityModel(1.0, 0.1, stays=0.95)
-CHANGES_WAY = VelocityModel(1.0, 10.0, stays=0.8)
-STANDS = VelocityModel(0.0, 1.0, stays=0.98)
-"""For periods of 0.1 s: people walk on for 2 s on average, turn for 0.5 s, stand for 5 s. So where a prediction puts people
-whom nothing shows is as often right as it says: measured in drawn rooms, by how far people get in 1 to 5 s."""
+WALKS_ON = VelocityModel(1.0, 0.1)
+CHANGES_WAY = VelocityModel(1.0, 10.0)
+STANDS = VelocityModel(0.0, 1.0)
 AGILE = VelocityModel(1.0, 3.0)
 """One model for all that people do: the best of variances 1, 3 and 9, measured in the twin."""
 
@@ -50,13 +47,6 @@ class VelocityMotion:
     def n_mode(self) -> int:
         """The number of modes."""
         return len(self.models)
-
-    @property
-    def transition(self) -> Float[Array, "m m"]:
-        """Return the mode transition probabilities of one period: a mode is left for each of the others alike."""
-        stays = np.array([model.stays for model in self.models])
-        left = (1 - stays) / max(self.n_mode - 1, 1)
-        return np.where(np.eye(self.n_mode, dtype=np.bool_), stays, left[:, None])
 
     def started(
         self,

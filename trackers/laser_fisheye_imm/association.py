@@ -28,7 +28,7 @@ from trackers.likelihood.trunk import offset_variance_m2, trunk_likelihood
 from trackers.tracking.association import Stage, associate, left_over
 from trackers.tracking.track_manager import nanoseconds, reachable
 
-_LEAST_MISSED, _LEAST_EXISTENCE = 1e-3, 3e-5
+_LEAST_MISSED, _LEAST_EXISTENCE = 1e-3, 1e-4
 """No track is missed less often than this: the model of what is seen is no better. None is known not to exist."""
 
 

@@ -295,5 +295,4 @@ def filter_of(options: LaserFisheyeImmOptions) -> Imm:
     motion: Motion = HeadingMotion(KALMAN_MODELS if single else IMM_MODELS)
     if options.motion == "velocities":
         motion = VelocityMotion((AGILE,)) if single else VelocityMotion()
-    transition = motion.transition if isinstance(motion, VelocityMotion) else None
-    return Imm(motion, transition, np.eye(2) * options.trunk.variance_m2)
+    return Imm(motion, measurement_covariance=np.eye(2) * options.trunk.variance_m2)
