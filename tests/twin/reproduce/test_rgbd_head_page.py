@@ -109,7 +109,9 @@ def test_results_hold_the_papers_figures_what_each_cue_is_worth_and_where_errors
     assert change.ours == pytest.approx(7.0) and change.runs == 8
     assert results[WHERE, "seen by 4 cameras", "Z"].ours == pytest.approx(3.0)
     grid = pivot_rows([each for each in results.values() if each.where == EXPERIMENTS])
-    assert grid is not None and len(grid["rows"]) == 3 * len(NEEDED)  # pyright: ignore[reportArgumentType]
+    assert ours.paper_system is not None and ours.paper_system.value == pytest.approx(5.0)
+    assert ours.baseline is None and (EXPERIMENTS, "sequence-1, XY", PAPER) not in results
+    assert grid is not None and len(grid["rows"]) == 2 * len(NEEDED)  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.parametrize(

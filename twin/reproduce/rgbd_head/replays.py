@@ -19,7 +19,7 @@ from trackers.tracks import TrackFrame
 from twin.messages import OnProgress
 from twin.recording.reader import Recording
 from twin.recording.tables import TrackTable, TruthTable, read_truth, track_table
-from twin.reproduce.results import ResultRow
+from twin.reproduce.results import ResultRow, SystemValue
 from twin.reproduce.rgbd_head.head_errors import head_errors, spread_cm
 from twin.reproduce.rgbd_head.results import CAUGHT, OURS, SPREAD, mean_of
 from twin.streams import stream
@@ -85,25 +85,25 @@ class LoadedRecording:
 
 
 def spread_results(seen: LoadedRecording, n_run: int, on_progress: OnProgress | None) -> list[ResultRow]:
-    """Compute table 3: the spread of runs of one recording by other random numbers, with as many hypotheses as ours and
-    as the paper's.
-    """
-    found = []
-    for number, (name, options) in enumerate(
-        {"ours": {}, "512 in one layer": {"heads": 512, "motion": {"layers": 1}}}.items()
-    ):
+    """Compute table 3: the spread of runs of one recording by other random numbers, of ours and of the paper's system."""
+    spreads = {}
+    for number, (preset, options) in enumerate({OURS: {}, _ALIKE: {"start": seen.start()}}.items()):
         runs = {}
         for seed in range(n_run):
             if on_progress is not None:
                 on_progress("runs of one recording", number * n_run + seed, 2 * n_run)
-            runs[seed] = seen.track(OURS, seed, options)
-        for axis, spread, paper in zip(("XY", "Z"), spread_cm(runs), ((0.36, 0.68), (0.27, 0.50)), strict=True):
-            for what, value, theirs in (
-                ("mean", float(spread.mean()), paper[0]),
-                ("largest", float(spread.max()), paper[1]),
-            ):
-                found.append(ResultRow(SPREAD, name, f"{axis} {what}", theirs, value, (value, value), "cm", n_run))
-    return found
+            runs[seed] = seen.track(preset, seed, options)
+        spreads[preset] = {
+            f"{axis} {name}": float(of(spread))
+            for axis, spread in zip(("XY", "Z"), spread_cm(runs), strict=True)
+            for name, of in (("mean", np.mean), ("largest", np.max))
+        }
+    printed = {"XY mean": 0.36, "XY largest": 0.68, "Z mean": 0.27, "Z largest": 0.50}
+    alike = {name: SystemValue(_ALIKE, value, (value, value)) for name, value in spreads[_ALIKE].items()}
+    return [
+        ResultRow(SPREAD, "spread", name, printed[name], value, (value, value), "cm", n_run, alike[name])
+        for name, value in spreads[OURS].items()
+    ]
 
 
 def trap_results(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -12,13 +12,14 @@ from trackers.arrays import Array, Mask
 from twin.recording.reader import Recording
 from twin.recording.tables import read_truth
 from twin.reproduce.bootstrap import Bootstrap, Interval, interval
-from twin.reproduce.results import ResultRow
+from twin.reproduce.results import ResultRow, SystemValue
 from twin.reproduce.rgbd_head.head_errors import HeadErrors, head_errors
 from twin.reproduce.suite_runs import SuiteRuns, case_recording, case_tracks
 from twin.streams import stream
 from twin.suites.worker import RECORDING, TRUTH
 
-OURS, PAPER = "rgbd-head", "paper"
+OURS, PAPER, BASELINE = "rgbd-head", "paper", "silhouettes"
+"""Trackers of the suite: ours; the paper's system (`rgbd-head-paper` from a known start); silhouettes alone, the baseline."""
 FIRST, SECOND, TRAP, PEOPLE = "sequence-1", "sequence-2", "trap", "three-people"
 NEEDED = (FIRST, SECOND, TRAP, PEOPLE)
 EXPERIMENTS, SPREAD, CAUGHT = "experiments", "runs of one recording", "runs of the trap"
@@ -94,17 +95,27 @@ def mean_of(values: Array, seed: int) -> Interval:
 
 
 def _means(condition: HeadCondition, where: str) -> Iterator[ResultRow]:
+    seed = condition.seeds[0]
+
+    def system(tracker: str, metric: str) -> SystemValue | None:
+        values = condition.metrics.get(tracker, {}).get(metric, np.empty(0))
+        known = values[~np.isnan(values)]
+        return SystemValue.of(tracker, mean_of(known, seed)) if known.size else None
+
     for tracker, metrics in condition.metrics.items():
-        if tracker.startswith(_CHOICES):
+        if tracker.startswith(_CHOICES) or tracker in (PAPER, BASELINE):
             continue
         for row, values in metrics.items():
             known = values[~np.isnan(values)]
             if known.size:
-                paper = _PAPER.get(condition.name, {}).get(row) if tracker in (OURS, PAPER) else None
+                paper, others = None, {}
+                if tracker == OURS:
+                    paper = _PAPER.get(condition.name, {}).get(row)
+                    others = {"paper_system": system(PAPER, row), "baseline": system(BASELINE, row)}
                 # a comma would part the condition from the metric
                 name = row.replace("XY, ", "XY ").replace("Z, ", "Z ").replace("yaw, ", "yaw ")
-                yield result_of(
-                    where, f"{condition.name}, {name}", tracker, paper, known, unit_of(row), condition.seeds[0]
+                yield replace(
+                    result_of(where, f"{condition.name}, {name}", tracker, paper, known, unit_of(row), seed), **others
                 )
 
 
