@@ -1,6 +1,6 @@
 """Tables and values of docs/figures.json as Markdown, for the pages and the README.
 
-A page writes `{{ figures SOURCE [where=TEXT] [columns=a,b] }}`, `{{ papers }}` or `{{ reproductions }}` on a line of its own, or
+A page writes `{{ figures SOURCE [where=TEXT] [columns=a,b] }}`, `{{ papers }}` or `{{ all KIND }}` on a line of its own, or
 `{{ value SOURCE | where | row | column }}` within a sentence; the README holds its table between two comments, which
 `scripts/figures readme` fills.
 """
@@ -15,7 +15,7 @@ from itertools import groupby
 from documentation.figures import ROOT, Figure, commits_since, read_figures, read_sources
 
 README = ROOT / "README.md"
-PLACEHOLDER = re.compile(r"\{\{ (figures|papers|reproductions|value)\b(.*?) ?\}\}")
+PLACEHOLDER = re.compile(r"\{\{ (figures|papers|all|value)\b(.*?) ?\}\}")
 _BLOCK = re.compile(r"(<!-- table: papers -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
@@ -30,8 +30,8 @@ def fill(text: str) -> str:
         kind, given = found[1], found[2].strip()
         if kind == "papers":
             return papers_table()
-        if kind == "reproductions":
-            return reproductions()
+        if kind == "all":
+            return all_of_kind(given)
         if kind == "value":
             source, where, row, column = (part.strip() for part in given.split("|"))
             return format_value(_figure(source, where, row, column))
@@ -45,7 +45,7 @@ def fill(text: str) -> str:
 def sources_in(text: str) -> set[str]:
     """List the sources that a page shows figures of."""
     found = PLACEHOLDER.findall(text)
-    return {"papers" if kind == "papers" else given.split()[0] for kind, given in found if kind != "reproductions"}
+    return {"papers" if kind == "papers" else given.split()[0] for kind, given in found if kind != "all"}
 
 
 def _source(name: str) -> dict:
@@ -72,8 +72,8 @@ def figures_table(source: str, where: str | None = None, columns: Sequence[str] 
     figures = [each for each in kept["figures"] if where is None or each["where"] == where]
     if not figures:
         raise MissingFigureError(f"{source}: docs/figures.json has nothing of {where}")
-    if kept["kind"] == "reproduce":
-        return _reproduction_table(figures) + "\n\n" + provenance(source)
+    if kept["kind"] in _TABLES:
+        return _TABLES[kept["kind"]](figures) + "\n\n" + provenance(source)
     columns = columns or list(dict.fromkeys(each["column"] for each in figures))
     names = [METRICS[each].name if each in METRICS else each for each in columns]
     lines = ["| | | n | " + " | ".join(names) + " |", "|---|---|--:|" + "--:|" * len(columns)]
@@ -115,10 +115,23 @@ def _reproduction_table(figures: Sequence[Figure]) -> str:
     return "\n".join(lines)
 
 
-def reproductions() -> str:
-    """Format every reproduction that docs/figures.json holds, each under its heading."""
-    kept = {name: each for name, each in read_figures().items() if each["kind"] == "reproduce"}
-    return "\n\n".join(f"### {name}\n\n{figures_table(name)}" for name in kept)
+def _bench_table(figures: Sequence[Figure]) -> str:
+    """Format benchmarks: value, target and whether it is met."""
+    lines = ["| measured | value | target |", "|---|--:|--:|"]
+    for each in figures:
+        lines.append(f"| {each['row']} | {format_value(each)} | {each['target'] or '–'} |")
+    return "\n".join(lines)
+
+
+_TABLES = {"reproduce": _reproduction_table, "bench": _bench_table}
+
+
+def all_of_kind(kind: str) -> str:
+    """Format every source of a kind ('reproduce', 'bench') that docs/figures.json holds, each under its heading."""
+    names = [name for name, each in read_figures().items() if each["kind"] == kind]
+    if not names:
+        return f"*docs/figures.json holds none yet; sources of the kind `{kind}` in figures.yaml can be measured.*"
+    return "\n\n".join(f"### {name}\n\n{figures_table(name)}" for name in names)
 
 
 def _bold(text: str, figure: Figure, rivals: Sequence[Figure | None]) -> str:
