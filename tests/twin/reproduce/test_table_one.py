@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -23,6 +24,7 @@ from twin.reproduce.laser_fisheye_imm.table_one import (
     losses_by_occlusion,
     paper_value,
     statements,
+    system_value,
 )
 
 N = 8
@@ -69,21 +71,36 @@ def test_the_paper_s_figures_are_where_it_prints_them() -> None:
 
 def test_a_cell_is_the_mean_over_runs_within_its_interval() -> None:
     made = condition({FULL.tracker: SOME}, {FULL.tracker: SOME[::-1]})
-    found = cell(made, FULL, TOTAL)
+    found = cell(made, FULL.tracker, TOTAL)
     assert found.value == pytest.approx((SOME + SOME[::-1]).mean())
     assert found.low < found.value < found.high
-    assert cell(made, FULL, MISIDENTIFIED).value == pytest.approx(SOME.mean())
-    assert cell(made, FULL, "MOTP").value == pytest.approx(0.07)
+    assert cell(made, FULL.tracker, MISIDENTIFIED).value == pytest.approx(SOME.mean())
+    assert cell(made, FULL.tracker, "MOTP").value == pytest.approx(0.07)
+
+
+def test_the_papers_systems_and_the_baseline_stand_beside_ours_where_they_were_run() -> None:
+    made = condition({})
+    assert system_value(made, FULL.paper_tracker, MISIDENTIFIED) is None
+    figures = made.metrics[FULL.tracker]
+    papers = {each.paper_tracker: figures | {"lost_tracks": SOME} for each in COLUMNS}
+    unfinished = figures | {"lost_tracks": np.full(N, np.nan)}
+    full = replace(made, metrics={**made.metrics, **papers, "sort": unfinished})
+    found = system_value(full, FULL.paper_tracker, LOST)
+    assert found is not None and (found.tracker, found.value) == ("laser-fisheye-imm-paper", SOME.mean())
+    assert system_value(full, FULL.baseline, LOST) is None
+    assert {each.baseline for each in COLUMNS} == {"sort", None}
+    assert filters_difference(full, paper=True).value == 0
+    assert any("rules alone" in each.text for each in statements(full))
 
 
 def test_a_figure_that_some_runs_lack_is_the_mean_of_the_others() -> None:
     made = condition({})
     made.metrics[FULL.tracker]["mota"][:2] = np.nan
-    assert cell(made, FULL, "MOTA").value == pytest.approx(0.98)
+    assert cell(made, FULL.tracker, "MOTA").value == pytest.approx(0.98)
 
 
 def test_no_event_in_any_run_leaves_an_upper_end() -> None:
-    found = cell(condition({}), FULL, MISIDENTIFIED)
+    found = cell(condition({}), FULL.tracker, MISIDENTIFIED)
     assert (found.value, found.low) == (0, 0)
     # Poisson: with this mean a run, n runs without any have a chance of 2.5 %
     assert np.exp(-found.high * N) == pytest.approx(0.025)
@@ -102,17 +119,17 @@ def test_differences_are_paired_by_seed() -> None:
     kalman = COLUMNS[3]
     assert (kalman.filter, kalman.sensors) == (KALMAN, FULL.sensors)
     made = condition({FULL.tracker: noisy, kalman.tracker: noisy + 1})
-    found = difference(made, FULL, kalman)
+    found = difference(made, FULL.tracker, kalman.tracker)
     assert (found.value, found.low, found.high) == pytest.approx(
         (-1, -1, -1)
     )  # however much the runs themselves differ
     shuffled = condition({FULL.tracker: noisy, kalman.tracker: noisy[::-1] + 1})
-    wide = difference(shuffled, FULL, kalman)
+    wide = difference(shuffled, FULL.tracker, kalman.tracker)
     assert wide.value == pytest.approx(-1) and wide.low < -2 < 0 < wide.high
 
 
 def test_where_no_run_differs_the_interval_goes_both_ways() -> None:
-    found = difference(condition(by(IMM) | by(KALMAN)), FULL, COLUMNS[3])
+    found = difference(condition(by(IMM) | by(KALMAN)), FULL.tracker, COLUMNS[3].tracker)
     assert found.value == 0 and -found.low == found.high == pytest.approx(POISSON_ZERO_UPPER / N)
 
 

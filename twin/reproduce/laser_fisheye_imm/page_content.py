@@ -39,6 +39,7 @@ from twin.reproduce.laser_fisheye_imm.table_one import (
     error_rate,
     paper_value,
     statements,
+    system_value,
     values,
 )
 from twin.reproduce.laser_fisheye_imm.walk import PERIOD_S
@@ -119,24 +120,27 @@ def _condition(condition: LabCondition, with_paper: bool) -> dict[str, Any]:
         "rows": [
             (row, [_cell(condition, column, row, with_paper) for column in COLUMNS])
             for row in ROWS
-            if row in COUNTS or not np.isnan(values(condition, FULL, row)).all()
+            if row in COUNTS or not np.isnan(values(condition, FULL.tracker, row)).all()
         ],
         "long_occlusions": condition.long_occlusions,
         "n_lost_occluded": sum(each.lost for each in condition.long_occlusions),
-        "n_lost": int(values(condition, FULL, LOST).sum()),
+        "n_lost": int(values(condition, FULL.tracker, LOST).sum()),
     }
 
 
 def _cell(condition: LabCondition, column: Any, row: str, with_paper: bool) -> dict[str, Any]:
-    found = values(condition, column, row)
+    found = values(condition, column.tracker, row)
     if np.isnan(found).all():
-        return {"mean": "–", "interval": "", "most": "", "paper": None}
+        return {"mean": "–", "interval": "", "most": "", "paper": None, "others": []}
     paper = paper_value(column, row) if with_paper else None
     decimals = 2 if row in COUNTS else 3
     unit = " m" if row in RATES and RATES[row][1] == "m" else ""
-    middle = cell(condition, column, row)
+    middle = cell(condition, column.tracker, row)
     low, high = np.nanmin(found), np.nanmax(found)
+    systems = ("its rules here", column.paper_tracker), (column.baseline, column.baseline)
+    others = [(name, system_value(condition, tracker, row)) for name, tracker in systems]
     return {
+        "others": [f"{name} {each.value:.{decimals}f}{unit}" for name, each in others if each is not None],
         "mean": f"{middle.value:.{decimals}f}{unit}",
         "interval": _interval(middle, decimals),
         "most": f"{low:.0f}–{high:.0f} a run, {found.sum():.0f} in all" if row in COUNTS else f"{low:.3f}–{high:.3f}",
@@ -161,7 +165,7 @@ def _densities(lab: LabRuns) -> dict[str, Any]:
                 "minutes": f"{minutes:.0f}",
                 "long_occlusions": f"{len(each.long_occlusions) / minutes:.2f}",
                 "cells": [(f"{rate.value:.2f}", _interval(rate, 2), rate.low > 0) for rate in rates],
-                "n_lost": int(values(each, FULL, LOST).sum()),
+                "n_lost": int(values(each, FULL.tracker, LOST).sum()),
                 "n_lost_occluded": sum(hidden.lost for hidden in each.long_occlusions),
             }
         )

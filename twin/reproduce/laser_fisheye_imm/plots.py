@@ -289,10 +289,10 @@ def _dots(axes: Axes, condition: LabCondition, row: str) -> None:
     from matplotlib.ticker import MaxNLocator
 
     for place, column in enumerate(COLUMNS):
-        found = values(condition, column, row)
+        found = values(condition, column.tracker, row)
         colour = _SENSOR_COLOURS[column.sensors]
         axes.scatter(found, place + _spread(found), s=17, color=colour, alpha=0.4, linewidths=0)
-        mean = cell(condition, column, row)
+        mean = cell(condition, column.tracker, row)
         axes.errorbar(
             mean.value,
             place,

@@ -45,8 +45,18 @@ class Column:
         """Name in tables."""
         return f"{self.filter}, {self.sensors}"
 
+    @property
+    def paper_tracker(self) -> str:
+        """Preset of the paper's system with this filter and these sensors."""
+        return f"{self.tracker}-paper"
 
-IMM, KALMAN = "IMM", "Kalman"
+    @property
+    def baseline(self) -> str | None:
+        """Preset of the plain baseline: of every scanner, so that a column of one layer has none."""
+        return None if self.sensors == SENSOR_SETS[1] else BASELINE
+
+
+IMM, KALMAN, BASELINE = "IMM", "Kalman", "sort"
 SENSOR_SETS = ("both layers + camera", "waist layer + camera", "both layers")
 _PRESETS = ("laser-fisheye", "waist-fisheye", "laser")
 COLUMNS = tuple(
@@ -76,7 +86,7 @@ class LongOcclusion:
 
 @dataclass(frozen=True, eq=False)
 class LabCondition:
-    """n runs of a condition."""
+    """n runs of a condition; metrics of the paper's systems and of the baseline where it was run by them, NaN where not done."""
 
     name: str
     overrides: tuple[str, ...]
@@ -87,9 +97,9 @@ class LabCondition:
     long_occlusions: tuple[LongOcclusion, ...]
     incidents: tuple[CaseIncident, ...]
 
-    def errors(self, column: Column) -> Array:
+    def errors(self, tracker: str) -> Array:
         """Count misidentified and lost together in each run, (n,)."""
-        found = self.metrics[column.tracker]
+        found = self.metrics[tracker]
         return found["misidentifications"] + found["lost_tracks"]
 
     @property
@@ -202,12 +212,13 @@ def _condition(
     first = next(iter(whole.values()))[FULL.tracker]
     scenario = resolved_scenario(first)
     kinds = metrics[first.id]
+    others = [tracker for tracker in next(iter(whole.values())) if tracker not in NAMES]
     values_by_tracker = {
-        column.tracker: {
-            kind: np.array([number_or_nan(metrics[cases[column.tracker].id].get(kind)) for cases in whole.values()])
+        tracker: {
+            kind: np.array([number_or_nan(metrics.get(cases[tracker].id, {}).get(kind)) for cases in whole.values()])
             for kind in kinds
         }
-        for column in COLUMNS
+        for tracker in (*NAMES, *others)
     }
     return LabCondition(
         name=name,
