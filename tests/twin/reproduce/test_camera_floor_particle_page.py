@@ -32,12 +32,14 @@ from twin.reproduce.camera_floor_particle.reproduction import check_suite, head_
 from twin.reproduce.camera_floor_particle.results import (
     ABLATION,
     ABLATIONS,
+    BASELINE,
     EXPERIMENTS,
     HOME,
     MOVEMENTS,
     NEEDED,
     OURS,
     PAIR,
+    PAPER,
     mask_quality,
     read_conditions,
     results_of,
@@ -62,10 +64,12 @@ def runs() -> Any:
     by_condition, metrics = {}, {}
     for name in NEEDED:
         for seed in (1, 2):
-            for tracker in (OURS, f"{OURS}-no-exclusion") if name == PAIR else (OURS,):
+            for tracker in (OURS, f"{OURS}-no-exclusion") if name == PAIR else (OURS, PAPER, BASELINE):
                 case = SimpleNamespace(id=f"{name}-{seed}-{tracker}", seed=seed)
                 by_condition.setdefault(name, {}).setdefault(seed, {})[tracker] = case
-                metrics[case.id] = made_up(right_at_end=1.0 if tracker == OURS or seed == 1 else 0.0)
+                metrics[case.id] = made_up(right_at_end=0.0 if "exclusion" in tracker and seed == 2 else 1.0)
+                if tracker == BASELINE:
+                    metrics[case.id] |= {f"head_error_m.{axis}": None for axis in "xyz"}
     return SimpleNamespace(by_condition=by_condition, metrics=metrics)
 
 
@@ -73,6 +77,10 @@ def test_results_hold_the_movements_together_the_papers_heads_and_paired_ablatio
     results = {(each.where, each.row, each.column): each for each in results_of(read_conditions(runs()))}
     together = results[EXPERIMENTS, "four movements, head x", "ours"]
     assert (together.ours, together.paper, together.runs) == (pytest.approx(0.01), 0.049, 2 * len(MOVEMENTS))
+    assert together.paper_system is not None and together.paper_system.tracker == PAPER and together.baseline is None
+    body = results[EXPERIMENTS, "four movements, body on the floor", "ours"]
+    assert body.baseline is not None and (body.baseline.tracker, body.baseline.value) == (BASELINE, pytest.approx(0.03))
+    assert results[EXPERIMENTS, f"{PAIR}, head x", "ours"].paper_system is None
     assert results[EXPERIMENTS, "crossing, pan, median", "ours"].ours == pytest.approx(10.0)
     assert results[EXPERIMENTS, f"{HOME}, head z", "ours"].paper == 0.045
     lost = results[ABLATION, f"without the exclusion ({PAIR})", "change of people right at the end"]

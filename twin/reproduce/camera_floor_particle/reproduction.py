@@ -113,6 +113,9 @@ def write_all(folder: Path, runs: SuiteRuns, more: Sequence[ResultRow], command:
                 )
             )
         },
+        four_columns=format_rows(
+            [each for each in results if each.where == EXPERIMENTS and (each.paper_system or each.baseline)]
+        ),
         ablations=format_rows([each for each in results if each.where == ABLATION]),
         pictures={
             caption: "data:image/jpeg;base64," + base64.b64encode(jpeg).decode() for caption, jpeg in pictures.items()

@@ -16,7 +16,7 @@ from trackers.vision.front_end import FrontEndOptions, front_ends
 from trackers.vision.views import CameraViews
 from twin.recording.reader import Recording
 from twin.reproduce.bootstrap import Bootstrap, Interval, interval
-from twin.reproduce.results import ResultRow
+from twin.reproduce.results import ResultRow, SystemValue
 from twin.reproduce.suite_runs import SuiteRuns, case_recording, number_or_nan
 from twin.streams import stream
 from twin.suites.cache import RecordingCache
@@ -24,7 +24,7 @@ from twin.suites.expansion import Case
 from twin.suites.worker import RECORDING, resolved_scenario
 from twin.world.simulation import Simulation
 
-OURS = "camera-floor-particle"
+OURS, PAPER, BASELINE = "camera-floor-particle", "camera-floor-particle-paper", "floor-kalman"
 MOVEMENTS = ("crossing", "turning", "going-around", "going-back")
 COURSE, HOME, PAIR = "straight-course", "home", "pair"
 NEEDED = (*MOVEMENTS, COURSE, HOME, PAIR)
@@ -50,7 +50,7 @@ ABLATIONS = (
     (PAIR, "without the exclusion", "camera-floor-particle-no-exclusion", RIGHT),
     ("pair-by-one-camera", "without the exclusion", "camera-floor-particle-no-exclusion", RIGHT),
     (HOME, "without the mixture", "camera-floor-particle-no-mixture", "head z"),
-    (HOME, "all rules the paper's", "camera-floor-particle-paper", RIGHT),
+    (HOME, "all rules the paper's", PAPER, RIGHT),
 )
 """Ablations: condition, what is left out, preset, and the metric in which it matters."""
 
@@ -84,10 +84,16 @@ def read_conditions(runs: SuiteRuns) -> dict[str, CameraFloorCondition]:
 def results_of(conditions: Mapping[str, CameraFloorCondition]) -> list[ResultRow]:
     """Compute every result: the four movements together, then each condition, then ablations."""
     movements = [conditions[name] for name in MOVEMENTS]
+    by_all = [tracker for tracker in movements[0].metrics if all(tracker in each.metrics for each in movements)]
     together = CameraFloorCondition(
         "four movements",
         tuple(seed for each in movements for seed in each.seeds),
-        {OURS: {key: np.concatenate([each.metrics[OURS][key] for each in movements]) for _, key, _, _ in _MEANS}},
+        {
+            tracker: {
+                key: np.concatenate([each.metrics[tracker][key] for each in movements]) for _, key, _, _ in _MEANS
+            }
+            for tracker in by_all
+        },
     )
     found = list(_means(together, EXPERIMENTS))
     for name, condition in conditions.items():
@@ -108,10 +114,19 @@ def _means(condition: CameraFloorCondition, where: str) -> Iterator[ResultRow]:
             if known.size:
                 paper = _PAPER_HEAD.get(row) if tracker == OURS and condition.name not in (COURSE, PAIR) else None
                 paper = paper if where == EXPERIMENTS else None
+                found = _mean(known, condition.seeds[0])
+                others = [_system_value(condition, each, key, times) for each in (PAPER, BASELINE) if tracker == OURS]
                 each = f"{condition.name}, {row}"
-                yield _result(
-                    where, each, tracker_label(tracker), paper, _mean(known, condition.seeds[0]), unit, len(known)
-                )
+                yield ResultRow.of(where, each, tracker_label(tracker), found, unit, len(known), paper, *others)
+
+
+def _system_value(condition: CameraFloorCondition, tracker: str, key: str, times: float) -> SystemValue | None:
+    """Compute a value by another system; None where it was not run, or has no such value."""
+    if tracker not in condition.metrics:
+        return None
+    values = times * condition.metrics[tracker][key]
+    known = values[~np.isnan(values)]
+    return SystemValue.of(tracker, _mean(known, condition.seeds[0])) if known.size else None
 
 
 def _ablations(conditions: Mapping[str, CameraFloorCondition]) -> Iterator[ResultRow]:
