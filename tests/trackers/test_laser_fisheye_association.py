@@ -87,6 +87,16 @@ def test_the_only_one_hidden_is_re_identified_by_both_legs_but_not_by_what_may_b
     assert sorted(both.track.tolist()) == [0, 1]
 
 
+def test_of_several_hidden_the_likeliest_is_re_identified():
+    places = np.array([[0.4, 1.9], [2.6, 1.9]])
+    state = Imm().start(places, np.zeros((2, 2)), 0.02, np.full(2, 0.1))
+    people = People.started(state, places, 0, np.zeros((2, 4)), np.zeros(2, np.int64))
+    people = followed(people, ago(0.8, 0.9))
+    nothing = np.zeros(1, np.bool_)
+    seen = Seen(detections((1.3, 1.9)), detections(), np.empty(0, np.bool_), None, np.zeros((1, 4)), nothing, nothing)
+    assert associated(people, LaserFisheyeImmOptions(), NOW).matches(seen).track.tolist() == [0]
+
+
 def test_trunk_before_legs_however_near_as_in_the_paper():
     places = np.array([[0.0, 1.5]])
     people = followed(

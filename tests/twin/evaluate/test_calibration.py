@@ -5,6 +5,9 @@ import pytest
 
 from trackers.filters.imm import Imm, ImmState
 from trackers.filters.negative_information import probability_within, radius_containing
+from trackers.filters.velocity_motion import AGILE, VelocityMotion
+from trackers.laser.detections import Detections
+from trackers.likelihood.trunk import TrunkOptions, offset_variance_m2
 from trackers.tracks import Track, TrackFrame
 from twin.evaluate import evaluate_tracks
 from twin.evaluate.calibration import calibration_curve
@@ -78,6 +81,18 @@ def test_the_radius_of_a_mixture_holds_the_share():
         radius_m = radius_containing(state, centre, share)
         found = [probability_within(state, centre, each, along)[k] for k, each in enumerate(radius_m.tolist())]
         assert found == pytest.approx(np.full(n, share), abs=0.02)
+
+
+def test_an_error_that_all_measurements_share_widens_the_radius():
+    state = Imm(VelocityMotion((AGILE,))).start(np.zeros((2, 2)), None, 0.02)
+    radius_m = radius_containing(state, np.zeros((2, 2)), 0.95, np.array([0.0, 0.01]))
+    assert radius_m == pytest.approx(np.sqrt(-2 * np.log(0.05) * np.array([0.02, 0.03])))
+
+
+def test_scanners_on_several_sides_average_out_half_of_what_stays_of_an_error():
+    number, scanner = np.zeros(2), np.array([[True, False, False], [True, True, False]])
+    seen = Detections(np.zeros((2, 2)), number, np.ones(2, np.intp), number, number, np.zeros((2, 2)), scanner)
+    assert offset_variance_m2(seen, TrunkOptions(offset_m=0.1)) == pytest.approx([0.02, 0.015])
 
 
 def test_chart_escapes_names():
