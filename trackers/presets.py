@@ -120,19 +120,25 @@ PRESETS: Mapping[str, Preset] = {
         "Song, Cui, Zha, Zhao: Probabilistic Detection-Based Particle Filter for Multi-target Tracking (BMVC 2008)",
     ),
     "laser-vision-learning-paper": Preset(
-        _LASER_LEARNING, "the fused system by the paper's rules alone", _SONG, learning_rules.PAPER
+        _LASER_LEARNING,
+        "the fused system by the paper's rules alone",
+        _SONG,
+        learning_rules.PAPER,
+        learning_rules.PAPER_RULES,
     ),
     "laser-vision-learning-paper-laser": Preset(
         _LASER_LEARNING,
         "the paper's laser half: one time for all who are missing",
         _SONG,
-        {"camera": False, **learning_rules.PAPER_LASER},
+        learning_rules.PAPER_LASER,
+        learning_rules.LASER_RULES,
     ),
     "laser-vision-learning-paper-vision": Preset(
         "trackers.laser_vision_learning.vision_only.tracker:VisionOnly",
         "the paper's baseline by one camera alone",
         "Song, Cui, Zha, Zhao: Probabilistic Detection-Based Particle Filter for Multi-target Tracking (BMVC 2008)",
         learning_rules.PAPER_VISION,
+        learning_rules.VISION_RULES,
     ),
     "sort": Preset(
         "trackers.sort:Sort",

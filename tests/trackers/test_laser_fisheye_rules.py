@@ -9,6 +9,7 @@ from trackers.camera_floor_particle.rules import PAPER_RULES as FLOOR_RULES
 from trackers.configuration import validate
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.rules import PAPER, PAPER_RULES, RULES, without
+from trackers.laser_vision_learning.rules import PAPER_RULES as LEARNING_RULES
 from trackers.paper_rules import KINDS, at_paths, option_paths, options_of, rules_markdown
 from trackers.plain_data import deep_merge
 from twin.suites.spec import load_suite
@@ -47,7 +48,11 @@ def test_ours_differs_from_the_paper_by_its_rules_alone():
     assert differing(PAPER, DEFAULTS) == {path for paths in RULES.values() for path in paths}
 
 
-@pytest.mark.parametrize("rules", [PAPER_RULES, FLOOR_RULES], ids=["laser-fisheye-imm", "camera-floor-particle"])
+@pytest.mark.parametrize(
+    "rules",
+    [PAPER_RULES, FLOOR_RULES, LEARNING_RULES],
+    ids=["laser-fisheye-imm", "camera-floor-particle", "laser-vision-learning"],
+)
 def test_every_rule_of_a_paper_says_of_which_kind_it_is_and_where(rules):
     assert all(rule.kind in KINDS and rule.where and rule.text for rule in rules)
     assert len({rule.name for rule in rules}) == len(rules)

@@ -1,28 +1,6 @@
-"""The rules of Song et al. ("Fusion of Laser and Vision for Multiple Targets Tracking via On-line Learning") by themselves.
+"""Rules of the system of Song and others as a table: the fused system, its laser half, and the vision-only baseline.
 
-One table for `laser-vision-learning-paper`; `-paper-laser` and `-paper-vision` are its two baselines (section VI).
-
-| rule | the paper | here |
-|---|---|---|
-| two-feet proposal, laser points as observation | stated, IV.A (details in its ref. 2) | as ours |
-| training below 1.5 m | stated, VI | `situations.interacting_m` 1.5 |
-| challenging below 0.3 m | stated, VI | `situations.correlated_m` 0.3, a gap between bodies |
-| random patches, RGB and edge orientations | stated, IV.A | `looks.kinds`; no height on the body as a feature |
-| negatives: patches of possibly confused targets | stated, IV.B | `looks.background` 0: no patches of the room |
-| M trees anew in the first frame, then K kept | stated, fig. 7 | `boosting.first_a_frame` null, all targets each frame |
-| score maps draw correlated targets | stated, V.A, eq. 1 | `recognition.drawn` all: seen by a scanner or not |
-| levels of re-weighting and re-sampling | stated, V.A; their number is not | `maps.levels` 3, as ours |
-| classifiers identify who comes out of a merge | stated, V.B | `identities.margin` 0: looks decide, however narrowly |
-| pictures on which they decide | unstated | `identities.pictures` 1: the frame of the split, as figure 9 |
-| one track for merged targets | stated, V.B | unmet: each member keeps particles at the group's place |
-| missing targets | unstated | one time for all, `coast_hidden_s` as `coast_s`; no re-identification in passing |
-| a point near two targets | unstated | measures both, `points.own_m` 0 |
-| β of negative scores | unstated | 0, as ours |
-| M, K, patches, σ, particles | empirical, not given | 30, 25, 40 of 0.2 m, one side of a patch, 500: as ours |
-| PD-PF, vision only | cited (ref. 18) | no re-identification by colour: `association.foreign_above` 1 |
-
-The empirical values are those of ours, chosen on development seed 1003 by the choices that `twin reproduce
-laser-vision-learning` prints (M 20 to 50, K 0 to M, patches of 0.12 to 0.3 m, 20 to 80 of them).
+`PAPER_RULES` is the paper read plainly; its options are the preset `laser-vision-learning-paper`.
 """
 
 from __future__ import annotations
@@ -30,24 +8,117 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-PAPER_LASER: Mapping[str, Any] = {
-    "points": {"own_m": 0.0},
-    "track_management": {"coast_hidden_s": 1.0, "reid_speed_m_s": None},
-}
-"""The laser half: options of `laser-vision-learning-paper-laser`, beside `camera`."""
+from trackers.paper_rules import PaperRule, options_of
 
-PAPER: Mapping[str, Any] = {
-    **PAPER_LASER,
-    "recognition": {"drawn": "all"},
-    "identities": {"margin": 0.0, "pictures": 1},
-    "looks": {
-        "height": False,
-        "background": 0,
-        "classifiers_a_frame": 100,
-        "boosting": {"first_a_frame": None},
-    },
-}
-"""The options of `laser-vision-learning-paper`."""
+LASER_RULES: tuple[PaperRule, ...] = (
+    PaperRule(
+        "situations",
+        "stated",
+        "VI",
+        "training below 1.5 m, challenging below 0.3 m, taken as the gap between bodies",
+        {"situations": {"interacting_m": 1.5, "correlated_m": 0.3}},
+    ),
+    PaperRule(
+        "independent trackers",
+        "stated",
+        "IV.A",
+        "a particle filter per person; a two-feet walking model proposes, laser points near the predicted feet weigh (the "
+        "constants are those of its reference 2, not given here: as ours)",
+    ),
+    PaperRule(
+        "a point near two persons",
+        "unstated",
+        "–",
+        "measures both, by its distance from either: no word of who is surer",
+        {"points": {"own_m": 0.0}},
+    ),
+    PaperRule(
+        "missing persons",
+        "unstated",
+        "–",
+        "one time for all, in sight or behind others, and no re-identification over a distance that grows",
+        {"track_management": {"coast_hidden_s": 1.0, "reid_speed_m_s": None}},
+    ),
+    PaperRule("particles", "empirical", "–", "500 a person, as ours", {"particles": 500}),
+)
+"""The rules of the laser half, which is the baseline `laser-vision-learning-paper-laser` too."""
 
-PAPER_VISION: Mapping[str, Any] = {"association": {"foreign_above": 1.0}}
-"""The options of `laser-vision-learning-paper-vision`."""
+PAPER_RULES: tuple[PaperRule, ...] = (
+    *LASER_RULES,
+    PaperRule(
+        "samples",
+        "stated",
+        "IV.A, IV.B",
+        "random patches by RGB and edge orientations; negative ones of possibly confused targets alone: neither the height on "
+        "the body nor patches of the room",
+        {"looks": {"kinds": ("rgb", "edges"), "height": False, "background": 0}},
+    ),
+    PaperRule(
+        "learning",
+        "stated",
+        "figure 7",
+        "M trees in the first frame, K of them kept in each new one, for every target that may interact: no budget",
+        {"looks": {"boosting": {"first_a_frame": None}, "classifiers_a_frame": 100}},
+    ),
+    PaperRule(
+        "correlated targets",
+        "stated",
+        "V.A, eq. 1",
+        "score maps draw the particles of all correlated targets, whether a scanner shows them or not",
+        {"recognition": {"drawn": "all"}},
+    ),
+    PaperRule(
+        "split",
+        "stated",
+        "V.B",
+        "the classifiers identify the targets of a split, however narrow their verdict",
+        {"identities": {"margin": 0.0}},
+    ),
+    PaperRule(
+        "merge",
+        "stated",
+        "V.B",
+        "merged targets are tracked as one. Not so here: each member keeps particles at the group's place; `identity_after` "
+        "judges what the split makes of them, one second after it",
+    ),
+    PaperRule("β of negative scores", "unstated", "eq. 1", "0: a patch of another is no evidence against a place"),
+    PaperRule(
+        "levels",
+        "unstated",
+        "V.A",
+        "three of re-weighting and re-sampling a picture",
+        {"looks": {"maps": {"levels": 3}}},
+    ),
+    PaperRule(
+        "pictures of a split",
+        "unstated",
+        "V.B, figure 9",
+        "the picture in which the targets are apart again decides",
+        {"identities": {"pictures": 1}},
+    ),
+    PaperRule(
+        "classifiers",
+        "empirical",
+        "IV.B",
+        "M 30, K 25, 40 patches of 0.2 m; chosen on seed 1003 from M 20 to 50, K 0 to M, 20 to 80 patches of 0.12 to 0.3 m (the "
+        "table of choices of `twin reproduce laser-vision-learning`)",
+        {"looks": {"boosting": {"trees": 30, "kept": 25}, "patch_count": 40, "patch_m": 0.2}},
+    ),
+    PaperRule("σ of a score map", "empirical", "eq. 1", "one side of a patch", {"looks": {"maps": {"deviation": 1.0}}}),
+)
+"""The rules of the fused system."""
+
+VISION_RULES: tuple[PaperRule, ...] = (
+    PaperRule(
+        "PD-PF",
+        "unstated",
+        "VI, reference 18",
+        "cited, not described: particles drawn to a person detector's detections, as ours; colours weigh but never forbid",
+        {"association": {"foreign_above": 1.0}},
+    ),
+)
+"""The rules of the baseline by one camera."""
+
+PAPER: Mapping[str, Any] = options_of(PAPER_RULES)
+PAPER_LASER: Mapping[str, Any] = {"camera": False, **options_of(LASER_RULES)}
+PAPER_VISION: Mapping[str, Any] = options_of(VISION_RULES)
