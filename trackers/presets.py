@@ -217,6 +217,29 @@ def available() -> dict[str, Preset]:
     return {**installed, **PRESETS}
 
 
+def bibtex(names: Iterable[str]) -> str:
+    """Return BibTeX entries of the papers behind trackers, each once; nothing for one without a paper."""
+    known, entries = available(), {}
+    for name in names:
+        found = _CITATION.fullmatch(known[name].citation)
+        if found is None:
+            continue
+        authors, title, note = found["authors"].split(", "), found["title"], found["note"] or ""
+        year = re.search(r"\b(19|20)\d\d\b", note)
+        key = f"{authors[0].lower()}-{re.sub(r'[^a-z]+', '-', title.lower()).strip('-').split('-')[0]}"
+        fields = {"author": " and ".join(authors), "title": f"{{{title}}}"}
+        if year is not None:
+            fields["year"] = year[0]
+        if note and note != (year[0] if year is not None else ""):
+            fields["note"] = note
+        body = ",\n".join(f"  {field} = {{{value}}}" for field, value in fields.items())
+        entries[key] = f"@misc{{{key},\n{body}\n}}"
+    return "\n\n".join(entries.values())
+
+
+_CITATION = re.compile(r"(?P<authors>[^:]+): (?P<title>[^(]+?)(?: \((?P<note>[^)]+)\).*)?")
+
+
 def make_tracker(
     name: str,
     rig: Rig,

@@ -38,7 +38,7 @@ from twin.suites.command import app as suites
 app = typer.Typer(
     name="twin",
     help="Describe a room, its people and its sensors; get what the sensors would report, the truth, and any tracker's score.",
-    add_completion=False,
+    add_completion=True,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -68,9 +68,9 @@ app.command(epilog="Example: twin evaluate out/lab-five-people-0/truth.csv out/l
     evaluate
 )
 app.command(epilog="Example: twin export out/lab-five-people-0 --format mot --out out/lab-mot")(export)
-app.command(name="list", epilog="Example: twin list")(list_)
+app.command(name="list", epilog="Example: twin list rooms; twin list trackers --cite")(list_)
 app.command(epilog="Example: twin schema > scenario.schema.json")(schema)
-app.command(epilog="Example: twin check")(check)
+app.command(epilog="Example: twin check; twin check --tracker my_lab:Mine")(check)
 app.add_typer(new, name="new")
 app.add_typer(suites, name="suite")
 app.add_typer(studies, name="study")

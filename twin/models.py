@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -109,6 +110,9 @@ def load_yaml(name: str) -> dict[str, Any]:
 
 
 def first_description(folder: str, name: str) -> str:
-    """Read the description of a shipped scenario, suite or study, in one line."""
+    """Read the description of a shipped scenario, suite or study, or the first sentence of a room's file, in one line."""
+    if folder == "rooms":
+        comment = read_text(find(folder, name), "a room").partition("<!--")[2].partition("-->")[0]
+        return re.split(r"(?<=\.)\s", " ".join(comment.split()), maxsplit=1)[0]
     content = load_yaml(f"{folder}/{name}{_SUFFIX[folder]}")
     return " ".join(str(content.get("description", "")).split())

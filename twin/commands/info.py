@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import shutil
 import sys
-import textwrap
 import time
 from collections.abc import Iterator, Mapping
 from importlib.metadata import version
@@ -12,17 +10,17 @@ from typing import Annotated
 
 import typer
 
+from twin.commands.exit_codes import EXIT_FELL_SHORT
 from twin.messages import printable
 
-_DESCRIBED = "scenarios", "suites", "studies"
+_PARTS = "scenarios", "rooms", "trackers", "sensors", "suites", "studies", "faults"
 _SIDE_PX = 400
 _FRAMES = 5
-_LEAST_COLUMN = 30
-"""A column of text that is narrower is hard to read."""
+_CHECKED_S = 4.0
 
 
 def list_(
-    part: Annotated[str | None, typer.Argument(help="Only one of these parts, e.g. trackers; default: all.")] = None,
+    part: Annotated[str | None, typer.Argument(help=f"One of {', '.join(_PARTS)}; default: all.")] = None,
     rules: Annotated[
         str | None,
         typer.Option(
@@ -31,58 +29,63 @@ def list_(
             "where it is silent, chosen where it is empirical.",
         ),
     ] = None,
+    cite: Annotated[bool, typer.Option("--cite", help="Print BibTeX of the papers behind the trackers.")] = False,
 ) -> None:
     """List scenarios, rooms, trackers, sensors, suites, studies and faults."""
     from trackers.errors import InputError
     from trackers.paper_rules import rules_markdown
-    from trackers.presets import available, rules_of
-    from twin import models
+    from trackers.presets import available, bibtex, rules_of
 
+    if part is not None and part not in _PARTS:
+        raise InputError(f"list: there is none of {part!r}; valid are {', '.join(_PARTS)}")
+    for option, is_given in (("--rules", rules is not None), ("--cite", cite)):
+        if is_given and part not in (None, "trackers"):
+            raise InputError(f"{option}: is of trackers, not of {part}")
     if rules is not None:
-        if part not in (None, "trackers"):
-            raise InputError(f"--rules: is of trackers, not of {part}")
         typer.echo(rules_markdown(rules, rules_of(rules)), nl=False)
         return
+    if cite:
+        typer.echo(bibtex(available()))
+        return
+    for title in _PARTS if part is None else [part]:
+        _print_part(title, _described(title))
 
-    described = {
-        folder: {name: models.first_description(folder, name) for name in models.names(folder)} for folder in _DESCRIBED
-    }
-    parts = {
-        "scenarios": described["scenarios"],
-        "rooms": dict.fromkeys(models.names("rooms"), ""),
-        "trackers": {name: preset.description for name, preset in available().items()},
-        "sensors": models.SENSOR_KINDS,
-        "suites": described["suites"],
-        "studies": described["studies"],
-        "faults": models.FAULTS,
-    }
-    if part is not None and part not in parts:
-        raise InputError(f"list: there is none of {part!r}; valid are {', '.join(parts)}")
-    for title, entries in parts.items():
-        if part not in (None, title):
-            continue
+
+def _described(part: str) -> dict[str, str]:
+    """Return what there is of one part, with a line on each."""
+    from trackers.presets import available
+    from twin import models
+
+    match part:
+        case "trackers":
+            return {name: preset.description for name, preset in available().items()}
+        case "sensors":
+            return dict(models.SENSOR_KINDS)
+        case "faults":
+            return dict(models.FAULTS)
+        case _:
+            return {name: models.first_description(part, name) for name in models.names(part)}
+
+
+def _print_part(title: str, entries: Mapping[str, str]) -> None:
+    """Print a table on a terminal; else a line per entry, of any length, for other programs."""
+    if not sys.stdout.isatty():
         typer.echo(title)
-        for line in _columns(entries, shutil.get_terminal_size().columns if sys.stdout.isatty() else None):
-            typer.echo(line)
+        column = max(map(len, entries)) + 2
+        for name, description in entries.items():
+            typer.echo(printable(f"  {name:{column}}{description}".rstrip()))
+        return
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
 
+    from twin.console import PlainConsole
 
-def _columns(entries: Mapping[str, str], width: int | None) -> Iterator[str]:
-    """Format names and descriptions in two columns, within `width` characters (None: one line per entry, of any
-    length).
-
-    Where a terminal has no room for two columns, a description stands under its name.
-    """
-    column = max(map(len, entries)) + 4
+    table = Table(box=SIMPLE_HEAD, padding=(0, 1))
+    table.add_column(title, no_wrap=True)
+    table.add_column("")
     for name, description in entries.items():
-        if width is None:
-            yield printable(f"  {name:{column - 2}}{description}".rstrip())
-        elif width - column >= _LEAST_COLUMN:
-            first, *rest = textwrap.wrap(printable(description), width - column) or [""]
-            yield printable(f"  {name:{column - 2}}{first}".rstrip())
-            yield from (" " * column + line for line in rest)
-        else:
-            yield printable(f"  {name}")
-            yield from textwrap.wrap(printable(description), width, initial_indent="    ", subsequent_indent="    ")
+        table.add_row(name, description)
+    PlainConsole().print(table)
 
 
 def schema(
@@ -106,10 +109,66 @@ def schema(
     typer.echo(json.dumps(Described.model_json_schema(), indent=2))
 
 
-def check() -> None:
-    """Check that this machine can render: renderer, versions, frame time; and what to do if not."""
-    for line in check_machine():
-        typer.echo(line)
+def check(
+    tracker: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Check a tracker instead: a preset or module:Class.")
+    ] = None,
+    sensor: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MODULE:MAKE", help="Check a sensor instead: what MAKE() returns, before five people in the lab."
+        ),
+    ] = None,
+) -> None:
+    """Check that this machine can render: renderer, versions, frame time; or that a tracker or a sensor keeps its contract."""
+    from trackers.errors import InputError
+    from twin.run.inputs import import_from_here
+
+    if tracker is not None and sensor is not None:
+        raise InputError("--tracker, --sensor: one of the two is expected")
+    if tracker is None and sensor is None:
+        for line in check_machine():
+            typer.echo(line)
+        return
+    import_from_here([tracker or "", sensor or ""])
+    name = tracker or sensor or ""
+    faults = check_own_tracker(name) if tracker is not None else check_own_sensor(name)
+    for fault in faults:
+        typer.echo(printable(f"{name}: {fault}"))
+    if faults:
+        raise typer.Exit(EXIT_FELL_SHORT)
+    typer.echo(f"{name}: keeps the contract of a {'tracker' if tracker is not None else 'sensor'}")
+
+
+def check_own_tracker(name: str) -> list[str]:
+    """List what a tracker breaks on four seconds of five people in the lab, as its sensors see them and with every fault."""
+    from trackers.check import check_tracker
+    from trackers.presets import make_tracker
+    from twin.scenario import load_scenario
+    from twin.world.simulation import Simulation
+
+    with Simulation(load_scenario("lab-five-people", [f"duration_s={_CHECKED_S}"])) as simulation:
+        rig, background, observations = simulation.rig, simulation.background(), list(simulation)
+    return check_tracker(lambda *made: make_tracker(name, *made), rig, observations, background)
+
+
+def check_own_sensor(name: str) -> list[str]:
+    """List what the sensor that `module:make` makes without arguments breaks before five people in the lab."""
+    from importlib import import_module
+
+    from trackers.errors import InputError
+    from twin.scenario import load_scenario
+    from twin.sensors.check import check_sensor
+    from twin.world.world import World
+
+    module, _, maker = name.partition(":")
+    try:
+        make = getattr(import_module(module), maker)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise InputError(
+            f"--sensor {name}: {error}; MODULE:MAKE, a callable that returns a sensor, is expected"
+        ) from error
+    return check_sensor(make(), World(load_scenario("lab-five-people")))
 
 
 def check_machine() -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""`twin new`: write a commented start, or a scene drawn at random as plain files."""
+"""`twin new`: write a commented start of anything, or a scene drawn at random as plain files."""
 
 from __future__ import annotations
 
@@ -7,37 +7,15 @@ from typing import Annotated
 
 import typer
 
+from twin.commands.starts import ROOM, SCENARIO, STUDY, SUITE, TRACKER
 from twin.options import Seed, Set
 
 app = typer.Typer(
-    help="Write a commented start of your own: a scenario, or one drawn at random.",
+    help="Write a commented start of your own: room, scenario, tracker, suite, study; or a scene drawn at random.",
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
 )
-
-_START = """\
-# A scenario of your own; `twin schema > scenario.schema.json` gives editors completion. Run it: twin run {file}
-name: {name}
-room: lab                       # a shipped room (see `twin list`), or the path of an MJCF file, relative to this one
-duration_s: 20
-people:                         # what is left out, height and clothes say, is drawn from the seed
-  ann: {{height_m: 1.68, shirt: pink, script: {{kind: wander}}}}
-  bob:
-    start: [-1.5, 1.0]          # metres in the room frame
-    script:
-      - {{kind: walk, waypoints: [[1.5, 2.0], [-1.5, 1.0]]}}
-      - {{kind: stand, for_s: 3}}
-      - {{kind: wander}}
-sensors:
-  waist: {{kind: laser, role: waist, rate_hz: 10, mount: {{xyz: [0, 0, 0.95], yaw_deg: 90}}}}
-  knee: {{kind: laser, role: knee, rate_hz: 10, mount: {{xyz: [0, 0, 0.45], yaw_deg: 90}}}}
-"""
-
-
-@app.callback()
-def _new() -> None:
-    """Make typer keep the name of the only command."""
 
 
 @app.command(epilog="Example: twin new scenario --drawn --seed 7 --out office; twin run office/scenario.yaml")
@@ -65,7 +43,7 @@ def scenario(
             raise InputError(f"{file}: is there already; another folder (--out) is expected")
     if not drawn:
         with open_atomic(path) as stream:
-            stream.write(_START.format(name=_name(out), file=path))
+            stream.write(SCENARIO.format(name=_name(out), file=path))
         print_paths({"scenario": path})
         return
     loaded = load_scenario("drawn", [*(set_ or []), *([] if seed is None else [f"seed={seed}"])])
@@ -75,6 +53,47 @@ def scenario(
     with open_atomic(path) as stream:
         stream.write(dump_scenario(plain))
     print_paths({"scenario": path, "room": room})
+
+
+@app.command(epilog="Example: twin new room --out office.xml; twin view office.xml")
+def room(out: Annotated[Path, typer.Option(metavar="FILE.xml", help="File to write.")] = Path("room.xml")) -> None:
+    """Write a room of walls, a door, lamps, a desk and a seat, with comments (MJCF)."""
+    _write("room", ROOM, out, ".xml")
+
+
+@app.command(epilog="Example: twin new tracker --out mine.py; twin check --tracker mine:Mine")
+def tracker(out: Annotated[Path, typer.Option(metavar="FILE.py", help="File to write.")] = Path("mine.py")) -> None:
+    """Write a tracker of 40 lines: clusters of one scanner, each taken for the nearest track."""
+    _write("tracker", TRACKER, out, ".py")
+
+
+@app.command(epilog="Example: twin new suite --out gate.yaml; twin suite run gate.yaml")
+def suite(out: Annotated[Path, typer.Option(metavar="FILE.yaml", help="File to write.")] = Path("suite.yaml")) -> None:
+    """Write a suite of one scenario, two trackers and two seeds, with a requirement."""
+    _write("suite", SUITE, out, ".yaml")
+
+
+@app.command(epilog="Example: twin new study --out places.yaml; twin study run places.yaml")
+def study(out: Annotated[Path, typer.Option(metavar="FILE.yaml", help="File to write.")] = Path("study.yaml")) -> None:
+    """Write a study of where one or two scanners should hang in the lab."""
+    _write("study", STUDY, out, ".yaml")
+
+
+def _write(what: str, text: str, path: Path, suffix: str) -> None:
+    from trackers.errors import InputError
+    from twin.console import print_paths
+    from twin.recording.atomic_file import open_atomic
+
+    if path.suffix != suffix or (suffix == ".py" and not path.stem.isidentifier()):
+        expected = (
+            f"the name of a Python module, {suffix} included," if suffix == ".py" else f"a name ending in {suffix}"
+        )
+        raise InputError(f"--out {path}: is no file for a {what}; {expected} is expected")
+    if path.exists():
+        raise InputError(f"--out {path}: is there already; the name of a new file is expected")
+    with open_atomic(path) as stream:
+        stream.write(text.format(name=_name(path.with_suffix("")), file=path, module=path.stem))
+    print_paths({what: path})
 
 
 def _name(folder: Path) -> str:

@@ -8,11 +8,14 @@ from typing import Annotated
 import typer
 
 from trackers.errors import InputError
-from twin.options import NoLimits, RoomRoot, ScenarioName, Seed, Set, overrides
+from twin.options import NoLimits, RoomRoot, Seed, Set, overrides
 
 
 def view(
-    scenario: ScenarioName,
+    scenario: Annotated[
+        str,
+        typer.Argument(help="Name of a shipped scenario or room (see `twin list`), or path of a YAML or MJCF file."),
+    ],
     at: Annotated[float, typer.Option(metavar="S", help="Time to show [s].")] = 0.0,
     people: Annotated[
         bool, typer.Option("--people", help="Each person from all sides, and each of their actions.")
@@ -32,12 +35,24 @@ def view(
     seed: Seed = None,
     out: Annotated[Path | None, typer.Option(help="The picture to write; default: view.png or people.png.")] = None,
 ) -> None:
-    """Draw the room and every sensor's view at one time, its people (--people), or a video of them (--video)."""
+    """Draw the room and every sensor's view at one time, its people (--people), a video of them (--video), or a room's plan."""
     from twin.console import print_paths, print_warnings, progress
     from twin.scenario import load_scenario
     from twin.scenario.run_size import check_size
-    from twin.view import write_drawn, write_people, write_video, write_view
+    from twin.view import write_drawn, write_people, write_room, write_video, write_view
 
+    if _is_room(scenario):
+        given = {"--at": at, "--people": people, "--video": video, "--from": from_, "--to": to, "--follow": follow}
+        given |= {"--drawn": drawn, "--set": set_, "--seed": seed}
+        for option, value in given.items():
+            if value not in (None, False, 0.0, []) or (option == "--seed" and value == 0):
+                raise InputError(
+                    f"{option} {value}: is about a scenario, and {scenario} is a room; --out alone is expected"
+                )
+        path = out or Path("view.png")
+        print_warnings(write_room(scenario, path))
+        print_paths({"view": path})
+        return
     if drawn is not None:
         if people or video is not None:
             raise InputError(f"--drawn {drawn}: is a picture of its own beside --people and --video; one is expected")
@@ -65,6 +80,13 @@ def view(
         path = out or Path("view.png")
         print_warnings(write_view(loaded, at, path))
         print_paths({"view": path})
+
+
+def _is_room(name: str) -> bool:
+    """Tell whether a name is a room's: an MJCF file, or a shipped room that no scenario is called like."""
+    from twin import models
+
+    return name.endswith(".xml") or (name in models.names("rooms") and name not in models.names("scenarios"))
 
 
 def check_options(

@@ -2,6 +2,7 @@
 
 from twin.view.activity_sheet import write_people
 from twin.view.contact_sheet import write_drawn, write_view
+from twin.view.room_sheet import write_room
 from twin.view.video import write_video
 
-__all__ = ["write_drawn", "write_people", "write_video", "write_view"]
+__all__ = ["write_drawn", "write_people", "write_room", "write_video", "write_view"]

@@ -1,0 +1,124 @@
+"""`twin new`: what it writes runs as it is; `twin list`, `twin check`, `twin view ROOM`, and a foreign package `trackers`."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import cv2
+import pytest
+from typer.testing import CliRunner
+
+import twin
+from trackers.errors import InputError
+from trackers.presets import available, bibtex
+from twin.__main__ import other_trackers
+from twin.cli import app
+from twin.studies.spec import Study
+from twin.suites.expansion import expand
+from twin.suites.spec import load_suite
+
+
+def _twin(*arguments: str, code: int = 0) -> str:
+    result = CliRunner().invoke(app, list(arguments))
+    assert result.exit_code == code, (result.output, result.exception)
+    return result.output
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    return tmp_path
+
+
+def test_new_room_and_scenario_run(here: Path) -> None:
+    _twin("new", "room", "--out", "office.xml")
+    _twin("view", "office.xml", "--out", "office.png")
+    assert cv2.imread("office.png").std() > 20
+    _twin("new", "scenario", "--out", "mine")
+    text = Path("mine/scenario.yaml").read_text().replace("room: lab ", "room: ../office.xml ").replace("0.95]", "0.9]")
+    Path("mine/own.yaml").write_text(
+        re.sub(
+            r"start: .*|waypoints: \[\[1.5, 2.0\], \[-1.5, 1.0\]\]",
+            lambda m: "start: [-1, 0]" if m[0][0] == "s" else "waypoints: [[1, 1]]",
+            text,
+        )
+    )
+    _twin("run", "mine/own.yaml", "--tracker", "sort", "--duration", "1", "--no-video", "--out", "out")
+
+
+def test_new_tracker_keeps_the_contract(here: Path) -> None:
+    _twin("new", "tracker", "--out", "my_first.py")
+    assert "keeps the contract" in _twin("check", "--tracker", "my_first:Mine")
+
+
+def test_check_says_what_a_tracker_breaks(here: Path) -> None:
+    Path("broken_one.py").write_text(
+        "class Mine:\n    def __init__(self, rig, background, rng): ...\n    def update(self, observation): ...\n"
+    )
+    assert "has not both update(observation) and tracks()" in _twin("check", "--tracker", "broken_one:Mine", code=1)
+
+
+def test_check_of_a_sensor(here: Path) -> None:
+    Path("own_sensor.py").write_text(
+        "from twin.scenario import load_scenario\n"
+        "from twin.scenario.sensors import build_sensor\n"
+        "def make():\n"
+        "    return build_sensor('waist', load_scenario('lab-five-people').sensors['waist'], lambda: None)\n"
+    )
+    assert "keeps the contract of a sensor" in _twin("check", "--sensor", "own_sensor:make")
+
+
+def test_new_suite_and_study_are_ones(here: Path) -> None:
+    _twin("new", "suite", "--out", "gate.yaml")
+    suite, path = load_suite(here / "gate.yaml")
+    assert len(expand(suite, path)) == suite.n_case == 4
+    _twin("new", "study", "--out", "places.yaml")
+    from trackers.plain_data import parse_yaml
+
+    study = Study.model_validate(parse_yaml(Path("places.yaml").read_text(), "places.yaml", "a study"))
+    assert study.name == "places"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["new", "tracker", "--out", "my-own.py"], "the name of a Python module"),
+        (["new", "room", "--out", "room.yaml"], "ending in .xml"),
+        (["view", "lab", "--at", "3"], "lab is a room"),
+        (["list", "robots"], "valid are scenarios, rooms"),
+        (["check", "--tracker", "a:B", "--sensor", "c:d"], "one of the two"),
+    ],
+)
+def test_what_cannot_be_is_refused(here: Path, arguments: list[str], said: str) -> None:
+    result = CliRunner().invoke(app, arguments)
+    assert isinstance(result.exception, InputError)
+    assert said in str(result.exception)
+    assert list(here.iterdir()) == []
+
+
+def test_everything_that_is_listed_is_described() -> None:
+    for line in _twin("list").splitlines():
+        if line.startswith("  "):
+            assert len(line.split(maxsplit=1)) == 2, line
+
+
+def test_bibtex_names_each_paper_once() -> None:
+    entries = bibtex(available())
+    keys = re.findall(r"@misc\{([\w-]+),", entries)
+    assert len(keys) == len(set(keys)) >= 5
+    assert entries.count("{") == entries.count("}")
+
+
+def test_version_is_that_of_the_distribution() -> None:
+    assert _twin("--version").split() == ["roomtwin", twin.__version__]
+
+
+def test_another_package_called_trackers_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert other_trackers() is None
+    import trackers
+
+    monkeypatch.delattr(trackers, "DISTRIBUTION")
+    assert "that of roomtwin is expected" in str(other_trackers())

@@ -1,0 +1,120 @@
+"""A room without a scenario: a picture from above, and its plan with axes in metres, furniture, seats and walkable area."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from twin import models
+from twin.report.palette import LAYER_COLOURS
+from twin.report.scene_pictures import check_picture_name, render_picture, tile_pictures, write_png
+from twin.room.building import room_outline
+from twin.room.furniture import Bed, furniture_of
+from twin.room.lighting import DARK_LIGHT, ENOUGH_LIGHT, light_of
+from twin.scenario import Scenario
+from twin.sensors.render import OffscreenRenderer
+from twin.view.free_camera import CameraSpace, overview
+from twin.world.world import World
+
+_TILE_PX = (760, 640)
+_LOW_M, _TALL_M, _WIDE_M = 0.1, 1.8, 1.2
+"""A thing has a name on the plan where it reaches over the first, begins below the second and is no wider [m]."""
+_APART = (0.11, 0.04)
+"""Names are as far apart, along x or y, as these shares of the room."""
+_FINER = 2
+_BACKDROP = (24, 24, 27)
+
+
+def write_room(name: str, path: Path) -> list[str]:
+    """Write a PNG of a room, shipped or a file of the user's; return hints on its light.
+
+    Raises InputError for a room that cannot be, and a file that cannot be written.
+    """
+    check_picture_name(path)
+    file = models.find("rooms", name)
+    fields: dict[str, Any] = {
+        field: each.get_default(call_default_factory=True) for field, each in Scenario.model_fields.items()
+    }
+    fields |= {"name": Path(name).stem, "room": name, "duration_s": 1.0, "people": {}, "sensors": {}}
+    scenario = Scenario.model_construct(None, **fields)  # one without sensors is no scenario to run
+    world = World(scenario)
+    picture, plan = _picture(world), _plan(world, file.name)
+    write_png(path, tile_pictures([picture, plan], 2, _BACKDROP))
+    return _hints(world.scene.model, file)
+
+
+def _hints(model: mujoco.MjModel, file: Path) -> list[str]:
+    light = light_of(model)
+    if light >= ENOUGH_LIGHT:
+        return []
+    what = "cameras see next to nothing" if light < DARK_LIGHT else "cameras see little"
+    return [
+        f"{file}: is dark (light {light:.2g}, {ENOUGH_LIGHT:g} shows what is there), so that {what}; the picture is lit for the "
+        'eye. A lamp helps: <light pos="0 0 2.5" dir="0 0 -1" cutoff="80" exponent="1" diffuse="0.8 0.8 0.8"/>'
+    ]
+
+
+def _picture(world: World) -> NDArray[np.uint8]:
+    """Draw the room from a free place that shows most of what is walked."""
+    scene, snapshot = world.scene, world.empty_snapshot(0.0)
+    points = [np.column_stack([scene.walkable, np.full(len(scene.walkable), height)]) for height in (0.1, 1.0)]
+    stand = overview(snapshot, CameraSpace(snapshot, scene.floor), np.concatenate(points), _TILE_PX[0] / _TILE_PX[1])
+    with OffscreenRenderer(scene.model) as renderer:
+        return render_picture(
+            renderer, snapshot.data, stand.eye, stand.target, stand.half_height, _TILE_PX, finer=_FINER
+        )
+
+
+def _plan(world: World, name: str) -> NDArray[np.uint8]:
+    """Draw the plan with numbered axes [m]."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    scene, snapshot = world.scene, world.empty_snapshot(0.0)
+    model, data = scene.model, snapshot.data
+    figure = Figure(figsize=(_TILE_PX[0] / 100, _TILE_PX[1] / 100), dpi=100, layout="constrained")
+    canvas, axes = FigureCanvasAgg(figure), figure.add_subplot()
+    for outline in room_outline(model, data):
+        axes.fill(*outline.T, facecolor="#c9cdd4", edgecolor="#7d8594", linewidth=0.7)
+    walked = np.vstack([scene.walkable, scene.walkable[:1]])
+    axes.plot(*walked.T, color="#2e8b57", linestyle="--", linewidth=1.2, label="walkable area")
+    colour = "#{:02x}{:02x}{:02x}".format(*LAYER_COLOURS[0])
+    for each in furniture_of(model, name).values():
+        x, y = each.place[:2]
+        ahead = 0.35 * np.array([np.cos(each.yaw), np.sin(each.yaw)])
+        axes.annotate("", (x + ahead[0], y + ahead[1]), (x, y), arrowprops={"arrowstyle": "-|>", "color": colour})
+        kind = "bed" if isinstance(each, Bed) else "seat"
+        axes.annotate(f"{kind} {each.name}", (x, y), (0, -11), textcoords="offset points", ha="center", fontsize=8)
+    used = furniture_of(model, name).values()
+    _name_things(axes, model, data, [each.place[:2] for each in used], {each.furniture for each in used})
+    size = np.ptp(scene.walkable, axis=0)
+    axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    axes.set_title(f"{name}: walkable {size[0]:.1f} m x {size[1]:.1f} m, light {light_of(model):.2g}", fontsize=11)
+    axes.grid(alpha=0.35, linewidth=0.6)
+    axes.legend(loc="upper right", fontsize=8)
+    canvas.draw()
+    rgba = np.asarray(canvas.buffer_rgba())
+    return cv2.cvtColor(cv2.resize(rgba, _TILE_PX), cv2.COLOR_RGBA2RGB).astype(np.uint8)
+
+
+def _name_things(
+    axes: Any, model: mujoco.MjModel, data: mujoco.MjData, taken: list[NDArray[np.float64]], named: set[str]
+) -> None:
+    """Write the names of low things at their middles, the largest first, where no other name, at `taken` (2,) [m], is near.
+
+    `named`: things whose names are there already.
+    """
+    apart = np.ptp(data.geom_xpos[:, :2], axis=0) * _APART
+    for geom in np.argsort(-model.geom_rbound, kind="stable"):
+        body, radius, (x, y, z) = model.geom_bodyid[geom], model.geom_rbound[geom], data.geom_xpos[geom]
+        name = model.body(body).name if body else model.geom(geom).name
+        is_low = z + radius > _LOW_M and z - radius < _TALL_M and radius < _WIDE_M
+        if name and name not in named and is_low and all((np.abs(each - (x, y)) > apart).any() for each in taken):
+            axes.text(x, y, name, fontsize=6.5, color="#4a5160", ha="center", va="center", clip_on=True)
+            taken.append(np.array([x, y]))
+            named.add(name)
