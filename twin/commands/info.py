@@ -48,7 +48,7 @@ def list_(
         typer.echo(bibtex(available()))
         return
     for title in _PARTS if part is None else [part]:
-        _print_part(title, _described(title))
+        print_part(title, _described(title))
 
 
 def _described(part: str) -> dict[str, str]:
@@ -67,7 +67,7 @@ def _described(part: str) -> dict[str, str]:
             return {name: models.first_description(part, name) for name in models.names(part)}
 
 
-def _print_part(title: str, entries: Mapping[str, str]) -> None:
+def print_part(title: str, entries: Mapping[str, str]) -> None:
     """Print a table on a terminal; else a line per entry, of any length, for other programs."""
     if not sys.stdout.isatty():
         typer.echo(title)

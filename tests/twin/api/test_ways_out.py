@@ -78,15 +78,21 @@ def test_closed_pipe_is_quiet(command: list[str]) -> None:
     assert (done.returncode, done.stderr) == (141, "")
 
 
-def test_list_keeps_its_columns_apart() -> None:
-    from twin.commands.info import _columns
+@pytest.mark.parametrize("width", [None, 50, 80, 200])
+def test_list_keeps_its_columns_apart(
+    width: int | None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from twin.commands.info import print_part
 
     entries = {"short": "one", "a-name-that-is-longer-than-the-column-was": "two words " * 9}
-    for width in (None, 50, 80, 200):
-        lines = list(_columns(entries, width))
-        assert width is None or max(map(len, lines)) <= width
-        assert all("column-wastwo" not in line and line == line.rstrip() for line in lines)
-    assert len(list(_columns(entries, None))) == 2
+    if width is not None:
+        monkeypatch.setenv("COLUMNS", str(width))
+        monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    print_part("things", entries)
+    lines = capsys.readouterr().out.splitlines()
+    assert width is None or max(map(len, lines)) <= width
+    assert not any("column-wastwo" in line for line in lines)
+    assert width is not None or len(lines) == 3
 
 
 def test_control_characters_are_escaped(here: Callable[..., Ended]) -> None:
