@@ -256,7 +256,7 @@ def make_tracker(
     """
     from trackers.prior import Prior
 
-    known = available()
+    known = PRESETS if name in PRESETS else available()  # what is installed is looked up where it is asked for
     if name in known:
         preset = known[name]
     elif ":" in name:

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
-from filterpy.kalman import KalmanFilter
-from jaxtyping import Float
-from numpy.typing import NDArray
+from jaxtyping import Float, Int
 from pydantic import Field
 
-from trackers.arrays import Array
+from trackers.arrays import Array, Index
 from trackers.configuration import Strict, validate
 from trackers.filters.gating import distances, mahalanobis
 from trackers.filters.rows import Rows
@@ -53,29 +51,47 @@ class SortOptions(Strict):
 
 @dataclass(frozen=True, eq=False)
 class KalmanTracks(Rows):
-    """n Kalman filters over (x, vx, y, vy) [m, m/s], one per track; a filter changes in place."""
+    """n Kalman filters over (x, vx, y, vy) [m, m/s], one per track, worked together: the bits are those of `filterpy`, one by
+    one."""
 
-    filters: NDArray[np.object_]
+    mean: Float[Array, "n 4"]
+    covariance: Float[Array, "n 4 4"]
 
     @classmethod
-    def started(cls, places: Float[Array, "n 2"], measurement_m: float) -> KalmanTracks:
+    def started(cls, places: Float[Array, "n 2"]) -> KalmanTracks:
         """Return filters of people who stand at `places` [m]."""
-        filters = np.empty(len(places), object)
-        for k, place in enumerate(places):
-            filters[k] = one = KalmanFilter(dim_x=4, dim_z=2)
-            one.x, one.H, one.R = np.array([place[0], 0, place[1], 0]), np.eye(4)[::2], np.eye(2) * measurement_m**2
-            one.P = np.diag([0.01, 1.0] * 2)
-        return cls(filters)
+        mean = np.zeros((len(places), 4))
+        mean[:, ::2] = places
+        return cls(mean, np.tile(np.diag([0.01, 1.0] * 2), (len(places), 1, 1)))
 
     @property
     def positions(self) -> Float[Array, "n 2"]:
         """The expected positions [m]."""
-        return np.array([one.x[::2] for one in self.filters]).reshape(-1, 2)
+        return self.mean[:, ::2]
 
-    @property
-    def innovation_covariances(self) -> Float[Array, "n 1 2 2"]:
+    def innovation_covariances(self, measurement_m: float) -> Float[Array, "n 1 2 2"]:
         """H P Hᵀ + R of each [m²]."""
-        return np.array([one.P[::2, ::2] + one.R for one in self.filters]).reshape(-1, 1, 2, 2)
+        return (self.covariance[:, ::2, ::2] + np.eye(2) * measurement_m**2)[:, None]
+
+    def predicted(self, F: Float[Array, "n 4 4"], Q: Float[Array, "4 4"]) -> Self:
+        """Return F x and F P Fᵀ + Q of each."""
+        mean = (F @ self.mean[..., None])[..., 0]
+        return type(self)(mean, F @ self.covariance @ F.swapaxes(1, 2) + Q)
+
+    def updated(self, rows: Int[Index, "k"], positions: Float[Array, "k 2"], measurement_m: float) -> Self:
+        """Return all tracks, those at `rows` after a measured position of each [m]; the covariance in Joseph's form."""
+        if len(rows) == 0:
+            return self
+        return self.replaced(rows, self.select(rows)._after(positions, measurement_m))
+
+    def _after(self, positions: Float[Array, "n 2"], measurement_m: float) -> Self:
+        R, H = np.eye(2) * measurement_m**2, np.eye(4)[::2]
+        covariance_h = self.covariance @ H.T  # P Hᵀ
+        gain = covariance_h @ np.linalg.inv(H @ covariance_h + R)
+        mean = self.mean + (gain @ (positions - self.positions)[..., None])[..., 0]
+        rest = np.eye(4) - gain @ H
+        joseph = rest @ self.covariance @ rest.swapaxes(1, 2) + gain @ R @ gain.swapaxes(1, 2)
+        return type(self)(mean, joseph)
 
 
 class Sort(SynchronizedTracker):
@@ -92,7 +108,7 @@ class Sort(SynchronizedTracker):
         used = tuple(name for group in self.groups.values() for name in group.names)
         self.unused_sensors = [name for name in rig.sensors if name not in used]
         super().__init__(SyncPolicy(used, main=rig.main_sensor if rig.main_sensor in used else None))
-        self.roster = Roster.started(KalmanTracks.started(np.empty((0, 2)), self.options.measurement_m), 0)
+        self.roster = Roster.started(KalmanTracks.started(np.empty((0, 2))), 0)
         self.ns = 0
         self.seen = []
 
@@ -113,7 +129,7 @@ class Sort(SynchronizedTracker):
         return [
             Track(
                 int(roster.id[k]),
-                *roster.state.filters[k].x[[0, 2, 1, 3]].tolist(),
+                *roster.state.mean[k, [0, 2, 1, 3]].tolist(),
                 status="confirmed" if measured[k] else "coasting",
             )
             for k in shown
@@ -130,32 +146,34 @@ class Sort(SynchronizedTracker):
         roster, state = self.roster, self.roster.state
         expected = state.positions
         body, whole = people_seen(self.seen[-1][1], expected, manager.area, options.legs_m)
-        mahalanobis_distances = mahalanobis(expected[:, None], state.innovation_covariances, body)
+        mahalanobis_distances = mahalanobis(
+            expected[:, None], state.innovation_covariances(options.measurement_m), body
+        )
         out = (mahalanobis_distances > options.gate) | (distances(expected, body) > options.radius_m)
         known = roster.confirmed
         rows, columns = associate(
             [Stage(known, [mahalanobis_distances], [out]), Stage(~known, [mahalanobis_distances], [out])]
         )
-        for one, column in zip(state.filters[rows], columns, strict=True):
-            one.update(body[column])
+        state = state.updated(rows, body[columns], options.measurement_m)
         roster = roster.measured(rows, self.ns, state)
         roster = manager.confirm(roster, manager.to_confirm(roster, self.ns, self.ns - last_ns))
         roster = roster.select(manager.lasting(roster, self.ns))
         whole[columns] = False
         for place in body[whole]:  # each keeps the next ones away
             if manager.may_start(place[None], roster.state.positions)[0]:
-                new = KalmanTracks.started(place[None], options.measurement_m)
+                new = KalmanTracks.started(place[None])
                 roster = roster.joined(Roster.started(new, self.ns))
         self.roster = roster
 
     def _predict(self, last_ns: int) -> None:
         """Predict all filters to the frame's stamp; a track that was missed last is likelier to stop than to walk on."""
         dt = (self.ns - last_ns) / NS_PER_S
-        F = [of_both_axes(np.array([[1, dt], [0, keep]])) for keep in (np.exp(-dt / self.options.slowdown_s), 1)]
+        F = np.stack(
+            [of_both_axes(np.array([[1, dt], [0, keep]])) for keep in (np.exp(-dt / self.options.slowdown_s), 1)]
+        )
         Q = of_both_axes(np.outer([dt**2 / 2, dt], [dt**2 / 2, dt])) * self.options.acceleration_m_s2**2
-        for one, in_sight in zip(self.roster.state.filters, measured_now(self.roster, last_ns), strict=True):
-            one.F, one.Q = F[int(in_sight)], Q
-            one.predict()
+        in_sight = measured_now(self.roster, last_ns).astype(int)
+        self.roster = self.roster.changed(state=self.roster.state.predicted(F[in_sight], Q))
 
 
 def of_both_axes(block: Float[Array, "2 2"]) -> Float[Array, "4 4"]:

@@ -89,6 +89,8 @@ BENCHMARKS: dict[str, Callable[[], Iterator[Figure]]] = {
     "figure-7": filters.figure7,
     "labelled-legs": recorded_legs.measure,
     "real-time": runs.real_time,
+    "runs": runs.cpu,
+    "growth": runs.growth,
     "memory": runs.memory,
     "metamorphic": metamorphic.measure,
     "fuzz": fuzz.measure,

@@ -13,7 +13,7 @@ from synthetic_room import Walk, empty_room, observe, rig, scan, straight_walk, 
 
 from trackers.feeding import track_frames
 from trackers.observations import NS_PER_S, LaserScan
-from trackers.sort import Sort, SortOptions
+from trackers.sort import KalmanTracks, Sort, SortOptions, of_both_axes
 from trackers.tracks import TrackFrame
 
 WAIST = rig(knee=False, camera=False).model_copy(update={"area": None})
@@ -259,3 +259,25 @@ def test_five_who_wander_are_followed_for_the_most_part(seed):
     given = observe(walk, seed, images=False)
     found = summary(walk, list(track_frames(Sort(on, empty_room(np.random.default_rng(1))), on, given)))
     assert found.mota > 0.8 and found.motp < 0.12 and found.idf1 > 0.6
+
+
+def test_filters_worked_together_are_filterpy_s_to_the_bit():
+    rng = np.random.default_rng(5)
+    places, n, sigma_m = rng.normal(size=(6, 2)), 6, 0.1
+    tracks, singles = KalmanTracks.started(places), []
+    for place in places:
+        one = KalmanFilter(dim_x=4, dim_z=2)
+        one.x, one.H, one.R = np.array([place[0], 0, place[1], 0]), np.eye(4)[::2], np.eye(2) * sigma_m**2
+        one.P = np.diag([0.01, 1.0] * 2)
+        singles.append(one)
+    F = np.stack([of_both_axes(np.array([[1, 0.1], [0, keep]])) for keep in rng.uniform(0.5, 1, n)])
+    Q = of_both_axes(np.outer([0.005, 0.1], [0.005, 0.1])) * 9.0
+    for _ in range(5):
+        rows, measured = np.flatnonzero(rng.random(n) < 0.7), rng.normal(size=(n, 2))
+        tracks = tracks.predicted(F, Q).updated(rows, measured[rows], sigma_m)
+        for k, one in enumerate(singles):
+            one.predict(F=F[k], Q=Q)
+            if k in rows:
+                one.update(measured[k])
+    np.testing.assert_array_equal(tracks.mean, [one.x for one in singles])
+    np.testing.assert_array_equal(tracks.covariance, [one.P for one in singles])

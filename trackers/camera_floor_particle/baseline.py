@@ -101,7 +101,7 @@ class ClusterKalman(SynchronizedTracker):
         return [
             Track(
                 int(roster.id[k]),
-                *roster.state.kalman.filters[k].x[[0, 2, 1, 3]].tolist(),
+                *roster.state.kalman.mean[k, [0, 2, 1, 3]].tolist(),
                 status="confirmed" if measured[k] else "coasting",
             )
             for k in np.flatnonzero(self._manager.reported(roster, self._ns))
@@ -111,18 +111,16 @@ class ClusterKalman(SynchronizedTracker):
         before_ns, self._ns = self._ns, synced.ns
         roster, manager = self._roster, self._manager
         dt = (synced.ns - before_ns) / NS_PER_S
-        for each in roster.state.kalman.filters:
-            each.F = of_both_axes(np.array([[1, dt], [0, 1]]))
-            each.Q = of_both_axes(np.outer([dt**2 / 2, dt], [dt**2 / 2, dt])) * self.options.acceleration_m_s2**2
-            each.predict()
+        F = np.tile(of_both_axes(np.array([[1, dt], [0, 1]])), (len(roster), 1, 1))
+        Q = of_both_axes(np.outer([dt**2 / 2, dt], [dt**2 / 2, dt])) * self.options.acceleration_m_s2**2
+        tracks = roster.state.changed(kalman=roster.state.kalman.predicted(F, Q))
         frame = synced.observations.get(self._name)
         is_there = isinstance(frame, FloorFrame)
         places = floor_clusters(frame, self._floor, self.options.floor).centroid if is_there else np.empty((0, 2))
         colours = self._colours(places, self._views.views(synced.observations))
-        rows, columns = self._paired(roster.state, places, colours)
-        for each, place in zip(roster.state.kalman.filters[rows], places[columns], strict=True):
-            each.update(place)
-        roster = roster.measured(rows, self._ns, roster.state)
+        rows, columns = self._paired(tracks, places, colours)
+        kalman = tracks.kalman.updated(rows, places[columns], self.options.measurement_m)
+        roster = roster.measured(rows, self._ns, tracks.changed(kalman=kalman))
         roster = manager.confirm(roster, manager.to_confirm(roster, self._ns, self._ns - before_ns))
         kept = manager.lasting(roster, self._ns) & manager.inside(roster.state.kalman.positions)
         roster = roster.select(kept)
@@ -156,4 +154,4 @@ class ClusterKalman(SynchronizedTracker):
         return normalised(total)
 
     def _started(self, places: Float[Array, "n 2"], colours: Float[Array, "n bins"]) -> ClusterTracks:
-        return ClusterTracks(KalmanTracks.started(places, self.options.measurement_m), colours)
+        return ClusterTracks(KalmanTracks.started(places), colours)
