@@ -10,7 +10,7 @@ import numpy as np
 from jinja2 import Template
 
 from trackers.errors import InputError
-from twin.console import PlainConsole
+from twin.console import PlainConsole, print_warnings
 from twin.recording.atomic_file import open_atomic
 from twin.reproduce.page import data_uri
 from twin.scenario import Scenario
@@ -22,7 +22,14 @@ from twin.studies.interactive_plan import plan_data, section
 from twin.studies.page import environment
 from twin.studies.plots import heat_map, is_scanner, plan_sensors
 from twin.studies.spec import Coverage
-from twin.studies.visibility import SampledWorld, SensorVisibility, floor_cells, packed
+from twin.studies.visibility import (
+    SampledWorld,
+    SensorVisibility,
+    floor_cells,
+    packed,
+    unvisited_warning,
+    visited_cells,
+)
 from twin.world.precomputed import PrecomputedScene, precompute_motion
 
 _CELLS = 10_000
@@ -53,12 +60,18 @@ def write_coverage(scenario: Scenario, folder: Path, *, beams: int, px_per_m: fl
     least = {name: float(beams) if is_scanner(scenario, name) else px_per_m for name in names}
     bits = packed(np.array(list(visible.values())))
     n = max(sampled.n_person_frame, 1)
+    seen = np.any([sharp[name][-1] >= least[name] for name in names], axis=0)
+    visited = visited_cells([sampled], cells)
     found: dict[str, Any] = {
         "scenario": scenario.name,
         "seed": scenario.seed,
         "beams": beams,
         "px_per_m": px_per_m,
         "person_frames": sampled.n_person_frame,
+        "area_visited": float(visited.mean()),
+        "area_unseen": float((~seen).mean()),
+        "area_unseen_unvisited": float((~seen & ~visited).mean()),
+        "warnings": list(filter(None, [unvisited_warning(visited, seen, sampled.n_person_frame)])),
         "people_seen_by_at_least": {str(k): count_bits(at_least(bits, k)) / n for k in range(1, len(names) + 1)},
         "floor_seen_by_at_least": {
             str(k): float((np.sum([sharp[name][-1] >= least[name] for name in names], axis=0) >= k).mean())
@@ -96,7 +109,8 @@ def write_coverage(scenario: Scenario, folder: Path, *, beams: int, px_per_m: fl
 
 
 def print_coverage(found: dict[str, Any]) -> None:
-    """Print the metrics: one line per number of sensors, one line per sensor."""
+    """Print the metrics: one line per number of sensors, one line per sensor; warnings on stderr."""
+    print_warnings(found["warnings"])
     console = PlainConsole()
     for k, share in found["people_seen_by_at_least"].items():
         floor = found["floor_seen_by_at_least"][k]

@@ -23,7 +23,7 @@ from twin.studies.plots import PlanSensor, floor_plan, heat_map, is_scanner, par
 from twin.studies.results import StudyResults, describe_placement
 from twin.studies.trials import Trial
 from twin.studies.validation import moved_sensors
-from twin.studies.visibility import SensorVisibility, floor_cells
+from twin.studies.visibility import SensorVisibility, floor_cells, unvisited_warning, visited_cells
 from twin.studies.worker import EvaluationTask, matched_errors
 from twin.suites.cache_keys import whole_code
 
@@ -59,6 +59,7 @@ def write_page(path: Path, results: StudyResults) -> None:
         ],
         "n_indistinguishable": len(results.indistinguishable),
         "maps": _maps(results, scenario, sensors),
+        "area_warning": _area_warning(results, scenario),
         "trial_map": _trial_map(results, sensors),
         "objective": objective,
         "validated": study.validated,
@@ -202,6 +203,21 @@ def _resolution_map(
     caption = f"{what}, empty room; red: fewer than {least:g}, {blind:.1f} % of the area."
     building = prepared.candidate_set.building
     return caption, heat_map(cells, sharp, cell_m, sensors, building, area, label=label, least=least)
+
+
+def _area_warning(results: StudyResults, scenario: Scenario) -> str:
+    """Return a warning where no sensor sees a part of the area that nobody visited; "" otherwise or for cells of the floor."""
+    prepared, coverage = results.prepared, results.prepared.study.coverage
+    if coverage.of != "people":
+        return ""
+    sampled, area = results.coverage.targets.sampled_worlds, prepared.scene.area
+    cells = floor_cells(area, max(0.05, float(np.sqrt(np.prod(np.ptp(area, axis=0)) / _HEAT_CELLS))))
+    seen = np.zeros(len(cells), dtype=bool)
+    for name, each in scenario.sensors.items():
+        if not isinstance(each, FloorDescription):
+            least = coverage.beams if is_scanner(scenario, name) else coverage.px_per_m
+            seen |= SensorVisibility(scenario, name, coverage).resolution(sampled[0].empty(), cells)[-1] >= least
+    return unvisited_warning(visited_cells(sampled, cells), seen, results.coverage.targets.n)
 
 
 def _error_map(results: StudyResults, scenario: Any, sensors: list[PlanSensor]) -> tuple[str, str] | None:

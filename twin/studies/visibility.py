@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from trackers.area import Area
 from trackers.arrays import Array, Mask
@@ -29,6 +30,10 @@ from twin.world.world import World
 _TRUNK_M, _LEGS_M, _TRUNK_FROM_M = 0.35, 0.2, 0.7
 """Width of a standing body where a scan meets it: of the trunk, and of two legs below that height, in place of a body [m]."""
 _NUDGE_M = 0.01
+_FEW = 0.02
+"""Share of the area that is not worth a warning."""
+VISITED_M = 0.5
+"""A cell of the floor counts as visited within this distance of a person [m]."""
 _SIGHTS = np.array([-2 / 3, 0.0, 2 / 3])
 """Offsets across a body at which beams are tested, as shares of its half width."""
 
@@ -206,6 +211,26 @@ def floor_cells(area: Array, cell_m: float) -> Array:
     axes = [np.arange(a + cell_m / 2, b, cell_m) for a, b in zip(low, high, strict=True)]
     cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
     return cells[Area(area).contains(cells)]
+
+
+def visited_cells(sampled: Sequence[SampledWorld], cells_m: Array) -> Mask:
+    """Mark the cells (n, 2) [m] within `VISITED_M` of a person at any sample, (n,)."""
+    places = [each.heads_m[:, :2] for world in sampled for each in world.samples]
+    if not sum(map(len, places)):
+        return np.zeros(len(cells_m), dtype=bool)
+    gap_m, _ = cKDTree(np.concatenate(places)).query(cells_m, distance_upper_bound=VISITED_M)
+    return np.isfinite(gap_m)
+
+
+def unvisited_warning(visited: Mask, seen: Mask, n_person_frame: int) -> str:
+    """Return a warning of cells (n,) that no sensor sees and no person visited; "" where they are few."""
+    unseen, blind = float((~seen).mean()), float((~seen & ~visited).mean())
+    if blind <= _FEW:
+        return ""
+    return (
+        f"no sensor sees {100 * unseen:.1f} % of the area, and in {100 * blind:.1f} % of it no person of the "
+        f"{n_person_frame} person-frames was: shares of person-frames say nothing of that part"
+    )
 
 
 def packed(visible: Mask) -> NDArray[np.uint64]:

@@ -11,7 +11,14 @@ import pytest
 from twin.instant.snapshot import RAY_GROUPS
 from twin.scenario import load_scenario
 from twin.studies.spec import Coverage
-from twin.studies.visibility import SampledWorld, SensorVisibility, floor_cells
+from twin.studies.visibility import (
+    SampledWorld,
+    SensorVisibility,
+    WorldSample,
+    floor_cells,
+    unvisited_warning,
+    visited_cells,
+)
 from twin.world.body_pool import body_pools
 from twin.world.precomputed import PrecomputedScene, precompute_motion
 
@@ -96,3 +103,17 @@ def test_what_stands_before_a_cell_hides_it(sampled: SampledWorld) -> None:
     )  # nothing hides the lab's floor at 0.95 m
     one = SensorVisibility(sampled.scenario, "waist", Coverage(of="floor", beams=6)).floor(sampled, cells)
     assert one.shape == (3 * len(cells),)
+
+
+def test_a_part_of_the_area_that_nobody_visited_and_no_sensor_sees_is_warned_of():
+    world = SampledWorld.__new__(SampledWorld)
+    heads = np.array([[0.0, 0.0, 1.7], [2.0, 0.0, 1.7]])
+    empty = np.zeros(0)
+    world.samples = [WorldSample(0, empty, empty, np.array([1, 2], dtype=np.int16), heads, empty)]
+    cells = np.array([[0.3, 0.3], [2.0, 0.4], [1.0, 0.0], [5.0, 5.0]])
+    visited = visited_cells([world], cells)
+    assert visited.tolist() == [True, True, False, False]
+    assert not unvisited_warning(visited, np.array([False, True, True, True]), 2)
+    warning = unvisited_warning(visited, np.array([False, True, True, False]), 2)
+    assert "50.0 % of the area" in warning and "25.0 % of it" in warning and "2 person-frames" in warning
+    assert not visited_cells([], cells).any()
