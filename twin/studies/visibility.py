@@ -224,11 +224,11 @@ def visited_cells(sampled: Sequence[SampledWorld], cells_m: Array) -> Mask:
 
 def unvisited_warning(visited: Mask, seen: Mask, n_person_frame: int) -> str:
     """Return a warning of cells (n,) that no sensor sees and no person visited; "" where they are few."""
-    unseen, blind = float((~seen).mean()), float((~seen & ~visited).mean())
+    hidden, blind = float((~seen).mean()), float((~seen & ~visited).mean())
     if blind <= _FEW:
         return ""
     return (
-        f"no sensor sees {100 * unseen:.1f} % of the area, and in {100 * blind:.1f} % of it no person of the "
+        f"no sensor sees {100 * hidden:.1f} % of the area, and in {100 * blind:.1f} % of it no person of the "
         f"{n_person_frame} person-frames was: shares of person-frames say nothing of that part"
     )
 
