@@ -20,13 +20,17 @@ from benchmarks.restated import (
 )
 from synthetic_room import empty_room, observe, rig, wandering
 
+IN_THE_TESTS = {
+    name: each for name, each in EXACT.items() if name not in ("clock from 1970 on, an hour", "clock of 2026")
+}
+"""Restatements tried here: of four clocks the one that starts at nought and the one farthest from it."""
 LASERS = ("sort", "laser-imm", "laser-kalman", "laser-vision-learning-laser")
 SAMPLING = ("laser-vision-learning-laser",)
 
 
 @cache
 def lasers(known: bool) -> Scene:
-    walk = wandering(3, 36, np.random.default_rng(3))
+    walk = wandering(3, 28, np.random.default_rng(3))
     room = empty_room(np.random.default_rng(99), 5) if known else []
     return Scene(rig(camera=False), room, observe(walk, 5, images=False))
 
@@ -43,10 +47,10 @@ def tracked(tracker: str, known: bool):
 
 @pytest.mark.parametrize(
     ("tracker", "known"),
-    [(tracker, True) for tracker in LASERS] + [(tracker, False) for tracker in LASERS if tracker != "laser-kalman"],
+    [(tracker, True) for tracker in LASERS] + [(tracker, False) for tracker in ("sort", "laser-imm")],
     ids=lambda value: value if isinstance(value, str) else "known room" if value else "learned room",
 )
-@pytest.mark.parametrize("name", EXACT)
+@pytest.mark.parametrize("name", IN_THE_TESTS)
 def test_the_same_readings_give_the_same_tracks(name, tracker, known):
     first, spread = tracked(tracker, known)
     restated = EXACT[name](lasers(known))
@@ -66,7 +70,7 @@ def test_fewer_or_more_readings_give_tracks_as_good(name, tracker):
     assert disagreement([each for each in first if each.stamp_ns >= settled], restated, frames) <= spread + 2 * UNLIKE
 
 
-@pytest.mark.parametrize("name", [each for each in EXACT if each not in REDRAWN and "clockwise" not in each])
+@pytest.mark.parametrize("name", [each for each in IN_THE_TESTS if each not in REDRAWN and "clockwise" not in each])
 def test_a_floor_and_cameras_do_not_care_either(name):
     home = synthetic_home.rig(2)
     places = synthetic_home.walks(2, 12)

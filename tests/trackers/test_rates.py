@@ -44,7 +44,7 @@ def usual() -> dict[str, float]:
     return {tracker: mota(tracker, of) for tracker in TRACKERS}
 
 
-@pytest.mark.parametrize("rate_hz", [4.0, 7.3, 9.97, 30.0])
+@pytest.mark.parametrize("rate_hz", [4.0, 9.97, 25.0])
 def test_uneven_stamps_of_any_rate_are_followed(rate_hz: float, usual: dict[str, float]) -> None:
     of = recorded(*both(rate_hz, "jitter_s=0.002"))
     for tracker in TRACKERS:
@@ -55,10 +55,7 @@ def test_uneven_stamps_of_any_rate_are_followed(rate_hz: float, usual: dict[str,
     "changes",
     [
         ("sensors.waist.rate_hz=12.5", "sensors.knee.rate_hz=7"),
-        ("sensors.waist.rate_hz=5", "sensors.knee.rate_hz=17"),
-        ("sensors.waist.rate_hz=10", "sensors.knee.rate_hz=7"),
-        ("sensors.waist.rate_hz=7", "sensors.knee.rate_hz=10"),
-        tuple(both(10, "dropout=0.1")),
+        ("sensors.waist.rate_hz=5", "sensors.knee.rate_hz=13"),
         tuple(both(6, "dropout=0.15", "jitter_s=0.01")),
     ],
 )

@@ -32,7 +32,7 @@ from trackers.tracks import (
 
 RIG = rig()
 BACKGROUND = empty_room(np.random.default_rng(99), 5)
-WALK = straight_walk([(-1.2, 1.2), (1.2, 2.2), (0.0, 2.5)], [(0.5, 0.0), (-0.5, 0.0), (0.0, -0.2)], 24)
+WALK = straight_walk([(-1.2, 1.2), (1.2, 2.2), (0.0, 2.5)], [(0.5, 0.0), (-0.5, 0.0), (0.0, -0.2)], 20)
 HOME = synthetic_home.rig()
 """For the trackers that need a pressure floor and cameras."""
 MEETING = synthetic_meeting.rig()
@@ -59,7 +59,7 @@ def observations_of(name):
         return MEETING, synthetic_meeting.empty_room(MEETING), synthetic_meeting.observe(MEETING, walks)
     if "floor" not in name:
         return RIG, BACKGROUND, observe(WALK, 5)
-    return HOME, synthetic_home.empty_room(HOME), synthetic_home.observe(HOME, synthetic_home.walks(2, 18))
+    return HOME, synthetic_home.empty_room(HOME), synthetic_home.observe(HOME, synthetic_home.walks(2, 14))
 
 
 def world_of(name):
@@ -87,19 +87,19 @@ def test_trackers_keep_the_contract_through_every_fault(name, known):
     assert violations_of(name, known) == []
 
 
-@pytest.mark.parametrize("known", [True, False], ids=["empty room", "no background"])
 @pytest.mark.parametrize("name", [name for name in PRESETS if name not in (*BY_CLASS.values(), *OTHER_RULES)])
-def test_presets_that_differ_in_values_keep_the_contract_through_some_faults(name, known, monkeypatch):
-    """Each through two, so that together they meet all of them."""
+def test_presets_that_differ_in_values_keep_the_contract_through_some_faults(name, monkeypatch):
+    """Each through two, so that together they meet all of them; how a room is learned is no matter of their values."""
     every, number = list(CORRUPTIONS), 2 * list(PRESETS).index(name)
-    some = {every[k % len(every)]: CORRUPTIONS[every[k % len(every)]] for k in (number, number + 1) if known}
+    some = {every[k % len(every)]: CORRUPTIONS[every[k % len(every)]] for k in (number, number + 1)}
     monkeypatch.setattr("trackers.check.CORRUPTIONS", some)
-    assert violations_of(name, known) == []
+    assert violations_of(name, known=True) == []
 
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_every_preset_reports_a_frame_at_every_stamp_of_the_main_sensor(name):
     on, room, observations = world_of(name)
+    observations = observations[: len(observations) // 3]
     frames = list(track_frames(make_tracker(name, on, room), on, observations))
     stamps = [item.stamp_ns for item in observations if item.sensor == on.main_sensor]
     assert [frame.stamp_ns for frame in frames] == stamps

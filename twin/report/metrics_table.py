@@ -145,9 +145,15 @@ def metric_value(tracker: Mapping[str, Any], metric: Metric) -> float | None:
 
 def format_value(metric: Metric, value: float | None) -> str:
     """Format a metric without its unit; a dash where it does not apply."""
+    return format_number(value, metric.decimals)
+
+
+def format_number(value: float | None, decimals: int, unit: str = "", *, sign: bool = False) -> str:
+    """Format a number with a minus sign, and its unit where there is one; sign: a plus too. A dash where it is not finite."""
     if value is None or not isfinite(value):
         return _NONE
-    return f"{value:.{metric.decimals}f}".replace("-", "−")
+    text = f"{value:{'+' if sign else ''}.{decimals}f}".replace("-", "−")
+    return f"{text} {unit}" if unit else text
 
 
 def _row(metric: Metric, values: Sequence[float | None]) -> MetricRow:

@@ -18,6 +18,7 @@ from rich.table import Table
 
 from twin.console import PlainConsole
 from twin.recording.atomic_file import open_atomic
+from twin.report.metrics_table import format_number
 from twin.reproduce.bootstrap import Interval
 
 
@@ -134,31 +135,25 @@ def pivot_rows(results: Sequence[ResultRow], intervals: bool = True) -> Mapping[
 
 def format_result(result: ResultRow) -> tuple[str, str, str]:
     """Format the paper's value, ours, and its interval."""
-    paper = "–" if result.paper is None else format_value(result.paper, result.unit)
-    return paper, format_value(result.ours, result.unit), _interval(result.ci95, result.unit)
+    return _value(result.paper, result.unit), _value(result.ours, result.unit), _interval(result.ci95, result.unit)
 
 
 def format_system(found: SystemValue | None, unit: str) -> tuple[str, str]:
     """Format the value of another system and its interval; a dash and nothing where there is none."""
-    return ("–", "") if found is None else (format_value(found.value, unit), _interval(found.ci95, unit))
+    return ("–", "") if found is None else (_value(found.value, unit), _interval(found.ci95, unit))
+
+
+def _value(value: float | None, unit: str) -> str:
+    return format_number(value, _DECIMALS[unit], _shown(unit))
 
 
 def _interval(ci95: tuple[float, float], unit: str) -> str:
-    low, high = ci95
-    return f"{_number(low, unit)} to {_number(high, unit)}{_unit(unit)}"
+    low, high = (format_number(value, _DECIMALS[unit]) for value in ci95)
+    return " ".join(filter(None, (low, "to", high, _shown(unit))))
 
 
-def format_value(value: float, unit: str) -> str:
-    """Format a value with its unit."""
-    return _number(value, unit) + _unit(unit)
-
-
-def _number(value: float, unit: str) -> str:
-    return f"{value:.{_DECIMALS[unit]}f}".replace("-", "−")
-
-
-def _unit(unit: str) -> str:
-    return "" if unit == "1" else f" {unit}"
+def _shown(unit: str) -> str:
+    return "" if unit == "1" else unit
 
 
 def format_ranges(scans: NDArray[np.intp]) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 
+from twin.report.metrics_table import format_number
 from twin.report.palette import IDENTITY_COLOURS
 from twin.suites.metrics import METRICS, format_metric
 from twin.suites.results import Group, mean_over_seeds
@@ -117,4 +118,4 @@ def _row(metric: str, scale: Scale, y: float, group: Group, slot: int, before: G
 
 
 def _tick(metric: str, value: float) -> str:
-    return f"{value:.{METRICS[metric].decimals or 1}f}".replace("-", "−")
+    return format_number(value, METRICS[metric].decimals or 1)

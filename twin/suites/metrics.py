@@ -11,11 +11,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import inf
 from typing import Any
 
 from trackers.errors import InputError
-from twin.report.metrics_table import HEADLINE_METRICS as HEADLINE_METRICS, METRICS as REPORT_METRICS, Metric
+from twin.report.metrics_table import (
+    HEADLINE_METRICS as HEADLINE_METRICS,
+    METRICS as REPORT_METRICS,
+    Metric,
+    format_number,
+)
 
 RECORDING_METRICS: Mapping[str, Metric] = {
     each.key: each
@@ -119,8 +124,5 @@ def worsening(key: str, change: float) -> float:
 
 def format_metric(key: str, value: float | None, sign: bool = False) -> str:
     """Format a metric with its unit; counts, which are means over seeds here, with one decimal."""
-    if value is None or not isfinite(value):
-        return "–"
     metric = metric_named(key)
-    text = f"{value:{'+' if sign else ''}.{metric.decimals or 1}f}".replace("-", "−")
-    return f"{text} {metric.unit}" if metric.unit else text
+    return format_number(value, metric.decimals or 1, metric.unit, sign=sign)

@@ -10,6 +10,7 @@ from rich.table import Table
 
 from twin.console import PlainConsole
 from twin.messages import printable
+from twin.report.metrics_table import format_number
 from twin.suites.comparison import Change, Comparison, incident_link, significance
 from twin.suites.metrics import HEADLINE_METRICS, METRICS, format_metric, metric_named
 from twin.suites.reference import (
@@ -193,10 +194,7 @@ def _changes_table(changes: Sequence[Change]) -> Table:
 
 
 def _mean_text(metric: str, mean: MeanOverSeeds | None) -> str:
-    if mean is None:
-        return "–"
-    decimals = METRICS[metric].decimals or 1
-    return f"{mean.mean:.{decimals}f}".replace("-", "−")
+    return format_number(None if mean is None else mean.mean, METRICS[metric].decimals or 1)
 
 
 def _console() -> PlainConsole:

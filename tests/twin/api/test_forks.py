@@ -12,8 +12,8 @@ import pytest
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
 
 _PREPARE = """
-import atexit, hashlib, multiprocessing, os, signal, sys, threading, time, warnings
-from concurrent.futures import ProcessPoolExecutor
+import hashlib, multiprocessing, os, signal, sys, tempfile, threading, time, warnings
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 import numpy as np
 import twin
 
@@ -21,6 +21,9 @@ warnings.simplefilter("ignore", DeprecationWarning)  # of Python 3.12's, of fork
 SMALL = ["duration_s=0.3", "background_frames=1", "people=null", "people.ann={}", "sensors.fisheye.size=[96, 96]"]
 SCENARIO = twin.load_scenario("lab-five-people", SMALL)
 HERE = os.getpid()
+
+def told(what):
+    print(what, flush=True)
 
 def digest(observations):
     content = hashlib.sha256()
@@ -47,21 +50,19 @@ def in_child(work):
 """
 
 CHILDREN = {
-    "a new simulation": """
+    "from one thread": """
         first = run()
+
+        told("a new simulation")
         def work():
             assert run() == first
         in_child(work)
         assert run() == first
-    """,
-    "a child's child": """
-        first = run()
-        def work():
-            assert run() == first
+
+        told("a child's child")
         in_child(lambda: in_child(work))
-    """,
-    "while iterating": """
-        first = run()
+
+        told("while iterating")
         simulation = twin.Simulation(SCENARIO)
         observations = iter(simulation)
         begun = [next(observations) for _ in range(5)]
@@ -70,33 +71,22 @@ CHILDREN = {
             simulation.close()
         in_child(work)
         assert digest([*begun, *observations]) == first
-        in_child(lambda: run() == first or os._exit(3))
-    """,
-    "nothing drawn in the child": """
+
+        told("nothing drawn in the child")
         simulation = twin.Simulation(SCENARIO)
         next(iter(simulation))
         in_child(lambda: None)
-    """,
-    "a pool of two": """
-        first = run()
+
+        told("a pool of two")
         with multiprocessing.get_context("fork").Pool(2) as pool:
-            assert pool.map(run, range(3)) == [first] * 3
+            assert pool.map(run, range(2), chunksize=1) == [first] * 2
         with ProcessPoolExecutor(2, multiprocessing.get_context("fork")) as pool:
-            assert list(pool.map(run, range(3))) == [first] * 3
-    """,
-    "by a thread": """
-        first, told = run(), []
-        def fork():
-            told.append(run())
-            child = os.fork()
-            if child == 0:
-                signal.alarm(120)  # hung; a loaded machine takes its time
-                os._exit(7 if run() == first else 3)
-            check(child)
-        thread = threading.Thread(target=fork)
-        thread.start()
-        thread.join()
-        assert told == [first]
+            assert list(pool.map(run, range(2))) == [first] * 2
+
+        told("a whole run")
+        folder = tempfile.mkdtemp()
+        in_child(lambda: twin.run_scenario(SCENARIO, trackers=["sort"], out=folder + "/run"))
+        assert os.path.exists(folder + "/run/preview.mp4")
     """,
     "while threads draw": """
         first, stop = run(), threading.Event()
@@ -108,29 +98,33 @@ CHILDREN = {
                 begun.wait()
                 while not stop.is_set():
                     simulation.look(0)
+                    time.sleep(0.002)
+        def fork(*_):
+            child = os.fork()
+            if child == 0:
+                signal.alarm(120)  # hung; a loaded machine takes its time
+                os._exit(7 if run() == first else 3)
+            check(child)
+
+        told("by a thread")
+        with ThreadPoolExecutor(1) as thread:
+            assert thread.submit(run).result() == first
+            thread.submit(fork).result()
+
+        told("beside threads that draw")
         threads = [threading.Thread(target=draw) for _ in range(2)]
         for thread in threads:
             thread.start()
         begun.wait()
         for _ in range(3):
             time.sleep(0.02)
-            child = os.fork()
-            if child == 0:
-                signal.alarm(120)  # hung; a loaded machine takes its time
-                os._exit(7 if run() == first else 3)
-            check(child)
+            fork()
         stop.set()
         for thread in threads:
             thread.join()
     """,
-    "a whole run": """
-        import tempfile
-        run()
-        folder = tempfile.mkdtemp()
-        in_child(lambda: twin.run_scenario(SCENARIO, trackers=["sort"], out=folder + "/run"))
-        assert os.path.exists(folder + "/run/preview.mp4")
-    """,
 }
+"""Programs, which print what they try: each follows on another in one process, whose renderers have been used by then."""
 
 
 def in_python(text: str, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -144,7 +138,7 @@ def in_python(text: str, **environment: str) -> subprocess.CompletedProcess[str]
 @pytest.mark.parametrize("kind", CHILDREN)
 def test_forked_process_draws_the_same_and_ends(kind: str) -> None:
     found = in_python(CHILDREN[kind])
-    assert found.returncode == 0 and not found.stderr, found.stderr
+    assert found.returncode == 0 and not found.stderr, found.stdout + found.stderr
 
 
 @pytest.mark.slow

@@ -71,7 +71,7 @@ def test_whatever_is_drawn_is_a_scenario_that_can_begin(seed: int, tmp_path: Pat
     assert {sensor.kind for sensor in scenario.sensors.values()} <= {"laser", "fisheye", "camera", "stereo", "floor"}
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(seed=strategies.integers(0, 2**31))
 def test_doors_doorways_seats_and_starts_can_all_be_reached(seed: int) -> None:
     options = DrawnRoom(kind="drawn", rooms=(1, 6), furniture_per_m2=(0.0, 0.3), pillars=(0, 8))

@@ -14,8 +14,8 @@ from twin.world.world import World
 
 pytestmark = pytest.mark.slow
 
-EVERY_S = 0.2
-LONGEST_PERSON_S = 700.0  # how much is looked at of a scenario with many people: longest of a minute for a dozen
+EVERY_S = 0.3
+LONGEST_PERSON_S = 400.0  # how much is looked at of a scenario with many people: half a minute for a dozen
 
 
 def using(world: World) -> dict[int, list[int]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 
@@ -101,8 +102,9 @@ def lead(
     return course.after(0.0)
 
 
-def steady(speed: float, statures: tuple[float, ...], seconds: float = 12.0) -> Course:
-    """A steady walk or run, from the fourth second on."""
+@cache
+def steady(speed: float, statures: tuple[float, ...], seconds: float = 6.0) -> Course:
+    """A steady walk or run, from the fourth second on; shared by the tests that look at it."""
     return lead(lambda t: speed * min(t / max(0.4, speed / 4), 1.0), statures, seconds + 4.0).after(4.0)
 
 
