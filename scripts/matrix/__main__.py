@@ -29,10 +29,10 @@ SUBSET = (
     "tests/twin/recording",
     "tests/twin/evaluate",
     "tests/trackers/learning",
-    "tests/trackers/test_imm.py",
-    "tests/trackers/test_particle.py",
+    "tests/trackers/filters/test_imm.py",
+    "tests/trackers/filters/test_particle.py",
     "tests/trackers/test_sort.py",
-    "tests/trackers/test_environment.py",
+    "tests/trackers/environment/test_environment.py",
 )
 """Tests that depend most on installed versions: shapes, the golden run, files, metrics, numerics."""
 _DEMO = ("-m", "twin", "run", "lab-five-people", "--tracker", "laser-fisheye-imm", "--duration", "4")

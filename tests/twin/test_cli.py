@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 import json
 import os
 import shutil
@@ -14,7 +15,9 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+from command_line import twin
 
+from twin.recording import bag_files
 from twin.recording.tables import read_truth
 from twin.scenario import load_scenario
 
@@ -24,10 +27,6 @@ TWIN = [sys.executable, "-m", "twin"]
 QUICK = ["--duration", "0.5", "--no-images", "--no-video"]
 HEEDING = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
 """A job in the background is started with interrupts ignored, and would pass that on to what it starts."""
-
-
-def twin(*arguments: str | Path, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*TWIN, *map(str, arguments)], capture_output=True, text=True, cwd=cwd, check=False)
 
 
 def refused(done: subprocess.CompletedProcess[str], *said: str) -> None:
@@ -247,27 +246,22 @@ def test_a_stop_within_an_import_or_an_exec_ends_the_command_with_its_exit_code(
     assert done.stdout == ("imported to its end\n" if "import" in where else "")
 
 
-def test_a_full_disk_is_said_in_one_sentence(tmp_path: Path) -> None:
-    """The disk is a file size limit here: past it every write fails, as on a full disk."""
-    code = (
-        "import errno, io, os, twin.recording.bag_files as writer\n"
-        "class Full(writer.Writer):\n"
-        "    def write(self, *arguments):\n"
-        "        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))\n"
-        "writer.Writer = Full\n"
-        "from twin.cli import main\nmain()"
-    )
-    arguments = ["run", "lab-five-people", *QUICK, "--out", str(tmp_path / "out")]
-    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False)
+def test_a_full_disk_is_said_in_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every write fails here as on a full disk."""
+
+    class Full(bag_files.Writer):
+        def write(self, *arguments: object) -> None:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(bag_files, "Writer", Full)
+    done = twin("run", "lab-five-people", *QUICK, "--out", tmp_path / "out")
     refused(done, "No space left", "free space")
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]
 
 
-def test_a_fault_of_ours_is_loud(tmp_path: Path) -> None:
-    code = (
-        "import twin.commands.info\ntwin.commands.info.check_machine = lambda: 1 / 0\nfrom twin.cli import main\nmain()"
-    )
-    done = subprocess.run([sys.executable, "-c", code, "check"], capture_output=True, text=True, check=False)
+def test_a_fault_of_ours_is_loud(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("twin.commands.info.check_machine", lambda: 1 / 0)
+    done = twin("check")
     assert done.returncode == 70
     assert "ZeroDivisionError" in done.stderr
     assert "report" in done.stderr
@@ -303,13 +297,12 @@ def test_a_tracker_of_the_users_own_is_found_where_they_are(tmp_path: Path) -> N
         "class Half:\n"
         "    def __init__(self, rig, background, rng): pass\n"
     )
-    script = Path(sys.executable).with_name("twin")
-    command = [script, "run", "lab-five-people", *QUICK, "--out", "out", "--tracker"]
-    done = subprocess.run([*command, "my_lab:Mine"], capture_output=True, text=True, cwd=tmp_path, check=False)
+    command = ["run", "lab-five-people", *QUICK, "--out", "out", "--tracker"]
+    script = Path(sys.executable).with_name("twin")  # as installed: of the current folder it knows nothing by itself
+    done = subprocess.run([script, *command, "my_lab:Mine"], capture_output=True, text=True, cwd=tmp_path, check=False)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "out/tracks/my_lab-Mine.csv").read_text().count("\n") == 6
-    done = subprocess.run([*command, "my_lab:Half"], capture_output=True, text=True, cwd=tmp_path, check=False)
-    refused(done, "my_lab:Half", "update")
+    refused(twin(*command, "my_lab:Half", cwd=tmp_path), "my_lab:Half", "update")
 
 
 def test_a_main_sensor_that_never_reports_is_no_fault_of_ours(tmp_path: Path) -> None:

@@ -320,5 +320,8 @@ class LaserFisheyeImmOptions(Strict):
         for group, role in needs.items():
             if role not in self.layers and getattr(self, group) != type(self).model_fields[group].default:
                 yield f"{group}: has no effect where layers are {', '.join(self.layers)}"
+        management, usual = self.track_management, type(self).model_fields["track_management"].default
+        if management.survival_s is None and management.exists_above != usual.exists_above:
+            yield "track_management.exists_above: has no effect where survival_s is null"
         if self.appearance != AppearanceOptions() and not (self.camera and "waist" in self.layers):
             yield "appearance: has no effect without a camera and a waist scanner"

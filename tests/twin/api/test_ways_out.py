@@ -7,15 +7,12 @@ import signal
 import sqlite3
 import subprocess
 import sys
-from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
 import pytest
+from command_line import Ended, twin
 
-from twin.cli import main
-
-Ended = subprocess.CompletedProcess[str]
 SUITE = """
 name: tiny
 description: "[/b] and [red]"
@@ -28,28 +25,11 @@ NO_IMAGES = ["--no-images", "--no-video"]
 PROGRAM = "import sys; sys.argv[0] = 'twin'; {prepare}; from twin.cli import main; main()"
 
 
-def twin(*arguments: str | Path, prepare: str = "pass", **environment: str | None) -> Ended:
+def in_python(*arguments: str | Path, prepare: str = "pass", **environment: str | None) -> Ended:
     known = {name: value for name, value in {**os.environ, **environment}.items() if value is not None}
     known["PYTHONPATH"] = os.pathsep.join(filter(None, [str(Path(__file__).parents[3]), known.get("PYTHONPATH")]))
     command = [sys.executable, "-c", PROGRAM.format(prepare=prepare), *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=200, env=known)
-
-
-@pytest.fixture
-def here(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Ended]:
-    """The same command in this process, where nothing of the process itself is looked at."""
-
-    def run(*arguments: str | Path, **environment: str) -> Ended:
-        for name, value in environment.items():
-            monkeypatch.setenv(name, value)
-        monkeypatch.setattr(sys, "argv", ["twin", *map(str, arguments)])
-        capsys.readouterr()
-        with pytest.raises(SystemExit) as ended:
-            main()
-        assert isinstance(ended.value.code, int)
-        return Ended([], ended.value.code, *capsys.readouterr())
-
-    return run
 
 
 def said(found: Ended, code: int = 2) -> str:
@@ -60,13 +40,13 @@ def said(found: Ended, code: int = 2) -> str:
     return last
 
 
-def test_twin_alone_and_its_groups_print_help_and_version(here: Callable[..., Ended]) -> None:
+def test_twin_alone_and_its_groups_print_help_and_version() -> None:
     for group in ([], ["suite"], ["study"]):
-        found = here(*group)
+        found = twin(*group)
         assert found.returncode == 0 and "Usage:" in found.stdout and not found.stderr
-    assert here("--version").stdout.startswith("roomtwin ")
-    assert "did you mean 'sort'?" in said(here("run", "lab-five-people", "--tracker", "sotr"))
-    assert "'run'" in said(here("rnu")) and "Valid are run, render" in said(twin("rnu"))
+    assert twin("--version").stdout.startswith("roomtwin ")
+    assert "did you mean 'sort'?" in said(twin("run", "lab-five-people", "--tracker", "sotr"))
+    assert "'run'" in said(twin("rnu")) and "Valid are run, render" in said(in_python("rnu"))
 
 
 @pytest.mark.parametrize("command", [["list"], ["schema"], ["--help"]])
@@ -95,8 +75,8 @@ def test_list_keeps_its_columns_apart(
     assert width is not None or len(lines) == 3
 
 
-def test_control_characters_are_escaped(here: Callable[..., Ended]) -> None:
-    message = said(here("run", "\x1b[31mred\x07"))
+def test_control_characters_are_escaped() -> None:
+    message = said(twin("run", "\x1b[31mred\x07"))
     assert "\x1b" not in message and "\\x1b[31mred\\x07" in message
 
 
@@ -104,9 +84,9 @@ def test_control_characters_are_escaped(here: Callable[..., Ended]) -> None:
 def test_user_without_home_is_told_what_to_name(tmp_path: Path) -> None:
     prepare = "import pwd; pwd.getpwuid = lambda uid: {}[uid]"
     nobody = {"HOME": None, "XDG_CACHE_HOME": None, "ROOMTWIN_CACHE": None}
-    assert "ROOMTWIN_CACHE" in said(twin("suite", "cache", prepare=prepare, **nobody))
+    assert "ROOMTWIN_CACHE" in said(in_python("suite", "cache", prepare=prepare, **nobody))
     named = nobody | {"ROOMTWIN_CACHE": str(tmp_path)}
-    assert twin("suite", "cache", prepare=prepare, **named).returncode == 0
+    assert in_python("suite", "cache", prepare=prepare, **named).returncode == 0
 
 
 ENDS = "twin.cli.app = lambda **_: os.kill(os.getpid(), signal.{})"
@@ -119,38 +99,37 @@ def test_library_that_ends_the_process_for_want_of_memory_is_put_in_words(name: 
         + ENDS.format(name)
     )
     limited = prepare.format("resource.setrlimit(resource.RLIMIT_AS, (2**31,) * 2); ")
-    assert "(ulimit -v), which is not enough" in said(twin("list", prepare=limited))
-    assert twin("list", prepare=prepare.format("")).returncode == -getattr(signal, name)  # no limit, no such excuse
+    assert "(ulimit -v), which is not enough" in said(in_python("list", prepare=limited))
+    without = in_python("list", prepare=prepare.format(""))  # no limit, no such excuse
+    assert without.returncode == -getattr(signal, name)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("limit_mb", [100, 400, 781])
 def test_limit_of_memory_is_named(limit_mb: int, tmp_path: Path) -> None:
     prepare = f"import resource; resource.setrlimit(resource.RLIMIT_AS, ({limit_mb * 2**20},) * 2)"
-    found = twin("run", "lab-five-people", "--duration", "1", "--out", tmp_path / "out", prepare=prepare)
+    found = in_python("run", "lab-five-people", "--duration", "1", "--out", tmp_path / "out", prepare=prepare)
     assert "ulimit -v" in said(found)
 
 
 @pytest.mark.slow
-def test_suite_says_what_is_wrong_with_its_files(
-    tmp_path: Path, here: Callable[..., Ended], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_suite_says_what_is_wrong_with_its_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     suite = tmp_path / "tiny.yaml"
     suite.write_text(SUITE.replace("people.ann.shirt: red", "duration_s: 0.5"))
     blocked = tmp_path / "file"
     blocked.write_text("")
-    found = here("suite", "run", suite, "--out", tmp_path / "none", ROOMTWIN_CACHE=str(blocked / "cache"))
+    found = twin("suite", "run", suite, "--out", tmp_path / "none", ROOMTWIN_CACHE=str(blocked / "cache"))
     assert "ROOMTWIN_CACHE" in said(found) and not (tmp_path / "none").exists()
 
     out, cache = tmp_path / "out", str(tmp_path / "cache")
-    found = here("suite", "run", suite, "--jobs", "1", "--out", out, ROOMTWIN_CACHE=cache)
+    found = twin("suite", "run", suite, "--jobs", "1", "--out", out, ROOMTWIN_CACHE=cache)
     assert found.returncode == 0, found.stderr
-    table = here("suite", "compare", out, out, "--markdown")
+    table = twin("suite", "compare", out, out, "--markdown")
     assert table.returncode == 0 and "0 worse, 0 better" in table.stdout and "┃" not in table.stdout
 
     with closing(sqlite3.connect(out / "results.sqlite", isolation_level=None)) as connection:
         connection.execute("UPDATE cases SET status = 'failed', error = '[/b] [red] \x1b[2J'")
-    shown = here("suite", "show", out)
+    shown = twin("suite", "show", out)
     assert shown.returncode == 0 and "[/b] [red] \\x1b[2J" in shown.stdout, shown.stderr
 
     holder = sqlite3.connect(out / "results.sqlite", isolation_level=None)
@@ -158,15 +137,13 @@ def test_suite_says_what_is_wrong_with_its_files(
     holder.execute("BEGIN EXCLUSIVE")
     connect = sqlite3.connect
     monkeypatch.setattr(sqlite3, "connect", lambda path, timeout=0, **more: connect(path, timeout=0.1, **more))
-    message = said(here("suite", "show", out))
+    message = said(twin("suite", "show", out))
     holder.close()
     assert "another process holds it" in message and "no file of results" not in message
 
 
 @pytest.mark.slow
-def test_class_in_a_suite_of_the_current_folder(
-    tmp_path: Path, here: Callable[..., Ended], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_class_in_a_suite_of_the_current_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "of_this_suite.py").write_text(
         "class Mine:\n    def __init__(self, rig, background, rng): pass\n"
         "    def update(self, observation): pass\n    def tracks(self): return []\n"
@@ -176,11 +153,11 @@ def test_class_in_a_suite_of_the_current_folder(
     )
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path])
-    refused = said(here("suite", "run", "tiny.yaml", "--out", "out"))
+    refused = said(twin("suite", "run", "tiny.yaml", "--out", "out"))
     assert "--allow-plugins" in refused and "--tracker" not in refused
     for jobs in ("1", "2"):  # two: in processes of their own, which have to find the class too
         run = ["suite", "run", "tiny.yaml", "--allow-plugins", "--jobs", jobs, "--out", f"out-{jobs}"]
-        found = here(*run, ROOMTWIN_CACHE=str(tmp_path / f"cache-{jobs}"))
+        found = twin(*run, ROOMTWIN_CACHE=str(tmp_path / f"cache-{jobs}"))
         assert found.returncode == 0 and "failed" not in found.stdout, found.stdout + found.stderr
 
 
@@ -197,7 +174,7 @@ IDS = {
 @pytest.mark.slow
 @pytest.mark.parametrize("good", [True, False])
 def test_ids_of_a_plug_in_cost_nobody_else_anything(
-    good: bool, tmp_path: Path, here: Callable[..., Ended], monkeypatch: pytest.MonkeyPatch
+    good: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lines = ["import uuid", "from trackers.tracks import Track", "class Mine:",
              "    def __init__(self, rig, background, rng): pass", "    def update(self, observation): pass"]  # fmt: skip
@@ -211,7 +188,7 @@ def test_ids_of_a_plug_in_cost_nobody_else_anything(
     run = ["run", "lab-five-people", "--duration", "1", *NO_IMAGES, "--tracker", "sort"]
     for name in names:
         run += ["--tracker", f"{module}:{name}"]
-    found = here(*run, "--out", "out")
+    found = twin(*run, "--out", "out")
     assert (tmp_path / "out/metrics.json").exists() and "MOTA" in found.stdout, found.stderr
     if good:
         assert found.returncode == 0, found.stderr

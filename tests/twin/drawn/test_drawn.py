@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 import yaml
+from command_line import twin
 from hypothesis import given, settings, strategies
 
 from trackers.configuration import validate
@@ -164,21 +163,10 @@ def test_what_cannot_be_drawn_is_refused_in_a_sentence(changes: dict[str, Any], 
 
 @pytest.mark.slow
 def test_plain_files_of_a_drawn_scene_run_to_the_same_bits(tmp_path: Path) -> None:
-    command = [
-        sys.executable,
-        "-m",
-        "twin",
-        "new",
-        "scenario",
-        "--drawn",
-        "--seed",
-        "1042",
-        "--out",
-        str(tmp_path / "n"),
-    ]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    command = ["new", "scenario", "--drawn", "--seed", "1042", "--out", tmp_path / "n"]
+    done = twin(*command)
     assert done.returncode == 0, done.stderr
-    again = subprocess.run(command, capture_output=True, text=True, check=False)
+    again = twin(*command)
     assert again.returncode == 2 and "is there already" in again.stderr
     truth = []
     for name, scenario in (("plain", str(tmp_path / "n/scenario.yaml")), ("drawn", "drawn")):

@@ -6,8 +6,6 @@ The elements are read from MuJoCo's own schema: one that a later version adds ha
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -15,6 +13,7 @@ import cv2
 import mujoco
 import numpy as np
 import pytest
+from command_line import twin
 from made_rooms import LAMP, disagreements, reports, room_of, scenario_in
 
 from trackers.errors import InputError
@@ -378,19 +377,11 @@ def test_groups_that_mujoco_does_not_tell_apart_are_refused(tmp_path: Path, grou
 
 def test_the_command_line_refuses_with_code_2_and_draws_what_is_modelled(tmp_path: Path) -> None:
     scenario_in(tmp_path, room_of('<flexcomp name="cloth" type="grid" count="4 4 1" spacing=".2 .2 .1" dim="2"/>'))
-    command = [
-        sys.executable,
-        "-m",
-        "twin",
-        "view",
-        str(tmp_path / "scenario.yaml"),
-        "--out",
-        str(tmp_path / "out.png"),
-    ]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    command = ["view", tmp_path / "scenario.yaml", "--out", tmp_path / "out.png"]
+    done = twin(*command)
     assert done.returncode == 2
     assert done.stderr.strip().count("\n") == 0
     assert "<flexcomp name='cloth'>" in done.stderr
     scenario_in(tmp_path, room_of(SOLID))
-    assert subprocess.run(command, capture_output=True, check=False).returncode == 0
+    assert twin(*command).returncode == 0
     assert cv2.imread(str(tmp_path / "out.png")) is not None

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from command_line import twin
 
 from trackers.area import Area
 from trackers.errors import InputError
@@ -265,8 +264,7 @@ def test_rooms_that_cannot_be_are_told_in_one_sentence(tmp_path: Path, room: str
 
 def test_the_command_line_ends_with_code_2_and_one_sentence(tmp_path: Path) -> None:
     scenario_of(tmp_path, '<mujoco><include file="../../other.xml"/></mujoco>')
-    command = [sys.executable, "-m", "twin", "view", str(tmp_path / "mine.yaml"), "--out", str(tmp_path / "out.png")]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = twin("view", tmp_path / "mine.yaml", "--out", tmp_path / "out.png")
     assert done.returncode == 2
     assert "leads outside the room's folder" in done.stderr
     assert "Traceback" not in done.stderr

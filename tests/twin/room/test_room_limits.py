@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import struct
-import subprocess
-import sys
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import twin
 from made_rooms import room_of, scenario_in
 
 from trackers.errors import InputError
@@ -121,7 +120,6 @@ def a_room_with_a_shared_mesh(folder: Path) -> Path:
 
 def test_room_root_allows_the_files_of_one_folder_more(tmp_path: Path) -> None:
     here = a_room_with_a_shared_mesh(tmp_path)
-    command = [sys.executable, "-m", "twin", "view", str(here / "scenario.yaml"), "--out", str(here / "out.png")]
     (tmp_path / "other").mkdir()
     for root, code, said in (
         ((), 2, "leads outside the room's folder; a relative path inside of it, or --room-root"),
@@ -129,7 +127,7 @@ def test_room_root_allows_the_files_of_one_folder_more(tmp_path: Path) -> None:
         (("--room-root", str(tmp_path / "none")), 2, "is no folder"),
         (("--room-root", str(tmp_path / "assets")), 0, ""),
     ):
-        done = subprocess.run([*command, *root], capture_output=True, text=True, check=False)
+        done = twin("view", here / "scenario.yaml", "--out", here / "out.png", *root)
         assert (done.returncode, said in done.stderr) == (code, True), done.stderr
 
 

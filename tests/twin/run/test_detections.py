@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import csv
 import io
-import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import twin
 
 from trackers.errors import InputError, PlugInError
 from twin.recording.tables import read_truth
@@ -58,9 +58,8 @@ def test_a_tracker_that_does_not_tell_is_refused_in_one_sentence(folder: Path, t
         "    def update(self, observation): return []\n"
         "    def tracks(self): return []\n"
     )
-    script = Path(sys.executable).with_name("twin")
-    command = [script, "detections", str(folder / "recording.mcap"), "--tracker", "mute:Mute", "--out", "seen.csv"]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False)
+    bag = folder / "recording.mcap"
+    done = twin("detections", bag, "--tracker", "mute:Mute", "--out", "seen.csv", cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1 and "does not tell what its detector sees" in done.stderr
     assert [path.name for path in tmp_path.iterdir() if path.suffix != ".py" and path.name != "__pycache__"] == []

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from command_line import twin
 
 from trackers.errors import InputError
 from twin.run.inputs import TrustedClasses, choose, typed_classes, typed_schedulers
@@ -67,8 +68,7 @@ def test_a_scenario_that_names_a_class_does_not_have_it_run(evil: Path, tmp_path
 
 def test_a_refused_scenario_is_named_by_its_file(tmp_path: Path) -> None:
     path = scenario_file(tmp_path, '{mine: {preset: "evil:X"}}')
-    command = [sys.executable, "-m", "twin", "run", str(path), "--out", str(tmp_path / "out")]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=100)
+    done = twin("run", path, "--out", tmp_path / "out")
     assert done.returncode == 2
     assert f"twin: {path}: trackers.mine.preset: 'evil:X' is a class" in done.stderr
 
@@ -198,14 +198,14 @@ def test_the_current_folder_is_looked_at_for_a_typed_name_or_a_trusted_file(tmp_
     scenario_file(tmp_path, '{mine: {preset: "evil:X"}}')
     quick = ["--no-images", "--no-video", "--out", "out"]
 
-    def twin(*arguments: str) -> subprocess.CompletedProcess[str]:
+    def in_folder(*arguments: str) -> subprocess.CompletedProcess[str]:
         command = [sys.executable, "-m", "twin", *arguments, *quick]
         return subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False, env=os.environ)
 
-    done = twin("run", "own.yaml", "--allow-plugins")
+    done = in_folder("run", "own.yaml", "--allow-plugins")
     assert done.returncode == 0 and (tmp_path / "ran").exists(), done.stderr
     (tmp_path / "ran").unlink()
-    done = twin("run", "own.yaml")
+    done = in_folder("run", "own.yaml")
     assert done.returncode == 2 and "--allow-plugins" in done.stderr and not (tmp_path / "ran").exists()
-    done = twin("run", "own.yaml", "--set", "trackers.mine.preset=evil:X")
+    done = in_folder("run", "own.yaml", "--set", "trackers.mine.preset=evil:X")
     assert done.returncode == 0 and (tmp_path / "ran").exists(), done.stderr

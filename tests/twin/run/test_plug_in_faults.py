@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from command_line import Ended, twin
 
 from trackers.errors import PlugInError
 from twin.run.live import run_scenario
@@ -129,15 +129,14 @@ def test_a_run_whose_every_tracker_failed_ends_and_leaves_nothing(name: str, tmp
 
 
 def test_the_command_says_it_in_a_sentence_with_exit_code_1(tmp_path: Path) -> None:
-    def twin(*names: str) -> subprocess.CompletedProcess[str]:
+    def run_with(*names: str) -> Ended:
         arguments = ["run", "lab-five-people", "--duration", "0.4", "--no-images", "--no-video", "--out", "out"]
-        command = [sys.executable, "-m", "twin", *arguments, *(part for name in names for part in ("--tracker", name))]
-        return subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False)
+        return twin(*arguments, *(part for name in names for part in ("--tracker", name)), cwd=tmp_path)
 
-    done = twin("plug_lab:InUpdate", "laser-imm")
+    done = run_with("plug_lab:InUpdate", "laser-imm")
     assert done.returncode == 1 and "Traceback" not in done.stderr and "fault of ours" not in done.stderr
     assert done.stderr.count("twin: plug_lab:InUpdate: update() raised ValueError: no such person") == 1
     assert list(json.loads((tmp_path / "out" / "metrics.json").read_text())["trackers"]) == ["laser-imm"]
-    done = twin("plug_lab:InUpdate")
+    done = run_with("plug_lab:InUpdate")
     assert done.returncode == 1 and not done.stdout and "Traceback" not in done.stderr
     assert "\ntwin: plug_lab:InUpdate: update() raised" in done.stderr  # after what it says it will make

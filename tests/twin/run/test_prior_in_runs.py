@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from command_line import Ended, twin
 
 from trackers.environment import load_environment, save_environment
 from trackers.errors import InputError
@@ -99,9 +99,8 @@ class House:
     def track(self, bag: Path, **more: Any):
         return track_recording(bag, trackers=[TRACKER], out=self.folder / "tracked", video=False, **more)
 
-    def twin(self, *arguments: str) -> subprocess.CompletedProcess[str]:
-        command = [str(Path(sys.executable).with_name("twin")), *arguments]
-        return subprocess.run(command, capture_output=True, text=True, cwd=self.folder, check=False)
+    def twin(self, *arguments: str) -> Ended:
+        return twin(*arguments, cwd=self.folder)
 
 
 @pytest.fixture

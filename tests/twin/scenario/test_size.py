@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from command_line import twin
 
 from trackers.errors import InputError
 from twin.cli import app
@@ -27,11 +26,6 @@ trackers: [laser-imm]
 
 
 HEIGHTS = [f"1.{tenth}" for tenth in range(10)]
-
-
-def twin(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "twin", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, check=False, timeout=60)
 
 
 def test_a_run_makes_about_as_much_as_was_said(tmp_path: Path) -> None:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import twin
 
 from trackers.area import Area
 from trackers.errors import InputError
@@ -97,8 +96,7 @@ def test_a_start_elsewhere_frees_the_first_waypoint() -> None:
 def test_the_command_line_says_so_in_one_line(tmp_path: Path) -> None:
     people = [person("ann", walk("[[0, 1], [1, 1]]")), person("bob", walk("[[0, 1], [1, 2]]"))]
     sets = [part for change in ["people=null", *people] for part in ("--set", change)]
-    command = [sys.executable, "-m", "twin", "run", "lab-five-people", "--out", str(tmp_path / "out"), *sets]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = twin("run", "lab-five-people", "--out", tmp_path / "out", *sets)
     assert done.returncode == 2
     assert done.stderr.splitlines()[-1].startswith(
         "twin: scenario 'lab-five-people': people.bob.script.waypoints.0: [0, 1] is 0.00 m from 'ann'"

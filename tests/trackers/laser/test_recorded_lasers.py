@@ -13,7 +13,7 @@ from trackers.observations import NS_PER_S, LaserScan
 from trackers.presets import make_tracker
 from trackers.rig import LaserSensor, Rig
 
-DATA = Path(__file__).parents[2].parent / "shared" / "data" / "lasers"
+DATA = Path(__file__).parents[3].parent / "shared" / "data" / "lasers"
 needs_data = pytest.mark.skipif(not DATA.is_dir(), reason=f"the recorded scans are not at {DATA}")
 
 
