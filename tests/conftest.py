@@ -31,5 +31,7 @@ def nothing_is_left_behind(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     yield
     assert logging.root.manager.disable == logging.NOTSET
     loggers = logging.root.manager.loggerDict
-    disabled = [name for name in loggers if name.partition(".")[0] in OURS and getattr(loggers[name], "disabled", False)]
+    disabled = [
+        name for name in loggers if name.partition(".")[0] in OURS and getattr(loggers[name], "disabled", False)
+    ]
     assert not disabled, "a library configured logging, which disables the loggers that there are"

@@ -38,7 +38,7 @@ LOADERS: dict[str, Callable[[Path], Any]] = {
 def environment(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("environment") / "boxes.npz"
     save_environment(
-        build_environment(box_room_cloud(step_deg=2.0), room="boxes", options=EnvironmentOptions(voxel_m=0.1)), path
+        build_environment(box_room_cloud(step_deg=3.0), room="boxes", options=EnvironmentOptions(voxel_m=0.2)), path
     )
     return path
 

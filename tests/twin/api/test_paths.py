@@ -19,6 +19,7 @@ import twin
 from trackers.environment import load_environment, save_environment
 from trackers.rig import Rig
 from twin.environment.run import scenario_environment
+from twin.environment.scan import TiltingScanner
 
 
 class Mine:
@@ -97,7 +98,7 @@ def test_run_track_and_read_by_any_path(kind: str, tmp_path: Path, monkeypatch: 
 
 
 def test_environment_by_any_path(tmp_path: Path) -> None:
-    environment = scenario_environment(twin.load_scenario("pair"))
+    environment = scenario_environment(twin.load_scenario("pair"), scanner=TiltingScanner(beams=91, tilt_step_deg=2.0))
     for kind, of in KINDS.items():
         save_environment(environment, of(tmp_path / f"{kind}.npz"))
         assert load_environment(of(tmp_path / f"{kind}.npz")).room == environment.room

@@ -47,15 +47,23 @@ def turned() -> Observed:
     return observe(SCENARIO.model_copy(update={"people": dict(reversed(SCENARIO.people.items()))}))
 
 
+_FOLLOWED: dict[tuple[str, int], list[TrackFrame]] = {}
+
+
 def follow(name: str, observed: Observed) -> list[TrackFrame]:
+    """Frames of a preset, worked out once for each recording (the fixtures hold them for as long as the tests run)."""
     rig, background, observations, _ = observed
-    return list(track_frames(make_tracker(name, rig, background, np.random.default_rng(0), {}), rig, observations))
+    if (key := (name, id(observations))) not in _FOLLOWED:
+        tracker = make_tracker(name, rig, background, np.random.default_rng(0), {})
+        _FOLLOWED[key] = list(track_frames(tracker, rig, observations))
+    return _FOLLOWED[key]
 
 
 @pytest.mark.parametrize("name", FIRST_OF_CLASS)
 def test_the_contract_holds(name: str, lab: Observed) -> None:
-    """Presets of other values meet the faults in the trackers' own contract test."""
+    """A second and a half of real readings; presets of other values meet the faults in the trackers' own contract test."""
     rig, background, observations, _ = lab
+    observations = [each for each in observations if each.t < observations[0].t + 1.5]
     faults = check_tracker(lambda on, empty, rng: make_tracker(name, on, empty, rng, {}), rig, observations, background)
     assert faults == []
 
@@ -80,7 +88,7 @@ def test_the_system_as_published_finds_the_people(lab: Observed) -> None:
     assert 0.05 < figures["motp_m"] < 0.15 + 0.11
 
 
-@pytest.mark.parametrize("name", FITTING)
+@pytest.mark.parametrize("name", FIRST_OF_CLASS)
 def test_the_order_of_people_makes_no_difference(name: str, lab: Observed, turned: Observed) -> None:
     assert follow(name, turned) == follow(name, lab)
 
