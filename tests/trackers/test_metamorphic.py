@@ -30,7 +30,7 @@ SAMPLING = ("laser-vision-learning-laser",)
 
 @cache
 def lasers(known: bool) -> Scene:
-    walk = wandering(3, 28, np.random.default_rng(3))
+    walk = wandering(3, 36, np.random.default_rng(3))
     room = empty_room(np.random.default_rng(99), 5) if known else []
     return Scene(rig(camera=False), room, observe(walk, 5, images=False))
 

@@ -99,7 +99,7 @@ def test_presets_that_differ_in_values_keep_the_contract_through_some_faults(nam
 @pytest.mark.parametrize("name", PRESETS)
 def test_every_preset_reports_a_frame_at_every_stamp_of_the_main_sensor(name):
     on, room, observations = world_of(name)
-    observations = observations[: len(observations) // 3]
+    observations = [item for item in observations if item.t < observations[0].t + 0.65]
     frames = list(track_frames(make_tracker(name, on, room), on, observations))
     stamps = [item.stamp_ns for item in observations if item.sensor == on.main_sensor]
     assert [frame.stamp_ns for frame in frames] == stamps
