@@ -312,7 +312,7 @@ def trials(system: str) -> Iterator[Trial]:
         others = {"heads": 96} if system == "rgbd-head" else {}
         yield Trial(system, (recording,), others=others)
         for preset in PRESETS:
-            if preset != system and PRESETS[preset].target == PRESETS[system].target:
+            if system != "rgbd-head" and preset != system and PRESETS[preset].target == PRESETS[system].target:
                 yield Trial(preset, (recording,), set(PRESETS[preset].options) or None, others)
 
 
