@@ -73,19 +73,16 @@ def test_five_people_are_followed(name: str, lab: Observed) -> None:
     figures = evaluate_tracks(truth_table(lab[3]), track_table(follow(name, lab)))
     assert figures["mota"] > 0.6  # the first half second of four is lost to confirmation
     # a camera alone at breast height sees how far somebody is by their size, not by their feet
-    assert figures["motp_m"] < (0.25 if name == "laser-vision-learning-vision" else 0.15)
+    assert figures["motp_m"] < (0.25 if name.endswith("-vision") else 0.15)
 
 
 def test_the_system_as_published_finds_the_people(lab: Observed) -> None:
-    """It shows what our rules are for: without them clutter is believed too (MOTA 0.3 to 0.9 by seed), people are not lost.
-
-    Without the depth of a body its tracks stand up to 0.11 m before the people.
-    """
+    """Its confirmation takes half a second of four, and legs start a false track now and then."""
     frames = follow("laser-fisheye-imm-paper", lab)
     assert [frame.stamp_ns for frame in frames] == [frame.stamp_ns for frame in follow("laser-fisheye-imm", lab)]
     figures = evaluate_tracks(truth_table(lab[3]), track_table(frames))
     assert figures["misses"] < 0.3 * 5 * len(frames)  # an eighth is lost to confirmation
-    assert 0.05 < figures["motp_m"] < 0.15 + 0.11
+    assert 0.05 < figures["motp_m"] < 0.15
 
 
 @pytest.mark.parametrize("name", FIRST_OF_CLASS)
