@@ -1,7 +1,7 @@
 """Figures of README and docs: measured by a command, kept in one file, shown from it.
 
     scripts/figures measure NAME [--jobs N]     run a source of figures.yaml and keep its figures
-    scripts/figures record NAME PATH            keep the figures of a run: a suite's folder, results.json, rows of scripts/bench
+    scripts/figures record NAME PATH...         keep the figures of a run: folders of a suite, results.json, rows of scripts/bench
     scripts/figures readme                      fill the tables of the README
 
 docs/figures.json holds per source: value, interval, n, unit and seeds of each figure; command, commit, date and machine.
@@ -10,22 +10,28 @@ docs/figures.json holds per source: value, interval, n, unit and seeds of each f
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import os
 import platform
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import yaml
+
+if TYPE_CHECKING:
+    from twin.suites.results import GroupKey
 
 ROOT = Path(__file__).parents[2]
 FIGURES = ROOT / "docs" / "figures.json"
 SOURCES = Path(__file__).with_name("figures.yaml")
 OUT = Path("out/figures")
+_COMMITS_SEARCHED = 100
 
 Figure = dict[str, Any]
 """where, row, column, value, low, high, n, unit; of a reproduction: paper, paper_system and baseline too, None without one."""
@@ -99,15 +105,17 @@ def _run_suite(source: Mapping[str, Any], folder: Path, jobs: int | None) -> Non
         run_suite(suite, path, folder, cache, Workers(jobs), resume=True, progress=progress)
 
 
-def record(name: str, path: Path) -> None:
-    """Keep the figures of a run under the name of its source. Raises SystemExit where the source is unknown."""
+def record(name: str, *paths: Path) -> None:
+    """Keep the figures of runs under the name of their source; several folders of a suite are parts of one run.
+
+    Raises SystemExit for an unknown source, and for runs by code that no commit holds.
+    """
     sources = read_sources()["sources"]
     if name not in sources:
         sys.exit(f"scripts/figures: there is no source {name!r}; valid are {', '.join(sources)}")
     source = sources[name]
-    _check_code(path)
-    figures = list(_READERS[source["kind"]](path, source))
-    commit, date = code_commit(source["code"])
+    figures = list(_READERS[source["kind"]](paths, source))
+    commit, date = code_commit(source["code"], _commit_of_runs(paths))
     kept = read_figures()
     kept[name] = {
         "kind": source["kind"],
@@ -116,7 +124,7 @@ def record(name: str, path: Path) -> None:
         "committed": date,
         "measured": datetime.now(UTC).date().isoformat(),
         "machine": f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}",
-        "seeds": _seeds(source, path),
+        "seeds": _seeds(source, paths),
         "code": source["code"],
         "figures": figures,
     }
@@ -132,24 +140,55 @@ def record(name: str, path: Path) -> None:
     print(f"{FIGURES.relative_to(ROOT)}: {name}: {len(figures)} figures, of commit {commit[:10]}")
 
 
-def _check_code(path: Path) -> None:
-    """Raise SystemExit where the runs of a suite, or those of a reproduction, were made by other code than this."""
-    from twin.suites.cache_keys import whole_code
+def _commit_of_runs(paths: Sequence[Path]) -> str:
+    """Find the newest commit whose packages made the runs of a suite or a reproduction; HEAD where no run says which code."""
     from twin.suites.store_files import RESULTS_FILE, read_store
 
-    for folder in (path, path.parent / "suite"):
+    digests = set()
+    for folder in [each for path in paths for each in (path, path.parent / "suite")]:
         if (folder / RESULTS_FILE).is_file():
             with read_store(folder) as store:
-                if store.facts()["code"] != whole_code():
-                    sys.exit(f"scripts/figures: {folder}: was run by other code than this; run it again")
+                digests.add(store.facts()["code"])
+    if not digests:
+        return "HEAD"
+    for commit in _git("log", f"-{_COMMITS_SEARCHED}", "--format=%H", "--", "twin", "trackers").split():
+        if digests == {_digest_of_code(commit)}:
+            return commit
+    sys.exit(
+        "scripts/figures: the runs were made by code that no commit of late holds, or by several; land it and run again"
+    )
 
 
-def code_commit(code: list[str]) -> tuple[str, str]:
-    """Return hash and date of the last commit that changed the measured code. Raises SystemExit for uncommitted changes."""
-    changed = _git("status", "--porcelain", "--", *code)
+def _digest_of_code(commit: str) -> str:
+    """Digest both packages of a commit as `twin.suites.cache_keys.whole_code` digests those on disk."""
+    digest = hashlib.sha256()
+    for package in ("twin", "trackers"):
+        listed = _git("ls-tree", "-r", "-z", commit, "--", package).split("\0")
+        blobs = {
+            Path(path).relative_to(package): about.split()[2]
+            for about, _, path in (each.partition("\t") for each in listed if each)
+        }
+        for path in sorted(each for each in blobs if each.suffix in (".py", ".npz")):
+            for content in (path.as_posix().encode(), _blob(blobs[path])):
+                digest.update(len(content).to_bytes(8, "little"))
+                digest.update(content)
+    return digest.hexdigest()[:16]
+
+
+@cache
+def _blob(name: str) -> bytes:
+    return subprocess.run(["git", "cat-file", "blob", name], cwd=ROOT, capture_output=True, check=True).stdout
+
+
+def code_commit(code: list[str], at: str = "HEAD") -> tuple[str, str]:
+    """Return hash and date of the last commit up to `at` that changed the measured code.
+
+    Raises SystemExit for changes that are not committed.
+    """
+    changed = _git("status", "--porcelain", "--", *code) if at == "HEAD" else ""
     if changed:
         sys.exit(f"scripts/figures: the measured code has changes that are not committed:\n{changed}")
-    commit, date = _git("log", "-1", "--format=%H %cs", "--", *code).split()
+    commit, date = _git("log", "-1", "--format=%H %cs", at, "--", *code).split()
     return commit, date
 
 
@@ -166,24 +205,33 @@ def _git(*arguments: str) -> str:
     return done.stdout.strip()
 
 
-def _seeds(source: Mapping[str, Any], path: Path) -> str:
-    if source["kind"] == "suite":
-        from twin.suites.gate import read_results
-
-        seeds = sorted({seed for group in read_results(path).groups.values() for seed in group.seeds})
-        return f"{seeds[0]}–{seeds[-1]}" if len(seeds) > 1 else str(seeds[0])
-    return str(source.get("seeds", ""))
-
-
-def _suite_figures(folder: Path, source: Mapping[str, Any]) -> Iterator[Figure]:
+def _groups(paths: Sequence[Path]) -> dict[GroupKey, tuple[str, dict[int, Mapping[str, float | None]]]]:
+    """Read the metrics of each seed, by group, over all parts of a run."""
     from twin.suites.gate import read_results
+
+    found: dict[GroupKey, tuple[str, dict[int, Mapping[str, float | None]]]] = {}
+    for path in paths:
+        for key, group in read_results(path).groups.items():
+            found.setdefault(key, (group.variant, {}))[1].update(group.seeds)
+    return found
+
+
+def _seeds(source: Mapping[str, Any], paths: Sequence[Path]) -> str:
+    if source["kind"] != "suite":
+        return str(source.get("seeds", ""))
+    seeds = sorted({seed for _, of_group in _groups(paths).values() for seed in of_group})
+    return f"{seeds[0]}–{seeds[-1]}" if len(seeds) > 1 else str(seeds[0])
+
+
+def _suite_figures(paths: Sequence[Path], source: Mapping[str, Any]) -> Iterator[Figure]:
     from twin.suites.metrics import METRICS
     from twin.suites.results import mean_over_seeds
 
-    for key, group in read_results(folder).groups.items():
-        where = f"{key.scenario}, {group.variant}" if group.variant else key.scenario
+    for key, (variant, by_seed) in _groups(paths).items():
+        where = f"{key.scenario}, {variant}" if variant else key.scenario
         for metric in source["metrics"]:
-            found = mean_over_seeds(group.values(metric))
+            values = (metrics.get(metric) for metrics in by_seed.values())
+            found = mean_over_seeds([value for value in values if value is not None])
             if found is not None:
                 yield {
                     "where": where, "row": key.tracker, "column": metric, "value": _short(found.mean), "low": _short(found.low),
@@ -191,18 +239,19 @@ def _suite_figures(folder: Path, source: Mapping[str, Any]) -> Iterator[Figure]:
                 }  # fmt: skip
 
 
-def _reproduction_figures(path: Path, source: Mapping[str, Any]) -> Iterator[Figure]:
-    for row in json.loads(path.read_text(encoding="utf-8")):
+def _reproduction_figures(paths: Sequence[Path], source: Mapping[str, Any]) -> Iterator[Figure]:
+    for row in json.loads(paths[0].read_text(encoding="utf-8")):
         if any(row["where"].startswith(each) for each in source.get("where", [""])):
             low, high = row["ci95"]
             yield {
                 "where": row["where"], "row": row["row"], "column": row["column"], "value": _short(row["ours"]),
                 "low": _short(low), "high": _short(high), "n": row["runs"], "unit": row["unit"], "paper": row["paper"],
+                **{system: _short((row.get(system) or {}).get("value")) for system in ("paper_system", "baseline")},
             }  # fmt: skip
 
 
-def _bench_figures(path: Path, source: Mapping[str, Any]) -> Iterator[Figure]:
-    for row in json.loads(path.read_text(encoding="utf-8")):
+def _bench_figures(paths: Sequence[Path], source: Mapping[str, Any]) -> Iterator[Figure]:
+    for row in json.loads(paths[0].read_text(encoding="utf-8")):
         yield {
             "where": source["kind"], "row": row["name"], "column": "value", "value": _short(row["value"]), "low": None,
             "high": None, "n": 1, "unit": row["unit"], "target": row["target"],
@@ -227,13 +276,15 @@ def main() -> None:
     run.add_argument("--jobs", type=int, help="processes; default: one a core")
     keep = commands.add_parser("record", help="keep the figures of a run that has been made")
     keep.add_argument("name", choices=list(read_sources()["sources"]))
-    keep.add_argument("path", type=Path, help="a suite's folder, a results.json, or rows of scripts/bench --json")
+    keep.add_argument(
+        "paths", nargs="+", type=Path, help="folders of a suite, a results.json, or rows of scripts/bench --json"
+    )
     commands.add_parser("readme", help="fill the tables of the README")
     arguments = parser.parse_args()
     if arguments.command == "measure":
         measure(arguments.name, arguments.jobs)
     elif arguments.command == "record":
-        record(arguments.name, arguments.path)
+        record(arguments.name, *arguments.paths)
     else:
         from documentation.tables import fill_readme
 
