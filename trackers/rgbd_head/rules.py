@@ -67,8 +67,8 @@ PAPER_RULES: tuple[PaperRule, ...] = (
     PaperRule(
         {"stereo_head": {"skin_share": {"linear": (1.0, 4.0)}, "depth_in_metres": {"linear": (1.0, 3.2)}}},
         "empirical",
-        "a and b of eq. 5 and 7: of 2.6 and 2.0, 3.2 and 3.2, 4.0 and 3.2, 3.2 and 5.0, 4.0 and 5.0 (all follow both sequences) "
-        "the b of least error in Z and direction in sequence 2",
+        "a and b of eq. 5 and 7; of b 2.6 and 2.0, 3.2 and 3.2, 4.0 and 3.2, 3.2 and 5.0, 4.0 and 5.0, which all follow both "
+        "sequences, those of least error in Z and direction in sequence 2",
     ),
 )
 """All rules. What is not among them is as in ours: the ellipsoid's size, region C's heights, the floor of a weight, diffusion."""
