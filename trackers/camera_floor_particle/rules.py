@@ -141,8 +141,8 @@ PAPER_RULES: tuple[PaperRule, ...] = (
         "ω",
         "empirical",
         "4.1, 5.2, eq. 1 and 6",
-        "standard deviation in 0.05 s of bodies and of heads 25 mm, 50 mm more per m/s, of heads 25 mm along z; 8° of the pan. With "
-        f"half of that for heads the error is 8.2 instead of 4.4 cm ({_SWEEP})",
+        "standard deviation in 0.05 s of bodies and of heads 25 mm, 50 mm more per m/s, of heads 25 mm along z; 8° of the pan. "
+        f"With half of that for heads the error is 8.2 instead of 4.4 cm ({_SWEEP})",
         {
             "body": {"motion": {"still_m": 0.025, "per_speed_s": 0.05, "up_m": 0.015}},
             "head": {"motion": {"still_m": 0.025, "per_speed_s": 0.05, "up_m": 0.025}, "turn_deg": 8.0},
