@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sqlite3
 import subprocess
@@ -69,7 +70,7 @@ def test_list_keeps_its_columns_apart(
         monkeypatch.setenv("COLUMNS", str(width))
         monkeypatch.setattr("sys.stdout.isatty", lambda: True)
     print_part("things", entries)
-    lines = capsys.readouterr().out.splitlines()
+    lines = re.sub(r"\x1b\[[0-9;]*m", "", capsys.readouterr().out).splitlines()
     assert width is None or max(map(len, lines)) <= width
     assert not any("column-wastwo" in line for line in lines)
     assert width is not None or len(lines) == 3
