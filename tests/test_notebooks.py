@@ -18,6 +18,7 @@ def test_every_cell_runs(path: Path) -> None:
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
+    plt.close("all")  # those of other tests in this process
     names: dict[str, object] = {}
     last: object = None
     for number, cell in enumerate(json.loads(path.read_text(encoding="utf-8"))["cells"]):

@@ -38,9 +38,10 @@ TOGETHER: dict[str, dict[str, Any]] = {
 }
 """Options set with one that has an effect with them alone."""
 SEEN_ELSEWHERE = {
-    "scheduler": "its whole promise is that it changes no track: tests/trackers/test_rgbd_head_scheduled.py",
-    "track_management.reid_distance": "a person who comes back: tests/trackers/test_camera_floor_particle.py",
-    "track_management.tentative_coast_s": "a person felt in every other frame: tests/trackers/test_camera_floor_particle.py",
+    "scheduler": "its whole promise is that it changes no track: test_rgbd_head_scheduled.py",
+    "track_management.reid_distance": "a person who comes back: test_camera_floor_particle.py",
+    "track_management.stuck_s": "an element that is stuck: test_camera_floor_particle.py",
+    "track_management.tentative_coast_s": "a person felt in every other frame: test_camera_floor_particle.py",
 }
 """Options whose effect takes what the short recording lacks, and the test that sees it."""
 MOST = 60

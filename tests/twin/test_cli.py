@@ -299,10 +299,13 @@ def test_a_tracker_of_the_users_own_is_found_where_they_are(tmp_path: Path) -> N
     )
     command = ["run", "lab-five-people", *QUICK, "--out", "out", "--tracker"]
     script = Path(sys.executable).with_name("twin")  # as installed: of the current folder it knows nothing by itself
-    done = subprocess.run([script, *command, "my_lab:Mine"], capture_output=True, text=True, cwd=tmp_path, check=False)
+    done, half = (
+        subprocess.run([script, *command, name], capture_output=True, text=True, cwd=tmp_path, check=False)
+        for name in ("my_lab:Mine", "my_lab:Half")
+    )
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "out/tracks/my_lab-Mine.csv").read_text().count("\n") == 6
-    refused(twin(*command, "my_lab:Half", cwd=tmp_path), "my_lab:Half", "update")
+    refused(half, "my_lab:Half", "update")
 
 
 def test_a_main_sensor_that_never_reports_is_no_fault_of_ours(tmp_path: Path) -> None:

@@ -191,6 +191,8 @@ class ExclusionOptions(Strict):
 class FloorTrackManagementOptions(TrackManagementOptions):
     """Those of every tracker, with clusters of the floor as tentative tracks, and deletion and re-identification by colours."""
 
+    fixed_values: ClassVar[Mapping[str, Any]] = {"least_alike": 0.3}
+
     confirm_s: float = Field(default=0.28, ge=0, description=described(TrackManagementOptions, "confirm_s"))
     confirm_hits: PositiveInt = Field(default=2, description=described(TrackManagementOptions, "confirm_hits"))
     coast_s: float = Field(
@@ -212,12 +214,6 @@ class FloorTrackManagementOptions(TrackManagementOptions):
         ge=0,
         le=1,
         description="the floor must bear this share of the cluster more than the tracks' learned weights together",
-    )
-    least_alike: float = Field(
-        default=0.3,
-        ge=0,
-        le=1,
-        description="cameras show a track where colours are so similar (1 − D²), on average over cameras and particles",
     )
     reid_distance: float = Field(
         default=0.35,

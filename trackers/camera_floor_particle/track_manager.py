@@ -17,6 +17,8 @@ from trackers.vision.views import Views
 
 _LEAST_SHOWN = 0.5
 """Share of the cameras that see a place from which, showing foreground there, they show a person."""
+_LEAST_ALIKE = 0.3
+"""Cameras show a track where colours are so similar (1 − D²), on average over cameras and particles."""
 _WEIGHT_MEMORY = 0.9
 _MOST_DELETED = 50
 """So many deleted tracks are remembered, so that memory stays flat."""
@@ -64,7 +66,7 @@ class FloorTrackManager(TrackManager):
         n_seen, n_shown = look.seen.sum(axis=0), look.on_foreground.sum(axis=0)
         shown = (n_shown > 0) & (n_shown >= _LEAST_SHOWN * n_seen) & ~people.lost
         alike = 1 + people.body.weights.log_mean / (self._options.body.colour * max(len(views), 1))
-        return shown & (alike >= self._options.track_management.least_alike)
+        return shown & (alike >= _LEAST_ALIKE)
 
     def _reidentified(self, person: People) -> int:
         """Return the id of the deleted track in these clothes, by D (eq. 4) of all cameras' colours together; 0: none."""

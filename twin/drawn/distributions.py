@@ -155,13 +155,13 @@ class DrawnSensors(Strict):
     cameras: Count = Field(default=(0, 0), description="number of pinhole cameras in the corners under the ceiling")
     stereos: Count = Field(default=(0, 0), description="number of stereo cameras in the corners under the ceiling")
     fisheye_px: Size = Field(
-        default=(480, 480), description="width and height of a fisheye camera's pictures, 16 to 4096 px"
+        default=(480, 480), description="width and height of a fisheye camera's pictures, 16 to 4096 [px]"
     )
     camera_px: Size = Field(
-        default=(480, 360), description="width and height of a pinhole camera's pictures, 16 to 4096 px"
+        default=(480, 360), description="width and height of a pinhole camera's pictures, 16 to 4096 [px]"
     )
     stereo_px: Size = Field(
-        default=(320, 240), description="width and height of a stereo camera's pictures, 16 to 4096 px"
+        default=(320, 240), description="width and height of a stereo camera's pictures, 16 to 4096 [px]"
     )
     camera_hz: Range = Field(default=(5.0, 15.0), description="rate of a camera [Hz], 1 to 60")
     floor: Share = Field(default=0.0, description="share of rigs with a pressure floor under the largest room")

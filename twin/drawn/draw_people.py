@@ -91,7 +91,8 @@ class _PeopleDraws:
             members.append(member)
             if member is not None:
                 goes = {"kind": "join", "person": names[0]} if led else self._following(names[0], place, leaves)
-                member["script"] = [goes, *(self._parting(leaves) or [self._wandering(None)] * led)]
+                after = [self._wandering(None)] if led and not leaves else self._parting(leaves)
+                member["script"] = [goes, *after]
         first["script"] = [*script[:-1], *self._parting(leaves)] if leaves else script
         return members
 

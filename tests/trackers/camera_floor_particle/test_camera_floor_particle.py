@@ -224,6 +224,22 @@ def test_a_stuck_element_is_nobody_and_hides_nobody():
     assert {len(frame.tracks) for frame in frames[4:]} == {3}
 
 
+@pytest.mark.parametrize(("stuck_s", "n_cluster"), [(1.0, 0), (None, 1)])
+def test_a_load_over_which_no_camera_shows_a_person_is_the_floors_own_after_a_while(stuck_s, n_cluster):
+    options = CameraFloorParticleOptions.model_validate({"track_management": {"stuck_s": stuck_s}})
+    floor = next(iter(RIG.floors().values()))
+    values = np.zeros((floor.rows, floor.columns), np.uint8)
+    values[2:4, 2:4] = LOAD
+    front_end = FloorFrontEnd(floor, [], options)
+    found = []
+    for ns in range(NS_PER_S, 4 * NS_PER_S, NS_PER_S // 5):
+        loads = front_end.loads(FloorFrame("floor", ns, values), ns)
+        assert loads is not None
+        found.append(len(loads.clusters))
+        front_end.learn_own(loads, np.ones(len(loads.clusters), bool), ns)
+    assert found[0] == 1 and found[-1] == n_cluster
+
+
 def test_who_comes_back_in_the_same_clothes_has_the_old_number():
     walk = WALK[:, :2]
     alone, both = walk[:, :1], walk

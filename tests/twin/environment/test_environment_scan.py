@@ -39,7 +39,7 @@ def scenario(room, **more):
 
 @pytest.fixture(scope="module", params=ROOMS)
 def scanned(request):
-    cloud, world = scan_scenario(scenario(request.param), scanner=TiltingScanner(tilt_step_deg=0.5))
+    cloud, world = scan_scenario(scenario(request.param))
     return request.param, cloud, build_environment(cloud, room=request.param), world.empty_snapshot(0.0)
 
 
