@@ -7,6 +7,7 @@ import re
 import types
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import lru_cache
 from typing import Annotated, Any, ClassVar, TypeVar, Union, get_args, get_origin
 
 import numpy as np
@@ -305,14 +306,18 @@ def _is_model(kind: Any) -> bool:
 def _inner(kind: Any, part: int | str) -> list[Any]:
     """Return the models one step down a pydantic error location: a field, a mapping's value or a union's tag."""
     if _is_model(kind):
-        if part in kind.model_fields:
-            return _unwrap(kind.model_fields[part].annotation)
-        literal = kind.model_fields.get("kind")
-        is_tag = literal is not None and part in get_args(literal.annotation)
-        return [kind] if is_tag else []
+        return list(_within_model(kind, part))
     if get_origin(kind) in (dict, list, tuple):
         return _unwrap(get_args(kind)[-1] if get_origin(kind) is dict else get_args(kind)[0])
     return []
+
+
+@lru_cache(maxsize=4096)
+def _within_model(kind: type[BaseModel], part: int | str) -> tuple[Any, ...]:
+    if part in kind.model_fields:
+        return tuple(_unwrap(kind.model_fields[str(part)].annotation))
+    literal = kind.model_fields.get("kind")
+    return (kind,) if literal is not None and part in get_args(literal.annotation) else ()
 
 
 def _unwrap(kind: Any) -> list[Any]:

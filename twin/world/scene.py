@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import mujoco
@@ -174,10 +175,20 @@ def _places_of_sensors(scenario: Scenario) -> list[NDArray[np.float64]]:
 
 
 def _routes(walkable: NDArray[np.float64], obstacles: Sequence[Obstacle], source: str) -> Routes:
+    things = tuple((each.furniture, each.corners.shape, each.corners.tobytes()) for each in obstacles)
     try:
-        return Routes(walkable, obstacles)
+        return _kept_routes(walkable.shape, walkable.tobytes(), things)
     except ValueError as error:
         raise InputError(f"{source}: room: the walkable area {error}") from error
+
+
+@lru_cache(maxsize=4)
+def _kept_routes(
+    shape: tuple[int, ...], walkable: bytes, things: tuple[tuple[str, tuple[int, ...], bytes], ...]
+) -> Routes:
+    """Return the ways in a room by its content: the runs of a worker are often in the same one."""
+    obstacles = [Obstacle(furniture, np.frombuffer(corners).reshape(of)) for furniture, of, corners in things]
+    return Routes(np.frombuffer(walkable).reshape(shape), obstacles)
 
 
 def _check_furniture(scenario: Scenario, furniture: Mapping[str, Seat | Bed]) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -101,12 +103,20 @@ def loft(ring: Array) -> Surface:
     u = np.linspace(0, 1, sides + 1)
     texture = np.stack(np.broadcast_arrays(u[None, :], v[:, None]), axis=-1).reshape(-1, 2)
     texture = np.vstack([texture, [0.5, 0.0], [0.5, 1.0]])
-    face, texture_face = _faces(count, sides, lambda i, j: i * sides + j % sides, count * sides)
-    _, texture_face = _faces(count, sides, lambda i, j: i * (sides + 1) + j, count * (sides + 1))
-    return Surface(vertex, face, texture, texture_face)
+    return Surface(vertex, _faces(count, sides, sides), texture, _faces(count, sides, sides + 1))
 
 
-def _faces(count: int, sides: int, place, poles: int):
+@lru_cache(maxsize=256)
+def _faces(count: int, sides: int, places: int) -> NDArray[np.intp]:
+    """Return the faces between rings and to both poles, of rings that have `places`: `sides`, or one more in a texture.
+
+    They depend on nothing else, and bodies are made of the same few kinds of ring.
+    """
+
+    def place(i: Any, j: Any) -> Any:
+        return i * places + j % places
+
+    poles = count * places
     i, j = np.meshgrid(np.arange(count - 1), np.arange(sides), indexing="ij")
     a, b, c, d = place(i, j), place(i, j + 1), place(i + 1, j + 1), place(i + 1, j)
     walls = np.concatenate([np.stack([a, b, c], axis=-1).reshape(-1, 3), np.stack([a, c, d], axis=-1).reshape(-1, 3)])
@@ -115,7 +125,8 @@ def _faces(count: int, sides: int, place, poles: int):
     bottom = np.stack([low, place(0, j + 1), place(0, j)], axis=-1)
     lid = np.stack([top, place(count - 1, j), place(count - 1, j + 1)], axis=-1)
     faces = np.concatenate([walls, bottom, lid]).astype(np.intp)
-    return faces, faces
+    faces.flags.writeable = False
+    return faces
 
 
 def limb(
