@@ -22,12 +22,18 @@ from benchmarks.restated import (
     redrawn_disagreement,
 )
 from trackers.feeding import track_frames
+from trackers.filters.gating import distances
 from trackers.laser_fisheye_imm.rules import PAPER, RULES, without
 from trackers.laser_fisheye_imm.tracker import LaserFisheyeImm
 from trackers.presets import PRESETS
 from trackers.tracks import TrackFrame
 from twin import Simulation
+from twin.evaluate.set_distance import ospa
 from twin.scenario import load_scenario
+from twin.truth.frames import TruthFrame
+
+Truth = Mapping[int, np.ndarray]
+"""Positions (n, 2) [m] of the people by stamp [ns]."""
 
 _SAMPLING = ("vision-learning", "particle", "rgbd")
 """In the names of trackers that draw at random."""
@@ -46,11 +52,14 @@ _SCENES = {"rgbd": ("meeting-three-people", 4.0), "floor": ("home-three-people",
 
 
 def measure() -> Iterator[Figure]:
-    """Each preset on its scene: the largest deviation [m] where it must repeat itself, else the share of unlike tracks."""
+    """Each preset on its scene: the largest deviation [m] where it must repeat itself, else the share of unlike tracks.
+
+    A tracker whose tracks differ from seed to seed has no tracks that fewer readings could repeat: its errors are compared.
+    """
     scenes = {key: _recorded(*each) for key, each in _SCENES.items()}
     for tracker in PRESETS:
-        scene = scenes[next(key for key in scenes if key in tracker)]
-        first = scene.frames(tracker)
+        scene, truth = scenes[next(key for key in scenes if key in tracker)]
+        first = _while_all_report(scene, scene.frames(tracker))
         spread = max(disagreement(first, Restated(scene), scene.frames(tracker, seed)) for seed in OTHER_SEEDS)
         for name, restate in EXACT.items():
             yield from _by_the_paper(tracker, name, scene, restate, spread)
@@ -63,6 +72,12 @@ def measure() -> Iterator[Figure]:
             restated = restate(scene)
             frames = restated.scene.frames(tracker)
             judged = [frame for frame in first if not frames or frame.stamp_ns >= frames[len(frames) // 4].stamp_ns]
+            if spread > 2 * UNLIKE:
+                stamps = {frame.stamp_ns for frame in judged}
+                least_m = max(_error_m(scene.frames(tracker, seed), stamps, truth) for seed in (0, *OTHER_SEEDS))
+                error_m = _error_m(frames, stamps, truth)
+                yield Figure(f"{tracker}: {name}, mean OSPA", error_m, "m", f"<= {least_m + UNLIKE:.3f}")
+                continue
             unlike = disagreement(judged, restated, frames)
             yield Figure(f"{tracker}: {name}", unlike, "of the tracks", f"<= {spread + 2 * UNLIKE:.3f}")
 
@@ -98,7 +113,24 @@ def _judged(tracker: str, name: str, first: list[TrackFrame], restated: Restated
     return Figure(f"{tracker}: {name}", deviation_m(first, restated, frames), "m", f"<= {ROUNDING_M:g}")
 
 
-def _recorded(scenario: str, duration_s: float) -> Scene:
-    with Simulation(load_scenario(scenario, [f"duration_s={duration_s}"])) as simulation:
+def _while_all_report(scene: Scene, frames: list[TrackFrame]) -> list[TrackFrame]:
+    """Return the frames up to the last stamp of the main sensor: one after it lacks the sensors that have ended."""
+    last_ns = max(each.stamp_ns for each in scene.observations if each.sensor == scene.rig.main_sensor)
+    return [frame for frame in frames if frame.stamp_ns <= last_ns]
+
+
+def _error_m(frames: list[TrackFrame], stamps: set[int], truth: Truth) -> float:
+    """Return the mean OSPA (p = 1, c = 1 m) over those stamps at which the truth is known."""
+    tracks = {frame.stamp_ns: np.array([(each.x, each.y) for each in frame.tracks]).reshape(-1, 2) for frame in frames}
+    nobody = np.empty((0, 2))
+    return float(
+        np.mean([ospa(distances(truth[ns], tracks.get(ns, nobody)), 1.0, 1.0) for ns in stamps & truth.keys()])
+    )
+
+
+def _recorded(scenario: str, duration_s: float) -> tuple[Scene, Truth]:
+    truth: list[TruthFrame] = []
+    with Simulation(load_scenario(scenario, [f"duration_s={duration_s}"]), on_truth=truth.append) as simulation:
         background = list(simulation.background())
-        return Scene(simulation.rig, background, list(simulation))
+        scene = Scene(simulation.rig, background, list(simulation))
+    return scene, {each.stamp_ns: np.array([(p.x, p.y) for p in each.people]).reshape(-1, 2) for each in truth}

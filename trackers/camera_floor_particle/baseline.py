@@ -40,7 +40,7 @@ class ClusterTrackManagementOptions(TrackManagementOptions):
 
     confirm_s: float = Field(default=0.28, ge=0, description=described(TrackManagementOptions, "confirm_s"))
     confirm_hits: PositiveInt = Field(default=2, description=described(TrackManagementOptions, "confirm_hits"))
-    start_apart_m: float = Field(default=0.0, ge=0, description=described(TrackManagementOptions, "start_apart_m"))
+    start_apart_m: float = Field(default=0.8, ge=0, description=described(TrackManagementOptions, "start_apart_m"))
     area_margin_m: float = Field(default=100.0, ge=0, description="how far outside the rig's area tracks are kept [m]")
 
 
@@ -62,7 +62,7 @@ class ClusterKalmanOptions(Strict):
     )
     acceleration_m_s2: float = Field(default=3.0, gt=0, description="standard deviation of the acceleration [m/s²]")
     measurement_m: float = Field(default=0.1, gt=0, description="standard deviation of a cluster's middle [m]")
-    radius_m: float = Field(default=0.8, gt=0, description="a cluster farther from every track initiates another [m]")
+    radius_m: float = Field(default=0.8, gt=0, description="a cluster farther from a track is not its own [m]")
     track_management: ClusterTrackManagementOptions = Field(
         default=ClusterTrackManagementOptions(),
         description="when tracks are initiated, confirmed, reported and deleted",
@@ -126,12 +126,9 @@ class ClusterKalman(SynchronizedTracker):
         roster = roster.select(kept)
         for column in left_over(len(places), columns):
             place = places[[column]]
-            if (
-                self.options.track_management.start_apart_m
-                and not manager.may_start(place, roster.state.kalman.positions).all()
-            ):
-                continue
-            roster = roster.joined(Roster.started(self._started(place, colours[[column]]), self._ns))
+            # the other foot of a tracked person is a cluster of its own; as a track it would be confirmed at high rates
+            if manager.may_start(place, roster.state.kalman.positions).all():
+                roster = roster.joined(Roster.started(self._started(place, colours[[column]]), self._ns))
         self._roster = roster
 
     def _paired(

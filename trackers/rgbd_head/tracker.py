@@ -144,13 +144,16 @@ class RgbdHead(SynchronizedTracker):
             self._initiate(later_s)
 
     def _taken(self, synced: SyncedFrame) -> dict[str, float]:
-        """Hand over pictures; returns, of those that show anything, how much later than the frame each was taken [s]."""
+        """Hand over pictures; returns, of those that show anything, how much later than the frame each was taken [s].
+
+        Oldest first: sums, and the turns in which cameras are learned from, do not depend on the order of the rig's sensors.
+        """
         images = {
             name: each
             for name, each in synced.observations.items()
             if isinstance(each, DepthImage) and name not in self._calibration.left_out
         }
-        shown = self._evaluators.take(images)
+        shown = sorted(self._evaluators.take(images), key=lambda name: images[name].stamp_ns)
         if not self.options.own_stamps:
             return dict.fromkeys(shown, 0.0)
         return {name: (images[name].stamp_ns - synced.ns) / NS_PER_S for name in shown}
