@@ -20,6 +20,8 @@ from twin.report.palette import RGB
 
 Polygon = NDArray[np.float64]  # (k, 2) corners on the floor [m], room frame
 
+MARGIN_M = 0.4
+"""Floor shown around the room [m]."""
 SHIFT = 4  # cv2 draws at 1/16 pixel
 _SHELL_M2 = 4.0
 _SAME_PLACE_PX = 12.0
@@ -41,7 +43,7 @@ class FloorView:
     height_px: int
 
     @classmethod
-    def fit(cls, extent: Polygon, width_px: int, height_px: int | None = None, margin_m: float = 0.4) -> FloorView:
+    def fit(cls, extent: Polygon, width_px: int, height_px: int | None = None, margin_m: float = MARGIN_M) -> FloorView:
         """Fit a view to the bounding box of `extent` (k, 2) [m], centred in a picture of this size.
 
         Without a height the picture is as high as the box asks for, between a third and four fifths of the width.

@@ -83,6 +83,11 @@ class CameraPanel:
         self._view = np.full((side_px, side_px, 3), BACKDROP, dtype=np.uint8)
         write(self._view, "no image yet", side_px / 2, side_px / 2, QUIET, 16, align="centre")
 
+    def crop(self, panel: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Return the part of a drawn panel (side, side, 3) that is picture."""
+        (x, y), (width, height) = self._offset.tolist(), self._size
+        return panel[y : y + height, x : x + width]
+
     def draw(
         self,
         panel: NDArray[np.uint8],

@@ -101,13 +101,19 @@ _NONE = "–"
 HEADLINE_METRICS = ("mota", "motp_m", "idf1", "hota", "misidentifications", "lost_tracks")
 
 
-def headline_metrics() -> list[Metric]:
-    """List the metrics to see first, in order."""
-    return [METRICS[key] for key in HEADLINE_METRICS]
+def headline_rows(trackers: Sequence[Mapping[str, Any]]) -> list[MetricRow]:
+    """Return the rows to see first, in order, a cell per tracker."""
+    return [
+        _row(metric, [metric_value(tracker, metric) for tracker in trackers])
+        for metric in (METRICS[key] for key in HEADLINE_METRICS)
+    ]
 
 
 def grouped_rows(trackers: Sequence[Mapping[str, Any]]) -> list[tuple[str, list[MetricRow]]]:
-    """Group the rows under their headings, a cell per tracker; a group in which nothing applies is left out."""
+    """Group the rows under their headings, a cell per tracker.
+
+    Rows in which nothing applies are left out, and causes of misses and false positives that occurred nowhere.
+    """
     gates = sorted({float(tracker["gate_m"]) for tracker in trackers if tracker.get("gate_m") is not None})
     main = "Gate " + " / ".join(f"{gate:g} m" for gate in gates)
     groups = []
@@ -120,9 +126,12 @@ def grouped_rows(trackers: Sequence[Mapping[str, Any]]) -> list[tuple[str, list[
         "Cost": _COST,
     }
     for heading, metrics in headed.items():
-        values = [[metric_value(tracker, metric) for tracker in trackers] for metric in metrics]
-        if any(value is not None for row in values for value in row):
-            groups.append((heading, [_row(metric, row) for metric, row in zip(metrics, values, strict=True)]))
+        values = {metric: [metric_value(tracker, metric) for tracker in trackers] for metric in metrics}
+        if metrics is _CAUSES:
+            values = {metric: row for metric, row in values.items() if any(row)}
+        rows = [_row(metric, row) for metric, row in values.items() if any(value is not None for value in row)]
+        if rows:
+            groups.append((heading, rows))
     return groups
 
 

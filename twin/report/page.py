@@ -23,29 +23,15 @@ from twin.recording.atomic_file import open_atomic
 from twin.recording.tables import TrackTable, TruthTable
 from twin.report.birdseye import Polygon
 from twin.report.calibration_chart import calibration_chart
-from twin.report.metrics_table import (
-    METRICS,
-    format_judged,
-    format_value,
-    grouped_rows,
-    headline_metrics,
-    metric_value,
-)
+from twin.report.metrics_table import METRICS, format_judged, grouped_rows, headline_rows
 from twin.report.palette import IDENTITY_COLOURS, IdentityColours, hex_colour
 from twin.report.path_map import ScanDensity, path_map
+from twin.report.sensor_stills import RunPictures
 from twin.report.time_axis import TimeAxis, time_origin_ns
 from twin.report.timeline import describe_event, distance_chart, glyph, identity_timeline, track_timeline
 
 _MOST_EVENTS = 500
 EVENT_NAMES = {"switch": "identity switch", "misidentification": "misidentified", "lost": "lost"}
-
-
-@dataclass(frozen=True)
-class Still:
-    """A picture for the report: a JPEG, and what it shows."""
-
-    jpeg: bytes
-    caption: str
 
 
 @dataclass(frozen=True)
@@ -131,14 +117,16 @@ def write_report(
     outline: Sequence[Polygon] = (),
     scans: ScanDensity | None = None,
     person_names: Mapping[int, str] | None = None,
-    stills: Sequence[Still] = (),
+    pictures: RunPictures | None = None,
     silent: Collection[str] = (),
+    links: Mapping[str, str] | None = None,
 ) -> None:
     """Write the report to `path`; it takes its name when it is whole.
 
     `true_rig`: where the sensors truly are, for those that `rig` has elsewhere; `outline`: polygons (k, 2) [m] of walls and
     furniture; `scans`: what the scanners hit, drawn under the paths (for a recording without a plan of the room);
-    `person_names`: what to call the people of the truth; `silent`: the sensors that reported nothing at all.
+    `person_names`: what to call the people of the truth; `silent`: the sensors that reported nothing at all;
+    `pictures`: stills of the sensors; `links`: files beside the page by kind, of which 'preview' is the film shown.
 
     Raises InputError where the file cannot be written, ValueError for an evaluation without truth.
     """
@@ -163,11 +151,20 @@ def write_report(
         distances=DISTANCES,
         sensors_seen=[] if truth is None else list(truth.visible),
         glyphs=[(Markup(glyph(kind)), name) for kind, name in EVENT_NAMES.items()],
-        stills=[(f"data:image/jpeg;base64,{base64.b64encode(s.jpeg).decode()}", s.caption) for s in stills],
+        headline=headline_rows(metrics),
+        stills=[] if pictures is None else [(_data_url(each.jpeg), each) for each in pictures.stills],
+        stills_at="" if pictures is None else axis.format(pictures.stamp_ns),
+        poster=_data_url(pictures.poster) if pictures is not None and pictures.poster else "",
+        links=dict(links or {}),
+        shown=f"{axis.format(axis.start_ns).removesuffix(' s')} to {axis.format(axis.end_ns)}",
         slots=[hex_colour(colour) for colour in IDENTITY_COLOURS],
     )
     with open_atomic(path) as stream:
         stream.write(page)
+
+
+def _data_url(jpeg: bytes) -> str:
+    return f"data:image/jpeg;base64,{base64.b64encode(jpeg).decode()}"
 
 
 def _axis(truth: TruthTable | None, tables: Sequence[TrackTable]) -> TimeAxis:
@@ -213,9 +210,7 @@ def _section(
         "calibration": "",
     }
     if truth is not None and evaluation is not None:
-        section["tiles"] = [
-            (metric, format_value(metric, metric_value(metrics, metric))) for metric in headline_metrics()
-        ]
+        section["tiles"] = [(row.metric, row.cells[0]) for row in headline_rows([metrics])]
         section["judged"] = format_judged(metrics)
         section["gate"] = f"{evaluation.metrics['gate_m']:g} m"
         section["distances"] = Markup(distance_chart(axis, truth, tracks, evaluation, colours, names))

@@ -20,6 +20,7 @@ from trackers.tracks import TrackFrame
 from twin.recording.losses import Loss, ObservationLog, dropped_by
 from twin.report.birdseye import Polygon
 from twin.report.floor_panel import TruePoses
+from twin.report.sensor_stills import RunPictures, SensorStills
 from twin.report.silent_sensors import SilenceMonitor
 from twin.run.inputs import ChosenTracker
 from twin.run.tracker_runner import TrackerRunner, check_some_left, tracker_runners
@@ -29,34 +30,45 @@ if TYPE_CHECKING:
     from twin.report.preview import PreviewWriter
 
 _HELD_OBSERVATIONS = 32
+_HELD_FOR_STILLS = 4
 _HELD_TRUTHS = 256
 _NEAR_NS = 50_000_000
 """A truth this near a stamp [ns] shows where people are."""
-_STILL_EVERY_S = 5.0
-_MOST_STILLS = 6
 
 
 class Preview:
-    """Holds the last observations until a tracker has worked them, and draws each of its frames."""
+    """Holds the last observations until a tracker has worked them; films each of its frames, keeps one for the stills.
 
-    def __init__(self, writer: PreviewWriter, rig: Rig) -> None:
+    `writer`: of the film, None for none; `stills`: None for none.
+    """
+
+    def __init__(self, writer: PreviewWriter | None, rig: Rig, stills: SensorStills | None = None) -> None:
         self._writer = writer
+        self._stills = stills
         self._main = rig.main_sensor
         self._observations: dict[str, deque[Observation]] = {}
         self._silence_monitor = SilenceMonitor(rig.sensors)
         self._truths: dict[int, TruthFrame] = {}
         self._waiting: deque[TrackFrame] = deque()
-        self._next_still_s = 1.0
         self._last_ns = -1
-        self.stills: list[tuple[float, bytes]] = []
-        """A few pictures for the report, each with its time [s]."""
+        self._poster = b""
+
+    @property
+    def is_filmed(self) -> bool:
+        """True where a video is made."""
+        return self._writer is not None
+
+    def pictures(self) -> RunPictures | None:
+        """Draw the stills of the report; None where none are kept."""
+        return None if self._stills is None else self._stills.draw(self._poster)
 
     def observe(self, observation: Observation) -> None:
         """Keep an observation for the frames to come; those with an earlier stamp are drawn first."""
         while self._waiting and self._waiting[0].stamp_ns < observation.stamp_ns:
             self._draw(self._waiting.popleft())
         self._silence_monitor.add(observation)
-        held = self._observations.setdefault(observation.sensor, deque(maxlen=_HELD_OBSERVATIONS))
+        longest = _HELD_OBSERVATIONS if self._writer is not None else _HELD_FOR_STILLS
+        held = self._observations.setdefault(observation.sensor, deque(maxlen=longest))
         held.append(observation)
 
     def add_truth(self, truth: TruthFrame) -> None:
@@ -90,11 +102,11 @@ class Preview:
         scans = {name: each for name, each in newest.items() if isinstance(each, LaserScan)}
         floors = {name: each for name, each in newest.items() if isinstance(each, FloorFrame)}
         truth = true_poses(self._truth_at(frame.stamp_ns))
-        self._writer.frame(frame.stamp_ns, images, scans, frame.tracks, truth, floors, silent, frame.maps)
-        t = frame.stamp_ns / 1e9
-        if t >= self._next_still_s and len(self.stills) < _MOST_STILLS:
-            self.stills.append((t, self._writer.still()))
-            self._next_still_s = t + _STILL_EVERY_S
+        if self._writer is not None:
+            self._writer.frame(frame.stamp_ns, images, scans, frame.tracks, truth, floors, silent, frame.maps)
+        kept = self._stills is not None and self._stills.keep_best(frame, images | scans | floors, truth)
+        if kept and self._writer is not None:
+            self._poster = self._writer.still()
 
     def _truth_at(self, stamp_ns: int) -> TruthFrame | None:
         """Return the truth of a stamp; the nearest one for a stamp by a wrong clock; None where none is near."""
@@ -121,27 +133,6 @@ def true_poses(truth: TruthFrame | None) -> TruePoses | None:
     )
 
 
-@contextmanager
-def open_preview(
-    path: Path,
-    rig: Rig,
-    *,
-    fps: float,
-    tracker: str,
-    title: str,
-    outline: Sequence[Polygon] = (),
-    person_names: Mapping[int, str] | None = None,
-    true_rig: Rig | None = None,
-) -> Iterator[Preview]:
-    """Open a preview video that appears under its name when the block ends well; see `PreviewWriter`."""
-    from twin.report.preview import PreviewWriter  # the encoder of videos is loaded where one is made
-
-    with PreviewWriter(
-        path, rig, fps=fps, tracker=tracker, title=title, outline=outline, person_names=person_names, true_rig=true_rig
-    ) as writer:
-        yield Preview(writer, rig)
-
-
 _SLOWEST_HZ, _FASTEST_HZ = 1.0, 60.0
 """Limits of a video's declared rate; each image is shown at its own stamp all the same."""
 
@@ -155,6 +146,11 @@ class Feed:
         self.on_frame: Callable[[str, TrackFrame], object] | None = None
         """Called with each tracker's name and frame, if set."""
         self.log = ObservationLog()
+
+    @property
+    def is_filmed(self) -> bool:
+        """True where a preview video is made."""
+        return self.preview is not None and self.preview.is_filmed
 
     def observe(self, observation: Observation) -> None:
         """Feed one observation; raises PlugInError when the last remaining tracker has failed."""
@@ -204,8 +200,11 @@ def open_feed(
     person_names: Mapping[int, str] | None = None,
     true_rig: Rig | None = None,
     jumps_ns: Sequence[int] = (),
+    stills: bool = False,
 ) -> Iterator[Feed]:
     """Open trackers that write `folder/tracks/<name>.csv`, and a preview at `video_hz` images per second (None: none).
+
+    `stills`: whether to keep what the stills of a report need.
 
     `true_rig`: the sensors' true poses, drawn where `rig`, which trackers get, differs. `jumps_ns`: stamps at which trackers
     restart.
@@ -215,18 +214,14 @@ def open_feed(
     """
     with ExitStack() as stack:
         runners = stack.enter_context(tracker_runners(chosen, rig, prior, seed, folder / "tracks", jumps_ns))
-        preview = None
+        writer = None
+        place = {"outline": outline, "person_names": person_names, "true_rig": true_rig}
         if video_hz is not None:
-            preview = stack.enter_context(
-                open_preview(
-                    folder / "preview.mp4",
-                    rig,
-                    fps=min(max(video_hz, _SLOWEST_HZ), _FASTEST_HZ),
-                    tracker=chosen[0].name if chosen else "",
-                    title=title,
-                    outline=outline,
-                    person_names=person_names,
-                    true_rig=true_rig,
-                )
-            )
-        yield Feed(runners, preview)
+            from twin.report.preview import PreviewWriter  # the encoder of videos is loaded where one is made
+
+            fps = min(max(video_hz, _SLOWEST_HZ), _FASTEST_HZ)
+            tracker = chosen[0].name if chosen else ""
+            film = PreviewWriter(folder / "preview.mp4", rig, fps=fps, tracker=tracker, title=title, **place)
+            writer = stack.enter_context(film)
+        kept = SensorStills(rig, **place) if stills else None
+        yield Feed(runners, Preview(writer, rig, kept) if writer is not None or kept is not None else None)

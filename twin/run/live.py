@@ -187,7 +187,7 @@ class _LiveRun:
         write_names(files["truth_people"], self._place.person_names or {})
         with open_atomic(files["scenario"]) as stream:
             stream.write(self._resolved)
-        if self._feed.preview is not None:
+        if self._feed.is_filmed:
             files["preview"] = folder / "preview.mp4"
         result = self._evaluated(files) if self._chosen else RunResult(None, {})
         files |= result.files
@@ -252,6 +252,7 @@ class _LiveRun:
                 outline=self._place.outline,
                 person_names=self._place.person_names,
                 true_rig=self._place.true_rig,
+                stills=bool(self._chosen),
             )
         )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
@@ -20,7 +21,7 @@ from twin.recording.losses import Loss, documents
 from twin.recording.situation_table import SituationTable
 from twin.recording.tables import TruthTable, read_tracks
 from twin.report.birdseye import Polygon
-from twin.report.page import RunFacts, Still, TrackerResult, write_report
+from twin.report.page import RunFacts, TrackerResult, write_report
 from twin.report.path_map import ScanDensity
 from twin.run.feed import Feed
 from twin.run.tracker_runner import TrackerRunner, file_name
@@ -28,6 +29,8 @@ from twin.scenario import Scenario
 from twin.sensors.fault_kinds import Fault
 from twin.sensors.gl_context import GlInfo
 
+_RECORDED = {"recording": ".mcap", "truth": ".csv", "scenario": ".yaml"}
+"""Files that a run leaves before its results."""
 _SIMPLIFICATIONS = (
     "People are kinematic: the standing foot is planted and the body follows it, but no forces act on it.",
     "Laser beams are rays: a mixed pixel at an edge is drawn at random, and every surface reflects alike.",
@@ -59,13 +62,14 @@ class RunResult:
 
 @dataclass(frozen=True, eq=False)
 class Site:
-    """Context of a run for the report: the rig, the room's outline, names of the people, scans of a robot's bag."""
+    """Context of a run for the report: the rig, the room's outline, names of the people, scans of a robot's bag, the bag."""
 
     rig: Rig
     outline: Sequence[Polygon] = ()
     person_names: Mapping[int, str] | None = None
     scans: ScanDensity | None = None
     true_rig: Rig | None = None  # where the sensors truly are; `rig` is what trackers get
+    recording: Path | None = None  # None: the run's own
 
 
 def evaluate_trackers(
@@ -106,7 +110,7 @@ def write_results(
     losses: those of the recording and of the trackers; the metrics hold them all, the notes in `facts` those reported.
     """
     files = {f"tracks {each.name}": folder / "tracks" / f"{file_name(each.name)}.csv" for each in results}
-    if feed.preview is not None:
+    if feed.is_filmed:
         files["preview"] = folder / "preview.mp4"
     metrics = None
     if truth is not None:
@@ -118,7 +122,6 @@ def write_results(
     notes = evaluation_notes(results)
     if report:
         files["report"] = folder / "report.html"
-        stills = feed.preview.stills if feed.preview is not None else []
         write_report(
             files["report"],
             replace(facts, notes=(*(f"{note}." for note in notes), *facts.notes)),
@@ -130,7 +133,8 @@ def write_results(
             scans=place.scans,
             person_names=place.person_names,
             silent=[name for name in place.rig.sensors if name not in feed.log.counts],
-            stills=[Still(jpeg, f"{feed.runners[0].name} at {t:.1f} s") for t, jpeg in stills],
+            links=_links(folder, files, place.recording),
+            pictures=feed.preview.pictures() if feed.preview is not None else None,
         )
     return RunResult(
         metrics,
@@ -139,6 +143,14 @@ def write_results(
         failures=tuple(each.failure for each in feed.runners if each.failure),
         evaluations={each.name: each.evaluation for each in results if each.evaluation is not None},
     )
+
+
+def _links(folder: Path, files: Mapping[str, Path], recording: Path | None) -> dict[str, str]:
+    """Return the files of a run by kind, relative to its folder, with those that it left before its results."""
+    beside = {each: folder / f"{each}{suffix}" for each, suffix in _RECORDED.items()}
+    before = {name: path for name, path in beside.items() if path.is_file()}
+    found = {**before, **({"recording": recording} if recording is not None else {}), **files}
+    return {kind: Path(os.path.relpath(path, folder)).as_posix() for kind, path in found.items() if kind != "report"}
 
 
 def prior_notes(files: PriorFiles) -> list[str]:

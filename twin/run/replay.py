@@ -157,7 +157,7 @@ class _Replay:
         names = {number: name for number, name in enumerate(scenario.people, start=1)} if scenario else None
         outline = outline_of(scenario) if request.report or request.video else []
         scans = None if outline or not request.report else ScanDensity(bag.rig)
-        self._place = Site(bag.rig, outline, names, scans)
+        self._place = Site(bag.rig, outline, names, scans, recording=bag.path)
         self._frames: list[tuple[str, TrackFrame]] = []
 
     def opened_feed(self) -> AbstractContextManager[Feed]:
@@ -174,6 +174,7 @@ class _Replay:
             outline=self._place.outline,
             person_names=self._place.person_names,
             jumps_ns=bag.jumps_ns,
+            stills=request.report,
         )
 
     def track(self, fed: Feed) -> None:

@@ -87,10 +87,6 @@ class _FilmstripWriter(PreviewWriter):
         super().__init__(*arguments, **options)
         self.stills: list[bytes] = []
 
-    def still(self, quality: int = 88) -> bytes:
-        """Encode the last picture; empty before the first, which a preview of the whole run does not ask for."""
-        return super().still(quality) if self.n_frames else b""
-
     def frame(self, stamp_ns: int, *arguments: Any, **options: Any) -> None:
         """Draw a frame, if it is near enough to be seen or to leave a tail that is."""
         t = stamp_ns / NS_PER_S

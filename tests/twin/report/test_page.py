@@ -8,18 +8,22 @@ from html import unescape
 from html.parser import HTMLParser
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from synthetic_run import SyntheticRun, stage
 
 from trackers.errors import InputError
+from trackers.observations import NS_PER_S
 from trackers.rig import LaserSensor, Rig
 from trackers.tracks import Track, TrackFrame
 from twin.evaluate.summary import evaluate_with_details
 from twin.recording.tables import track_table
 from twin.report import page
-from twin.report.page import RunFacts, Still, TrackerResult, write_report
+from twin.report.metrics_table import METRICS
+from twin.report.page import RunFacts, TrackerResult, write_report
 from twin.report.path_map import ScanDensity
+from twin.report.sensor_stills import RunPictures, SensorStills, Still
 from twin.report.timeline import false_positive_tracks
 
 NAMES = {1: "white", 2: "black", 3: "pink", 4: "blue", 5: "purple"}
@@ -83,7 +87,7 @@ def test_page_fetches_nothing(tmp_path: Path, synthetic: SyntheticRun) -> None:
         synthetic.rig,
         truth=synthetic.truth,
         scans=density,
-        stills=[Still(JPEG, "At 2 s")],
+        pictures=RunPictures(2 * NS_PER_S, [Still(JPEG, "waist, laser")], JPEG),
     )
     checker = checked(path)
     text = path.read_text(encoding="utf-8")
@@ -203,7 +207,7 @@ def test_names_are_text_not_markup(tmp_path: Path, synthetic: SyntheticRun) -> N
         synthetic.rig,
         truth=synthetic.truth,
         person_names={1: nasty},
-        stills=[Still(JPEG, nasty)],
+        pictures=RunPictures(0, [Still(JPEG, nasty)]),
     )
     checked(tmp_path / "report.html")
     assert "<b " not in (tmp_path / "report.html").read_text(encoding="utf-8")
@@ -259,3 +263,45 @@ def test_one_row_per_track_even_for_one_frame(tmp_path: Path) -> None:
         tmp_path / "r.html", facts(), [TrackerResult("x", table)], Rig(sensors={"scan": LaserSensor(topic="/scan")})
     )
     assert "#7" in checked(tmp_path / "r.html").texts
+
+
+def test_the_picture_comes_first_then_six_metrics_then_charts(tmp_path: Path, synthetic: SyntheticRun) -> None:
+    """The long table is folded, and causes of misses that occurred nowhere have no row in it."""
+    mine = result(synthetic)
+    write_report(
+        tmp_path / "report.html",
+        facts(),
+        [mine, result(synthetic, "sort")],
+        synthetic.rig,
+        truth=synthetic.truth,
+        pictures=RunPictures(2 * NS_PER_S, [Still(JPEG, "waist, laser")], JPEG),
+        links={"preview": "preview.mp4", "recording": "recording.mcap"},
+    )
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    places = [
+        text.index(part)
+        for part in ("<video", "waist, laser", 'href="recording.mcap"', "metrics headline", "<details", "Paths over")
+    ]
+    assert places == sorted(places)
+    assert "0.0 to 5.9 s" in text[: text.index("<video")]
+    table = text[text.index("<details") : text.index("</details>")]
+    assert mine.evaluation is not None
+    for cause, count in mine.evaluation.metrics["errors"]["missed"].items():
+        name = METRICS[f"errors.missed.{cause}"].name
+        assert (f">{name} <" in table) == (count > 0)
+
+
+def test_stills_show_every_sensor_in_the_frame_with_the_most_tracks(synthetic: SyntheticRun) -> None:
+    stills = SensorStills(synthetic.rig, synthetic.outline)
+    assert stills.draw() is None
+    counts = [len(frame.tracks) for frame in synthetic.track_frames]
+    for index, frame in enumerate(synthetic.track_frames):
+        stills.keep_best(frame, synthetic.scans(index), None)
+    pictures = stills.draw()
+    assert pictures is not None
+    assert pictures.stamp_ns == synthetic.track_frames[counts.index(max(counts))].stamp_ns
+    assert [still.caption for still in pictures.stills] == [f"{name}, laser" for name in synthetic.rig.lasers()]
+    for still in pictures.stills:
+        picture = cv2.imdecode(np.frombuffer(still.jpeg, np.uint8), cv2.IMREAD_COLOR)
+        assert picture is not None
+        assert picture.shape[1] / picture.shape[0] == pytest.approx(still.aspect)

@@ -72,9 +72,6 @@ class Watched:
     def frame(self, stamp_ns, images, scans, tracks, truth, floors, silent, maps) -> None:
         self.drawn[stamp_ns / NS_PER_S] = (sorted(scans), sorted(silent))
 
-    def still(self) -> bytes:
-        return b""
-
 
 def test_a_preview_does_not_draw_the_last_scan_of_a_silent_scanner_on_and_on() -> None:
     writer = Watched()

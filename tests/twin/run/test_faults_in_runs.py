@@ -296,9 +296,6 @@ class Watched:
         truth = next((each for each in drawn if isinstance(each, TruePoses)), None)
         self.people[stamp_ns] = None if truth is None else len(truth.ids)
 
-    def still(self) -> bytes:
-        return b""
-
 
 def test_people_are_drawn_near_stamps_of_a_clock_that_is_off() -> None:
     writer = Watched()

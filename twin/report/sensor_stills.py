@@ -1,0 +1,117 @@
+"""Stills of a run: one picture per sensor of the frame with the most tracks, for the report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.observations import DepthImage, FloorFrame, Image, LaserScan, Observation
+from trackers.rig import Rig
+from trackers.tracks import TrackFrame
+from twin.report.birdseye import MARGIN_M, Polygon, floor_extent
+from twin.report.camera_panel import CameraPanel
+from twin.report.floor_panel import FloorPanel, TruePoses
+from twin.report.palette import LAYER_COLOURS, IdentityColours
+
+_HIGH_PX = 360
+_WIDEST, _NARROWEST = 1.8, 0.7
+"""Limits of a plan's width over its height."""
+_QUALITY = 85
+
+
+@dataclass(frozen=True)
+class Still:
+    """A picture for the report: a JPEG, its subject, and its width over its height."""
+
+    jpeg: bytes
+    caption: str
+    aspect: float = 1.0
+
+
+@dataclass(frozen=True)
+class RunPictures:
+    """Pictures of a frame: its stamp [ns], a still per sensor, and a JPEG to show before the film (empty without one)."""
+
+    stamp_ns: int
+    stills: Sequence[Still]
+    poster: bytes = b""
+
+
+class SensorStills:
+    """Keeps the frame with the most sensors and tracks, the earliest of equals, and draws a picture per sensor of it.
+
+    `outline`, `person_names`, `true_rig` as in `PreviewWriter`.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        outline: Sequence[Polygon] = (),
+        person_names: Mapping[int, str] | None = None,
+        true_rig: Rig | None = None,
+    ) -> None:
+        self._rig, self._outline, self._true_rig = rig, outline, true_rig
+        self._names = dict(person_names or {})
+        self._colours = IdentityColours()
+        self._rank = (0, -1)
+        self._frame = TrackFrame(0, ())
+        self._newest: dict[str, Observation] = {}
+        self._truth: TruePoses | None = None
+
+    def keep_best(self, frame: TrackFrame, newest: Mapping[str, Observation], truth: TruePoses | None) -> bool:
+        """Keep a frame, the newest observation of each sensor and the truth where it ranks above the one kept."""
+        self._colours.add(sorted(track.id for track in frame.tracks))  # in the order of the film and the charts
+        rank = (len(newest), len(frame.tracks))
+        if rank <= self._rank:
+            return False
+        self._rank, self._frame, self._newest, self._truth = rank, frame, dict(newest), truth
+        return True
+
+    def draw(self, poster: bytes = b"") -> RunPictures | None:
+        """Draw the kept frame (None before any): cameras with tracks, scanners and floors on the plan, tracks and truth."""
+        if not self._newest:
+            return None
+        stills = []
+        for name in self._rig.sensors:
+            seen, kind = self._newest.get(name), self._rig.sensors[name].kind
+            caption = name if kind == name else f"{name}, {kind}"
+            if isinstance(seen, Image | DepthImage):
+                stills.append(_still(self._camera(name, seen), caption))
+            elif isinstance(seen, LaserScan | FloorFrame):
+                stills.append(_still(self._plan(name, seen), caption))
+        return RunPictures(self._frame.stamp_ns, stills, poster)
+
+    def _camera(self, name: str, image: Image | DepthImage) -> NDArray[np.uint8]:
+        sensor = self._rig.cameras()[name]
+        size = sensor.intrinsics.width, sensor.intrinsics.height
+        side = round(_HIGH_PX * max(size) / size[1])
+        panel = np.zeros((side, side, 3), dtype=np.uint8)
+        camera = CameraPanel(sensor, side, name, labelled=False)
+        camera.draw(panel, image, self._frame.tracks, self._colours)
+        return camera.crop(panel)
+
+    def _plan(self, name: str, seen: LaserScan | FloorFrame) -> NDArray[np.uint8]:
+        lasers = list(self._rig.lasers())
+        layers = {each: LAYER_COLOURS[place % len(LAYER_COLOURS)] for place, each in enumerate(lasers)}
+        scans = {name: seen} if isinstance(seen, LaserScan) else {}
+        floors = {name: seen} if isinstance(seen, FloorFrame) else {}
+        extent = floor_extent(self._true_rig or self._rig, self._outline)
+        across = np.ptp(extent, axis=0) + 2 * MARGIN_M if self._outline else np.ones(2)
+        wide = round(_HIGH_PX * float(np.clip(across[0] / across[1], _NARROWEST, _WIDEST)))
+        panel = np.zeros((_HIGH_PX, wide, 3), dtype=np.uint8)
+        tracks = self._frame.tracks
+        tails = {track.id: [(self._frame.stamp_ns, track.x, track.y)] for track in tracks}
+        drawn = FloorPanel(self._rig, self._outline, wide, _HIGH_PX, self._true_rig, about=[name])
+        drawn.draw(panel, scans, layers, tracks, tails, self._colours, self._truth, self._names, floors)
+        return panel
+
+
+def _still(rgb: NDArray[np.uint8], caption: str) -> Still:
+    done, jpeg = cv2.imencode(".jpg", rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
+    if not done:
+        raise RuntimeError("OpenCV could not encode a JPEG")
+    return Still(jpeg.tobytes(), caption, rgb.shape[1] / rgb.shape[0])
