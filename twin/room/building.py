@@ -24,6 +24,9 @@ _ROUGH_M = 0.03
 _DRAWN_M = 0.1
 """A wall that a ray meets within this of its outline is that wall, and where the ray meets it is exact [m]."""
 
+_UPRIGHT = 0.99
+"""Least horizontal part of the normal of an upright wall."""
+
 
 @dataclass(frozen=True, eq=False)
 class Building:
@@ -102,6 +105,19 @@ class Building:
             walked[walked] = (gap_m > OBSTACLE_REACH_M).all(axis=1)
         return walked
 
+    def open_edges(self) -> list[Array]:
+        """Return the pieces (k, 2) [m] of the outline at which no wall stands: the edge of a yard's floor, a doorway."""
+        walls, _ = standing_footprints(self.model, self.data)
+        near = 2 * self.plan.cells(_DRAWN_M) + 1
+        wall = cv2.dilate(self.plan.drawn(walls).astype(np.uint8), np.ones((near, near), np.uint8))
+        ends = np.roll(self.outline, -1, axis=0)
+        steps = np.maximum(np.ceil(np.hypot(*(ends - self.outline).T) / _ROUGH_M).astype(int), 1)
+        line = np.concatenate([np.linspace(a, b, n + 1) for a, b, n in zip(self.outline, ends, steps, strict=True)])
+        cells = np.rint(self.plan.cells_of(line)).astype(int)
+        is_open = wall[np.clip(cells[:, 1], 0, len(wall) - 1), np.clip(cells[:, 0], 0, wall.shape[1] - 1)] == 0
+        pieces = np.split(np.arange(len(line)), np.flatnonzero(np.diff(is_open)) + 1)
+        return [line[piece] for piece in pieces if is_open[piece[0]] and len(piece) > 1]
+
     def along_walls(self, every_m: float, off_m: float, heights_m: Sequence[float]) -> tuple[Array, Array]:
         """Return places (n, 3) [m] this far off the walls, at most so far from each other, and where the walls there
         face (n,) [rad]."""
@@ -123,11 +139,11 @@ class Building:
         free = self.is_indoors(found)
         return found[free], np.concatenate(facing)[free]
 
-    def _free_m(self, place_m: Array, direction: Array) -> float:
+    def _free_m(self, place_m: Array, direction: Array, normal: Array | None = None) -> float:
         """Measure the distance from a place (3,) [m] to the first thing of the room in a direction; inf where there is
-        none."""
+        none. `normal` (3,) takes that of the surface met."""
         geom = np.zeros(1, dtype=np.int32)
-        found = mujoco.mj_ray(self.model, self.data, place_m, direction, RAY_GROUPS, 1, -1, geom, None)
+        found = mujoco.mj_ray(self.model, self.data, place_m, direction, RAY_GROUPS, 1, -1, geom, normal)
         return found if found >= 0 else np.inf
 
     def ceiling_m(self, places_m: Array) -> Array:
@@ -138,25 +154,30 @@ class Building:
     def way_along_walls_m(self, start_m: Array, places_m: Array) -> Array:
         """Return length (n,) [m] of a cable from a point (3,) to places (n, 3): to the wall, along it, up or down, and
         off it."""
-        ends = np.roll(self.outline, -1, axis=0)
-        way = ends - self.outline
-        length = np.hypot(way[:, 0], way[:, 1])
-        before = np.concatenate([[0.0], np.cumsum(length)])
+        rise_m = np.abs(places_m[:, 2] - start_m[2])
+        return np.array([_length_m(self.route_along_walls(start_m, each)) for each in places_m]) + rise_m
 
-        def on_the_wall(point: Array) -> tuple[float, float]:
-            along = np.clip(((point[:2] - self.outline) * way).sum(axis=1) / length**2, 0, 1)
-            gap = np.hypot(*(self.outline + along[:, None] * way - point[:2]).T)
-            edge = int(gap.argmin())
-            return before[edge] + along[edge] * length[edge], float(gap[edge])
+    def route_along_walls(self, start_m: Array, place_m: Array) -> Array:
+        """Return the corners (k, 2) [m] of a cable's way on the plan, from a point to a place (each 2 or 3): to the
+        nearest wall, the shorter way along the walls, and off it."""
+        (first, foot), (last, end) = self._foot_on_wall(start_m), self._foot_on_wall(place_m)
+        n = len(self.outline)
+        forth = [(first + 1 + i) % n for i in range((last - first) % n)]
+        back = [(first - i) % n for i in range((first - last) % n)]
+        ways = [np.vstack([foot, self.outline[corners], end]) for corners in (forth, back)]
+        return np.vstack([start_m[:2], min(ways, key=_length_m), place_m[:2]])
 
-        s0, gap0 = on_the_wall(start_m)
-        found = np.array([on_the_wall(each) for each in places_m]).reshape(-1, 2)
-        round_m = np.abs(found[:, 0] - s0)
-        return gap0 + found[:, 1] + np.minimum(round_m, before[-1] - round_m) + np.abs(places_m[:, 2] - start_m[2])
+    def _foot_on_wall(self, place_m: Array) -> tuple[int, Array]:
+        """Return the edge of the outline nearest to a place, and the nearest point (2,) on it [m]."""
+        way = np.roll(self.outline, -1, axis=0) - self.outline
+        along = np.clip(((place_m[:2] - self.outline) * way).sum(axis=1) / (way**2).sum(axis=1), 0, 1)
+        feet = self.outline + along[:, None] * way
+        edge = int(np.hypot(*(feet - place_m[:2]).T).argmin())
+        return edge, feet[edge]
 
     def walls_nearest(self, place_m: Array) -> list[tuple[float, Array, Array]]:
-        """Return the two nearest walls that lie across each other: distance [m], foot (2,) on the wall, the wall's
-        direction (2,)."""
+        """Return the two nearest walls that lie across each other: distance [m], foot (2,) on the outline, the wall's
+        direction (2,), with the room on its left."""
         ends = np.roll(self.outline, -1, axis=0)
         way = ends - self.outline
         length = np.hypot(way[:, 0], way[:, 1])
@@ -168,12 +189,25 @@ class Building:
         found: list[tuple[float, Array, Array]] = []
         for edge in sorted(np.flatnonzero(adjacent), key=lambda each: gap[each]):
             if all(abs(unit[edge] @ other) < 0.5 for _, _, other in found):
-                outwards = np.array([unit[edge][1], -unit[edge][0], 0.0])
-                exact_m = self._free_m(place_m, outwards)
-                found.append(
-                    (exact_m if abs(exact_m - gap[edge]) < _DRAWN_M else float(gap[edge]), foot[edge], unit[edge])
-                )
+                wall_m, wall = self._wall_behind(place_m, unit[edge])
+                is_this = abs(wall_m - gap[edge]) < _DRAWN_M
+                found.append((wall_m, foot[edge], wall) if is_this else (float(gap[edge]), foot[edge], unit[edge]))
         return found[:2]
+
+    def _wall_behind(self, place_m: Array, along: Array) -> tuple[float, Array]:
+        """Measure the distance [m] to the surface behind an edge of the outline, square to it, and its direction (2,)."""
+        normal = np.zeros(3)
+        wall_m = self._free_m(place_m, np.array([along[1], -along[0], 0.0]), normal)
+        level = np.hypot(*normal[:2])
+        if not np.isfinite(wall_m) or level < _UPRIGHT:
+            return wall_m, along
+        inwards = normal / level * [1, 1, 0]
+        return self._free_m(place_m, -inwards), np.array([inwards[1], -inwards[0]])
+
+
+def _length_m(way: Array) -> float:
+    """Measure the length of a way through corners (k, 2) [m]."""
+    return float(np.hypot(*np.diff(way, axis=0).T).sum())
 
 
 def check_mount(model: mujoco.MjModel, data: mujoco.MjData, field: str, xyz: NDArray[np.float64]) -> None:

@@ -100,11 +100,13 @@ def write_coverage(scenario: Scenario, folder: Path, *, beams: int, px_per_m: fl
         json.dump(found, stream, indent=2)
         stream.write("\n")
     template: Template = environment().get_template("coverage.html.j2")
-    plan = plan_data(scenario, names, building, area, asked, cell_m, extends=_SCENARIO)
+    plan = plan_data(scenario, names, building, area, asked, cell_m, extends=_SCENARIO, folder=folder)
     with open_atomic(folder / _SCENARIO) as stream:
         stream.write(dump_scenario(scenario))
     with open_atomic(folder / "coverage.html") as stream:
-        stream.write(template.render(found=found, maps=maps, sensors=sensors, **section(plan)))
+        stream.write(
+            template.render(found=found, maps=maps, sensors=sensors, samples=samples, folder=folder, **section(plan))
+        )
     return found
 
 

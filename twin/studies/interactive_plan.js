@@ -173,7 +173,7 @@ const RoomPlan = (() => {
   function yamlOf(plan, sensors, original) {
     const numbers = (values) => `[${values.map((value) => +value.toFixed(4)).join(", ")}]`;
     const lines = [
-      `# Save this beside ${plan.extends}, then: twin run plan.yaml`,
+      `# Save this as ${plan.folder}/plan.yaml, then: twin run ${plan.folder}/plan.yaml`,
       `extends: ${JSON.stringify(plan.extends)}`, `name: ${JSON.stringify(plan.name)}`, "sensors:",
     ];
     for (const before of original) {

@@ -43,12 +43,13 @@ def plan_data(
     cell_m: float,
     *,
     extends: str,
+    folder: Path = Path(),
     prices: Mapping[str, float] | None = None,
 ) -> dict[str, Any]:
     """Collect the content of the page's plan, ready for JSON.
 
-    names: the scanners and cameras on it; area (k, 2) [m]; extends: the scenario file that the copied YAML extends; prices: of
-    the device that each sensor belongs to, None where no prices are known.
+    names: the scanners and cameras on it; area (k, 2) [m]; extends: the scenario file, in `folder`, that the copied YAML
+    extends; prices: of the device that each sensor belongs to, None where no prices are known.
     """
     return {
         "area": np.round(area, 4).tolist(),
@@ -58,6 +59,7 @@ def plan_data(
         "px_per_m": coverage.px_per_m,
         "height_m": coverage.heights_m[-1],
         "extends": extends,
+        "folder": folder.as_posix(),
         "name": f"{scenario.name}-plan",
         "prisms": room_prisms(building.model, building.data),
         "sensors": [_sensor(scenario, name, (prices or {}).get(name)) for name in names],

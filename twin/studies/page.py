@@ -40,14 +40,17 @@ def write_page(path: Path, results: StudyResults) -> None:
     prepared, study, candidate_set = results.prepared, results.prepared.study, results.prepared.candidate_set
     scenario, area = results.scenario_with(results.best.placement), prepared.scene.area
     sensors = plan_sensors(scenario, moved_sensors(study, prepared.scenario, scenario), candidate_set.building)
-    drawn, scale, width_mm = floor_plan(scenario, prepared.scenario, sensors, candidate_set.building, area)
+    devices_m = [np.array(each.xyz) for pose in results.best.placement for each in candidate_set.poses[pose].mounts]
+    drawn, scale, width_mm = floor_plan(
+        scenario, prepared.scenario, sensors, candidate_set.building, area, study.constraints, devices_m
+    )
     objective = results.objective
     content: dict[str, Any] = {
         "study": study,
         "results": results,
         "scenario": scenario,
         "sensors": sensors,
-        "plan": data_uri(drawn),
+        "drawn_plan": data_uri(drawn),
         "scale": scale,
         "width_mm": round(width_mm, 1),
         "parts": _parts(results),
@@ -71,11 +74,12 @@ def write_page(path: Path, results: StudyResults) -> None:
             )
             for placement, value in results.one_fewer
         ],
+        "folder": path.parent,
         "command": prepared.path.stem if prepared.path.parent == MODELS / "studies" else prepared.path,
         "n_tried": sum(not each.failure for each in results.result.trials.values()),
         "rejected": _rejections(results),
         "seeds": len(study.held_out.seeds) if study.held_out else 0,
-        **section(_plan(results, scenario)),
+        **section(_plan(results, scenario, path.parent)),
     }
     with open_atomic(path) as stream:
         stream.write(environment().get_template("page.html.j2").render(**content))
@@ -141,7 +145,7 @@ def _left_out(results: StudyResults, placement: tuple[int, ...]) -> str:
     return f"{results.prepared.candidate_set.poses[removed].device} at ({x:g}, {y:g}, {z:g})"
 
 
-def _plan(results: StudyResults, scenario: Scenario) -> dict[str, Any]:
+def _plan(results: StudyResults, scenario: Scenario, folder: Path) -> dict[str, Any]:
     """Return the data of the interactive plan, which starts from the recommended placement."""
     prepared = results.prepared
     area, building = prepared.scene.area, prepared.candidate_set.building
@@ -149,7 +153,9 @@ def _plan(results: StudyResults, scenario: Scenario) -> dict[str, Any]:
     cell_m = max(0.05, float(np.sqrt(np.prod(np.ptp(area, axis=0)) / _PLAN_CELLS)))
     prices = _prices(results, scenario)
     coverage = prepared.study.coverage
-    return plan_data(scenario, names, building, area, coverage, cell_m, extends="recommended.yaml", prices=prices)
+    return plan_data(
+        scenario, names, building, area, coverage, cell_m, extends="recommended.yaml", folder=folder, prices=prices
+    )
 
 
 def _prices(results: StudyResults, scenario: Scenario) -> dict[str, float]:

@@ -11,12 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array
+from twin.report.metrics_table import format_number
 from twin.reproduce.page import INK, QUIET, SHADE, plot_style, to_svg
 from twin.room.building import Building, room_outline
 from twin.scenario import Scenario
 from twin.scenario.housings import in_the_room
 from twin.scenario.pressure_floor import FloorDescription
 from twin.scenario.sensors import LaserDescription
+from twin.studies.devices import Cable, Constraints, KeepFreeZone
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,8 +27,14 @@ _MM = 1 / 25.4
 _WIDEST_MM, _HIGHEST_MM = 180.0, 215.0
 _SCALES = (10, 20, 25, 50, 100, 150, 200, 250, 500, 1000)
 _MARGIN_M = 0.4
+_WALL_M = 0.4
+"""Thicker things are drawn as furniture [m]."""
 _SHORTEST_MM = 5.0
-_ACCENT, _OLD = "#b5341f", "#98a0ac"
+_TEXT_PT = 7.0
+"""Size of all text on the plan."""
+_DOT_PT = 9.5
+_ACCENT, _OLD, _CABLE = "#b5341f", "#98a0ac", "#2678c4"
+_LABEL: dict[str, Any] = {"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.8}
 
 
 @dataclass(frozen=True)
@@ -43,6 +51,15 @@ class PlanSensor:
     tilt_deg: float
     walls_m: tuple[float, ...]
     """To the nearest two walls that lie across each other [m]."""
+
+    def label(self) -> str:
+        """Format name and yaw."""
+        return f"{self.name} {format_number(self.yaw_deg, 0)}°"
+
+    def ahead(self, reach_m: float) -> tuple[float, float]:
+        """Return the point so far [m] ahead of the sensor on the plan."""
+        yaw = np.deg2rad(self.yaw_deg)
+        return float(self.x + reach_m * np.cos(yaw)), float(self.y + reach_m * np.sin(yaw))
 
 
 def plan_sensors(scenario: Scenario, names: Sequence[str], building: Building) -> list[PlanSensor]:
@@ -62,9 +79,18 @@ def plan_sensors(scenario: Scenario, names: Sequence[str], building: Building) -
 
 
 def floor_plan(
-    scenario: Scenario, own: Scenario, sensors: Sequence[PlanSensor], building: Building, area: Array
+    scenario: Scenario,
+    own: Scenario,
+    sensors: Sequence[PlanSensor],
+    building: Building,
+    area: Array,
+    constraints: Constraints,
+    devices_m: Sequence[Array] = (),
 ) -> tuple[str, int, float]:
-    """Draw the plan; return its SVG, the scale 1 : n, and its width [mm]."""
+    """Draw the plan; return its SVG, the scale 1 : n, and its width [mm].
+
+    own: the scenario before the study; constraints: zones and cables to draw; devices_m: where the cables end (3,) [m].
+    """
     from matplotlib.figure import Figure
 
     low, high = building.outline.min(axis=0) - _MARGIN_M, building.outline.max(axis=0) + _MARGIN_M
@@ -78,50 +104,105 @@ def floor_plan(
         figure = Figure(figsize=(width_mm * _MM, height_mm * _MM))
         axes = figure.add_axes((0, 0, 1, 1))
         _room(axes, building, area)
+        _zones(axes, constraints.keep_free)
+        if constraints.cable is not None:
+            _cables(axes, constraints.cable, building, devices_m)
         for name, each in own.sensors.items():
             if not isinstance(each, FloorDescription) and scenario.sensors.get(name) != each:
                 x, y, _ = in_the_room(own, name).mount.xyz
                 axes.plot(x, y, "x", color=_OLD, markersize=5, zorder=4)
-        for each in sensors:
-            here = np.array([each.x, each.y, each.height_m])
-            for gap_m, _, along in building.walls_nearest(here):
-                outwards = np.array([along[1], -along[0]])
-                foot = here[:2] + gap_m * outwards
-                axes.annotate(
-                    "",
-                    tuple(here[:2]),
-                    tuple(foot),
-                    arrowprops={"arrowstyle": "<->", "color": _ACCENT, "lw": 0.6, "shrinkA": 0, "shrinkB": 0},
-                )
-                share = (0.35, 0.5, 0.65)[each.number % 3]  # lines that fall together keep their numbers apart
-                x, y = (here[:2] + share * (foot - here[:2]) + 0.0012 * scale * along).tolist()
-                if 1000 * gap_m / scale < _SHORTEST_MM:  # no room for a number: the table has it
-                    continue
-                axes.text(x, y, f"{gap_m:.2f}", fontsize=6, color=_ACCENT, ha="center", va="center", zorder=6,
-                          bbox={"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.8})  # fmt: skip
-            yaw = np.deg2rad(each.yaw_deg)
-            reach = 0.007 * scale
-            axes.annotate("", (each.x + reach * np.cos(yaw), each.y + reach * np.sin(yaw)), (each.x, each.y),
-                          arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1.0, "shrinkA": 0, "shrinkB": 0})  # fmt: skip
-        _numbered(axes, sensors, 8.5)
+        for each in {(round(each.x, 2), round(each.y, 2)): each for each in reversed(sensors)}.values():
+            _dimensions(axes, each, building, scale)
+        _directions(axes, sensors, 0.007 * scale)
+        _numbered(axes, sensors, _DOT_PT)
+        _names(axes, sensors, 0.0085 * scale)
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xticks=[], yticks=[])
         for side in axes.spines.values():
             side.set_visible(False)
         axes.grid(False)
         metre = 1.0 if size_m[0] > 3 else 0.5
-        axes.plot([low[0] + 0.1, low[0] + 0.1 + metre], [low[1] + 0.12] * 2, color=INK, lw=1.5)
-        axes.text(low[0] + 0.1 + metre / 2, low[1] + 0.16, f"{metre:g} m", fontsize=6, ha="center", va="bottom")
+        axes.plot([low[0] + 0.1, low[0] + 0.1 + metre], [low[1] + 0.12] * 2, color=INK, lw=1.5, zorder=9)
+        _write(axes, (low[0] + 0.1 + metre / 2, low[1] + 0.16), f"{metre:g} m", va="bottom")
         return to_svg(figure), scale, float(width_mm)
 
 
+def _write(axes: Axes, at: Sequence[float] | Array, text: str, **style: Any) -> None:
+    """Write on a light ground, in the plan's size, centred unless styled otherwise."""
+    axes.text(
+        at[0],
+        at[1],
+        text,
+        **{"fontsize": _TEXT_PT, "ha": "center", "va": "center", "zorder": 6, "bbox": _LABEL, **style},
+    )
+
+
+def _zones(axes: Axes, zones: Sequence[KeepFreeZone]) -> None:
+    """Hatch the zones in which nothing may hang, and name them."""
+    for zone in zones:
+        corners = np.array(zone.polygon)
+        axes.fill(*corners.T, facecolor="none", edgecolor=_ACCENT, linewidth=0.6, hatch="///", alpha=0.5, zorder=3.5)
+        _write(axes, corners.mean(axis=0), zone.name, color=_ACCENT)
+
+
+def _directions(axes: Axes, sensors: Sequence[PlanSensor], reach_m: float) -> None:
+    """Draw an arrow where each sensor looks, so long [m]."""
+    arrow = {"arrowstyle": "-|>", "color": INK, "lw": 1.0, "shrinkA": 0, "shrinkB": 0}
+    for each in sensors:
+        axes.annotate("", each.ahead(reach_m), (each.x, each.y), arrowprops=arrow, zorder=6.5)
+
+
+def _cables(axes: Axes, cable: Cable, building: Building, devices_m: Sequence[Array]) -> None:
+    """Draw the way of the cable to each device (3,) [m], and where they all begin."""
+    start = np.array(cable.start)
+    for place in devices_m:
+        straight = np.vstack([start[:2], place[:2]])
+        way = straight if cable.along == "straight" else building.route_along_walls(start, place)
+        axes.plot(*way.T, color=_CABLE, linewidth=1.1, linestyle=(0, (4, 1.5)), zorder=4)
+    axes.plot(*start[:2], "s", color=_CABLE, markersize=5, zorder=6)
+
+
+def _dimensions(axes: Axes, sensor: PlanSensor, building: Building, scale: int) -> None:
+    """Draw the distances of a sensor from the nearest two walls, with a number where there is room for one."""
+    here = np.array([sensor.x, sensor.y, sensor.height_m])
+    arrow = {"arrowstyle": "<->", "color": _ACCENT, "lw": 0.6, "shrinkA": 0, "shrinkB": 0}
+    for gap_m, _, along in building.walls_nearest(here):
+        foot = here[:2] + gap_m * np.array([along[1], -along[0]])
+        axes.annotate("", tuple(here[:2]), tuple(foot), arrowprops=arrow)
+        if 1000 * gap_m / scale < _SHORTEST_MM:  # the table has it
+            continue
+        share = (0.35, 0.5, 0.65)[sensor.number % 3]  # lines that fall together keep their numbers apart
+        at = here[:2] + share * (foot - here[:2]) + 0.0012 * scale * along
+        _write(axes, at, f"{gap_m:.2f}", color=_ACCENT)
+
+
+def _names(axes: Axes, sensors: Sequence[PlanSensor], reach_m: float) -> None:
+    """Write name and yaw of each sensor beyond its arrow, sensors that look alike from one place one below the other."""
+    alike: dict[tuple[float, ...], list[PlanSensor]] = {}
+    for each in sensors:
+        alike.setdefault((round(each.x, 2), round(each.y, 2), round(each.yaw_deg)), []).append(each)
+    for group in alike.values():
+        x, y = group[0].ahead(reach_m)
+        along = np.cos(np.deg2rad(group[0].yaw_deg))
+        side = "center" if abs(along) < 0.5 else "left" if along > 0 else "right"
+        up = "center" if abs(along) > 0.85 else "bottom" if y > group[0].y else "top"
+        text = "\n".join(each.label() for each in group)
+        _write(axes, (x, y), text, ha=side, va=up)
+
+
 def _room(axes: Axes, building: Building, area: Array) -> None:
+    """Draw the room as it stands: walls and things by their own outlines, and the floor's edge where no wall is."""
     data = building.data
     mujoco.mj_kinematics(building.model, data)
+    size_m = np.ptp(building.outline, axis=0)
     for polygon in room_outline(building.model, data):
-        inside = np.ptp(polygon, axis=0) < 0.9 * np.ptp(building.outline, axis=0)
-        if inside.all():
-            axes.fill(*polygon.T, facecolor="#d5d9df", edgecolor="#a9b0bb", linewidth=0.5, zorder=2)
-    axes.fill(*building.outline.T, facecolor="none", edgecolor=INK, linewidth=1.4, zorder=3)
+        extent_m = np.ptp(polygon, axis=0)
+        if (extent_m >= 0.9 * size_m).all():  # around or under the whole room
+            continue
+        is_wall = (extent_m < _WALL_M).any() and extent_m.max() > 3 * _WALL_M
+        fill, edge = ("#7a838f", "#4a525c") if is_wall else ("#d5d9df", "#a9b0bb")
+        axes.fill(*polygon.T, facecolor=fill, edgecolor=edge, linewidth=0.5, zorder=2)
+    for piece in building.open_edges():
+        axes.plot(*piece.T, color=QUIET, linewidth=0.6, linestyle=":", zorder=3)
     axes.fill(*area.T, facecolor="none", edgecolor=QUIET, linewidth=0.7, linestyle="--", zorder=3)
     axes.set_aspect("equal")
 
@@ -134,7 +215,7 @@ def _numbered(axes: Axes, sensors: Sequence[PlanSensor], size: float) -> None:
     for (x, y), numbers in at.items():
         axes.plot(x, y, "o", color=INK, markersize=size * (1 + 0.4 * (len(numbers) - 1)), zorder=7)
         axes.text(
-            x, y, ",".join(numbers), color="white", fontsize=0.76 * size, ha="center", va="center_baseline", zorder=8
+            x, y, ",".join(numbers), color="white", fontsize=0.74 * size, ha="center", va="center_baseline", zorder=8
         )
 
 
@@ -178,7 +259,8 @@ def heat_map(
                 interpolation="nearest",
                 zorder=2.6,
             )
-        _numbered(axes, sensors, 6)
+        _directions(axes, sensors, 0.09 * float(size.max()))
+        _numbered(axes, sensors, _DOT_PT)
         axes.set(xlabel="x [m]", ylabel="y [m]")
         axes.grid(False)
         bar = figure.colorbar(image, ax=axes, shrink=0.8, label=label)

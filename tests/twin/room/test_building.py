@@ -68,6 +68,34 @@ def test_ceilings_cables_and_the_nearest_walls(shed: Building) -> None:
     assert (first, second) == pytest.approx((0.2, 0.9)) and foot == pytest.approx([2.0, 1.9], abs=0.05)
 
 
+def test_a_cable_s_way_keeps_to_the_walls_and_is_as_long_as_counted(shed: Building) -> None:
+    here, there = np.array([0.0, -1.9, 0.3]), np.array([0.0, 1.5, 0.3])
+    way = shed.route_along_walls(here, there)
+    assert np.hypot(*np.diff(way, axis=0).T).sum() == pytest.approx(shed.way_along_walls_m(here, there[None])[0])
+    at_wall = np.minimum(2.9 - np.abs(way[1:-1, 0]), 1.9 - np.abs(way[1:-1, 1]))
+    assert at_wall == pytest.approx(0.0, abs=0.05)
+    assert len(shed.route_along_walls(here, np.array([0.5, -1.9, 0.3]))) == 4  # along one wall: no corner
+
+
+def test_distances_are_square_to_the_wall(shed: Building) -> None:
+    for _, _, along in shed.walls_nearest(np.array([2.0, 1.7, 1.0])):
+        assert min(abs(along)) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_edge_of_a_floor_is_drawn_where_no_wall_stands(shed: Building) -> None:
+    assert shed.open_edges() == []
+    with_door = SHED.replace('pos="0 -2 1.25" size="3.1 0.1 1.25"', 'pos="-1.8 -2 1.25" size="1.3 0.1 1.25"').replace(
+        '<geom type="mesh"', '<geom type="box" pos="1.8 -2 1.25" size="1.3 0.1 1.25"/> <geom type="mesh"'
+    )
+    model = mujoco.MjModel.from_xml_string(with_door)
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    walkable = np.array([[-2.7, -1.7], [2.7, -1.7], [2.7, 1.7], [-2.7, 1.7]])
+    building = Building.of(model, data, floor_of(model, data, "shed"), walkable, Footprints(obstacles_of(model)))
+    (door,) = building.open_edges()
+    assert np.abs(door[:, 0]).max() == pytest.approx(0.5, abs=0.15) and (door[:, 1] < -1.8).all()
+
+
 def test_a_floor_without_walls_is_all_building(tmp_path: Path) -> None:
     model = mujoco.MjModel.from_xml_string('<mujoco><worldbody><geom type="plane" size="5 5 1"/></worldbody></mujoco>')
     data = mujoco.MjData(model)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import base64
 import csv
 import errno
 import json
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +72,9 @@ def test_a_run_leaves_its_answers(whole: tuple[Path, Path, dict], capsys: pytest
     ]["n"] == 2
     assert next(row["what"] for row in summary["displaced"]).startswith("1 mm") and len(summary["displaced"]) == 5
     page = (out / "report.html").read_text()
-    assert "1 : 50 on A4" in page and "Displaced sensors" in page
+    assert "1 : 50 on A4" in page and "Displaced sensors" in page and f"twin run {out}/recommended.yaml" in page
+    drawn = re.search(r'class="plan"><img src="data:image/svg\+xml;base64,([^"]+)"', page)
+    assert drawn is not None and b"<svg" in base64.b64decode(drawn[1])
     print_summary(out)
     assert "recommended" in capsys.readouterr().out
 

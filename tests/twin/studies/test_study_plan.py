@@ -1,0 +1,61 @@
+"""The plan that one mounts sensors by."""
+
+from __future__ import annotations
+
+import re
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from twin.scenario import load_scenario
+from twin.studies.candidate_set import building_of
+from twin.studies.devices import Cable, Constraints, KeepFreeZone
+from twin.studies.plots import floor_plan, plan_sensors
+from twin.world.scene import build_scene
+
+PT_PER_MM = 72 / 25.4
+DOOR = KeepFreeZone(name="by the door", polygon=((0, 0), (1, 0), (1, 0.7), (0, 0.7)))
+CABLE = Cable.model_validate({"from": [-2.9, 1.0, 0.3]})
+
+
+@pytest.fixture(scope="module")
+def lab():
+    scenario = load_scenario("lab-five-people", [])
+    scene = build_scene(scenario)
+    return scenario, scene, building_of(scene)
+
+
+def plan_of(lab, constraints: Constraints) -> tuple[ElementTree.Element, int, np.ndarray]:
+    """Draw the plan; return the SVG, its scale, and the corner of the paper in the room [m]."""
+    scenario, scene, building = lab
+    sensors = plan_sensors(scenario, list(scenario.sensors), building)
+    places = [np.array([2.0, -0.1, 1.0])]
+    svg, scale, _ = floor_plan(scenario, scenario, sensors, building, scene.area, constraints, places)
+    return ElementTree.fromstring(svg), scale, building.outline.min(axis=0) - 0.4
+
+
+def test_walls_stand_on_paper_where_they_stand_in_the_room(lab) -> None:
+    """The lab's walls are planes at x = -3 and 3; a tenth of a millimetre on paper is what a pencil is wide."""
+    svg, scale, corner = plan_of(lab, Constraints())
+    numbers = [re.findall(r"-?[\d.]+", path.get("d", "")) for path in svg.iter("{http://www.w3.org/2000/svg}path")]
+    x_pt = np.array([float(x) for path in numbers for x in path[::2]])
+    for wall_m in (-3.0, 3.0):
+        expected_pt = 1000 * (wall_m - corner[0]) / scale * PT_PER_MM
+        assert np.abs(x_pt - expected_pt).min() < 0.1 * PT_PER_MM
+
+
+def test_zones_and_cables_are_drawn(lab) -> None:
+    empty, *_ = plan_of(lab, Constraints())
+    full, *_ = plan_of(lab, Constraints(cable=CABLE, keep_free=(DOOR,)))
+    comments = ElementTree.tostring(full, encoding="unicode")
+    assert "pattern" in comments and "pattern" not in ElementTree.tostring(empty, encoding="unicode")
+    assert "#2678c4" in comments and "#2678c4" not in ElementTree.tostring(empty, encoding="unicode")
+
+
+def test_all_text_has_one_size(lab) -> None:
+    svg, *_ = plan_of(lab, Constraints(cable=CABLE, keep_free=(DOOR,)))
+    texts = {each.text: each.get("style", "") for each in svg.iter("{http://www.w3.org/2000/svg}text")}
+    assert {"waist 90°", DOOR.name, "1 m"} <= set(texts)
+    sizes = [float(found[1]) for style in texts.values() if (found := re.search(r"([\d.]+)px", style))]
+    assert len(sizes) == len(texts) and np.ptp(sizes) < 0.05
