@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from leg_classifier.judge import judge
 from numpy.typing import NDArray
 
 from benchmarks.figure import Figure
@@ -14,6 +15,7 @@ from trackers.arrays import Array
 from trackers.laser.background import LearnedBackground, returns
 from trackers.laser.clusters import find_clusters
 from trackers.laser.layer import KneeOptions
+from trackers.laser.legs.classifier import shipped
 from trackers.observations import NS_PER_S, LaserScan
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "lasers"
@@ -34,6 +36,7 @@ def measure() -> Iterator[Figure]:
     if not DATA.is_dir():
         print(f"labelled-legs: skipped, there are no recorded scans at {DATA}", file=sys.stderr)
         return
+    areas = judge(shipped(), DATA)
     for number in (1, 2, 3):
         scans, legs = labelled(number)
         background, options = LearnedBackground(), KneeOptions().cluster
@@ -47,6 +50,9 @@ def measure() -> Iterator[Figure]:
         yield Figure(f"{name}: the same after the background", recall(left, legs[after & ~furniture]), "", ">= 0.99")
         yield Figure(f"{name}: the same, labels on furniture counted", recall(left, legs[after]), "", "")
         yield Figure(f"{name}: the same, from the first scan on", recall(left, legs), "", "")
+        auc, auc_known = areas[number]
+        yield Figure(f"{name}: AUC of the classifier of legs", auc, "", ">= 0.9" if number == 3 else ">= 0.95")
+        yield Figure(f"{name}: the same without what moves and has no label", auc_known, "", "")
         yield Figure(f"{name}: labels on furniture", int(furniture.sum()), f"of {len(legs)}", "")
         for which, found in (("before", every), ("after", left)):
             n = float(np.mean([len(middle) for middle, late in zip(found, settled, strict=True) if late]))

@@ -72,7 +72,7 @@ def find_clusters(
         return _none()
     looked_past = np.cumsum((hit | missed) & ~foreground, dtype=np.intp)
     if turn is not None:
-        beams = _from_a_gap(beams, looked_past, options.max_gap_beams)
+        beams = _from_a_gap(beams, looked_past, options.max_gap_beams, ranges)
     increment = abs(scan.angle_increment_rad)
     near = ranges[beams]
     points = near * directions(scan)[:, beams]  # (2, n)
@@ -115,9 +115,17 @@ def padded_ranges(ranges: Float[Array, "n_beam"], turn: int | None, reach: int) 
     return padded
 
 
-def _from_a_gap(beams: Int[Index, "n"], looked_past: Int[Index, "n_beam"], max_gap_beams: int) -> Int[Index, "n"]:
-    """The foreground beams of a full turn from one on that follows a gap, so that no cluster lies across the end."""
+def _from_a_gap(
+    beams: Int[Index, "n"], looked_past: Int[Index, "n_beam"], max_gap_beams: int, ranges: Float[Array, "n_beam"]
+) -> Int[Index, "n"]:
+    """The foreground beams of a full turn from one on that follows a gap, so that no cluster lies across the end.
+
+    Without any gap, from the widest step of the range on.
+    """
     between = np.diff(np.append(looked_past[beams], looked_past[beams[0]] + looked_past[-1]))
+    if between.max() <= max_gap_beams:
+        steps = np.abs(np.diff(ranges[np.append(beams, beams[0])]))
+        return np.roll(beams, -1 - steps.argmax())
     return beams if between[-1] > max_gap_beams else np.roll(beams, -1 - between.argmax())
 
 

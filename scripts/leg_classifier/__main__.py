@@ -1,0 +1,131 @@
+"""Learn what legs look like to a low scanner, from drawn rooms of the twin; judge it on labelled scans of real ones.
+
+    scripts/learn-legs [--samples FOLDER] [--seeds FIRST LAST] [--out FILE]
+    scripts/learn-legs --judge FOLDER          # nothing is learned; FOLDER holds positive_{1,2,3}_extracted.npz
+
+The same seeds make the same file. Real scans are judged on and never learned from.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+from leg_classifier.judge import judge
+from leg_classifier.samples import Samples, samples_of
+from numpy.typing import NDArray
+from sklearn.ensemble import HistGradientBoostingClassifier
+from sklearn.metrics import roc_auc_score
+
+from trackers.arrays import Array
+from trackers.laser.legs.classifier import SHIPPED, Forest, LegClassifier, read_classifier, with_verdicts, write_forests
+
+SEEDS = (1000, 1119)
+"""Seeds from 1000 to 1999 are there to be learned from."""
+_DEPTH, _TREES = 5, 80
+_FOLDS = 2
+_HELD_OUT = 5
+"""Every so many-th seed is left out while the figures are found."""
+_NEVER = 1e9
+
+
+def main() -> None:
+    """Draw what is not drawn yet, learn, print what holds, write; or judge."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--samples", type=Path, default=Path("out/legs"), help="kept here, and taken up")
+    parser.add_argument("--seeds", type=int, nargs=2, default=SEEDS, help="the first and the last")
+    parser.add_argument("--out", type=Path, default=SHIPPED)
+    parser.add_argument(
+        "--held-out", action="store_true", help="learn twice, first without every fifth room, and judge on these"
+    )
+    parser.add_argument("--judge", type=Path, help="folder of labelled scans; nothing is learned")
+    arguments = parser.parse_args()
+    if arguments.judge is None:
+        arguments.samples.mkdir(parents=True, exist_ok=True)
+        seeds = range(arguments.seeds[0], arguments.seeds[1] + 1)
+        parts = [_kept(arguments.samples / f"{seed}.npz", seed) for seed in seeds]
+        print(f"{len(parts)} rooms, {sum(len(part.is_leg) for part in parts)} clusters")
+        if arguments.held_out:
+            held = [part for place, part in enumerate(parts) if place % _HELD_OUT == 0]
+            others = [part for place, part in enumerate(parts) if place % _HELD_OUT]
+            print(f"held-out rooms: AUC {_auc(_learned(others), held):.4f}")
+        write_forests(vars(_learned(parts)), arguments.out)
+        print(f"{arguments.out}: {arguments.out.stat().st_size / 1000:.0f} kB")
+    else:
+        judge(read_classifier(arguments.out), arguments.judge)
+
+
+def _kept(path: Path, seed: int) -> Samples:
+    """The samples of a seed; drawn where they are not kept yet."""
+    if not path.is_file():
+        print(f"seed {seed}", flush=True)
+        drawn = samples_of(seed)
+        np.savez(path, **vars(drawn))
+    with np.load(path) as kept:
+        return Samples(**{name: kept[name] for name in kept.files})
+
+
+def _learned(parts: list[Samples]) -> LegClassifier:
+    """Learn both forests; the second from verdicts of first ones that have not learned from the same rooms."""
+    verdicts: dict[int, list[Array]] = {}
+    for fold in range(_FOLDS):
+        alone = _forest(np.concatenate([each.features for each in _without(parts, fold)]),
+                        np.concatenate([each.is_leg for each in _without(parts, fold)]))  # fmt: skip
+        for place in range(fold, len(parts), _FOLDS):
+            verdicts[place] = _verdicts(alone, parts[place])
+    labels = np.concatenate([part.is_leg for part in parts])
+    among = _forest(np.concatenate([each for place in range(len(parts)) for each in verdicts[place]]), labels)
+    return LegClassifier(_forest(np.concatenate([part.features for part in parts]), labels), among)
+
+
+def _without(parts: list[Samples], fold: int) -> list[Samples]:
+    return [part for place, part in enumerate(parts) if place % _FOLDS != fold]
+
+
+def _verdicts(alone: Forest, part: Samples) -> list[Array]:
+    """The features of the second forest, scan by scan."""
+    score = alone.score(part.features)
+    edges = np.flatnonzero(np.diff(part.scan)) + 1
+    return [
+        with_verdicts(part.features[scan], score[scan], part.middle[scan])
+        for scan in np.split(np.arange(len(score)), edges)
+    ]
+
+
+def _forest(features: Array, is_leg: NDArray[np.bool_]) -> Forest:
+    """Boost trees on samples weighted so that legs and the rest count alike: the odds are then a ratio of likelihoods."""
+    share = is_leg.mean()
+    fitted = HistGradientBoostingClassifier(
+        max_iter=_TREES, max_depth=_DEPTH, max_leaf_nodes=16, min_samples_leaf=150, learning_rate=0.1, l2_regularization=20,
+        max_features=0.3, early_stopping=False, random_state=0,
+    ).fit(features, is_leg, np.where(is_leg, 0.5 / share, 0.5 / (1 - share)))  # fmt: skip
+    trees = [predictors[0].nodes for predictors in fitted._predictors]
+    feature = np.zeros((len(trees), 2**_DEPTH - 1), np.intp)
+    threshold = np.full(feature.shape, _NEVER)
+    leaf = np.zeros((len(trees), 2**_DEPTH))
+    for tree, nodes in enumerate(trees):
+        _fill(nodes, 0, 0, feature[tree], threshold[tree], leaf[tree])
+    return Forest(feature, threshold, leaf, float(fitted._baseline_prediction.ravel()[0]))
+
+
+def _fill(nodes, at: int, place: int, feature: Array, threshold: Array, leaf: Array) -> None:
+    """Copy the tree below a node to the complete tree below a place; a leaf above the bottom has its value there."""
+    if place >= len(feature):
+        leaf[place - len(feature)] = nodes[at]["value"]
+    elif nodes[at]["is_leaf"]:
+        for child in (2 * place + 1, 2 * place + 2):
+            _fill(nodes, at, child, feature, threshold, leaf)
+    else:
+        feature[place], threshold[place] = nodes[at]["feature_idx"], nodes[at]["num_threshold"]
+        _fill(nodes, nodes[at]["left"], 2 * place + 1, feature, threshold, leaf)
+        _fill(nodes, nodes[at]["right"], 2 * place + 2, feature, threshold, leaf)
+
+
+def _auc(classifier: LegClassifier, parts: list[Samples]) -> float:
+    scores = [classifier.among.score(each) for part in parts for each in _verdicts(classifier.alone, part)]
+    return float(roc_auc_score(np.concatenate([part.is_leg for part in parts]), np.concatenate(scores)))
+
+
+if __name__ == "__main__":
+    main()

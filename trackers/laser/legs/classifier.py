@@ -1,0 +1,126 @@
+"""A classifier of clusters: gradient-boosted trees as plain arrays (Friedman, "Greedy function approximation", 2001).
+
+Every tree is complete, of one depth for all, so that a batch of clusters goes down all trees at once: node i asks whether
+feature > threshold and goes on to 2 i + 1 or 2 i + 2. The sum of the leaves that a cluster comes to is the logarithm of the
+odds that it is a leg, in nats. A second forest has the first one's verdicts of the clusters around among its features: a leg
+is rarely alone, and a table has four.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from trackers.array_files import ArraySpec, read_arrays
+from trackers.arrays import Array, Index
+from trackers.filters.gating import distances
+from trackers.laser.clusters import Clusters
+from trackers.laser.legs.features import NAMES, cluster_features
+from trackers.observations import LaserScan
+
+SHIPPED = Path(__file__).with_name("legs.npz")
+"""What `scripts/learn-legs` wrote."""
+
+PARTNER_M = (0.1, 0.8)
+"""Distances at which the other leg of a person may be [m]."""
+_AROUND_M = 1.5
+_NOBODY = -8.0
+"""Verdict of a cluster without others around, in nats."""
+N_ABOUT = 4
+"""Features of the second forest beside those of the cluster: its own verdict, and those of others."""
+
+
+@dataclass(frozen=True, eq=False)
+class Forest:
+    """m complete trees of depth d: 2ᵈ − 1 questions and 2ᵈ leaves each, and what is added to their sum."""
+
+    feature: Int[Index, "m questions"]
+    threshold: Float[Array, "m questions"]  # infinite where nothing is asked: the answer is no
+    leaf: Float[Array, "m leaves"]
+    bias: float
+
+    def score(self, features: Float[Array, "k features"]) -> Float[Array, "k"]:
+        """Return the logarithm of the odds [nat]."""
+        m, n_question = self.feature.shape
+        tree = np.arange(m)[:, None]
+        node = np.zeros((m, len(features)), np.intp)
+        flat_feature, flat_threshold, first = self.feature.ravel(), self.threshold.ravel(), tree * n_question
+        by_feature = np.ascontiguousarray(features.T).ravel()
+        sample = np.arange(len(features))
+        for _ in range(n_question.bit_length()):
+            place = node + first
+            value = by_feature[flat_feature[place] * len(features) + sample]
+            node = 2 * node + 1 + (value > flat_threshold[place])
+        return self.leaf[tree, node - n_question].sum(axis=0) + self.bias
+
+
+@dataclass(frozen=True, eq=False)
+class LegClassifier:
+    """The two forests."""
+
+    alone: Forest
+    among: Forest
+
+    def evidence(self, scan: LaserScan, clusters: Clusters) -> Float[Array, "k"]:
+        """Return ln p(cluster | leg) / p(cluster | anything else) of the `leg_clusters` of a scan [nat].
+
+        The forests are balanced when they are taught: their odds are this ratio. Beams in counter-clockwise order.
+        """
+        if len(clusters) == 0:
+            return np.empty(0)
+        features = cluster_features(scan, clusters)
+        return self.among.score(with_verdicts(features, self.alone.score(features), clusters.middle))
+
+
+def with_verdicts(
+    features: Float[Array, "k features"], verdict: Float[Array, "k"], middle: Float[Array, "k 2"]
+) -> Float[Array, "k more"]:
+    """Append the first forest's verdict of each cluster, the best of a partner, the best around, and how many look like legs."""
+    apart = distances(middle, middle)
+    np.fill_diagonal(apart, np.inf)
+    partner = (apart > PARTNER_M[0]) & (apart < PARTNER_M[1])
+    around = apart < _AROUND_M
+    best = [np.where(each, verdict, _NOBODY).max(axis=1) for each in (partner, around)]
+    return np.column_stack([features, verdict, *best, around @ (verdict > 0).astype(float)])
+
+
+def shipped() -> LegClassifier:
+    """Read the classifier that comes with the package."""
+    return read_classifier(SHIPPED)
+
+
+@cache
+def read_classifier(path: Path) -> LegClassifier:
+    """Read a classifier. Raises InputError for a file that is none."""
+    return LegClassifier(read_forest(path, "alone", len(NAMES)), read_forest(path, "among", len(NAMES) + N_ABOUT))
+
+
+@cache
+def read_forest(path: Path, name: str, n_feature: int) -> Forest:
+    """Read a forest of a file by its name in it. Raises InputError for a file without one."""
+    specs = {
+        f"{name}_feature": ArraySpec("iu", ("trees", "questions"), 0, n_feature - 1),
+        f"{name}_threshold": ArraySpec("f", ("trees", "questions"), -1e9, 1e9),
+        f"{name}_leaf": ArraySpec("f", ("trees", None), -100, 100),
+        f"{name}_bias": ArraySpec("f", (), -100, 100),
+    }
+    feature, threshold, leaf, bias = read_arrays(path, specs, "what `scripts/learn-legs` writes").values()
+    return Forest(feature.astype(np.intp), threshold.astype(float), leaf.astype(float), float(bias))
+
+
+def write_forests(forests: Mapping[str, Forest], path: Path) -> None:
+    """Write forests by name, as arrays of single precision."""
+    arrays = {}
+    for name, forest in forests.items():
+        arrays |= {
+            f"{name}_feature": forest.feature.astype(np.uint8),
+            f"{name}_threshold": forest.threshold.astype(np.float32),
+            f"{name}_leaf": forest.leaf.astype(np.float32),
+            f"{name}_bias": np.float32(forest.bias),
+        }
+    np.savez_compressed(path, **arrays)
