@@ -29,7 +29,7 @@ SHIPPED = Path(__file__).with_name("legs.npz")
 PARTNER_M = (0.1, 0.8)
 """Distances at which the other leg of a person may be [m]."""
 _AROUND_M = 1.5
-_NOBODY = -8.0
+_NO_PARTNER = -8.0
 """Verdict of a cluster without others around, in nats."""
 N_ABOUT = 4
 """Features of the second forest beside those of the cluster: its own verdict, and those of others."""
@@ -85,8 +85,9 @@ def with_verdicts(
     np.fill_diagonal(apart, np.inf)
     partner = (apart > PARTNER_M[0]) & (apart < PARTNER_M[1])
     around = apart < _AROUND_M
-    best = [np.where(each, verdict, _NOBODY).max(axis=1) for each in (partner, around)]
-    return np.column_stack([features, verdict, *best, around @ (verdict > 0).astype(float)])
+    best = [np.where(each, verdict, _NO_PARTNER).max(axis=1) for each in (partner, around)]
+    count = (around & (verdict > 0)).sum(axis=1)
+    return np.column_stack([features, verdict, *best, count])
 
 
 def shipped() -> LegClassifier:

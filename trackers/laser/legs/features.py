@@ -199,9 +199,10 @@ def _about(
     to_second = others[rows, following]
     alike = (width >= _LEG_M[0]) & (width <= _LEG_M[1])
     to_leg = np.where(alike, apart, np.inf).min(axis=1)
+    around = [np.where(apart < limit, np.minimum(extent, 2.0), 0.0).sum(axis=1) for limit in (0.5, 1.0)]
     one = np.isfinite(to_next), np.isfinite(to_second)
     return np.column_stack([
         np.minimum(to_next, _FAR_M), np.where(one[0], width[nearest], 0), np.where(one[0], depth[nearest], 0),
         np.where(one[0], extent[nearest], 0), np.minimum(to_second, _FAR_M), np.where(one[1], width[following], 0),
-        np.minimum(to_leg, _FAR_M), (apart < 0.5).astype(float) @ np.minimum(extent, 2.0), (apart < 1.0).astype(float) @ np.minimum(extent, 2.0),
+        np.minimum(to_leg, _FAR_M), around[0], around[1],
     ])  # fmt: skip
