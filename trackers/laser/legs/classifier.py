@@ -24,7 +24,7 @@ from trackers.laser.legs.features import NAMES, cluster_features
 from trackers.observations import LaserScan
 
 SHIPPED = Path(__file__).with_name("legs.npz")
-"""What `scripts/learn-legs` wrote."""
+"""File that `scripts/learn-legs` wrote."""
 
 PARTNER_M = (0.1, 0.8)
 """Distances at which the other leg of a person may be [m]."""

@@ -36,7 +36,7 @@ _FAR_M = 3.0
 _PAST_M = 0.3
 """Depth by which a beam passes, or misses, a cluster [m]."""
 _BESIDE_M = np.array([0.03, 0.06, 0.1, 0.15, 0.2, 0.27, 0.35, 0.45])
-"""Where beside a cluster the beams are asked [m]."""
+"""Distances beside a cluster at which the beams are asked [m]."""
 _N_NEAR = 4
 _LEG_M = (0.04, 0.25)
 """Widths of what may be a leg [m]."""
