@@ -33,10 +33,9 @@ TWICE = "twice under one stamp"
 class StampOrder:
     """Takes observations in order of arrival, hands them on in order of their stamps.
 
-    One is handed on when another at least `max_wait_s` newer has arrived: whatever overtook it by less comes behind it.
-    Of one stamp they leave in order of arrival. What comes when a newer one has been handed on, or comes twice, is dropped
-    and counted in `losses`, by sensor and reason.
-    Stamps are on one clock: the decoder of messages adds the rig's time offsets.
+    One is handed on when another at least `max_wait_s` newer has arrived: whatever overtook it by less comes behind it. Of
+    one stamp they leave in order of arrival. What comes when a newer one has been handed on, or comes twice, is dropped and
+    counted in `losses`, by sensor and reason. Stamps are on one clock: the decoder of messages adds the rig's time offsets.
     """
 
     def __init__(self, max_wait_s: float = MAX_WAIT_S) -> None:

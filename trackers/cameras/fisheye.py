@@ -33,9 +33,8 @@ def _at_most_a_turn(angle_rad: float) -> float:
 class FisheyeIntrinsics(Intrinsics):
     """Kannala–Brandt fisheye: r(θ) = θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸), u = fx r cos φ + cx, v = fy r sin φ + cy.
 
-    θ is the angle from the optical axis; with all k = 0 the lens is equidistant. `field_of_view_rad` is the full
-    angle over which the lens forms an image (outside it pixels are black). This is OpenCV's `fisheye` and ROS's
-    `equidistant` model.
+    θ is the angle from the optical axis; with all k = 0 the lens is equidistant. `field_of_view_rad` is the full angle over
+    which the lens forms an image (outside it pixels are black). This is OpenCV's `fisheye` and ROS's `equidistant` model.
     """
 
     k: tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat] = Field(

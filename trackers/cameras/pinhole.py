@@ -43,9 +43,8 @@ def _plumb_bob(values: Any) -> Any:
 class PinholeIntrinsics(Intrinsics):
     """A pinhole camera: u = fx x″ + cx, v = fy y″ + cy, of the direction (x, y, 1) bent by the lens to (x″, y″).
 
-    With r² = x² + y² and d = 1 + k1 r² + k2 r⁴ + k3 r⁶: x″ = x d + 2 p1 x y + p2 (r² + 2 x²), y″ = y d + p1 (r² + 2 y²) +
-    2 p2 x y (Brown 1966, Conrady 1919). `distortion` is (k1, k2, p1, p2, k3), the order of OpenCV and of ROS's
-    `plumb_bob`.
+    With r² = x² + y² and d = 1 + k1 r² + k2 r⁴ + k3 r⁶: x″ = x d + 2 p1 x y + p2 (r² + 2 x²), y″ = y d + p1 (r² + 2 y²) + 2
+    p2 x y (Brown 1966, Conrady 1919). `distortion` is (k1, k2, p1, p2, k3), the order of OpenCV and of ROS's `plumb_bob`.
     """
 
     distortion: Annotated[

@@ -4,19 +4,18 @@ The algorithm is frozen and holds no state; the cloud of particles is an argumen
 filter: the motion of a particle, and the log-likelihood of the measurements given its state. `cascade` evaluates a
 log-likelihood in stages, cheap ones first, and drops impossible particles early.
 
-    filter = ParticleFilter(resampling="systematic")
+filter = ParticleFilter(resampling="systematic")
     cloud = Cloud.of(state)                                          # (components, n, p)
     cloud = filter.step(cloud, move, log_likelihood, rng)            # move(state, rng), log_likelihood(state) -> (n, p)
     mean = cloud.expectation(cloud.state)                            # (components, n)
 
-One step: resample the sets whose effective sample size has fallen, move, weight. Estimate from the weighted cloud that `step`
-returns, before the next resampling adds noise (Arulampalam et al., "A tutorial on
-particle filters", 2002; the split into move and likelihood after Chopin and Papaspiliopoulos, "An introduction to
-sequential Monte Carlo", 2020).
+One step: resample the sets whose effective sample size has fallen, move, weight. Estimate from the weighted cloud that
+`step` returns, before the next resampling adds noise (Arulampalam et al., "A tutorial on particle filters", 2002; the split
+into move and likelihood after Chopin and Papaspiliopoulos, "An introduction to sequential Monte Carlo", 2020).
 
 Edge cases: if a measurement is impossible for every particle of a set (log-likelihood −∞ throughout), the set keeps its
-weights and is marked in `LogWeights.lost`.
-A log-likelihood of NaN or +∞, and a particle that is not finite, are refused with InputError.
+weights and is marked in `LogWeights.lost`. A log-likelihood of NaN or +∞, and a particle that is not finite, are refused
+with InputError.
 """
 
 from __future__ import annotations

@@ -132,8 +132,7 @@ def _assets(chosen: dict[str, str], floor: tuple[str, str, str]) -> Iterator[str
 
 
 def _lights(is_dim: bool, rng: np.random.Generator) -> Iterator[str]:
-    """Add directional lights without shadows, as in the shipped rooms: daylight, ceiling lights, and fill from two
-    sides."""
+    """Add directional lights without shadows, as in the shipped rooms: daylight, ceiling lights, and fill from two sides."""
     level = rng.uniform(0.35, 0.5) if is_dim else rng.uniform(0.9, 1.1)
     side = rng.uniform(0, 2 * np.pi)
     cos, sin = np.cos(side), np.sin(side)

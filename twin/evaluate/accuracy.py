@@ -107,9 +107,7 @@ def person_frames(frames: Sequence[Frame], matches: Sequence[FrameMatches], gate
 
 
 def _padded(rows: Sequence[NDArray[Any]], fill: float) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-    """Pad f rows (n_i, ...) to one array (f, n, ...) of the longest one's length; return it and its filled places (f,
-    n).
-    """
+    """Pad f rows (n_i, ...) to one array (f, n, ...) of the longest one's length; return it and its filled places (f, n)."""
     count = np.array([len(row) for row in rows], dtype=np.intp)
     theirs = np.arange(count.max(initial=0)) < count[:, None]
     whole = np.full((*theirs.shape, *rows[0].shape[1:]), fill, dtype=rows[0].dtype)
@@ -158,12 +156,11 @@ def disposal(people: PersonFrames, stamps_ns: NDArray[np.int64], situations: Sit
     without any).
 
     After Song et al., table I. Correlated: counted per pair and frame, disposed of where both people are right in that
-    frame. Merge/split: counted per merge for the rig whose end, and the second after it, the run has seen; disposed of
-    where both people are right from its start to `AFTER_S` after its end. Identity after: of the merges whose two
-    people are both judged in the first frame from `AFTER_S` after their end on, those where both are right in that
-    frame: a tracker that follows merged people as one, as the paper's does, is judged by what it makes of the split.
-    Frames in which one of the two is outside the tracked area are not counted; a merge counts where both are inside
-    in at least one of its frames.
+    frame. Merge/split: counted per merge for the rig whose end, and the second after it, the run has seen; disposed of where
+    both people are right from its start to `AFTER_S` after its end. Identity after: of the merges whose two people are both
+    judged in the first frame from `AFTER_S` after their end on, those where both are right in that frame: a tracker that
+    follows merged people as one, as the paper's does, is judged by what it makes of the split. Frames in which one of the
+    two is outside the tracked area are not counted; a merge counts where both are inside in at least one of its frames.
 
     stamps_ns (f,): of the judged frames, in order.
     """

@@ -22,8 +22,7 @@ MOSTLY_LOST_SHARE = 0.2
 class PairMatrix:
     """Every person against every track of one frame.
 
-    `values` (n, m) are distances (any unit; NaN: never a pair) for CLEAR and identity, similarities from 0 to 1 for
-    HOTA.
+    `values` (n, m) are distances (any unit; NaN: never a pair) for CLEAR and identity, similarities from 0 to 1 for HOTA.
     """
 
     person_ids: NDArray[np.int64]  # (n,)
@@ -139,9 +138,7 @@ def assign(costs: NDArray[np.float64], allowed: NDArray[np.bool_]) -> tuple[NDAr
 
 
 def find_switches(frames: Sequence[PairMatrix], matches: Sequence[FrameMatches]) -> list[IdSwitch]:
-    """Find every identity switch, in order of time, then person; a gap in between, however long, does not undo a
-    switch.
-    """
+    """Find every identity switch, in order of time, then person; a gap in between, however long, does not undo a switch."""
     partner: dict[int, int] = {}
     switches = []
     for index, (frame, pairs) in enumerate(zip(frames, matches, strict=True)):
@@ -247,8 +244,7 @@ class IdentityScores:
 
 
 def identity(frames: Sequence[PairMatrix], gate: float) -> IdentityScores:
-    """Compute the identity scores of one run; a position counts for a pair where person and track are at most `gate`
-    apart.
+    """Compute the identity scores of one run; a position counts for a pair where person and track are at most `gate` apart.
 
     Ristani et al., "Performance measures and a data set for multi-target, multi-camera tracking", 2016.
     """

@@ -84,8 +84,7 @@ def continuity(
 
 
 def right_at_end(judged: Sequence[Frame], matches: Sequence[FrameMatches]) -> float | None:
-    """Compute the share of the people inside the area in the last frame who have their own track there; None without
-    people.
+    """Compute the share of the people inside the area in the last frame who have their own track there; None without people.
 
     One's own is the track that one was matched with first, if that had been no other person's before.
     """

@@ -111,8 +111,6 @@ def silent_stamps(
 
 
 def _steps_near(steps: NDArray[np.float64]) -> list[NDArray[np.int64]]:
-    """Round each of these (n,) and return the whole numbers around it, one either side: all within a half, and
-    rounding.
-    """
+    """Round each of these (n,) and return the whole numbers around it, one either side: all within a half, and rounding."""
     whole = np.rint(steps).astype(np.int64)
     return [whole - 1, whole, whole + 1]

@@ -26,8 +26,7 @@ class Gospa:
 def ospa(distances: NDArray[np.float64], cutoff: float, order: float) -> float:
     """Compute OSPA [m] of distances (n, m) [m] between people and tracks; 0 for two empty sets.
 
-    Each distance counts `cutoff` at most, each person or track too many `cutoff`; averaged over the larger of the two
-    sets.
+    Each distance counts `cutoff` at most, each person or track too many `cutoff`; averaged over the larger of the two sets.
     """
     n, m = distances.shape
     if max(n, m) == 0:

@@ -56,8 +56,7 @@ class Evaluation:
 def evaluate_tracks(
     truth: TruthTable, tracks: TrackTable, gate_m: float = DEFAULT_GATE_M, situations: SituationTable | None = None
 ) -> dict[str, Any]:
-    """Compute the metrics of one tracker as `metrics.json` holds them (without ms_per_frame); None where one does not
-    apply.
+    """Compute the metrics of one tracker as `metrics.json` holds them (without ms_per_frame); None where one does not apply.
 
     Raises InputError for a gate that is not positive and for tables that share no stamp (see `judged_frames.align`).
     """

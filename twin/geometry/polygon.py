@@ -55,8 +55,7 @@ def gap_between(first: Array, second: Array) -> float:
 
 
 def inset(corners: Array, margin_m: float) -> Array | None:
-    """Return the simple polygon (k, 2) drawn in by a margin [m], corner by corner; None where it is too narrow for
-    that."""
+    """Return the simple polygon (k, 2) drawn in by a margin [m], corner by corner; None where it is too narrow for that."""
     way = np.roll(corners, -1, axis=0) - corners
     turn = np.sign(cross(corners, np.roll(corners, -1, axis=0)).sum())
     inward = turn * np.stack([-way[:, 1], way[:, 0]], axis=-1) / np.linalg.norm(way, axis=1)[:, None]

@@ -137,8 +137,7 @@ class Poses(ABC):
         return self._history.present(t)
 
     def qpos(self, t: float) -> Array:
-        """Return joint coordinates (n, NQ_PERSON) at time t [s], laid out as `twin.people.body.person_spec.JOINTS`
-        says.
+        """Return joint coordinates (n, NQ_PERSON) at time t [s], laid out as `twin.people.body.person_spec.JOINTS` says.
 
         Those who are not present have the coordinates of when they were, or will be.
         """

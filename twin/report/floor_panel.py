@@ -62,9 +62,8 @@ class TruePoses:
 class FloorPanel:
     """The room from above with scans, tracks and truth.
 
-    Scans and floors lie where the rig has their sensors, as a tracker takes them. `true`: the rig as it truly is, where
-    that is known; its sensors are drawn, and those assumed elsewhere once more, dashed and labelled (`about`: of these
-    alone).
+    Scans and floors lie where the rig has their sensors, as a tracker takes them. `true`: the rig as it truly is, where that
+    is known; its sensors are drawn, and those assumed elsewhere once more, dashed and labelled (`about`: of these alone).
     """
 
     def __init__(
@@ -115,8 +114,7 @@ class FloorPanel:
         silent: Collection[str] = (),
         maps: Sequence[ScoreMap | Hypotheses] = (),
     ) -> None:
-        """Draw one frame on `panel`; `scans`, `floors`: of the sensors that report; `silent`: those that report no
-        more.
+        """Draw one frame on `panel`; `scans`, `floors`: of the sensors that report; `silent`: those that report no more.
 
         Of `maps` the tracker's hypotheses are dots.
         """

@@ -109,8 +109,7 @@ class PreviewWriter:
 
         `images`: the newest picture of each camera (none: the one before is shown on); `scans`, `floors`: the newest of each
         scanner and pressure floor; `silent`: the sensors that have stopped reporting, which are labelled so; `maps`: the
-        tracker's, drawn over the cameras' pictures, and hypotheses over the floor.
-        Raises InputError where the disk is full.
+        tracker's, drawn over the cameras' pictures, and hypotheses over the floor. Raises InputError where the disk is full.
         """
         if self._first_ns is None:
             self._first_ns = stamp_ns

@@ -122,9 +122,7 @@ _INK = (40, 44, 48)
 
 @dataclass(frozen=True, eq=False)
 class Portrait:
-    """A person to draw: label, looks, and joint coordinates (NQ_PERSON,) near the origin; None stands straight, facing
-    +x.
-    """
+    """A person to draw: label, looks, and joint coordinates (NQ_PERSON,) near the origin; None stands straight, facing +x."""
 
     label: str
     appearance: BodyAppearance

@@ -112,9 +112,7 @@ def median_period_ns(*frame_stamps_ns: NDArray[np.int64]) -> int:
 def split_at_gaps(
     stamps_ns: NDArray[np.int64], period_ns: int, labels: NDArray[np.int64] | None = None
 ) -> list[NDArray[np.intp]]:
-    """Split the indices of samples (ascending stamps) into pieces without a gap above 1.5 periods and of one label
-    each.
-    """
+    """Split the indices of samples (ascending stamps) into pieces without a gap above 1.5 periods and of one label each."""
     if stamps_ns.size == 0:
         return []
     breaks = np.diff(stamps_ns) > _GAP_FACTOR * period_ns

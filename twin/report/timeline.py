@@ -288,11 +288,10 @@ def distance_chart(
     colours: IdentityColours,
     names: Mapping[int, str],
 ) -> str:
-    """Draw as SVG a row per person: distance [m] to the matched track (in its colour) from 0 to the gate; misses
-    shaded.
+    """Draw as SVG a row per person: distance [m] to the matched track (in its colour) from 0 to the gate; misses shaded.
 
-    Where a run has more frames than the chart has columns the line is the mean of each column, in a band from its
-    least to its greatest distance.
+    Where a run has more frames than the chart has columns the line is the mean of each column, in a band from its least to
+    its greatest distance.
     """
     gate_m = float(evaluation.metrics["gate_m"])
     period = median_period_ns(truth.frame_stamps_ns, tracks.frame_stamps_ns)

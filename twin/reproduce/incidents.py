@@ -47,9 +47,7 @@ class FilmStrip:
 
 
 def round_robin(incidents: Sequence[CaseIncident]) -> list[CaseIncident]:
-    """Order incidents: the first of each kind of every run, then the second ones and so on; the order is kept
-    otherwise.
-    """
+    """Order incidents: the first of each kind of every run, then the second ones and so on; the order is kept otherwise."""
     rank: dict[tuple[int, str], int] = {}
     ranked = []
     for each in incidents:

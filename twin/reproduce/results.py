@@ -117,9 +117,7 @@ def format_rows(results: Sequence[ResultRow]) -> list[Row]:
 
 
 def pivot_rows(results: Sequence[ResultRow], intervals: bool = True) -> Mapping[str, object] | None:
-    """Pivot results: a row per condition and tracker, a column per metric; of rows named "CONDITION, METRIC", or of
-    choices.
-    """
+    """Pivot results: a row per condition and tracker, a column per metric; of rows named "CONDITION, METRIC", or of choices."""
     found: dict[str, dict[str, tuple[str, str, str, list[str]]]] = {}
     for result, paper, ours, spread in format_rows(results):
         condition, _, metric = result.row.partition(", ")

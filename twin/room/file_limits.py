@@ -144,8 +144,7 @@ def _outermost(element: ElementTree.Element) -> Iterator[ElementTree.Element]:
 
 
 def _things(element: ElementTree.Element, attached: float) -> float:
-    """Count the elements that an element makes, itself included; `attached`: those of a model or file that it brings
-    in."""
+    """Count the elements that an element makes, itself included; `attached`: those of a model or file that it brings in."""
     inside = sum(_things(child, attached) for child in element)
     match element.tag:
         case "replicate":

@@ -30,8 +30,7 @@ class LevelSurface:
 
 
 def level_surfaces(model: mujoco.MjModel, data: mujoco.MjData) -> list[LevelSurface]:
-    """Return the tops of the room's level planes, boxes, cylinders and meshes that stand still and are seen, at any
-    height.
+    """Return the tops of the room's level planes, boxes, cylinders and meshes that stand still and are seen, at any height.
 
     Planes without an end reach as far as `hull_points` says. `data` needs kinematics.
     """

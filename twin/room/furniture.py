@@ -128,8 +128,7 @@ def furniture_of(model: mujoco.MjModel, source: str = "room") -> dict[str, Seat 
 
 
 def _reach(points: Array) -> float:
-    """Return how far ahead (x) the hull of points (n, 3) reaches straight before the origin [m], -inf where it is
-    beside."""
+    """Return how far ahead (x) the hull of points (n, 3) reaches straight before the origin [m], -inf where it is beside."""
     flat = points[:, :2]
     start = flat[ConvexHull(flat).vertices]
     way = np.roll(start, -1, axis=0) - start

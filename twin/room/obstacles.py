@@ -55,13 +55,12 @@ class Obstacle:
 
 
 def obstacles_of(model: mujoco.MjModel, source: str = "room") -> list[Obstacle]:
-    """Return the footprints of a room's furniture and walls; people attached to the model are left out, as they can
-    move.
+    """Return the footprints of a room's furniture and walls; people attached to the model are left out, as they can move.
 
-    Geoms whose top is below `LOW_M`, whose foot is above `HIGH_M`, floors and what nobody sees (alpha 0) are no
-    obstacles. Footprints of one piece of furniture that (nearly) cover each other become one, round ones an octagon
-    about them, and geoms right in the worldbody that stand within another footprint (books in a shelf) are left out.
-    Raises InputError for a height field, and for more geoms of one thing than `MOST_OF_ONE`.
+    Geoms whose top is below `LOW_M`, whose foot is above `HIGH_M`, floors and what nobody sees (alpha 0) are no obstacles.
+    Footprints of one piece of furniture that (nearly) cover each other become one, round ones an octagon about them, and
+    geoms right in the worldbody that stand within another footprint (books in a shelf) are left out. Raises InputError for a
+    height field, and for more geoms of one thing than `MOST_OF_ONE`.
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)

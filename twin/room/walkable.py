@@ -61,8 +61,7 @@ _MARGINS_M = (KEEP_FROM_EDGE_M + 0.03, KEEP_FROM_EDGE_M + 0.1)
 
 
 def walkable_area(model: mujoco.MjModel, data: mujoco.MjData, floor: Sequence[Array], source: str) -> Array:
-    """Compute the area in which a body's middle may go: a simple polygon (k, 2), counter-clockwise, in the room frame
-    [m].
+    """Compute the area in which a body's middle may go: a simple polygon (k, 2), counter-clockwise, in the room frame [m].
 
     `floor`: convex pieces (k, 2) [m]; `data` needs kinematics. Raises InputError, naming `source`, where there is no such
     place.

@@ -43,9 +43,8 @@ _TIMING = {"rate_hz", "phase_s", "delay_s", "jitter_s", "dropout", "sweep_time_s
 class EvaluationTask:
     """A placed scenario (seed included) to be tracked, the cache of motions, and the digest of the code.
 
-    details: True for situations of two people and visibility by sensor, of which some metrics
-    (`DETAILED`) are made, at a cost; without, there are none of these. made_from: what
-    its files were when the study started (None: unknown).
+    details: True for situations of two people and visibility by sensor, of which some metrics (`DETAILED`) are made, at a
+    cost; without, there are none of these. made_from: what its files were when the study started (None: unknown).
     """
 
     scenario: Scenario

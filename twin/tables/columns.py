@@ -61,9 +61,7 @@ class CsvColumns:
         return np.array(self._convert(name, lambda text: _stamp_ns(text, unit), "a time in seconds"), dtype=np.int64)
 
     def labels(self, name: str) -> list[str]:
-        """Read the label of each row's person, n: a whole number from 0 on without leading zeros or decimals, or a
-        name.
-        """
+        """Read the label of each row's person, n: a whole number from 0 on without leading zeros or decimals, or a name."""
 
         def convert(text: str) -> str:
             try:
@@ -80,9 +78,7 @@ class CsvColumns:
         return self._convert(name, convert, "a whole number from 0 on, or a name,")
 
     def integers(self, name: str, minimum: int) -> NDArray[np.int64]:
-        """Read integers of at least `minimum`, (n,); "3.0" counts as 3, the way a table with empty cells is often
-        saved.
-        """
+        """Read integers of at least `minimum`, (n,); "3.0" counts as 3, the way a table with empty cells is often saved."""
 
         def convert(text: str) -> int:
             try:

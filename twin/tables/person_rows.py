@@ -75,13 +75,12 @@ def read_person_rows(
     rate_field: str = "",
     mot: str | None = None,
 ) -> PersonRows:
-    """Read a table of people over time; `what` names its kind, `rate_field` the field where a user gives
-    `frame_rate_hz`.
+    """Read a table of people over time; `what` names its kind, `rate_field` the field where a user gives `frame_rate_hz`.
 
     With a header its columns stand in any order; a unit may follow a name (x/cm, t [ms]) or stand in a row below. Without
-    one it is frame (whole numbers) or t, then id, x, y; of 5 to 8 columns also a height: x, z, y (ETH, UCY) or x, y, z. A row
-    with only its time says that no person is there. Raises InputError naming file, line, column and value, or what a table
-    without a header leaves open.
+    one it is frame (whole numbers) or t, then id, x, y; of 5 to 8 columns also a height: x, z, y (ETH, UCY) or x, y, z. A
+    row with only its time says that no person is there. Raises InputError naming file, line, column and value, or what a
+    table without a header leaves open.
 
     `mot`: 'truth' or 'tracks' for MOT text (`mot_columns`).
     """

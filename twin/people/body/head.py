@@ -26,8 +26,7 @@ _DARK = np.array([0.12, 0.09, 0.08])
 def head_picture(looks: BodyAppearance, rises: Array) -> NDArray[np.uint8]:
     """Paint the texture of the head (rows, columns, 3), rows from the crown down.
 
-    `rises`: the height of each row of the mesh's texture, v = 0 ... 1, as a share of the head's height, both ends
-    included.
+    `rises`: the height of each row of the mesh's texture, v = 0 ... 1, as a share of the head's height, both ends included.
     """
     rows, columns = HEAD_PX
     turn = (np.arange(columns) + 0.5) / columns * 2 * np.pi - np.pi

@@ -148,8 +148,7 @@ class Girths:
         return 0.130 * self.girth + grow
 
     def shoulder_joint(self) -> tuple[float, float, float]:
-        """Return the left shoulder joint in the trunk's frame [m]: inside the acromion, sleeve and deltoid add the
-        rest."""
+        """Return the left shoulder joint in the trunk's frame [m]: inside the acromion, sleeve and deltoid add the rest."""
         build = 1 + 0.75 * (self.girth * 1.75 / (self.lengths.hip_joint_width / 0.1) - 1)
         return -0.008 * self.girth, 0.415 * self.lengths.shoulder_width * build, 0.865 * self.trunk_length
 

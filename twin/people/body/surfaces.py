@@ -77,8 +77,7 @@ def around(sides: int) -> Array:
 
 
 def rings(sections: ArrayLike, sides: int = 14, square: float = 2.0) -> Array:
-    """Return level rings (m, sides, 3) from sections (m, 5) of x, y, z of the middle, half depth (x), half breadth (y)
-    [m].
+    """Return level rings (m, sides, 3) from sections (m, 5) of x, y, z of the middle, half depth (x), half breadth (y) [m].
 
     `square`: exponent of the superellipse; 2 is an ellipse, more is squarer.
     """

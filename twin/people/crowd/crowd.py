@@ -272,8 +272,7 @@ class Crowd:
         return whole
 
     def _wanted_speed(self, rows: Any, way: Planar, length: Array, velocity: Planar, facing: Planar) -> Array:
-        """Return how fast those present want to go along their way (unit, 0 for who stands), `length` [m] before its
-        end."""
+        """Return how fast those present want to go along their way (unit, 0 for who stands), `length` [m] before its end."""
         speed = self._speed[rows]
         along = np.minimum(np.maximum(FACING * (way * facing.conj()).real, 0.0), 1.0)
         slowed = speed * along
@@ -288,9 +287,8 @@ class Crowd:
     def _safe(self, velocity: Planar, normals: Planar, limit: Array) -> Planar:
         """Limit velocities so that nothing is approached faster than its limit.
 
-        normals (n, k): directions to what is approached; limit (n, k) [m/s], negative for what one should back away
-        from. Rounds of projection keep what motion there is along an obstacle; what is still too fast then is slowed as
-        a whole.
+        normals (n, k): directions to what is approached; limit (n, k) [m/s], negative for what one should back away from.
+        Rounds of projection keep what motion there is along an obstacle; what is still too fast then is slowed as a whole.
         """
         inverse = normals.conj()
         approach = (inverse * velocity[:, None]).real

@@ -14,16 +14,15 @@ goal, or the way is blocked."""
 
 @dataclass(frozen=True)
 class MotionCommand:
-    """Walk or run to `goal` [m] at `speed_m_s`, or stand (goal None), until time `until` [s], arrival,
-    or what `done` tells.
+    """Walk or run to `goal` [m] at `speed_m_s`, or stand (goal None), until time `until` [s], arrival, or what `done` tells.
 
-    `arrive_m`: how near counts as having arrived; `halt`: slow down to stop at the goal instead of passing it;
-    `heading`: where to face meanwhile [rad], None: where one goes. Who goes and holds a heading steps sideways and
-    backwards; who stands turns on the spot. `near`: furniture by name that may be come up to closely, for the last
-    steps to a seat, a bed or a shelf; `immovable`: do not give way to others, as people who sit, lie or bend do not;
-    `companions`: the numbers of those whom one walks with: they and the person do not feel each other's repulsion, and
-    abreast they may come as near as `companion_m` [m], with their arms held in; `keeps_step`: the person counts
-    on companions to walk on, and follows as closely as they stand.
+    `arrive_m`: how near counts as having arrived; `halt`: slow down to stop at the goal instead of passing it; `heading`:
+    where to face meanwhile [rad], None: where one goes. Who goes and holds a heading steps sideways and backwards; who
+    stands turns on the spot. `near`: furniture by name that may be come up to closely, for the last steps to a seat, a bed
+    or a shelf; `immovable`: do not give way to others, as people who sit, lie or bend do not; `companions`: the numbers of
+    those whom one walks with: they and the person do not feel each other's repulsion, and abreast they may come as near as
+    `companion_m` [m], with their arms held in; `keeps_step`: the person counts on companions to walk on, and follows as
+    closely as they stand.
     """
 
     goal: tuple[float, float] | None

@@ -65,8 +65,7 @@ class Routes:
         self._main = parts == np.bincount(parts).argmax() if len(parts) else np.zeros(0, dtype=bool)
 
     def way(self, start: Array, goal: Array) -> Array | None:
-        """Find the shortest way (k, 2) [m] from start to goal (2,): the corners to pass, then the goal; None without a
-        way.
+        """Find the shortest way (k, 2) [m] from start to goal (2,): the corners to pass, then the goal; None without a way.
 
         Ends may be closer to furniture than the radius; the way leaves it, and comes to it, directly.
         """

@@ -1,9 +1,8 @@
 """The repulsion between people: the social force model's, in a form that looks ahead.
 
 A. Johansson, D. Helbing and P. Shukla, "Specification of the social force pedestrian model by evolutionary adjustment to
-video tracking data", Advances in Complex Systems 10, 2007: "elliptical II", with their weight by the angle of sight.
-The parameters are ours, not theirs: short and strong, for people close together in a room, and turned a little to the
-right.
+video tracking data", Advances in Complex Systems 10, 2007: "elliptical II", with their weight by the angle of sight. The
+parameters are ours, not theirs: short and strong, for people close together in a room, and turned a little to the right.
 """
 
 from __future__ import annotations

@@ -167,8 +167,7 @@ class Gait:
         self._record(crowd)
 
     def _carry(self, motion: BodyMotion, style: GaitStyle) -> tuple[Array, Array, Array, Array]:
-        """Return the regular cycle at this time (n, 4); what is wanted: share on the left foot (n,), points of load (2,
-        n).
+        """Return the regular cycle at this time (n, 4); what is wanted: share on the left foot (n,), points of load (2, n).
 
         And the share of its stance that is over for each foot (2, n), 0 for who does not step.
         """

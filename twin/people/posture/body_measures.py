@@ -26,13 +26,12 @@ _MEASURED = frozenset({"hips", "chest", "left_hand", "left_thigh", "left_shank",
 class BodyMeasures:
     """Measures of n people, (n,) each [m]; frames as `twin.people.body.person_spec` has them.
 
-    stature; thigh, shank, ankle_height, ball (before the ankle); hip_lateral: hip joint left of the middle; waist:
-    where the trunk bends, above the hips; shoulder_ahead, shoulder_lateral, shoulder_up: left shoulder joint from the
-    waist; upper_arm; grip: from the elbow to the middle of the hand; neck: where the head turns, above the waist;
-    head_ahead, head_up: centre of the head from there; under, behind: the buttocks below (of one who sits) and
-    behind the hip joints; burden_behind: a bag on the back behind them, 0 without; back: the chest behind the line
-    of the spine; thigh_under, thigh_over: from the thigh's axis to its back and front; shank_radius: to the calf's
-    back.
+    stature; thigh, shank, ankle_height, ball (before the ankle); hip_lateral: hip joint left of the middle; waist: where the
+    trunk bends, above the hips; shoulder_ahead, shoulder_lateral, shoulder_up: left shoulder joint from the waist;
+    upper_arm; grip: from the elbow to the middle of the hand; neck: where the head turns, above the waist; head_ahead,
+    head_up: centre of the head from there; under, behind: the buttocks below (of one who sits) and behind the hip joints;
+    burden_behind: a bag on the back behind them, 0 without; back: the chest behind the line of the spine; thigh_under,
+    thigh_over: from the thigh's axis to its back and front; shank_radius: to the calf's back.
     """
 
     stature: Array

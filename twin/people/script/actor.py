@@ -100,8 +100,7 @@ class ScriptContext:
     """State that all actors share: the clock, places and postures of all people, the room.
 
     `doing`: the kind of action that each is at; `taken`: who uses a seat or bed; `leaving`: who is to go, `gone`: who has
-    gone;
-    `looks_until`: when a turned head is free again [s]; `going`: where those who are on their way are to come to;
+    gone; `looks_until`: when a turned head is free again [s]; `going`: where those who are on their way are to come to;
     `groups`: those who walk together, by the number of the person who leads them.
     """
 

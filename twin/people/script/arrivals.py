@@ -96,8 +96,7 @@ def describe_late_actions(people: Mapping[str, Person], duration_s: float) -> li
 
 
 def first_heading(person: Person, start: Array, rng: np.random.Generator) -> float:
-    """Return a person's heading at the start [rad]: as asked, towards the first waypoint that is not here, or at
-    random."""
+    """Return a person's heading at the start [rad]: as asked, towards the first waypoint that is not here, or at random."""
     drawn = float(rng.uniform(-np.pi, np.pi))
     if person.heading_deg is not None:
         return float(np.deg2rad(person.heading_deg))

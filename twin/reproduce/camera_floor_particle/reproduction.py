@@ -168,9 +168,7 @@ def heads_svg(errors: Sequence[HeadErrorsOverTime]) -> str:
 
 
 def head_errors_since_detection(truth: TruthTable, tracks: TrackTable, gate_m: float = 0.5) -> HeadErrorsOverTime:
-    """Compute errors of heads in the rows of tracks with a person within the gate, and the time since the track's first
-    row.
-    """
+    """Compute errors of heads in the rows of tracks with a person within the gate, and the time since the track's first row."""
     since, off = [], []
     began = {number: tracks.stamps_ns[tracks.id == number].min() for number in np.unique(tracks.id).tolist()}
     for stamp in np.unique(tracks.stamps_ns):

@@ -59,9 +59,7 @@ WALKING, RUNNING = "walking", "running"
 
 @dataclass(frozen=True, eq=False)
 class SubjectComparison:
-    """The subject's stances and ours at the same speed and stature, and the root mean square between them [body
-    weights].
-    """
+    """The subject's stances and ours at the same speed and stature, and the root mean square between them [body weights]."""
 
     theirs: Stance
     their_measures: StrideMeasures

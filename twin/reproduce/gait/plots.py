@@ -36,9 +36,7 @@ _DRAWN_WALKS_M_S = (0.8, 1.2, 1.5, 1.8)
 
 
 def stance_svg(runs: GaitRuns) -> str:
-    """Draw the load of a foot over its stance, over the subject's where there is a recording, and the point of load, as
-    SVG.
-    """
+    """Draw the load of a foot over its stance, over the subject's where there is a recording, and the point of load, as SVG."""
     from matplotlib.figure import Figure
 
     compared = runs.compared

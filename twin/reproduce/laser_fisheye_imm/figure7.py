@@ -156,9 +156,7 @@ def particle_estimates(measured: Array, rng: np.random.Generator, n_particle: in
 
 
 def _speeds(state: Array, mean: Callable[[Array], Array]) -> Array:
-    """Compute the speed of n people in each of `READINGS`, (n, 3) [m/s], from modes or particles (5, ...) and their
-    mean.
-    """
+    """Compute the speed of n people in each of `READINGS`, (n, 3) [m/s], from modes or particles (5, ...) and their mean."""
     speed, heading = state[SPEED], state[HEADING]
     along_x, along_y = mean(speed * np.cos(heading)), mean(speed * np.sin(heading))
     return np.stack([mean(np.abs(speed)), np.abs(mean(speed)), np.hypot(along_x, along_y)], axis=-1)
@@ -214,8 +212,7 @@ def curves(runs: MonteCarlo) -> tuple[Curves, Curves]:
 
 
 def figure7_results(runs: MonteCarlo) -> list[ResultRow]:
-    """Compute every result of figure 7: means over the scans, the IMM against the others, and the other readings of a
-    speed.
+    """Compute every result of figure 7: means over the scans, the IMM against the others, and the other readings of a speed.
 
     The paper shows curves and prints no number of them.
     """

@@ -1,6 +1,4 @@
-"""Plots as SVG: the walk and its errors (figures 6 and 7), paths of a run (figure 9), table I, densities and
-conditions.
-"""
+"""Plots as SVG: the walk and its errors (figures 6 and 7), paths of a run (figure 9), table I, densities and conditions."""
 
 from __future__ import annotations
 

@@ -128,9 +128,7 @@ def _fits(hall: HallRuns) -> list[tuple[str, str]]:
 
 
 def _grid(results: Sequence[ResultRow], where: str) -> dict[str, object] | None:
-    """Pivot results of one kind: a row per metric of a condition, a column per tracker; of the many ablations
-    transposed.
-    """
+    """Pivot results of one kind: a row per metric of a condition, a column per tracker; of the many ablations transposed."""
     own = [replace(each, row=each.row.removeprefix("ablation, ")) for each in results if each.where == where]
     if not own:
         return None

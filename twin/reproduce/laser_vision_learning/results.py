@@ -215,9 +215,7 @@ def _beyond(condition: HallCondition, where: str) -> Iterator[ResultRow]:
 
 
 def _losses(condition: HallCondition, hall: HallCondition) -> Iterator[ResultRow]:
-    """Compute the accuracy that a change of the hall costs, paired by seed, over as many frames as the change was run
-    for.
-    """
+    """Compute the accuracy that a change of the hall costs, paired by seed, over as many frames as the change was run for."""
     seeds = [seed for seed in condition.seeds if seed in hall.seeds]
     for tracker in condition.trackers:
         if tracker not in hall.trackers or not seeds:

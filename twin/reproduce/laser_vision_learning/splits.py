@@ -216,9 +216,7 @@ _SCENARIO = "library-hall-busy"
 
 
 def compare_choices(cache: RecordingCache, on_progress: OnProgress | None) -> list[ResultRow]:
-    """Record the busy place in near-identical clothes, and compare every choice's decisions when correlated people
-    part.
-    """
+    """Record the busy place in near-identical clothes, and compare every choice's decisions when correlated people part."""
     if on_progress is not None:
         on_progress("choices of the classifiers", 0, 1)
     changes = [f"seed={SEED}", f"duration_s={DURATION_S}", "background=none"]

@@ -109,9 +109,7 @@ def spread_results(seen: LoadedRecording, n_run: int, on_progress: OnProgress | 
 def trap_results(
     seen: LoadedRecording, n_run: int, on_progress: OnProgress | None
 ) -> tuple[list[ResultRow], dict[str, TrackTable]]:
-    """Compute figures 11 and 12: the share of runs lost by the clock and out of the room; and the first run of each
-    system.
-    """
+    """Compute figures 11 and 12: the share of runs lost by the clock and out of the room; and the first run of each system."""
     found, first = [], {}
     assert seen.environment is not None
     for number, (name, (preset, has_environment)) in enumerate(_WAYS.items()):
