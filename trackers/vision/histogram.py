@@ -59,10 +59,7 @@ class ColourHistogram:
         pixels: Float[Array, "k rows columns 2"],
         inside: Bool[Mask, "k rows columns"],
     ) -> Float[Array, "k {self.size}"]:
-        """Histograms of the image at pixels that are `inside`.
-
-        A window with nothing inside has an all-zero histogram.
-        """
+        """Histograms of the image at pixels that are `inside`. A window with nothing inside has an all-zero histogram."""
         k = len(pixels)
         if k == 0:
             return np.empty((0, self.size))

@@ -1,1 +1,1 @@
-"""People: bodies made of geoms, the gait that moves them, where they go, and how they keep clear of each other."""
+"""Simulated people: bodies made of geoms, gait, motion over the floor, postures and scripts."""

@@ -1,4 +1,4 @@
-"""The people in the room, stepped on a fixed clock, with a short history for sensors that look back."""
+"""People in the room, stepped on a fixed clock, with a short history for sensors that look back."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ _NEAR_ENOUGH_M, _HALTS_FOR_S = 0.2, 1.5
 
 
 class Population(Poses):
-    """The people of a scenario, in the order of their names: so the order of listing changes nothing.
+    """People of a scenario, ordered by name, so that the order of listing has no effect.
 
-    `advance(t)` steps them; `qpos(t)`, `feet(t)` and `truth(t)` may be asked for any t from `poses.HISTORY_S` before the last
-    step up to it. PoseHistory does not grow with time.
+    `advance(t)` steps them; `qpos(t)`, `feet(t)` and `truth(t)` accept any t from `poses.HISTORY_S` before the last step up
+    to it. Memory does not grow with time.
     """
 
     def __init__(
@@ -47,9 +47,8 @@ class Population(Poses):
         measures: BodyMeasures,
         source: str,
     ) -> None:
-        """`ground`: where people may walk and what stands there; `rngs`: a generator of each person's own;
-        `appearances`: their looks, for their proportions and mass; `measures`: those of their bodies, in the order of
-        their names; `source`: what describes them, as errors name it.
+        """`ground`: walkable floor and its obstacles; `rngs`: one generator per person; `appearances`: source of proportions
+        and mass; `measures`: of the bodies, in the order of names; `source`: description file named in errors.
 
         Known starts must be apart, and a wanderer's inside the area (see `twin.world.placement`). Raises InputError when the
         area has no room for those who wander.
@@ -83,8 +82,8 @@ class Population(Poses):
             TICK_S,
         )
         self._arrive_s = np.array([person.arrive_s for person in described], dtype=float)
-        self._arrive_s[self._recorded.numbers] = np.inf  # they come with their paths
-        self._out_s = np.full(count, -np.inf)  # when each has left
+        self._arrive_s[self._recorded.numbers] = np.inf  # they enter with their paths
+        self._out_s = np.full(count, -np.inf)  # time at which each has left
         self._gaze = FreeGaze(random)
         self._entered = np.zeros(count, dtype=bool)
         self._all_came = count == 0
@@ -100,39 +99,40 @@ class Population(Poses):
 
     @property
     def in_use(self) -> dict[str, str]:
-        """By person, the seat or bed that they sit or lie on, are about to, or have just left, as of the last step."""
+        """Seat or bed per person that sits or lies on it, is about to, or has just left it, as of the last step."""
         return {self.names[number]: furniture for furniture, number in self._context.taken.items()}
 
     @property
     def doing(self) -> tuple[str, ...]:
-        """The kind of action that each is at, as of the last step, in the order of the names."""
+        """Kind of action of each person as of the last step, in the order of names."""
         return tuple(self._context.doing)
 
     @property
     def under_way(self) -> Mask:
-        """Mask (n,) of the people still on the way to what they are to do, as of the last step."""
+        """Mask (n,) of people still on the way to their action, as of the last step."""
         going = np.zeros(len(self), dtype=bool)
         going[list(self._context.going)] = True
         return going
 
     def late(self) -> list[str]:
-        """Tell who has not got where their script sends them in twice the time that the way takes, as of the last step."""
+        """Describe people who have not arrived in twice the time that their way takes, as of the last step."""
         return self._context.late()
 
     def holds_posture(self) -> Mask:
-        """Return a mask (n,) of the people who sits, lies, bends or reaches and has got there, as of the last step."""
+        """Return a mask (n,) of people who have reached their sitting, lying, bent or reaching posture, as of the last step."""
         parts: tuple[Part, ...] = ("body", "bend", "reach")
         held = self._postures.rows[[OFF_FEET, PELVIS_PITCH, HANDS, HANDS + 4]].any(axis=0)
         done = [all(self._postures.done(number, part) for part in parts) for number in range(len(self))]
         return np.asarray(held, dtype=bool) & np.array(done, dtype=bool)
 
     def looks(self) -> Mask:
-        """Return a mask (n,) of the people who keeps the head turned to somebody, to a place or by an angle, as of the
-        last step."""
+        """Return a mask (n,) of people whose head is held at a person, place or angle, as of the last step."""
         return self._postures.rows[LOOK] == 1.0
 
     def motion(self, until_s: float) -> PopulationMotion:
-        """Step everybody from the start to `until_s` [s]; how they moved, tick by tick. Of a population not stepped yet."""
+        """Return the motion of all people, tick by tick, from the start to `until_s` [s]; the population must not have been
+        stepped.
+        """
         ticks = [self._history.last()]
         while self._history.tick * TICK_S < until_s:
             self._step()
@@ -160,9 +160,9 @@ class Population(Poses):
         self._record()
 
     def _command(self, t: float) -> None:
-        """Give everybody whose command has ended the next one of their script."""
+        """Give the next command of the script to all people whose command has ended."""
         crowd = self._crowd
-        # who is kept from the last few centimetres, by somebody who stands there, has arrived
+        # a person held up in the last few centimetres by another who stands there has arrived
         self._halts_s = (self._halts_s + TICK_S) * crowd.halting(_NEAR_ENOUGH_M)
         arrived = crowd.arrived() | (self._halts_s > _HALTS_FOR_S)
         self._blocked_s = (self._blocked_s + TICK_S) * crowd.blocked()
@@ -190,7 +190,7 @@ class Population(Poses):
                 self._done[person] = command.done
 
     def _enter_and_leave(self) -> None:
-        """Let those in whose time has come, and take out those who are gone."""
+        """Let in people whose time has come, and take out those who leave."""
         crowd, tick = self._crowd, self._tick
         leaving = self._context.leaving
         if leaving:
@@ -202,7 +202,7 @@ class Population(Poses):
             return
         entering = []
         for person in map(int, np.flatnonzero(~self._entered & (self._arrive_s <= tick * TICK_S))):
-            # whoever stands in the doorway, or has just gone into it, is waited for
+            # wait for a person in the doorway, or just gone into it
             there = crowd.present | (tick * TICK_S - self._out_s < _THROUGH_S)
             apart = np.abs(crowd.place - crowd.place[person])[there]
             if tick == 0 or not (apart < _ENTER_APART_M).any():
@@ -230,15 +230,14 @@ class Population(Poses):
 
 
 def _seat_from_start(person: Person, ground: Ground) -> Seat | None:
-    """Return the seat that a person sits on from the start; None: the person starts on their feet."""
+    """Return the seat on which a person starts; None: the person starts standing."""
     action = person.script[0] if person.script else None
     found = ground.furniture[action.seat] if isinstance(action, Sit) and action.seated else None
     return found if isinstance(found, Seat) else None
 
 
 def _put_before_seat(person: Person, ground: Ground, measures: BodyMeasures, number: int) -> Person:
-    """Return a person who starts seated with the start and heading of one who has just sat down there; others as they
-    are."""
+    """Return a person who starts seated with start and heading before the seat; others unchanged."""
     seat = _seat_from_start(person, ground)
     if seat is None:
         return person
@@ -248,7 +247,7 @@ def _put_before_seat(person: Person, ground: Ground, measures: BodyMeasures, num
 
 
 def _kept_in(person: Person, ground: Ground) -> Array | None:
-    """Return the polygon (k, 2) [m] that a person does not leave: wanderers the tracked area, others the walkable one."""
+    """Return the polygon (k, 2) [m] that confines a person: wanderers the tracked area, others the walkable one."""
     if person.script and isinstance(person.script[0], RecordedPath):
         return None
     only_wanders = all(isinstance(action, Wander | Lead | Join) for action in person.script)

@@ -1,4 +1,4 @@
-"""Poses of all people at any time of the last seconds, whether stepped now or precomputed."""
+"""Poses of all people during the last seconds, stepped now or precomputed."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from twin.people.posture.overlay import overlay_postures
 from twin.people.posture.posture_rows import POSTURE_ROWS, active, faced, pressure_shift_m, support
 
 TICK_S = 0.025
-"""The people's clock [s]; between ticks poses are interpolated."""
+"""Period of the people's clock [s]; poses are interpolated between ticks."""
 
 HISTORY_S = 3.0
 """Time for which poses are kept [s]."""
 
 
 class PoseHistory:
-    """Gait, posture and presence of n people at the ticks of the last `HISTORY_S`; its size does not grow with time."""
+    """Gait, posture and presence of n people at the ticks of the last `HISTORY_S`; memory does not grow with time."""
 
     def __init__(self, count: int) -> None:
         size = round(HISTORY_S / TICK_S) + 1
@@ -43,7 +43,7 @@ class PoseHistory:
         return len(self._rows)
 
     def append(self, state: GaitState, posture: Array, present: NDArray[np.bool_]) -> None:
-        """Keep what is at the next tick: who is how, in which posture (POSTURE_ROWS, n), and who is in the room (n,)."""
+        """Append the state, posture (POSTURE_ROWS, n) and presence (n,) of the next tick."""
         self.tick += 1
         slot = self.tick % len(self)
         self._floor[slot], self._rows[slot] = state.floor, state.rows
@@ -67,8 +67,7 @@ class PoseHistory:
         ), posture[early] + share * (posture[late] - posture[early])
 
     def ticks_around(self, t: float) -> list[tuple[GaitState, Array]]:
-        """Return gait state and posture at the two ticks around time t [s], the earlier first; nothing before the
-        second tick."""
+        """Return gait state and posture at the two ticks around time t [s], the earlier first; empty before the second tick."""
         if self.tick == 0:
             return []
         late = max(min(int(t / TICK_S + 1e-9) + 1, self.tick), 1)
@@ -76,7 +75,7 @@ class PoseHistory:
         return [(GaitState(self._floor[slot], self._rows[slot]), self._posture[slot]) for slot in slots]
 
     def _slots(self, t: float) -> tuple[int, int, float]:
-        """Return the two remembered ticks around time t [s], and the share of the later one."""
+        """Return the two stored ticks around time t [s], and the share of the later one."""
         size = len(self)
         oldest = max(0, self.tick - size + 1)
         place = t / TICK_S
@@ -86,17 +85,16 @@ class PoseHistory:
                 f"look back by at most {HISTORY_S} s"
             )
         before = min(int(place + 1e-9), self.tick)
-        share = max(place - before, 0.0)  # a time rounded to just before its tick is at it: no load is below 0
+        share = max(place - before, 0.0)  # a time rounded to just before its tick is at it, so that no load is below 0
         return before % size, min(before + 1, self.tick) % size, share
 
 
 @dataclass(frozen=True, eq=False)
 class PopulationTruth:
-    """Truth about all people at one time, in the room frame, in the order of their names.
+    """Truth about all people at one time, in the room frame, ordered by name.
 
-    present: who is in the room, (n,); x, y, z: the pelvis (middle between the hip joints) [m]; yaw: where the person faces,
-    for somebody who lies on the back where the feet point [rad]; vx, vy: velocity of the ground point under the pelvis
-    [m/s].
+    present: in the room, (n,); x, y, z: the pelvis (middle between the hip joints) [m]; yaw: facing direction, for a person
+    on the back that of the feet [rad]; vx, vy: velocity of the ground point under the pelvis [m/s].
     """
 
     present: Mask
@@ -109,37 +107,37 @@ class PopulationTruth:
 
 
 class Poses(ABC):
-    """Poses, soles and truth of people in the order of their names, from the history of their last ticks."""
+    """Poses, soles and truth of people ordered by name, from the history of their last ticks."""
 
     def __init__(self, names: Sequence[str], appearances: Mapping[str, BodyAppearance], measures: BodyMeasures) -> None:
-        """`appearances`: their looks, for proportions and mass; `measures`: those of their bodies, in the order of `names`."""
+        """`appearances`: source of proportions and mass; `measures`: of the bodies, in the order of `names`."""
         self.names = tuple(names)
         self._skeleton = Skeleton([appearances[name].proportions for name in self.names])
         self._weight_n = GRAVITY_M_S2 * np.array([appearances[name].mass_kg for name in self.names], dtype=float)
         self._measures = measures
         self._history = PoseHistory(len(self.names))
-        self._asked: tuple[float, int, Array] | None = None  # time, tick and coordinates last asked for
+        self._asked: tuple[float, int, Array] | None = None  # time, tick and coordinates of the last query
 
     def __len__(self) -> int:
         return len(self.names)
 
     def advance(self, t: float) -> None:
-        """Step until the clock has reached time t [s] since the start; does nothing where it has already."""
+        """Step until the clock has reached time t [s] since the start; do nothing if it has already."""
         while self._history.tick * TICK_S < t:
             self._step()
 
     @abstractmethod
     def _step(self) -> None:
-        """Take the people on by one tick."""
+        """Step the people by one tick."""
 
     def present(self, t: float) -> Mask:
         """Return a mask (n,) of the people in the room at time t [s]."""
         return self._history.present(t)
 
     def qpos(self, t: float) -> Array:
-        """Return joint coordinates (n, NQ_PERSON) at time t [s], laid out as `twin.people.body.person_spec.JOINTS` says.
+        """Return joint coordinates (n, NQ_PERSON) at time t [s], laid out as `twin.people.body.person_spec.JOINTS`.
 
-        Those who are not present have the coordinates of when they were, or will be.
+        Absent people have those of their last, or else first, presence.
         """
         if self._asked is None or self._asked[:2] != (t, self._history.tick):
             self._asked = t, self._history.tick, self._coordinates(*self._history.at(t))
@@ -175,8 +173,7 @@ class Poses(ABC):
         return overlay_postures(joint_coordinates(state, self._skeleton), posture, self._measures)
 
     def _posture_velocity(self, t: float) -> NDArray[np.complex128]:
-        """Return what sitting down, bending and the like add to the velocity of the ground point under the pelvis, (n,)
-        [m/s]."""
+        """Return the velocity of the ground point under the pelvis due to sitting down, bending and the like, (n,) [m/s]."""
         around = self._history.ticks_around(t)
         if not any(len(active(posture)) for _, posture in around):
             return np.zeros(len(self), dtype=complex)
@@ -197,7 +194,7 @@ class PopulationMotion:
     present: NDArray[np.bool_]  # (t, n)
 
     def save(self, path: Path) -> None:
-        """Write it to a file (.npz); of the postures only what is not 0 to the bit."""
+        """Write the motion to a file (.npz), of the postures only non-zero values; exact to the bit."""
         bits = self.posture.view(np.int64) != 0
         np.savez(
             path, floor=self.floor, rows=self.rows, present=self.present, shape=self.posture.shape,
@@ -206,7 +203,7 @@ class PopulationMotion:
 
     @classmethod
     def load(cls, path: Path) -> PopulationMotion:
-        """Read a file that `save` has written, to the bit."""
+        """Read a file written by `save`, exact to the bit."""
         with np.load(path) as held:
             posture = np.zeros(held["shape"])
             posture[np.unpackbits(held["which"], count=posture.size).reshape(posture.shape).astype(bool)] = held[
@@ -215,15 +212,15 @@ class PopulationMotion:
             return cls(held["floor"], held["rows"], posture, held["present"])
 
     def same(self, other: PopulationMotion) -> bool:
-        """Return whether both are the same to the bit."""
+        """Return whether both are equal to the bit."""
         return all(getattr(self, each.name).tobytes() == getattr(other, each.name).tobytes() for each in fields(self))
 
 
 class PrecomputedPoses(Poses):
     """Poses of people whose motion was precomputed.
 
-    Ticks come into the history one by one as time goes on, as they did when the people were stepped: what lies between the
-    last two ticks is then interpolated alike, whatever sensor asks in which order.
+    Ticks enter the history one by one, as in stepping, so that values between the last two ticks do not depend on the order
+    of queries.
     """
 
     def __init__(

@@ -12,7 +12,9 @@ from twin.streams import stream
 
 
 def randomized(scenario: Scenario) -> Scenario:
-    """Return the scenario with its people randomized by its seed; itself where it randomizes nothing."""
+    """Return the scenario with starts, times and speeds of its people randomized by its seed, or unchanged without such a
+    wish.
+    """
     if scenario.randomize == STEADY:
         return scenario
     people = {name: _drawn(person, scenario.randomize, scenario.seed, name) for name, person in scenario.people.items()}
@@ -20,7 +22,7 @@ def randomized(scenario: Scenario) -> Scenario:
 
 
 def _drawn(person: Person, randomize: Randomize, seed: int, name: str) -> Person:
-    # the stream is called as it always was: another name would draw other numbers
+    # the stream keeps its first name: another would draw other numbers
     x, y, onset, pace = stream(seed, "vary", name).uniform(-1, 1, 4).tolist()
     moved, later_s, factor = (
         (randomize.start_m * x, randomize.start_m * y),
@@ -34,13 +36,15 @@ def _drawn(person: Person, randomize: Randomize, seed: int, name: str) -> Person
 
 
 def _action(action: Any, moved: tuple[float, float], later_s: float, factor: float) -> Any:
-    """Return an action begun `later_s` [s] later (never before the start), walked `factor` as fast; a path moved whole [m]."""
+    """Return an action delayed by `later_s` [s] (never before the start), at `factor` times the speed; a path is moved whole
+    [m].
+    """
     changes: dict[str, Any] = {}
     if action.at_s is not None:
         changes["at_s"] = max(0.0, action.at_s + later_s)
     if isinstance(action, RecordedPath):
         started = action.points[0][0]
-        changes["points"] = tuple(  # the person stands at first for longer or shorter
+        changes["points"] = tuple(  # changes only how long the person stands at first
             (started + (t - started) / factor + (later_s if t > started else 0.0), x + moved[0], y + moved[1])
             for t, x, y in action.points
         )

@@ -1,1 +1,1 @@
-"""Many scenarios, seeds and trackers at once, on every core or a cluster, and whether anything got worse."""
+"""Suites: many scenarios, seeds and trackers, on every core or a cluster, compared with a baseline."""

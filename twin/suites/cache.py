@@ -1,4 +1,4 @@
-"""Recordings kept by content: a scenario is simulated once, however many trackers, and versions of them, follow it."""
+"""Recordings kept by content: each scenario is simulated once, however many trackers and versions of them track it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _LOCK = ".lock"
 _MAKING = ".making-"
 
 _SUMS = ".sha256.json"
-"""The digest of each file of a recording, by its name, as it was written."""
+"""File name for the digest of each file of a recording, as it was written."""
 
 
 def cache_limit_bytes() -> int:
@@ -49,9 +49,9 @@ def _warn(message: str) -> None:
 
 @dataclass(frozen=True)
 class RecordingCache:
-    """A folder of recordings, each a folder under its key; several processes may use it at the same time.
+    """Folder of recordings, each a folder under its key; several processes may use it at once.
 
-    When it holds more than `limit_bytes`, those used longest ago go, but none that is in use.
+    Beyond `limit_bytes`, the least recently used are removed, except those in use.
     """
 
     folder: Path
@@ -62,13 +62,13 @@ class RecordingCache:
         return self.folder / "recordings"
 
     def check(self) -> None:
-        """Raise InputError where the cache cannot be written: once, before many cases each find it out."""
+        """Raise InputError where the cache cannot be written: once, before many cases find out."""
         with self._writable(), tempfile.TemporaryFile(dir=self._entries) as probe:
             probe.write(b" ")
 
     @contextmanager
     def _writable(self) -> Iterator[None]:
-        """Raise InputError where the block, or the making of the folder before it, fails."""
+        """Raise InputError where the block, or making the folder before it, fails."""
         try:
             self._entries.mkdir(parents=True, exist_ok=True)
             yield
@@ -82,11 +82,10 @@ class RecordingCache:
     def recording(
         self, key: str, make: Callable[[Path], object], warn: Callable[[str], object] = _warn
     ) -> Iterator[tuple[Path, bool]]:
-        """Give the folder under this key, and whether it existed; it stays at least as long as the block runs.
+        """Yield the folder under this key, and whether it existed; it stays at least as long as the block.
 
-        Where it is not there, or not as it was written (`warn` is told), `make(folder)` fills it; it takes its name when it
-        is whole. Other processes that want the same wait for it. Raises InputError where the cache cannot be written, or
-        does not hold what was written.
+        If it is missing or damaged (reported to `warn`), `make(folder)` fills it; it takes its name when complete. Other
+        processes that want it wait. Raises InputError where the cache cannot be written, or does not hold what was written.
         """
         entry = self._entries / key
         with self._writable():
@@ -102,7 +101,7 @@ class RecordingCache:
                         "sound disk is expected"
                     )
                 fcntl.flock(lock, fcntl.LOCK_EX)
-                if (fault := _fault(entry)) is not None:  # nobody else has made it while we waited
+                if (fault := _fault(entry)) is not None:  # no other process has made it meanwhile
                     if entry.exists():
                         warn(f"{entry}: {fault}; the recording is made again")
                         self._drop(entry)
@@ -117,7 +116,7 @@ class RecordingCache:
             self.shrink()
 
     def _make(self, entry: Path, make: Callable[[Path], object]) -> None:
-        for left in self._entries.glob(f"{_MAKING}{entry.name}.*"):  # of one that was killed: the lock is ours
+        for left in self._entries.glob(f"{_MAKING}{entry.name}.*"):  # of a killed process, since the lock is ours
             shutil.rmtree(left, ignore_errors=True)
         partial = Path(tempfile.mkdtemp(prefix=f"{_MAKING}{entry.name}.", dir=self._entries))
         try:
@@ -134,9 +133,9 @@ class RecordingCache:
         return len(sizes), sum(sizes)
 
     def shrink(self, limit_bytes: int | None = None) -> tuple[int, int]:
-        """Remove the recordings used longest ago until the rest fits (None: the cache's limit).
+        """Remove the least recently used recordings until the rest fits (None: the cache's limit).
 
-        Gives how many went and their bytes; those in use stay.
+        Returns their number and bytes; those in use stay.
         """
         limit = self.limit_bytes if limit_bytes is None else limit_bytes
         entries = sorted(self._all())
@@ -152,7 +151,7 @@ class RecordingCache:
         return removed, freed
 
     def empty(self) -> tuple[int, int]:
-        """Remove all recordings but those in use, and what killed processes left; how many recordings went, and bytes."""
+        """Remove all recordings not in use, and remains of killed processes; return their number and bytes."""
         freed = self.shrink(0)
         for partial in self._entries.glob(f"{_MAKING}*"):
             key = partial.name.removeprefix(_MAKING).partition(".")[0]
@@ -162,7 +161,7 @@ class RecordingCache:
         return freed
 
     def _all(self) -> list[tuple[float, Path, int]]:
-        """List the time of last use, folder and bytes of each entry; one that another process removes meanwhile is left out."""
+        """List last use, folder and bytes of each entry; one that another process removes meanwhile is left out."""
         entries = []
         for entry in self._entries.glob("*") if self._entries.is_dir() else ():
             if entry.name.startswith(".") or not entry.is_dir():
@@ -182,7 +181,7 @@ class RecordingCache:
             return True
 
     def _drop(self, entry: Path) -> None:
-        """Remove an entry whose lock is ours: out of the way first, as half a recording must never be found."""
+        """Remove an entry whose lock is ours; move it away first, so that no process finds half a recording."""
         doomed = Path(tempfile.mkdtemp(prefix=f"{_MAKING}{entry.name}.", dir=self._entries))
         os.replace(entry, doomed / entry.name)
         shutil.rmtree(doomed, ignore_errors=True)
@@ -211,7 +210,7 @@ def digests_of(entry: Path) -> dict[str, str]:
 
 
 def _fault(entry: Path) -> str | None:
-    """Describe the difference between a recording and what was written; None where there is none."""
+    """Describe the difference between a recording and what was written; None without one."""
     if not entry.exists():
         return "is not there"
     try:

@@ -1,4 +1,4 @@
-"""Digests of what results are made from: scenarios, rooms, prior files, code, models, versions, the renderer."""
+"""Digests of all inputs of results: scenarios, rooms, prior files, code, models, versions, the renderer."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from twin.scenario import Scenario
 _PACKAGES = {"twin": Path(twin.__file__).parent, "trackers": Path(trackers.__file__).parent}
 
 _SIMULATING = ("twin.world.simulation", "twin.recording.writer")
-"""Code that makes a recording; `twin.run.live` only passes on what the first gives to the second."""
+"""Code that makes a recording; `twin.run.live` only connects the two."""
 
 _MOVING = ("twin.world.precomputed",)
 """Code that moves people, independent of sensors."""
@@ -44,7 +44,7 @@ def recording_key(resolved: str, renderer: str) -> str:
 
 
 def people_key(scenario: Scenario) -> str:
-    """Compute the key of the motion of a scenario's people: a digest of all that it depends on, sensors left out."""
+    """Compute the key of the motion of a scenario's people: a digest of all its inputs, without sensors."""
     digest = hashlib.sha256()
     people = scenario.model_dump_json(include={"room", "area", "duration_s", "seed", "people", "randomize"})
     for part in (people, simulation_code(_MOVING), *_room(scenario.room)):
@@ -54,7 +54,7 @@ def people_key(scenario: Scenario) -> str:
 
 @dataclass(frozen=True)
 class Provenance:
-    """Digests of all that a case's figures depend on besides this package's own code ("": nothing of the kind)."""
+    """Digests of all inputs of a case's metrics besides this package's own code ("": none of the kind)."""
 
     scenario: str
     simulation: str
@@ -64,26 +64,26 @@ class Provenance:
 
     @classmethod
     def read(cls, text: str) -> Provenance | None:
-        """Read what `write` gave; None for anything else."""
+        """Read the output of `write`; None for anything else."""
         try:
             digests = json.loads(text)
-            if "knowledge" in digests:  # the former name, in stores made before
+            if "knowledge" in digests:  # the former name, in older stores
                 digests["prior"] = digests.pop("knowledge")
             return cls(**digests)
         except (ValueError, TypeError):
             return None
 
     def write(self) -> str:
-        """Give the digests as JSON."""
+        """Return the digests as JSON."""
         return json.dumps(asdict(self))
 
     def changed(self, before: Provenance | None) -> list[str]:
-        """Name what is not as it was; everything where `before` is unknown."""
+        """Name the inputs that differ; all where `before` is unknown."""
         return [name for name, digest in asdict(self).items() if before is None or getattr(before, name) != digest]
 
 
 def digest_of(*parts: str | bytes) -> str:
-    """Compute the first 16 hexadecimal digits of a SHA-256 over parts, their lengths included."""
+    """Compute the first 16 hexadecimal digits of a SHA-256 over parts, including their lengths."""
     digest = hashlib.sha256()
     for part in parts:
         _add(digest, part.encode() if isinstance(part, str) else part)
@@ -95,8 +95,8 @@ def provenance_of(
 ) -> Provenance:
     """Digest all inputs of a case.
 
-    resolved: the scenario, its seed included; room: `room_digest` of its room; trackers: what `make_tracker` calls each,
-    and its options; prior: the digest of the files that trackers are handed.
+    resolved: the scenario, its seed included; room: `room_digest` of its room; trackers: arguments of `make_tracker`, name
+    and options; prior: digest of the files given to trackers.
     """
     tracking = [
         part for name, options in trackers for part in (name, json.dumps(options, sort_keys=True), plug_in_code(name))
@@ -105,15 +105,15 @@ def provenance_of(
 
 
 def room_digest(name: str) -> str:
-    """Digest a room of the user's own, with every file that it reads; of a shipped one, "" (see `simulation_code`)."""
+    """Digest a user's own room with every file that it reads; "" for a shipped one (see `simulation_code`)."""
     contents = list(_room(name))
     return digest_of(*contents) if contents else ""
 
 
 def plug_in_code(name: str) -> str:
-    """Digest the source of a tracker of the user's own and of what it imports that is not installed; "" for a preset.
+    """Digest the source of a user's own tracker and of its imports that are not installed; "" for a preset.
 
-    Nothing is imported for it: of a class that this process has not imported the digest is "" too.
+    Nothing is imported: a class not yet imported by this process has the digest "" too.
     """
     if name in PRESETS:
         return ""
@@ -128,7 +128,7 @@ def plug_in_code(name: str) -> str:
 def simulation_code(modules: tuple[str, ...] = _SIMULATING) -> str:
     """Digest every module that takes part in a recording, the models, and the libraries' versions.
 
-    Trackers, metrics and reports are no part of it: changing them leaves every recording as it is.
+    Changes of trackers, metrics and reports leave recordings valid.
     """
     digest = hashlib.sha256()
     for path in sorted([*_modules(modules), *_files(MODELS / "people"), *_files(MODELS / "rooms")]):
@@ -160,7 +160,7 @@ def _files(folder: Path) -> Iterator[Path]:
 
 
 def _room(name: str) -> Iterator[bytes]:
-    """Yield the contents of a user's own room: its file, and every file that it names."""
+    """Yield the contents of a user's own room: its file and every file named in it."""
     path = Path(name)
     if not path.is_file():  # a shipped one, among the models
         return
@@ -210,7 +210,7 @@ def _modules(names: Iterable[str]) -> set[Path]:
         if "." in name:
             waiting.append(name.rpartition(".")[0])  # a package is loaded before what is in it
         if path.parent in _PACKAGES.values() and path.name == "__init__.py":
-            continue  # its names are loaded one by one; those that are used are imported from where they are
+            continue  # its names are loaded one by one, each imported from its own module
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Import):
                 waiting += [alias.name for alias in node.names]

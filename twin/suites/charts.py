@@ -1,4 +1,4 @@
-"""Small multiples: one figure of one scenario, every tracker's mean over seeds with its interval, and each seed's value."""
+"""Small multiples: one metric of one scenario, with every tracker's mean over seeds, its interval, and each seed's value."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _SHAPES = (
     "M0 -5.6L5.6 0L0 5.6L-5.6 0Z",
     "M0 -5.2L5 4H-5Z",
 )
-"""Disc, square, diamond, triangle: a tracker's mark when the colours come round again."""
+"""Disc, square, diamond, triangle: marks that distinguish trackers of equal colour."""
 
 _WIDTH, _LEFT, _RIGHT, _TOP, _ROW, _BOTTOM = 178.0, 8.0, 50.0, 8.0, 20.0, 18.0
 
@@ -30,12 +30,12 @@ class Scale:
     high: float
 
     def x(self, value: float) -> float:
-        """Convert a value to its place on the axis [px]."""
+        """Convert a value to its position on the axis [px]."""
         return _LEFT + (value - self.low) / (self.high - self.low) * (_WIDTH - _LEFT - _RIGHT)
 
 
 def scale_of(metric: str, groups: Iterable[Group]) -> Scale:
-    """Choose a scale with room for every seed of every group; counts start at 0, shares end at 1."""
+    """Choose a scale that fits every seed of every group; counts start at 0, shares end at 1."""
     values = [value for group in groups for value in group.values(metric)]
     if not values:
         return Scale(0.0, 1.0)
@@ -50,7 +50,7 @@ def scale_of(metric: str, groups: Iterable[Group]) -> Scale:
 
 
 def colour_of(slot: int) -> int:
-    """Compute the number of the colour of the tracker in this slot."""
+    """Return the colour number of the tracker in this slot."""
     return slot % len(IDENTITY_COLOURS)
 
 
@@ -70,7 +70,7 @@ def small_multiple(
 ) -> str:
     """Draw the chart as SVG, one row per tracker (name and group).
 
-    slots: a tracker's place among all, of which colour and mark follow; before: the same group of the baseline.
+    slots: a tracker's index, which determines colour and mark; before: the same group of the baseline.
     """
     height = _TOP + _ROW * len(trackers) + _BOTTOM
     right = _WIDTH - _RIGHT

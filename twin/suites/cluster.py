@@ -1,4 +1,4 @@
-"""Workers for tasks: processes of this machine, or those of any Dask scheduler."""
+"""Workers for tasks: processes of this machine, or those of a Dask scheduler."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ ENVIRONMENT = {
     "MKL_NUM_THREADS": "1",
     "OPENCV_FOR_THREADS_NUM": "1",
 }
-"""Workers share the cores: the software renderer, linear algebra and OpenCV keep to the thread that calls them."""
+"""Environment of workers that share the cores: renderer, linear algebra and OpenCV use one thread."""
 
 _CONFIGURATION = {
     "distributed.worker.multiprocessing-method": "spawn",  # a process forked after rendering hangs
-    "distributed.scheduler.allowed-failures": 0,  # we count attempts; a death is to be told of at once
+    "distributed.scheduler.allowed-failures": 0,  # retries are counted by us, and a death is reported at once
     "distributed.worker.profile.enabled": False,
-    # Dask looks after itself up to 50 times a second in every process, and moves work about; our tasks take seconds and
-    # have their places. Seldom is enough: it took 4 % of a core of the two that the workers need.
+    # Dask's housekeeping runs up to 50 times a second in every process and rebalances work; our tasks take seconds and
+    # are placed by us. At the default rate it took 4 % of a core of the two that the workers need.
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.tick.limit": "60s",
     "distributed.admin.system-monitor.interval": "5s",
@@ -44,10 +44,10 @@ _CONFIGURATION = {
 
 @dataclass(frozen=True)
 class Cluster:
-    """An open connection to workers, one task at a time on each.
+    """Open connection to workers, one task at a time on each.
 
-    resources: what a task needs of a worker, as in `dask worker --resources GPU=1`; dashboard: its address, None where
-    there is none; local: the cluster where the workers are `n_worker` processes of ours.
+    resources: those a task needs, as in `dask worker --resources GPU=1`; dashboard: its address, None without one; local:
+    the cluster of `n_worker` processes of ours.
     """
 
     client: Client
@@ -59,22 +59,22 @@ class Cluster:
     def replace_missing(self, n_there: int) -> None:
         """Start processes of ours in place of those that are gone for good.
 
-        A nanny whose worker dies within moments of its start does not start it again; another nanny has to.
+        A nanny whose worker dies soon after its start does not start it again; another nanny has to.
         """
         if self.local is not None and n_there < self.n_worker:
             self.local.scale(len(self.local.worker_spec) + self.n_worker - n_there)
 
     def workers(self) -> dict[str, bool] | None:
-        """List the workers that have the resources: by address, whether each takes work.
+        """List the workers with the resources: by address, whether each accepts work.
 
-        One that does not, being short of memory, say, may still be at work. None where the scheduler does not answer just
+        One that does not, for lack of memory for example, may still be at work. None where the scheduler does not answer
         now; raises InputError where the client has given it up.
         """
         if self.client.status in ("closing", "closed"):
             raise InputError("the Dask scheduler is gone; a running one is expected, and --resume then does the rest")
         scheduler: Any = self.client.scheduler
         try:
-            # Not `scheduler_info()`: it answers from what the client's own thread now and then overwrites with no workers.
+            # Not `scheduler_info()`, whose data the client's own thread sometimes overwrites with no workers.
             known = cast("Any", self.client.sync(scheduler.identity, n_workers=-1))["workers"]
         except OSError:
             return None
@@ -97,7 +97,7 @@ def open_cluster(
 ) -> Iterator[Cluster]:
     """Open `jobs` processes of this machine (None: one per core), or connect to the scheduler at this address.
 
-    Raises InputError where nobody answers at the address.
+    Raises InputError where no scheduler answers.
     """
     from dask import config
     from distributed import Client, LocalCluster
@@ -113,7 +113,8 @@ def open_cluster(
                 threads_per_worker=1,
                 processes=True,
                 host="127.0.0.1",
-                # Whoever reaches a scheduler runs code as its user: this run's certificate, never on disk, keeps others out.
+                # Access to a scheduler means running code as its user: this run's certificate, never on disk, keeps
+                # others out.
                 security=Security.temporary(),
                 dashboard_address=cast("str", "127.0.0.1:0" if _has_dashboard() else None),  # None: no page
                 silence_logs=50,
@@ -130,13 +131,13 @@ def open_cluster(
 
 
 def _close(opened: Client | LocalCluster) -> None:
-    """Close; what takes longer, a worker that is just starting, say, ends with this process."""
+    """Close; workers that take longer, for example while starting, end with this process."""
     with suppress(TimeoutError):
         opened.close(timeout=_CLOSE_S)
 
 
 def _has_dashboard() -> bool:
-    """Dask draws its dashboard with bokeh, which is not among our dependencies."""
+    """Return whether bokeh, with which Dask draws its dashboard, is installed; it is not among our dependencies."""
     return find_spec("bokeh") is not None
 
 
@@ -159,7 +160,7 @@ def read_resources(texts: Sequence[str]) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Workers:
-    """Workers of a run: `jobs` processes here (None: one per core; 1: in this very process), or those of a Dask scheduler."""
+    """Workers of a run: `jobs` processes here (None: one per core; 1: this very process), or those of a Dask scheduler."""
 
     jobs: int | None = None
     scheduler: str | None = None
@@ -167,7 +168,7 @@ class Workers:
 
 
 def parse_workers(jobs: int | None, scheduler: str | None, resource: list[str] | None) -> Workers:
-    """Make the workers that the command's options name. Raises InputError where both kinds are given, or for a bad resource."""
+    """Make the workers chosen by the command's options. Raises InputError where both kinds are given, or for a bad resource."""
     if scheduler is not None and jobs is not None:
         raise InputError(
             f"--jobs {jobs} --scheduler {scheduler}: a scheduler has its own workers; one of them is expected"

@@ -37,18 +37,18 @@ from twin.suites.results import GroupKey, Results
 from twin.suites.store import ResultStore
 
 EVERY_SCENARIO, EVERY_TRACKER = "every scenario", "every tracker"
-"""Stand for a group's scenario and tracker where several are judged together."""
+"""Names of a group's scenario and tracker where several are judged together."""
 
 
 @dataclass(frozen=True)
 class Change:
     """Change of a metric of one group, or of several pooled: means over the seeds that both runs have.
 
-    A group is of a tracker in a scenario, or of a scanner there, which the key then names in the tracker's place.
+    A group is of a tracker in a scenario, or of a scanner, which the key then names in the tracker's place.
 
-    p: how likely chance makes any figure of the suite change so much for the worse; p_better: for the better. allowed: how
-    much worse it may be. worst_seed: where it got worst (of now's; None: over several groups, or missing). fallen: a seed whose
-    case fell beyond any noise.
+    p: probability that chance worsens any metric of the suite as much; p_better: the same for improvements. allowed:
+    tolerated worsening. worst_seed: seed of the largest worsening (None: over several groups, or missing). fallen: seed of a
+    case that collapsed beyond any noise.
     """
 
     key: GroupKey
@@ -83,12 +83,12 @@ class Change:
 
 @dataclass(frozen=True)
 class Comparison:
-    """All changes, by group and metric, with notes on how they were judged."""
+    """All changes, by group and metric, with notes on the comparison."""
 
     changes: tuple[Change, ...]
     warnings: tuple[str, ...]
     detectable: tuple[MinimumDetectableChange, ...] = ()
-    identical: bool = False  # recordings and figures all have the same bits
+    identical: bool = False  # recordings and metrics are identical to the bit
 
     @property
     def worse(self) -> list[Change]:
@@ -148,7 +148,7 @@ def _change(pairs: Sequence[Pair], p: float, p_better: float, allowed: float) ->
 
 
 def _missing_groups(before: Results, now: Results) -> Iterator[Change]:
-    """Yield metrics that applied to a group before and apply to none of its seeds now, though it was run."""
+    """Yield metrics that applied to a group before and now apply to none of its seeds, though it was run."""
     for key, was in before.groups.items():
         group = now.groups.get(key)
         if group is None or not set(was.seeds) & set(group.seeds):
@@ -167,7 +167,7 @@ def _excess(change: Change) -> float:
 
 
 def notes_on(before: Results, now: Results, before_name: str, pairs: Sequence[Pair]) -> Iterator[str]:
-    """Yield notes on how the comparison was judged, one sentence each."""
+    """Yield notes on the comparison, one sentence each."""
     if before.suite != now.suite:
         yield f"{before_name} is of the suite {before.suite}, this one is {now.suite}"
     unrelated = [pair.key for pair in pairs if pair.relation == "unrelated"]
@@ -221,12 +221,12 @@ def _names(keys: Sequence[GroupKey], most: int = 4) -> str:
 
 
 _KIND_OF = {"misidentifications": "misidentification", "lost_tracks": "lost", "id_switches": "switch"}
-"""Figures that count events; of every other the worst second is shown."""
+"""Metrics that count events; for all others the worst second is shown."""
 
 
 @dataclass(frozen=True)
 class IncidentLink:
-    """A case's page and the time to look at [s]; `what` happened there."""
+    """Page of a case and time to look at [s]; `what` happened there."""
 
     page: Path
     t_s: float
@@ -238,7 +238,7 @@ class IncidentLink:
 
 
 def incident_link(change: Change, results: Results, store: ResultStore, folder: Path) -> IncidentLink | None:
-    """Find the incident behind a change, in the seed that got worst; None where the run has no such case."""
+    """Find the incident behind a change, in the seed with the largest worsening; None if the run lacks that case."""
     group = results.groups.get(change.key)
     case_id = group.cases.get(change.worst_seed) if group is not None and change.worst_seed is not None else None
     if case_id is None:
@@ -252,7 +252,7 @@ def incident_link(change: Change, results: Results, store: ResultStore, folder: 
 
 
 def case_page(folder: Path, case_id: str) -> Path:
-    """Give the report of a case of the run in `folder`; of a suite without reports the case's folder."""
+    """Return the report of a case of the run in `folder`; in a suite without reports the case's folder."""
     case = folder / "cases" / case_id
     return report if (report := case / "report.html").is_file() else case
 

@@ -1,8 +1,8 @@
-"""Runs many tasks to their end, whatever becomes of their workers.
+"""Run many tasks to their end, whatever happens to their workers.
 
-Every task is put on a worker of our choice, one at a time, so that it is known what each worker does and since when. A
-worker that dies takes its task's attempt with it; one that hangs is ended, first by the watchdog in its own process, then,
-where even that does not help, by its nanny. Either way the task is tried again elsewhere, and the rest goes on.
+Every task is put on a chosen worker, one at a time, so that it is known what each does and since when. A worker that dies
+takes its task's attempt with it. One that hangs is ended, first by the watchdog in its own process, else by its nanny.
+Either way the task is retried elsewhere, and the rest goes on.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ _RESTART_S = 60.0
 _POLL_S = 0.5
 
 _SETTLED_S = 1.0
-"""So long after its start a worker is given nothing: should it die before its nanny has taken note of it, no other follows."""
+"""Time after its start during which a worker gets no task: should it die before its nanny has noted it, none replaces it."""
 
 _MISSED_S = 60.0
-"""A worker that has not come back for so long is replaced by us."""
+"""Time after which we replace a missing worker."""
 
 _WORKERS_AWAITED_S = 300.0
 
@@ -62,11 +62,10 @@ def run_on(
     listener: TaskListener,
     logs: Path | None = None,
 ) -> None:
-    """Run the tasks on the cluster's workers; `function` is one that a worker can import.
+    """Run the tasks on the cluster's workers; `function` must be importable there.
 
-    logs: folder for a log an attempt, which the workers must see too (None: no logs). Raises OutOfSpaceError where a disk is
-    full, InputError where no worker is left or comes, or the scheduler is gone; what the listener raises comes through. What
-    runs then is cancelled.
+    logs: folder for one log per attempt, visible to the workers too (None: no logs). Raises OutOfSpaceError where a disk is
+    full, InputError without workers or scheduler; exceptions of the listener pass through. Running tasks are then cancelled.
     """
     _Run(cluster, TaskQueue(tasks, listener), function, logs).to_the_end()
 
@@ -79,7 +78,7 @@ class _Run:
         self._logs = logs
         self._running: dict[str, _Running] = {}  # by the worker's address
         self._finished: queue.SimpleQueue[Future] = queue.SimpleQueue()
-        self._workers = dict.fromkeys(cluster.workers() or {}, True)  # by address, whether it takes work
+        self._workers = dict.fromkeys(cluster.workers() or {}, True)  # by address, whether it accepts work
         self._known_since_s = dict.fromkeys(self._workers, float("-inf"))
         self._all_there_s = time.monotonic()
         self._excluded: set[str] = set()
@@ -88,7 +87,7 @@ class _Run:
         self._worker_seen_s = time.monotonic()
 
     def to_the_end(self) -> None:
-        """Start, collect, watch, until nothing is left."""
+        """Start, collect and watch until nothing is left."""
         try:
             while len(self._todo) or self._running:
                 self._look_at_workers()
@@ -159,7 +158,7 @@ class _Run:
             future.add_done_callback(self._finished.put)
 
     def _collect(self) -> None:
-        """Wait a moment for something to finish, then take all that has."""
+        """Wait a short time for tasks to finish, then collect all that have."""
         try:
             future = self._finished.get(timeout=_POLL_S)
         except queue.Empty:
@@ -181,7 +180,7 @@ class _Run:
         one = self._running[address]
         try:
             result = future.result(timeout=_FETCH_S)
-        except Exception as error:  # the worker died with the result in its hands, or the result cannot travel
+        except Exception as error:  # the worker died with the result, or the result cannot be sent
             self._lost(address, f"gave no result that could be fetched ({type(error).__name__}: {error})")
             return
         del self._running[address]
@@ -212,7 +211,7 @@ class _Run:
                 self._restarts[-1].start()
 
     def _restart(self, address: str) -> None:
-        """Have the nanny replace the worker; one without a nanny is shut out by the scheduler."""
+        """Have the nanny replace the worker; without one, the scheduler excludes it."""
         with suppress(OSError, TimeoutError):  # then it stays set aside
             self._cluster.client.restart_workers([address], timeout=_RESTART_S, raise_for_error=False)
 
@@ -233,7 +232,7 @@ RunTasks = Callable[[Sequence[Task], Callable[[Any], Any], TaskListener, Path | 
 
 
 def open_workers(workers: Workers, stack: ExitStack, progress: ProgressListener) -> RunTasks:
-    """Open the workers until the stack is left; return the function that runs tasks there. Raises as `open_cluster`."""
+    """Open the workers until the stack is closed; return the function that runs tasks there. Raises as `open_cluster`."""
     if workers.scheduler is None and workers.jobs == 1:
         return lambda tasks, function, listener, logs: run_serial(tasks, function, listener)
     cluster = stack.enter_context(open_cluster(workers.jobs, workers.scheduler, workers.resources))

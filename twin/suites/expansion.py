@@ -1,4 +1,4 @@
-"""Expand a suite to cases (scenario × overrides × seed × tracker), checked before the first one runs."""
+"""Expand a suite to cases (scenario × overrides × seed × tracker), all checked before the first one runs."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ from twin.suites.spec import Overrides, Suite, find_scenario
 MOST_CASES = 5000
 
 NO_CAMERA = ("laser", "floor")
-"""The kinds of sensor that need no renderer."""
+"""Kinds of sensor that need no renderer."""
 
 
 @dataclass(frozen=True)
 class RecordedInput:
-    """A bag of a suite, its rig and the table of its truth (None: there is none), and a digest of all three."""
+    """Bag of a suite, its rig, the table of its truth (None without one), and a digest of all three."""
 
     path: Path
     rig: Path | None
@@ -46,7 +46,7 @@ class RecordedInput:
 
     @classmethod
     def of(cls, path: Path, rig: Path | None, truth: Path | None) -> RecordedInput:
-        """Digest the files. Raises InputError for one that cannot be read."""
+        """Digest the files. Raises InputError for an unreadable one."""
         digest = hashlib.sha256()
         for file in (*(sorted(path.rglob("*")) if path.is_dir() else [path]), rig, truth):
             if file is None or file.is_dir():
@@ -64,10 +64,10 @@ class RecordedInput:
 
 @dataclass(frozen=True)
 class Case:
-    """One scenario as resolved, recorded with one seed, and one tracker on it.
+    """One resolved scenario, recorded with one seed, and one tracker on it.
 
-    overrides: 'path=value' texts, all of them; variant: those that tell it from the suite's other cases of the scenario;
-    report: whether it gets a page of its own; require: bounds of figures that its tracker is to reach.
+    overrides: all 'path=value' texts; variant: those that distinguish it from the suite's other cases of the scenario;
+    report: True for a page of its own; require: bounds that its tracker has to reach.
     """
 
     id: str
@@ -79,20 +79,20 @@ class Case:
     limit_s: float
     report: bool
     require: Mapping[str, str]
-    resolved: str  # YAML, without trackers and what they may know: what is simulated
-    tracker_changes: tuple[str, ...]  # 'trackers.NAME=...' for those that the scenario defines
+    resolved: str  # YAML of the simulation, without trackers and their prior
+    tracker_changes: tuple[str, ...]  # 'trackers.NAME=...' for those defined by the scenario
     prior: PriorFiles
-    provenance: Provenance  # by content: a case of other files is another one
-    recipe: str  # the key of its recording, but for the renderer
+    provenance: Provenance  # by content: other files make another case
+    recipe: str  # key of its recording without the renderer
 
     @property
     def tracking_changes(self) -> tuple[str, ...]:
-        """Overrides for `twin track` of the recording: the scenario's tracker definitions and the files handed to trackers."""
+        """Overrides for `twin track` of the recording: the scenario's tracker definitions and the files given to trackers."""
         files: Overrides = {} if self.prior == NO_PRIOR else {"prior": self.prior.model_dump(exclude_none=True)}
         return (*self.tracker_changes, *format_overrides(files))
 
     def check_files(self) -> None:
-        """Raise InputError where the bag, the room, or files handed to trackers are not there or not what they were."""
+        """Raise InputError where bag, room, or files given to trackers are missing or changed."""
         if self.bag is not None:
             if RecordedInput.of(self.bag.path, self.bag.rig, self.bag.truth) != self.bag:
                 raise InputError(
@@ -113,13 +113,13 @@ class Case:
 
     size: RunSize  # of its recording
     people: str = ""
-    """The key of its people's motion: cases with the same one differ in their sensors alone."""
+    """Key of its people's motion: cases with the same key differ in their sensors alone."""
     bag: RecordedInput | None = None
-    """The bag that is tracked as it is; None: the recording of `resolved`."""
+    """Bag that is tracked as it is; None: the recording of `resolved`."""
 
 
 def check_case_count(suite: Suite, path: Path) -> None:
-    """Raise InputError for a suite of more than MOST_CASES cases; they are counted, not made."""
+    """Raise InputError for a suite of more than MOST_CASES cases, without making them."""
     if suite.n_case > MOST_CASES:
         refuse_unless_lifted(
             f"{path}: has {suite.n_case} cases (seeds × grid × variants × trackers)", f"at most {MOST_CASES}"
@@ -137,11 +137,11 @@ def expand(
 ) -> list[Case]:
     """Expand a suite to its cases, those of one recording in sequence.
 
-    changes: 'path=value' texts for every case, which keeps its id all the same, so that two runs can be compared;
-    plug_ins: whether trackers of the user's own are on this machine, to be looked at too; trusted: classes that the suite
-    and its scenarios may name; limits: whether to refuse a recording larger than `twin.scenario.run_size` allows.
-    Raises InputError, a line a fault, for scenarios, overrides and trackers that cannot be, or do not fit the scenario's
-    rig, and for cases given twice. Nothing is simulated for it.
+    changes: 'path=value' texts for every case, which keeps its id, so that two runs can be compared; plug_ins: whether to
+    check the user's own trackers too, which only some machines have; trusted: classes that the suite and its scenarios may
+    name; limits: whether to refuse a recording larger than `twin.scenario.run_size` allows. Raises InputError, one line per
+    fault, for invalid scenarios, overrides and trackers, for those that do not fit the scenario's rig, and for cases given
+    twice. Nothing is simulated.
     """
     cases: dict[str, Case] = {}
     faults: dict[str, None] = {}
@@ -169,7 +169,7 @@ def expand(
     for entry in checked:
         try:
             found = list(_cases_of(suite, entry, path, changes, limits=limits))
-        except InputError as error:  # of a scene that one seed draws
+        except InputError as error:  # of a scene drawn by one seed
             faults |= dict.fromkeys(f"{path}: scenarios.{entry.number}: {line}" for line in str(error).splitlines())
             continue
         for case in found:
@@ -323,7 +323,7 @@ def _options(choice: TrackerChoice) -> JsonValue:
 
 
 def _own_settings(variant: Variant) -> str:
-    """Format the settings that tell this variant from the others of its entry, short."""
+    """Format the settings that distinguish this variant from the others of its entry, short."""
     return ", ".join(_short(text) for text in format_overrides(variant.own))
 
 
@@ -337,6 +337,6 @@ def _title(label: str, variant: str) -> str:
 
 
 def _case_id(label: str, overrides: tuple[str, ...], seed: int, tracker: str) -> str:
-    """Make a file name for a case that is the same on every machine and at any time."""
+    """Make a file name for a case that is the same on every machine at any time."""
     digest = hashlib.sha256(json.dumps([label, overrides, seed, tracker]).encode()).hexdigest()[:8]
     return f"{label}-{seed}-{re.sub(r'[^A-Za-z0-9._-]', '-', file_name(tracker))}-{digest}"

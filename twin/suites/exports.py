@@ -1,6 +1,6 @@
-"""JUnit XML, which every CI system reads: a test a case, and a test a group of figures that was compared.
+"""JUnit XML for CI systems: one test per case, and one per group of compared metrics.
 
-Not by junitparser, which would still need every attribute set and control characters taken out.
+junitparser is not used: it would still need every attribute set and control characters removed.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def write_junit(
 def _add_groups(
     root: ElementTree.Element, suite: str, what: str, judged: Iterable[tuple[GroupKey, str, str | None]]
 ) -> None:
-    """Add one test per group, by key and variant; it fails with the sentences of what is wrong with its metrics."""
+    """Add one test per group, by key and variant; it fails with the sentences on its metrics' faults."""
     groups: dict[tuple[str, str, str], list[str]] = {}
     for key, variant, wrong in judged:
         lines = groups.setdefault((key.scenario, variant, key.tracker), [])
@@ -109,7 +109,7 @@ def write_summary(
     comparison: Comparison | None,
     requirements: Sequence[RequirementCheck] = (),
 ) -> None:
-    """Write the means over seeds with their 95 % intervals, what failed, and what changed; raises InputError as a file does."""
+    """Write the means over seeds with their 95 % intervals, failures, and changes; raises InputError as a file does."""
     facts, cases = store.facts(), store.cases()
     document: dict[str, Any] = {
         "suite": results.suite,
@@ -137,7 +137,7 @@ def write_summary(
 
 
 def _add_former_names(document: dict[str, Any]) -> None:
-    """Repeat what was renamed under its name of release 0.1; goes with release 0.3."""
+    """Repeat renamed entries under their names of release 0.1; goes with release 0.3."""
     document["doubts"] = document["tracker_warnings"]
     for group in document["groups"]:
         group["figures"] = group["metrics"]

@@ -1,4 +1,4 @@
-"""Validators of fields that suites and studies share: each says what is expected."""
+"""Validators of fields shared by suites and studies: each error says what is expected."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pydantic import BeforeValidator, ValidationError, ValidatorFunctionWrapHand
 
 
 def list_of(what: str, *, or_empty: bool = False) -> BeforeValidator:
-    """Make a validator of a field that takes a list, not empty unless `or_empty`; `what`: start of the error's sentence."""
+    """Make a validator of a list field, not empty unless `or_empty`; `what`: start of the error's sentence."""
 
     def check(value: Any) -> Any:
         if not isinstance(value, list | tuple) or not (value or or_empty):
@@ -19,7 +19,7 @@ def list_of(what: str, *, or_empty: bool = False) -> BeforeValidator:
 
 
 def mapping_of(what: str) -> BeforeValidator:
-    """Make a validator of a field that takes a mapping with texts as keys."""
+    """Make a validator of a mapping field with texts as keys."""
 
     def check(value: Any) -> Any:
         if not isinstance(value, dict):
@@ -33,7 +33,7 @@ def mapping_of(what: str) -> BeforeValidator:
 
 
 def single(what: str) -> WrapValidator:
-    """Make a validator of a field that takes one value; every error of it says what is expected."""
+    """Make a validator of a single value; every error says what is expected."""
 
     def check(value: Any, inner: ValidatorFunctionWrapHandler) -> Any:
         if not isinstance(value, bool):
@@ -47,5 +47,5 @@ def single(what: str) -> WrapValidator:
 
 
 def expected_error(value: Any, sentence: str) -> ValueError:
-    """Make the error for a value; `validate` itself shows every value that is no mapping."""
+    """Make the error for a value; `validate` itself shows every value except mappings."""
     return ValueError(f"{sentence} (got {value!r})" if isinstance(value, dict) else sentence)

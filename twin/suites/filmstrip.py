@@ -1,4 +1,4 @@
-"""Film strip: the worst moment of a case as three pictures, before, at and after it."""
+"""Film strip: three pictures before, at and after the worst time of a case."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _QUALITY = 82
 
 @dataclass(frozen=True)
 class FilmstripWork:
-    """A case, its recording's cache, and the moment to show [s]."""
+    """A case, its recording's cache, and the time to show [s]."""
 
     case: Case
     cache: RecordingCache
@@ -47,13 +47,13 @@ class FilmstripWork:
 
 
 def draw_filmstrip(work: FilmstripWork) -> bytes:
-    """Draw the moment as three pictures side by side, a JPEG: camera and floor plan with tracks and truth, as in the preview.
+    """Draw three pictures side by side, a JPEG: camera and floor plan with tracks and truth, as in the preview.
 
-    Tracks the recording again up to there; a recording that has left the cache is made again.
+    Tracks the recording again up to there; a recording no longer in the cache is made again.
     """
     case, scenario = work.case, resolved_scenario(work.case)
     defined = dict(_choice(text) for text in case.tracker_changes)
-    chosen = choose([case.tracker], defined, case.id, TrustedClasses(every=True))  # `expand` has let it pass
+    chosen = choose([case.tracker], defined, case.id, TrustedClasses(every=True))  # checked by `expand`
     world = World(scenario)
     key = recording_key(case.resolved, renderer_of(scenario))
     with (
@@ -79,7 +79,7 @@ def draw_filmstrip(work: FilmstripWork) -> bytes:
 
 
 class _FilmstripWriter(PreviewWriter):
-    """A preview of the wanted frames alone: frames long before them and after the last are not drawn."""
+    """Preview of the wanted frames alone: other frames are not drawn."""
 
     wanted_s: deque[float]
 
@@ -88,7 +88,7 @@ class _FilmstripWriter(PreviewWriter):
         self.stills: list[bytes] = []
 
     def frame(self, stamp_ns: int, *arguments: Any, **options: Any) -> None:
-        """Draw a frame, if it is near enough to be seen or to leave a tail that is."""
+        """Draw a frame if it is wanted or near enough before one to appear in its tails."""
         t = stamp_ns / NS_PER_S
         if not self.wanted_s or t < self.wanted_s[0] - _TAIL_S:
             return
@@ -99,7 +99,7 @@ class _FilmstripWriter(PreviewWriter):
 
 
 def _show(fed: Feed, shown: Preview, writer: _FilmstripWriter, bag: Recording) -> None:
-    """Feed the recording until every wanted moment is drawn, or to its end."""
+    """Feed the recording until every wanted frame is drawn, or to its end."""
     truths = deque(bag.truth())
     for observation in bag.observations():
         while truths and truths[0].stamp_ns <= observation.stamp_ns:

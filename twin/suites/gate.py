@@ -1,6 +1,6 @@
-"""Run a suite as a gate: run, compare with the baseline, write results for people and programs.
+"""Suite as a gate: run, compare with the baseline, write results for people and programs.
 
-A baseline is the results to compare with, in one JSON file to be committed, one line per seed.
+A baseline is one JSON file of results to be committed, one line per seed.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _EXPECTED = "a baseline that `twin suite run --update-baseline` has written"
 
 
 class _Held(Strict):
-    """A group as the file holds it; what files of before the digests were kept lack is unknown."""
+    """Group as stored in the file; older files lack the digests."""
 
     scenario: str
     variant: str
@@ -84,7 +84,7 @@ def read_baseline(path: Path) -> Results:
 
 
 def write_baseline(path: Path, results: Results) -> None:
-    """Write the figures that are compared; raises InputError where some are missing or the file cannot be written."""
+    """Write the compared metrics; raises InputError where some are missing or the file cannot be written."""
     if results.failed or results.unfinished:
         raise InputError(
             f"{path}: not written: {len(results.failed)} cases failed and {results.unfinished} are not finished; "
@@ -148,10 +148,10 @@ def run_gate(
     limits: bool = True,
     trusted: TrustedClasses = NONE_TRUSTED,
 ) -> bool:
-    """Run a suite and return whether all went well: no case failed, requirements are met, nothing is worse than the baseline.
+    """Run a suite and return True if no case failed, all requirements are met and nothing is worse than the baseline.
 
-    Leaves results.sqlite, summary.json, report.html and junit.xml in `out` (default: out/suite-<name>). Raises
-    InputError for bad input, before the first case where that can be.
+    Writes results.sqlite, summary.json, report.html and junit.xml to `out` (default: out/suite-<name>). Raises InputError
+    for bad input, where possible before the first case.
     """
     suite, path = load_suite(name)
     suite = suite.with_seed_offset(seed_offset)
@@ -194,7 +194,7 @@ def run_gate(
 
 
 def _baseline_of(suite: Suite, baseline: Path | None, update: bool) -> Results | None:
-    """Read the results to compare with; None where there are none. Raises InputError for those of another suite."""
+    """Read the results to compare with; None without any. Raises InputError for those of another suite."""
     if baseline is None or (update and not baseline.exists()):
         return None
     before = read_baseline(baseline)
@@ -219,7 +219,7 @@ def show_markdown(folder: Path) -> None:
 
 
 def show_results(folder: Path) -> None:
-    """Print the table of a run, finished or not, and write its page; against its baseline, where it had one."""
+    """Print the table of a run, finished or not, and write its page, compared with its baseline if it had one."""
     with read_store(folder) as store:
         results, facts = collect_results(store), store.facts()
         print_results(results, store.facts().get("reference"))
@@ -245,7 +245,7 @@ def _check_compared(comparison: Comparison, what: str) -> None:
 
 
 def compare_results(before: Path, now: Path, out: Path | None, *, markdown: bool = False) -> bool:
-    """Print what is worse and better in `now`, write a page where asked; return whether nothing is worse.
+    """Print worse and better metrics of `now`, write a page if asked; return whether nothing is worse.
 
     `markdown`: print a table in Markdown instead.
     """

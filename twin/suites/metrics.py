@@ -1,10 +1,10 @@
-"""Metrics of a case: the entries of `metrics.json`, which of them are compared, and their default tolerances.
+"""Metrics of a case: the entries of `metrics.json`, the compared ones and their default tolerances.
 
-The default tolerances are ours. They are small enough to detect validation gates of half the size (in MOTP, DetA and OSPA;
-seeds 0 to 2 and 1000 to 1002). Harmless changes move metrics less: in the lab, seeds 1000 to 1005, other image noise
-changed no metric of any tracker with a camera, in 144 pairs of runs (`scripts/bench --only suite-spread`). Other *scanner*
-noise changes identities: DetA of trackers without a camera moves by 0.011, IDF1 by 0.045 (σ of a mean over three seeds).
-Where scans differ, `twin.suites.permutation_test` adds an allowance for chance.
+The default tolerances are ours, small enough to detect validation gates of half the size (in MOTP, DetA and OSPA; seeds 0 to
+2 and 1000 to 1002). Harmless changes move metrics less: in the lab, seeds 1000 to 1005, other image noise changed no metric
+of any tracker with a camera, in 144 pairs of runs (`scripts/bench --only suite-spread`). Other *scanner* noise changes
+identities: DetA of trackers without a camera moves by 0.011, IDF1 by 0.045 (σ of a mean over three seeds). Where scans
+differ, `twin.suites.permutation_test` adds an allowance for chance.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ RECORDING_METRICS: Mapping[str, Metric] = {
         Metric("tracks_per_frame", "Tracks per frame", "", "mean number of tracks reported at once", "less", 2),
     )
 }
-"""Figures of tracks alone, for bags without truth: bounds of `require`, not compared, as neither way is better."""
+"""Metrics of tracks alone, for bags without truth: bounds of `require`, not compared, as neither direction is better."""
 
 METRICS: Mapping[str, Metric] = {**REPORT_METRICS, **RECORDING_METRICS}
 
@@ -61,22 +61,24 @@ GATED: Mapping[str, Allowance] = {
     "head_error_m.z": Allowance(0.002, 0.02),
     "head_yaw_error_rad": Allowance(0.01, 0.02),
 }
-"""The figures that are compared, in the order they are shown; those at the wider gate say much the same again, and what
-a frame costs depends on who else uses the machine."""
+"""Compared metrics in the order shown. Those at the wider gate add little, and the time per frame depends on the machine's
+load.
+"""
 
 SHOWN = tuple(metric for metric in METRICS if metric in GATED or metric == "hota_cap")
-"""The metrics of a page's tables; the cap of HOTA is no result of a tracker's alone, and so is not compared."""
+"""Metrics of a page's tables; the cap of HOTA does not depend on the tracker alone, and so is not compared."""
 
 SENSOR_METRICS: Mapping[str, Metric] = {
     "range_scatter_m": Metric(
         "range_scatter_m", "Scatter of ranges", "m", "of a scanner, where a beam meets one surface twice", "less", 4
     )
 }
-"""Figures of what a sensor reports, whatever a tracker makes of it."""
+"""Metrics of a sensor's own reports, independent of trackers."""
 
 GATED_SENSOR_METRICS: Mapping[str, Allowance] = {"range_scatter_m": Allowance(0.0, 0.05)}
-"""Those are compared too. Another draw of the same noise moves less, and noise that doubles more than twice as much, people who
-walk through notwithstanding (tests/twin/suites/test_suite_contents.py)."""
+"""Compared sensor metrics. Another draw of the same noise moves less, and doubled noise more than twice as much, even with
+people walking through (tests/twin/suites/test_suite_contents.py).
+"""
 
 
 def allowed_by_default(metric: str, baseline: float) -> float:
@@ -91,14 +93,14 @@ def metric_named(key: str) -> Metric:
 
 
 def flatten_metrics(metrics: Mapping[str, Any]) -> dict[str, float | None]:
-    """Flatten a tracker's entry of `metrics.json` to numbers by dotted path; the gate, which is no result, is left out."""
+    """Flatten a tracker's entry of `metrics.json` to numbers by dotted path, without the gate, which is no result."""
     return {key: value for key, value in _leaves(metrics, "") if key != "gate_m"}
 
 
 def check_ranges(figures: Mapping[str, float | None], source: str) -> None:
     """Raise InputError, naming `source` and the metric, for a value outside the metric's range.
 
-    What is better the more there is of it is a share, or 1 less something; everything else counts, or is a length or angle.
+    Metrics for which more is better are shares or 1 less something; all others are counts, lengths or angles.
     """
     for key, value in figures.items():
         if value is None or key not in METRICS:

@@ -1,4 +1,4 @@
-"""Overrides: the changes that a suite makes to a scenario, and the source of each in the user's files."""
+"""Overrides of a suite's scenarios, and the source of each in the user's files."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from twin.suites.spec import Overrides, Suite, SuiteScenario
 
 @dataclass(frozen=True)
 class Variant:
-    """One scenario of a suite with one combination of its changes.
+    """One scenario of a suite with one combination of its overrides.
 
-    number: the entry's place under `scenarios`; listed: where the file has the trackers' names; overrides: every change of
-    the suite's file, as they are applied; own: those that tell it from the entry's other variants; changes: 'path=value'
-    texts of the command line, applied last; sources: where the file has which changes, of two of one path the last counts.
+    number: the entry's index under `scenarios`; listed: field that lists the trackers; overrides: all of the suite's file,
+    as applied; own: those that distinguish it from the entry's other variants; changes: 'path=value' texts of the command
+    line, applied last; sources: fields of the suite's file with their overrides, of two of one path the last counts.
     """
 
     number: int
@@ -30,7 +30,7 @@ class Variant:
     def written(self, field: str) -> str | None:
         """Find the source of a field's last override: a path in the suite, or '--set path=value: path'.
 
-        None where only the scenario's own file can have it.
+        None where only the scenario's own file can have set it.
         """
         for text in reversed(self.changes):
             path = text.partition("=")[0].strip()
@@ -74,7 +74,7 @@ def format_overrides(changes: Overrides) -> tuple[str, ...]:
 
 
 def _deeper(path: str, field: str) -> str | None:
-    """Return the longer of two paths where one leads to the other, else None."""
+    """Return the longer of two paths where one contains the other, else None."""
     if field == path or field.startswith(f"{path}."):
         return field
     return path if path.startswith(f"{field}.") else None

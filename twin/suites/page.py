@@ -1,4 +1,4 @@
-"""Page of a suite: one row per scenario with small multiples of its metrics and a film strip of its worst moment."""
+"""Page of a suite: one row per scenario with small multiples of its metrics and a film strip of its worst second."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def write_page(
     before: Results | None = None,
     requirements: Sequence[RequirementCheck] = (),
 ) -> None:
-    """Write the page of a run into its folder; it takes its name when it is whole. Raises InputError as a file does."""
+    """Write the page of a run into its folder; it takes its name when complete. Raises InputError as a file does."""
     facts = store.facts()
     _write(
         path,
@@ -296,8 +296,9 @@ def _cell(metric: str, group: Group) -> str:
 
 
 def _calibration(results: Results) -> tuple[Markup, list[tuple[str, int, str]]] | None:
-    """Draw the calibration curves of the trackers that state radii, over all cases, each radius alike; with n and the share
-    found within 95 %, whose interval is by the bootstrap over cases. None where no tracker does.
+    """Draw the calibration curves of the trackers that state radii, over all cases with equal weight.
+
+    Adds n and the share found within 95 %, with a bootstrap interval over cases. None where no tracker states radii.
     """
     slots, curves, rows = _slots(results), [], []
     for name, slot in slots.items():
@@ -325,7 +326,7 @@ def _calibration(results: Results) -> tuple[Markup, list[tuple[str, int, str]]] 
 
 
 def _slots(results: Results) -> dict[str, int]:
-    """Assign each tracker a number, in order of appearance."""
+    """Assign numbers to the trackers in order of appearance."""
     names = dict.fromkeys(key.tracker for key in results.groups)
     return {name: place for place, name in enumerate(names)}
 

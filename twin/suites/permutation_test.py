@@ -1,20 +1,19 @@
 """Pair two runs of a suite by seed, and test all metrics at once: family-wise p, and minimum detectable changes.
 
 Pairs. Two runs of a seed either share their recording (or one made from the same scenario, seed and simulating code; then a
-difference is the tracker's), or show the same people to sensors with other noise (then they are a pair with two draws of
-noise), or show other people (then they are draws from two populations). In the latter two, chance moves a mean, so that a
-mean may also fall by three standard errors of pairs, or two of populations; harmless draws needed this (the lab, seeds 1000
-to 1205 with up to seven draws each). One draw may exchange many identities, which costs a case up to 30 times the allowed
-change of a mean (AssA): a case must fall by 50 times that below the worst earlier seed, and the rare events count the rest.
-Scenarios that differ in light or shirts alone show the same people, scans and noise; recordings of a seed whose people
-start at the same positions are therefore one unit of chance.
+difference is the tracker's), or show the same people to sensors with other noise (a pair with two draws of noise), or show
+other people (draws from two populations). In the latter two, chance moves a mean, so a mean may also fall by three standard
+errors of pairs, or two of populations; harmless draws needed this (the lab, seeds 1000 to 1205 with up to seven draws each).
+One draw may exchange many identities, which costs a case up to 30 times the allowed change of a mean (AssA). So a case must
+fall by 50 times that below the worst earlier seed, and the rare events count the rest. Scenarios that differ in light or
+shirts alone show the same people, scans and noise; recordings of a seed whose people start at the same positions are
+therefore one unit of chance.
 
 Test. If a change has no effect, before and after can be swapped in any unit of chance: this flips the signs of all its
 differences, of all trackers and metrics together. The statistics are computed for all sign vectors, or for drawn ones if
 they are too many. A test's p is the share of sign vectors in which the largest statistic of any test is at least its own
 (single-step max-T: Westfall and Young, Resampling-Based Multiple Testing, 1993). This bounds the probability of any false
-alarm under any dependence between trackers, metrics and tests. The caller chooses the statistics; they need one scale, or
-the noisiest dominates.
+alarm under any dependence between trackers, metrics and tests. The statistics need one scale, or the noisiest dominates.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ Relation = Literal["same bits", "same origin", "same people", "unrelated"]
 """Relations of a group's recordings to those of the baseline, closest first."""
 
 Unit = tuple[int | str, ...]
-"""A seed, and what tells its recordings from those of the same seed that are another draw."""
+"""A seed, and the identity of its recordings among other draws of the same seed."""
 
 _BEYOND_NOISE, _BEYOND_ANY_DRAW, _BEYOND_SPREAD = 10.0, 50.0, 4.0
 
@@ -46,7 +45,7 @@ _STANDARD_ERRORS: Mapping[Relation, float] = {"same people": 3.0, "unrelated": 2
 class Pair:
     """One metric of one group in the n seeds that both runs have.
 
-    tolerance: how much worse its mean may be where chance has no part.
+    tolerance: tolerated worsening of its mean without chance.
     """
 
     key: GroupKey
@@ -60,12 +59,12 @@ class Pair:
 
     @property
     def is_exact(self) -> bool:
-        """True where the recordings are the same, or made from the same inputs."""
+        """True where recordings are the same, or made from the same inputs."""
         return self.relation in ("same bits", "same origin")
 
     @property
     def units(self) -> list[Unit]:
-        """Exchangeable unit of each seed: recordings whose people begin alike, or each alone where that is not known."""
+        """Exchangeable unit of each seed: recordings whose people begin alike, or each alone where unknown."""
         people = self.group.people
         return [
             (seed, start_digest(people[seed])) if people.get(seed) else (seed, self.key.scenario, self.key.overrides)
@@ -79,7 +78,7 @@ class Pair:
 
     @property
     def draws(self) -> Array:
-        """Centred random differences, (k, n): none, the paired differences, or before and now each."""
+        """Centred random differences, (k, n): none, the paired differences, or those of before and now."""
         of_kin = {"same people": [self.now - self.before], "unrelated": [self.before, self.now]}
         drawn = np.array(of_kin.get(self.relation, ()), dtype=float).reshape(-1, len(self.seeds))
         return drawn - drawn.mean(axis=1, keepdims=True)
@@ -104,7 +103,7 @@ class Pair:
 def allowed_change(pairs: Sequence[Pair]) -> float:
     """Compute the tolerated worsening of the mean over G groups: the mean tolerance / √G, plus an allowance for chance.
 
-    Chance is some standard errors of the mean, for which recordings of the same people, whoever tracks them, count as one.
+    The allowance is some standard errors of the mean; recordings of the same people count as one, whatever the tracker.
     """
     tolerance = float(np.mean([pair.tolerance for pair in pairs])) / np.sqrt(len(pairs))
     moved: dict[tuple[int, Unit], float] = {}  # by row of the draws
@@ -158,13 +157,13 @@ def start_digest(people: str) -> str:
 
 
 ALPHA = 0.05
-"""The chance of a false alarm anywhere in a suite."""
+"""Probability of a false alarm anywhere in a suite."""
 
 _MOST_EXACT = 12
-"""Up to so many changed units all signs are tried: 4096 ways."""
+"""Number of changed units up to which all signs are tried: 4096 ways."""
 
 _MOST_AT_ONCE = 5_000_000
-"""Statistics held at once."""
+"""Number of statistics held at once."""
 
 _ROUNDING = 1e-9
 
@@ -172,7 +171,7 @@ _ROUNDING = 1e-9
 def family_wise_p(shares: Array) -> Array:
     """Compute the family-wise p of each of t one-sided tests (t,), by sign flips and the maximum statistic.
 
-    shares (u, t): what each of u units of chance adds to each statistic, positive for the worse, 0 where it takes no part.
+    shares (u, t): contribution of each of u units of chance to each statistic, positive for the worse, 0 without part in it.
     """
     changed = shares[(shares != 0).any(axis=1)]
     if not len(changed):
@@ -203,7 +202,7 @@ def _signs(count: int) -> Array:
 
 
 OF_ALL = ("motp_m", "misidentifications", "lost_tracks", "id_switches", "misses")
-"""Metrics tested over all trackers and cases together too: positions, and events too rare for a single tracker."""
+"""Metrics also tested over all trackers and cases together: positions, and events too rare for a single tracker."""
 
 
 def over_scenarios(pairs: Sequence[Pair]) -> Iterator[list[Pair]]:
@@ -225,10 +224,10 @@ def over_trackers(pairs: Sequence[Pair]) -> Iterator[list[Pair]]:
 def contributions(tests: Sequence[Sequence[Pair]]) -> tuple[Array, list[float]]:
     """Compute each unit's contribution to each test's statistic, (u, t), and each test's tolerance.
 
-    A test is of one group, of a tracker's groups, or of all trackers': of several the mean over groups is judged. With d,
-    what a unit got worse in units of what that is allowed, the statistic is Σ d / √(Σ d² + n): a signal over its
-    noise, in which what is far less than allowed counts for nothing (the constant under the root: Tusher, Tibshirani,
-    Chu, PNAS 98, 2001).
+    A test is of one group, of a tracker's groups, or of all trackers'; of several groups the mean is judged. With d, a
+    unit's worsening relative to the allowed one, the statistic is Σ d / √(Σ d² + n): a signal over its noise, in which
+    worsenings far below the allowed one count for nothing (the constant under the root: Tusher, Tibshirani, Chu, PNAS 98,
+    2001).
     """
     place: dict[Unit, int] = {}
     for pairs in tests:
@@ -249,8 +248,8 @@ def contributions(tests: Sequence[Sequence[Pair]]) -> tuple[Array, list[float]]:
 class MinimumDetectableChange:
     """Smallest loss of a metric, in its unit, that the comparison detects while nothing else changes.
 
-    of_tracker: in all scenarios of each tracker; in_scenario and in_case: in all seeds of one scenario and in one case alone,
-    whichever tracker and scenario it is.
+    of_tracker: in all scenarios of each tracker; in_scenario and in_case: in all seeds of one scenario and in one case
+    alone, for any tracker and scenario.
     """
 
     metric: str
@@ -287,6 +286,6 @@ def _in_scenario(pair: Pair) -> float:
 
 
 def _everywhere(pairs: list[Pair]) -> float:
-    """In all scenarios of the tracker of these pairs."""
+    """Return the detectable loss in all scenarios of the tracker of these pairs."""
     n_case = sum(len(pair.seeds) for pair in pairs)
     return allowed_change(pairs) if n_case >= min_recordings() else max(map(_in_scenario, pairs))

@@ -36,12 +36,11 @@ from twin.world.scene import walkable_in
 
 
 class TrackerCheck:
-    """Check that each tracker can be made for each rig, with its options and without a background; collect the faults.
+    """Checker that each tracker can be made for each rig with its options and without a background; collects the faults.
 
-    plug_ins: whether classes of the user's own are on this machine too, as they are not where only a cluster's workers
-    have them; trusted: those of them that the suite and its scenarios may name. A plug-in that raises anything but an
-    InputError, or one that raises where it has asked for the empty room, is left to its cases: what it would do with the
-    real thing is not known here.
+    plug_ins: whether the user's own classes are on this machine too, and not only on a cluster's workers; trusted: those
+    that the suite and its scenarios may name. A plug-in that raises anything but an InputError, or raises after reading the
+    empty room, is left to its cases: its behaviour on real data is unknown here.
     """
 
     def __init__(self, suite: Path, *, plug_ins: bool = True, trusted: TrustedClasses = NONE_TRUSTED) -> None:
@@ -52,12 +51,12 @@ class TrackerCheck:
         self._environments: dict[Path, Environment] = {}
         self._digests: dict[str, str] = {}
         self._made: dict[tuple[str, ...], list[tuple[str, str]]] = {}
-        self._faults: dict[tuple[str, str], dict[str, None]] = {}  # the sentence around its titles: these
+        self._faults: dict[tuple[str, str], dict[str, None]] = {}  # titles by the sentence before and after them
 
     def check(self, variant: Variant, scenario: Scenario, file: Path, title: str) -> str:
         """Check every tracker of a variant: its resolved scenario, the scenario's file, its title in messages.
 
-        Gives the digest of the files that they are handed (see `PriorFiles.digest`).
+        Returns the digest of the files given to them (see `PriorFiles.digest`).
         """
         rig = self._rig(scenario)
         prior = self._prior(variant, scenario, rig, file)
@@ -92,7 +91,7 @@ class TrackerCheck:
         return self._digests[key]
 
     def check_recorded(self, listed: str, name: str, rig: Rig, title: str) -> None:
-        """Check that a tracker can be made for the rig of a bag; `listed`: where the suite names it."""
+        """Check that a tracker can be made for the rig of a bag; `listed`: the field of the suite that names it."""
         if not _known(name):
             self._tell(_unknown(listed, name, "a class of your own"))
         elif name not in available() and not self._trusted.has(name):
@@ -118,7 +117,7 @@ class TrackerCheck:
         self._faults.setdefault((start, end), {})[title] = None
 
     def _prior(self, variant: Variant, scenario: Scenario, rig: Rig, file: Path) -> Prior | None:
-        """Load the prior files of a scenario, without the empty room; None where one of them is invalid."""
+        """Load the prior files of a scenario without the empty room; None where one is invalid."""
         files = scenario.prior
         missing = files.missing()
         for field, path in missing.items():
@@ -148,7 +147,7 @@ class TrackerCheck:
         return self._made[key]
 
     def _rig(self, scenario: Scenario) -> Rig:
-        """Make the rig that trackers get in every run of this scenario. Raises InputError for an invalid room."""
+        """Make the rig of every run of this scenario. Raises InputError for an invalid room."""
         if scenario.room not in self._walkable:
             self._walkable[scenario.room] = tuple((float(x), float(y)) for x, y in walkable_in(scenario))
         return assumed_rig(scenario, scenario.area or self._walkable[scenario.room])
@@ -164,14 +163,14 @@ def _unknown(where: str, target: str, also: str) -> str:
 
 
 def _place(variant: Variant, file: Path, field: str) -> str:
-    """Locate a field as the user wrote it: in the suite, on the command line, or else in the scenario's file."""
+    """Locate a field in the user's input: in the suite, on the command line, or else in the scenario's file."""
     return variant.written(field) or f"scenarios.{variant.number}.scenario: {file}: {field}"
 
 
 def _faults(
     target: str, rig: Rig, scenario: Scenario, name: str, options: Mapping[str, Any], prior: Prior
 ) -> Iterator[tuple[str, str]]:
-    """Yield the faults of making a tracker: the option's path ("" where it is no option's), and the message."""
+    """Yield the faults of making a tracker: the option's path ("" without one), and the message."""
     background = _EmptyRoom()
     try:
         with warnings_silenced():
@@ -214,7 +213,7 @@ def _by_option(line: str, options: Mapping[str, Any]) -> tuple[str, str]:
 
 @contextmanager
 def warnings_silenced() -> Iterator[None]:
-    """Silence warnings that hold for this check only: that there is no background."""
+    """Silence warnings that hold for this check only: the missing background."""
     before = logging.root.manager.disable
     logging.disable(logging.WARNING)
     try:

@@ -1,4 +1,4 @@
-"""Progress of a run of a suite: who is told of it, and what a person at a terminal sees."""
+"""Progress of a suite's run: callbacks, and a display for terminals."""
 
 from __future__ import annotations
 
@@ -18,8 +18,7 @@ from twin.suites.tasks import State
 class ProgressListener:
     """Callbacks for the progress of a run.
 
-    The Dask dashboard's address, if there is one, each case that fails, what warns, how far it is, and before what it will
-    make.
+    Before it starts: the plan and the address of the Dask dashboard, if any; then state, failed cases and warnings.
     """
 
     dashboard: Callable[[str], object] = lambda address: None
@@ -71,7 +70,7 @@ def suite_progress() -> Iterator[ProgressListener]:
 
 
 class _Clock:
-    """Estimate of the time left, from the cases that ended since the first call."""
+    """Estimate of the remaining time, from the cases that ended since the first call."""
 
     def __init__(self) -> None:
         self._start_s: float | None = None

@@ -1,4 +1,6 @@
-"""A suite's trackers against a reference tracker: differences paired by case, per stratum, and the cases that lose most."""
+"""A suite's trackers against a reference tracker: differences paired by case, per stratum, and the cases with the largest
+losses.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,7 @@ REFERENCE_METRICS = (
 
 @dataclass(frozen=True)
 class ReferenceDifference:
-    """Mean differences between a tracker and the reference, over cases that both have done.
+    """Mean differences between a tracker and the reference, over cases that both completed.
 
     behind: share of the cases whose HOTA is more than `BEHIND_HOTA` below the reference's; None without HOTA.
     """
@@ -38,7 +40,7 @@ class ReferenceDifference:
     behind: float | None
 
     def verdict(self, metric: str) -> str:
-        """Return 'better' or 'worse' where the 95 % interval leaves out 0, else ''."""
+        """Return 'better' or 'worse' where the 95 % interval excludes 0, else ''."""
         found = self.differences[metric]
         if found is None or found.low is None or found.high is None or found.low <= 0 <= found.high:
             return ""
@@ -57,7 +59,7 @@ class PairedCase:
     reference: Mapping[str, float | None]
 
     def difference(self, metric: str) -> float | None:
-        """Subtract the reference's metric; None where either has none."""
+        """Subtract the reference's metric; None where either lacks it."""
         own, other = self.metrics.get(metric), self.reference.get(metric)
         return None if own is None or other is None else own - other
 

@@ -27,7 +27,7 @@ _MOST_DRAWN = 10**7
 
 @dataclass(frozen=True)
 class GroupKey:
-    """Key of a group: a scenario with its overrides (JSON), and a tracker (or a scanner, by its place)."""
+    """Key of a group: a scenario with its overrides (JSON), and a tracker (or a scanner, by its position)."""
 
     scenario: str
     overrides: str
@@ -38,9 +38,8 @@ class GroupKey:
 class Group:
     """Metrics of each seed, by name; None where a metric does not apply.
 
-    cases: the case's id by seed, if known; recordings: the digest of its recording, if known; recipes: the digest of what it
-    was made from, scenario, seed and code, if known: another processor or renderer makes other bits of the same; people: the
-    digest of its people's ways, if known, whatever sensors look at them.
+    All by seed, if known: cases: ids; recordings: digests of the recordings; recipes: digests of scenario, seed and code,
+    since other processors and renderers make other bits; people: digests of the people's motion, independent of sensors.
     """
 
     variant: str
@@ -57,10 +56,10 @@ class Group:
 
     @property
     def n(self) -> str:
-        """Person-frames of all seeds, with the share of frames evaluated where that is below 1, as text."""
+        """Person-frames of all seeds as text, with the share of frames evaluated if below 1."""
         counts, shares = self.values("judged.person_frames"), self.values("judged.share")
         if len(counts) < len(self.seeds) or not counts:
-            return "–"  # a run of an older version
+            return "–"  # run of an older version
         share = min(shares, default=1.0)
         return f"{sum(counts):.0f}" + (f" ({share:.1%} of the frames or more)" if share < 1 else "")
 
@@ -69,8 +68,8 @@ class Group:
 class Results:
     """Results of a run or a baseline.
 
-    renderers: of all recordings with images; tracker_warnings: cases by the warning of a tracker; sensors: ranges of the
-    scanners, a group per scenario, variant and scanner, whose key names it in the tracker's place.
+    renderers: of all recordings with images; tracker_warnings: cases by warning of a tracker; sensors: range noise, one
+    group per scenario, variant and scanner, whose key names it in the tracker's place.
     """
 
     suite: str
@@ -129,7 +128,7 @@ def _group(found: Sequence[_Figures], recorded: Mapping[str, RecordingInfo], rec
 
 @dataclass(frozen=True)
 class MeanOverSeeds:
-    """Mean of a metric over seeds and its 95 % bootstrap interval; None for the bounds where there is one seed."""
+    """Mean of a metric over seeds and its 95 % bootstrap interval, whose bounds are None for one seed."""
 
     mean: float
     low: float | None
@@ -168,7 +167,7 @@ def gated_values(group: Group) -> Iterator[tuple[str, MeanOverSeeds]]:
 
 @dataclass(frozen=True)
 class RequirementCheck:
-    """Check of a requirement: the mean over the seeds of a scenario; None where the tracker has no such metric."""
+    """Check of a requirement: the mean over the seeds of a scenario; None where the tracker lacks the metric."""
 
     key: GroupKey
     variant: str
@@ -192,7 +191,7 @@ class RequirementCheck:
 
 
 def check_requirements(facts: Mapping[str, Any], results: Results) -> list[RequirementCheck]:
-    """Check the requirements in the facts of a run, for the groups that have been run."""
+    """Check the requirements among the facts of a run, for the groups that have been run."""
     return list(_of(facts.get("requirements", ()), results))
 
 

@@ -1,4 +1,4 @@
-"""A suite from its description to its results: every case run, every result in its place."""
+"""Run a suite: every case, and every result into its store."""
 
 from __future__ import annotations
 
@@ -51,14 +51,14 @@ def run_suite(
 ) -> None:
     """Run every case of the suite into `folder`/results.sqlite, with its files; then draw film strips.
 
-    changes: 'path=value' texts for every case; trusted: classes that the suite and its scenarios may name; function: what
-    is done with a case, one that a worker can import (None: `run_case`); limits: whether to refuse more cases, people and
-    bytes than anybody is likely to mean. A case that fails is noted, and the rest goes on. Raises InputError for a suite
-    that cannot be, where no scheduler answers, for a folder with other results, and where the disk is full or the workers
-    are gone; what was done until then is kept.
+    changes: 'path=value' texts for every case; trusted: classes that the suite and its scenarios may name; function: handles
+    a case, importable by workers (None: `run_case`); limits: whether to refuse implausible numbers of cases, people and
+    bytes. A failed case is noted, and the rest goes on. Raises InputError for an invalid suite, without a scheduler's
+    answer, and for a folder with other results; also where the disk is full or the workers are gone, which keeps all results
+    so far.
     """
     progress, workers = progress or ProgressListener(), workers or Workers()
-    # What a scheduler's workers have of the user's own is not known here.
+    # The user's own classes on a scheduler's workers are not known here.
     if limits:
         check_case_count(suite, path)
     progress.planned(f"{suite.n_case} cases")
@@ -68,7 +68,7 @@ def run_suite(
     if workers.scheduler is None:  # workers elsewhere have caches of their own
         cache.check()
     with ExitStack() as stack:
-        # Processes of ours always start, a scheduler may not answer: then the folder is not ours either.
+        # A scheduler may not answer, our processes always start: check it before claiming the folder.
         elsewhere = open_workers(workers, stack, progress) if workers.scheduler is not None else None
         store = stack.enter_context(open_store(folder, cases, _facts(suite, cases, changes), resume, progress.warned))
         start, before_s = time.perf_counter(), store.facts()["seconds"]
@@ -81,7 +81,7 @@ def run_suite(
 
 
 def _facts(suite: Suite, cases: Sequence[Case], changes: Sequence[str]) -> dict[str, Any]:
-    """Collect the facts of a run that its results carry: description, code, versions, overrides, requirements."""
+    """Collect the facts stored with the results of a run: description, code, versions, overrides, requirements."""
     requirements = dict.fromkeys(
         Requirement(case.scenario, json.dumps(case.overrides, ensure_ascii=False), case.tracker, metric, bound)
         for case in cases
@@ -128,7 +128,7 @@ def _run_cases(
         for warning in result.warnings:
             progress.warned(warning)
         for each in result.tracker_warnings:
-            if each not in tracker_warnings:  # once, however many cases it is of
+            if each not in tracker_warnings:  # once, whatever its number of cases
                 progress.warned(f"{case.id}: {each}")
             tracker_warnings[each] = tracker_warnings.get(each, 0) + 1
         if result.tracker_warnings:
@@ -140,7 +140,7 @@ def _run_cases(
             renderers.add(result.renderer)
             store.note(renderers=sorted(renderers))
 
-    # The renderer's name is not known here; the key without it tells apart what the key with it does.
+    # The renderer's name is not known here; the key without it distinguishes as much.
     store.note(recipes={case.id: case.recipe for case in cases})
     recorded = Counter(people for _, people in {(case.resolved, case.people) for case in cases})
     tasks = [
@@ -170,7 +170,7 @@ def _draw_filmstrips(
 ) -> None:
     """Draw the worst second of each scenario and variant, and of the cases furthest behind the reference tracker.
 
-    The worst of the scenarios come first, `_MAX_FILMSTRIPS` at most; one that cannot be drawn is left out.
+    The worst scenarios come first, `_MAX_FILMSTRIPS` at most; one that cannot be drawn is left out.
     """
     worst: dict[tuple[str, str], tuple[float, float, Case]] = {}
     by_id = {case.id: case for case in cases}
@@ -222,7 +222,7 @@ def _write_files(folder: Path, files: Mapping[str, bytes]) -> None:
 
 
 def tolerances_of(facts: Mapping[str, Any]) -> Callable[[str, float], float]:
-    """Return the function that computes tolerances, as the suite's facts say."""
+    """Return the function that computes tolerances, from the suite's facts."""
     own = {name: Tolerance(**content) for name, content in facts.get("tolerances", {}).items()}
 
     def allowed(metric: str, baseline: float) -> float:

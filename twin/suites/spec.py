@@ -1,4 +1,4 @@
-"""A suite as its YAML file describes it: scenarios × seeds × overrides × trackers, and when a figure is worse."""
+"""Suite as described by its YAML file: scenarios × seeds × overrides × trackers, and tolerances."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ Requirements = Annotated[
     dict[str, MetricBounds],
     mapping_of('a mapping of trackers, as in {sort: {mota: ">= 0.97", misidentifications: 0}},'),
 ]
-"""By tracker and figure, what the mean over the seeds of each scenario is to be."""
+"""Bounds on the mean over the seeds of each scenario, by tracker and metric."""
 
 
 def holds(mean: float, bound: str) -> bool:
@@ -78,7 +78,7 @@ def holds(mean: float, bound: str) -> bool:
 
 
 Overrides = Annotated[dict[str, JsonValue], mapping_of("a mapping of fields' paths to values, as in {duration_s: 10},")]
-"""Values by the path of the scenario's field, as `--set path=value` would give them."""
+"""Values by the path of the scenario's field, as for `--set path=value`."""
 
 _MOST_SEEDS = 100_000
 
@@ -88,14 +88,14 @@ _SEEDS_EXPECTED = (
 
 
 class SeedRange(Strict):
-    """Seeds one after another."""
+    """Consecutive seeds."""
 
     first: int = Field(alias="from", ge=0, lt=2**62, description="the first seed")
     count: int = Field(ge=1, le=_MOST_SEEDS, description="how many seeds")
 
 
 def _seeds(value: Any) -> Any:
-    """`seeds: 3` is short for the first three, `{from: 1000, count: 200}` for 200 from 1000 on."""
+    """Expand `seeds: 3` to the first three, `{from: 1000, count: 200}` to 200 from 1000 on."""
     if isinstance(value, dict):
         try:
             between = SeedRange.model_validate(value)
@@ -150,7 +150,7 @@ class Tolerance(Strict):
 
 
 class SuiteScenario(Strict):
-    """One scenario of a suite, with its own seeds, trackers and time limit where it has them.
+    """One scenario of a suite, optionally with its own seeds, trackers and time limit.
 
     Every combination of the grid's values is run with every one of the variants.
     """
@@ -180,7 +180,7 @@ class SuiteScenario(Strict):
     ] = Field(default=[{}], description="changes by path, one after the other")
 
     def combinations(self) -> list[Overrides]:
-        """List the overrides of each combination, without those of `set`."""
+        """List the overrides of each combination, except those of `set`."""
         grids = [dict(zip(self.grid, values, strict=True)) for values in product(*self.grid.values())]
         return [{**grid, **variant} for variant in self.variants for grid in grids]
 
@@ -193,7 +193,7 @@ def _entry(value: Any) -> Any:
 
 
 class SuiteRecording(Strict):
-    """Bags as cases: a gate on what was recorded, the twin's or a robot's, with or without truth."""
+    """Bags as cases, of the twin or a robot, with or without truth."""
 
     recording: Annotated[str, single("the path of a bag, or a pattern like bags/*.mcap,")] = Field(
         description="bag, or pattern of several (*, ?, **), relative to the suite"
@@ -298,7 +298,7 @@ class Suite(Strict):
         )
 
     def with_seed_offset(self, offset: int) -> Suite:
-        """Copy the suite with this number added to each seed."""
+        """Return the suite with this number added to each seed."""
 
         def moved(seeds: tuple[int, ...] | None) -> tuple[int, ...] | None:
             return None if seeds is None else tuple(seed + offset for seed in seeds)
@@ -308,7 +308,7 @@ class Suite(Strict):
 
 
 def load_suite(name: str | Path) -> tuple[Suite, Path]:
-    """Load the suite of this name (shipped) or path; return it and its file. Raises InputError, every fault on one line."""
+    """Load a shipped suite by name, or one by path; return it and its file. Raises InputError, one line with every fault."""
     path = models.find("suites", str(name))
     expected = "a suite (name, scenarios, seeds, trackers)"
     content = parse_yaml(read_text(path, expected), str(path), expected)

@@ -1,8 +1,8 @@
-"""Results in one SQLite file, written case by case; whatever kills the run, what was finished before is there.
+"""Results in one SQLite file, written case by case: finished cases survive the death of a run.
 
-Tables: `cases` (case_id, status, attempts, seconds, error), `results` (case_id, scenario, seed, overrides, tracker,
-metric, value), `definitions` (what each case is, in order), `recordings` (digests of what each case was recorded as, and of its
-people's ways), `scanners` (how far their ranges scatter there), `moments` (where in a case to look), `facts` (about the run).
+Tables: `cases` (case_id, status, attempts, seconds, error), `results` (case_id, scenario, seed, overrides, tracker, metric,
+value), `definitions` (each case's inputs, in order), `recordings` (digests of each case's recording and of its people's
+motion), `scanners` (noise of their ranges there), `moments` (times in a case to look at), `facts` (about the run).
 """
 
 from __future__ import annotations
@@ -65,13 +65,13 @@ _FAULT_OF_FILE = {
 
 
 def fault_of_file(error: sqlite3.OperationalError) -> str | None:
-    """Describe a fault of the place of a results file; None where the file itself, or the query, is at fault."""
+    """Describe a fault of a results file's location; None where the file itself, or the query, is at fault."""
     fault = _FAULT_OF_FILE.get(error.sqlite_errorcode & 0xFF)
     return f"{fault} ({error})" if fault else None
 
 
 class ResultStore:
-    """Results of one run of a suite, opened by `open_store` for writing or by `read_store` for reading."""
+    """Results of one run of a suite; `open_store` opens them for writing, `read_store` for reading."""
 
     def __init__(self, connection: sqlite3.Connection, path: Path) -> None:
         self._connection = connection
@@ -102,9 +102,10 @@ class ResultStore:
             )
 
     def resume(self, cases: Sequence[Case]) -> dict[str, list[str]]:
-        """Reset cases that were running when the run was killed, that failed, or whose inputs changed, so that they run again.
+        """Reset cases that were running when the run was killed, that failed, or whose inputs changed, so that they run
+        again.
 
-        Returns of the last, where they were done, by case_id what has changed (fields of `MadeFrom`).
+        Returns the changed inputs (fields of `Provenance`) of finished cases, by case_id.
         """
         held = dict(self._connection.execute("SELECT case_id, made_from FROM definitions"))
         done = {
@@ -129,7 +130,7 @@ class ResultStore:
         return {case_id: parts for case_id, parts in changed.items() if parts and case_id in done}
 
     def started(self, case_id: str, attempt: int) -> None:
-        """Record that a case is tried."""
+        """Record the start of a case."""
         with self._writing():
             self._connection.execute(
                 "UPDATE cases SET status = ?, attempts = ? WHERE case_id = ?", (RUNNING, attempt, case_id)
@@ -172,7 +173,7 @@ class ResultStore:
             )
 
     def failed(self, case_id: str, attempts: int, seconds: float, error: str) -> None:
-        """Record that a case has failed for good."""
+        """Record the final failure of a case."""
         with self._writing():
             self._connection.execute(
                 "UPDATE cases SET status = ?, attempts = ?, seconds = ?, error = ? WHERE case_id = ?",
@@ -180,7 +181,7 @@ class ResultStore:
             )
 
     def note(self, **facts: Any) -> None:
-        """Write facts about the run, by name; a value is anything that JSON can hold."""
+        """Write facts about the run, by name; values are anything that JSON can hold."""
         with self._writing():
             self._connection.executemany(
                 "INSERT OR REPLACE INTO facts VALUES (?, ?)",

@@ -18,7 +18,7 @@ from twin.suites.store_schema import EXPECTED
 RESULTS_FILE = "results.sqlite"
 
 _OF_SUITE = ("description", "reference", "tolerances", "requirements")
-"""Facts that figures are judged by: those of the suite as it is now hold."""
+"""Facts by which results are judged: those of the present suite hold."""
 
 
 @contextmanager
@@ -29,12 +29,11 @@ def open_store(
     resume: bool,
     warn: Callable[[str], object] = lambda warning: None,
 ) -> Iterator[ResultStore]:
-    """Open the results in `folder` for writing, locked as long as the block runs.
+    """Open the results in `folder` for writing, locked during the block.
 
-    A new file holds the cases and `facts`; with `resume` an earlier one is taken up, where there is one; cases that are
-    made from other things since (scenario, room, tracker, prior files) are done again, and `warn` is told. Raises
-    InputError where another process writes there, where there are results and none were to be taken up, and where those are
-    of other cases, or of another suite, other changes or other code.
+    A new file holds the cases and `facts`; `resume` continues an earlier one. Cases whose inputs changed (scenario, room,
+    tracker, prior files) are run again, with a warning to `warn`. Raises InputError where another process writes, where
+    results exist without `resume`, and where they are of other cases, or of another suite, other changes or other code.
     """
     path = folder / RESULTS_FILE
     with locked_folder(folder):
@@ -63,7 +62,7 @@ def open_store(
 
 @contextmanager
 def read_store(folder: Path) -> Iterator[ResultStore]:
-    """Open the results in `folder` for reading, also while a run writes them. Raises InputError where there are none."""
+    """Open the results in `folder` for reading, also during a run. Raises InputError where there are none."""
     path = folder / RESULTS_FILE
     if not path.is_file():
         raise InputError(f"{folder}: has no {RESULTS_FILE}; a folder that `twin suite run` has written is expected")
@@ -74,7 +73,7 @@ def read_store(folder: Path) -> Iterator[ResultStore]:
 
 @contextmanager
 def _read_alone(path: Path) -> Iterator[sqlite3.Connection]:
-    """Open a file in a read-only folder, where sqlite could not even read otherwise; no process writes it meanwhile."""
+    """Open a file in a read-only folder, where sqlite could not read otherwise; no process writes it meanwhile."""
     if (waiting := path.with_name(f"{RESULTS_FILE}-wal")).exists() and waiting.stat().st_size:
         raise InputError(
             f"{path}: is read-only, and holds what a run has not finished writing; a file and a folder that this user may "
@@ -88,7 +87,7 @@ def _read_alone(path: Path) -> Iterator[sqlite3.Connection]:
 
 
 def rerun_warning(changed: Mapping[str, Sequence[str]], n_all: int) -> str:
-    """Format the warning that cases are run again, with the inputs that changed."""
+    """Format the warning that cases are run again because of changed inputs."""
     what = " and ".join(dict.fromkeys(part for parts in changed.values() for part in parts))
     first, *more = changed
     on = f" ({first} and {len(more)} more)" if more else f" ({first})"
@@ -96,14 +95,14 @@ def rerun_warning(changed: Mapping[str, Sequence[str]], n_all: int) -> str:
 
 
 def _is_defined(connection: sqlite3.Connection, path: Path) -> bool:
-    """Return whether the file has all tables; a run killed at its very start leaves one without."""
+    """Return whether the file has all tables; a run killed at its start leaves one without."""
     with _sound(path):
         query = "SELECT 1 FROM sqlite_master WHERE name = 'moments_of_case'"
         return connection.execute(query).fetchone() is not None
 
 
 def _check_whole(connection: sqlite3.Connection, path: Path) -> None:
-    """Raise InputError where a page of the file is damaged, be it one that is not read until the run is over."""
+    """Raise InputError where any page of the file is damaged, also one read only at the end of the run."""
     found = connection.execute("PRAGMA quick_check(1)").fetchone()[0]
     if found != "ok":
         raise InputError(f"{path}: is damaged ({' '.join(found.split())}); {EXPECTED}, or another folder, is expected")

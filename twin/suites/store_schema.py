@@ -1,4 +1,4 @@
-"""Content of a results file, validated on reading: it may have been cut, or edited by hand."""
+"""Content of a results file, validated on reading: it may be truncated or edited by hand."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class StoredCase:
 class RecordingInfo:
     """Digests of a case's recording and of its people's motion ("": unknown), and its scanners' range noise.
 
-    scatter_m: of each scanner's ranges, by where it is.
+    scatter_m: of each scanner's ranges, by its position.
     """
 
     digest: str = ""
@@ -83,7 +83,7 @@ class Facts(Typed):
     seconds: FiniteFloat
     renderers: list[str]
     tracker_warnings: dict[str, int] = Field(default_factory=dict)
-    recipes: dict[str, str] = Field(default_factory=dict)  # of each case, what its recording is made from
+    recipes: dict[str, str] = Field(default_factory=dict)  # inputs of each case's recording
     filmstrips: dict[str, FiniteFloat] = Field(default_factory=dict)
     baseline: str | None = None
     reference: str | None = None
@@ -95,7 +95,7 @@ FORMER_FACTS = {
     "strips": "filmstrips",
     "beside": "reference",
 }
-"""Names of facts in files that version 0.1 wrote."""
+"""Names of facts in files of version 0.1."""
 
 
 FACTS = TypeAdapter(Facts)

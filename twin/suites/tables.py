@@ -107,7 +107,7 @@ def print_comparison(
     folder: Path,
     shown: Sequence[str] = ("worse", "better"),
 ) -> None:
-    """Print what got worse, by how much, and the incidents; what got better after it; notes on stderr."""
+    """Print worse metrics, their changes and incidents, then better ones; notes on stderr."""
     console = _console()
     for warning in comparison.warnings:
         PlainConsole(stderr=True).print(f"warning: {warning}", soft_wrap=True)
@@ -157,7 +157,7 @@ def _detectable_table(comparison: Comparison) -> Table:
 
 
 def print_requirements(requirements: Sequence[RequirementCheck]) -> None:
-    """Print the requirements that are not met, and how many are met."""
+    """Print the requirements that are not met, and the number of those met."""
     if not requirements:
         return
     console = _console()
@@ -217,7 +217,7 @@ def markdown_table(results: Results) -> str:
 
 
 def markdown_comparison(comparison: Comparison) -> str:
-    """Format what got worse and better, one row per metric, and the notes; one line where nothing got worse."""
+    """Format worse and better metrics, one row each, and the notes; one line where nothing got worse."""
     heads = ["", "scenario", "tracker", "metric", "before", "now", "change", "allowed", "p", "seeds"]
     changes = [("worse", each) for each in comparison.worse] + [("better", each) for each in comparison.better]
     lines = [
@@ -261,7 +261,7 @@ def _rows_of_scenario(rows: list[tuple[GroupKey, Group]]) -> list[str]:
 
 
 def _column(metric: str, groups: list[Group]) -> list[str]:
-    """Format a metric of each tracker; the best, where not all are alike, in bold."""
+    """Format a metric of each tracker; the best in bold, unless all are equal."""
     means = [mean_over_seeds(group.values(metric)) for group in groups]
     figure = METRICS[metric]
     texts = ["–" if mean is None else f"{mean.mean:.{figure.decimals or 1}f}" for mean in means]
@@ -277,5 +277,5 @@ def _line(cells: list[str]) -> str:
 
 
 def _cell(text: str) -> str:
-    """Escape a text for a table cell: a user's text neither ends a cell nor is a tag."""
+    """Escape a user's text for a table cell: it neither ends the cell nor is a tag."""
     return printable(" ".join(text.split())).replace("|", "\\|").replace("<", "&lt;")

@@ -1,4 +1,4 @@
-"""Tasks to run, in order, and how each ended; one after the other here, or on a cluster (see `dask_runner`)."""
+"""Tasks in order and their results; run serially here, or on a cluster (see `dask_runner`)."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _NO_SPACE = (errno.ENOSPC, errno.EDQUOT)
 
 @dataclass(frozen=True)
 class CallResult:
-    """Result of one call: the value where it is done, else a message, with the traceback where it raised."""
+    """Result of one call: the value, or a message, with the traceback if it raised."""
 
     status: CallStatus
     value: Any
@@ -36,11 +36,11 @@ class CallResult:
 
 
 def call_task(function: Callable[[Any], Any], work: Any, limit_s: float, log: Path | None, killed: bool) -> CallResult:
-    """Call `function(work)`; exceptions come back as a value, so that none has to travel.
+    """Call `function(work)`; exceptions are returned as a value, so that none has to be sent.
 
-    log: file that holds all that the process writes meanwhile, stacks of a crash included (None: none). killed: whether
-    a call that outlasts `limit_s` [s] takes its process down, its stacks in the log; this works also where the call
-    hangs in compiled code and lets no other thread run. For processes of our own only.
+    log: file for all output of the process meanwhile, stacks of a crash included (None: none). killed: whether a call that
+    outlasts `limit_s` [s] ends its process, with the stacks in the log; this works even in compiled code that blocks all
+    threads. For processes of our own only.
     """
     start = time.perf_counter()
 
@@ -54,12 +54,12 @@ def call_task(function: Callable[[Any], Any], work: Any, limit_s: float, log: Pa
         cause = error.__cause__
         full = isinstance(cause, OSError) and cause.errno in _NO_SPACE
         return CallResult("no space" if full else "bad input", None, spent_s(), str(error))
-    except OSError as error:  # the log's own too: a full disk can keep it from being opened or written
+    except OSError as error:  # also of the log: a full disk can prevent opening or writing it
         if error.errno in _NO_SPACE:
             message = f"{error.filename or log or 'a file'}: cannot be written ({error.strerror})"
             return CallResult("no space", None, spent_s(), message)
         return CallResult("raised", None, spent_s(), _format_error(error))
-    except (Exception, SystemExit) as error:  # a plug-in that leaves the process is a failed case, no more
+    except (Exception, SystemExit) as error:  # a plug-in that exits is only a failed case
         return CallResult("raised", None, spent_s(), _format_error(error))
 
 
@@ -80,7 +80,7 @@ def log_tail(log: Path | None) -> str:
 
 @contextmanager
 def _logged(log: Path | None, deadline_s: float | None) -> Iterator[None]:
-    """Redirect the process's output to the log; past the deadline [s] write the stacks there too and exit."""
+    """Redirect the process's output to the log; past the deadline [s] write the stacks there and exit."""
     if log is None or not log.parent.is_dir():  # another machine, without our folders
         with _watched(deadline_s, 2):
             yield
@@ -127,10 +127,10 @@ MAX_RETRIES = 2
 
 @dataclass(frozen=True)
 class Task:
-    """Work for one call. limit_s: how long it may take [s].
+    """Work for one call within `limit_s` [s].
 
-    shares: what it makes for other tasks to use (a recording, say): while one task with this word runs for the first
-    time, no other one with it is started.
+    shares: name of a by-product for other tasks (such as a recording): no other task with this name starts while one runs
+    for the first time.
     """
 
     id: str
@@ -141,7 +141,7 @@ class Task:
 
 @dataclass(frozen=True)
 class TaskResult:
-    """Result of a task: the value where it is done, else the error, several lines where there is a log."""
+    """Result of a task: the value, or the error, several lines with a log."""
 
     task: Task
     status: Literal["done", "failed"]
@@ -163,7 +163,7 @@ class State:
 
 
 class OutOfSpaceError(InputError):
-    """A disk is full, so that no further task can end well either."""
+    """Full disk, so that no further task can succeed."""
 
 
 @dataclass
@@ -176,11 +176,11 @@ class TaskListener:
 
 
 class TaskQueue:
-    """Queue of the tasks to do, in order, with the counts of those that ended."""
+    """Queue of the remaining tasks, in order, with counts of those ended."""
 
     def __init__(self, tasks: Iterable[Task], listener: TaskListener) -> None:
         self._waiting = deque(tasks)
-        self._making: dict[str, str] = {}  # shares: the id of the first task, until it has ended
+        self._making: dict[str, str] = {}  # shares: id of the first task, until it has ended
         self._made: set[str] = set()
         self._attempts: dict[str, int] = {}
         self._listener = listener
@@ -191,9 +191,9 @@ class TaskQueue:
         return len(self._waiting)
 
     def take(self) -> tuple[Task, int] | None:
-        """Take the next task that may start now, and the number of its try; None where none may.
+        """Take the next task that may start now, and the number of its try; None without one.
 
-        Those that make something for others go first: they take longest, and the others then fill the gaps.
+        Tasks that others wait for go first: they take longest, and the others then fill the gaps.
         """
         usable = None
         for place, task in enumerate(self._waiting):
@@ -219,7 +219,7 @@ class TaskQueue:
             self._end(task, "failed", seconds, error=error)
 
     def ended(self, task: Task, result: CallResult, log: Path | None) -> None:
-        """End a task whose call returned or raised; an exception would be raised again, so there is no retry."""
+        """End a task whose call returned or raised; there is no retry, since it would raise again."""
         if result.status == "no space":
             raise OutOfSpaceError(
                 f"{result.message}; a disk with free space is needed, and --resume then does the rest"
@@ -246,9 +246,9 @@ class TaskQueue:
 
 
 def run_serial(tasks: Iterable[Task], function: Callable[[Any], Any], listener: TaskListener) -> None:
-    """Run the tasks one after the other in this process, for debugging: no time limit holds, and a crash ends it all.
+    """Run the tasks serially in this process, for debugging: without time limits, and a crash ends all.
 
-    Raises OutOfSpaceError where a disk is full; what the listener raises comes through.
+    Raises OutOfSpaceError where a disk is full; exceptions of the listener pass through.
     """
     todo = TaskQueue(tasks, listener)
     while (next_one := todo.take()) is not None:

@@ -1,4 +1,4 @@
-"""Run one case on a worker: record, unless that has been done, then track and evaluate."""
+"""Run one case on a worker: record if necessary, then track and evaluate."""
 
 from __future__ import annotations
 
@@ -41,36 +41,36 @@ from twin.world.precomputed import PrecomputedScene, precompute_motion
 RECORDING, TRUTH = "recording.mcap", "truth.csv"
 
 NO_RENDERER = "none"
-"""Written instead of a renderer's name for recordings without images."""
+"""Renderer's name for recordings without images."""
 
 WORST = "worst"
-"""The kind of incident that every case has: its worst second."""
+"""Kind of incident that every case has: its worst second."""
 
 _WINDOW_S = 1.0
 
 _START_S = 1.0
-"""So long a tracker may take to confirm the people it finds; what is bad before says nothing."""
+"""Time allowed for a tracker to confirm people; earlier errors are not counted."""
 
 _MOST_EVENTS = 20
 
 _DIGEST = 16
-"""So many characters of a recording's digest tell it from every other."""
+"""Number of characters of a recording's digest that distinguish it from all others."""
 
 
 @dataclass(frozen=True)
 class CaseWork:
-    """A case, the cache to use, and the state of the code (see `cache_keys.whole_code`) that the others run."""
+    """A case, the cache, and the state of the code (see `cache_keys.whole_code`) that the run uses."""
 
     case: Case
     cache: RecordingCache
     code: str
     same_people: bool = False
-    """True where other recordings of the suite have the same people before other sensors; their motion is cached then."""
+    """True where other recordings of the suite share the people but not the sensors; their motion is then cached."""
 
 
 @dataclass(frozen=True)
 class Incident:
-    """An event of the evaluation, or WORST: the middle of the worst second by OSPA."""
+    """Event of the evaluation, or WORST: the middle of the worst second by OSPA."""
 
     t_s: float
     kind: str
@@ -82,8 +82,8 @@ class Incident:
 class CaseResult:
     """Result of a case: the tracker's entry of `metrics.json`, incidents, the files of its folder, provenance.
 
-    recording: a digest of what was recorded, bit by bit; people: one of their ways; scatter_m: of each scanner's ranges, by
-    where it is; tracker_warnings: warnings of the tracker.
+    recording: digest of the recorded bits; people: of the people's motion; scatter_m: noise of each scanner's ranges, by its
+    position; tracker_warnings: warnings of the tracker.
     """
 
     metrics: dict[str, Any]
@@ -100,10 +100,10 @@ class CaseResult:
 
 
 def run_case(work: CaseWork) -> CaseResult:
-    """Record where the cache has no recording, track, evaluate.
+    """Record unless cached, track, evaluate.
 
-    Raises InputError for a scenario or tracker that cannot be, for files that are not those of the suite's
-    start, and where this process runs other code than the suite.
+    Raises InputError for an invalid scenario or tracker, for files changed since the suite's start, and where this process
+    runs other code than the suite.
     """
     if work.code != whole_code():
         raise InputError(
@@ -158,7 +158,7 @@ def run_case(work: CaseWork) -> CaseResult:
 
 @dataclass(frozen=True)
 class SuiteRecording:
-    """A recording of a suite: a name of its own, its bag in the cache, and the tables of tracks of its cases by tracker."""
+    """Recording of a suite: name, bag in the cache, and tables of tracks of its cases by tracker."""
 
     name: str
     bag: Path
@@ -168,7 +168,7 @@ class SuiteRecording:
 def suite_recordings(
     stack: ExitStack, cases: Sequence[Case], results: Path | None, cache: RecordingCache, on_warning: OnWarning
 ) -> list[SuiteRecording]:
-    """Return the recordings of cases, made where the cache has none; they stay there at least until `stack` is closed.
+    """Return the recordings of cases, made where not cached; they stay at least until `stack` is closed.
 
     `results`: folder of a run of the suite, for its tracks. Raises InputError as a simulation does.
     """
@@ -202,9 +202,9 @@ def resolved_scenario(case: Case) -> Scenario:
 
 
 def renderer_of(scenario: Scenario) -> str:
-    """Name the OpenGL that draws here and its switches, or NO_RENDERER for a scenario without cameras.
+    """Name the OpenGL renderer here and its switches, or NO_RENDERER for a scenario without cameras.
 
-    Raises InputError where there is no OpenGL.
+    Raises InputError without OpenGL.
     """
     if all(sensor.kind in NO_CAMERA for sensor in scenario.sensors.values()):
         return NO_RENDERER
@@ -224,7 +224,7 @@ def record(scenario: Scenario, folder: Path, precomputed: PrecomputedScene | Non
 
 
 def _run_recorded(case: Case, bag: RecordedInput) -> CaseResult:
-    """Track a bag as it is; evaluate by its table of truth, else by the truth in it, else count tracks alone."""
+    """Track a bag as it is; evaluate against its table of truth, else the truth in it, else count tracks alone."""
     with tempfile.TemporaryDirectory(prefix="roomtwin-case-") as temporary:
         folder = Path(temporary)
         result = track_recording(
@@ -262,7 +262,7 @@ def _incidents(evaluation: Evaluation, names: Mapping[int, str]) -> list[Inciden
     incidents = []
     if evaluation.stamps_ns.size:
         t = evaluation.stamps_ns / NS_PER_S
-        # Mean OSPA of the frames of each second, by the differences of its running sum.
+        # Mean OSPA of each second's frames, from differences of the cumulative sum.
         total = np.concatenate([[0.0], np.cumsum(evaluation.ospa_m)])
         first = np.arange(t.size)
         last = np.searchsorted(t, t + _WINDOW_S, side="left")
@@ -292,17 +292,16 @@ def cached_motion(cache: RecordingCache, scenario: Scenario) -> PrecomputedScene
 
 
 _PLACE_M = 1e-4
-"""Places are told apart so finely: coarser than what another processor's last bits come to, finer than any other walk."""
+"""Resolution of positions in digests: coarser than the last bits on other processors, finer than any other walk."""
 
 _ONE_SURFACE_M = 0.05
-"""Ranges of one beam, a scan apart, that differ by more are of two surfaces."""
+"""Difference of a beam's consecutive ranges beyond which they are of two surfaces."""
 
 
 def people_digest(truth: Path) -> str:
-    """Digest the positions of people in a `truth.csv`: at its first whole second, and at all; "" where there is none.
+    """Digest the positions of people in a `truth.csv`: at its first whole second, and overall; "" without any.
 
-    They are the same whatever sensors look at them, and in whatever order they are named; the first one is also the same
-    however long they are looked at.
+    Independent of sensors and of the people's names; the first part is independent of the duration too.
     """
     table = read_truth(truth)
     places = np.stack([table.x, table.y, table.head_x, table.head_y, table.head_z], axis=-1)
@@ -316,9 +315,10 @@ def people_digest(truth: Path) -> str:
 
 
 def range_scatter_m(recording: Path, scenario: Scenario) -> dict[str, float]:
-    """Compute each scanner's σ of a range [m], by its place, from consecutive scans where a beam meets one surface in both.
+    """Compute each scanner's σ of a range [m], by its position, from consecutive scans where a beam meets one surface in
+    both.
 
-    People who move add to it, the same in every recording of them. Scanners at one place count as one.
+    Moving people add to it, equally in every recording of them. Scanners at one position count as one.
     """
     topics = {
         sensor_topic(name, SCAN): scanner_name(sensor.mount.xyz)

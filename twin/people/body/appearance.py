@@ -1,4 +1,4 @@
-"""The appearance of one person: features that the scenario names, the others drawn."""
+"""Appearance of one person: features named by the scenario, all others drawn."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _CHOICES: tuple[Choice, ...] = ("hair_style", "shirt_pattern", "bag")
 _EXTRAS: tuple[Extra, ...] = ("skirt", "coat", "cap", "glasses", "beard")
 _BEARDED_STYLES = ("short", "bald", "cropped", "curly", "afro")
 _LEAST_CONTRAST = 0.45
-"""Least distance of the two colours of a pattern, in the unit cube of red, green, blue."""
+"""Least distance between the two colours of a pattern, in the unit cube of red, green, blue."""
 
 _ADULT_BMI = 22.5
 _CHILD_BMI = 16.0
@@ -28,8 +28,9 @@ _CHILD_BMI = 16.0
 
 @dataclass(frozen=True)
 class BodyAppearance:
-    """The looks of one body: stature [m], build (breadth, 1 is the average), mass [kg], colours as red, green, blue
-    0 to 1 (None: not worn)."""
+    """Appearance of one body: stature [m], build (breadth, 1 is the average), mass [kg], colours as red, green, blue 0 to 1
+    (None: not worn).
+    """
 
     height_m: float
     build: float
@@ -61,25 +62,24 @@ class BodyAppearance:
 
 
 def mass_of(height_m: float, build: float, child: bool) -> float:
-    """Return the mass [kg] of a body from its stature [m] and build: the body mass index is 22.5 (child: 16) × build²
-    (ours).
+    """Return the mass [kg] from stature [m] and build: the body mass index is 22.5 (child: 16) × build² (ours).
 
-    22.5 kg/m² is near the middle of the World Health Organization's normal range for adults, 16 near the median of
-    its growth reference from 2 to 9 years.
+    22.5 kg/m² is near the middle of the World Health Organization's normal range for adults, 16 near the median of its
+    growth reference from 2 to 9 years.
     """
     return (_CHILD_BMI if child else _ADULT_BMI) * build**2 * height_m**2
 
 
 def appearance_of(person: Person, rng: np.random.Generator) -> BodyAppearance:
-    """Draw the appearance of a person: every feature is drawn, then what the scenario names replaces it.
+    """Draw every feature, then replace those that the scenario names.
 
-    So naming one garment changes no other, but for what would hide it (see `Person`).
+    Naming one garment changes no other, unless it hides the other (see `Person`).
     """
     available = wardrobe()
     height_m = float(rng.uniform(*_DRAWN_HEIGHT_M))
     build = float(rng.uniform(*_DRAWN_BUILD))
     drawn: dict[str, str] = {garment: _any_of(available, garment, rng) for garment in _FIRST_GARMENTS}
-    rng.integers(4)  # a draw that had a meaning once: without it the same seed would give other sleeves
+    rng.integers(4)  # unused draw: without it the same seed would give other sleeves
     long_sleeves = bool(rng.random() < 0.5)
     drawn |= {choice: _draw_choice(available, choice, rng) for choice in _CHOICES}
     worn = {extra: bool(100 * rng.random() < available.worn[extra]) for extra in _EXTRAS}
@@ -139,7 +139,7 @@ def _draw_choice(available: Wardrobe, choice: Choice, rng: np.random.Generator) 
 
 
 def _second_colour(available: Wardrobe, named: str | None, first: Rgb, order: np.ndarray) -> Rgb:
-    """Return the named second colour; without one, the first colour in this order that is far enough from `first`."""
+    """Return the named second colour, or else the first colour in `order` that differs enough from `first`."""
     if named is not None:
         return available.rgb("shirt_second", named)
     colours = [available.rgb("shirt_second", name) for name in available.colours["shirt_second"]]

@@ -1,10 +1,9 @@
-"""Clothes that hang: skirts, the tails of coats, bags; each moves with one segment of the body.
+"""Loose clothes and bags: skirts, coat tails, sleeves, backpacks and handbags; each moves rigidly with one segment.
 
-Cloth neither folds nor swings. A skirt or a coat below the hips is two bells, one on each thigh, that reach over the
-middle and so into one another: standing it looks closed, walking it opens like a tent, sitting it lies on the lap. To a
-scanner it is one thing, half a metre broad, where it hangs; the skirt ends over the knee and the coat at the middle of
-the thigh, so that at the height of the shins there are two legs. Long skirts, which would hide the legs from a scanner at
-knee height, are not in the wardrobe.
+A skirt, or a coat below the hips, is two bells, one per thigh, which overlap in the middle. Standing it looks closed,
+walking it opens like a tent, sitting it lies on the lap. At its height a scanner sees one object, half a metre broad. A
+skirt ends over the knee and a coat at the middle of the thigh, so a scanner at shin height sees two legs. No skirt is long
+enough to hide the legs from a scanner at knee height.
 """
 
 from __future__ import annotations
@@ -24,11 +23,11 @@ COAT_HEM = 0.74
 def bell(
     sign: int, thigh: float, hip_lateral: float, breadth: float, depth: float, hem: float, flare: float
 ) -> Surface:
-    """Make half of a skirt, around the left (sign 1) or right (-1) thigh, in the thigh's frame.
+    """Make half of a skirt around the left (sign 1) or right (-1) thigh, in the thigh's frame.
 
     `thigh`: its length; `hip_lateral`: from the middle of the body to the hip joint; `breadth`, `depth`: half breadth and
-    half depth of the hips with the cloth on [m]; `hem`: where it ends as a share of the thigh; `flare`: how much wider
-    it is there, as a share.
+    half depth of the hips with the cloth on [m]; `hem`: its end as a share of the thigh; `flare`: relative widening at the
+    hem.
     """
     rows = []
     for share in (-0.09, 0.03, 0.35, 0.65, 0.94, 1.0):
@@ -41,7 +40,7 @@ def bell(
 
 
 def backpack(trunk: float, depth: float, k: float) -> Surface:
-    """Make a backpack, in the trunk's frame: `trunk` from waist to shoulder, `depth` of the back behind its middle [m]."""
+    """Make a backpack in the trunk's frame: `trunk` from waist to shoulder, `depth` from its middle to the back [m]."""
     rows = [
         (-depth - 0.055 * k, 0, 0.10 * trunk, 0.045 * k, 0.105 * k),
         (-depth - 0.070 * k, 0, 0.13 * trunk, 0.075 * k, 0.130 * k),
@@ -59,7 +58,7 @@ def backpack(trunk: float, depth: float, k: float) -> Surface:
 
 
 def over_the_shoulder(front: np.ndarray, k: float, sign: int) -> Surface:
-    """Make one strap of a backpack; `front` (m, 3): where the chest's surface is from the top down, left side [m]."""
+    """Make one strap of a backpack; `front` (m, 3): points of the chest's surface from the top down, left side [m]."""
     return cord(front * (1, sign, 1), 0.013 * k)
 
 
@@ -75,7 +74,7 @@ def shoulder_bag(k: float) -> Surface:
 
 
 def handbag(k: float) -> Surface:
-    """Make a bag that hangs from the fist at the origin: two handles and the bag below."""
+    """Make a bag with two handles that hangs from the fist, which is the origin."""
     rows = [
         (0, 0, -0.300 * k, 0.130 * k, 0.045 * k),
         (0, 0, -0.285 * k, 0.145 * k, 0.055 * k),
@@ -115,7 +114,7 @@ def tile(pattern: str, colour: ArrayLike, second: ArrayLike) -> Picture:
     if pattern == "striped":
         share = (down < 0.42).astype(float)
     elif pattern == "checked":
-        # where the coloured threads cross both ways the cloth is full, where one does it is half
+        # crossing threads colour the cloth fully, a single thread by half
         share = 0.5 * (across < 0.45) + 0.5 * (down < 0.45)
     else:
         raise ValueError(f"no tile for {pattern!r}; 'striped' or 'checked' are expected")
@@ -132,7 +131,7 @@ def printed(motif: str, colour: ArrayLike, second: ArrayLike) -> Picture:
 
 
 def _motif(motif: str, x: Array, y: Array) -> Array:
-    """Share of ink, 0 or 1; x from the wearer's right to the left and y up, both about -1 to 1 over the print."""
+    """Return the ink, 0 or 1; x from the wearer's right to the left and y up, both about -1 to 1 over the print."""
     radius, angle = np.hypot(x, y), np.arctan2(x, y)
     match motif:
         case "disc":

@@ -1,4 +1,4 @@
-"""The head: skull with nose and ears, hair, cap. x ahead, y left, z up; heights from the pivot of the neck."""
+"""Head: skull with nose and ears, hair, cap. x ahead, y left, z up; heights from the pivot of the neck."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from twin.people.body.appearance import BodyAppearance
 from twin.people.body.surfaces import Surface, around, ellipsoid, loft, rings
 
 HEAD_PX = (128, 192)
-"""Rows and columns of the picture; columns go around the head, the face in the middle."""
+"""Rows and columns of the texture; columns go around the head, the face in the middle."""
 
 EYES = 0.50
 MOUTH = 0.235
 HAIRLINE = 0.80
-"""Places along the height of the head, chin 0, crown 1."""
+"""Heights as shares of the head: chin 0, crown 1."""
 
 _WHITE = np.array([0.93, 0.92, 0.90])
 _DARK = np.array([0.12, 0.09, 0.08])
@@ -26,7 +26,7 @@ _DARK = np.array([0.12, 0.09, 0.08])
 def head_picture(looks: BodyAppearance, rises: Array) -> NDArray[np.uint8]:
     """Paint the texture of the head (rows, columns, 3), rows from the crown down.
 
-    `rises`: the height of each row of the mesh's texture, v = 0 ... 1, as a share of the head's height, both ends included.
+    `rises`: height of each row, v = 0 ... 1, as a share of the head's height, both ends included.
     """
     rows, columns = HEAD_PX
     turn = (np.arange(columns) + 0.5) / columns * 2 * np.pi - np.pi
@@ -62,12 +62,12 @@ def head_picture(looks: BodyAppearance, rises: Array) -> NDArray[np.uint8]:
 
 
 def scalp(turn: ArrayLike, rise: ArrayLike) -> Array:
-    """Share of hair (0 skin to 1) on the head at an angle left of the nose [rad] and a share of the head's height."""
+    """Return the share of hair (0 skin to 1) at an angle left of the nose [rad] and a share of the head's height."""
     return _step(np.asarray(rise) - hairline(turn), 0.025)
 
 
 def hairline(turn: ArrayLike) -> Array:
-    """Return the lowest hair as a share of the head's height: the forehead, the temples, behind the ears, the nape."""
+    """Return the lower edge of the hair as a share of the head's height: forehead, temples, behind the ears, nape."""
     return np.interp(
         np.abs(np.asarray(turn)),
         [0.0, 0.55, 0.85, 1.15, 1.35, 1.60, 1.95, 2.30, np.pi],
@@ -105,7 +105,7 @@ def _box(x: Array, z: Array, middle_x: float, middle_z: float, half_x: float, ha
 
 _SIDES = 18
 _DRAWN_AT_M = 0.2275
-"""Measures below are for a head of this height and scale with it [m]."""
+"""Height of the head for which the measures below are given; they scale with it [m]."""
 _CAP_M = 0.018
 _NO_VOLUME = ("bald", "cropped")
 _THICK_M = {"afro": 0.052, "curly": 0.026, "long": 0.014, "bob": 0.018}
@@ -146,7 +146,7 @@ class HeadShape:
         return self.crown - self.chin
 
     def ring(self, grow: Array | float = 0.0, sections: Array = _SECTIONS, sides: int = _SIDES) -> Array:
-        """Make rings of the head's skin, moved outwards by `grow` (m, sides) [m]."""
+        """Make rings of the skin (m, sides, 3), moved outwards by `grow` [m]."""
         share, front, back, half = sections.T
         middle = 0.5 * (front + back) * self.length
         plain = np.column_stack(
@@ -168,8 +168,7 @@ class HeadShape:
 
 
 def shape_of(chin: float, top: float, length: float, breadth: float, looks: BodyAppearance) -> HeadShape:
-    """Return the shape of a head whose chin is at `chin` and whose hair or cap ends at `top` [m]; what stands out more
-    is above it."""
+    """Return the shape of a head with its chin at `chin` and the top of its hair or cap at `top` [m]."""
     cover = _CAP_M if looks.cap is not None else min(_thickness(looks.hair_style), 0.024)
     return HeadShape(chin, chin + (top - chin) / (1 + cover / _DRAWN_AT_M), length, breadth)
 
@@ -214,9 +213,9 @@ def picture(shape: HeadShape, looks: BodyAppearance) -> NDArray[np.uint8]:
 
 
 def hair(shape: HeadShape, style: str, capped: bool, shoulder: float) -> Surface | None:
-    """Make the hair's volume, None where none stands out from the scalp.
+    """Make the hair's volume; None where none stands out from the scalp.
 
-    `capped`: a cap holds it down; `shoulder` [m]: height of the shoulders, for what falls on them.
+    `capped`: a cap holds it down; `shoulder` [m]: height of the shoulders, on which long hair falls.
     """
     k = shape.height / _DRAWN_AT_M
     if style in _NO_VOLUME:
@@ -256,7 +255,7 @@ def hair(shape: HeadShape, style: str, capped: bool, shoulder: float) -> Surface
 
 
 def _curtain(top: float, end: float, back: float, breadth: float, k: float) -> Surface:
-    """Make hair that hangs behind the face: a horseshoe in each level, from over the ears to its end."""
+    """Make hair that hangs behind the face: a horseshoe at each level, from above the ears to its end."""
     sides = 12
     angle = np.linspace(0.50 * np.pi, 1.50 * np.pi, sides)
     rows = []

@@ -1,4 +1,4 @@
-"""Rotations of many bodies at a time, and the angles of a body's joints that make them."""
+"""Batched rotations, and inverse kinematics of hips and legs."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def quaternion_product(first: Array, second: Array) -> Array:
 
 
 def hip_angles(rotation: Array) -> tuple[Array, Array, Array]:
-    """Return yaw, roll, pitch [rad] of Rz Rx Ry (..., 3, 3): the thigh as the pelvis sees it."""
+    """Return yaw, roll, pitch [rad] of Rz Rx Ry (..., 3, 3), the thigh relative to the pelvis."""
     roll = np.arcsin(np.minimum(np.maximum(rotation[..., 2, 1], -1.0), 1.0))
     pitch = np.arctan2(-rotation[..., 2, 0], rotation[..., 2, 2])
     return np.arctan2(-rotation[..., 0, 1], rotation[..., 1, 1]), roll, pitch
@@ -90,14 +90,14 @@ Planar = NDArray[np.complex128]
 def leg_angles(
     over_floor: Planar, up: Array, pelvis_yaw: Array, foot_yaw: Array, foot_pitch: Array, thigh: Array, shank: Array
 ) -> tuple[Array, Array, Array, Array, Array, Array]:
-    """Return hip yaw, roll, pitch, knee, ankle pitch, roll [rad] that hold each foot where it is asked.
+    """Solve hip yaw, roll, pitch, knee, ankle pitch, roll [rad] for given feet.
 
-    over_floor, up: from ankle to hip joint, x + iy and z in the room frame [m]; the pelvis is turned by
-    Rz(pelvis_yaw), the foot by Rz(foot_yaw) Ry(foot_pitch), so pitch > 0 lifts the heel; thigh, shank [m]. Any shapes
-    that broadcast. The knee bends backwards only. A hip farther than the straight leg is met in direction only. Source:
-    S. Kajita et al., "Introduction to Humanoid Robotics", section 2.5 (analytical solution).
+    over_floor, up: from ankle to hip joint, x + iy and z in the room frame [m]; the pelvis is turned by Rz(pelvis_yaw), the
+    foot by Rz(foot_yaw) Ry(foot_pitch), so pitch > 0 lifts the heel; thigh, shank [m]. All broadcast. The knee bends
+    backwards only. A hip beyond the straight leg is met in direction only. Source: S. Kajita et al., "Introduction to
+    Humanoid Robotics", section 2.5 (analytical solution).
     """
-    # the hip as the foot sees it: turned by -yaw, then -pitch
+    # hip in the foot's frame: turned by -yaw, then -pitch
     seen = over_floor * np.exp(-1j * foot_yaw)
     cosine, sine = np.cos(foot_pitch), np.sin(foot_pitch)
     x, y, z = cosine * seen.real - sine * up, seen.imag, sine * seen.real + cosine * up
@@ -105,10 +105,10 @@ def leg_angles(
     bend = (square - thigh**2 - shank**2) / (2 * thigh * shank)
     knee = np.arccos(np.minimum(np.maximum(bend, -1.0), 1.0))
     ankle_roll = np.arctan2(y, z)
-    # where the hip is for the shank, the knee bent so
+    # hip in the shank's frame, with the knee bent
     toward_hip = np.arctan2(-thigh * np.sin(knee), shank + thigh * np.cos(knee))
     ankle_pitch = toward_hip - np.arctan2(x, np.hypot(y, z))
-    # what is left for the hip: Rz(turn) Ry(foot pitch) Rx(-ankle roll) Ry(-(ankle pitch + knee)) = Rz Rx Ry
+    # remaining hip rotation: Rz(turn) Ry(foot pitch) Rx(-ankle roll) Ry(-(ankle pitch + knee)) = Rz Rx Ry
     turn = foot_yaw - pelvis_yaw
     c1, s1 = np.cos(turn), np.sin(turn)
     c4, s4 = np.cos(ankle_roll), np.sin(ankle_roll)

@@ -1,7 +1,7 @@
 """Trunk, arms, hands, legs and feet as surfaces, each in the frame of its segment.
 
-Girths are of a clothed adult of 1.75 m and average build [m], near the medians of adults (chest 0.98 m around, waist
-0.88, hips 1.0, thigh 0.55, calf 0.37, upper arm 0.32); they scale with stature and build (ours).
+Girths are those of a clothed adult of 1.75 m and average build [m], near the medians of adults (circumferences: chest 0.98
+m, waist 0.88, hips 1.0, thigh 0.55, calf 0.37, upper arm 0.32). They scale with stature and build (ours).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from twin.people.body import clothes
 from twin.people.body.proportions import Proportions
 from twin.people.body.surfaces import Array, Surface, cord, ellipsoid, limb, loft, rings
 
-# of the trunk: height as a share of waist to shoulder; x of the middle, half depth, half breadth [m]
+# trunk: height as a share of waist to shoulder; x of the middle, half depth, half breadth [m]
 _TRUNK = np.array(
     [
         (-0.200, -0.005, 0.118, 0.169),
@@ -34,7 +34,7 @@ _HEM_ADDS_M = 0.010
 
 
 class Girths:
-    """The surfaces of one body; `girth`: scale of all breadths, `build`: breadth beyond what stature explains."""
+    """Surfaces of one body; `girth`: scale of all breadths, `build`: breadth beyond what stature explains."""
 
     def __init__(self, lengths: Proportions, girth: float, build: float) -> None:
         self.lengths = lengths
@@ -54,7 +54,7 @@ class Girths:
     def trunk(self, grow: float, tucked: bool) -> Surface:
         """Make the trunk from the hem over the hips to the neck, `grow` [m] wider than a shirt; in the trunk's frame.
 
-        `tucked`: the hem is inside what is worn on the hips, otherwise it hangs over it.
+        `tucked`: the hem is inside the garment on the hips, otherwise it hangs over it.
         """
         rows = np.array(self._rows(grow))
         if tucked:
@@ -69,7 +69,7 @@ class Girths:
         return [(x * g, 0.0, share * length, a * g + grow, b * g + grow) for share, x, a, b in self._sections]
 
     def _front(self, share: Array, grow: float, sign: int = 1) -> Array:
-        """Return x of the front (sign 1) or back (-1) of the trunk in the middle, at shares of waist to shoulder [m]."""
+        """Return x of the trunk's front (sign 1) or back (-1) at shares of waist to shoulder [m]."""
         s = self._sections
         x, a = np.interp(share, s[:, 0], s[:, 1]), np.interp(share, s[:, 0], s[:, 2])
         return np.asarray((x + sign * a) * self.girth + sign * grow)
@@ -78,7 +78,7 @@ class Girths:
         return np.asarray(np.interp(share, self._sections[:, 0], self._sections[:, 3]) * self.girth + grow)
 
     def back(self, grow: float) -> float:
-        """Return how far the back is behind the trunk's middle [m]."""
+        """Return the distance of the back behind the trunk's middle [m]."""
         return -float(self._front(np.array(0.7), grow, -1))
 
     def strap_path(self, grow: float) -> Array:
@@ -144,16 +144,16 @@ class Girths:
         return loft(rings(section, 14, square=2.3))
 
     def hip_depth(self, grow: float) -> float:
-        """Return how far the buttocks are behind the hip joints [m]."""
+        """Return the distance of the buttocks behind the hip joints [m]."""
         return 0.130 * self.girth + grow
 
     def shoulder_joint(self) -> tuple[float, float, float]:
-        """Return the left shoulder joint in the trunk's frame [m]: inside the acromion, sleeve and deltoid add the rest."""
+        """Return the left shoulder joint in the trunk's frame [m], inside sleeve, deltoid and acromion."""
         build = 1 + 0.75 * (self.girth * 1.75 / (self.lengths.hip_joint_width / 0.1) - 1)
         return -0.008 * self.girth, 0.415 * self.lengths.shoulder_width * build, 0.865 * self.trunk_length
 
     def upper_arm(self, grow: float) -> Surface:
-        """Make a covered upper arm; in its frame, the shoulder at the origin."""
+        """Make a covered upper arm; in its own frame, the shoulder at the origin."""
         g, length = self.girth, self.lengths.upper_arm
         rows = [(-1.0, 0.041), (-0.65, 0.046), (-0.30, 0.051), (0.0, 0.053)]
         return limb([(share * length, r * g + grow, r * g * 0.95 + grow) for share, r in rows], 10)
@@ -163,7 +163,7 @@ class Girths:
         return clothes.sleeve(0.58 * self.lengths.upper_arm, 0.054 * self.girth, 0.055 * self.girth)
 
     def bare_upper_arm(self) -> Surface:
-        """Make the part of the arm that a short sleeve leaves bare; in the upper arm's frame."""
+        """Make the bare part of the upper arm below a short sleeve; in the upper arm's frame."""
         g, length = self.girth, self.lengths.upper_arm
         return limb([(share * length, r * g, r * g) for share, r in ((-1.0, 0.039), (-0.7, 0.043), (-0.35, 0.046))], 10)
 
@@ -244,9 +244,8 @@ def hand(lengths: Proportions, k: float) -> Surface:
 
 
 def _sole_rings(rows: Array, sides: int = 12) -> Array:
-    """Make upright rings (m, sides, 3) along x from rows (m, 4): x, half breadth, top, sole [m].
-
-    Flat below, round above.
+    """Make upright rings (m, sides, 3) along x, flat below and round above, from rows (m, 4): x, half breadth, top, sole
+    [m].
     """
     angle = -np.pi + 2 * np.pi * (np.arange(sides) + 0.5) / sides
     c, s = np.cos(angle), np.sin(angle) / np.sin(angle).max()
@@ -262,8 +261,7 @@ def _sole_rings(rows: Array, sides: int = 12) -> Array:
 
 
 def shoe(lengths: Proportions, k: float) -> Surface:
-    """Make the shoe from heel to ball with the collar around the ankle; in the foot's frame, the sole level and at its
-    lowest."""
+    """Make the shoe from heel to ball with its collar; in the foot's frame, the sole level and at its lowest."""
     half, ankle = 0.5 * lengths.foot_breadth, lengths.ankle_height
     heel, ball = -lengths.heel_behind_ankle, lengths.ball_before_ankle
     rows = [

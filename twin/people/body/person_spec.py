@@ -1,9 +1,9 @@
-"""The body: a jointed humanoid of geoms, made from its looks, ready to be attached to a room.
+"""Body model: a jointed humanoid of geoms, made from an appearance, to be attached to a room.
 
-Frames: every segment has x ahead, y left, z up when the person stands straight; the pelvis' origin is the middle between
-the hip joints. The body is moved by writing coordinates (`mj_kinematics`), never by forces, and collides with nothing.
-Its geoms are rigid closed meshes, what a camera sees and what a ray meets alike; where two segments meet, both are round
-about the joint. Simplifications: skin and clothes neither bend nor fold, fingers are not told apart.
+Frames: every segment has x ahead, y left, z up when the person stands straight; the pelvis' origin is the middle between the
+hip joints. The body is moved by writing coordinates (`mj_kinematics`), never by forces, and collides with nothing. Cameras
+and rays meet the same rigid closed meshes. Adjacent segments are round about their joint. Simplifications: skin and clothes
+neither bend nor fold, and fingers are not separate.
 """
 
 from __future__ import annotations
@@ -33,25 +33,25 @@ JOINTS = (
     *(f"{side}_{joint}" for side in SIDES for joint in ARM),
     *(f"{side}_{joint}" for side in SIDES for joint in LEG),
 )
-"""Hinges in the order of a person's coordinates, after the seven of the free joint `root` of the pelvis (x, y, z, then
-the quaternion w, x, y, z).
+"""Hinges in the order of a person's coordinates, after the seven of the free joint `root` of the pelvis (x, y, z, then the
+quaternion w, x, y, z).
 
-Angles [rad], zero when standing straight. Positive: yaw to the left, pitch forward and down, roll to the right (the
-right-hand rule about z, y, x); so a leg or arm swings forward by a negative hip or shoulder pitch, the knee bends by a
-positive and the elbow by a negative angle, and the foot points down by a positive ankle pitch.
+Angles [rad], zero when standing straight. Positive: yaw to the left, pitch forward and down, roll to the right (right-hand
+rule about z, y, x). So a leg or arm swings forward by a negative hip or shoulder pitch, the knee bends by a positive and the
+elbow by a negative angle, and the foot points down by a positive ankle pitch.
 """
 
 NQ_PERSON = 7 + len(JOINTS)
 """Coordinates of one person in `qpos`."""
 
 JOINT_PLACE = {name: 7 + place for place, name in enumerate(JOINTS)}
-"""Place of each hinge in a person's coordinates."""
+"""Index of each hinge in a person's coordinates."""
 
 GEOM_GROUP = 1
-"""The geom group of people: drawn, and met by rays; the room's is 0."""
+"""Geom group of people: drawn, and met by rays; the room's is 0."""
 
 TRIM_GROUP = 4
-"""The geom group of straps, which are drawn only."""
+"""Geom group of straps, which are drawn only."""
 
 _AXES = {
     "yaw": (0, 0, 1),
@@ -68,17 +68,17 @@ _COAT_ADDS_M = 0.014
 def person_spec(appearance: BodyAppearance, only: Collection[str] | None = None) -> mujoco.MjSpec:
     """Build the body as a model of its own, to be attached to a room's worldbody with a prefix.
 
-    `only`: the names of its geoms, where not all are needed; all segments and joints are there all the same.
+    `only`: names of the geoms to build, None for all; segments and joints are always complete.
 
     `spec.attach(person_spec(appearance), prefix="anna/", frame=spec.worldbody.add_frame())` keeps the free joint
-    `anna/root`. Sites: `head` (centre of the head, x ahead), `pelvis`, and `point_00`, `point_01`, ... inside the body,
-    the fixed points of the truth's "visible share".
+    `anna/root`. Sites: `head` (centre of the head, x ahead), `pelvis`, and `point_00`, `point_01`, ... inside the body, the
+    fixed points of the truth's "visible share".
     """
     return _Body(appearance, only).spec
 
 
 class _Body:
-    """Builds the spec segment by segment; lengths from the proportions, radii scaled with stature and build."""
+    """Builder of the spec, segment by segment; lengths from the proportions, radii scaled with stature and build."""
 
     def __init__(self, looks: BodyAppearance, only: Collection[str] | None) -> None:
         self.looks = looks
@@ -133,7 +133,7 @@ class _Body:
         self.woven = woven and looks.coat is None
 
     def _material(self, name: str, rgb: ArrayLike = (1.0, 1.0, 1.0), picture: NDArray[np.uint8] | None = None) -> None:
-        # matt: what a camera sees is the colour asked for, times the light
+        # matt, so that a camera sees the given colour times the light
         red, green, blue = np.asarray(rgb, dtype=float)
         material = self.spec.add_material(
             name=name, rgba=[red, green, blue, 1.0], specular=0.0, shininess=0.0, reflectance=0.0
@@ -204,7 +204,7 @@ class _Body:
         looks, lengths = self.looks, self.lengths
         pivot = lengths.chin_height - 0.012 * looks.height_m
         body = self._segment(trunk, "head", (0, 0, pivot - lengths.waist_height), NECK)
-        # hair and cap count in the stature, as the shoes do
+        # stature includes hair and cap, as it includes the shoes
         shape = head.shape_of(
             lengths.chin_height - pivot, looks.height_m - pivot, lengths.head_length, lengths.head_breadth, looks
         )

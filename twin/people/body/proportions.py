@@ -12,16 +12,16 @@ import numpy as np
 from twin.models import load_yaml
 
 CHILD_BELOW_M = 1.40
-"""Somebody less tall than this is a child unless the scenario says otherwise."""
+"""Stature below which a person is a child, unless the scenario says otherwise."""
 
 
 @dataclass(frozen=True)
 class Proportions:
-    """Segment lengths; as fractions of stature from `fractions`, in metres from `proportions_of`.
+    """Segment lengths: fractions of stature from `fractions`, metres from `proportions_of`.
 
-    Heights are above the sole. Source: Drillis and Contini (1966), in Winter, "Biomechanics and Motor Control of
-    Human Movement", figure 4.1; the table `models/people/proportions.yaml` says which entries are ours, and where the
-    children's are from.
+    Heights are above the sole. Source: Drillis and Contini (1966), in Winter, "Biomechanics and Motor Control of Human
+    Movement", figure 4.1. The table `models/people/proportions.yaml` gives the source of each other entry and of the
+    children's.
     """
 
     ankle_height: float
@@ -60,7 +60,7 @@ def _tables() -> dict[str, Any]:
 
 
 def fractions(height_m: float | None = None, child: bool = False) -> Proportions:
-    """Return the shipped table, fractions of stature: an adult's, or a child's of this stature [m]."""
+    """Return the table of fractions of stature: an adult's, or a child's of this stature [m]."""
     table = dict(_tables()["adult"])
     if child:
         if height_m is None:
@@ -78,11 +78,11 @@ def proportions_of(height_m: float, child: bool = False) -> Proportions:
 
 
 REFERENCE_STATURE_M = 1.75
-"""Tables of gait are written for this stature."""
+"""Stature for which the tables of gait are written."""
 
 
 class Skeleton:
-    """Segment lengths of n people, (n,) each [m]; `scale`: the leg as a share of the reference person's."""
+    """Segment lengths of n people, (n,) each [m]; `scale`: leg length relative to the reference person's."""
 
     def __init__(self, proportions: Sequence[Proportions]) -> None:
         def column(name: str) -> np.ndarray:

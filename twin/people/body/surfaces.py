@@ -1,4 +1,4 @@
-"""Closed surfaces lofted from rings: what bodies and clothes are made of."""
+"""Closed surfaces lofted from rings, of which bodies and clothes are made."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from trackers.arrays import Array
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A closed triangle mesh: vertex (n, 3) [m], face (m, 3), and its place in a texture.
+    """A closed triangle mesh: vertex (n, 3) [m], face (m, 3), and texture coordinates.
 
-    texture (k, 2): u from the back over the right side, front (0.5) and left side to the back again, v from bottom to
-    top; texture_face (m, 3): the rows of `texture` at the corners of each face.
+    texture (k, 2): u from the back over the right side, front (0.5) and left side to the back again, v from bottom to top;
+    texture_face (m, 3): the rows of `texture` at the corners of each face.
     """
 
     vertex: Array
@@ -28,7 +28,7 @@ class Surface:
     texture_face: NDArray[np.intp]
 
     def __add__(self, other: Surface) -> Surface:
-        """Both as one mesh of two parts."""
+        """Return both as one mesh of two parts."""
         return Surface(
             np.vstack([self.vertex, other.vertex]),
             np.vstack([self.face, other.face + len(self.vertex)]),
@@ -51,15 +51,15 @@ class Surface:
         return Surface(self.vertex * (1, -1, 1), self.face[:, ::-1], self.texture, self.texture_face[:, ::-1])
 
     def painted(self, u: float, v: float) -> Surface:
-        """Return the surface, all of it in the colour of one place of the texture."""
+        """Return the surface in the colour of one texture coordinate."""
         return Surface(self.vertex, self.face, np.array([[u, v]]), np.zeros_like(self.face))
 
     def tiled(self, around: float, along: float) -> Surface:
-        """Return the surface with its texture repeated, so many times around and along."""
+        """Return the surface with its texture repeated so many times around and along."""
         return Surface(self.vertex, self.face, self.texture * (around, along), self.texture_face)
 
     def add_to(self, spec: mujoco.MjSpec, name: str) -> None:
-        """Add it as a mesh."""
+        """Add the surface to the spec as a mesh."""
         spec.add_mesh(
             name=name,
             uservert=self.vertex.ravel(),
@@ -72,12 +72,12 @@ class Surface:
 
 
 def around(sides: int) -> Array:
-    """Return angles of a ring's places (sides,) [rad], from the back over the right side; 0 is ahead."""
+    """Return the angles of a ring's vertices (sides,) [rad], from the back over the right side; 0 is ahead."""
     return -np.pi + 2 * np.pi * np.arange(sides) / sides
 
 
 def rings(sections: ArrayLike, sides: int = 14, square: float = 2.0) -> Array:
-    """Return level rings (m, sides, 3) from sections (m, 5) of x, y, z of the middle, half depth (x), half breadth (y) [m].
+    """Return level rings (m, sides, 3) from sections (m, 5): centre x, y, z, half depth (x), half breadth (y) [m].
 
     `square`: exponent of the superellipse; 2 is an ellipse, more is squarer.
     """
@@ -107,9 +107,9 @@ def loft(ring: Array) -> Surface:
 
 @lru_cache(maxsize=256)
 def _faces(count: int, sides: int, places: int) -> NDArray[np.intp]:
-    """Return the faces between rings and to both poles, of rings that have `places`: `sides`, or one more in a texture.
+    """Return the faces between rings of `places` vertices and to both poles: `sides`, or one more in a texture.
 
-    They depend on nothing else, and bodies are made of the same few kinds of ring.
+    Kept, since bodies use few kinds of ring.
     """
 
     def place(i: Any, j: Any) -> Any:
@@ -133,8 +133,7 @@ def limb(
 ) -> Surface:
     """Make a rounded limb along z: stations (z, half depth, half breadth, x = 0, y = 0) [m] from low to high.
 
-    A round end is half an ellipsoid about its station, so that the next segment, turning about the same place, leaves
-    no gap.
+    A round end is half an ellipsoid about its station: the next segment, turning about the same point, leaves no gap.
     """
     station = np.array([(*each, 0.0, 0.0)[:5] for each in stations])
     z, a, b, x, y = station.T

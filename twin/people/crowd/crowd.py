@@ -36,36 +36,36 @@ from twin.room.obstacles import KEEP_FROM_EDGE_M, KEEP_FROM_FURNITURE_M, Footpri
 Planar = NDArray[np.complex128]
 
 RELAXATION_S = 0.22
-"""Time to reach the wanted velocity [s] (Helbing and Molnár: 0.5; ours is quicker, for sudden stops and starts)."""
+"""Relaxation time to the desired velocity [s] (Helbing and Molnár: 0.5; ours is shorter, for sudden stops and starts)."""
 WALL_REPULSION_M_S2 = 1.5
-"""Repulsion of an edge of the area, or of furniture, at the least distance [m/s²]."""
+"""Repulsion by an edge of the area or furniture at the least distance [m/s²]."""
 WALL_RANGE_M = 0.12
 ACCELERATION_M_S2 = 4.0
-"""Greatest acceleration that wanting and forces ask for [m/s²]."""
+"""Greatest acceleration of drive and repulsion together [m/s²]."""
 BRAKING_M_S2 = 1.5
-"""Deceleration that the guarantee counts on up to `BRISK_M_S` [m/s²]; more is used where the other comes on faster."""
+"""Guaranteed deceleration up to `BRISK_M_S` [m/s²]; more is used where the other approaches faster."""
 BRISK_M_S = 2.0
 """Commanded speed up to which people brake as walkers [m/s]."""
 RUNNER_BRAKES_PER_S = 0.7
 """Additional deceleration of runners for each m/s above `BRISK_M_S` [1/s]: 3.6 m/s² at 5 m/s."""
 NEAR_M = 0.12
-"""Least distance from furniture that a command lets come near [m]: standing, calves at the edge of a seat."""
+"""Least distance from furniture that a command may approach [m]: standing with the calves at the edge of a seat."""
 FACING = 1.5
-"""Full speed is wanted where the way's cosine with the heading is above 1 / FACING (48 degrees), none beyond 90."""
+"""Full speed is desired where the cosine between way and heading is above 1 / FACING (48 degrees), none beyond 90."""
 TAKEN_WITHIN_M = 1.0
-"""Distance to a goal at which one sees that it is taken [m]."""
+"""Distance from which a person sees that a goal is taken [m]."""
 LATERAL_M_S = 0.8
-"""Greatest speed of steps sideways and backwards, by people who hold a heading [m/s]."""
+"""Greatest speed sideways and backwards of people who hold a heading [m/s]."""
 HALTING_M = 0.5
-"""From this distance to a place where they halt, walls and furniture repel people less and less [m]."""
+"""Distance to a halting place from which the repulsion of walls and furniture fades [m]."""
 HALT_PER_S = 2.0
-"""Greatest speed per distance to a goal at which a person halts [1/s]."""
+"""Greatest speed of halting per distance to the goal [1/s]."""
 TURN_RATE = 2.6
 """Greatest turning rate [rad/s]."""
 TURN_ACCELERATION = 25.0
-"""[rad/s²]."""
+"""Greatest turning acceleration [rad/s²]."""
 FOLLOWS_FROM_M_S = 0.15
-"""Below this speed the heading does not follow the motion [m/s]."""
+"""Speed below which the heading does not follow the motion [m/s]."""
 
 _PROJECTIONS = 3
 _PASSES = 1e6
@@ -75,11 +75,11 @@ _ALL = slice(None)
 
 
 class Crowd:
-    """Places, velocities and headings of n people, each with an area they stay in.
+    """Positions, velocities and headings of n people, each confined to an area.
 
-    `place`, `velocity`, `acceleration` (n,) complex [m, m/s, m/s²]; `heading` (n,) [rad], unwrapped; `facing` (n,)
-    complex, its direction; `turn_rate` (n,) [rad/s]; `present` (n,): who is in the room, everybody at first; `driven`
-    (n,): who keeps a path that `drive` gives, nobody at first. The last two may be written between steps.
+    `place`, `velocity`, `acceleration` (n,) complex [m, m/s, m/s²]; `heading` (n,) [rad], unwrapped; `facing` (n,) complex,
+    its direction; `turn_rate` (n,) [rad/s]; `present` (n,): in the room, initially all; `driven` (n,): on a path given by
+    `drive`, initially none. The last two may be written between steps.
     """
 
     def __init__(
@@ -90,8 +90,9 @@ class Crowd:
         fixed: Mask,
         obstacles: Sequence[Obstacle] = (),
     ) -> None:
-        """areas: a polygon (k, 2) [m] a person, None: everywhere; fixed (n,): who never gives way; obstacles: all that
-        somebody could come up to (see `obstacles.within_reach`)."""
+        """areas: polygon (k, 2) [m] per person, None: everywhere; fixed (n,): people who never give way; obstacles: all
+        within reach (see `obstacles.within_reach`).
+        """
         count = len(place)
         self.place = place.copy()
         self.velocity = np.zeros(count, dtype=complex)
@@ -129,7 +130,7 @@ class Crowd:
         self._numbers = np.arange(count)
 
     def command(self, person: int, command: MotionCommand) -> None:
-        """Give one person a new command; raises ValueError for furniture to come near that no obstacle belongs to."""
+        """Give one person a new command; raises ValueError for furniture that has no obstacle."""
         self._going[person] = 0.0 if command.goal is None else 1.0
         if command.goal is not None:
             self._goal[person] = complex(*command.goal)
@@ -152,7 +153,7 @@ class Crowd:
         self._repels[person, : len(near)] = ~near
 
     def enter(self, person: int, place: complex, heading: float, velocity: complex = 0j) -> None:
-        """Let one person into the room at a place [m], facing a heading [rad], moving at a velocity [m/s]."""
+        """Bring one person into the room at a position [m], heading [rad] and velocity [m/s]."""
         self.present[person] = True
         self.place[person], self.velocity[person] = place, velocity
         self.heading[person], self.facing[person] = heading, np.exp(1j * heading)
@@ -160,19 +161,19 @@ class Crowd:
         self._distance[person] = np.inf
 
     def drive(self, place: Planar, velocity: Planar) -> None:
-        """Set where those who are `driven` will be after the next step, (n,) each [m, m/s]; other rows are unused."""
+        """Set where `driven` people will be after the next step, (n,) each [m, m/s]; other rows are unused."""
         self._path_place, self._path_velocity = place, velocity
 
     def arrived(self) -> Mask:
-        """Return a mask (n,) of the people who has come to their goal."""
+        """Return a mask (n,) of the people who have reached their goal."""
         return (self._distance <= self._arrive_m) & self.present
 
     def halting(self, within_m: float) -> Mask:
-        """Return a mask (n,) of the people who is about to halt at a goal that is less than `within_m` [m] away."""
+        """Return a mask (n,) of the people about to halt at a goal less than `within_m` [m] away."""
         return (self._distance < within_m) & (self._slow_down < _PASSES) & self.present
 
     def taken(self) -> Mask:
-        """Return a mask (n,) of the people who are about to halt at a goal that somebody else is at."""
+        """Return a mask (n,) of the people about to halt at a goal that another occupies."""
         close = self.halting(TAKEN_WITHIN_M)
         if not close.any():
             return close
@@ -181,16 +182,16 @@ class Crowd:
         return near.any(axis=1) & close
 
     def blocked(self) -> Mask:
-        """Return a mask (n,) of the people who wants to walk and hardly moves."""
+        """Return a mask (n,) of the people who want to walk and hardly move."""
         return (np.abs(self.velocity) < 0.12 * self._going) & self.present & ~self.driven
 
     def heading_error(self) -> Array:
-        """Return how far everybody still has to turn to the heading they hold, (n,) [rad], 0 where to none."""
+        """Return the remaining turn to the held headings (n,) [rad], 0 without one."""
         error = (self._hold - self.heading + np.pi) % (2 * np.pi) - np.pi
         return np.where(self._holds, error, 0.0)
 
     def step(self, dt: float) -> None:
-        """Move everybody who is present by dt [s]."""
+        """Move all people present by dt [s]."""
         rows: Any = _ALL if np.count_nonzero(self.present) == len(self.present) else np.flatnonzero(self.present)
         place, before, facing, going = self.place[rows], self.velocity[rows], self.facing[rows], self._going[rows]
         driven = self.driven[rows]
@@ -210,7 +211,7 @@ class Crowd:
         outwards, room = self._barriers.gaps(place)
         room = room - self._clearance[rows]
         from_walls = self._repels[rows] * np.exp(np.maximum(room, 0.0) * (-1.0 / WALL_RANGE_M)) * outwards
-        # who stands stays, and who halts by a wall comes up to it
+        # people who stand stay, and people who halt by a wall come up to it
         keeps_off = going * np.minimum(length * self._heeds_walls[rows], 1.0)
         push -= from_walls.sum(axis=1) * (WALL_REPULSION_M_S2 * keeps_off)
         push *= ACCELERATION_M_S2 / np.maximum(np.abs(push), ACCELERATION_M_S2)
@@ -218,7 +219,7 @@ class Crowd:
         normals = np.concatenate([towards, outwards], axis=1)  # (n, n + edges + obstacles)
         gap = distance - self._least_apart(rows, towards, facing)
         comes_on = 0.0
-        if anybody_driven:  # they will not brake: the whole gap is the other's, less what they take of it themselves
+        if anybody_driven:  # they will not brake: the other gets the whole gap, less their own motion
             gap = np.where(driven, 2.0 * gap, gap)
             comes_on = np.maximum(-(towards.conj() * before).real, 0.0) * driven
         free = np.concatenate([0.5 * gap, room], axis=1)
@@ -240,15 +241,14 @@ class Crowd:
         self._turn(rows, velocity + (0.4 * going) * way, dt)
 
     def _unfelt(self, rows: Any, self_far: Array) -> Array:
-        """Return a great length (n, n) [m] where one of those present does not feel the other: themselves, and
-        companions."""
+        """Return a great length (n, n) [m] where a person present does not feel the other: itself and companions."""
         if not np.count_nonzero(self._companions):
             return self_far
         together = self._companions[rows][:, rows]
         return np.where(together | together.T, 1e3, self_far)
 
     def _least_apart(self, rows: Any, towards: Planar, facing: Planar) -> Array | float:
-        """Return the least distance between those present, (n, n) [m] or one for all."""
+        """Return the least distance between people present, (n, n) [m] or one for all."""
         if not np.count_nonzero(self._companion_m < KEEP_APART_M):
             return KEEP_APART_M
         return least_apart(
@@ -256,7 +256,7 @@ class Crowd:
         )
 
     def arms_in(self) -> Array | float:
-        """Return how far each holds in the left and the right arm, (2, n) from 0 to 1; 0 where all are far apart."""
+        """Return the fraction by which each holds in the left and the right arm, (2, n); 0 where all are far apart."""
         if not np.count_nonzero(self._companion_m < KEEP_APART_M):
             return 0.0
         together = (self._companions | self._companions.T) & self.present & self.present[:, None]
@@ -264,7 +264,7 @@ class Crowd:
 
     @staticmethod
     def _spread(whole: NDArray[Any], rows: Any, part: NDArray[Any]) -> NDArray[Any]:
-        """Return `whole` (n,) with those present replaced by `part`."""
+        """Return `whole` (n,) with the rows of people present replaced by `part`."""
         if rows is _ALL:
             return part
         whole = whole.copy()
@@ -272,7 +272,7 @@ class Crowd:
         return whole
 
     def _wanted_speed(self, rows: Any, way: Planar, length: Array, velocity: Planar, facing: Planar) -> Array:
-        """Return how fast those present want to go along their way (unit, 0 for who stands), `length` [m] before its end."""
+        """Return the desired speeds along unit ways (0 for standing) that end after `length` [m]."""
         speed = self._speed[rows]
         along = np.minimum(np.maximum(FACING * (way * facing.conj()).real, 0.0), 1.0)
         slowed = speed * along
@@ -280,15 +280,15 @@ class Crowd:
         if np.count_nonzero(holds):
             lateral = np.minimum(speed, LATERAL_M_S)
             slowed = np.where(holds, lateral + (speed - lateral) * along, slowed)
-        # wishes are followed RELAXATION_S late: who comes on fast slows down so much earlier
+        # speeds follow RELAXATION_S late: a fast person slows down that much earlier
         left = np.maximum(length - RELAXATION_S * np.abs(velocity), 0.0)
         return np.minimum(slowed, np.minimum(length * self._slow_down[rows], np.sqrt(left * self._slow_late[rows])))
 
     def _safe(self, velocity: Planar, normals: Planar, limit: Array) -> Planar:
-        """Limit velocities so that nothing is approached faster than its limit.
+        """Limit velocities so that no obstacle is approached faster than its limit.
 
-        normals (n, k): directions to what is approached; limit (n, k) [m/s], negative for what one should back away from.
-        Rounds of projection keep what motion there is along an obstacle; what is still too fast then is slowed as a whole.
+        normals (n, k): directions to the obstacles; limit (n, k) [m/s], negative to back away. Rounds of projection keep the
+        motion along an obstacle; a velocity still too fast is scaled down.
         """
         inverse = normals.conj()
         approach = (inverse * velocity[:, None]).real
@@ -308,7 +308,7 @@ class Crowd:
         return velocity * share
 
     def _turn(self, rows: Any, aim: Planar, dt: float) -> None:
-        """Turn towards where one goes and wants to go, `aim` [m/s], or to the heading one holds."""
+        """Turn towards the motion and the desired way, weighted in `aim` [m/s], or to the held heading."""
         moves = np.abs(aim) > FOLLOWS_FROM_M_S
         holds = self._holds[rows]
         if np.count_nonzero(holds):
@@ -331,8 +331,10 @@ def planar(points: Array) -> Planar:
 
 
 def _edges(areas: Sequence[Array | None]) -> tuple[list[Obstacle], Array]:
-    """Return the edges of all areas, each an obstacle without an inside, and how far everybody keeps from them, (n,
-    edges) [m]: from those of other people's areas not at all."""
+    """Return the edges of all areas as obstacles without an inside, and the clearance of each person (n, edges) [m].
+
+    Edges of other people's areas do not confine a person.
+    """
     edges: list[Obstacle] = []
     keep = np.full((len(areas), 0), -_FAR_M)
     known: list[Array] = []

@@ -1,4 +1,4 @@
-"""The ground people walk on: the tracked area, what stands in the way, where one can sit and lie."""
+"""Ground: the tracked area, its obstacles, seats and beds."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from twin.room.obstacles import KEEP_FROM_EDGE_M, KEEP_FROM_FURNITURE_M, Footpri
 
 _ROUNDS = 500
 _ARRIVES_M = 0.04
-"""People who keep from the area's edge arrive at a place that is so much nearer to it [m]."""
+"""Tolerance for arriving at a place close to the area's edge [m]."""
 
 
 def free_places(
@@ -30,10 +30,9 @@ def free_places(
     clear_m: float = KEEP_FROM_FURNITURE_M,
     source: str = "area",
 ) -> Array:
-    """Draw places (count, 2) [m], uniform in the polygon `area` (k, 2) outside of all that is within `clear_m` of an
-    obstacle.
+    """Draw places (count, 2) [m], uniform in the polygon `area` (k, 2) at least `clear_m` from all obstacles.
 
-    Raises InputError, naming `source`, where next to nothing of the area is free.
+    Raises InputError, naming `source`, where almost none of the area is free.
     """
     low, high = area.min(axis=0), area.max(axis=0)
     inside, footprints, found = Area(area), Footprints(obstacles), np.empty((0, 2))
@@ -51,10 +50,10 @@ def free_places(
 
 
 def standing_place(place: Array, walkable: Array) -> Array:
-    """Return where somebody stands who is sent to `place` (2,) [m]: there, or at the nearest place off the area's edge.
+    """Return the place where a person sent to `place` (2,) [m] stands: there, or the nearest place off the area's edge.
 
-    walkable (k, 2): the polygon that middles of bodies stay in [m], `KEEP_FROM_EDGE_M` off its edges. Doors are in walls, so
-    what is meant by a door lies on the edge or beyond it.
+    walkable (k, 2): the polygon that middles of bodies stay in [m], `KEEP_FROM_EDGE_M` off its edges. Places by a door lie
+    on the edge or beyond it, since doors are in walls.
     """
     reached = inset(walkable, KEEP_FROM_EDGE_M - _ARRIVES_M)
     if reached is None or Area(reached).contains(place[None])[0]:
@@ -64,8 +63,9 @@ def standing_place(place: Array, walkable: Array) -> Array:
 
 
 def nearest_free(place: Array, area: Array, obstacles: Sequence[Obstacle], clear_m: float) -> Array | None:
-    """Return a place (2,) near `place` (2,) [m] in the area and `clear_m` off all obstacles, to 5 cm; None within 3 m
-    of none."""
+    """Return a place (2,) [m] near `place` (2,) in the area and `clear_m` off all obstacles, to 5 cm; None if none is within
+    3 m.
+    """
     steps = 0.05 * np.arange(-60, 61)
     grid = np.round(place, 2) + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     grid = grid[Area(area).contains(grid)]
@@ -79,10 +79,10 @@ _MARGIN_M = KEEP_FROM_EDGE_M + 0.1
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """The floor that the people of a scenario walk on.
+    """Floor on which the people of a scenario walk.
 
-    `area` (k, 2): polygon in which wanderers stay and starts are drawn, `walkable` (k, 2): where everybody stays, room
-    frame [m]; `furniture`: seats and beds by name; `source`: what describes the area, as errors name it.
+    `area` (k, 2): polygon in which wanderers stay and starts are drawn, `walkable` (k, 2): limit for all people, room frame
+    [m]; `furniture`: seats and beds by name; `source`: description file named in errors.
     """
 
     area: Array
@@ -94,7 +94,7 @@ class Ground:
 
     @cached_property
     def inner(self) -> Array:
-        """The area drawn in so that a body's middle keeps from its edge, (k, 2) [m]; raises InputError for a sliver."""
+        """Area shrunk by the clearance of a body's middle, (k, 2) [m]; raises InputError for a sliver."""
         inner = inset(self.area, _MARGIN_M)
         if inner is None:
             raise InputError(

@@ -1,4 +1,4 @@
-"""A command to one person's body on the floor, which holds until the next: go, stand, turn."""
+"""Command to one person's body on the floor, valid until the next: go, stand, turn."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from math import inf
 from typing import Literal
 
 End = Literal["arrived", "time", "done", "taken", "blocked"]
-"""Reason for which a command ended: the goal is reached, its time is over, its own condition holds, somebody else is at the
-goal, or the way is blocked."""
+"""Reason for which a command ended: goal reached, time over, its own condition met, goal occupied by another, or way
+blocked.
+"""
 
 
 @dataclass(frozen=True)
 class MotionCommand:
-    """Walk or run to `goal` [m] at `speed_m_s`, or stand (goal None), until time `until` [s], arrival, or what `done` tells.
+    """Walk or run to `goal` [m] at `speed_m_s`, or stand (goal None), until time `until` [s], arrival, or `done()`.
 
-    `arrive_m`: how near counts as having arrived; `halt`: slow down to stop at the goal instead of passing it; `heading`:
-    where to face meanwhile [rad], None: where one goes. Who goes and holds a heading steps sideways and backwards; who
-    stands turns on the spot. `near`: furniture by name that may be come up to closely, for the last steps to a seat, a bed
-    or a shelf; `immovable`: do not give way to others, as people who sit, lie or bend do not; `companions`: the numbers of
-    those whom one walks with: they and the person do not feel each other's repulsion, and abreast they may come as near as
-    `companion_m` [m], with their arms held in; `keeps_step`: the person counts on companions to walk on, and follows as
-    closely as they stand.
+    `arrive_m`: distance that counts as arrival; `halt`: slow down to stop at the goal instead of passing it; `heading`:
+    direction to face [rad], None: that of motion. A walker with a heading steps sideways and backwards; a standing person
+    turns on the spot. `near`: names of furniture that may be approached closely, for the last steps to a seat, bed or shelf;
+    `immovable`: do not give way, as people who sit, lie or bend; `companions`: indices of people without mutual repulsion,
+    who may come as near abreast as `companion_m` [m] with arms held in; `keeps_step`: count on companions to walk on, and
+    follow as closely as they stand.
     """
 
     goal: tuple[float, float] | None

@@ -1,9 +1,9 @@
-"""Ways around furniture: shortest paths over the corners of the footprints, drawn out by the breadth of a body.
+"""Routes around furniture: shortest paths over the corners of the footprints, grown by the breadth of a body.
 
 A visibility graph (T. Lozano-Pérez and M. Wesley, "An algorithm for planning collision-free paths among polyhedral
-obstacles", Communications of the ACM 22, 1979): made once for a room, with the shortest path between every two corners;
-a question then only asks which corners can be seen from its two ends.
-Not shapely's, which has no visibility graph; its tests of single ways would round otherwise, and truth with them.
+obstacles", Communications of the ACM 22, 1979), built once per room with the shortest path between every two corners. A
+query tests only which corners are visible from its two ends. shapely has no visibility graph; its tests of single ways round
+otherwise, and would change truth.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from twin.geometry.polygon import TOLERANCE_M, inset
 from twin.room.obstacles import KEEP_FROM_EDGE_M, KEEP_FROM_FURNITURE_M, Obstacle, inflated
 
 ROUTE_RADIUS_M = KEEP_FROM_FURNITURE_M + 0.03
-"""Distance that a route keeps from furniture and walls [m]: a little more than people do, who then walk on freely."""
+"""Distance of routes from furniture and walls [m]: slightly more than people keep, who then walk on freely."""
 CLOSE_M = 0.12
-"""The same at the two ends of a route, which may lie nearer: a seat, a shelf [m]."""
+"""The same at the two ends of a route, which may lie nearer, at a seat or shelf [m]."""
 _EDGE_M = KEEP_FROM_EDGE_M + 0.03
 _CLEAR_M = 1e-6
 _CUTS_FROM = 1e-4
 
 
 class Routes:
-    """Ways between places in one room, for a body of one breadth; `area` and `obstacles` are what they go around."""
+    """Routes between places in one room for one body breadth, inside `area` and around `obstacles`."""
 
     def __init__(
         self, area: Array, obstacles: Sequence[Obstacle], radius_m: float = ROUTE_RADIUS_M, edge_m: float = _EDGE_M
     ) -> None:
-        """`area` (k, 2) [m]: the polygon that routes stay in, `edge_m` off its edges, and `radius_m` off the obstacles.
+        """`area` (k, 2) [m]: the polygon of routes, `edge_m` off its edges and `radius_m` off the obstacles.
 
         Raises InputError where the area is too narrow for its margin.
         """
@@ -50,7 +50,7 @@ class Routes:
         self._wide = _Convex([inflated(each.corners, radius_m) for each in obstacles])
         close_m = min(CLOSE_M, radius_m) * np.cos(np.pi / 12)  # so that corners are no farther off either
         self._close = _Convex([inflated(each.corners, close_m) for each in obstacles])
-        # a hair outside of the polygons, so that ways along their sides touch none
+        # slightly outside of the polygons, so that ways along their sides touch none
         corners = [inner, *(inflated(each.corners, radius_m + _CLEAR_M) for each in obstacles)]
         nodes = np.concatenate(corners)
         free = Area(inner, _CLEAR_M).contains(nodes) & ~self._wide.contains(nodes).any(axis=1)
@@ -67,7 +67,7 @@ class Routes:
     def way(self, start: Array, goal: Array) -> Array | None:
         """Find the shortest way (k, 2) [m] from start to goal (2,): the corners to pass, then the goal; None without a way.
 
-        Ends may be closer to furniture than the radius; the way leaves it, and comes to it, directly.
+        An end closer to furniture than the radius is left or reached directly.
         """
         start, goal = np.asarray(start, dtype=float), np.asarray(goal, dtype=float)
         if not (self._stands(start) and self._stands(goal)):
@@ -97,25 +97,25 @@ class Routes:
         return np.concatenate([nodes[passed[::-1]], goal[None]])
 
     def reachable(self, place: Array) -> bool:
-        """Return whether one can come to a place (2,) [m] from the larger part of the room's free floor."""
+        """Return whether a place (2,) [m] is reachable from the larger part of the free floor."""
         place = np.asarray(place, dtype=float)
         if not self._stands(place):
             return False
         return not len(self._nodes) or bool((self._leg(place, self._nodes) & self._main).any())
 
     def near(self, place: Array) -> frozenset[str]:
-        """Return the furniture that a place (2,) [m] is closer to than routes keep: what a command to go there comes
-        near to."""
+        """Return the furniture closer to a place (2,) [m] than routes keep, which a command to go there approaches."""
         inside = self._wide.contains(np.asarray(place, dtype=float)[None])[0]
         return frozenset(name for name, close in zip(self._furniture, inside, strict=True) if close)
 
     def _stands(self, place: Array) -> bool:
-        """Return whether somebody can stand at a place (2,), be it close to furniture."""
+        """Return whether a person can stand at a place (2,), possibly close to furniture."""
         return bool(self._in_area.contains(place[None])[0] and not self._close.contains(place[None]).any())
 
     def _leg(self, end: Array, others: Array, also: Array | None = None) -> Mask:
-        """Return which straight ways from an end (2,) to others (n, 2) are free; close to furniture that the end, or
-        the end `also`, is close to."""
+        """Return which straight ways from an end (2,) to others (n, 2) are free, ignoring furniture close to the end or to
+        `also`.
+        """
         ends = end[None] if also is None else np.stack([end, also])
         adjacent = np.asarray(self._wide.contains(ends).any(axis=0))
         inner = self._inner if self._well_in_area.contains(ends).all() else self.area
@@ -123,19 +123,18 @@ class Routes:
 
     @staticmethod
     def _sees(start: Array, end: Array, shapes: _Convex, area: Array) -> Mask:
-        """Return which straight ways start to end (n, 2) pass through no shape and stay in the area (k, 2)."""
+        """Return which straight ways start to end (n, 2) cross no shape and stay in the area (k, 2)."""
         seen = ~_cut(area, start, end)
-        # dearer questions only of the ways that are left
+        # costlier tests only for the ways left
         seen[seen] = ~shapes.crossed(start[seen], end[seen])
         seen[seen] = _stay_within(area, start[seen], end[seen])
         return seen
 
 
 class _Convex:
-    """Convex polygons as the half planes of their sides: (m, k, 2) outward normals and (m, k) offsets [m].
+    """Convex polygons as half planes: (m, k, 2) outward normals and (m, k) offsets [m].
 
-    Each has a circle about it, `middle` (m, 2) and `radius` (m,) [m]: most ways stay clear of most circles, and need not be
-    held against every side.
+    Bounding circles, `middle` (m, 2) and `radius` (m,) [m], spare most ways the test against every side.
     """
 
     def __init__(self, polygons: Sequence[Array]) -> None:
@@ -148,11 +147,11 @@ class _Convex:
             self._radius[number] = np.linalg.norm(corners - self._middle[number], axis=1).max() + _CLEAR_M
             way = np.roll(corners, -1, axis=0) - corners
             normal = np.stack([way[:, 1], -way[:, 0]], axis=1) / np.linalg.norm(way, axis=1)[:, None]
-            self._normal[number, : len(corners)] = normal  # what is left over holds everywhere: 0 x < 1
+            self._normal[number, : len(corners)] = normal  # unused sides hold everywhere: 0 x < 1
             self._offset[number, : len(corners)] = (normal * corners).sum(axis=1)
 
     def where(self, replaced: Mask, other: _Convex) -> _Convex:
-        """Return these polygons, those in `replaced` (m,) taken from another set of as many."""
+        """Return these polygons with those in `replaced` (m,) taken from another set of equal size."""
         if not replaced.any():
             return self
         mixed = _Convex([])
@@ -176,8 +175,9 @@ class _Convex:
         return (np.einsum("nc,mkc->nmk", places, self._normal) < self._offset).all(axis=2)
 
     def crossed(self, start: Array, end: Array) -> Mask:
-        """Return whether straight ways start to end (n, 2) pass through the inside of any, (n,) (Cyrus and Beck's
-        clipping)."""
+        """Return whether straight ways start to end (n, 2) cross the inside of any polygon, (n,) (Cyrus and Beck's
+        clipping).
+        """
         way, shape = np.nonzero(self._comes_near(start, end))
         depth = self._offset[shape] - np.einsum("pc,pkc->pk", start[way], self._normal[shape])  # positive: inside of it
         speed = np.einsum("pc,pkc->pk", (end - start)[way], self._normal[shape])  # outwards
@@ -192,31 +192,32 @@ class _Convex:
         return crossed
 
     def _comes_near(self, start: Array, end: Array) -> Mask:
-        """Return whether straight ways start to end (n, 2) come into the circle about each, (n, m)."""
+        """Return whether straight ways start to end (n, 2) enter each bounding circle, (n, m)."""
         return _gap_square(start, end, self._middle) <= self._radius**2
 
 
 def _is_convex(corners: Array) -> bool:
-    """Return whether a simple polygon (k, 2) turns one way at all its corners."""
+    """Return whether a simple polygon (k, 2) turns the same way at all corners."""
     way = np.roll(corners, -1, axis=0) - corners
     turn = _cross(way, np.roll(way, -1, axis=0))
     return bool((turn >= 0).all() or (turn <= 0).all())
 
 
 def _shares(area: Array, start: Array, end: Array) -> tuple[Array, Array]:
-    """Return where straight ways start to end (n, 2) meet the lines of the polygon's edges (k, 2), as shares of the way
-    and of the edge, both (n, k); neither finite where they are parallel."""
+    """Intersect straight ways start to end (n, 2) with the lines of the polygon's edges (k, 2).
+
+    Returns shares of the way and of the edge, both (n, k); not finite where parallel.
+    """
     edge = np.roll(area, -1, axis=0) - area
     way = end - start
     offset = area - start[:, None]  # (n, k, 2)
     turn = _cross(way[:, None], edge)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # ways of next to no length
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # ways of almost no length
         return _cross(offset, edge) / turn, _cross(offset, way[:, None]) / turn
 
 
 def _cut(area: Array, start: Array, end: Array) -> Mask:
-    """Return which straight ways start to end (n, 2) an edge of the polygon (k, 2) cuts in two, well between all four
-    ends."""
+    """Return which straight ways start to end (n, 2) properly cross an edge of the polygon (k, 2)."""
     along_way, along_edge = _shares(area, start, end)
     between = (along_way > _CUTS_FROM) & (along_way < 1 - _CUTS_FROM)
     between &= (along_edge > _CUTS_FROM) & (along_edge < 1 - _CUTS_FROM)
@@ -226,13 +227,13 @@ def _cut(area: Array, start: Array, end: Array) -> Mask:
 def _stay_within(area: Array, start: Array, end: Array) -> Mask:
     """Return whether straight ways start to end (n, 2) stay in the simple polygon (k, 2), its border included."""
     inside = Area(area).contains(start)
-    near = _touches(area, start, end)  # the others are on one side of the border all along
+    near = _touches(area, start, end)  # the others stay on one side of the border
     inside[near] = _stays_within_piecewise(area, start[near], end[near])
     return inside
 
 
 def _touches(area: Array, start: Array, end: Array) -> Mask:
-    """Return which straight ways start to end (n, 2) come to the border of the polygon (k, 2), or next to it."""
+    """Return which straight ways start to end (n, 2) come to the border of the polygon (k, 2) or very near it."""
     following = np.roll(area, -1, axis=0)
     along_way, along_edge = _shares(area, start, end)
     met = (along_way >= 0) & (along_way <= 1) & (along_edge >= 0) & (along_edge <= 1)
@@ -245,8 +246,7 @@ def _touches(area: Array, start: Array, end: Array) -> Mask:
 
 
 def _stays_within_piecewise(area: Array, start: Array, end: Array) -> Mask:
-    """Return the same as `_stay_inside`, by the middles of the pieces into which the edges' lines and corners part each
-    way."""
+    """Return the same as `_stay_within`, from the middles of the pieces into which edge lines and corners part each way."""
     inside = Area(area, TOLERANCE_M)
     way = end - start
     edge = np.roll(area, -1, axis=0) - area

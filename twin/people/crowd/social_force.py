@@ -1,8 +1,8 @@
-"""The repulsion between people: the social force model's, in a form that looks ahead.
+"""Repulsion between people: the social force model in a form that looks ahead.
 
 A. Johansson, D. Helbing and P. Shukla, "Specification of the social force pedestrian model by evolutionary adjustment to
 video tracking data", Advances in Complex Systems 10, 2007: "elliptical II", with their weight by the angle of sight. The
-parameters are ours, not theirs: short and strong, for people close together in a room, and turned a little to the right.
+parameters are ours: short and strong, for people close together in a room, and turned slightly to the right.
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ Planar = NDArray[np.complex128]
 REPULSION_M_S2 = 5.0
 """Repulsion between two people at the least distance [m/s²]."""
 LOOK_AHEAD_S = 0.5
-"""Time ahead for which relative motion counts in the repulsion [s]."""
+"""Horizon of relative motion in the repulsion [s]."""
 REPULSION_RANGE_M = 0.18
 """Distance over which the repulsion falls by 1/e [m]."""
 SIGHT_FROM_BEHIND = 0.3
-"""Share of the repulsion that somebody straight behind still has."""
+"""Relative repulsion by a person straight behind."""
 STANDING_SHARE = 0.25
-"""Share of the repulsion on somebody who stops: they are not pushed about by people who only pass."""
+"""Relative repulsion on a person who stops, so that passers-by do not push them about."""
 PASS_ON_THE_RIGHT_RAD = 0.5
-"""Angle by which the repulsion is turned to the right of straight away, so that two who meet head on pass [rad]."""
+"""Clockwise turn of the repulsion, so that two who meet head on pass [rad]."""
 ARMS_IN_FROM_M, ARMS_IN_AT_M = 0.75, 0.58
-"""Distances of a companion from which the arm on their side is held in, and hangs straight down [m]."""
+"""Distances of a companion at which the arm on that side begins to be held in, and hangs straight down [m]."""
 FOOT_M = 0.25
 """Length of a foot with its shoe [m]."""
 KEEP_APART_M = 0.65
-"""Least distance between the middles of two people [m]: room for the swinging arms, and the feet, of both."""
+"""Least distance between the middles of two people [m]: room for both people's feet and swinging arms."""
 
 _PASS = np.exp(1j * PASS_ON_THE_RIGHT_RAD)
 
@@ -39,10 +39,10 @@ _PASS = np.exp(1j * PASS_ON_THE_RIGHT_RAD)
 def repulsion(
     between: Planar, distance: Array, towards: Planar, velocity: Planar, facing: Planar, going: Array, self_far: Array
 ) -> Planar:
-    """Return social force (n,) [m/s²] of the others on each.
+    """Return the social force (n,) [m/s²] of the others on each.
 
-    between (n, n): from each to each [m], towards its direction and distance (n, n) its length; velocity (n,) [m/s],
-    facing (n,) unit; going (n,): 1 who walks, 0 who stands; self_far (n, n): a great length on the diagonal [m].
+    between (n, n): from each to each [m], towards its direction and distance (n, n) its length; velocity (n,) [m/s], facing
+    (n,) unit; going (n,): 1 walks, 0 stands; self_far (n, n): a great length on the diagonal [m].
     """
     drift = (velocity - velocity[:, None]) * LOOK_AHEAD_S
     soon = between + drift
@@ -58,11 +58,11 @@ def repulsion(
 
 
 def least_apart(companions: Mask, companion_m: Array, keeps_step: Mask, towards: Planar, facing: Planar) -> Array:
-    """Return the least distance (n, n) [m] between people: less for companions abreast of each other.
+    """Return the least distance (n, n) [m] between people, less for companions abreast.
 
-    companions (n, n): who walks with whom; companion_m (n,): how near each comes to theirs abreast [m]; keeps_step (n,):
-    who counts on companions to walk on; towards (n, n): unit, from each to each; facing (n,): unit. Before and behind each
-    other companions keep apart as others do, and those who keep step a foot's length more, for the sake of their feet.
+    companions (n, n): pairs who walk together; companion_m (n,): least distance abreast [m]; keeps_step (n,): people who
+    count on companions to walk on; towards (n, n): unit, from each to each; facing (n,): unit. Before and behind each other
+    companions keep the usual distance, and those who keep step a foot's length more, to spare the feet.
     """
     closer = np.where(companions, KEEP_APART_M - companion_m[:, None], 0.0)
     lateral = (towards * facing.conj()[:, None]).imag ** 2
@@ -74,18 +74,18 @@ def least_apart(companions: Mask, companion_m: Array, keeps_step: Mask, towards:
 
 
 def room_made(companions: Mask, keeps_step: Mask, towards: Planar, velocity: Planar) -> Array:
-    """Return how fast companions walk on ahead of those who keep step with them, (n, n) [m/s]: 0 for all others.
+    """Return the speed (n, n) [m/s] at which companions walk away ahead of those who keep step; 0 for all others.
 
-    companions (n, n): who walks with whom; keeps_step (n,): who counts on that; towards (n, n): unit, from each to each;
-    velocity (n,) [m/s].
+    Arguments as in `least_apart`; velocity (n,) [m/s].
     """
     return np.maximum((towards.conj() * velocity).real, 0.0) * (companions & keeps_step[:, None])
 
 
 def arms_in(together: Mask, seen: Planar) -> Array:
-    """Return how far each person holds in the left and the right arm, (2, n): 0 as when alone, 1 straight down.
+    """Return the fraction by which each person holds in the left and the right arm, (2, n): 0 as when alone, 1 straight
+    down.
 
-    together (n, n): who walks with whom, either way; seen (n, n): from each to each, ahead + left i [m].
+    together (n, n): pairs who walk together, either way; seen (n, n): from each to each, ahead + left i [m].
     """
     near = np.clip((ARMS_IN_FROM_M - np.abs(seen)) / (ARMS_IN_FROM_M - ARMS_IN_AT_M), 0.0, 1.0) * together
     return np.stack([(near * (seen.imag > 0)).max(axis=1), (near * (seen.imag <= 0)).max(axis=1)])

@@ -1,12 +1,11 @@
 """Footsteps under moving bodies, without sliding feet, for all people at once.
 
-A body that moves over the floor is given feet: while a foot stands it does not move at all; in the air it swings on a
-smooth arc to where the body will need it, a target that follows every change of mind until shortly before landing. A
-step lasts from one landing to the next. In walking it is double support (both feet stand, the heel behind comes off) and
-then swing; in running the foot that stands lifts before the step ends, so that both are in the air. Speeds from standing
-to a sprint; backwards, sideways and on the spot by the same rule. A foot lifts only once its load has gone.
+A standing foot does not move. A foot in the air swings on a smooth arc to a landing place that follows the body's motion
+until shortly before landing. A step lasts from one landing to the next. In walking it is double support (both feet stand,
+the rear heel rises), then swing; in running the standing foot lifts before the step ends, so that both are in the air. One
+rule covers all speeds, backwards, sideways and on the spot. A foot lifts only once it is unloaded.
 
-Places on the floor are complex numbers x + iy; arrays over feet are (2, n), left foot first.
+Positions on the floor are complex numbers x + iy; arrays over feet are (2, n), left foot first.
 """
 
 from __future__ import annotations
@@ -24,32 +23,32 @@ from twin.people.gait.gait_table import GaitStyle
 Planar = NDArray[np.complex128]
 
 ARRIVES_AT = 0.35
-"""Speed over the floor with which a foot arrives, as a share of its swing's mean; the landing takes it to nothing."""
+"""Landing speed of a foot over the floor, as a share of its swing's mean speed."""
 TARGET_FIXED_AT = 0.75
 """Share of the swing after which the landing place is final."""
 TOES_OUT_RAD = 0.10
 FEET_APART_M = 0.085
 """Least distance between the tracks of the two feet, so that legs do not cross [m, for the reference leg]."""
 TWIST_RAD = 0.55
-"""Turn of the body over a standing foot from which steps become quicker."""
+"""Turn of the body over a standing foot beyond which steps become quicker."""
 HURRY = 1.5
-"""Share by which steps are quicker at twice that turn, or twice the distance that the style calls its reach."""
+"""Relative quickening at twice that turn, or at twice the style's reach."""
 TURNING = 0.45
-"""Share by which steps are quicker for each rad/s of turning."""
+"""Relative quickening per rad/s of turning."""
 CALMS_S2 = 4.0
-"""Rate at which quicker steps become slow again: steps a second, each second."""
+"""Rate at which quick steps slow down again: steps per second, each second."""
 BEFORE_COUNTS = 1.6
-"""Factor by which a foot that stands before the body counts as farther than one behind it."""
+"""Weight of the distance of a standing foot before the body, relative to one behind it."""
 SIDEWAYS, BACKWARDS = 0.7, 0.35
-"""Share by which steps are quicker, and so shorter, to the side and backwards."""
+"""Relative quickening, and so shortening, of steps to the side and backwards."""
 LANDS_FARTHER = 0.2
-"""Additional distance before the body at which a foot lands that goes to the side or backwards, as a share of a step."""
+"""Additional landing distance ahead of the body of steps to the side or backwards, as a share of a step."""
 TOES_DOWN_RAD_S = 5.0
 """Rate at which the toes come down after the heel has struck."""
 HEEL_RAD_S = 14.0
 """Greatest rate at which the heel of a standing foot turns up or down."""
 UNLOADED = 0.02
-"""A foot that carries less than this share of the body's weight may lift."""
+"""Share of the body's weight below which a foot may lift."""
 
 _SIDE = np.array([[1.0], [-1.0]])
 _OUT = TOES_OUT_RAD * _SIDE
@@ -73,9 +72,8 @@ class MovingBodies(Protocol):
 class BodyMotion(NamedTuple):
     """Motion of n bodies in their own frames, (n,) each.
 
-    velocity: complex, ahead + left i [m/s]; speed [m/s]; ahead, lateral: cosine with where they face and size of the sine,
-    both less near standstill; forward: ahead where that is positive, else 0; seen_from: complex, turns what the room
-    sees into what the body sees.
+    velocity: complex, ahead + left i [m/s]; speed [m/s]; ahead, lateral: cosine to the heading and size of the sine, both
+    smaller near standstill; forward: max(ahead, 0); seen_from: complex rotation from room to body.
     """
 
     velocity: Planar
@@ -87,13 +85,13 @@ class BodyMotion(NamedTuple):
 
 
 class Footsteps:
-    """The feet of n people whose bodies are told where to go.
+    """Feet of n people under commanded bodies.
 
-    `soles` (2, 2, n) complex: of each foot the sole's point under the ankle as if the foot were flat [m], and its yaw
-    [rad]; `height` (2, n) of the ball (of the heel while the toes are up) above the floor [m]; `pitch` (2, n) [rad],
-    heel up positive; `in_air` (2, n); `progress` (n,) 0 to 1 through the step, `rate` (n,) of it [1/s]; `stepping` (n,);
-    `lands` (2, n): the foot that lands at the end of this step; `seen` (2, n) complex: the feet as the body saw them at
-    the beginning of the tick, ahead + left i [m].
+    `soles` (2, 2, n) complex: per foot the sole's point under the ankle of the flat foot [m], and its yaw [rad]; `height`
+    (2, n) of the ball (of the heel while the toes are up) above the floor [m]; `pitch` (2, n) [rad], heel up positive;
+    `in_air` (2, n); `progress` (n,) 0 to 1 through the step, `rate` (n,) of it [1/s]; `stepping` (n,); `lands` (2, n): the
+    foot that lands at the end of this step; `seen` (2, n) complex: the feet in the body's frame at the beginning of the
+    tick, ahead + left i [m].
     """
 
     def __init__(self, skeleton: Skeleton, count: int) -> None:
@@ -115,12 +113,12 @@ class Footsteps:
         self.own = np.zeros((2, count))  # progress towards the foot's own next landing, -1 to 1
         self._lifted_at = np.zeros((2, count))  # `own` when the foot left the floor
         self._pitch_at_lift = np.zeros((2, count))
-        self._start = np.zeros((2, 2, count), dtype=complex)  # the soles as the feet in the air have left
+        self._start = np.zeros((2, 2, count), dtype=complex)  # the soles at lift-off of the feet in the air
         self._target = np.zeros((2, 2, count), dtype=complex)
 
     @property
     def place(self) -> Planar:
-        """Places of the feet, (2, n) complex [m]."""
+        """Positions of the feet, (2, n) complex [m]."""
         return self.soles[_PLACE]
 
     @property
@@ -129,7 +127,7 @@ class Footsteps:
         return self.soles[_YAW].real
 
     def stand(self, who: Mask, bodies: MovingBodies, style: GaitStyle) -> None:
-        """Put the feet of `who` (n,) flat under their bodies, side by side, whatever they did before."""
+        """Put the feet of `who` (n,) flat under their bodies, side by side."""
         home = bodies.place + 0.5j * style.step_width * bodies.facing * _SIDE
         self.place[:, who] = home[:, who]
         self.soles[_YAW][:, who] = (bodies.heading + _OUT)[:, who]
@@ -141,12 +139,12 @@ class Footsteps:
         self.rate[who] = 1.0 / style.step_time[who]
 
     def walk(self, who: Mask, bodies: MovingBodies, motion: BodyMotion, style: GaitStyle) -> None:
-        """Put the feet of `who` (n,) where somebody's are who came walking or running: one stands, one swings."""
+        """Put the feet of `who` (n,) into the stride of walking or running: one stands, one swings."""
         self.stand(who, bodies, style)
         self._hurry(bodies, motion, 0.0, style, who)
         progress = 0.5 * (1.0 + np.minimum(style.double_support, 0.0))
         step = bodies.velocity / self.rate
-        # the left foot stands as far before or behind the body as it is through its stance; the right one swings past
+        # the left foot is as far before or behind the body as its stance has it; the right one swings past
         self.place[0, who] += ((style.lands_ahead - progress) * step)[who]
         self._start[_PLACE][1, who] += ((style.lands_ahead - progress - 1.0) * step)[who]
         self.progress[who] = progress[who]
@@ -175,7 +173,7 @@ class Footsteps:
         """Advance, end and begin steps; those who are `still` (n,) begin none."""
         self.seen = (self.place - bodies.place) * motion.seen_from
         twist = self.yaw - (bodies.heading + _OUT)
-        # a heel comes up for a body that has gone ahead, but not for one that has gone back
+        # a heel comes up for a body that has moved ahead, not back
         far = np.maximum(np.abs(self.seen), BEFORE_COUNTS * self.seen.real)
         strain = np.maximum(far * (self._per_leg / style.reach), np.abs(twist) * (1.0 / TWIST_RAD))
         strain *= ~self.in_air
@@ -196,7 +194,7 @@ class Footsteps:
         self.own = self.progress - ~self.lands
 
     def _land(self, landed: Mask) -> None:
-        """Put down the feet that land; a person whose other foot is in the air goes straight on to the next step."""
+        """Put down the feet that land; a person with the other foot in the air goes straight on to the next step."""
         lands = landed & self.lands
         self.soles = np.where(lands, self._target, self.soles)
         self.in_air &= ~lands
@@ -218,13 +216,13 @@ class Footsteps:
         """Begin a step where the body moves or a foot is not where it should stand."""
         home = (0.5 * style.step_width) * _SIDE
         misplaced = np.maximum(np.abs(self.seen - 1j * home) / self._scale, 0.3 * np.abs(twist))
-        # who has just landed goes on more readily than who stands
+        # a foot that has just landed starts the next step more readily than a standing person
         moves = (misplaced.max(axis=0) > np.where(landed, 0.03, 0.06)) | (motion.speed > np.where(landed, 0.08, 0.12))
         starts = ~self.stepping & moves
         if still is not None:
             starts &= ~still
         if starts.any():
-            # the first step goes with the foot on the side of the motion or turn, else with the one farther off
+            # the first step goes with the foot on the side of the motion or turn, else with the farther one
             outward = np.where(motion.speed > 0.1, motion.velocity.imag, 0.0) + 0.1 * bodies.turn_rate
             worse = misplaced[0] <= misplaced[1] + 0.01
             right = np.where(np.abs(outward) > np.maximum(0.1, 0.5 * motion.speed), outward <= 0, worse)
@@ -237,25 +235,25 @@ class Footsteps:
         self.progress *= self.stepping
 
     def lift(self, load: Array, style: GaitStyle, dt: float, drawn: Callable[[], Array]) -> None:
-        """Take off the feet whose time has come and whose load (2, n) [body weights] has gone.
+        """Take off the feet whose time has come and whose load (2, n) [body weights] is gone.
 
-        `drawn` tells the pitch of the feet (2, n) [rad] as the legs' reach had it: the swing goes on from there.
+        `drawn` returns the pitch of the feet (2, n) [rad] including the legs' reach, from which the swing goes on.
         """
-        # in running the foot that stands lifts before the other one lands
+        # in running the standing foot lifts before the other one lands
         flight = np.where(style.double_support < 0, style.double_support, _NEVER)
         due = np.where(self.lands, self.lift_at, flight)
         lifts = (self.own >= due) & self.stepping & ~self.in_air & (load < UNLOADED)
         if lifts.any():
             self.in_air |= lifts
-            # it left between this tick and the last
+            # lift-off between the last tick and this one
             self._lifted_at = np.where(lifts, np.maximum(due, self.own - dt * self.rate), self._lifted_at)
             self._pitch_at_lift = np.where(lifts, np.maximum(self.pitch, drawn()), self._pitch_at_lift)
             self._start = np.where(lifts, self.soles, self._start)
 
     def move(self, bodies: MovingBodies, motion: BodyMotion, style: GaitStyle, stance: Array, dt: float) -> None:
-        """Move the feet: those in the air to where the bodies will need them, the heels of the others up or down.
+        """Move the feet: in the air towards their landing places, on the floor the heels up or down.
 
-        stance (2, n): share of a foot's stance that is over.
+        stance (2, n): finished share of a foot's stance.
         """
         rise = _smooth(np.maximum(stance - style.heel_off, 0.0) / (1.0 - style.heel_off))
         wanted = (style.heel_rise * motion.forward) * rise
@@ -268,7 +266,7 @@ class Footsteps:
             self.height = np.zeros_like(pitch)
 
     def _swing(self, bodies: MovingBodies, motion: BodyMotion, style: GaitStyle) -> None:
-        """Move the feet in the air from where they left to their target, with the bump and pitch of a swing."""
+        """Move the feet in the air from lift-off to their target, with the bump and pitch of a swing."""
         step_time = 1.0 / self.rate
         remaining = np.maximum(1.0 - self.own, 0.0) * step_time
         turn = np.minimum(np.maximum(bodies.turn_rate * (remaining + 0.4 * step_time), -0.7), 0.7)
@@ -276,7 +274,7 @@ class Footsteps:
         lands = style.lands_ahead + LANDS_FARTHER * (1.0 - motion.forward)
         wanted = bodies.place + bodies.velocity * (remaining + lands * step_time)
         width = 0.5 * style.step_width
-        # no track across the other foot's
+        # no crossing of the other foot's track
         apart = ((wanted - self.place[::-1]) * left.conj()).real
         wanted += left * (np.maximum(width, self._apart - apart * _SIDE) * _SIDE)
         share = np.minimum(np.maximum((self.own - self._lifted_at) / (1.0 - self._lifted_at), 0.0), 1.0)

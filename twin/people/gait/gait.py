@@ -1,13 +1,13 @@
-"""Gait: bodies carried over their footsteps, walking and running, with the load that this puts on each foot.
+"""Gait: bodies carried over their footsteps, walking and running, with the load on each foot.
 
-Split by cost: what has a memory (footsteps, loads, pelvis, habits of trunk and head) is stepped on the people's clock and
-kept as a `GaitState` of numbers that may be interpolated; what follows from it alone (heel lift, all joints) is computed by
-`twin.people.gait.gait_state` only for the times that are asked for.
+State with memory (footsteps, loads, pelvis, habits of trunk and head) is stepped on the people's clock and kept as an
+interpolable `GaitState`. All that follows from it (heel lift, all joints) is computed by `twin.people.gait.gait_state`, only
+for the times asked for.
 
-The vertical motion and the load are one: the table gives the load of a regular step, and the height of the pelvis is
-its double integral, stepped so that (z[k+1] - 2 z[k] + z[k-1]) / dt² is g (load[k] - 1) to rounding, tick by tick. A weak
-pull, which is zero in a regular gait and in flight, brings the pelvis to the height that the pace asks for; it is part of
-the load. The body's centre is taken to move up and down as the pelvis does; forces along the floor are not modelled.
+Vertical motion and load agree. The table gives the load of a regular step, and the height of the pelvis is its double
+integral: (z[k+1] - 2 z[k] + z[k-1]) / dt² is g (load[k] - 1) to rounding, tick by tick. A weak pull, zero in a regular gait
+and in flight, brings the pelvis to the height of the pace; it is part of the load. The centre of mass is taken to move up
+and down with the pelvis. Forces along the floor are not modelled.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from twin.people.gait.gait_table import HEIGHT, LOAD, RATE, RUN_PACE, SHARE_BEHI
 GRAVITY_M_S2 = 9.81
 
 _CHANGE_S = 0.45
-"""Time from a walk to a run and back [s]."""
+"""Time of the change from a walk to a run and back [s]."""
 _PULL = 8.0
 """Rate of the pull of the pelvis to its height [1/s]."""
 _SWAY_RATE = 9.0
@@ -34,26 +34,26 @@ _SWAY_SHARE = 0.3
 _SWAY_MOST_M = 0.035
 _HABIT_RATE = 6.0
 _HEADS_FROM_M_S = 0.25
-"""Speed from which a body fully goes forwards, backwards or sideways."""
-_PITCH, _ROLL = 0.03, -0.025  # lean by acceleration, of what is ahead and of what is to the left [rad s²/m]
+"""Speed above which forwards, backwards and sideways have full effect."""
+_PITCH, _ROLL = 0.03, -0.025  # lean per acceleration ahead and to the left [rad s²/m]
 _LEAN_MOST_RAD = 0.10
 _SHIFT_STEPPING, _SHIFT_STANDING = 0.4, 0.08
-"""Most that the weight goes from one foot to the other in a tick of `_TICK_S`, as a share of it."""
+"""Greatest shift of weight between the feet per tick of `_TICK_S`, as a share of it."""
 _TICK_S = 0.025
 _PRESSURE_M_S = 2.5
-"""Fastest that the point of load moves along a foot, where no step asks for it [m/s]."""
+"""Greatest speed of the point of load along a foot beyond that of a step [m/s]."""
 
 _STANDS_AT = 0.40
-"""Point of load of somebody who stands, as a share of the shoe (0.05 m before the ankle); the middle about which going
-backwards turns it."""
+"""Point of load of a standing person as a share of the shoe (0.05 m before the ankle); walking backwards mirrors it there.
+"""
 
 _ROLLS_M = 0.05
-"""Distance by which a foot is nearer that rolls over its heel, the pelvis turned to it [m, for the reference leg]."""
+"""Approach of a foot that rolls over its heel, by the pelvis' turn towards it [m, for the reference leg]."""
 _BEARS = 0.3
-"""Load from which a foot's leg holds the pelvis down [body weights]."""
+"""Load above which a foot's leg holds the pelvis down [body weights]."""
 _HINDMOST = 0.05
 _LATERAL_DROP, _BACK_DROP = 3.0, 2.0
-"""Additional lowering of the pelvis by steps to the side, whose legs are spread, and backwards, as shares."""
+"""Additional lowering of the pelvis in steps to the side, with legs spread, and backwards, as shares."""
 
 _ARMS_IN = range(gait_state.ARMS_IN.start, gait_state.ARMS_IN.stop)
 _HABITS = (
@@ -73,10 +73,10 @@ _SWAYS_AHEAD_M = 0.0025
 
 
 class Gait:
-    """The feet, pelvis, trunk and loads of n people as they follow a crowd's motion; `moment` is how they are now."""
+    """Feet, pelvis, trunk and loads of n people as they follow a crowd's motion."""
 
     def __init__(self, skeleton: Skeleton, crowd: MovingBodies) -> None:
-        """Everybody is where the crowd has them, standing, or in their stride if they move."""
+        """Start all people at the crowd's positions, standing, or in stride if they move."""
         count = len(crowd.place)
         self._skeleton = skeleton
         self._leg = STRAIGHTEST * skeleton.leg
@@ -90,7 +90,7 @@ class Gait:
         self._bob = np.zeros((2, count))  # the pelvis about its standing height [m]; its rate half a tick ago [m/s]
         self._sway = np.zeros((2, count))  # of the pelvis to the left [m], and its rate [m/s]
         self._left = np.full(count, 0.5)  # share of the load on the left foot
-        self._idle: Array | float = 0.0  # how much of it who stands has shifted
+        self._idle: Array | float = 0.0  # how far the weight of a standing person has shifted
         self._load = np.zeros((2, count))  # [body weights]
         self._ahead = np.zeros((2, count))  # of the ankle: point of the load [m]
         self._habits = np.zeros((len(_HABITS), count))
@@ -99,10 +99,9 @@ class Gait:
         self.place_anew(np.ones(count, dtype=bool), crowd)
 
     def place_anew(self, who: Mask, crowd: MovingBodies) -> None:
-        """Put the feet of `who` (n,) under their bodies, as if they had always moved as the crowd has them move now.
+        """Put the feet of `who` (n,) under their bodies, as if the crowd's present motion had always lasted.
 
-        For people who enter, or whose place was set anew: they stand, or are in the middle of a step at their speed, and
-        nothing is left of what they did before.
+        For people who enter or are placed anew: they stand, or are in mid-step at their speed, without memory.
         """
         motion = _body_motion(crowd)
         similar = self._table.similar(motion.speed)
@@ -138,10 +137,10 @@ class Gait:
         still: Mask | None = None,
         arms_in: Array | float = 0.0,
     ) -> None:
-        """Follow the crowd to where it is now, `dt` [s] after the last call; gaze (n,): turn of the head [rad].
+        """Follow the crowd to its present state, `dt` [s] after the last call; gaze (n,): turn of the head [rad].
 
-        Those who are `still` (n,) sit or lie: they begin no steps, and their feet stay where they are. arms_in (2, n): how
-        far the left and the right arm are to be held in, 0 to 1.
+        People who are `still` (n,) sit or lie: they begin no steps and their feet stay. arms_in (2, n): fraction by which
+        the left and the right arm are held in, 0 to 1.
         """
         feet = self._feet
         motion = _body_motion(crowd)
@@ -167,9 +166,9 @@ class Gait:
         self._record(crowd)
 
     def _carry(self, motion: BodyMotion, style: GaitStyle) -> tuple[Array, Array, Array, Array]:
-        """Return the regular cycle at this time (n, 4); what is wanted: share on the left foot (n,), points of load (2, n).
+        """Return the regular cycle now (n, 4), the wanted share on the left foot (n,) and points of load (2, n).
 
-        And the share of its stance that is over for each foot (2, n), 0 for who does not step.
+        And the finished share of each foot's stance (2, n), 0 without steps.
         """
         feet, stepping = self._feet, self._feet.stepping
         cycle = self._table.cycle(style.row, feet.progress)
@@ -187,7 +186,7 @@ class Gait:
         return cycle, left, point, stance
 
     def _reference(self, cycle: Array, motion: BodyMotion, style: GaitStyle) -> tuple[Array, Array]:
-        """Return height of the pelvis [m] about its standing height and its rate [m/s] in a regular gait."""
+        """Return the pelvis' height [m] about its standing height in a regular gait, and its rate [m/s]."""
         step_time = self._feet.stepping / self._feet.rate
         unit = GRAVITY_M_S2 * step_time
         drop = style.pelvis_drop * (1.0 + _LATERAL_DROP * motion.lateral + _BACK_DROP * (motion.forward - motion.ahead))
@@ -206,16 +205,15 @@ class Gait:
         bob[_BOB_RATE] += (dt * GRAVITY_M_S2) * (load - 1.0)
         most = np.where(feet.stepping, _SHIFT_STEPPING, _SHIFT_STANDING) * (dt / _TICK_S)
         shifted = np.minimum(np.maximum(left, self._left - most), self._left + most)
-        # who stands on one foot has all the weight on it
+        # on one foot, it carries all the weight
         self._left = np.where(left_air ^ right_air, right_air, shifted)
         left = self._left
-        # who stands shifts the weight a little
+        # a standing person shifts the weight slightly
         self._load[0] = left * (1.0 + self._idle * (1.0 - left)) * load
         self._load[1] = load - self._load[0]
 
     def _reach(self) -> Array:
-        """Return height of the pelvis about its standing height that the legs of the loaded feet before the body allow
-        [m]."""
+        """Return the height of the pelvis about its standing height that the legs of the loaded front feet allow [m]."""
         seen, leg = self._feet.seen, self._leg
         ahead = np.maximum(seen.real - self._rolls, 0.0)
         lateral = seen.imag - self._skeleton.hip_offset
@@ -224,7 +222,7 @@ class Gait:
         return -np.maximum(down[0], down[1])
 
     def _lean(self, crowd: MovingBodies, motion: BodyMotion, gaze: Array, style: GaitStyle, dt: float) -> None:
-        """Move the pelvis over the foot that carries, on a critically damped spring; habits follow slowly."""
+        """Move the pelvis over the loaded foot, on a critically damped spring; habits follow slowly."""
         across = self._feet.seen.imag
         goal = (2.0 * _SWAY_SHARE) * (across[1] + self._left * (across[0] - across[1]))
         goal = np.minimum(np.maximum(goal, -_SWAY_MOST_M), _SWAY_MOST_M)

@@ -1,4 +1,4 @@
-"""The state of a gait, and the whole body that follows from it: heels, pelvis, legs, arms, head."""
+"""State of a gait, and the joint coordinates that follow from it: heels, pelvis, legs, arms, head."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FEET = slice(2, 4)
 FLOOR_ROWS = 4
 
 HEADING, TURN_RATE = 0, 1
-"""Rows of `GaitState.rows`: where the body faces [rad], and how fast that turns [rad/s]."""
+"""Rows of `GaitState.rows`: heading of the body [rad] and its rate [rad/s]."""
 BOB = 2
 """Height of the pelvis about its standing height [m]."""
 SWAY, SWAY_RATE = 3, 4
@@ -30,13 +30,13 @@ SWAY, SWAY_RATE = 3, 4
 TRUNK_PITCH, TRUNK_ROLL, GAZE, ELBOW = 5, 6, 7, 8
 """Angles [rad]."""
 FEET_HEIGHT, FEET_PITCH, FEET_YAW = slice(9, 11), slice(11, 13), slice(13, 15)
-"""Left foot and right foot: height [m], pitch before what the leg's reach adds, yaw [rad]."""
+"""Left foot and right foot: height [m], pitch without that of the leg's reach [rad], yaw [rad]."""
 FEET_LOAD, FEET_PRESSURE = slice(15, 17), slice(17, 19)
-"""Left foot and right foot: load [body weights], where it acts ahead of the ankle [m]."""
+"""Left foot and right foot: load [body weights], its point ahead of the ankle [m]."""
 ARM_SWING = 19
-"""Swing of the arms [rad for each metre of stride]."""
+"""Swing of the arms [rad per metre of stride]."""
 ARMS_IN = slice(20, 22)
-"""Left arm and right arm: how far each is held in, from 0 (as in walking alone) to 1 (straight down)."""
+"""Left arm and right arm: fraction held in, from 0 (as in walking alone) to 1 (straight down)."""
 ROWS = 22
 
 STRAIGHTEST = 0.9945
@@ -49,14 +49,14 @@ _SWINGS_FROM_M = 0.02
 _TWIST_PER_STRIDE = 0.13
 """Turn of the pelvis towards the foot in front [rad/m, for the reference leg]."""
 _LETS_GO = 0.8
-"""Height by which the pelvis may be higher than a foot's leg allows, for the root of its height off the floor [m^0.5]."""
+"""Excess of the pelvis over the height that a foot's leg allows, per root of the foot's height off the floor [m^0.5]."""
 _UNLOADED_M = 0.12
-"""Height by which it may be higher than the leg of a foot allows that carries nothing; none if that carries half the body [m]."""
+"""Excess allowed over the leg of an unloaded foot; none if it carries half the body [m]."""
 _ARMS_OUT_RAD = 0.10
 _HANDS_INWARD = 0.35
-"""Inward turn of the upper arms for each radian of elbow beyond 0.6: runners' hands go before the chest."""
+"""Inward turn of the upper arms per radian of elbow beyond 0.6: runners' hands swing before the chest."""
 _TOES_FREE_M = 0.2
-"""Height of the ball from which the toes of a lifted foot are straight."""
+"""Height of the ball at which the toes of a lifted foot are straight."""
 
 _LEGS = np.array([[JOINT_PLACE[f"{side}_{joint}"] for joint in LEG] for side in SIDES])  # (2, 7)
 _SPINE_YAW, _SPINE_PITCH, _SPINE_ROLL = (JOINT_PLACE[name] for name in ("spine_yaw", "spine_pitch", "spine_roll"))
@@ -92,8 +92,8 @@ class GaitState:
 def heel_and_pelvis(state: GaitState, skeleton: Skeleton) -> tuple[Array, Array, Array]:
     """Return pitch of the feet (2, n) [rad], yaw (n,) [rad] and height (n,) [m] of the pelvis.
 
-    Heels come up as far as the legs need to reach the hips; where that is not enough the pelvis comes down (it does not
-    in a regular gait, so there its height is that of the loads' motion).
+    Heels come up as far as the legs need to reach the hips; where that does not suffice the pelvis comes down. It does not
+    in a regular gait, where its height is that of the loads' motion.
     """
     yaw = state.rows[HEADING] - _TWIST_PER_STRIDE * _stride(state) / skeleton.scale
     hips = state.pelvis + 1j * skeleton.hip_offset * np.exp(1j * yaw)
@@ -112,11 +112,10 @@ def heel_and_pelvis(state: GaitState, skeleton: Skeleton) -> tuple[Array, Array,
 
 
 class FootLoads(NamedTuple):
-    """The feet of n people on the floor, (2, n) each, left first.
+    """Feet of n people on the floor, (2, n) each, left first.
 
-    load [body weights], 0 in the air; pressure_ahead: where it acts, ahead of the ankle along the foot [m]; height of
-    the lowest point of the sole [m]; place: complex x + iy of the sole's point under the ankle, as if the foot were flat
-    [m]; yaw [rad].
+    load [body weights], 0 in the air; pressure_ahead: point of load ahead of the ankle along the foot [m]; height of the
+    lowest point of the sole [m]; place: complex x + iy of the sole's point under the ankle of the flat foot [m]; yaw [rad].
     """
 
     load: Array
@@ -127,23 +126,23 @@ class FootLoads(NamedTuple):
 
 
 def foot_loads(state: GaitState, skeleton: Skeleton) -> FootLoads:
-    """Return the load and the place of each foot."""
+    """Return the load and position of each foot."""
     rows = state.rows
-    # straight toes of a foot that points down are its lowest
+    # the straight toes of a foot that points down are its lowest point
     toes = skeleton.toes * np.sin(np.maximum(rows[FEET_PITCH], 0.0) * _free(state, skeleton))
     height = np.maximum(rows[FEET_HEIGHT] - toes, 0.0)
     return FootLoads(rows[FEET_LOAD], rows[FEET_PRESSURE], height, state.floor[FEET], rows[FEET_YAW])
 
 
 def joint_coordinates(state: GaitState, skeleton: Skeleton) -> Array:
-    """Return `qpos` (n, NQ_PERSON) of each person, laid out as `twin.people.body.person_spec.JOINTS` says."""
+    """Return `qpos` (n, NQ_PERSON), laid out as `twin.people.body.person_spec.JOINTS`."""
     pitch, yaw, height = heel_and_pelvis(state, skeleton)
     pelvis, rows = state.pelvis, state.rows
     facing = np.exp(1j * yaw)
     hips = pelvis + 1j * skeleton.hip_offset * facing
     ankle, ankle_height = _ankles(state, pitch, skeleton)
     feet_yaw = rows[FEET_YAW]
-    # a leg that is too short for where its foot swings has the foot nearer
+    # a leg too short for its swinging foot draws the foot nearer
     over, up = hips - ankle, height - ankle_height
     nearer = np.minimum(STRAIGHTEST * skeleton.leg / np.sqrt(over.real**2 + over.imag**2 + up * up), 1.0)
     legs = leg_angles(over * nearer, up * nearer, yaw, feet_yaw, pitch, skeleton.thigh, skeleton.shank)
@@ -172,21 +171,21 @@ def joint_coordinates(state: GaitState, skeleton: Skeleton) -> Array:
 
 
 def _free(state: GaitState, skeleton: Skeleton) -> Array:
-    """Return how much the toes of each foot are straight, 0 on the floor to 1 in the air, (2, n)."""
+    """Return how straight the toes of each foot are, 0 on the floor to 1 in the air, (2, n)."""
     return np.minimum(state.rows[FEET_HEIGHT] / (_TOES_FREE_M * skeleton.scale), 1.0)
 
 
 def _stride(state: GaitState) -> Array:
-    """Return how far the left foot is before the right one, along the heading, (n,) [m]."""
+    """Return the distance of the left foot before the right one along the heading, (n,) [m]."""
     left, right = state.floor[FEET]
     return ((left - right) * np.exp(-1j * state.rows[HEADING])).real
 
 
 def _ankles(state: GaitState, pitch: Array, skeleton: Skeleton) -> tuple[Planar, Array]:
-    """Return ankle joints: places (2, n) complex and heights (2, n) [m].
+    """Return ankle joints: positions (2, n) complex and heights (2, n) [m].
 
-    A foot with its heel up (pitch > 0) turns about the ball, one with its toes up about the heel, so that the pivot of
-    a standing foot stays where it is.
+    A foot with its heel up (pitch > 0) turns about the ball, one with its toes up about the heel, so the pivot of a standing
+    foot does not move.
     """
     pivot = np.where(pitch > 0, skeleton.ball, -skeleton.heel)
     cosine, sine = np.cos(pitch), np.sin(pitch)
@@ -196,10 +195,9 @@ def _ankles(state: GaitState, pitch: Array, skeleton: Skeleton) -> tuple[Planar,
 
 
 def _heel_needed(state: GaitState, hips: Planar, height: Array, skeleton: Skeleton) -> Array:
-    """Return pitch (2, n) [rad] by which a foot must turn about its ball for the leg to reach it, 0 where it need not.
+    """Return the pitch (2, n) [rad] by which a foot must turn about its ball for the leg to reach it, 0 where it need not.
 
-    In the plane of the foot: the ankle lies on a circle about the ball, and must come within the leg's length of the
-    hip; law of cosines.
+    In the plane of the foot, the ankle lies on a circle about the ball within the leg's length of the hip; law of cosines.
     """
     gap = (hips - state.floor[FEET]) * np.exp(-1j * state.rows[FEET_YAW])
     ahead, lateral = gap.real - skeleton.ball, gap.imag
@@ -213,5 +211,5 @@ def _heel_needed(state: GaitState, hips: Planar, height: Array, skeleton: Skelet
     needed = np.minimum(np.maximum(rest - np.arctan2(up, ahead) - spread, 0.0), _HIGHEST_HEEL_RAD)
     # a foot before the body is reached by a lower pelvis, not on tiptoe
     behind = np.minimum(np.maximum(0.5 + gap.real * (1 / _TIPTOE_FROM_M), 0.0), 1.0)
-    # a foot in the air soon turns as its swing has it
+    # a foot in the air soon takes the pitch of its swing
     return needed * behind * np.maximum(1.0 - state.rows[FEET_HEIGHT] / (_SWINGS_FROM_M * skeleton.scale), 0.0)

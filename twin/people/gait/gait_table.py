@@ -1,8 +1,7 @@
-"""The parameters of walking and running as they follow from speed, and the load that goes with them.
+"""Parameters of walking and running by speed, and the load of each step.
 
-Walking and running overlap in speed, so both stand behind one another on one scale, the pace: a walker's pace is the
-speed, a runner's the speed plus `RUN_PACE`; who changes over passes through the paces between. Everything is sampled
-every 0.02 m/s of pace.
+Walking and running overlap in speed, so both share one scale, the pace: a walker's pace is the speed, a runner's the speed
+plus `RUN_PACE`; a change passes through the paces between. Everything is sampled every 0.02 m/s of pace.
 """
 
 from __future__ import annotations
@@ -69,7 +68,7 @@ _PER_LENGTH = ("arm_swing_rad_m",)
 class Ramps(NamedTuple):
     """Rise and fall of the load on a walker's foot; `stance_load` in `models/people/gait.yaml`.
 
-    dip_at: share of the stance at the trough; unloading: its time from the second hump, as a share of that to the first;
+    dip_at: share of the stance at the trough; unloading: time after the second hump relative to that before the first;
     starts, ends: slope at first and at last contact, as a share of the ramp's mean slope.
     """
 
@@ -80,8 +79,8 @@ class Ramps(NamedTuple):
 
 
 class _Table(NamedTuple):
-    """styles (rows, paces); cycle (paces · phases, 4): see `GaitTable.cycle`; roll (2, 201): a walker's and a runner's over the
-    stance; the speeds at which gait changes.
+    """Styles (rows, paces); cycle (paces · phases, 4), see `GaitTable.cycle`; roll (2, 201) of a walker and a runner over
+    the stance; speeds of gait changes.
     """
 
     styles: Array
@@ -110,12 +109,12 @@ def _table() -> _Table:
 
 
 def stance_load(share: Array, double_support: Array, humps: Array, runs: Array, ramps: Ramps) -> Array:
-    """Return vertical load of one foot over its stance, (p, k), in body weights.
+    """Return the vertical load of one foot over its stance, (p, k), in body weights.
 
-    share (k,): through the stance, 0 to 1; double_support (p,): share of a step; humps (3, p): a walker's first hump,
-    trough and second hump; runs (p,): 0 a walker, 1 a runner; ramps: a walker's. A walker's curve is cubics through the
-    three extremes, whose humps stand as far from the ends as makes the mean 1 / (1 + double_support), so that the feet in
-    sum carry one body weight; a runner's is half a sine.
+    share (k,): through the stance, 0 to 1; double_support (p,): share of a step; humps (3, p): a walker's first hump, trough
+    and second hump; runs (p,): 0 walker, 1 runner; ramps: a walker's. A walker's curve is cubics through the three extremes.
+    The humps lie where the mean is 1 / (1 + double_support), so that both feet carry one body weight. A runner's curve is
+    half a sine.
     """
     strike, dip, push = humps
     dip_at, unloading, starts, ends = ramps
@@ -144,7 +143,7 @@ def stance_load(share: Array, double_support: Array, humps: Array, runs: Array, 
 
 
 def _hermite(x: Array, slope: float) -> Array:
-    """Return a cubic from 0, where it has this slope, to 1, where it is flat."""
+    """Return a cubic from 0, with this slope there, to 1, flat there."""
     return slope * x * (1 - x) ** 2 + x * x * (3 - 2 * x)
 
 
@@ -153,7 +152,7 @@ def _between(low: Array, high: Array, x: Array) -> Array:
 
 
 def _cycle(double_support: Array, humps: Array, runs: Array, ramps: Ramps) -> Array:
-    """Return the load of a regular step and the bob that it causes, (paces · (phases + 1), 4); see `GaitTable.cycle`."""
+    """Return the load of a regular step and the resulting bob, (paces · (phases + 1), 4); see `GaitTable.cycle`."""
     share = (np.arange(_SHAPE) + 0.5) / _SHAPE
     curve = stance_load(share, double_support, humps, runs, ramps)
     phase = np.arange(_PHASES) / _PHASES
@@ -183,7 +182,7 @@ def _cycle(double_support: Array, humps: Array, runs: Array, ramps: Ramps) -> Ar
 
 
 class GaitTable:
-    """Looks up how each of n people walks or runs, scaled to their legs by dynamic similarity (equal Froude number)."""
+    """Gait parameters of n people, scaled to their legs by dynamic similarity (equal Froude number)."""
 
     def __init__(self, skeleton: Skeleton) -> None:
         self._table = _table()
@@ -198,29 +197,29 @@ class GaitTable:
 
     @property
     def runs_above(self) -> float:
-        """Speed of the reference person from which they run [m/s]."""
+        """Speed above which the reference person runs [m/s]."""
         return self._table.runs_above
 
     @property
     def walks_below(self) -> float:
-        """Speed of the reference person from which a runner walks again [m/s]."""
+        """Speed below which a running reference person walks again [m/s]."""
         return self._table.walks_below
 
     def similar(self, speed: Array) -> Array:
-        """Return the speeds (n,) [m/s] at which the reference person would move likewise."""
+        """Return the speeds (n,) [m/s] of the reference person's similar motion."""
         return speed * self._per_speed
 
     def at(self, pace: Array) -> GaitStyle:
-        """Look up the parameters at these paces (n,) [m/s], of the reference person; beyond the last those of the last."""
+        """Look up the parameters at paces (n,) [m/s] of the reference person; the last entry beyond the table."""
         row = (np.minimum(pace, self._table.last_pace) * (1.0 / _STEP) + 0.5).astype(np.intp)
         return GaitStyle._make([*(self._table.styles[:, row] * self._factors), row])
 
     def cycle(self, row: NDArray[np.intp], progress: Array) -> Array:
-        """Look up a regular step at these places through it (0 to 1), (n, 4).
+        """Look up a regular step at fractions through it (0 to 1), (n, 4).
 
-        The whole load [body weights]; height of the body's centre about its mean and its rate, in units of g T² and
-        g T for a step time T; the share of the load that the foot behind still carries. The second derivative of the
-        height is the load less one, exactly: drawn motion and load are one.
+        Columns: whole load [body weights]; height of the centre of mass about its mean and its rate, in units of g T² and g
+        T for a step time T; share of the load still on the rear foot. The second derivative of the height is exactly the
+        load less one.
         """
         place = np.minimum(progress, 0.999999) * _PHASES
         whole = place.astype(np.intp)
@@ -230,9 +229,9 @@ class GaitTable:
         return low + (place - whole)[:, None] * (high - low)
 
     def roll(self, stance: Array, runs: Array) -> Array:
-        """Return where the load acts at these shares of their stance (2, n), as a share of the shoe from its heel.
+        """Return the point of load at shares of the stance (2, n), as a share of the shoe from its heel.
 
-        runs (n,): 0 a walker, 1 a runner.
+        runs (n,): 0 walker, 1 runner.
         """
         walking, running = self._table.roll
         point = np.interp(stance, _ROLL, walking)

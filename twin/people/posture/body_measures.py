@@ -1,4 +1,4 @@
-"""The measures of bodies that postures need, read off the compiled bodies themselves."""
+"""Body measures for postures, taken from the compiled bodies."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from twin.people.body.person_spec import person_spec
 from twin.people.body.proportions import REFERENCE_STATURE_M, proportions_of
 
 SEATED_PELVIS_RAD, SEATED_SPINE_RAD = -0.16, 0.10
-"""Pitch of the pelvis of one who sits, which rolls back, and of the trunk on it, which comes forward again [rad]."""
+"""Pitch of the pelvis of a seated person, which rolls back, and of the trunk on it, which comes forward again [rad]."""
 
 _MEASURED = frozenset({"hips", "chest", "left_hand", "left_thigh", "left_shank", "bag"})
-"""The geoms of a body that are measured."""
+"""Measured geoms of a body."""
 
 
 @dataclass(frozen=True, eq=False)
 class BodyMeasures:
-    """Measures of n people, (n,) each [m]; frames as `twin.people.body.person_spec` has them.
+    """Measures of n people, (n,) each [m]; frames as in `twin.people.body.person_spec`.
 
-    stature; thigh, shank, ankle_height, ball (before the ankle); hip_lateral: hip joint left of the middle; waist: where the
-    trunk bends, above the hips; shoulder_ahead, shoulder_lateral, shoulder_up: left shoulder joint from the waist;
-    upper_arm; grip: from the elbow to the middle of the hand; neck: where the head turns, above the waist; head_ahead,
-    head_up: centre of the head from there; under, behind: the buttocks below (of one who sits) and behind the hip joints;
-    burden_behind: a bag on the back behind them, 0 without; back: the chest behind the line of the spine; thigh_under,
-    thigh_over: from the thigh's axis to its back and front; shank_radius: to the calf's back.
+    stature; thigh, shank, ankle_height, ball (before the ankle); hip_lateral: hip joint left of the middle; waist: bend of
+    the trunk, above the hips; shoulder_ahead, shoulder_lateral, shoulder_up: left shoulder joint from the waist; upper_arm;
+    grip: from the elbow to the middle of the hand; neck: pivot of the head, above the waist; head_ahead, head_up: centre of
+    the head from there; under, behind: the buttocks below (when seated) and behind the hip joints; burden_behind: a bag on
+    the back behind them, 0 without; back: the chest behind the line of the spine; thigh_under, thigh_over: from the thigh's
+    axis to its back and front; shank_radius: to the calf's back.
     """
 
     stature: Array
@@ -59,16 +59,16 @@ class BodyMeasures:
 
     @classmethod
     def of(cls, appearances: Sequence[BodyAppearance]) -> BodyMeasures:
-        """Measure people by their appearances, in their order; each body is compiled for it."""
+        """Compile and measure one body per appearance, in their order."""
         return cls._of_rows([_measured_alone(looks) for looks in appearances])
 
     @classmethod
     def in_room(
         cls, model: mujoco.MjModel, appearances: Mapping[str, BodyAppearance], bodies: Collection[str]
     ) -> BodyMeasures:
-        """Measure people of whom some, `bodies`, are in a compiled room already, NAME/ before their elements' names.
+        """Measure people; those in `bodies` are already in a compiled room, NAME/ before their elements' names.
 
-        The others' bodies are compiled for it.
+        The other bodies are compiled here.
         """
         data = _standing(model, [f"{name}/" for name in appearances if name in bodies])
         return cls._of_rows(
@@ -101,13 +101,13 @@ class BodyMeasures:
 
     @property
     def scale(self) -> Array:
-        """The leg as a share of the reference person's, (n,)."""
+        """Leg length relative to the reference person's, (n,)."""
         reference = proportions_of(REFERENCE_STATURE_M)
         return self.leg / (reference.thigh + reference.shank)
 
 
 def _standing(model: mujoco.MjModel, prefixes: Sequence[str]) -> mujoco.MjData:
-    """Pose the people, by the prefixes of their elements' names, standing straight with the hip joints at the origin."""
+    """Pose people, given by their name prefixes, standing straight with the hip joints at the origin."""
     data = mujoco.MjData(model)
     for prefix in prefixes:
         start = model.jnt_qposadr[model.joint(f"{prefix}root").id]
@@ -117,7 +117,7 @@ def _standing(model: mujoco.MjModel, prefixes: Sequence[str]) -> mujoco.MjData:
 
 
 def _measured_alone(looks: BodyAppearance) -> dict[str, float]:
-    """Measure a body that is compiled for it, without geoms that are not measured."""
+    """Compile and measure one body with only the measured geoms."""
     spec = person_spec(looks, only=_MEASURED)
     spec.compiler.boundmass = spec.compiler.boundinertia = 1.0  # a segment without geoms has no mass of its own
     model = spec.compile()
@@ -125,7 +125,7 @@ def _measured_alone(looks: BodyAppearance) -> dict[str, float]:
 
 
 def _measured(model: mujoco.MjModel, data: mujoco.MjData, prefix: str, looks: BodyAppearance) -> dict[str, float]:
-    """Measure one body, by name of the measure, which stands straight with the hip joints at the origin."""
+    """Measure one body that stands straight with the hip joints at the origin; by name of the measure."""
 
     def place(body: str) -> Array:
         return model.body(prefix + body).pos
@@ -170,7 +170,7 @@ def _measured(model: mujoco.MjModel, data: mujoco.MjData, prefix: str, looks: Bo
 
 
 def _bag_behind(model: mujoco.MjModel, prefix: str, surface: Callable[[str], Array]) -> float:
-    """Return how far a bag worn on the trunk reaches behind the body's middle [m]."""
+    """Return the reach of a bag worn on the trunk behind the body's middle [m]."""
     number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{prefix}bag")
     if number < 0 or model.body(model.geom_bodyid[number]).name != f"{prefix}trunk":
         return 0.0

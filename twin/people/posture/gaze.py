@@ -1,4 +1,4 @@
-"""Gaze: heads that turn to a point, to a person or by an angle, as fast as heads turn, or look about freely."""
+"""Gaze: heads that turn to a point, a person or an angle at human speed, or look about freely."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from twin.people.posture.minimum_jerk import PEAK_RATE, MinimumJerkProfile, mini
 from twin.people.posture.posture_rows import LOOK, LOOK_TO, SPINE_YAW
 
 NECK_YAW_MOST_RAD = 1.396
-"""Turn of the head on the trunk, to either side (80 degrees)."""
+"""Greatest turn of the head on the trunk, to either side (80 degrees)."""
 NECK_PITCH_MOST_RAD = (-0.95, 0.80)
-"""Nod of the head on the trunk, up and down (55 and 45 degrees)."""
+"""Greatest nod of the head on the trunk, up and down (55 and 45 degrees)."""
 HEAD_RATE_RAD_S = 4.0
 """Greatest rate of the head's turns."""
 
@@ -26,7 +26,7 @@ _TRUNK_SHARE = 0.5
 _TRUNK_MOST_RAD = 0.35
 _YAW_MOST_RAD = NECK_YAW_MOST_RAD + _TRUNK_MOST_RAD
 _KEEPS_SIDE_RAD = 2.5
-"""Beyond this a thing behind is looked at over the shoulder over which one looks already."""
+"""Angle beyond which an object behind is looked at over the current shoulder."""
 
 
 class _Aim(IntEnum):
@@ -37,7 +37,7 @@ class _Aim(IntEnum):
 
 
 class GazeControl:
-    """Controlled gaze of n people; heads that are not controlled stay where the gait has them."""
+    """Controlled gaze of n people; other heads stay as the gait has them."""
 
     def __init__(self, count: int) -> None:
         self.share = MinimumJerkProfile(1, count)
@@ -49,7 +49,7 @@ class GazeControl:
         self._from = np.zeros((count, 2))
         self._progress = np.ones(count)
         self._duration = np.ones(count)
-        self._behind = np.zeros(count)  # how far the turn is behind what is wished [rad]
+        self._behind = np.zeros(count)  # remaining part of the wished turn [rad]
         self._fresh = np.zeros(count, dtype=bool)
 
     def at_point(self, person: int, point: Array) -> None:
@@ -74,18 +74,18 @@ class GazeControl:
             self.share.go(person, 0.0, max(_SHORTEST_S, PEAK_RATE * self._size(person) / HEAD_RATE_RAD_S))
 
     def done(self, person: int) -> bool:
-        """Return whether the head is where it was asked to go, or as far as it turns."""
+        """Return whether the head is at its goal, or as far as it turns."""
         turned = self._aim[person] == _Aim.AHEAD or (self._progress[person] >= 1.0 and self._behind[person] < 1e-3)
         return bool(turned and not self.share.moving[person] and not self._fresh[person])
 
     def idle(self) -> bool:
-        """Return whether nobody looks at anything."""
+        """Return whether no gaze is controlled."""
         return not (self._aim.any() or self.share.value.any() or self.share.moving.any())
 
     def step(self, dt: float, head: Array, body: Array, rows: Array) -> None:
         """Turn the heads by dt [s] and write rows (POSTURE_ROWS, n).
 
-        head (n, 3): centres of the heads [m]; body (n, 3, 3): room_from_body, without what the trunk turns.
+        head (n, 3): centres of the heads [m]; body (n, 3, 3): room_from_body, without the trunk's turn.
         """
         who = np.nonzero((self._aim != _Aim.AHEAD) | (self.share.value[0] > 0))[0]
         aim = self._aim[who]
@@ -124,7 +124,7 @@ class GazeControl:
         self._fresh[person] = True
 
     def _start(self, who: NDArray[np.intp], wish: Array) -> None:
-        """Begin turning from where the gaze is; who looked nowhere has no other gaze than the new one to fade in."""
+        """Begin turning from the present gaze; without one, the new gaze fades in."""
         for person, angles in zip(who, wish, strict=True):
             if self.share.value[0, person] == 0.0:
                 self._turned[person] = self._from[person] = angles
@@ -151,7 +151,7 @@ _LOOKS_FOR_S = (0.8, 3.0)
 
 
 class FreeGaze:
-    """Random gaze of n people who look at nothing in particular: an angle from the heading, each by its own generator."""
+    """Random gaze of n people without a target: an angle from the heading, each by its own generator."""
 
     def __init__(self, random: Sequence[np.random.Generator]) -> None:
         self._random = random
@@ -159,7 +159,7 @@ class FreeGaze:
         self._until = np.zeros(len(random))
 
     def at(self, t: float) -> Array:
-        """Return the angles (n,) [rad] at time t [s]; times must grow."""
+        """Return the angles (n,) [rad] at time t [s]; times must increase."""
         over = t >= self._until
         if over.any():
             for place in np.flatnonzero(over).tolist():

@@ -8,11 +8,11 @@ from numpy.typing import ArrayLike
 from trackers.arrays import Array
 
 PEAK_RATE = 1.875
-"""Greatest rate of a minimum-jerk movement, as a multiple of its mean rate."""
+"""Peak rate of a minimum-jerk movement relative to its mean rate."""
 
 
 def minimum_jerk(progress: ArrayLike, begin: float | Array = 0.0, end: float | Array = 1.0) -> Array:
-    """Share of the way, 0 to 1, at a progress that counts from `begin` to `end`: 10 p³ - 15 p⁴ + 6 p⁵.
+    """Return the share of the way, 0 to 1, at a progress from `begin` to `end`: 10 p³ - 15 p⁴ + 6 p⁵.
 
     Source: T. Flash and N. Hogan, "The coordination of arm movements: an experimentally confirmed mathematical model",
     Journal of Neuroscience 5, 1985.
@@ -22,7 +22,7 @@ def minimum_jerk(progress: ArrayLike, begin: float | Array = 0.0, end: float | A
 
 
 class MinimumJerkProfile:
-    """Values (k, n) of n people that go to new goals along minimum-jerk profiles."""
+    """Values (k, n) of n people that move to goals along minimum-jerk profiles."""
 
     def __init__(self, size: int, count: int) -> None:
         self.value = np.zeros((size, count))
@@ -33,7 +33,7 @@ class MinimumJerkProfile:
         self._duration = np.ones(count)
 
     def go(self, person: int, goal: ArrayLike, duration_s: float) -> None:
-        """Send one person's values (k,) to a goal from where they are."""
+        """Send one person's values (k,) from the present to a goal."""
         self._start[:, person] = self.value[:, person]
         self._goal[:, person] = goal
         self._duration[person] = duration_s
@@ -47,7 +47,7 @@ class MinimumJerkProfile:
         self.moving[person] = False
 
     def goal(self, person: int) -> Array:
-        """Return where one person's values are going, (k,)."""
+        """Return the goal of one person's values, (k,)."""
         return self._goal[:, person].copy()
 
     def step(self, dt: float) -> None:
@@ -56,6 +56,6 @@ class MinimumJerkProfile:
             return
         self._progress = np.minimum(self._progress + dt / self._duration, 1.0)
         share = minimum_jerk(self._progress)
-        # a goal that has been reached is met to the bit
+        # a reached goal is met to the bit
         self.value = np.where(self._progress >= 1.0, self._goal, self._start + share * (self._goal - self._start))
         self.moving = self._progress < 1.0

@@ -1,4 +1,4 @@
-"""Overlay of postures on standing and walking bodies: pelvis, legs, trunk, arms and head of those who have one."""
+"""Overlay of postures on standing and walking bodies: pelvis, legs, trunk, arms and head."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ _LEG = np.array([[JOINT_PLACE[f"{side}_{joint}"] for joint in LEG] for side in S
 _ARM = np.array([[JOINT_PLACE[f"{side}_{joint}"] for joint in ARM] for side in SIDES])
 _SPINE = [JOINT_PLACE[name] for name in ("spine_yaw", "spine_pitch", "spine_roll")]
 _NECK = [JOINT_PLACE["neck_yaw"], JOINT_PLACE["neck_pitch"]]
-_FLAT_ARM = np.array([0.10, 0.20, 0.0, -0.16])  # shoulder pitch, roll (left), yaw, elbow of one who lies [rad]
+_FLAT_ARM = np.array([0.10, 0.20, 0.0, -0.16])  # shoulder pitch, roll (left), yaw, elbow when lying [rad]
 _HAND_ON_THIGH = 0.66
 _HAND_OVER_M = 0.015
 
@@ -58,8 +58,8 @@ _HAND_OVER_M = 0.015
 def overlay_postures(qpos: Array, rows: Array, measures: BodyMeasures) -> Array:
     """Overlay postures on joint coordinates; return (n, NQ_PERSON).
 
-    qpos (n, NQ_PERSON): standing or walking; rows (POSTURE_ROWS, n), see `twin.people.posture.posture_rows`. Feet on the floor
-    stay exactly where qpos has them; who has no posture keeps the very same numbers. qpos itself is not changed.
+    qpos (n, NQ_PERSON): standing or walking, not modified; rows (POSTURE_ROWS, n), see `twin.people.posture.posture_rows`.
+    Feet on the floor stay exactly where qpos has them; people without a posture keep their numbers.
     """
     who = active(rows)
     if not len(who):
@@ -88,7 +88,7 @@ def _overlaid(standing: Array, rows: Array, measures: BodyMeasures) -> Array:
 
 
 def _move_pelvis(q: Array, stands: Array, feet: list[tuple[Array, Array]], rows: Array) -> None:
-    """Take the pelvis to where the posture holds it, then back and down over the feet, and tilt it."""
+    """Move the pelvis to its held position, then back and down over the feet, and tilt it."""
     yaw = np.arctan2(stands[:, 1, 0], stands[:, 0, 0])
     over, high, faces = rows[HELD]
     new_yaw = (1 - faces) * yaw + rows[PLACE_YAW]
@@ -96,7 +96,7 @@ def _move_pelvis(q: Array, stands: Array, feet: list[tuple[Array, Array]], rows:
     q[:, 0] = (1 - over) * q[:, 0] + rows[PLACE_X]
     q[:, 1] = (1 - over) * q[:, 1] + rows[PLACE_Y]
     q[:, 2] = (1 - high) * q[:, 2] + rows[PLACE_Z]
-    # as the hips go back no leg gets longer than it was: the pelvis comes down for it, not the knees
+    # no leg gets longer as the hips go back: the pelvis comes down for it, not the knees
     back = rows[BACK]
     aback = np.stack([back * np.cos(new_yaw), back * np.sin(new_yaw)], axis=-1)
     up = np.full(len(q), np.inf)
@@ -112,8 +112,7 @@ def _move_pelvis(q: Array, stands: Array, feet: list[tuple[Array, Array]], rows:
 
 
 def _windings(yaw: Array, rows: Array, faces: Array) -> Array:
-    """Return how often the posture's yaw must be turned all around to lie next to the body's, which is known to a turn
-    only."""
+    """Return the turns to add to the posture's yaw, known only modulo a full turn, to lie next to the body's."""
     held = rows[PLACE_YAW] / np.where(faces > 0, faces, 1.0)
     return np.round((yaw - held) / (2 * np.pi))
 
@@ -121,7 +120,7 @@ def _windings(yaw: Array, rows: Array, faces: Array) -> Array:
 def _place_leg(
     q: Array, pelvis: Array, foot: tuple[Array, Array], number: int, rows: Array, measures: BodyMeasures
 ) -> tuple[Array, Array]:
-    """Write one leg's angles; returns hip joint (m, 3) and room_from_thigh (m, 3, 3)."""
+    """Write one leg's angles; return hip joint (m, 3) and room_from_thigh (m, 3, 3)."""
     hip = q[:, :3] + turned(pelvis, _hip(_SIDES[number], measures))
     ankle, turn = foot
     foot_yaw, foot_pitch = _yaw_pitch(turn)
@@ -151,7 +150,7 @@ def _place_arm(
     rows: Array,
     measures: BodyMeasures,
 ) -> None:
-    """Write one arm's angles: hanging, beside the body, on the thigh, and over all these reaching."""
+    """Write one arm's angles: hanging, beside the body or on the thigh, then reaching."""
     side = _SIDES[number]
     arm = _ARM[number]
     q[:, arm[0]] += rows[ARMS_PITCH]
@@ -191,7 +190,7 @@ def _blend_arm(
 
 
 def _turn_head(q: Array, trunk: Array, rows: Array) -> None:
-    """Turn the head to the direction looked in, as far as the neck goes; eyes do the rest, and are not modelled."""
+    """Turn the head to the gaze as far as the neck goes; the eyes' share is not modelled."""
     weight = rows[LOOK]
     if not weight.any():
         return
@@ -215,7 +214,7 @@ def _foot(q: Array, pelvis: Array, number: int, measures: BodyMeasures) -> tuple
 
 
 def _trunk(q: Array, pelvis: Array, measures: BodyMeasures) -> tuple[Array, Array]:
-    """Return room_from_trunk (m, 3, 3) and where the trunk bends (m, 3)."""
+    """Return room_from_trunk (m, 3, 3) and the bend of the trunk (m, 3)."""
     yaw, pitch, roll = q[:, _SPINE].T
     waist = q[:, :3] + turned(pelvis, -_down(measures.waist))
     return pelvis @ about_z(yaw) @ about_y(pitch) @ about_x(roll), waist

@@ -1,7 +1,6 @@
-"""Rows of numbers that describe a posture over the standing body, and the load on the feet that follows from them.
+"""Rows of numbers that describe a posture over the standing body, and the resulting load on the feet.
 
-All may be interpolated linearly between ticks: what has a weight is stored multiplied by it, so that halfway between
-"no" and "there" is "half there".
+All may be interpolated linearly between ticks: weighted quantities are stored multiplied by their weight.
 """
 
 from __future__ import annotations
@@ -13,20 +12,20 @@ from trackers.arrays import Array
 from twin.people.posture.body_measures import BodyMeasures
 
 HELD, HELD_OVER, HELD_HIGH, HELD_YAW = slice(0, 3), 0, 1, 2
-"""Weights with which the pelvis is held at a place: over the floor, height, yaw."""
+"""Weights with which the pelvis is held: over the floor, height, yaw."""
 PLACE_XY, PLACE_X, PLACE_Y, PLACE_Z, PLACE_YAW = slice(3, 5), 3, 4, 5, 6
-"""That place [m] and yaw [rad], each times its weight."""
+"""Held position [m] and yaw [rad], each times its weight."""
 PELVIS_PITCH = 7
 """Turn of the pelvis forward about the hips [rad]."""
 BACK, DROP = 8, 9
-"""Way of the hips back over standing feet, and down by bent knees [m]."""
+"""Displacement of the hips back over standing feet, and down by bent knees [m]."""
 SPINE, SPINE_YAW, SPINE_PITCH, SPINE_ROLL = slice(10, 13), 10, 11, 12
-"""Angles added to the angles of the trunk [rad]."""
+"""Angles added to the trunk's [rad]."""
 NECK_PITCH = 13
 ARMS_PITCH = 14
 """Angles added to the pitch of the head and of both shoulders [rad]."""
 LEGS = 15
-"""For each leg (2 x 6 rows): weight with which it has left the floor; hip yaw, roll, pitch, knee, ankle [rad] times it."""
+"""For each leg (2 x 6 rows): weight with which it is off the floor; hip yaw, roll, pitch, knee, ankle [rad] times it."""
 HIP_PITCH, KNEE, ANKLE = 3, 4, 5
 """Rows of one leg, after its weight, hip yaw and hip roll."""
 FREE_ANGLES = 5
@@ -39,9 +38,9 @@ PROP = 30
 HANDS = 31
 """For each hand (2 x 4 rows): weight with which it reaches; the point x, y, z [m] times it."""
 LOOK, LOOK_TO = 39, slice(40, 43)
-"""Weight with which the head is turned; the direction in the room (unit vector x, y, z) times it."""
+"""Weight with which the head is turned; the gaze direction in the room (unit vector x, y, z) times it."""
 OFF_FEET = 43
-"""Share of the weight that is not on the feet."""
+"""Share of the weight not on the feet."""
 ACCELERATION = 44
 """Vertical acceleration of the centre of mass [m/s²]."""
 PRESSURE = 45
@@ -50,15 +49,14 @@ POSTURE_ROWS = 46
 
 
 def active(rows: Array) -> NDArray[np.intp]:
-    """Return the indices (m,) of people with any posture but standing, from rows (POSTURE_ROWS, n)."""
+    """Return the indices (m,) of people with a posture other than standing, from rows (POSTURE_ROWS, n)."""
     return np.nonzero(rows.any(axis=0))[0]
 
 
 def faced(heading: Array, rows: Array) -> Array:
-    """Return the yaw (n,) [rad] in which people face with their postures, unwrapped: who lies, towards the feet end of
-    the bed.
+    """Return the facing yaw (n,) [rad] including postures, unwrapped; lying, it points to the feet end of the bed.
 
-    heading (n,): where the gait has them face [rad], unwrapped as it was when they sat down.
+    heading (n,): that of the gait [rad], unwrapped as when the person sat down.
     """
     return (1.0 - rows[HELD_YAW]) * heading + rows[PLACE_YAW]
 
@@ -68,11 +66,11 @@ _UPPER_BODY_UP = 0.18
 """Mass of head, arms and trunk as a share of the body's, and their centre above the hips as a share of the stature (D. A.
 Winter, "Biomechanics and Motor Control of Human Movement", table 4.1)."""
 _THIGHS_SHARE = 0.16
-"""Share of the mass that the legs add to what rises with the hips."""
+"""Share of the body's mass in the legs that rises with the hips."""
 
 
 class CentreOfMass:
-    """The heights of n people's centres of mass about that of standing, and their rates, as postures move them."""
+    """Heights of n people's centres of mass relative to standing, and their rates, as postures move them."""
 
     def __init__(self, measures: BodyMeasures) -> None:
         self._measures = measures
@@ -81,11 +79,11 @@ class CentreOfMass:
 
     @property
     def moves(self) -> bool:
-        """True unless all centres of mass are at rest where standing has them."""
+        """True unless all centres of mass rest at standing height."""
         return bool(self._up.any() or self._rate.any())
 
     def step(self, rows: Array, dt: float) -> None:
-        """Write the vertical acceleration into rows (POSTURE_ROWS, n), which are how it is `dt` [s] after the last call.
+        """Write the vertical acceleration into rows (POSTURE_ROWS, n), `dt` [s] after the last call.
 
         A difference of heights, so one tick late. Arms and lower legs are taken to keep their height.
         """
@@ -108,19 +106,19 @@ class CentreOfMass:
 
 
 def hips_up(rows: Array, measures: BodyMeasures) -> Array:
-    """Return height of the hip joints (n,) [m], the gait's small motions left out."""
+    """Return the height of the hip joints (n,) [m] without the gait's small motions."""
     over_ankles = np.sqrt(np.maximum(measures.leg**2 - rows[BACK] ** 2, 0.0)) - rows[DROP]
     return (1 - rows[HELD_HIGH]) * (over_ankles + measures.ankle_height) + rows[PLACE_Z]
 
 
 def support(rows: Array) -> tuple[Array, Array]:
-    """Share of the weight on the feet, and vertical acceleration of the centre of mass [m/s²], (n,) each.
+    """Return the share of weight on the feet and the vertical acceleration of the centre of mass [m/s²], (n,) each.
 
-    The feet of somebody of mass m carry share · m · (g + acceleration).
+    The feet of a person of mass m carry share · m · (g + acceleration).
     """
     return 1.0 - rows[OFF_FEET], rows[ACCELERATION]
 
 
 def pressure_shift_m(rows: Array) -> Array:
-    """Return how far the postures move the centre of pressure forward under the feet, (n,) [m]."""
+    """Return the forward shift of the centre of pressure due to postures, (n,) [m]."""
     return rows[PRESSURE]

@@ -1,8 +1,8 @@
-"""Postures laid over the standing and walking body: sitting, lying, bending, reaching, looking, for all people at once.
+"""Postures over standing and walking bodies: sitting, lying, bending, reaching, looking, for all people at once.
 
-What has a memory is stepped on the people's clock and kept as rows of numbers that may be interpolated linearly (see
-`twin.people.posture.posture_rows`); `twin.people.posture.overlay` lays them over the joint coordinates of the gait. One sits and
-lies without moving, on the back and with the hands on the thighs; nobody crosses their legs or leans back.
+State with memory is stepped on the people's clock and kept as rows that may be interpolated linearly
+(`twin.people.posture.posture_rows`); `twin.people.posture.overlay` lays them over the gait's joint coordinates. People sit
+and lie still, on the back and with the hands on the thighs; legs are not crossed.
 """
 
 from __future__ import annotations
@@ -61,24 +61,25 @@ MOST_BEND_RAD = 1.92
 
 _PRESSURE_PER_BEND_M = 0.04
 _TRAILS_FROM = 0.35
-"""Lowering of the hips, as a share of the leg, at which the idle arm trails."""
+"""Lowering of the hips, as a share of the leg, from which the idle arm trails."""
 _NEAR_M, _NEAR_RAD = 0.35, 0.8
 _STANDS, _SITS, _LIES = 0, 1, 2
 
 
 class Postures:
-    """Postures of n people over standing and walking; `rows` (POSTURE_ROWS, n) describe them now.
+    """Postures of n people over standing and walking; `rows` (POSTURE_ROWS, n) describe the present.
 
-    Commands take a person's index and begin at the next `step`; they raise ValueError where they make no sense.
+    Commands take a person's index and begin at the next `step`; they raise ValueError where the present posture rules them
+    out.
     """
 
     def __init__(self, measures: BodyMeasures, place: Planar, heading: Array) -> None:
-        """Everybody stands at `place` (n,) x + iy [m], facing `heading` (n,) [rad]."""
+        """Start all people standing at `place` (n,) x + iy [m], facing `heading` (n,) [rad]."""
         count = len(measures)
         self.measures = measures
         self.rows = np.zeros((POSTURE_ROWS, count))
         self._place, self._heading = place.copy(), heading.copy()
-        self._idle = True  # everybody stands or walks, and nobody was asked for anything else
+        self._idle = True  # all stand or walk, without other commands
         self._all = np.ones(count, dtype=bool)
         self._aim = np.zeros(count, dtype=np.intp)
         self._sitting = np.zeros(count)  # progress of sitting down
@@ -98,14 +99,14 @@ class Postures:
         )
 
     def sit(self, person: int, seat: Seat) -> None:
-        """Sit down on a seat; the person stands before it, see `SeatedPose.standing_place`."""
+        """Sit down on a seat; the person must stand before it, see `SeatedPose.standing_place`."""
         self._must(person, self._aim[person] == _STANDS and self._sitting[person] == 0, "sit down", "stands")
         seated = seated_pose(seat, self.measures, person)
         self._take(person, seated)
         self._aim[person] = _SITS
 
     def begin_seated(self, person: int, seat: Seat) -> None:
-        """Sit on a seat from the start on; the person was put before it, see `SeatedPose.standing_place`."""
+        """Start seated; the person must have been put before the seat, see `SeatedPose.standing_place`."""
         self.sit(person, seat)
         self._sitting[person] = 1.0
         rows = np.zeros_like(self.rows)
@@ -114,7 +115,7 @@ class Postures:
         self.rows = rows
 
     def lie(self, person: int, bed: Bed) -> None:
-        """Lie down on a bed; the person stands beside it, before the edge of their `LyingPose`."""
+        """Lie down on a bed; the person must stand before the edge of their `LyingPose`."""
         self._must(person, self._aim[person] == _STANDS and self._sitting[person] == 0, "lie down", "stands")
         lying = lying_pose(bed, self.measures, person, complex(self._place[person]))
         self._take(person, lying.edge)
@@ -123,13 +124,13 @@ class Postures:
         self._aim[person] = _LIES
 
     def rise(self, person: int) -> None:
-        """Stand up from a seat, or get up from a bed by way of its edge."""
+        """Stand up from a seat, or get up from a bed over its edge."""
         settled = self._aim[person] != _STANDS and self.done(person, "body")
         self._must(person, settled, "stand up", "sits or lies")
         self._aim[person] = _STANDS
 
     def bend(self, person: int, angle_rad: float) -> None:
-        """Bend the trunk forward, hips and spine together, by an angle from 0 to MOST_BEND_RAD [rad]."""
+        """Bend the trunk forward at hips and spine together, by an angle from 0 to MOST_BEND_RAD [rad]."""
         self._must(
             person, 0 <= angle_rad <= MOST_BEND_RAD, f"bend by {angle_rad}", f"bends by 0 to {MOST_BEND_RAD} rad"
         )
@@ -144,8 +145,8 @@ class Postures:
     def reach(self, person: int, point: Array, hand: Hand = "auto") -> None:
         """Bring the middle of a hand to a point (3,) in the room [m]; auto: the hand on the point's side.
 
-        The trunk bends and turns, and the knees give way, as far as the arm alone does not reach, for where the body is
-        now. Beyond that the hand gets as near as it can.
+        Trunk and knees give what the arm does not reach, from the present position of the body. Beyond that the hand gets as
+        near as it can.
         """
         point = np.asarray(point, dtype=float)
         self._must(person, point.shape == (3,) and bool(np.isfinite(point).all()), f"reach {point}", "reaches x, y, z")
@@ -173,14 +174,14 @@ class Postures:
         self._help.go(person, needs, duration)
 
     def withdraw(self, person: int) -> None:
-        """Take the hands, and the trunk, back."""
+        """Take hands and trunk back."""
         self._idle = False
         duration = 0.8 + 0.6 * float(self._help.value[1, person] + self._help.value[3, person])
         self._hands.go(person, np.zeros(2), duration)
         self._help.go(person, np.zeros(4), duration)
 
     def look_at(self, person: int, point: Array) -> None:
-        """Turn the head to a point (3,) in the room [m] and keep it there, walking or not, as far as the neck turns."""
+        """Turn the head to a point (3,) in the room [m] and keep it there, walking or not, within the neck's limits."""
         point = np.asarray(point, dtype=float)
         self._must(person, point.shape == (3,) and bool(np.isfinite(point).all()), f"look at {point}", "sees x, y, z")
         self._gaze.at_point(person, point)
@@ -198,12 +199,12 @@ class Postures:
         self._gaze.by_angle(person, yaw_rad, pitch_rad)
 
     def look_ahead(self, person: int) -> None:
-        """Look where the way goes again."""
+        """Release the head to the gait's gaze."""
         self._idle = False
         self._gaze.ahead(person)
 
     def done(self, person: int, part: Part | None = None) -> bool:
-        """Return whether what was last asked for is reached: of one part, or (None) of everything."""
+        """Return whether the last command is reached, of one part or (None) of all."""
         done = {
             "body": self._sitting[person] == (self._aim[person] >= _SITS)
             and self._lying[person] == (self._aim[person] == _LIES),
@@ -214,13 +215,13 @@ class Postures:
         return bool(all(done.values()) if part is None else done[part])
 
     def may_walk(self) -> NDArray[np.bool_]:
-        """Return a mask (n,) of the people who is on their feet and may be sent about."""
+        """Return a mask (n,) of the people on their feet who may be sent about."""
         if self._idle:
             return self._all
         return (self._sitting == 0) & (self._aim == _STANDS)
 
     def step(self, place: Planar, heading: Array, dt: float) -> None:
-        """Go on by dt [s]; place (n,) x + iy [m] and heading (n,) [rad]: where the gait has everybody now."""
+        """Step by dt [s]; place (n,) x + iy [m] and heading (n,) [rad]: those of the gait."""
         self._place, self._heading = place, heading
         if self._idle:
             return
@@ -252,7 +253,7 @@ class Postures:
         self._sitting = np.minimum(np.maximum(sitting, 0.0), 1.0)
 
     def _write(self, rows: Array) -> None:
-        """Write rows (POSTURE_ROWS, n) of everybody who does anything but look."""
+        """Write rows (POSTURE_ROWS, n) of all people with more than a gaze."""
         scale, stature = self.measures.scale, self.measures.stature
         who = np.nonzero(self._sitting > 0)[0]
         if len(who):
@@ -276,7 +277,7 @@ class Postures:
         rows[SPINE_YAW] += turn
         rows[SPINE_ROLL] += lean
         rows[NECK_PITCH] -= 0.35 * bend
-        # in a deep crouch an arm that does not reach trails, or it would hang into the floor
+        # in a deep crouch an idle arm trails, or it would hang into the floor
         trails = np.minimum(drop / (_TRAILS_FROM * self.measures.leg), 1.0)
         rows[ARMS_PITCH] -= (0.92 - 0.5 * trails) * bend
         on_feet = np.where(self._sitting > 0, 0.0, 1.0)
@@ -290,7 +291,7 @@ class Postures:
             rows[first + 1 : first + 4] = reach[number] * self._points.value[3 * number : 3 * number + 3]
 
     def _heads(self, rows: Array) -> tuple[Array, Array]:
-        """Return centres of the heads (n, 3) [m] and room_from_body (n, 3, 3), the gait's small motions left out."""
+        """Return centres of the heads (n, 3) [m] and room_from_body (n, 3, 3) without the gait's small motions."""
         measures = self.measures
         yaw = faced(self._heading, rows)
         body = about_z(yaw) @ about_y(rows[PELVIS_PITCH])
@@ -308,7 +309,7 @@ class Postures:
         return hips + turned(body, waist + turned(about_y(rows[SPINE_PITCH]), head)), body
 
     def _hips(self, person: int) -> tuple[Array, float]:
-        """Return hip joints x, y, z (3,) [m] and yaw [rad] of one person whose bends are taken away."""
+        """Return hip joints x, y, z (3,) [m] and yaw [rad] of one person without their bends."""
         place, yaw = complex(self._place[person]), float(self._heading[person])
         if self._aim[person] == _STANDS:
             height = float(self.measures.leg[person] * 0.9945 + self.measures.ankle_height[person])
@@ -328,7 +329,7 @@ class Postures:
         self._hang[person] = float(seated.feet_hang)
 
     def _must(self, person: int, holds: bool, what: str, who: str) -> None:
-        """Refuse a command that makes no sense; with one that does there is something to do."""
+        """Raise ValueError unless a command's condition holds; else note that there is something to do."""
         if not holds:
             raise ValueError(f"person {person} cannot {what}: only one who {who} can")
         self._idle = False

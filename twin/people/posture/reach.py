@@ -1,4 +1,4 @@
-"""Reaching: an arm's angles for a hand at a point, and how far the trunk must help."""
+"""Reaching: arm angles that bring a hand to a point, and the help of the trunk."""
 
 from __future__ import annotations
 
@@ -12,19 +12,20 @@ from twin.people.posture.minimum_jerk import minimum_jerk
 STRAIGHTEST = 0.992
 """Longest distance from shoulder to hand as a share of the arm: the elbow keeps 15 degrees."""
 PELVIS_SHARE = 0.5
-"""Share of the pelvis in a bend of the trunk; the rest is the spine's. (The lumbar-pelvic rhythm: M. A. Esola et al., Spine
-21, 1996, about half each over the whole of a bend.)"""
+"""Share of the pelvis in a bend of the trunk; the rest is the spine's. (Lumbar-pelvic rhythm: M. A. Esola et al., Spine 21,
+1996, about half each over a whole bend.)
+"""
 BACK_PER_BEND_M = 0.20
-"""Way of the hips back for a trunk bent level, for the reference leg, so that the mass stays over the feet [m]."""
+"""Displacement of the hips back for a level trunk, for the reference leg, so that the mass stays over the feet [m]."""
 BACK_PER_DROP = 0.45
-"""Way of the hips back for each metre that the knees let them down."""
+"""Displacement of the hips back per metre of lowering by the knees."""
 
 _SPARE_M = 0.01
 _MOST_ELBOW_RAD = 2.58
 _ELBOW_OUT = 0.32
-"""Turn of the upper arm that brings the elbow out, per bend of the elbow."""
+"""Outward turn of the upper arm per bend of the elbow."""
 _SIDEWAYS = (0.6, 0.85)
-"""Range over which an arm comes to be stretched to the side: share of the way that is sideways."""
+"""Sideways share of the direction over which an arm comes to be stretched to the side."""
 _FARTHEST_BACK_RAD = 5 * np.pi / 6
 _BENDS = np.linspace(0.0, 1.75, 29)
 _TURNS = np.linspace(-0.6, 0.6, 9)
@@ -36,21 +37,21 @@ _DROPS = np.linspace(0.0, 0.45, 8)
 def arm_angles(point: Array, side: float, measures: BodyMeasures) -> tuple[Array, Array, Array, Array]:
     """Return shoulder pitch, roll, yaw and elbow [rad], (m,) each, that bring the middle of the hand to a point.
 
-    point (m, 3): from the shoulder, in the trunk's frame [m]; side: 1 left, -1 right. A point farther than the arm
-    reaches is met in direction only: the hand gets as near as it can. The upper arm's turn about itself is what is left
-    to choose: the elbow points down and outwards, the more it is bent; for a point far to the side it points down, the
-    forearm up. The angles change fast only where the arm points nearly along the line of the shoulders.
+    point (m, 3): from the shoulder, in the trunk's frame [m]; side: 1 left, -1 right. A point out of reach is met in
+    direction only. The remaining freedom is the upper arm's turn about itself: the elbow points down, and outwards the more
+    it is bent; for a point far to the side it points down, the forearm up. The angles change fast only where the arm points
+    nearly along the line of the shoulders.
     """
     upper, lower = measures.upper_arm, measures.grip
     distance = np.maximum(np.linalg.norm(point, axis=-1), 1e-9)
     nearest = np.sqrt(upper**2 + lower**2 + 2 * upper * lower * np.cos(_MOST_ELBOW_RAD))
     length = np.minimum(np.maximum(distance, nearest), STRAIGHTEST * (upper + lower))
     x, y, z = (point * (length / distance)[:, None]).T
-    y = side * y  # a right arm is a left arm in the mirror
+    y = side * y  # mirror a right arm to the left
     elbow = -np.arccos((length**2 - upper**2 - lower**2) / (2 * upper * lower))
-    off_line = -lower * np.sin(elbow)  # of the hand from the line of the upper arm
-    # where x and z are small the hand gets there only with the forearm turned out of the plane ahead, either way, by
-    # arccos(k) at least; the line lies above that, so that the turn begins before it must
+    off_line = -lower * np.sin(elbow)  # hand off the line of the upper arm
+    # for small x and z the forearm must turn out of the plane ahead, either way, by at least arccos(k); the line lies
+    # above that, so that the turn begins early enough
     k = np.hypot(x, z) / np.maximum(off_line, 1e-9)
     needed = 0.5 * np.pi * np.maximum(1.0 - k / 1.6, 0.0)
     sideways = minimum_jerk(y / length, *_SIDEWAYS)
@@ -67,11 +68,11 @@ def arm_angles(point: Array, side: float, measures: BodyMeasures) -> tuple[Array
 
 
 def help_of_trunk(point: Array, left: bool, hips_up: float, measures: BodyMeasures, person: int, stands: bool) -> Array:
-    """Turn, bend, lean to the right [rad] and lowering of the hips [m], (4,), with which one hand reaches a point.
+    """Return turn, bend, lean to the right [rad] and lowering of the hips [m], (4,), with which one hand reaches a point.
 
-    point (3,): from the ground under the hips, x ahead, y left [m]; hips_up: height of the hip joints [m]. The least
-    effort of all candidates that suffice; where none does, what brings the hand nearest. One who does not stand sits
-    and does not lower the hips.
+    point (3,): from the ground under the hips, x ahead, y left [m]; hips_up: height of the hip joints [m]; stands: False for
+    a seated person, who does not lower the hips. The least effort of all sufficient candidates; where none suffices, the one
+    that brings the hand nearest.
     """
     side = 1.0 if left else -1.0
     one = measures.of_people(np.array([person]))
@@ -89,7 +90,7 @@ def help_of_trunk(point: Array, left: bool, hips_up: float, measures: BodyMeasur
     place = turned(about_y(PELVIS_SHARE * bend + pelvis_now), above_hips) + np.stack(
         [-back, np.zeros_like(back), up], axis=-1
     )
-    # a little nearer than the arm reaches, because the body is not quite where it is thought to be
+    # a little short of the arm's reach, because the body is not quite at its nominal pose
     short = np.maximum(np.linalg.norm(point - place, axis=-1) - (arm - _SPARE_M), 0.0)
     effort = bend**2 + 0.6 * turn**2 + 1.5 * lean**2 + (3.0 * drop / leg) ** 2
     best = int(np.argmin(effort + 1e3 * short))

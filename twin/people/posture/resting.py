@@ -34,30 +34,31 @@ from twin.room.furniture import Bed, Seat
 SIT_DOWN_S = 2.0
 STAND_UP_S = 1.8
 """Durations of the movements [s] (M. Schenkman et al., "Whole-body movements during rising to standing from sitting",
-Physical Therapy 70, 1990: 1.8 s for rising at a pace of one's own; sitting down is a little slower)."""
+Physical Therapy 70, 1990: 1.8 s for rising at one's own pace; sitting down is a little slower).
+"""
 LEAN_RAD = 0.72
-"""Greatest lean of the trunk, just before the seat is met (Schenkman et al.: 40 to 50 degrees)."""
+"""Greatest lean of the trunk, just before contact with the seat (Schenkman et al.: 40 to 50 degrees)."""
 FEET_SHARE = 0.2
-"""Share of the weight on the feet of one who sits with both of them on the floor (19 % in F. Collins, "Selecting cushions
-and armchairs", Journal of Wound Care 13, 2004)."""
+"""Share of the weight on the feet when seated with both on the floor (19 % in F. Collins, "Selecting cushions and
+armchairs", Journal of Wound Care 13, 2004).
+"""
 SEAT_SINK_M = 0.015
-"""Depth by which buttocks give way on a seat [m]."""
+"""Depth by which the buttocks sink [m]."""
 
 _ANKLES_BACK_M = 0.08
-"""Distance of the ankles behind the knees of one who sits, for the reference leg [m]."""
+"""Distance of the ankles behind the knees when seated, for the reference leg [m]."""
 _SITS_AT_LEAST_M = 0.10
-"""Least way of the hip joints behind the front edge of a seat, for the reference leg [m]."""
+"""Least distance of the hip joints behind the front edge of a seat, for the reference leg [m]."""
 _THIGH_GIVES_M = 0.03
 _STEEPEST = 0.5
-"""Sine of the steepest slope of thighs that is still sitting: 30 degrees."""
+"""Sine of the steepest slope of seated thighs: 30 degrees."""
 _PRESSURE_SHIFT_M = 0.035
 _KNEE_HANGING_RAD = 1.22
 
 
 @dataclass(frozen=True)
 class SeatedPose:
-    """Pose of a person on a seat: hips x, y, z [m], yaw [rad]; feet_ahead_m: ankles before the hips; feet_hang: off the
-    floor."""
+    """Pose on a seat: hips x, y, z [m], yaw [rad]; feet_ahead_m: ankles before the hips; feet_hang: off the floor."""
 
     hips: tuple[float, float, float]
     yaw: float
@@ -71,11 +72,10 @@ class SeatedPose:
 
 
 def seated_pose(seat: Seat, measures: BodyMeasures, person: int) -> SeatedPose:
-    """Return a person's pose on a seat, of which as much is taken to lie behind its middle as before it.
+    """Return a person's pose on a seat, taken to extend equally behind and before its middle.
 
-    As far back as the seat, a bag on the back, or the thighs allow; nearer to the front edge where the seat is
-    high, so that the feet stay flat on the floor and the thighs slope down to them; where that would be too near,
-    the feet hang in the air.
+    The hips are as far back as the seat, a bag on the back, or the thighs allow. On a high seat they are nearer to the front
+    edge, so that the feet stay flat and the thighs slope down to them; where that would be too near, the feet hang.
     """
     thigh, scale = float(measures.thigh[person]), float(measures.scale[person])
     top = float(seat.place[2])
@@ -99,8 +99,8 @@ def seated_pose(seat: Seat, measures: BodyMeasures, person: int) -> SeatedPose:
 def add_sitting(rows: Array, progress: Array, pose: Array, hang: Array, stature: Array) -> None:
     """Add sitting to rows (POSTURE_ROWS, m); progress (m,): 0 standing, 1 seated; pose (4, m): hips x, y, z, yaw.
 
-    The trunk leans until the seat is met and comes up again; the hips go back and down; the hands come to lie on the
-    thighs. The feet stay where they stand, except where they hang (1) in the end.
+    The trunk leans until contact with the seat and comes up again; the hips go back and down; the hands come to rest on the
+    thighs. The feet stay, except where they hang (1) in the end.
     """
     weights = np.stack(
         [minimum_jerk(progress, 0.10, 0.74), minimum_jerk(progress, 0.0, 0.70), minimum_jerk(progress, 0.1, 0.8)]
@@ -116,7 +116,7 @@ def add_sitting(rows: Array, progress: Array, pose: Array, hang: Array, stature:
     rows[NECK_PITCH] += -0.55 * lean - (SEATED_PELVIS_RAD + SEATED_SPINE_RAD) * seated
     rows[ARMS_PITCH] -= 1.25 * lean
     rows[REST : REST + 2] += minimum_jerk(progress, 0.2, 0.75)
-    # one whose feet will hang climbs on: the feet leave the floor, and their load, before the seat is met
+    # a person whose feet will hang climbs on: feet and their load leave the floor before contact with the seat
     free = hang * minimum_jerk(progress, 0.22, 0.9)
     for leg in (LEGS, LEGS + 1 + FREE_ANGLES):
         rows[leg] += free
@@ -130,20 +130,21 @@ def add_sitting(rows: Array, progress: Array, pose: Array, hang: Array, stature:
 
 LIE_DOWN_S = 3.0
 GET_UP_S = 3.0
-"""From sitting on the edge to lying, and back [s] (ours; supine to edge of bed takes adults 2 to 4 s)."""
+"""Duration from sitting on the edge to lying, and back [s] (ours; supine to edge of bed takes adults 2 to 4 s)."""
 
 MATTRESS_SINK_M = 0.025
 """Depth by which a body sinks into a mattress [m]."""
 _EDGE_DEPTH_M = 0.42
-"""Depth of the mattress that counts as the seat of one who sits on its edge [m]."""
+"""Depth of the mattress that serves as the seat of a person on its edge [m]."""
 _TOWARDS_HEAD_M = 0.04
-"""Offset towards the head end of the middle of one who lies from the middle of the bed: feet that point down take room [m]."""
+"""Offset of a lying person's middle from that of the bed towards the head end: feet that point down take room [m]."""
 
 
 @dataclass(frozen=True)
 class LyingPose:
-    """Pose of a person on a bed: hips x, y, z [m], yaw towards the feet end [rad], unwrapped from the edge's; edge: the
-    seated pose before and after; turns_left: to lie down."""
+    """Pose on a bed: hips x, y, z [m], yaw towards the feet end [rad], unwrapped from the edge's; edge: the seated pose
+    before and after; turns_left: to lie down.
+    """
 
     hips: tuple[float, float, float]
     yaw: float
@@ -152,7 +153,7 @@ class LyingPose:
 
 
 def lying_pose(bed: Bed, measures: BodyMeasures, person: int, adjacent: complex) -> LyingPose:
-    """Return a person's pose in a bed who comes from the place `beside`, x + iy [m]: on the long side nearest to it.
+    """Return the lying pose of a person who comes from the place `adjacent`, x + iy [m], over the nearest long side.
 
     On the back, the middle of the body in the middle of the bed; in a bed too short the feet hang over its end.
     """
@@ -170,7 +171,7 @@ def lying_pose(bed: Bed, measures: BodyMeasures, person: int, adjacent: complex)
     top = float(bed.place[2])
     place = np.array([seat.real, seat.imag, top])
     edge = seated_pose(Seat(bed.name, place, yaw, bed.furniture, bed.geoms, 0.5 * _EDGE_DEPTH_M), measures, person)
-    # facing outwards from the bed's left side, the feet end is to the left
+    # facing outwards from the bed's left side, the feet end is on the left
     turn = 0.5 * np.pi if left else -0.5 * np.pi
     height = top + float(max(measures.behind[person], measures.back[person])) - MATTRESS_SINK_M
     return LyingPose((where.real, where.imag, height), yaw + turn, edge, left)
@@ -179,9 +180,9 @@ def lying_pose(bed: Bed, measures: BodyMeasures, person: int, adjacent: complex)
 def add_lying(rows: Array, progress: Array, seated: Array, lying: Array, turns_left: Array, drop: Array) -> None:
     """Add lying down to sitting; rows (POSTURE_ROWS, m) hold sitting on the edge.
 
-    progress (m,): 0 seated, 1 on the back; seated, lying (4, m): hips x, y, z, yaw there and here; turns_left (m,): 1 or 0;
-    drop (m,): slope of the legs from the hips down to heels on the mattress [rad]. The legs leave the floor, the one
-    towards the feet end first, and swing up while the trunk turns and goes down; the arms prop it from behind.
+    progress (m,): 0 seated, 1 on the back; seated, lying (4, m): hips x, y, z, yaw of both; turns_left (m,): 1 or 0; drop
+    (m,): slope of the legs from the hips down to heels on the mattress [rad]. The legs leave the floor, the one towards the
+    feet end first, and swing up while the trunk turns and lowers; the arms prop it from behind.
     """
     way = lying - seated
     rows[PLACE_XY] += minimum_jerk(progress, 0.15, 0.9) * way[:2]
@@ -211,7 +212,7 @@ def add_lying(rows: Array, progress: Array, seated: Array, lying: Array, turns_l
                 0.15 + 0.30 * straight,
             ]
         )
-        hung = rows[leg].copy()  # of one whose feet hang already
+        hung = rows[leg].copy()  # of a person whose feet hang already
         rows[leg] += (1.0 - hung) * free
         rows[leg + 1 : leg + 1 + FREE_ANGLES] *= 1.0 - free
         rows[leg + 1 : leg + 1 + FREE_ANGLES] += free * angles

@@ -1,1 +1,1 @@
-"""Scripts of people: actions one after another, or a recorded path."""
+"""Scripts of people: sequences of actions, or a recorded path."""

@@ -1,6 +1,6 @@
-"""Actions of a script, each as motion commands one after another.
+"""Actions of a script as motion commands.
 
-An action is a generator: it yields a command, and is resumed with the reason for which the command ended.
+An action is a generator: it yields a command and is sent the reason for which the command ended.
 """
 
 from __future__ import annotations
@@ -43,14 +43,14 @@ from twin.scenario.behaviour import (
 _FACING_RAD = radians(3)
 _TURNS_AT_ONCE_DEG = 150.0
 _STEPS_AWAY_M = 0.28
-"""From where one stands up to where ways begin [m]."""
+"""Distance of a step away from a seat, to where ways begin [m]."""
 _STEPS_BACK_M_S = 0.5
 _STEPS_BACK_FOR_S = 3.0
 _STANDS_FOR_S = 0.6
 
 
 def perform(actor: Actor, script: Sequence[Action]) -> Commands:
-    """Perform one action after another, then stand for ever."""
+    """Perform the actions in order, then stand forever."""
     for action in script:
         yield from _wait_for(actor, action)
         actor.context.doing[actor.number] = action.kind
@@ -76,7 +76,7 @@ def _holds(actor: Actor, condition: WaitCondition) -> bool:
 
 
 def _upright(actor: Actor) -> Commands:
-    """Stand up, whoever sits, lies or bends."""
+    """Stand up from sitting, lying or bending."""
     postures, number = actor.context.postures, actor.number
     if postures.may_walk()[number]:
         return
@@ -110,7 +110,7 @@ def _turn(actor: Actor, action: Turn) -> Commands:
     elif action.to_deg is not None:
         heading = radians(action.to_deg)
     else:
-        # a turn of more than half a circle goes the way it says, in parts
+        # a turn of more than half a circle keeps its direction, in parts
         by, heading = action.by_deg or 0.0, actor.heading
         while abs(by) > _TURNS_AT_ONCE_DEG:
             part = _TURNS_AT_ONCE_DEG if by > 0 else -_TURNS_AT_ONCE_DEG
@@ -121,9 +121,9 @@ def _turn(actor: Actor, action: Turn) -> Commands:
 
 
 def _rest(actor: Actor, action: Sit | Lie) -> Commands:
-    """Sit or lie down on what the room has for it, and get up when the time is over."""
+    """Sit or lie down on a piece of furniture, and get up when the time is over."""
     name = action.seat if isinstance(action, Sit) else action.bed
-    if isinstance(action, Sit) and action.seated:  # as everybody began
+    if isinstance(action, Sit) and action.seated:  # seated from the start
         yield from _settled(actor, action.for_s, "body")
         yield from _upright(actor)
         return
@@ -138,7 +138,7 @@ def _rest(actor: Actor, action: Sit | Lie) -> Commands:
 
 
 def _go_and_take(actor: Actor, name: str) -> Commands:
-    """Stand before a seat or bed, the back to it, when nobody else uses it."""
+    """Stand with the back to a seat or bed, once it is free."""
     context, number = actor.context, actor.number
     yield from _upright(actor)
     if name in context.taken:
@@ -159,7 +159,7 @@ def _go_and_take(actor: Actor, name: str) -> Commands:
 
 
 def _settled(actor: Actor, for_s: float | None, part: Part) -> Commands:
-    """Wait until a part of the posture is where it was sent, and then for a time."""
+    """Wait until a part of the posture reaches its goal, and then for a time."""
     postures, number = actor.context.postures, actor.number
     yield MotionCommand(None, immovable=True, done=lambda: postures.done(number, part))
     if for_s is None or for_s > 0:
@@ -167,7 +167,7 @@ def _settled(actor: Actor, for_s: float | None, part: Part) -> Commands:
 
 
 def _step_away(actor: Actor) -> Commands:
-    """Step away from the seat or bed that one got up from, to where ways begin."""
+    """Step away from the seat or bed, to where ways begin."""
     context, number = actor.context, actor.number
     for name in [name for name, user in context.taken.items() if user == number]:
         here, heading = actor.here, actor.heading
@@ -195,7 +195,7 @@ def _reach(actor: Actor, action: Reach) -> Commands:
 def _look(actor: Actor, action: Look) -> Commands:
     actor.look(action)
     return
-    yield  # a generator like the others, which commands nothing
+    yield  # an empty generator, like the others
 
 
 def _follow(actor: Actor, action: Follow) -> Commands:

@@ -1,4 +1,4 @@
-"""One person as their script sees them: where they are, who else is there, what they can do."""
+"""View of one person's script: own state, other people, possible actions."""
 
 from __future__ import annotations
 
@@ -20,19 +20,20 @@ from twin.scenario.action import Target
 from twin.scenario.behaviour import Look
 
 _EYE_LEVEL_M = 1.5
-"""Height of a place that is given on the floor, when it is looked at [m]."""
+"""Height of the gaze at a place on the floor [m]."""
 _BEFORE_M = 0.28
-"""From where one sits down to where one turns round before [m]."""
+"""Distance from the place of sitting down to that of turning round before [m]."""
 _IN_THE_WAY_M = 1.0
-"""Somebody so near to whoever does not get on is taken to be in their way [m]."""
+"""Distance within which a person counts as in the way of one who makes no progress [m]."""
 _LATE, _SETS_OUT_S = 2.0, 2.0
-"""Whoever takes more than this multiple of the way's time, and this long for setting out [s], is late."""
+"""Multiple of the way's time, and allowance for setting out [s], beyond which a person is late."""
 
 
 @dataclass(frozen=True)
 class Approach:
-    """Approach of a seat or bed: the place to turn round (2,), and to stand before sitting down [m], facing `heading`
-    [rad]."""
+    """Approach of a seat or bed: place to turn round (2,), place to stand before sitting down (2,) [m], facing `heading`
+    [rad].
+    """
 
     turns_round_at: Array
     stands_at: tuple[float, float]
@@ -42,9 +43,9 @@ class Approach:
 def approaches(
     furniture: Seat | Bed, measures: BodyMeasures, person: int, adjacent: complex | None = None
 ) -> list[Approach]:
-    """Return the ways in which a person can sit down on a seat, or lie down on a bed from either side.
+    """Return the approaches of a seat, or of a bed from either side.
 
-    beside: x + iy [m]; the side of a bed that is nearest to it comes first.
+    adjacent: x + iy [m]; the side of a bed nearest to it comes first.
     """
     if isinstance(furniture, Seat):
         poses = [seated_pose(furniture, measures, person)]
@@ -64,7 +65,7 @@ def approaches(
 
 @dataclass(frozen=True)
 class Going:
-    """A walk under way: its goal in words, its begin [s], and how long the way takes [s]; None: no way leads there."""
+    """A walk under way: goal in words, start [s], and expected duration [s], None without a way."""
 
     goal: str
     since_s: float
@@ -73,11 +74,11 @@ class Going:
 
 @dataclass(eq=False)
 class Group:
-    """People who walk together: their numbers from left to right as they walk, of whom `leader` leads.
+    """People who walk together: indices from left to right, one of them the `leader`.
 
-    `gap_m`: the distance that neighbours keep now [m]; `ring`: where each stands while they talk, None: they walk;
-    `changes`: the number of the one who is changing sides, None: nobody is; `spaced_until_s`, `changes_at_s`: when the
-    distance changes, and when somebody changes sides [s].
+    `gap_m`: present distance between neighbours [m]; `ring`: place of each while they talk, None: they walk; `changes`:
+    index of the one who is changing sides, or None; `spaced_until_s`, `changes_at_s`: times of the next change of distance
+    and of sides [s].
     """
 
     leader: int
@@ -91,17 +92,17 @@ class Group:
 
     @property
     def others(self) -> list[int]:
-        """Those who follow the leader."""
+        """Members other than the leader."""
         return [number for number in self.order if number != self.leader]
 
 
 @dataclass(eq=False)
 class ScriptContext:
-    """State that all actors share: the clock, places and postures of all people, the room.
+    """State shared by all actors: clock, positions and postures of all people, the room.
 
-    `doing`: the kind of action that each is at; `taken`: who uses a seat or bed; `leaving`: who is to go, `gone`: who has
-    gone; `looks_until`: when a turned head is free again [s]; `going`: where those who are on their way are to come to;
-    `groups`: those who walk together, by the number of the person who leads them.
+    `doing`: kind of action of each; `taken`: user of each seat or bed; `leaving`: people about to leave, `gone`: people who
+    have left; `looks_until`: time at which a turned head is free again [s]; `going`: walks under way; `groups`: people who
+    walk together, by the index of their leader.
     """
 
     names: tuple[str, ...]
@@ -118,7 +119,7 @@ class ScriptContext:
     groups: dict[int, Group] = field(default_factory=dict)
 
     def late(self) -> list[str]:
-        """Tell who has not arrived in twice the time that the way takes, one sentence each."""
+        """Describe people who have not arrived in twice the time that their way takes, one sentence each."""
         messages = []
         for number, going in sorted(self.going.items()):
             took_s = self.t - going.since_s
@@ -141,7 +142,7 @@ class ScriptContext:
         return self.names.index(name)
 
     def end_looks(self) -> None:
-        """Free the heads of those who have looked as long as they were to."""
+        """Free the heads whose looks are over."""
         for number in [number for number, until in self.looks_until.items() if self.t >= until]:
             self.postures.look_ahead(number)
             del self.looks_until[number]
@@ -171,33 +172,33 @@ class Actor:
         return float(self.context.crowd.heading[self.number])
 
     def place_of(self, number: int) -> Array:
-        """Return the place of a person, (2,) [m]."""
+        """Return the position of a person, (2,) [m]."""
         place = self.context.crowd.place[number]
         return np.array([place.real, place.imag])
 
     def target(self, target: Target) -> Array:
-        """Return the ground point of somebody by name or of a place, (2,) [m]."""
+        """Return the ground point of a person by name, or of a place, (2,) [m]."""
         if isinstance(target, str):
             return self.place_of(self.context.number_of(target))
         return np.array(target[:2])
 
     def distance_to(self, target: Target) -> float:
-        """Return distance on the floor [m]; infinite to somebody who is not there."""
+        """Return the distance on the floor [m]; infinite to an absent person."""
         if isinstance(target, str) and not self.context.crowd.present[self.context.number_of(target)]:
             return inf
         return float(np.linalg.norm(self.target(target) - self.here))
 
     def bearing_of(self, target: Target) -> float:
-        """Return direction on the floor to a target [rad]."""
+        """Return the direction on the floor to a target [rad]."""
         way = self.target(target) - self.here
         return float(np.arctan2(way[1], way[0]))
 
     def speed_of(self, name: str) -> float:
-        """Return how fast somebody walks [m/s]."""
+        """Return a person's walking speed [m/s]."""
         return float(abs(self.context.crowd.velocity[self.context.number_of(name)]))
 
     def look(self, action: Look) -> None:
-        """Turn the head as a look says, from now on."""
+        """Turn the head as a look describes, from now on."""
         context, number = self.context, self.number
         context.looks_until[number] = self.ends_at(action.for_s)
         if isinstance(action.at, str):
@@ -211,14 +212,14 @@ class Actor:
             context.postures.look_ahead(number)
 
     def approach(self, furniture: Seat | Bed) -> Approach:
-        """Return how to come to a seat or bed: to the nearest side of a bed that a way leads to."""
+        """Return the approach to a seat or bed: the nearest side of a bed to which a way leads."""
         context = self.context
         here = complex(context.crowd.place[self.number])
         found = approaches(furniture, context.postures.measures, self.number, here)
         return next((each for each in found if self.way_to(each.turns_round_at)), found[0])
 
     def sets_out(self, goal: Array | tuple[float, float], speed_m_s: float, what: str = "") -> None:
-        """Note that the person is on their way to a place [m], called `what`, until `arrives`."""
+        """Note the way to a place [m], named `what`, until `arrives`."""
         way = self.way_to(goal)
         stops = np.array([self.here, *way])
         length_m = float(np.hypot(*np.diff(stops, axis=0).T).sum())
@@ -226,22 +227,22 @@ class Actor:
         self.context.going[self.number] = Going(named, self.t, length_m / speed_m_s if way else None)
 
     def arrives(self) -> None:
-        """Note that the person is on no way any more."""
+        """Note the end of the way."""
         self.context.going.pop(self.number, None)
 
     def has_left(self, name: str) -> bool:
-        """Return whether somebody has left for good."""
+        """Return whether a person has left for good."""
         return self.context.number_of(name) in self.context.departed
 
     def attract_gaze(self, name: str) -> None:
-        """Turn a person who only stands about, body and gaze, to this one."""
+        """Turn body and gaze of an idle person to this one."""
         context, other = self.context, self.context.number_of(name)
         if context.doing[other] == "stand" and context.postures.may_walk()[other]:
             way = self.here - self.place_of(other)
             context.crowd.command(other, MotionCommand(None, heading=float(np.arctan2(way[1], way[0])), immovable=True))
 
     def others(self) -> Array:
-        """Return the places of all others in the room, (k, 2) [m]."""
+        """Return the positions of all others in the room, (k, 2) [m]."""
         crowd = self.context.crowd
         there = crowd.present.copy()
         there[self.number] = False
@@ -249,7 +250,7 @@ class Actor:
         return np.stack([places.real, places.imag], axis=-1)
 
     def ends_at(self, for_s: float | None) -> float:
-        """Return the time [s] at which something that begins now is over."""
+        """Return the end time [s] of an action that begins now."""
         return inf if for_s is None else self.t + for_s
 
     def free_places(self, count: int) -> Array:
@@ -257,6 +258,6 @@ class Actor:
         return self.context.ground.free_places(count, self.rng)
 
     def way_to(self, goal: Array | tuple[float, float]) -> list[tuple[float, float]]:
-        """Return the places to pass on the way around furniture, the goal last; none where there is no way."""
+        """Return the places to pass around furniture, the goal last; empty without a way."""
         way = self.context.ground.routes.way(self.here, np.asarray(goal, dtype=float))
         return [] if way is None else [(float(x), float(y)) for x, y in way]

@@ -17,13 +17,13 @@ Point = tuple[float, float]
 
 _CANDIDATES = 200
 _APART_M = 0.75
-"""Between the middles of two people at the start."""
+"""Least distance between the middles of two people at the start."""
 
 
 def known_start(person: Person) -> Point | None:
-    """Return the start that a person's description gives, x, y [m]; None: a place is drawn.
+    """Return the described start x, y [m]; None: a place is drawn.
 
-    As asked, at the beginning of a recorded path, or at the first waypoint of a walk.
+    As given, the beginning of a recorded path, or the first waypoint of a walk.
     """
     if person.start is not None or not person.script:
         return person.start
@@ -39,8 +39,8 @@ def known_start(person: Person) -> Point | None:
 def start_places(
     names: Sequence[str], people: Sequence[Person], ground: Ground, random: Sequence[np.random.Generator], source: str
 ) -> Array:
-    """Return where all people start, (n, 2) [m]: as described, or drawn in the area, clear of furniture and away from
-    those placed.
+    """Return the starts of all people, (n, 2) [m]: as described, or drawn in the area, clear of furniture and of those
+    placed.
 
     Raises InputError where the area has no room left.
     """
@@ -51,7 +51,7 @@ def start_places(
         if number in places:
             continue
         candidates = ground.free_places(_CANDIDATES, random[number])
-        # people on recorded paths, and those who come later, are met when they come
+        # people on recorded paths and later arrivals are avoided when they come
         taken = [place for other, place in places.items() if comes_at(people[other]) <= comes_at(people[number])]
         if taken:
             clear = np.linalg.norm(candidates[:, None] - np.array(taken), axis=-1).min(axis=1) >= _APART_M
@@ -66,14 +66,14 @@ def start_places(
 
 
 def comes_at(person: Person) -> float:
-    """Return the time at which a person comes into the room [s]."""
+    """Return the time at which a person enters the room [s]."""
     if person.script and isinstance(person.script[0], RecordedPath):
         return max(0.0, person.script[0].points[0][0])
     return person.arrive_s
 
 
 def describe_late_actions(people: Mapping[str, Person], duration_s: float) -> list[str]:
-    """Return one sentence for each person and action whose time is not before the end of the run at `duration_s` [s]."""
+    """Return one sentence per person and action that does not begin before the end of the run at `duration_s` [s]."""
     messages = []
     never = [name for name, person in people.items() if comes_at(person) >= duration_s]
     if len(never) > 1:
@@ -96,7 +96,7 @@ def describe_late_actions(people: Mapping[str, Person], duration_s: float) -> li
 
 
 def first_heading(person: Person, start: Array, rng: np.random.Generator) -> float:
-    """Return a person's heading at the start [rad]: as asked, towards the first waypoint that is not here, or at random."""
+    """Return a person's initial heading [rad]: as given, towards the first waypoint elsewhere, or random."""
     drawn = float(rng.uniform(-np.pi, np.pi))
     if person.heading_deg is not None:
         return float(np.deg2rad(person.heading_deg))

@@ -1,4 +1,4 @@
-"""Keep company: walk behind or abreast of another person, or walk up to them and stand face to face."""
+"""Companions: walk behind or abreast of another person, or walk up to them and stand face to face."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from twin.people.script.walking import HALT_M, LOOKS_AGAIN_S, Commands
 from twin.scenario.behaviour import Follow, Look, Meet
 
 _WALKS_ON_M_S = 0.2
-"""Whoever is slower is about to stand."""
+"""Speed below which the other is about to stand."""
 _COMMANDS_EVERY_S = 0.1
 _DRAWS_LEVEL_S = 0.5
-"""The way to the place beside the other is made up within about this time [s]."""
+"""Time constant for closing the gap to the place beside the other [s]."""
 _STANDS_M_S = 0.2
 _IN_PLACE_M = 0.12
 _SEES_AHEAD_S = 1.5
-"""So far ahead people look for what would be in the way of the one beside [s]."""
+"""Horizon for obstacles in the way of the person beside [s]."""
 _BEHIND_M = 0.9
 _BREADTH = 1.45
-"""Breadth of a body with its sleeves and its sway, as a multiple of the distance between its shoulder joints (ours)."""
+"""Breadth of a body with sleeves and sway, relative to the distance between its shoulder joints (ours)."""
 _STAYS_BEHIND_S = 1.0
 _SWINGS_OUT = 0.6
-"""A person who draws level passes wide of the other's back: so much farther to the side for each metre that they lag."""
+"""Sideways detour around the other's back, per metre of lag."""
 
 
 def follow(actor: Actor, action: Follow) -> Commands:
@@ -41,7 +41,7 @@ def follow(actor: Actor, action: Follow) -> Commands:
         if gap == inf:
             yield MotionCommand(None, until=until)
             continue
-        # as fast as the gap asks for: it closes within about half a second, and stays closed behind somebody who walks on
+        # speed proportional to the gap: it closes within about half a second and stays closed
         ahead = actor.speed_of(action.person)
         walks_on = ahead > _WALKS_ON_M_S
         if gap < (-ahead if walks_on else 0.1):
@@ -52,7 +52,7 @@ def follow(actor: Actor, action: Follow) -> Commands:
 
 
 def _one_step_on(actor: Actor, person: str, speed_m_s: float, until: float, distance_m: float) -> Commands:
-    """Walk for a moment towards somebody who moves, to end at a distance from them."""
+    """Walk for a short time towards a moving person, ending at a distance from them."""
     there, bearing = actor.target(person), actor.bearing_of(person)
     before = (float(there[0]) - distance_m * cos(bearing), float(there[1]) - distance_m * sin(bearing))
     way = actor.way_to(there) or actor.way_to(before)
@@ -86,7 +86,7 @@ def meet(actor: Actor, action: Meet) -> Commands:
 
 
 def _walk_abreast(actor: Actor, action: Follow) -> Commands:
-    """Keep level with somebody who goes their own way, or behind them for a while (see `twin.scenario.behaviour.Follow`)."""
+    """Keep level with a person, or behind for a while (see `twin.scenario.behaviour.Follow`)."""
     crowd, other = actor.context.crowd, actor.context.number_of(action.person)
     ends_at, behind_until = actor.ends_at(action.for_s), -np.inf
     keeps_m = max(action.keeps_m, shoulders_m(actor, actor.number, other))
@@ -109,12 +109,12 @@ def _walk_abreast(actor: Actor, action: Follow) -> Commands:
 
 
 def shoulders_m(actor: Actor, first: int, second: int) -> float:
-    """Return how near two people come to each other abreast, shoulder to shoulder, from middle to middle [m]."""
+    """Return the least distance of two people abreast, shoulder to shoulder, from middle to middle [m]."""
     return float(actor.context.postures.measures.shoulder_lateral[[first, second]].sum()) * _BREADTH
 
 
 def _keep_up(actor: Actor, action: Follow, other: int, goal: complex, until: float, keeps_m: float) -> MotionCommand:
-    """Return the command for a moment: be where the place one keeps will be, or stand there, facing as the other does."""
+    """Return the next command: be at the future place beside the other, or stand there facing as they do."""
     crowd, here = actor.context.crowd, actor.context.crowd.place[actor.number]
     velocity = crowd.velocity[other]
     stands = abs(velocity) < _STANDS_M_S
@@ -140,9 +140,9 @@ def has_room(
     velocity: complex,
     ahead_s: float = _SEES_AHEAD_S,
 ) -> bool:
-    """Return whether the place beside somebody is free, and stays so for `ahead_s` as they go on.
+    """Return whether the place beside a person is free, and stays so for `ahead_s` as they go on.
 
-    together: the numbers of those who walk together and are in nobody's way.
+    together: indices of the people who walk together and do not block each other.
     """
     routes, crowd = actor.context.ground.routes, actor.context.crowd
     points = [np.array([at.real, at.imag]) for at in (place, adjacent, adjacent + velocity * ahead_s)]

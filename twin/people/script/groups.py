@@ -1,9 +1,9 @@
-"""Walk in a group: abreast, as a V or in file; change sides; talk in a ring; part.
+"""Groups: walk abreast, as a V or in file; change sides; talk in a ring; part.
 
-One leads, the others keep a place beside or behind. M. Moussaïd, N. Perozo, S. Garnier, D. Helbing and G. Theraulaz,
+One person leads, the others keep a place beside or behind. M. Moussaïd, N. Perozo, S. Garnier, D. Helbing and G. Theraulaz,
 "The walking behaviour of pedestrian social groups and its impact on crowd dynamics", PLoS ONE 5(4), 2010: groups walk side
-by side at low density, as a V whose middle lags in denser crowds, at about 0.8 m from neighbour to neighbour, and at
-1.26 − 0.04 n m/s (n: members). The ring in which they talk is an F-formation (A. Kendon, "Conducting Interaction", 1990).
+by side at low density, as a V whose middle lags in denser crowds, at about 0.8 m from neighbour to neighbour, and at 1.26 −
+0.04 n m/s (n: members). The ring in which they talk is an F-formation (A. Kendon, "Conducting Interaction", 1990).
 """
 
 from __future__ import annotations
@@ -22,39 +22,38 @@ from twin.scenario.behaviour import Join, Lead, Look
 
 _COMMANDS_EVERY_S = 0.1
 _DRAWS_LEVEL_S = 0.35
-"""The way to one's place is made up within about this time [s]."""
+"""Time constant for closing the gap to one's place [s]."""
 _STANDS_M_S = 0.2
 _IN_PLACE_M = 0.12
 _FILE_M = 0.85
-"""From one to the next of those who walk in file, or behind for want of room [m]."""
+"""Distance between members in file, or behind for want of room [m]."""
 _V_BACK = 0.35
 """Lag of the middle of a V, per distance to the neighbour (Moussaïd et al. 2010, figure 4)."""
 _PASSES_BEHIND_M = 0.5
-"""Whoever changes sides makes for a place so far behind the leader, nearer than people come [m]."""
+"""Distance behind the leader of the place through which a member changes sides, nearer than people come [m]."""
 _CHANGE_TAKES_S = 1.5
-"""Time by which neighbours stay near for longer where one changes sides [s]."""
+"""Additional time near each other for a change of sides [s]."""
 _PASSES_BY_M, _IN_THE_WAY_M = 0.8, 0.6
-"""Whoever goes to their place in the ring passes by the leader at the first distance, where straight on they would come
-nearer than the second [m]."""
+"""Passing distance from the leader on the way to the ring, for a straight way that comes nearer than the second [m]."""
 _STAYS_BEHIND_S = 0.5
 _SEES_AHEAD_S = 0.7
-"""So far ahead members look for what would be in their way beside the leader [s]."""
+"""Horizon for obstacles in the way beside the leader [s]."""
 _SWINGS_OUT, _SWINGS_AT_MOST_M = 0.5, 0.25
-"""Whoever draws level passes wide of the leader's back: so much farther to the side for each metre that they lag."""
+"""Sideways detour around the leader's back per metre of lag, and its limit."""
 _WAITS_FROM_M, _WAITS_AT_M = 0.5, 2.5
-"""Lags of the last member at which the leader begins to slow down, and at which they wait [m]."""
+"""Lags of the last member at which the leader begins to slow down, and waits [m]."""
 _CHANGES_AFTER = 0.35
-"""Share of the time for which neighbours are near after which one changes sides."""
+"""Share of the time near each other after which a member changes sides."""
 _CANDIDATES = 8
 _STRAIGHT_ON_M = 4.0
-"""A place straight ahead is preferred to one behind that is so much farther away [m]: groups turn seldom."""
+"""Additional distance at which a goal ahead is still preferred to one behind [m]: groups turn seldom."""
 _LEAST_SPEED_M_S = 0.3
 _ON_A_SIDE_M = 0.3
-"""Whoever is so far to the left or right of the leader is on that side [m]."""
+"""Lateral distance from the leader that counts as a side [m]."""
 
 
 def lead(actor: Actor, action: Lead) -> Commands:
-    """Walk to random places, with those who join (see `twin.scenario.behaviour.Lead`)."""
+    """Walk to random places with the members who join (see `twin.scenario.behaviour.Lead`)."""
     ends_at, rng = actor.ends_at(action.for_s), actor.rng
     group = Group(actor.number, action.formation, action.spacing_m[1], [actor.number])
     group.spaced_until_s = actor.t + rng.uniform(0.0, action.far_s[1])
@@ -67,7 +66,7 @@ def lead(actor: Actor, action: Lead) -> Commands:
 
 
 def _lead_on(actor: Actor, action: Lead, group: Group, until: float) -> Commands:
-    """Walk to one place; neighbours draw near and part meanwhile, and somebody may change sides."""
+    """Walk to one place; meanwhile neighbours draw near and part, and a member may change sides."""
     rng, goal = actor.rng, _goal_ahead(actor)
     speed_m_s = rng.uniform(*action.speed_m_s)
     while actor.t < until:
@@ -83,7 +82,7 @@ def _lead_on(actor: Actor, action: Lead, group: Group, until: float) -> Commands
 
 
 def _space(actor: Actor, action: Lead, group: Group) -> None:
-    """Let neighbours draw near, and apart again; whoever changes sides does so while they are near."""
+    """Let neighbours draw near, and apart again; sides are changed while they are near."""
     rng, now = actor.rng, actor.t
     if now >= group.spaced_until_s:
         near = group.gap_m != action.spacing_m[0]
@@ -98,7 +97,7 @@ def _space(actor: Actor, action: Lead, group: Group) -> None:
 
 
 def _goal_ahead(actor: Actor) -> np.ndarray:
-    """Choose of a few random places one that is far and not behind."""
+    """Choose, of a few random places, one far and not behind."""
     goals = actor.free_places(_CANDIDATES)
     way = goals - actor.here
     length = np.hypot(way[:, 0], way[:, 1])
@@ -107,7 +106,7 @@ def _goal_ahead(actor: Actor) -> np.ndarray:
 
 
 def _waits(actor: Actor, group: Group) -> float:
-    """Return the share of their speed that the leader keeps, for those who have not caught up."""
+    """Return the factor on the leader's speed that lets lagging members catch up."""
     crowd = actor.context.crowd
     others = [number for number in group.others if crowd.present[number]]
     if not others:
@@ -119,7 +118,7 @@ def _waits(actor: Actor, group: Group) -> float:
 
 
 def _change_sides(group: Group, rng: np.random.Generator) -> None:
-    """Send one of those who follow to the other side of the leader."""
+    """Send one follower to the other side of the leader."""
     number = group.others[int(rng.integers(len(group.others)))]
     left = group.order.index(number) < group.order.index(group.leader)
     group.order.remove(number)
@@ -128,7 +127,7 @@ def _change_sides(group: Group, rng: np.random.Generator) -> None:
 
 
 def _talk(actor: Actor, action: Lead, group: Group, ends_at: float) -> Commands:
-    """Stand in a ring for a while, facing its middle, where there is room for it."""
+    """Stand in a ring for a while, facing its middle, where there is room."""
     crowd, count = actor.context.crowd, len(group.order)
     radius_m = action.ring_m / (2 * np.sin(pi / count))
     here = complex(crowd.place[actor.number])
@@ -153,7 +152,7 @@ def _talk(actor: Actor, action: Lead, group: Group, ends_at: float) -> Commands:
 
 
 def join(actor: Actor, action: Join) -> Commands:
-    """Go with those whom somebody leads (see `twin.scenario.behaviour.Join`)."""
+    """Join the group of a leader (see `twin.scenario.behaviour.Join`)."""
     context, leader = actor.context, actor.context.number_of(action.person)
     ends_at, behind_until, group = actor.ends_at(action.for_s), -np.inf, None
     while actor.t < ends_at and not actor.has_left(action.person):
@@ -186,7 +185,7 @@ def join(actor: Actor, action: Join) -> Commands:
 
 
 def _keep_sides(actor: Actor, group: Group) -> None:
-    """Let a person who is on the other side, since the group has turned, stay there; who changes sides has arrived there."""
+    """Let a member on the other side after a turn of the group stay there; one who changes sides has arrived."""
     crowd, order = actor.context.crowd, group.order
     seen = (crowd.place[actor.number] - crowd.place[group.leader]) * crowd.facing[group.leader].conjugate()
     left = order.index(actor.number) < order.index(group.leader)
@@ -200,12 +199,12 @@ def _keep_sides(actor: Actor, group: Group) -> None:
 
 
 def _gap_m(actor: Actor, group: Group, first: int, second: int) -> float:
-    """Return the distance that two neighbours keep [m]: no less than their shoulders need."""
+    """Return the distance of two neighbours [m], no less than their shoulders need."""
     return max(group.gap_m, shoulders_m(actor, first, second))
 
 
 def _place_in(actor: Actor, group: Group, number: int) -> complex:
-    """Return the place of a member in the frame of the leader, ahead + left i [m]."""
+    """Return a member's place in the frame of the leader, ahead + left i [m]."""
     if group.formation == "file":
         return complex(-_FILE_M * (1 + group.others.index(number)), 0.0)
     gaps = [_gap_m(actor, group, *pair) for pair in zip(group.order, group.order[1:], strict=False)]
@@ -218,7 +217,7 @@ def _place_in(actor: Actor, group: Group, number: int) -> complex:
 
 
 def _around(actor: Actor, place: complex, facing: complex, goal: complex) -> complex:
-    """Return where to go on the way to one's place: round the leader's back, not through them."""
+    """Return the next point on the way to one's place, around the leader's back."""
     seen = (actor.context.crowd.place[actor.number] - place) * facing.conjugate()
     wanted = (goal - place) * facing.conjugate()
     if seen.imag * wanted.imag < 0 and abs(wanted.imag) > 0.1:  # on the wrong side
@@ -229,7 +228,7 @@ def _around(actor: Actor, place: complex, facing: complex, goal: complex) -> com
 
 
 def _keep_place(actor: Actor, action: Join, group: Group, goal: complex, until: float) -> MotionCommand:
-    """Return the command for a moment: be where one's place will be, or stand there, facing as the leader does."""
+    """Return the next command: be at one's future place, or stand there facing as the leader does."""
     crowd, here = actor.context.crowd, actor.context.crowd.place[actor.number]
     velocity = crowd.velocity[group.leader]
     stands = abs(velocity) < _STANDS_M_S
@@ -257,7 +256,7 @@ def _keep_place(actor: Actor, action: Join, group: Group, goal: complex, until: 
 
 
 def _ring_place(actor: Actor, action: Join, group: Group, ring: dict[int, complex], until: float) -> MotionCommand:
-    """Return the command for a moment of a talk: go to one's place in the ring, and stand there facing its middle."""
+    """Return the next command of a talk: go to one's place in the ring, and stand there facing its middle."""
     goal, here = ring[actor.number], actor.context.crowd.place[actor.number]
     others, least_m = _company(actor, group)
     middle = sum(ring.values()) / len(ring)
@@ -271,7 +270,7 @@ def _ring_place(actor: Actor, action: Join, group: Group, ring: dict[int, comple
 
 
 def _past(here: complex, goal: complex, leader: complex) -> complex:
-    """Return where to go on the way to a goal: past the leader's side where they stand between."""
+    """Return the next point on the way to a goal, past the leader's side where they stand between."""
     ahead = (goal - here) / max(abs(goal - here), 1e-9)
     seen = (leader - here) * ahead.conjugate()
     if not (0 < seen.real < abs(goal - here) and abs(seen.imag) < _IN_THE_WAY_M):
@@ -280,6 +279,6 @@ def _past(here: complex, goal: complex, leader: complex) -> complex:
 
 
 def _company(actor: Actor, group: Group) -> tuple[tuple[int, ...], float]:
-    """Return the others of the group, and how near the person comes to them abreast [m]."""
+    """Return the other members, and the person's least distance to them abreast [m]."""
     others = tuple(number for number in group.order if number != actor.number)
     return others, max(shoulders_m(actor, actor.number, other) for other in others)

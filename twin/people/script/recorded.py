@@ -1,4 +1,4 @@
-"""Recorded paths of people: places and velocities at every tick of the people's clock."""
+"""Recorded paths of people: positions and velocities at every tick of the people's clock."""
 
 from __future__ import annotations
 
@@ -16,29 +16,29 @@ from twin.scenario.person import Person
 Planar = NDArray[np.complex128]
 
 BODIES_NEED_M = 0.75
-"""Two people whose middles are closer than this overlap at some moments of their steps: hands, shoes [m]."""
+"""Distance between middles below which two bodies overlap at some phases of their steps: hands, shoes [m]."""
 _LOOKS_EVERY_S = 0.1
 _WINDOW = 400
-"""Ticks for which everybody's places are computed at once."""
+"""Number of ticks for which all positions are computed at once."""
 _XY = np.array([1, 1j])
-"""From x, y to a complex number."""
+"""Factors that turn x, y into a complex number."""
 
 
 def curve_through(rows: Array) -> PchipInterpolator:
-    """Fit the curve of places over time through rows (k, 3) t [s], x, y [m]."""
+    """Fit the curve of positions over time through rows (k, 3) t [s], x, y [m]."""
     return PchipInterpolator(rows[:, 0], rows[:, 1:])
 
 
 class RecordedPaths:
-    """The paths of some people, interpolated by monotone cubics: places and velocities are continuous.
+    """Paths of some people, interpolated by monotone cubics: positions and velocities are continuous.
 
-    The curve passes through every row of the recording and overshoots none: between two rows it stays in the rectangle
-    that they span (F. Fritsch and J. Butland, "A method for constructing local monotone piecewise cubic interpolants", SIAM
-    Journal on Scientific and Statistical Computing 5, 1984).
+    The curve passes through every row of the recording and stays, between two rows, in the rectangle that they span (F.
+    Fritsch and J. Butland, "A method for constructing local monotone piecewise cubic interpolants", SIAM Journal on
+    Scientific and Statistical Computing 5, 1984).
     """
 
     def __init__(self, paths: Mapping[int, Action], tick_s: float) -> None:
-        """paths: by a person's place in all arrays; tick_s: the people's clock [s]."""
+        """paths: by a person's index; tick_s: the people's clock [s]."""
         self.numbers = np.array(sorted(paths), dtype=np.intp)  # (k,)
         self._tick_s = tick_s
         self._curves: list[PchipInterpolator] = []
@@ -48,31 +48,31 @@ class RecordedPaths:
             assert isinstance(path, RecordedPath)
             rows = np.array(path.points)
             self._curves.append(curve_through(rows))
-            # there from the tick before the first row to the one after the last, and so at both
+            # present from the tick before the first row to the one after the last, and so at both
             first.append(max(0, int(np.floor(rows[0, 0] / tick_s + 1e-9))))
             last.append(max(first[-1], int(np.ceil(rows[-1, 0] / tick_s - 1e-9))))
         self.first = np.array(first, dtype=np.intp)
-        """(k,) the tick at which each enters."""
+        """(k,) first tick of each person's presence."""
         self.last = np.array(last, dtype=np.intp)
-        """(k,) the last tick at which each is there."""
+        """(k,) last tick of each person's presence."""
         ends = [self._along(row, np.array([self.first[row], self.last[row]])) for row in range(len(self._curves))]
         self._ends: Planar = np.array(ends, dtype=complex).reshape(-1, 2, 2)  # (k, place and velocity, first and last)
         self._from = -_WINDOW  # the tick of the window's first row; none is computed yet
         self._window: Planar = np.zeros((0, 2, len(self._curves)), dtype=complex)  # (_WINDOW, place and velocity, k)
 
     def there(self, tick: int) -> NDArray[np.bool_]:
-        """Return a mask (k,) of the people who is there at a tick."""
+        """Return a mask (k,) of the people present at a tick."""
         return (self.first <= tick) & (tick <= self.last)
 
     def at(self, tick: int) -> tuple[Planar, Planar]:
-        """Return places [m] and velocities [m/s] (k,) at a tick; before and after a path its first and last."""
+        """Return positions [m] and velocities [m/s] (k,) at a tick, outside a path those of its ends."""
         if not self._from <= tick < self._from + _WINDOW:
             self._look_ahead(tick)
         place, velocity = self._window[tick - self._from]
         return place, velocity
 
     def _look_ahead(self, tick: int) -> None:
-        """Compute the window that begins at a tick: memory does not grow with how long a path takes."""
+        """Compute the window that begins at a tick; memory does not grow with the path."""
         ticks = np.arange(tick, tick + _WINDOW)
         self._from = tick
         self._window = np.empty((_WINDOW, 2, len(self._curves)), dtype=complex)
@@ -81,7 +81,7 @@ class RecordedPaths:
             self._window[:, :, row] = self._along(row, np.clip(ticks, self.first[row], self.last[row])).T
 
     def _along(self, row: int, ticks: NDArray[np.intp]) -> Planar:
-        """Return places and velocities (2, n) of one person at some ticks."""
+        """Return positions and velocities (2, n) of one person at some ticks."""
         curve = self._curves[row]
         at = np.clip(ticks * self._tick_s, curve.x[0], curve.x[-1])
         return np.stack([curve(at) @ _XY, curve(at, 1) @ _XY])
@@ -89,7 +89,7 @@ class RecordedPaths:
 
 @dataclass(frozen=True)
 class CloseCall:
-    """Two recorded paths that come closer than two bodies can: who, when [s], and how close their middles are [m]."""
+    """Two recorded paths closer than two bodies allow: both people, time [s] and distance of their middles [m]."""
 
     first: str
     second: str
@@ -100,8 +100,7 @@ class CloseCall:
 def close_calls(
     people: Mapping[str, Person], until_s: float = np.inf, within_m: float = BODIES_NEED_M
 ) -> list[CloseCall]:
-    """Find where two recorded paths come closer than bodies allow before `until_s`: the closest approach of each pair,
-    by time."""
+    """Find the closest approach of each pair of recorded paths closer than `within_m` before `until_s`, ordered by time."""
     names = sorted(
         name for name, person in people.items() if person.script and isinstance(person.script[0], RecordedPath)
     )
@@ -123,7 +122,7 @@ def close_calls(
 
 
 def describe_close_calls(calls: Sequence[CloseCall]) -> str:
-    """Return one sentence that says where recorded paths ask of bodies what they cannot do; empty without calls."""
+    """Describe impossible approaches of recorded paths in one sentence; empty without calls."""
     if not calls:
         return ""
     worst = min(calls, key=lambda call: call.apart_m)

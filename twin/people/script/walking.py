@@ -1,4 +1,4 @@
-"""Walk about: along a way around furniture to a place, through waypoints, or at random with sudden stops and turns."""
+"""Walking: along a way around furniture to a place, through waypoints, or at random with sudden stops and turns."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from twin.people.script.actor import Actor
 from twin.scenario.behaviour import Run, Walk, Wander
 
 Commands = Generator[MotionCommand, End, Any]
-"""The commands of an action, one after another; each is answered with the reason for which it ended."""
+"""Commands of an action; each is answered with the reason for which it ended."""
 
 LOOKS_AGAIN_S = 0.1
-"""Interval at which a condition, or a person who moves, is looked at again [s]."""
+"""Interval at which a condition or a moving person is checked again [s]."""
 HALT_M = 0.05
-"""Distance within which a person has arrived at a place to halt at [m]."""
+"""Distance of arrival at a halting place [m]."""
 _PASS_M = 0.2
 _NEXT_TO_M = 0.02
-"""People come so near to the nearest place that they can stand at, of a corner say [m]."""
+"""Tolerance for arriving at the nearest standing place, of a corner for example [m]."""
 _CANDIDATES = 6
 _LEAST_WAY_M = 0.8
 _LOOK_AHEAD_M = 1.0
@@ -31,7 +31,7 @@ _SHUT_IN_S = 0.5
 
 
 def wander(actor: Actor, action: Wander) -> Commands:
-    """Walk to random places one after another (see `twin.scenario.behaviour.Wander`)."""
+    """Walk to a sequence of random places (see `twin.scenario.behaviour.Wander`)."""
     ends_at = actor.ends_at(action.for_s)
     walking = False
     rng = actor.rng
@@ -45,7 +45,7 @@ def wander(actor: Actor, action: Wander) -> Commands:
         speed = rng.uniform(*action.speed_m_s)
         until = min(actor.t + 0.3 + rng.exponential(action.stretch_s), ends_at)
         way = actor.way_to(goal)
-        if not way:  # too close to furniture to find one: wait, others may push
+        if not way:  # too close to furniture to find one: wait, since others may push
             yield MotionCommand(None, until=min(actor.t + _SHUT_IN_S, ends_at))
         for place in way:
             if (yield MotionCommand(place, speed, until)) != "arrived":
@@ -53,7 +53,7 @@ def wander(actor: Actor, action: Wander) -> Commands:
 
 
 def _goal(actor: Actor) -> Array:
-    """Choose of a few random goals the one whose first metre is freest of others: nobody sets out into somebody's back."""
+    """Choose, of a few random goals, the one with the freest first metre, so that nobody sets out into another's back."""
     here, others = actor.here, actor.others()
     goals = actor.free_places(_CANDIDATES)
     way = goals - here
@@ -92,7 +92,7 @@ def walk_to(
     exactly: bool = False,
     what: str = "",
 ) -> Commands:
-    """Walk around furniture to a place (2,) [m], called `what` where it has a name."""
+    """Walk around furniture to a place (2,) [m], named `what`."""
     actor.sets_out(goal, speed_m_s, what)
     yield from _by_a_way(actor, goal, speed_m_s, halt=halt, face=face, exactly=exactly)
     actor.arrives()
@@ -101,7 +101,7 @@ def walk_to(
 def _by_a_way(
     actor: Actor, goal: Array | tuple[float, float], speed_m_s: float, *, halt: bool, face: Any, exactly: bool
 ) -> Commands:
-    """Walk along a way; where others stand in it, wait a moment and look for a way again."""
+    """Walk along a way; if others block it, wait and search again."""
     place_m = np.asarray(goal, dtype=float)
     near = actor.context.ground.routes.near(place_m)
     off_m = float(np.hypot(*(standing_place(place_m, actor.context.ground.walkable) - place_m)))
@@ -127,7 +127,7 @@ def _by_a_way(
 
 
 def _towards(actor: Actor, command: MotionCommand, face: Any) -> Commands:
-    """Walk one stretch of the way, facing somebody or something meanwhile."""
+    """Walk one stretch of the way, facing a person or an object meanwhile."""
     if face is None:
         return (yield command)
     while True:
