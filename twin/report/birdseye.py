@@ -22,6 +22,8 @@ Polygon = NDArray[np.float64]  # (k, 2) corners on the floor [m], room frame
 
 MARGIN_M = 0.4
 """Floor shown around the room [m]."""
+_PLAN_ASPECTS = 0.7, 1.8
+"""Limits of a plan's width over its height."""
 SHIFT = 4  # cv2 draws at 1/16 pixel
 _SHELL_M2 = 4.0
 _SAME_PLACE_PX = 12.0
@@ -103,6 +105,14 @@ def floor_extent(rig: Rig, outline: Sequence[Polygon], *seen: Polygon) -> Polygo
     if np.ptp(extent, axis=0).max() < 1.0:  # a lone sensor and nothing else: show the metres around it
         extent = np.concatenate([extent - 3.0, extent + 3.0])
     return extent
+
+
+def plan_width_px(rig: Rig, outline: Sequence[Polygon], height_px: int) -> int:
+    """Return the width of a plan of this height without empty borders [px]; a square where no room is known."""
+    if not outline:
+        return height_px
+    across = np.ptp(floor_extent(rig, outline), axis=0) + 2 * MARGIN_M
+    return round(height_px * float(np.clip(across[0] / across[1], *_PLAN_ASPECTS)))
 
 
 class ScannerOnFloor:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from math import ceil, isnan, sqrt
+from math import ceil, isnan
 
 import cv2
 import numpy as np
@@ -37,15 +37,18 @@ MOST_CAMERAS = 9
 
 
 class CameraGrid:
-    """The pictures of up to nine cameras side by side in a square, one large, four by two and two."""
+    """The pictures of up to nine cameras in tiles of one size, as large as `size_px` (width, height) lets them be."""
 
-    def __init__(self, cameras: Mapping[str, CameraSensor], side_px: int) -> None:
-        self.side_px = side_px
+    def __init__(self, cameras: Mapping[str, CameraSensor], size_px: tuple[int, int]) -> None:
         shown = dict(list(cameras.items())[:MOST_CAMERAS])
-        self._across = ceil(sqrt(len(shown)))
-        side = side_px // self._across
+        width, height = size_px
+        aspect = widest_aspect(shown)
+        layouts = [(across, ceil(len(shown) / across)) for across in range(1, len(shown) + 1)]
+        self._across, rows = max(layouts, key=lambda each: min(width / each[0] / aspect, height / each[1]))
+        self.width_px = width
+        self._tile_px = width // self._across, height // rows
         self._panels = {
-            name: CameraPanel(camera, side, name, labelled=len(shown) > 1) for name, camera in shown.items()
+            name: CameraPanel(camera, self._tile_px, name, labelled=len(shown) > 1) for name, camera in shown.items()
         }
 
     def draw(
@@ -61,32 +64,32 @@ class CameraGrid:
         panel[:] = BACKDROP
         for place, (name, each) in enumerate(self._panels.items()):
             row, column = divmod(place, self._across)
-            side = each.side_px
-            tile = panel[row * side : (row + 1) * side, column * side : (column + 1) * side]
+            width, height = self._tile_px
+            tile = panel[row * height : (row + 1) * height, column * width : (column + 1) * width]
             own = [found for found in maps if isinstance(found, Hypotheses) or found.sensor == name]
             each.draw(tile, images.get(name), tracks, colours, silent=name in silent, maps=own)
 
 
-class CameraPanel:
-    """One camera's image in a square, with a torso window and an id on each track."""
+def widest_aspect(cameras: Mapping[str, CameraSensor]) -> float:
+    """Return the greatest width over height of the cameras' pictures."""
+    return max(each.intrinsics.width / each.intrinsics.height for each in cameras.values())
 
-    def __init__(self, sensor: CameraSensor, side_px: int, name: str, *, labelled: bool) -> None:
+
+class CameraPanel:
+    """One camera's image in a tile of `size_px` (width, height), with a torso window and an id on each track."""
+
+    def __init__(self, sensor: CameraSensor, size_px: tuple[int, int], name: str, *, labelled: bool) -> None:
         intrinsics = sensor.intrinsics
-        self.side_px = side_px
+        self._tile_px = size_px
         self._sensor_name, self._labelled = name, labelled
-        self._scale = min(side_px / intrinsics.width, side_px / intrinsics.height)
+        self._scale = min(size_px[0] / intrinsics.width, size_px[1] / intrinsics.height)
         self._size = (round(intrinsics.width * self._scale), round(intrinsics.height * self._scale))
-        self._offset = np.array([(side_px - self._size[0]) // 2, (side_px - self._size[1]) // 2])
+        self._offset = np.array([(size_px[0] - self._size[0]) // 2, (size_px[1] - self._size[1]) // 2])
         self._camera = placed_camera(sensor)
         self._last_px = np.array([intrinsics.width, intrinsics.height]) - 0.5
         self._shown: Image | DepthImage | None = None
-        self._view = np.full((side_px, side_px, 3), BACKDROP, dtype=np.uint8)
-        write(self._view, "no image yet", side_px / 2, side_px / 2, QUIET, 16, align="centre")
-
-    def crop(self, panel: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Return the part of a drawn panel (side, side, 3) that is picture."""
-        (x, y), (width, height) = self._offset.tolist(), self._size
-        return panel[y : y + height, x : x + width]
+        self._view = np.full((size_px[1], size_px[0], 3), BACKDROP, dtype=np.uint8)
+        write(self._view, "no image yet", size_px[0] / 2, size_px[1] / 2, QUIET, 16, align="centre")
 
     def draw(
         self,
@@ -111,7 +114,7 @@ class CameraPanel:
         tags = []
         if silent:
             panel[:] = (_SILENT_LIGHT * panel).astype(np.uint8)
-            tags.append(Tag(f"{self._sensor_name} silent", self.side_px / 2, y + height - 14.0, SILENT_FILL, INK))
+            tags.append(Tag(f"{self._sensor_name} silent", self._tile_px[0] / 2, y + height - 14.0, SILENT_FILL, INK))
         self._draw_maps(panel, [found for found in maps if isinstance(found, ScoreMap)], colours)
         clouds = [found for found in maps if isinstance(found, Hypotheses)]
         for found in clouds:
@@ -137,7 +140,7 @@ class CameraPanel:
         Left: the cut, with a dot at each patch. Right: the same under the map in its person's colour, the fuller the
         higher the score.
         """
-        side, shown = self.side_px // _MAPS_ACROSS, self._shown
+        side, shown = min(self._tile_px) // _MAPS_ACROSS, self._shown
         for place, found in enumerate(maps[: _MAPS_ACROSS // 2] if shown is not None else ()):
             assert shown is not None
             height, width = found.score.shape

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Collection, Mapping, Sequence
+from math import ceil, sqrt
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -14,8 +15,8 @@ import numpy as np
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan
 from trackers.rig import Rig
 from trackers.tracks import Hypotheses, ScoreMap, Track
-from twin.report.birdseye import SHIFT, Polygon, fixed_point
-from twin.report.camera_panel import CameraGrid
+from twin.report.birdseye import SHIFT, Polygon, fixed_point, plan_width_px
+from twin.report.camera_panel import MOST_CAMERAS, CameraGrid, widest_aspect
 from twin.report.floor_panel import BACKDROP, INK, PRESSED, QUIET, FloorPanel, TruePoses
 from twin.report.lettering import BOLD, text_width, write
 from twin.report.palette import LAYER_COLOURS, IdentityColours
@@ -26,6 +27,20 @@ __all__ = ["PreviewWriter", "TruePoses"]
 
 _HEADER_PX = 44
 _FOOTER_PX = 28
+_LEGEND_PX = 460
+"""Least width of the plan, for what is written below it."""
+
+
+def fitting_size(rig: Rig, outline: Sequence[Polygon], height_px: int) -> tuple[tuple[int, int], int]:
+    """Return the size of a picture of this height without empty borders, and the width of the cameras' part [px]."""
+    cameras = dict(list(rig.cameras().items())[:MOST_CAMERAS])
+    left = 0
+    if cameras:
+        across = ceil(sqrt(len(cameras)))
+        tile = (height_px - _HEADER_PX) / ceil(len(cameras) / across)
+        left = round(across * tile * widest_aspect(cameras))
+    right = max(plan_width_px(rig, outline, height_px - _HEADER_PX - _FOOTER_PX), _LEGEND_PX)
+    return (left + right + (left + right) % 2, height_px), left
 
 
 class PreviewWriter:
@@ -36,7 +51,7 @@ class PreviewWriter:
     often frames usually come. `outline`: polygons (k, 2) [m] of walls and furniture; `person_names`: what to write
     beside a true person instead of the id; `camera`: the one to show (default: all of the rig's, up to nine;
     none there: the bird's-eye view takes the whole picture); `true_rig`: where the sensors truly are, for those that
-    `rig`, the one trackers get, has elsewhere.
+    `rig`, the one trackers get, has elsewhere; `camera_width_px`: of the cameras' part (default: as wide as high).
 
     Raises InputError where the file cannot be written.
     """
@@ -54,6 +69,7 @@ class PreviewWriter:
         camera: str | None = None,
         true_rig: Rig | None = None,
         size: tuple[int, int] = (1280, 640),
+        camera_width_px: int | None = None,
         tail_s: float = 2.0,
     ) -> None:
         if size[0] % 2 or size[1] % 2:
@@ -70,8 +86,9 @@ class PreviewWriter:
         self._camera = None
         left = 0
         if cameras:
-            left = size[1] - _HEADER_PX
-            self._camera = CameraGrid(cameras if camera is None else {camera: cameras[camera]}, left)
+            high = size[1] - _HEADER_PX
+            left = camera_width_px if camera_width_px is not None else high
+            self._camera = CameraGrid(cameras if camera is None else {camera: cameras[camera]}, (left, high))
         self._floor = FloorPanel(rig, outline, size[0] - left, size[1] - _HEADER_PX - _FOOTER_PX, true_rig)
         self._tails: dict[int, deque[tuple[int, float, float]]] = {}
         self._tail_ns = round(tail_s * NS_PER_S)
@@ -125,7 +142,7 @@ class PreviewWriter:
         height, width = self._canvas.shape[:2]
         left = 0
         if self._camera is not None:
-            left = self._camera.side_px
+            left = self._camera.width_px
             panel = self._canvas[_HEADER_PX:, :left]
             self._camera.draw(panel, images, tracks, self._colours, silent, maps)
         panel = self._canvas[_HEADER_PX : height - _FOOTER_PX, left:]

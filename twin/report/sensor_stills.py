@@ -12,14 +12,12 @@ from numpy.typing import NDArray
 from trackers.observations import DepthImage, FloorFrame, Image, LaserScan, Observation
 from trackers.rig import Rig
 from trackers.tracks import TrackFrame
-from twin.report.birdseye import MARGIN_M, Polygon, floor_extent
+from twin.report.birdseye import Polygon, plan_width_px
 from twin.report.camera_panel import CameraPanel
 from twin.report.floor_panel import FloorPanel, TruePoses
 from twin.report.palette import LAYER_COLOURS, IdentityColours
 
 _HIGH_PX = 360
-_WIDEST, _NARROWEST = 1.8, 0.7
-"""Limits of a plan's width over its height."""
 _QUALITY = 85
 
 
@@ -87,21 +85,17 @@ class SensorStills:
 
     def _camera(self, name: str, image: Image | DepthImage) -> NDArray[np.uint8]:
         sensor = self._rig.cameras()[name]
-        size = sensor.intrinsics.width, sensor.intrinsics.height
-        side = round(_HIGH_PX * max(size) / size[1])
-        panel = np.zeros((side, side, 3), dtype=np.uint8)
-        camera = CameraPanel(sensor, side, name, labelled=False)
-        camera.draw(panel, image, self._frame.tracks, self._colours)
-        return camera.crop(panel)
+        size_px = round(_HIGH_PX * sensor.intrinsics.width / sensor.intrinsics.height), _HIGH_PX
+        panel = np.zeros((size_px[1], size_px[0], 3), dtype=np.uint8)
+        CameraPanel(sensor, size_px, name, labelled=False).draw(panel, image, self._frame.tracks, self._colours)
+        return panel
 
     def _plan(self, name: str, seen: LaserScan | FloorFrame) -> NDArray[np.uint8]:
         lasers = list(self._rig.lasers())
         layers = {each: LAYER_COLOURS[place % len(LAYER_COLOURS)] for place, each in enumerate(lasers)}
         scans = {name: seen} if isinstance(seen, LaserScan) else {}
         floors = {name: seen} if isinstance(seen, FloorFrame) else {}
-        extent = floor_extent(self._true_rig or self._rig, self._outline)
-        across = np.ptp(extent, axis=0) + 2 * MARGIN_M if self._outline else np.ones(2)
-        wide = round(_HIGH_PX * float(np.clip(across[0] / across[1], _NARROWEST, _WIDEST)))
+        wide = plan_width_px(self._true_rig or self._rig, self._outline, _HIGH_PX)
         panel = np.zeros((_HIGH_PX, wide, 3), dtype=np.uint8)
         tracks = self._frame.tracks
         tails = {track.id: [(self._frame.stamp_ns, track.x, track.y)] for track in tracks}

@@ -88,7 +88,7 @@ def run(
 def show(
     folder: Folder,
     markdown: Annotated[
-        bool, typer.Option("--markdown", help="The means alone, as a table for a README or a pull request.")
+        bool, typer.Option("--markdown", help="Verdict and means, for a README or a pull request.")
     ] = False,
 ) -> None:
     """Show the table of a run, finished or not, and write its page."""

@@ -38,6 +38,8 @@ from twin.suites.store import ResultStore
 
 EVERY_SCENARIO, EVERY_TRACKER = "every scenario", "every tracker"
 """Names of a group's scenario and tracker where several are judged together."""
+_NAMED_FIRST = ("hota", "idf1")
+"""Metrics that say most of a tracker; the others tell in what it changed."""
 
 
 @dataclass(frozen=True)
@@ -92,13 +94,13 @@ class Comparison:
 
     @property
     def worse(self) -> list[Change]:
-        """Changes for the worse, by decreasing ratio to the tolerance."""
-        return sorted((each for each in self.changes if each.worse), key=_excess, reverse=True)
+        """Changes for the worse, tracker by tracker, the one that changed most first; HOTA and IDF1 first of each."""
+        return _ordered([each for each in self.changes if each.worse])
 
     @property
     def better(self) -> list[Change]:
-        """Changes for the better, by decreasing ratio to the tolerance."""
-        return sorted((each for each in self.changes if each.better), key=_excess, reverse=True)
+        """Changes for the better, in the same order."""
+        return _ordered([each for each in self.changes if each.better])
 
 
 def compare(
@@ -157,6 +159,23 @@ def _missing_groups(before: Results, now: Results) -> Iterator[Change]:
             values = was.values(metric)
             if values and not group.values(metric):
                 yield Change(key, group.variant, metric, float(np.mean(values)), None, 0.0, 1.0, len(values), 0.0)
+
+
+def _ordered(changes: Sequence[Change]) -> list[Change]:
+    """Order changes by tracker, then by the metric's weight, then by decreasing ratio to the tolerance."""
+    most: dict[str, float] = {}
+    for each in changes:
+        most[each.key.tracker] = max(most.get(each.key.tracker, 0.0), _excess(each))
+    weight = {metric: place for place, metric in enumerate(_NAMED_FIRST)}
+    return sorted(
+        changes,
+        key=lambda each: (
+            -most[each.key.tracker],
+            each.key.tracker,
+            weight.get(each.metric, len(weight)),
+            -_excess(each),
+        ),
+    )
 
 
 def _excess(change: Change) -> float:

@@ -16,7 +16,7 @@ import numpy as np
 from trackers.observations import NS_PER_S
 from trackers.prior import Prior
 from twin.recording.reader import Recording
-from twin.report.preview import PreviewWriter
+from twin.report.preview import PreviewWriter, fitting_size
 from twin.room.building import room_outline
 from twin.run.feed import Feed, Preview
 from twin.run.inputs import TrustedClasses, choose
@@ -32,7 +32,7 @@ _OFFSETS_S = (-0.8, 0.0, 0.8)
 
 _TAIL_S = 2.0
 
-_STILL_WIDTH_PX = 720
+_HIGH_PX, _STILL_HIGH_PX = 640, 360
 
 _QUALITY = 82
 
@@ -62,13 +62,17 @@ def draw_filmstrip(work: FilmstripWork) -> bytes:
     ):
         folder = Path(temporary)
         bag = Recording(entry / RECORDING)
+        outline = room_outline(world.scene.model, world.empty_snapshot(0.0).data)
+        size, camera_width_px = fitting_size(bag.rig, outline, _HIGH_PX)
         writer = _FilmstripWriter(
             folder / "strip.mp4",
             bag.rig,
             fps=10,
             tracker=case.tracker,
             title=f"{case.scenario}, seed {case.seed}",
-            outline=room_outline(world.scene.model, world.empty_snapshot(0.0).data),
+            outline=outline,
+            size=size,
+            camera_width_px=camera_width_px,
             person_names=dict(enumerate(scenario.people, start=1)),
         )
         writer.wanted_s = deque(work.t_s + offset for offset in _OFFSETS_S)
@@ -122,8 +126,8 @@ def _side_by_side(stills: Sequence[bytes]) -> bytes:
         picture = cv2.imdecode(np.frombuffer(still, dtype=np.uint8), cv2.IMREAD_COLOR)
         if picture is None:
             raise RuntimeError("OpenCV could not decode its own JPEG")
-        height = round(picture.shape[0] * _STILL_WIDTH_PX / picture.shape[1])
-        pictures.append(cv2.resize(picture, (_STILL_WIDTH_PX, height), interpolation=cv2.INTER_AREA))
+        width = round(picture.shape[1] * _STILL_HIGH_PX / picture.shape[0])
+        pictures.append(cv2.resize(picture, (width, _STILL_HIGH_PX), interpolation=cv2.INTER_AREA))
     if not pictures:
         raise ValueError("no frame lies at or after the moment")
     done, jpeg = cv2.imencode(".jpg", np.hstack(pictures), [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])

@@ -34,7 +34,14 @@ from twin.suites.run import run_suite, tolerances_of
 from twin.suites.spec import Suite, load_suite
 from twin.suites.store import ResultStore
 from twin.suites.store_files import RESULTS_FILE, read_store
-from twin.suites.tables import markdown_comparison, markdown_table, print_comparison, print_requirements, print_results
+from twin.suites.tables import (
+    markdown_comparison,
+    markdown_table,
+    markdown_verdict,
+    print_comparison,
+    print_requirements,
+    print_results,
+)
 
 _EXPECTED = "a baseline that `twin suite run --update-baseline` has written"
 
@@ -213,9 +220,13 @@ def _resume_hint() -> Iterator[None]:
 
 
 def show_markdown(folder: Path) -> None:
-    """Print the means of a run, finished or not, as a table in Markdown."""
+    """Print the verdict and the means of a run, finished or not, in Markdown."""
     with read_store(folder) as store:
-        print(markdown_table(collect_results(store)))
+        results = collect_results(store)
+        comparison, _ = _against_baseline(store, results)
+        print(markdown_verdict(results, comparison, check_requirements(store.facts(), results)))
+        print()
+        print(markdown_table(results))
 
 
 def show_results(folder: Path) -> None:
@@ -224,16 +235,23 @@ def show_results(folder: Path) -> None:
         results, facts = collect_results(store), store.facts()
         print_results(results, store.facts().get("reference"))
         requirements = check_requirements(facts, results)
-        before = comparison = None
-        baseline = Path(facts["baseline"]) if facts.get("baseline") else None
-        if baseline is not None and baseline.is_file():
-            before = read_baseline(baseline)
-            comparison = compare(before, results, tolerances_of(facts))
+        comparison, before = _against_baseline(store, results)
+        if comparison is not None:
             print_comparison(comparison, results, store, folder, shown=("worse",))
         print_requirements(requirements)
         page = folder / "report.html"
         write_page(page, store, results, comparison, folder, before, requirements)
         print_paths({"results": store.path, "report": page})
+
+
+def _against_baseline(store: ResultStore, results: Results) -> tuple[Comparison | None, Results | None]:
+    """Compare a run with the baseline it had, and return that too; None where there is none any more."""
+    facts = store.facts()
+    baseline = Path(facts["baseline"]) if facts.get("baseline") else None
+    if baseline is None or not baseline.is_file():
+        return None, None
+    before = read_baseline(baseline)
+    return compare(before, results, tolerances_of(facts)), before
 
 
 def _check_compared(comparison: Comparison, what: str) -> None:

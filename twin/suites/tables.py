@@ -216,6 +216,30 @@ def markdown_table(results: Results) -> str:
     return "\n".join(lines)
 
 
+def markdown_verdict(results: Results, comparison: Comparison | None, requirements: Sequence[RequirementCheck]) -> str:
+    """Format the verdict in one line, and below it what got worse and the requirements not met."""
+    broken = [each for each in requirements if each.violated]
+    parts = []
+    if comparison is not None:
+        n = len(comparison.changes)
+        worse = len(comparison.worse)
+        parts.append(f"**{worse} of {n} metrics got worse**" if worse else f"nothing got worse: {n} metrics compared")
+    if requirements:
+        met = f"{len(requirements) - len(broken)} of {len(requirements)} requirements met"
+        parts.append(f"**{met}**" if broken else met)
+    cases = f"{sum(len(group.seeds) for group in results.groups.values())} cases done"
+    parts.append(f"{cases}, **{len(results.failed)} failed**" if results.failed else cases)
+    if results.unfinished:
+        parts.append(f"{results.unfinished} not finished")
+    lines = [f"{results.suite}: {'; '.join(parts)}."]
+    for each in broken:
+        name = f"{each.key.scenario} ({each.variant})" if each.variant else each.key.scenario
+        lines.append(f"- not met: {_cell(f'{name}, `{each.key.tracker}`: {each.sentence()}')}")
+    if comparison is not None and comparison.worse:
+        lines += ["", markdown_comparison(comparison)]
+    return "\n".join(lines)
+
+
 def markdown_comparison(comparison: Comparison) -> str:
     """Format worse and better metrics, one row each, and the notes; one line where nothing got worse."""
     heads = ["", "scenario", "tracker", "metric", "before", "now", "change", "allowed", "p", "seeds"]

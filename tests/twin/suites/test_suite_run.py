@@ -245,7 +245,9 @@ def test_the_gate_passes_then_fails_and_says_where_to_look(
     code, text, _ = command(monkeypatch, "show", str(tmp_path / "c"))
     assert code == 0 and "9 metrics got worse" in text
     code, text, _ = command(monkeypatch, "show", str(tmp_path / "c"), "--markdown")
-    assert code == 0 and text.startswith("| scenario | tracker |") and text.count("\n") == 2 + 6
+    verdict, _, rest = text.partition("\n")
+    assert code == 0 and "**9 of 30 metrics got worse**" in verdict and f"{N_CASE} cases done" in verdict
+    assert rest.index("**worse**") < rest.index("| scenario | tracker | seeds |")
     page = tmp_path / "compare.html"
     code, text, _ = command(monkeypatch, "compare", baseline, str(tmp_path / "c"), "--out", str(page))
     assert code == 1

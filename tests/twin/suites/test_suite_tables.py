@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from twin.suites.results import Group, GroupKey, Results
-from twin.suites.tables import markdown_table
+from twin.suites.results import Group, GroupKey, RequirementCheck, Results
+from twin.suites.tables import markdown_table, markdown_verdict
 
 
 def group(*seeds: dict[str, float | None], variant: str = "") -> Group:
@@ -39,4 +39,16 @@ def test_a_scenario_s_variants_are_compared_each_by_itself() -> None:
     assert rows == [
         "| lab (duration_s=3) | `ours` | 1 | – | – | 0.900 | – | – | – | – |",
         "| lab (duration_s=9) | `ours` | 1 | – | – | 0.800 | – | – | – | – |",
+    ]
+
+
+def test_the_verdict_comes_in_one_line_with_what_is_not_met_below() -> None:
+    key = GroupKey("lab", "[]", "ours")
+    results = Results("made-up", {}, (), {key: group({"mota": 0.9}, {"mota": 0.8})})
+    met, broken = (RequirementCheck(key, "", "mota", bound, 0.85) for bound in (">= 0.8", ">= 0.9"))
+    assert markdown_verdict(results, None, []) == "made-up: 2 cases done."
+    assert markdown_verdict(results, None, [met]) == "made-up: 1 of 1 requirements met; 2 cases done."
+    assert markdown_verdict(results, None, [met, broken]).splitlines() == [
+        "made-up: **1 of 2 requirements met**; 2 cases done.",
+        "- not met: lab, `ours`: MOTA is 0.850, required >= 0.9",
     ]

@@ -85,7 +85,7 @@ def test_a_case_whose_people_moved_before_is_recorded_to_the_same_bits(cases: li
 def test_the_worst_moment_is_drawn(cases: list[Case], cache: RecordingCache) -> None:
     jpeg = draw_filmstrip(FilmstripWork(cases[1], cache, 1.2))
     picture = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
-    assert picture is not None and picture.shape == (360, 3 * 720, 3)
+    assert picture is not None and picture.shape[0] == 360 and picture.shape[1] % 3 == 0
     thirds = np.split(picture.astype(int), 3, axis=1)
     assert all(np.abs(one - other).mean() > 1 for one, other in pairwise(thirds))
 

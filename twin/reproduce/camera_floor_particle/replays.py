@@ -171,7 +171,7 @@ def draw_debug_state(
     colours = IdentityColours()
     colours.add(sorted(track.id for track in frame.tracks))
     left = np.empty((_SIDE_PX, _SIDE_PX, 3), np.uint8)
-    CameraGrid(rig.cameras(), _SIDE_PX).draw(left, images, frame.tracks, colours, maps=frame.maps)
+    CameraGrid(rig.cameras(), (_SIDE_PX, _SIDE_PX)).draw(left, images, frame.tracks, colours, maps=frame.maps)
     right = np.empty_like(left)
     tails = {track.id: [(frame.stamp_ns, track.x, track.y)] for track in frame.tracks}
     FloorPanel(rig, (), _SIDE_PX, _SIDE_PX).draw(
