@@ -17,6 +17,8 @@ NS_PER_S = 1_000_000_000
 _FARTHEST_BEARING_RAD = 4 * pi + 1e-3
 _WIDEST_RAD = 1.1 * 2 * pi
 """From the first beam to the last: scanners that turn all around may go on a little."""
+_RIGID = 1e-3
+"""Largest error of a rotation matrix's Gram matrix: that of a quaternion in float32 is a thousandth of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,4 +128,29 @@ class FloorFrame(_Stamped):
             )
 
 
-Observation = LaserScan | Image | DepthImage | FloorFrame
+@dataclass(frozen=True, eq=False)
+class Odometry(_Stamped):
+    """Pose of a moving base in its odometry frame at the stamp, as wheels or a localization estimate it.
+
+    `frame_from_base` takes the base's coordinates (x ahead, y left, z up, metres) to those of the odometry frame. That frame
+    is fixed in the room up to the estimate's error: it drifts, and jumps where the estimate is corrected. The rig says where
+    it lies in the room (`trackers.rig.OdometrySensor`). Raises InputError for a matrix that is no rigid transform.
+    """
+
+    frame_from_base: NDArray[np.float64]  # (4, 4)
+
+    def __post_init__(self) -> None:
+        matrix = self.frame_from_base
+        if matrix.shape != (4, 4):
+            raise InputError(
+                f"odometry {self.sensor!r}: the pose has shape {matrix.shape}; a matrix (4, 4) is expected"
+            )
+        gram = matrix[:3, :3].T @ matrix[:3, :3]
+        if not (np.isfinite(matrix).all() and np.allclose(gram, np.eye(3), atol=_RIGID)):
+            raise InputError(
+                f"odometry {self.sensor!r}: the pose is no rigid transform; finite numbers and a quaternion of length 1 "
+                "are expected"
+            )
+
+
+Observation = LaserScan | Image | DepthImage | FloorFrame | Odometry

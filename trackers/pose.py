@@ -44,6 +44,19 @@ class Pose(Strict):
         """Translation [m], (3,)."""
         return np.array(self.xyz)
 
+    @property
+    def matrix(self) -> NDArray[np.float64]:
+        """Homogeneous transform from the frame to its surroundings, (4, 4)."""
+        whole = np.eye(4)
+        whole[:3, :3], whole[:3, 3] = _rotation(self.rpy), self.xyz
+        return whole
+
+    @classmethod
+    def from_transform(cls, matrix: NDArray[np.float64]) -> Pose:
+        """Make the pose of a homogeneous transform (4, 4)."""
+        x, y, z = matrix[:3, 3].tolist()
+        return cls.from_matrix(matrix[:3, :3], (x, y, z))
+
     @classmethod
     def from_matrix(cls, rotation: NDArray[np.float64], xyz: Point3) -> Pose:
         """Make the pose with this rotation matrix (3, 3) and origin [m]."""

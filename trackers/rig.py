@@ -24,6 +24,7 @@ from trackers.rig_sensors import (
     FloorSensor,
     LaserSensor,
     Name,
+    OdometrySensor,
     PinholeSensor,
     RigSensor,
     Role,
@@ -40,6 +41,7 @@ __all__ = [
     "FloorSensor",
     "LaserSensor",
     "Name",
+    "OdometrySensor",
     "PinholeSensor",
     "Point2",
     "Pose",
@@ -150,12 +152,29 @@ class Rig(Strict):
     def _has_sensors(self) -> Rig:
         if not self.sensors:
             raise ValueError("sensors is empty; a rig needs at least one sensor")
+        if len(self.odometry()) == len(self.sensors):
+            raise ValueError("sensors has odometry alone; a rig needs at least one sensor that sees people")
+        return self
+
+    @model_validator(mode="after")
+    def _bases_are_there(self) -> Rig:
+        bases = self.odometry()
+        for name, base in self.mounted().items():
+            if base not in bases:
+                valid = (
+                    f"valid are {', '.join(bases)}"
+                    if bases
+                    else "the rig has none, and one of kind odometry is expected"
+                )
+                raise ValueError(f"sensors.{name}.mounted_on is {base!r}, which is no odometry; {valid}")
         return self
 
     @model_validator(mode="after")
     def _topics_are_their_own(self) -> Rig:
         owners: dict[str, str] = {}
         for name, sensor in self.sensors.items():
+            if isinstance(sensor, OdometrySensor) and sensor.frame is not None:
+                continue  # any number of bases may be told by the same transforms
             for part in ("topic", "depth_topic"):
                 topic = getattr(sensor, part, None)
                 if topic is None:
@@ -169,8 +188,9 @@ class Rig(Strict):
 
     @model_validator(mode="after")
     def _main_is_there(self) -> Rig:
-        if self.main is not None and self.main not in self.sensors:
-            raise ValueError(f"main is {self.main!r}, which is no sensor; valid are {', '.join(self.sensors)}")
+        valid = [name for name in self.sensors if name not in self.odometry()]
+        if self.main is not None and self.main not in valid:
+            raise ValueError(f"main is {self.main!r}, which is no sensor; valid are {', '.join(valid)}")
         return self
 
     def lasers(self) -> dict[str, LaserSensor]:
@@ -185,6 +205,15 @@ class Rig(Strict):
         """Return the pressure floors by name."""
         return {name: sensor for name, sensor in self.sensors.items() if isinstance(sensor, FloorSensor)}
 
+    def odometry(self) -> dict[str, OdometrySensor]:
+        """Return the odometry of moving bases by name."""
+        return {name: sensor for name, sensor in self.sensors.items() if isinstance(sensor, OdometrySensor)}
+
+    def mounted(self) -> dict[str, str]:
+        """Return the name of the odometry on whose base a sensor moves, by sensor; those that stand are left out."""
+        bases = {name: getattr(sensor, "mounted_on", None) for name, sensor in self.sensors.items()}
+        return {name: base for name, base in bases.items() if base is not None}
+
     @property
     def main_sensor(self) -> str:
         """The sensor at whose stamps trackers report: `main`, else by what the sensors are, whatever their order.
@@ -196,7 +225,9 @@ class Rig(Strict):
             return self.main
         ranks = ("waist", "knee", "fisheye", "camera", "stereo", "floor")
         parts = {
-            name: each.layer if isinstance(each, LaserSensor) else each.kind for name, each in self.sensors.items()
+            name: each.layer if isinstance(each, LaserSensor) else each.kind
+            for name, each in self.sensors.items()
+            if not isinstance(each, OdometrySensor)
         }
         return min(parts, key=lambda name: (ranks.index(parts[name]), name))
 

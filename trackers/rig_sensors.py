@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, Field, PositiveInt, StringConstraints, model_validator
+from pydantic import AfterValidator, Field, PositiveInt, StringConstraints, ValidationInfo, model_validator
 
 from trackers.cameras.fisheye import FisheyeIntrinsics
 from trackers.cameras.pinhole import PinholeIntrinsics
@@ -65,8 +65,9 @@ def check_cells(rows: int, columns: int) -> None:
         )
 
 
-def _above_the_floor(pose: Pose) -> Pose:
-    check_height(pose)
+def _above_the_floor(pose: Pose, info: ValidationInfo) -> Pose:
+    if info.data.get("mounted_on") is None:
+        check_height(pose)
     return pose
 
 
@@ -82,6 +83,13 @@ def _in_the_floor(pose: Pose) -> Pose:
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$", max_length=100)]
 """A name: it becomes a topic, a file name and a column, so letters, digits, '-' and '_' only, a letter first."""
+MountedOn = Annotated[
+    Name | None,
+    Field(
+        description="name of the rig's odometry whose moving base carries the sensor: room_from_sensor is its pose in the "
+        "frame of that base then; none: it stands in the room"
+    ),
+]
 Topic = Annotated[str, StringConstraints(pattern=r"^/*[^/\s][^\s]*$")]
 HungPose = Annotated[Pose, AfterValidator(_above_the_floor)]
 FloorPose = Annotated[Pose, AfterValidator(_in_the_floor)]
@@ -98,6 +106,7 @@ class LaserSensor(Strict):
 
     kind: Literal["laser"] = Field(default="laser", description="the kind of sensor: a planar laser scanner")
     topic: Topic = Field(description="topic of its scans (LaserScan)")
+    mounted_on: MountedOn = None
     room_from_sensor: HungPose = Field(
         default=Pose(), description="pose in the room of its frame: x ahead, y left, z up"
     )
@@ -126,6 +135,7 @@ class FisheyeSensor(Strict):
 
     kind: Literal["fisheye"] = Field(default="fisheye", description="the kind of sensor: a fisheye camera")
     topic: Topic = Field(description="topic of its pictures (CompressedImage)")
+    mounted_on: MountedOn = None
     room_from_sensor: HungPose = Field(
         default=Pose(), description="pose in the room of its optical frame: x right, y down, z ahead"
     )
@@ -145,6 +155,7 @@ class PinholeSensor(Strict):
 
     kind: Literal["camera"] = Field(default="camera", description="the kind of sensor: a pinhole camera")
     topic: Topic = Field(description="topic of its pictures (CompressedImage)")
+    mounted_on: MountedOn = None
     room_from_sensor: HungPose = Field(
         default=Pose(), description="pose in the room of its optical frame: x right, y down, z ahead"
     )
@@ -176,6 +187,7 @@ class StereoSensor(Strict):
         default="",
         description="topic of its depth pictures (16-bit PNG, mm); empty: beside that of the colour pictures",
     )
+    mounted_on: MountedOn = None
     room_from_sensor: HungPose = Field(
         default=Pose(), description="pose in the room of the left view's optical frame: x right, y down, z ahead"
     )
@@ -277,6 +289,44 @@ class FloorSensor(Strict):
         return local @ self.room_from_sensor.rotation[:2, :2].T + self.room_from_sensor.translation[:2]
 
 
+class OdometrySensor(Strict):
+    """The odometry of a moving base, on which other sensors of the rig are `mounted_on`.
+
+    Its poses come from messages of their own (nav_msgs/Odometry), or from transforms (`/tf`), of which the two frames are
+    named then. `room_from_sensor` is the pose in the room of the odometry frame, that in which its poses are; by default
+    tracks leave in the odometry frame itself.
+    """
+
+    kind: Literal["odometry"] = Field(default="odometry", description="the kind of sensor: odometry of a moving base")
+    topic: Topic = Field(
+        description="topic of its poses (Odometry), or of transforms (TFMessage) with both frames named"
+    )
+    frame: str | None = Field(
+        default=None,
+        min_length=1,
+        description="with transforms: the frame that stands, like odom; none: as messages say",
+    )
+    base_frame: str | None = Field(
+        default=None, min_length=1, description="with transforms: the frame that moves, like base_link"
+    )
+    room_from_sensor: Pose = Field(
+        default=Pose(), description="pose in the room of its odometry frame; the origin: tracks leave in that frame"
+    )
+    time_offset_s: TimeOffset = Field(
+        default=0.0, description="what is added to its stamps to bring them on the rig's clock [s]"
+    )
+
+    @model_validator(mode="after")
+    def _both_frames(self) -> OdometrySensor:
+        if (self.frame is None) != (self.base_frame is None):
+            raise ValueError("one of frame and base_frame is missing; both are expected with transforms, else none")
+        if self.frame is not None and self.frame.strip("/") == (self.base_frame or "").strip("/"):
+            raise ValueError(
+                f"frame and base_frame are both {self.frame!r}; one that stands and one that moves are expected"
+            )
+        return self
+
+
 CameraSensor = FisheyeSensor | PinholeSensor | StereoSensor
 """Whatever takes pictures."""
 
@@ -292,5 +342,6 @@ def _placed_camera(sensor: Any) -> PlacedCamera:
 
 
 RigSensor = Annotated[
-    LaserSensor | FisheyeSensor | PinholeSensor | StereoSensor | FloorSensor, Field(discriminator="kind")
+    LaserSensor | FisheyeSensor | PinholeSensor | StereoSensor | FloorSensor | OdometrySensor,
+    Field(discriminator="kind"),
 ]

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.observations import DepthImage, FloorFrame, Image, LaserScan, Observation
+from trackers.observations import DepthImage, FloorFrame, Image, LaserScan, Observation, Odometry
 
 _ROWS = 8
 """Of a picture, each so many rows are compared."""
@@ -73,4 +73,6 @@ def _values(observation: Observation) -> NDArray:
             return observation.rgb[::_ROWS]
         case FloorFrame():
             return observation.values
+        case Odometry():  # one that stands says the same again and again, and is believed: fewer values than _LEAST
+            return observation.frame_from_base[:3]
     raise TypeError(f"no reading of a sensor: {type(observation).__name__}")

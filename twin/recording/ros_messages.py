@@ -16,15 +16,24 @@ from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.stores.ros2_humble import (
     builtin_interfaces__msg__Time as Time,
+    geometry_msgs__msg__Point as Point,
+    geometry_msgs__msg__Pose as PoseMessage,
+    geometry_msgs__msg__PoseWithCovariance as PoseWithCovariance,
+    geometry_msgs__msg__Quaternion as Quaternion,
+    geometry_msgs__msg__Twist as Twist,
+    geometry_msgs__msg__TwistWithCovariance as TwistWithCovariance,
+    geometry_msgs__msg__Vector3 as Vector3,
+    nav_msgs__msg__Odometry as OdometryMessage,
     sensor_msgs__msg__CompressedImage as CompressedImage,
     sensor_msgs__msg__Image as RawImageMessage,
     sensor_msgs__msg__LaserScan as LaserScanMessage,
     std_msgs__msg__Header as Header,
     std_msgs__msg__String as String,
 )
+from scipy.spatial.transform import Rotation
 
 from trackers.errors import InputError
-from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation
+from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation, Odometry
 from twin.recording import topics
 from twin.recording.colour_images import decode_compressed, decode_raw, raw_pixels
 from twin.recording.depth_images import PNG_FORMAT, encode_png
@@ -32,6 +41,7 @@ from twin.recording.depth_images import PNG_FORMAT, encode_png
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
 COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
 RAW_IMAGE = "sensor_msgs/msg/Image"
+ODOMETRY = "nav_msgs/msg/Odometry"
 STRING = "std_msgs/msg/String"
 
 # The messages used here are the same in every ROS 2 distribution; Humble's definitions are the oldest still maintained.
@@ -80,6 +90,8 @@ def encode(observation: Observation, *, jpeg_quality: int = 90) -> Encoded:
             return _encode_image(observation, jpeg_quality)
         case DepthImage():
             return _encode_depth_image(observation, jpeg_quality)
+        case Odometry():
+            return _encode_odometry(observation)
 
 
 def decode(data: bytes | memoryview, msgtype: str, sensor: str, *, kind: str | None = None) -> Observation:
@@ -88,7 +100,7 @@ def decode(data: bytes | memoryview, msgtype: str, sensor: str, *, kind: str | N
 
 
 def from_message(message: Any, sensor: str, *, kind: str | None = None, offset_ns: int = 0) -> Observation:
-    """Convert a ROS 1 or ROS 2 message to an observation: LaserScan, CompressedImage, or Image.
+    """Convert a ROS 1 or ROS 2 message to an observation: LaserScan, CompressedImage, Image, or Odometry.
 
     An Image's encoding is one of `twin.recording.colour_images.CHANNELS`.
 
@@ -99,6 +111,9 @@ def from_message(message: Any, sensor: str, *, kind: str | None = None, offset_n
     stamp_ns = stamp_of(message) + offset_ns
     if kind == "floor":
         return _floor(message, sensor, stamp_ns)
+    if message.__msgtype__ == ODOMETRY:
+        pose = message.pose.pose
+        return Odometry(sensor, stamp_ns, matrix_of(pose.position, pose.orientation))
     if message.__msgtype__ == LASER_SCAN:
         return _scan(
             sensor,
@@ -116,7 +131,7 @@ def from_message(message: Any, sensor: str, *, kind: str | None = None, offset_n
         return Image(sensor, stamp_ns, decode_raw(message, f"image of {sensor!r}"))
     raise InputError(
         f"message of {sensor!r}: type is {message.__msgtype__}; "
-        f"{LASER_SCAN}, {COMPRESSED_IMAGE} or {RAW_IMAGE} is expected"
+        f"{LASER_SCAN}, {COMPRESSED_IMAGE}, {RAW_IMAGE} or {ODOMETRY} is expected"
     )
 
 
@@ -130,6 +145,21 @@ def time_message(stamp_ns: int) -> Time:
     """Convert a stamp to ROS's Time: whole seconds, and nanoseconds (never negative)."""
     seconds, nanoseconds = divmod(stamp_ns, NS_PER_S)
     return Time(seconds, nanoseconds)
+
+
+def matrix_of(place: Any, turn: Any) -> NDArray[np.float64]:
+    """Return the transform (4, 4) of a message's point or vector and quaternion, of which only the direction counts.
+
+    NaN throughout where the quaternion is zero or not finite.
+    """
+    quaternion = np.array([turn.x, turn.y, turn.z, turn.w], dtype=float)
+    matrix = np.eye(4)
+    length = float(np.linalg.norm(quaternion))
+    if not (np.isfinite(length) and length > 0):
+        return np.full((4, 4), np.nan)
+    matrix[:3, :3] = Rotation.from_quat(quaternion / length).as_matrix()
+    matrix[:3, 3] = place.x, place.y, place.z
+    return matrix
 
 
 def string_message(content: object) -> memoryview:
@@ -229,6 +259,24 @@ def _encode_floor(frame: FloorFrame) -> Encoded:
         data=observation.values.ravel(),
     )
     return Encoded(observation, RAW_IMAGE, topics.FLOOR, TYPESTORE.serialize_cdr(message, RAW_IMAGE))
+
+
+def _encode_odometry(odometry: Odometry) -> Encoded:
+    """Encode a pose; covariances and velocities stay 0, ROS's "not known"."""
+    matrix = odometry.frame_from_base
+    x, y, z, w = (float(each) for each in Rotation.from_matrix(matrix[:3, :3]).as_quat())
+    place = Point(*(float(each) for each in matrix[:3, 3]))
+    nothing = Vector3(0.0, 0.0, 0.0)
+    message = OdometryMessage(
+        header=Header(time_message(odometry.stamp_ns), topics.odometry_frame(odometry.sensor)),
+        child_frame_id=odometry.sensor,
+        pose=PoseWithCovariance(PoseMessage(place, Quaternion(x, y, z, w)), np.zeros(36)),
+        twist=TwistWithCovariance(Twist(nothing, nothing), np.zeros(36)),
+    )
+    observation = Odometry(
+        odometry.sensor, odometry.stamp_ns, matrix_of(message.pose.pose.position, message.pose.pose.orientation)
+    )
+    return Encoded(observation, ODOMETRY, topics.ODOMETRY, TYPESTORE.serialize_cdr(message, ODOMETRY))
 
 
 def _floor(message: Any, sensor: str, stamp_ns: int) -> FloorFrame:

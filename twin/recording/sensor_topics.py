@@ -11,7 +11,7 @@ from trackers.errors import InputError
 from trackers.rig import LaserSensor, Rig, StereoSensor, normal_topic
 from twin.recording.bag import Topic
 from twin.recording.losses import Loss
-from twin.recording.ros_messages import COMPRESSED_IMAGE, LASER_SCAN, RAW_IMAGE
+from twin.recording.ros_messages import COMPRESSED_IMAGE, LASER_SCAN, ODOMETRY, RAW_IMAGE
 
 _PICTURES = (COMPRESSED_IMAGE, RAW_IMAGE)
 MSGTYPES = {
@@ -20,6 +20,7 @@ MSGTYPES = {
     "camera": _PICTURES,
     "stereo": _PICTURES,
     "floor": (RAW_IMAGE,),
+    "odometry": (ODOMETRY,),
 }
 _BACKGROUND = "/background/"
 

@@ -31,13 +31,14 @@ from rosbags.typesys.stores.ros2_humble import (
 from scipy.spatial.transform import Rotation
 
 from trackers.cameras import FisheyeIntrinsics, PinholeIntrinsics
-from trackers.observations import NS_PER_S, Observation
-from trackers.rig import CameraSensor, Pose, Rig, StereoSensor
+from trackers.observations import NS_PER_S, Observation, Odometry
+from trackers.rig import CameraSensor, OdometrySensor, Rig, RigSensor, StereoSensor
 from twin.recording import topics
 from twin.recording.bag_files import McapFile
 from twin.recording.ros_messages import (
     COMPRESSED_IMAGE,
     LASER_SCAN,
+    ODOMETRY,
     RAW_IMAGE,
     STRING,
     TYPESTORE,
@@ -58,6 +59,7 @@ _MSGTYPES = {
     "camera": COMPRESSED_IMAGE,
     "stereo": COMPRESSED_IMAGE,
     "floor": RAW_IMAGE,
+    "odometry": ODOMETRY,
 }
 _FOREVER = QosTime(9223372036, 854775807)  # ROS's RMW_DURATION_INFINITE
 
@@ -128,6 +130,8 @@ class BagWriter(McapFile):
                 topics.sensor_topic(sensor, topics.CAMERA_INFO), arrival_ns, self._camera_info_at(encoded.observation)
             )
         self.write(self._rig.sensors[sensor].topic, arrival_ns, encoded.data)
+        if isinstance(encoded.observation, Odometry):
+            self.write(topics.TF, arrival_ns, _moved(encoded.observation))
         for part in encoded.more:
             self.write(self._topic(sensor, part.topic_suffix), arrival_ns, part.data)
 
@@ -155,6 +159,9 @@ class BagWriter(McapFile):
         for name, sensor in self._rig.sensors.items():
             msgtype = _MSGTYPES[sensor.kind]
             self.connect(sensor.topic, msgtype)
+            if isinstance(sensor, OdometrySensor):
+                self.connect(topics.TF, TF_MESSAGE)
+                continue
             background = topics.background_topic(name, topics.SUFFIXES[sensor.kind])
             self.connect(background, msgtype, latched(depth=1000))
             if isinstance(sensor, StereoSensor):
@@ -171,7 +178,7 @@ class BagWriter(McapFile):
         self.write(topics.RIG, 0, TYPESTORE.serialize_cdr(String(self._rig.dump_yaml()), STRING))
         if self._scenario_yaml is not None:
             self.write(topics.SCENARIO, 0, TYPESTORE.serialize_cdr(String(self._scenario_yaml), STRING))
-        transforms = [_transform(name, sensor.room_from_sensor) for name, sensor in self._rig.sensors.items()]
+        transforms = [_hung(name, sensor) for name, sensor in self._rig.sensors.items()]
         self.write(topics.TF_STATIC, 0, TYPESTORE.serialize_cdr(TFMessage(transforms), TF_MESSAGE))
         write_outline(self, self._outline)
 
@@ -212,22 +219,31 @@ def latched(depth: int) -> tuple[Qos, ...]:
     )
 
 
-def _transform(sensor: str, room_from_sensor: Pose) -> TransformStamped:
-    return _stamped(sensor, room_from_sensor.rotation, room_from_sensor.xyz)
+def _hung(name: str, sensor: RigSensor) -> TransformStamped:
+    """Return the pose of a sensor in the room or on its base; of odometry, that of its frame in the room."""
+    child = topics.odometry_frame(name) if isinstance(sensor, OdometrySensor) else name
+    return transform_message(child, sensor.room_from_sensor.matrix, parent=getattr(sensor, "mounted_on", None))
 
 
-def transform_message(child: str, room_from_child: NDArray[np.float64]) -> TransformStamped:
-    """Return a frame's pose in the room as a transform for `/tf_static`; room_from_child: (4, 4)."""
-    x, y, z = room_from_child[:3, 3].tolist()
-    return _stamped(child, room_from_child[:3, :3], (x, y, z))
+def _moved(odometry: Odometry) -> memoryview:
+    """Encode the pose of a base in its odometry frame as a transform for `/tf`."""
+    base = odometry.sensor
+    transform = transform_message(
+        base, odometry.frame_from_base, parent=topics.odometry_frame(base), stamp_ns=odometry.stamp_ns
+    )
+    return TYPESTORE.serialize_cdr(TFMessage([transform]), TF_MESSAGE)
 
 
-def _stamped(child: str, rotation: NDArray[np.float64], xyz: tuple[float, float, float]) -> TransformStamped:
-    x, y, z, w = Rotation.from_matrix(rotation).as_quat()
+def transform_message(
+    child: str, parent_from_child: NDArray[np.float64], *, parent: str | None = None, stamp_ns: int = 0
+) -> TransformStamped:
+    """Return a frame's pose (4, 4) in its parent's, by default the room's, as a transform for `/tf` or `/tf_static`."""
+    place = (float(each) for each in parent_from_child[:3, 3])
+    turn = (float(each) for each in Rotation.from_matrix(parent_from_child[:3, :3]).as_quat())
     return TransformStamped(
-        header=Header(time_message(0), topics.ROOM_FRAME),
+        header=Header(time_message(stamp_ns), topics.ROOM_FRAME if parent is None else parent),
         child_frame_id=child,
-        transform=Transform(Vector3(*xyz), Quaternion(float(x), float(y), float(z), float(w))),
+        transform=Transform(Vector3(*place), Quaternion(*turn)),
     )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation
+from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation, Odometry
 from trackers.rig import CameraSensor, FisheyeSensor, FloorSensor, LaserSensor, PinholeSensor, StereoSensor
 from twin.instant.snapshot import Snapshot, SnapshotSource
 from twin.sensors.sensor import Reading, Sensor
@@ -130,6 +130,8 @@ def _values(observation: Observation) -> dict[str, NDArray]:
             return {"observation": observation.rgb, "depth": observation.depth_m}
         case FloorFrame():
             return {"observation": observation.values}
+        case Odometry():
+            return {"observation": observation.frame_from_base}
 
 
 def _same(one: dict[str, NDArray], other: dict[str, NDArray]) -> bool:
