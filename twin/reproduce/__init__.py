@@ -1,1 +1,1 @@
-"""Reproductions of published tables and figures, theirs beside ours: what `twin reproduce` runs."""
+"""Reproductions of published tables and figures beside our results, for `twin reproduce`."""

@@ -1,7 +1,7 @@
 """Confidence intervals by the percentile bootstrap over runs (Efron and Tibshirani, 1993).
 
-A count of scans at which one curve is below another is no smooth figure: where the curves are close, a replicate's added
-noise decides, so that the interval of a count near all or none lies towards the middle.
+The number of scans at which one curve is below another is not smooth: where curves are close, a replicate's noise decides,
+so the interval of a count near all or none is drawn to the middle.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ class Interval:
 
 
 class Bootstrap:
-    """Multiplicity of each of n runs in each replicate; row 0 is the runs as they are.
+    """Multiplicity of each of n runs in each replicate; row 0 is the original sample.
 
-    The same draws serve every metric, so that metrics of the same runs are compared run by run.
+    All metrics share the draws, so that they are compared run by run.
     """
 
     def __init__(self, n_run: int, rng: np.random.Generator, n_replicate: int = N_REPLICATE) -> None:
@@ -49,7 +49,7 @@ class Bootstrap:
     def difference(self, change: Array) -> Interval:
         """Compute the mean of differences of counts (n,), paired by run, with its interval.
 
-        Where no run differs, the interval is as `rate` has it for no event, either way.
+        If no run differs, the interval is that of `rate` for no event, on both sides.
         """
         if not change.any():
             return Interval(0.0, -POISSON_ZERO_UPPER / len(change), POISSON_ZERO_UPPER / len(change))
@@ -58,8 +58,8 @@ class Bootstrap:
     def rate(self, counts: Array, exposure: Array) -> Interval:
         """Compute events per exposure, from counts (n,) and exposures (n,) of each run, with its interval.
 
-        Where nothing happened in any run the bootstrap sees no doubt; the upper end is then that of Poisson's exact
-        interval for no event, `POISSON_ZERO_UPPER` events in all exposure together (Garwood, Biometrika 28, 1936).
+        Without any event the bootstrap interval has no width; the upper end is then that of Poisson's exact interval,
+        `POISSON_ZERO_UPPER` events in all exposure together (Garwood, Biometrika 28, 1936).
         """
         if not counts.any():
             return Interval(0.0, 0.0, POISSON_ZERO_UPPER / float(exposure.sum()))
@@ -67,7 +67,7 @@ class Bootstrap:
 
 
 def interval(values: Array) -> Interval:
-    """Compute the interval of (1 + replicates,) values, the first over the runs as they are."""
+    """Compute the interval of (1 + replicates,) values, the first of the original sample."""
     low, high = np.quantile(values[1:], [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
     return Interval(float(values[0]), float(low), float(high))
 

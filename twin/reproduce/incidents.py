@@ -26,7 +26,7 @@ _LIMIT_S = 300.0
 
 @dataclass(frozen=True)
 class CaseIncident:
-    """A misidentification or a loss, and its case."""
+    """Misidentification or loss, and its case."""
 
     case: Case
     incident: Incident
@@ -47,7 +47,7 @@ class FilmStrip:
 
 
 def round_robin(incidents: Sequence[CaseIncident]) -> list[CaseIncident]:
-    """Order incidents: the first of each kind of every run, then the second ones and so on; the order is kept otherwise."""
+    """Order incidents: the first of each kind of every run, then the second ones and so on, otherwise stable."""
     rank: dict[tuple[int, str], int] = {}
     ranked = []
     for each in incidents:
@@ -65,7 +65,7 @@ def draw_film_strips(
     on_progress: Callable[[str, float, float], None] | None = None,
     on_failure: Callable[[str], object] = lambda message: None,
 ) -> list[FilmStrip]:
-    """Draw the incidents in order; one that cannot be drawn is reported and left out. names: labels of trackers."""
+    """Draw the incidents in order; failures are reported and left out. names: labels of trackers."""
     tasks = [
         Task(
             f"strip-{number}",
@@ -109,7 +109,7 @@ def draw_film_strips(
 
 
 def write_film_strips(folder: Path, strips: Sequence[FilmStrip]) -> None:
-    """Write the pictures under names that say what they show; raises InputError where they cannot be written."""
+    """Write the pictures under descriptive names; raises InputError where they cannot be written."""
     for strip in strips:
         name = f"{strip.condition}-{strip.seed}-{strip.column}-{strip.t_s:.1f}s-{strip.kind}"
         with atomic_path(folder / f"{re.sub('[^A-Za-z0-9.]+', '-', name)}.jpg") as partial:
@@ -119,7 +119,7 @@ def write_film_strips(folder: Path, strips: Sequence[FilmStrip]) -> None:
 def write_incidents(path: Path, incidents: Iterable[CaseIncident], names: Mapping[str, str]) -> None:
     """Write every misidentification and loss as a row: condition, seed, column, t_s, kind, what, report.
 
-    names: what trackers are called. Of a case with more than 20 events, switches included, the first 20 are there.
+    names: labels of trackers. At most 20 events of a case, switches included.
     """
     with open_atomic(path) as stream:
         rows = csv.writer(stream, lineterminator="\n")

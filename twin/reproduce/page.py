@@ -16,9 +16,9 @@ from twin.recording.atomic_file import open_atomic
 
 
 def write_page(path: Path, template_name: str, command: str, drawn: Mapping[str, str], **content: Any) -> None:
-    """Write a page from a template of this package; it takes its name when it is whole.
+    """Write a page from a template of this package; it takes its name when complete.
 
-    command: how to get the same again; drawn: plots as SVG by name, `plots` in the template. Raises InputError where the
+    command: the command that repeats it; drawn: plots as SVG by name, `plots` in the template. Raises InputError where the
     file cannot be written.
     """
     plots = {name: data_uri(svg) for name, svg in drawn.items()}
@@ -43,7 +43,7 @@ def data_uri(svg: str) -> str:
 
 @cache
 def template(name: str) -> Template:
-    """Load a page of this package, on the base that all share."""
+    """Load a page of this package, on the shared base."""
     environment = Environment(
         loader=PackageLoader("twin.reproduce", "."),
         autoescape=True,
@@ -62,7 +62,7 @@ INK, QUIET, RULE, SHADE = "#1b1f27", "#606977", "#e3e5e9", "#eef0f3"
 
 @contextmanager
 def plot_style() -> Iterator[None]:
-    """Apply the style of the reports to what is drawn and saved in the block."""
+    """Apply the style of the reports to plots drawn and saved in the block."""
     import matplotlib
 
     with matplotlib.rc_context(
@@ -82,14 +82,14 @@ def plot_style() -> Iterator[None]:
             "grid.color": RULE,
             "axes.axisbelow": True,
             "svg.fonttype": "none",
-            "svg.hashsalt": "roomtwin",  # the same ids in every run, so that the same results make the same file
+            "svg.hashsalt": "roomtwin",  # constant ids, so that equal results make equal files
         }
     ):
         yield
 
 
 def to_svg(figure: Figure) -> str:
-    """Convert a plot to an SVG document, the same for the same plot."""
+    """Convert a plot to an SVG document, deterministically."""
     drawn = io.StringIO()
     figure.savefig(drawn, format="svg", metadata={"Date": None})
     return drawn.getvalue()

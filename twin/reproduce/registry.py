@@ -1,4 +1,4 @@
-"""Registry of reproductions: name, options, and the module that does it."""
+"""Registry of reproductions: name, options, and module."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from twin.reproduce.results import ResultRow
 
 Outputs = tuple[list["ResultRow"], dict[str, Path]]
-"""Every result, and the files written by name."""
+"""All results, and the files written, by name."""
 
 
 @dataclass(frozen=True)
 class Request:
-    """Arguments of a reproduction: runs with seeds from `seed` on, and options that not every one has (None: default)."""
+    """Arguments of a reproduction: runs with seeds from `seed` on, and options that only some accept (None: default)."""
 
     name: str
     seed: int
@@ -37,16 +37,16 @@ class Request:
 
     @property
     def command(self) -> str:
-        """Command that gives the same again, without the options of one reproduction."""
+        """Command that repeats it, without options of a single reproduction."""
         return f"twin reproduce {self.name} --seeds {self.n_seed}" + (f" --seed {self.seed}" if self.seed else "")
 
 
 @dataclass(frozen=True)
 class Reproduction:
-    """A reproduction; options: of its own; n_seed: number of seeds by default.
+    """Reproduction; options: its own; n_seed: default number of seeds.
 
-    module: has `reproduce(folder, request, on_progress) -> Outputs`, which writes into the folder and raises InputError for what
-    cannot be. beyond: results whose `where` starts so are on the page alone, not in the terminal.
+    module: has `reproduce(folder, request, on_progress) -> Outputs`, which writes into the folder and raises InputError for
+    invalid input. beyond: prefix of `where` of results that are on the page but not on the terminal.
     """
 
     summary: str
@@ -56,12 +56,12 @@ class Reproduction:
     beyond: str | None = None
 
     def run(self, folder: Path, request: Request, on_progress: OnProgress | None = None) -> Outputs:
-        """Run it."""
+        """Run the reproduction."""
         return import_module(self.module).reproduce(folder, request, on_progress)
 
 
 SUITE_OPTIONS = frozenset({"--suite", "--jobs", "--resume"})
-"""Options of every reproduction that runs the twin."""
+"""Options of every reproduction that simulates."""
 
 REPRODUCTIONS: Mapping[str, Reproduction] = {
     "laser-fisheye-imm": Reproduction(

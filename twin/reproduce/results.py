@@ -1,7 +1,7 @@
-"""Results of a reproduction, row by row: the paper's value, and those of three systems here; `results.json`, and their texts.
+"""Results of a reproduction by row: the paper's value and those of three systems; `results.json` and texts.
 
 The four columns: the paper's printed value; the paper's system here, by its own rules (a `-paper` preset); ours; and the
-plain baseline (`sort`, `floor-kalman`). All systems here follow the same recordings.
+plain baseline (`sort`, `floor-kalman`). All systems here track the same recordings.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from twin.reproduce.bootstrap import Interval
 
 @dataclass(frozen=True)
 class SystemValue:
-    """The same value of another system, over the same runs as ours. tracker: its preset; ci95: over those runs."""
+    """Value of another system over the same runs. tracker: its preset; ci95: over those runs."""
 
     tracker: str
     value: float
@@ -32,15 +32,15 @@ class SystemValue:
 
     @classmethod
     def of(cls, tracker: str, found: Interval) -> SystemValue:
-        """Make it from a value with its interval."""
+        """Make the value from an interval."""
         return cls(tracker, found.value, (found.low, found.high))
 
 
 @dataclass(frozen=True)
 class ResultRow:
-    """One value of ours. paper: None where the paper prints none; ci95: over `runs` runs.
+    """One value of ours. paper: None if not printed; ci95: over `runs` runs.
 
-    paper_system: the paper's system here; baseline: the plain one's. None where they were not run, or have no such value.
+    paper_system: of the paper's system here; baseline: of the plain one. None if not run, or without such a value.
     """
 
     where: str
@@ -67,20 +67,20 @@ class ResultRow:
         paper_system: SystemValue | None = None,
         baseline: SystemValue | None = None,
     ) -> ResultRow:
-        """Make a result from a value with its interval."""
+        """Make a result from an interval."""
         interval = (ours.low, ours.high)
         return cls(where, row, column, paper, ours.value, interval, unit, runs, paper_system, baseline)
 
     @classmethod
     def from_json(cls, fields: Mapping[str, Any]) -> ResultRow:
-        """Make the result that `write_results` wrote as these fields."""
+        """Make the result from its fields in `results.json`."""
         others = {name: fields[name] for name in ("paper_system", "baseline") if fields.get(name) is not None}
         values = {name: SystemValue(**{**each, "ci95": tuple(each["ci95"])}) for name, each in others.items()}
         return cls(**{**fields, "ci95": tuple(fields["ci95"]), **values})
 
     @property
     def system_texts(self) -> tuple[tuple[str, str], tuple[str, str]]:
-        """Value and interval of the paper's system here, and of the baseline, as texts; a dash where there is none."""
+        """Value and interval of the paper's system here, and of the baseline, as texts; a dash for none."""
         return format_system(self.paper_system, self.unit), format_system(self.baseline, self.unit)
 
 
@@ -101,7 +101,7 @@ _DECIMALS = {
 }
 
 Row = tuple[ResultRow, str, str, str]
-"""A result, and the texts of the paper's value, ours and its interval."""
+"""Result, and the texts of the paper's value, ours and its interval."""
 
 
 def write_results(path: Path, results: Sequence[ResultRow]) -> None:
@@ -112,12 +112,14 @@ def write_results(path: Path, results: Sequence[ResultRow]) -> None:
 
 
 def format_rows(results: Sequence[ResultRow]) -> list[Row]:
-    """Format results as `rows.html.j2` shows them."""
+    """Format results for `rows.html.j2`."""
     return [(result, *format_result(result)) for result in results]
 
 
 def pivot_rows(results: Sequence[ResultRow], intervals: bool = True) -> Mapping[str, object] | None:
-    """Pivot results: a row per condition and tracker, a column per metric; of rows named "CONDITION, METRIC", or of choices."""
+    """Pivot results: one row per condition and tracker, one column per metric; of rows named "CONDITION, METRIC", or of
+    choices.
+    """
     found: dict[str, dict[str, tuple[str, str, str, list[str]]]] = {}
     for result, paper, ours, spread in format_rows(results):
         condition, _, metric = result.row.partition(", ")
@@ -137,7 +139,7 @@ def format_result(result: ResultRow) -> tuple[str, str, str]:
 
 
 def format_system(found: SystemValue | None, unit: str) -> tuple[str, str]:
-    """Format the value of another system and its interval; a dash and nothing where there is none."""
+    """Format the value of another system and its interval; a dash and an empty text for none."""
     return ("–", "") if found is None else (_value(found.value, unit), _interval(found.ci95, unit))
 
 
@@ -155,7 +157,7 @@ def _shown(unit: str) -> str:
 
 
 def format_ranges(scans: NDArray[np.intp]) -> str:
-    """Format ascending scans, neighbours together: "3, 7–9"; "none" without any."""
+    """Format ascending scans with ranges: "3, 7–9"; "none" without any."""
     if len(scans) == 0:
         return "none"
     runs = np.split(scans, np.flatnonzero(np.diff(scans) > 1) + 1)
@@ -163,7 +165,7 @@ def format_ranges(scans: NDArray[np.intp]) -> str:
 
 
 def print_results(title: str, results: Sequence[ResultRow]) -> None:
-    """Print a table on stdout: the paper's values, those of its system here, ours, and the baseline's where any was run."""
+    """Print a table on stdout: values of the paper, its system here, ours, and the baseline if run."""
     has_systems = any(each.paper_system or each.baseline for each in results)
     table = Table(title=title)
     for heading in ("where", "row", "metric"):

@@ -1,6 +1,6 @@
-"""Runs of a reproduction: a suite with seeds of its own, run by the suite engine, and read back by condition.
+"""Runs of a reproduction: a suite with its own seeds, run by the suite engine, and read by condition.
 
-A condition is what an entry of the suite describes, or one of its variants.
+A condition is an entry of the suite, or one of its variants.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from twin.suites.tasks import State
 from twin.suites.worker import TRUTH, Incident, record, renderer_of, resolved_scenario
 
 SUITE_FOLDER = "suite"
-"""The folder of the suite's results within the reproduction's."""
+"""Folder of the suite's results within the reproduction's."""
 
 
 @dataclass(frozen=True)
 class SuiteRuns:
-    """Results of the suite engine: the cases of each condition by seed and tracker, their metrics and incidents.
+    """Results of the suite engine: cases of each condition by seed and tracker, their metrics and incidents.
 
-    by_condition holds the seeds of which all wanted trackers are done; not_done the ids of cases that are not.
+    by_condition holds the seeds of which all wanted trackers are done; not_done the ids of other cases.
     """
 
     by_condition: Mapping[str, Mapping[int, Mapping[str, Case]]]
@@ -47,7 +47,7 @@ class SuiteRuns:
 
 
 def condition_name(case: Case) -> str:
-    """Name a case's condition: its entry's name, and what tells it from that entry's other variants."""
+    """Name a case's condition: its entry's name, and its difference from that entry's other variants."""
     return f"{case.scenario} ({case.variant})" if case.variant else case.scenario
 
 
@@ -65,8 +65,8 @@ def run_conditions(
 ) -> RecordingCache:
     """Run the suite into `folder`; return the cache that holds its recordings.
 
-    Raises InputError for a folder that holds another suite's runs (or the same one's, without `resume`), and where it cannot
-    be written.
+    Raises InputError for a folder with another suite's runs (or the same one's, without `resume`), and where it cannot be
+    written.
     """
     try:
         (folder / SUITE_FOLDER).mkdir(parents=True, exist_ok=True)
@@ -100,8 +100,8 @@ def read_runs(
     trackers: Collection[str] | None = None,
     fewest: int = 2,
 ) -> SuiteRuns:
-    """Read the results of `run_conditions` in `folder`. A run counts where all of `trackers` (None: all of its
-    condition's) are done.
+    """Read the results of `run_conditions` in `folder`. A run counts if all of `trackers` (None: all of its condition's) are
+    done.
 
     Raises InputError where a condition has fewer than `fewest` such runs.
     """
@@ -134,7 +134,7 @@ def warn_of_failure(case_id: str, error: str) -> None:
 
 @contextmanager
 def case_recording(case: Case, cache: RecordingCache) -> Iterator[Path]:
-    """Give the folder of a case's recording, which is made again where it has left the cache."""
+    """Yield the folder of a case's recording, made again if no longer in the cache."""
     scenario = resolved_scenario(case)
     key = recording_key(case.resolved, renderer_of(scenario))
     with cache.recording(key, lambda folder: record(scenario, folder)) as (entry, _):
@@ -148,10 +148,10 @@ def case_truth(case: Case, runs: SuiteRuns) -> TruthTable:
 
 
 def case_tracks(case: Case, runs: SuiteRuns) -> TrackTable:
-    """Read the tracks of a case that is done."""
+    """Read the tracks of a finished case."""
     return read_tracks(runs.folder / SUITE_FOLDER / "cases" / case.id / "tracks" / f"{case.tracker}.csv")
 
 
 def number_or_nan(value: float | None) -> float:
-    """Convert a metric that may not apply (None) to a float."""
+    """Convert a metric, None if it does not apply, to a float."""
     return float("nan") if value is None else value

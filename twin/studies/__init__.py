@@ -1,1 +1,1 @@
-"""Find where sensors should go: search placements by coverage and tracking, validate the best, and plan the installation."""
+"""Sensor placement studies: search by coverage and tracking, validate the best placement, plan its installation."""

@@ -24,11 +24,10 @@ from twin.studies.spec import Study
 def apply_placement(study: Study, scenario: Scenario, poses: Sequence[CandidatePose]) -> Scenario:
     """Return the scenario with the poses' devices in place of its own; the same scenario without poses.
 
-    A device that stands for one sensor keeps its name, and more of them are called NAME-2, NAME-3 ... after their entry. Where
-    an entry stands for several, names like `west` say where those hung: theirs are NAME-1, NAME-2 ..., and what the scenario
-    says of the first, as its main sensor or in a fault, holds for the first again. Raises InputError where that is no
-    scenario: a fault of a sensor that is no longer there, a scanner that cannot have its role at this height, two sensors
-    of one name.
+    A device of one sensor keeps its name, and further ones are called NAME-2, NAME-3 ... after their entry. Devices of an
+    entry with several sensors are NAME-1, NAME-2 ..., since names like `west` describe old positions; references to the
+    first sensor, as main sensor or in a fault, then mean the first again. Raises InputError for an invalid result: a fault
+    of a removed sensor, a scanner that cannot have its role at this height, two sensors of one name.
     """
     if not poses:
         return scenario
@@ -72,12 +71,12 @@ def apply_placement(study: Study, scenario: Scenario, poses: Sequence[CandidateP
 
 
 def _names(own: Sequence[str], device_name: str, number: int) -> list[str]:
-    """Name the sensors of a device: the scenario's own name where there is one, then NAME-2 ... after the device."""
+    """Name the sensors of a device: by the scenario's own name if any, then NAME-2 ... after the device."""
     return [own[0] if k == 0 and len(own) == 1 else f"{device_name}-{k + 1}" for k in range(number)]
 
 
 def _described(description: Any, mount: Mount, kind: DeviceKind) -> Any:
-    """Describe a sensor of this kind at a mount in the room, its pose without what rotating it back and forth has rounded."""
+    """Describe a sensor of this kind at a mount in the room, with its pose freed of rounding by rotation."""
     angles = {each: round(getattr(mount, each), 9) + 0.0 for each in ("yaw_deg", "pitch_deg", "roll_deg")}
     x, y, z = (round(each, 9) + 0.0 for each in mount.xyz)
     mount = Mount(xyz=(x, y, z), **angles)
@@ -102,7 +101,7 @@ def _move_each(
     sensors: dict[str, Any],
     scenario: Scenario,
 ) -> dict[str, str]:
-    """Place devices of one sensor each; return the new names of the scenario's own sensors, as far as there are so many."""
+    """Place devices of one sensor each; return the new names of the scenario's own sensors, as far as they go."""
     for name in device.sensors:
         del sensors[name]
     names = _names(device.sensors, device_name, len(chosen))
@@ -159,7 +158,9 @@ def _move_housing(
 
 
 def write_scenario(path: Path, own: Scenario, changed: Scenario, own_file: Path, name: str, description: str) -> None:
-    """Write a scenario file that extends `own_file` (loads to `own`) and loads to `moved` but for its name; people stay."""
+    """Write a scenario file that extends `own_file` (which loads as `own`) and loads as `changed` except for its name and
+    people.
+    """
     shipped = models.MODELS / "scenarios"
     parent = own_file.stem if own_file.parent == shipped else os.path.relpath(own_file.resolve(), path.parent.resolve())
     before, now = (each.model_dump(mode="json", exclude_none=True) for each in (own, changed))

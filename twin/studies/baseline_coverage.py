@@ -1,4 +1,4 @@
-"""Measure the coverage of a scenario's own sensors, as metrics and as maps on a page; nothing is searched."""
+"""Measure the coverage of a scenario's own sensors, as metrics and as maps on a page."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Generate the candidate poses of a device, and find those that a room or a constraint rejects."""
+"""Candidate poses of a device, and those that a room or constraint rejects."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def sensor_positions(device: Device, scenario: Scenario, mounts: tuple[Mount, ..
 
 
 def candidate_mounts(device: Device, scenario: Scenario, building: Building, scene: Scene) -> list[tuple[Mount, ...]]:
-    """Return every position in every direction, with its mirror image where asked for; yaw and tilt in the room's frame."""
+    """Return every position in every direction, with mirror images if wanted; yaw and tilt in the room's frame."""
     first = first_sensor(device, scenario)
     described = scenario.sensors[first]
     lies = isinstance(described, FloorDescription)
@@ -60,7 +60,7 @@ def candidate_mounts(device: Device, scenario: Scenario, building: Building, sce
 
 
 def _every_place(device: Device, building: Building, own_pitch_deg: float) -> list[Mount]:
-    """Return every position, not yet turned: listed ones, along walls, below the ceiling, and in a box."""
+    """Return every position, not yet turned: listed, along walls, below the ceiling, and in a box."""
     bases: list[Mount] = [Mount(xyz=each.xyz, yaw_deg=each.yaw_deg, pitch_deg=each.pitch_deg) for each in device.places]
     if device.walls is not None:
         walls = device.walls
@@ -106,7 +106,7 @@ def _turned(device: Device, bases: list[Mount], middle: Array, *, is_camera: boo
 
 
 def _rounded(mount: Mount) -> Mount:
-    """Round to the millimetre and a hundredth of a degree, finer than anybody can read off a plan."""
+    """Round to the millimetre and a hundredth of a degree, finer than a plan can be read."""
     x, y, z = (round(each, 3) + 0.0 for each in mount.xyz)
     yaw = (mount.yaw_deg + 180) % 360 - 180
     return Mount(xyz=(x, y, z), yaw_deg=round(yaw, 2) + 0.0, pitch_deg=round(mount.pitch_deg, 2) + 0.0)
@@ -131,7 +131,7 @@ def rejection_reasons(
     mounts: list[tuple[Mount, ...]],
     held: list[Array],
 ) -> dict[str, Mask]:
-    """Return, by reason, the mask (n,) of a device's candidate poses that it rejects."""
+    """Return the mask (n,) of rejected candidate poses of a device by reason."""
     constraints, places = study.constraints, np.concatenate(held)
 
     def any_of(which: Mask) -> Mask:
@@ -160,7 +160,7 @@ def rejection_reasons(
 
 
 def cable_lengths_m(study: Study, building: Building, held: list[Array]) -> Array:
-    """Return the length of cable to each candidate pose (n,) [m], to each of a pair; 0 where cables are not counted."""
+    """Return the length of cable to each candidate pose (n,) [m], summed over a pair; 0 where cables do not count."""
     cable = study.constraints.cable
     if cable is None:
         return np.zeros(len(held))
@@ -173,7 +173,7 @@ def cable_lengths_m(study: Study, building: Building, held: list[Array]) -> Arra
 
 
 def _lies(floor: FloorDescription, scene: Scene, mounts: tuple[Mount, ...]) -> bool:
-    """Return True where a pressure floor can lie there."""
+    """Return True where a pressure floor fits."""
     for mount in mounts:
         if mount.xyz[2] != 0 or mount.pitch_deg:
             return False

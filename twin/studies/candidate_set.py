@@ -1,4 +1,4 @@
-"""The candidate set of a study: the poses that the constraints leave, their prices, and which of them fit together."""
+"""Candidate set of a study: the poses that the constraints leave, their prices, and their compatibility."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from twin.world.scene import Scene
 _MOST_POSES = 200_000
 
 Placement = tuple[int, ...]
-"""The numbers of its candidate poses, ascending; none for the baseline, the scenario's own placement."""
+"""Indices of the candidate poses, ascending; empty for the baseline, the scenario's own placement."""
 BASELINE: Placement = ()
 
 
@@ -43,10 +43,10 @@ class CandidatePose:
 
 @dataclass(frozen=True, eq=False)
 class CandidateSet:
-    """All candidate poses that keep the constraints, and the number of poses considered.
+    """All candidate poses that keep the constraints.
 
-    rejected: the number of poses rejected, by device and reason; positions: those of each pose's sensors (k, 3) [m];
-    n_considered: the number of poses, by device, before any was rejected.
+    rejected: number of rejected poses, by device and reason; positions: those of each pose's sensors (k, 3) [m];
+    n_considered: number of poses by device before rejection.
     """
 
     study: Study
@@ -132,7 +132,7 @@ class CandidateSet:
     def price(self, placement: Placement) -> float:
         """Return the price of a placement's devices and cables; of the baseline, that of its devices.
 
-        A device of the scenario's own is of the first kind that changes nothing of it, or of the first.
+        A device of the scenario's own counts as the first kind that changes nothing of it, else as the first.
         """
         if placement != BASELINE:
             return float(self.prices[list(placement)].sum())
@@ -143,7 +143,7 @@ class CandidateSet:
         )
 
     def device_price(self, device: Device, sensor: AnyDescription | None) -> float:
-        """Return the price of a device that stands for a sensor: of the first kind that it could be; None: of several sensors."""
+        """Return the price of a device that stands for a sensor: of the first matching kind; None: of several sensors."""
         own = sensor.model_dump(mode="json", exclude_none=True) if sensor is not None else {}
         possible = [kind for kind in device.kinds if all(own.get(field) == value for field, value in kind.set.items())]
         kind = (possible or device.kinds)[0]
@@ -171,7 +171,7 @@ class CandidateSet:
         return ""
 
     def _check(self, source: str) -> None:
-        """Raise InputError where no set can keep the constraints: the budget, or the distance between devices."""
+        """Raise InputError where no set can keep the constraints: budget, or distance between devices."""
         constraints, cheapest = self.study.constraints, 0.0
         for name, numbers in self.by_device.items():
             least = self.study.devices[name].counts[0]

@@ -41,7 +41,7 @@ class CoverageTargets:
 
     @property
     def n(self) -> int:
-        """The number of rows; of the floor, with one row per height that cameras look for."""
+        """Number of rows: of the floor one per height that cameras look for."""
         if self.coverage.of == "people":
             return sum(sampled.n_person_frame for sampled in self.sampled_worlds)
         return (
@@ -63,13 +63,13 @@ class CoverageTargets:
         return np.array(found) if found else np.zeros((0, -(-self.n // 64)), dtype=np.uint64)
 
     def _cells(self, visibility: SensorVisibility, sampled: SampledWorld) -> NDArray[np.bool_]:
-        """Return the visible cells; a scanner has one height and sees a cell at every height or at none."""
+        """Return the visible cells; a scanner has one height, and sees a cell at every height or none."""
         visible = visibility.floor(sampled, self.cells_m).reshape(max(1, self.coverage.samples), -1, len(self.cells_m))
         heights = len(self.coverage.heights_m)
         return np.broadcast_to(visible, (visible.shape[0], heights, visible.shape[2])).reshape(-1)
 
     def worst_cell(self, covered: Bits) -> float:
-        """Return the share of visible rows (words,) in the worst place: a cell of the floor, or a square metre of paths."""
+        """Return the share of visible rows (words,) at the worst position: a cell of the floor, or a square metre of paths."""
         bits = np.unpackbits(covered.view(np.uint8), count=self.n).astype(float)
         if self.coverage.of == "floor":
             return float(bits.reshape(-1, len(self.cells_m)).mean(axis=0).min())
@@ -94,7 +94,7 @@ def count_bits(words: NDArray[np.uint64]) -> int:
 
 
 class PoseCoverage:
-    """The visibility bits of candidate poses, computed on first use, beside those of the sensors that stay."""
+    """Visibility bits of candidate poses, computed on first use, and of the fixed sensors."""
 
     def __init__(self, study: Study, candidate_set: CandidateSet, cache: RecordingCache) -> None:
         self._study = study
@@ -124,7 +124,7 @@ class PoseCoverage:
         return self._bits[pose]
 
     def covered(self, placement: Placement) -> NDArray[np.uint64]:
-        """Return the rows (words,) that enough sensors of a placement see, those that stay included."""
+        """Return the rows (words,) that enough sensors of a placement see, including fixed ones."""
         if placement == BASELINE:
             return at_least(
                 self.targets.visibility_bits(self._layout.scenario, self._baseline), self._study.coverage.at_least
@@ -137,13 +137,13 @@ class PoseCoverage:
         return count_bits(self.covered(placement)) / self.targets.n
 
     def worst(self, placement: Placement) -> float:
-        """Return the share of visible rows in the worst place."""
+        """Return the share of visible rows at the worst position."""
         return self.targets.worst_cell(self.covered(placement))
 
     def counts(self, poses: Sequence[int]) -> tuple[Array, Array, Array]:
-        """Return per distinct row the sensors of each pose that see it (n, r), those that stay (r,), and its frequency (r,).
+        """Return per distinct row the sensors of each pose that see it (n, r), the fixed ones (r,), and its frequency (r,).
 
-        Sensors beyond those that are asked for do not count: at most `at_least` each.
+        Counts are limited to `at_least`.
         """
         most = self._study.coverage.at_least
         number = np.stack([_summed(self.bits(each), self.targets.n, most) for each in (*poses,)])
@@ -165,5 +165,5 @@ def _summed(bits: Bits, n: int, most: int) -> NDArray[np.uint8]:
 
 
 def _only(study: Study, scenario: Scenario, pose: CandidatePose) -> Scenario:
-    """Return the scenario with the devices of one candidate pose and no others; faults do not matter here."""
+    """Return the scenario with only the devices of one candidate pose, without its faults."""
     return apply_placement(study, scenario.model_copy(update={"faults": {}}), [pose])

@@ -1,4 +1,4 @@
-"""Devices that a study places: their sensors, candidate poses, kinds and prices, and the constraints on a placement."""
+"""Devices of a study: sensors, candidate poses, kinds, prices, and the constraints on a placement."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Metres = Annotated[FiniteFloat, Field(ge=0, le=1000)]
 
 
 def _one_is_both(value: object) -> object:
-    """Turn 0.9, or `[0.9]`, into the range that begins and ends there."""
+    """Turn 0.9, or `[0.9]`, into the range from and to it."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return [value, value]
     return [value[0], value[0]] if isinstance(value, list | tuple) and len(value) == 1 else value
@@ -85,7 +85,7 @@ class BoxPoses(Strict):
 
 
 class DeviceKind(Strict):
-    """One of several kinds of a device to choose from."""
+    """One kind of a device to choose from."""
 
     name: OwnName = Field(description="what to call it in tables")
     set: Overrides = Field(
@@ -98,7 +98,7 @@ UNCHANGED = (DeviceKind(name="as-is"),)
 
 
 class MirrorLine(Strict):
-    """A line across the room beyond which every pose has its mirror image; both are occupied."""
+    """Line across the room at which every pose is mirrored; both are occupied."""
 
     x_m: FiniteFloat | None = Field(default=None, description="the line x = this [m]")
     y_m: FiniteFloat | None = Field(default=None, description="the line y = this [m]")
@@ -111,10 +111,10 @@ class MirrorLine(Strict):
 
 
 class Device(Strict):
-    """A device to place: the sensors of the scenario that it stands for, candidate poses, count and price.
+    """Device to place: the scenario's sensors it stands for, candidate poses, count and price.
 
-    `sensors` are devices alike, each on its own; `together` one device of several sensors, which keep their poses to the first;
-    `housing` one device with all that hangs on it.
+    `sensors`: similar devices of one sensor each; `together`: one device of several sensors, which keep their poses relative
+    to the first; `housing`: one device with all sensors on it.
     """
 
     sensors: tuple[str, ...] = Field(default=(), description="sensors of the scenario that are such devices, one each")
@@ -175,7 +175,7 @@ class Device(Strict):
 
 
 class Cable(Strict):
-    """The start, route, price and greatest length of the cable to each device."""
+    """Start, route, price and greatest length of the cable to each device."""
 
     start: Point3 = Field(alias="from", description="where the cables begin: x, y, z [m]")
     most_m: float | None = Field(default=None, gt=0, description="longest cable [m]; none: any")
@@ -184,7 +184,7 @@ class Cable(Strict):
 
 
 class KeepFreeZone(Strict):
-    """A part of the room without devices."""
+    """Part of the room without devices."""
 
     name: Text = Field(description="what it is, for errors and the plan")
     polygon: Annotated[tuple[Point2, ...], Field(min_length=3)] = Field(description="its corners on the floor [m]")

@@ -1,7 +1,7 @@
 """Data of the interactive plan: the room as prisms, and the sensors, for a page that computes coverage without a server.
 
-The page (`interactive_plan.js`) computes what `twin.studies.visibility` does: beams on a body, pixels per metre, lines of sight.
-A thing of the room is a stack of convex prisms: one for an upright box or cylinder, exact but for round ones (1 %); slices of
+The page (`interactive_plan.js`) computes the visibility of `twin.studies.visibility`: beams on a body, pixels per metre,
+lines of sight. A solid is a stack of convex prisms: one for an upright box or cylinder (round ones to 1 %); slices of
 `SLICE_M` of the convex hull for any other. Height fields are not represented.
 """
 
@@ -28,10 +28,10 @@ from twin.scenario.sensors import LaserDescription
 from twin.studies.spec import Coverage
 
 SLICE_M = 0.05
-"""Height of a slice of a thing that is no upright prism [m]."""
+"""Height of a slice of a solid that is no upright prism [m]."""
 _SAME_M = 1e-6
 _PLACED = {"mount", "housing", "calibration_error", "role"}
-"""Fields of a sensor that belong to its place, not to its model."""
+"""Fields of a sensor that belong to its placement, not to its model."""
 
 
 def plan_data(
@@ -49,7 +49,7 @@ def plan_data(
     """Collect the content of the page's plan, ready for JSON.
 
     names: the scanners and cameras on it; area (k, 2) [m]; extends: the scenario file, in `folder`, that the copied YAML
-    extends; prices: of the device that each sensor belongs to, None where no prices are known.
+    extends; prices: of each sensor's device, None if unknown.
     """
     return {
         "area": np.round(area, 4).tolist(),
@@ -67,7 +67,7 @@ def plan_data(
 
 
 def section(plan: dict[str, Any]) -> dict[str, Any]:
-    """Return what the template `interactive_plan.html.j2` needs of `plan_data`."""
+    """Return the variables of the template `interactive_plan.html.j2`, from `plan_data`."""
     folder = Path(__file__).parent
     scripts = [(folder / name).read_text("utf-8") for name in ("interactive_plan.js", "interactive_plan_view.js")]
     return {
@@ -81,7 +81,7 @@ def section(plan: dict[str, Any]) -> dict[str, Any]:
 def room_prisms(model: mujoco.MjModel, data: mujoco.MjData) -> list[dict[str, Any]]:
     """Return the prisms of all geoms that rays meet: `z` (low, high) and `corners` (k, 2), counter-clockwise [m].
 
-    `data` needs kinematics. A geom of no volume is left out.
+    `data` needs kinematics. Geoms without volume are left out.
     """
     prisms = []
     for geom in range(model.ngeom):
@@ -118,10 +118,10 @@ def _cut(edges: Array, level_m: float) -> Array:
 
 
 def _prism(low_m: float, high_m: float, points: Array) -> dict[str, Any] | None:
-    """Return the prism over the convex hull of points (n, 2) [m]; None for one without area."""
+    """Return the prism over the convex hull of points (n, 2) [m]; None without area."""
     try:
         corners = points[ConvexHull(points).vertices]
-    except (QhullError, ValueError):  # all in one line, or fewer than three
+    except (QhullError, ValueError):  # collinear, or fewer than three
         return None
     return {"z": [round(float(low_m), 4), round(float(high_m), 4)], "corners": np.round(corners, 4).tolist()}
 

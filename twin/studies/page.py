@@ -1,4 +1,4 @@
-"""The page of a study, for those who install and those who pay: one HTML file, printable on A4."""
+"""Page of a study for buyers and installers: one HTML file, printable on A4."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _MOST_ROWS = 30
 
 
 def write_page(path: Path, results: StudyResults) -> None:
-    """Write the page; it takes its name when it is whole. Raises InputError where it cannot be written."""
+    """Write the page; it takes its name when complete. Raises InputError where it cannot be written."""
     prepared, study, candidate_set = results.prepared, results.prepared.study, results.prepared.candidate_set
     scenario, area = results.scenario_with(results.best.placement), prepared.scene.area
     sensors = plan_sensors(scenario, moved_sensors(study, prepared.scenario, scenario), candidate_set.building)
@@ -107,7 +107,7 @@ def _trial_row(results: StudyResults, trial: Trial) -> dict[str, str]:
 
 
 def _parts(results: StudyResults) -> list[tuple[str, str, str, str]]:
-    """List the parts to buy: device and kind, number, price of one without its cable, and metres of cable."""
+    """List the parts to buy: device and kind, number, unit price without cable, and metres of cable."""
     candidate_set, study, rows = results.prepared.candidate_set, results.prepared.study, []
     for name, device in study.devices.items():
         for number, kind in enumerate(device.kinds):
@@ -134,7 +134,7 @@ def _parts(results: StudyResults) -> list[tuple[str, str, str, str]]:
 
 
 def _rejections(results: StudyResults) -> list[tuple[str, int, dict[str, int]]]:
-    """Return, by device, the number of poses considered and the number rejected by each reason."""
+    """Return the number of poses considered, and rejected by each reason, by device."""
     candidate_set = results.prepared.candidate_set
     return [(name, candidate_set.n_considered[name], reasons) for name, reasons in candidate_set.rejected.items()]
 
@@ -146,7 +146,7 @@ def _left_out(results: StudyResults, placement: tuple[int, ...]) -> str:
 
 
 def _plan(results: StudyResults, scenario: Scenario, folder: Path) -> dict[str, Any]:
-    """Return the data of the interactive plan, which starts from the recommended placement."""
+    """Return the data of the interactive plan, starting from the recommended placement."""
     prepared = results.prepared
     area, building = prepared.scene.area, prepared.candidate_set.building
     names = [name for name, each in scenario.sensors.items() if not isinstance(each, FloorDescription)]
@@ -159,7 +159,7 @@ def _plan(results: StudyResults, scenario: Scenario, folder: Path) -> dict[str, 
 
 
 def _prices(results: StudyResults, scenario: Scenario) -> dict[str, float]:
-    """Return the price of each sensor's device, at the first of several sensors in one; empty if all are free."""
+    """Return the price of each sensor's device, at its first sensor; empty if all are free."""
     candidate_set, prices = results.prepared.candidate_set, {}
     for device_name, device in results.prepared.study.devices.items():
         if device.sensors:
@@ -212,7 +212,7 @@ def _resolution_map(
 
 
 def _area_warning(results: StudyResults, scenario: Scenario) -> str:
-    """Return a warning where no sensor sees a part of the area that nobody visited; "" otherwise or for cells of the floor."""
+    """Return a warning where no sensor sees an unvisited part of the area; "" otherwise or for cells of the floor."""
     prepared, coverage = results.prepared, results.prepared.study.coverage
     if coverage.of != "people":
         return ""
@@ -227,7 +227,7 @@ def _area_warning(results: StudyResults, scenario: Scenario) -> str:
 
 
 def _error_map(results: StudyResults, scenario: Any, sensors: list[PlanSensor]) -> tuple[str, str] | None:
-    """Draw the mean distance of tracks from people by place, of the validated tracker; None where none was validated."""
+    """Draw the mean distance of tracks from people by place, for the validated tracker; None without one."""
     prepared, study = results.prepared, results.prepared.study
     tracker, area = study.validated[0].tracker if study.validated else None, prepared.scene.area
     if tracker is None:
@@ -255,9 +255,9 @@ def _error_map(results: StudyResults, scenario: Any, sensors: list[PlanSensor]) 
 
 
 def _trial_map(results: StudyResults, sensors: list[PlanSensor]) -> tuple[str, str] | None:
-    """Draw all trials, caption first: the first objective over the second or the price, or by place where all cost the same.
+    """Draw all trials, caption first: the first objective over the second or the price, or by place where prices are equal.
 
-    None where hardly anything was tried.
+    None with too few trials.
     """
     study, candidate_set = results.prepared.study, results.prepared.candidate_set
     trials = [
@@ -295,7 +295,7 @@ def _trial_map(results: StudyResults, sensors: list[PlanSensor]) -> tuple[str, s
 
 
 def _baseline_places(results: StudyResults) -> Array:
-    """Return the positions of the scenario's own devices that the study moves, (n, 2) [m]."""
+    """Return the positions of the devices that the study moves, (n, 2) [m]."""
     own = results.prepared.scenario
     moved = moved_sensors(results.prepared.study, own, results.scenario_with(results.best.placement))
     here = plan_sensors(own, [name for name in moved if name in own.sensors], results.prepared.candidate_set.building)

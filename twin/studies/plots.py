@@ -28,7 +28,7 @@ _WIDEST_MM, _HIGHEST_MM = 180.0, 215.0
 _SCALES = (10, 20, 25, 50, 100, 150, 200, 250, 500, 1000)
 _MARGIN_M = 0.4
 _WALL_M = 0.4
-"""Thicker things are drawn as furniture [m]."""
+"""Thickness above which a wall is drawn as furniture [m]."""
 _SHORTEST_MM = 5.0
 _TEXT_PT = 7.0
 """Size of all text on the plan."""
@@ -50,14 +50,14 @@ class PlanSensor:
     yaw_deg: float
     tilt_deg: float
     walls_m: tuple[float, ...]
-    """To the nearest two walls that lie across each other [m]."""
+    """Distances to the nearest two walls that are not parallel [m]."""
 
     def label(self) -> str:
         """Format name and yaw."""
         return f"{self.name} {format_number(self.yaw_deg, 0)}°"
 
     def ahead(self, reach_m: float) -> tuple[float, float]:
-        """Return the point so far [m] ahead of the sensor on the plan."""
+        """Return the point at this distance [m] ahead of the sensor on the plan."""
         yaw = np.deg2rad(self.yaw_deg)
         return float(self.x + reach_m * np.cos(yaw)), float(self.y + reach_m * np.sin(yaw))
 
@@ -89,7 +89,7 @@ def floor_plan(
 ) -> tuple[str, int, float]:
     """Draw the plan; return its SVG, the scale 1 : n, and its width [mm].
 
-    own: the scenario before the study; constraints: zones and cables to draw; devices_m: where the cables end (3,) [m].
+    own: the scenario before the study; constraints: zones and cables to draw; devices_m: ends of the cables (3,) [m].
     """
     from matplotlib.figure import Figure
 
@@ -127,7 +127,7 @@ def floor_plan(
 
 
 def _write(axes: Axes, at: Sequence[float] | Array, text: str, **style: Any) -> None:
-    """Write on a light ground, in the plan's size, centred unless styled otherwise."""
+    """Write text on a light background in the plan's size, centred unless styled otherwise."""
     axes.text(
         at[0],
         at[1],
@@ -137,7 +137,7 @@ def _write(axes: Axes, at: Sequence[float] | Array, text: str, **style: Any) -> 
 
 
 def _zones(axes: Axes, zones: Sequence[KeepFreeZone]) -> None:
-    """Hatch the zones in which nothing may hang, and name them."""
+    """Hatch and name the zones without devices."""
     for zone in zones:
         corners = np.array(zone.polygon)
         axes.fill(*corners.T, facecolor="none", edgecolor=_ACCENT, linewidth=0.6, hatch="///", alpha=0.5, zorder=3.5)
@@ -145,14 +145,14 @@ def _zones(axes: Axes, zones: Sequence[KeepFreeZone]) -> None:
 
 
 def _directions(axes: Axes, sensors: Sequence[PlanSensor], reach_m: float) -> None:
-    """Draw an arrow where each sensor looks, so long [m]."""
+    """Draw an arrow of this length in the direction of each sensor [m]."""
     arrow = {"arrowstyle": "-|>", "color": INK, "lw": 1.0, "shrinkA": 0, "shrinkB": 0}
     for each in sensors:
         axes.annotate("", each.ahead(reach_m), (each.x, each.y), arrowprops=arrow, zorder=6.5)
 
 
 def _cables(axes: Axes, cable: Cable, building: Building, devices_m: Sequence[Array]) -> None:
-    """Draw the way of the cable to each device (3,) [m], and where they all begin."""
+    """Draw the route of the cable to each device (3,) [m], and their common start."""
     start = np.array(cable.start)
     for place in devices_m:
         straight = np.vstack([start[:2], place[:2]])
@@ -162,21 +162,21 @@ def _cables(axes: Axes, cable: Cable, building: Building, devices_m: Sequence[Ar
 
 
 def _dimensions(axes: Axes, sensor: PlanSensor, building: Building, scale: int) -> None:
-    """Draw the distances of a sensor from the nearest two walls, with a number where there is room for one."""
+    """Draw the distances of a sensor from the nearest two walls, with a number if it fits."""
     here = np.array([sensor.x, sensor.y, sensor.height_m])
     arrow = {"arrowstyle": "<->", "color": _ACCENT, "lw": 0.6, "shrinkA": 0, "shrinkB": 0}
     for gap_m, _, along in building.walls_nearest(here):
         foot = here[:2] + gap_m * np.array([along[1], -along[0]])
         axes.annotate("", tuple(here[:2]), tuple(foot), arrowprops=arrow)
-        if 1000 * gap_m / scale < _SHORTEST_MM:  # the table has it
+        if 1000 * gap_m / scale < _SHORTEST_MM:  # listed in the table
             continue
-        share = (0.35, 0.5, 0.65)[sensor.number % 3]  # lines that fall together keep their numbers apart
+        share = (0.35, 0.5, 0.65)[sensor.number % 3]  # numbers of coinciding lines stay apart
         at = here[:2] + share * (foot - here[:2]) + 0.0012 * scale * along
         _write(axes, at, f"{gap_m:.2f}", color=_ACCENT)
 
 
 def _names(axes: Axes, sensors: Sequence[PlanSensor], reach_m: float) -> None:
-    """Write name and yaw of each sensor beyond its arrow, sensors that look alike from one place one below the other."""
+    """Write name and yaw of each sensor beyond its arrow; those of one place and direction one below the other."""
     alike: dict[tuple[float, ...], list[PlanSensor]] = {}
     for each in sensors:
         alike.setdefault((round(each.x, 2), round(each.y, 2), round(each.yaw_deg)), []).append(each)
@@ -190,7 +190,7 @@ def _names(axes: Axes, sensors: Sequence[PlanSensor], reach_m: float) -> None:
 
 
 def _room(axes: Axes, building: Building, area: Array) -> None:
-    """Draw the room as it stands: walls and things by their own outlines, and the floor's edge where no wall is."""
+    """Draw the room: outlines of walls and furniture, and the floor's edge where no wall is."""
     data = building.data
     mujoco.mj_kinematics(building.model, data)
     size_m = np.ptp(building.outline, axis=0)
@@ -275,7 +275,7 @@ def heat_map(
 def pareto_plot(
     points: NDArray[np.float64], front: NDArray[np.bool_], own: int, best: int, labels: tuple[str, str], errors: Array
 ) -> str:
-    """Draw placements (n, 2) as SVG, the second value over the first, the front joined; errors (n,): of the second."""
+    """Draw placements (n, 2) as SVG, the second value over the first, with the front connected; errors (n,): of the second."""
     from matplotlib.figure import Figure
 
     with plot_style():
@@ -305,7 +305,7 @@ def trial_map(
 ) -> str:
     """Draw the positions of trials' devices (n, 2) [m], the best last, coloured by their values (n,), as SVG.
 
-    own_m: where the scenario's own are (k, 2) [m]; sensors: those recommended.
+    own_m: the scenario's own (k, 2) [m]; sensors: recommended ones.
     """
     from matplotlib.figure import Figure
 
@@ -314,7 +314,7 @@ def trial_map(
         figure = Figure(figsize=(6.6, 6.0 * float(np.clip(size[1] / size[0], 0.4, 1.2)) * 0.85), layout="constrained")
         axes = figure.add_subplot()
         _room(axes, building, area)
-        low = float(np.quantile(values, 0.1))  # a few that fail altogether would take all the colours
+        low = float(np.quantile(values, 0.1))  # a few complete failures would use up the range of colours
         dots = axes.scatter(*places_m.T, c=values, vmin=low, cmap="viridis", s=42, edgecolors="white", lw=0.6, zorder=5)
         axes.plot(*own_m.T, "x", color=INK, markersize=8, markeredgewidth=2, zorder=6)
         for each in sensors:

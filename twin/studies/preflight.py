@@ -1,4 +1,4 @@
-"""Preflight of a study: resolve scenarios, trackers and candidate poses; report every mistake before anything is written."""
+"""Preflight of a study: resolve scenarios, trackers and candidate poses; report every mistake before writing anything."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from twin.world.scene import Scene, build_scene
 
 @dataclass(frozen=True, eq=False)
 class PreparedStudy:
-    """A study with what its file names: scenarios by key, held-out ones too, trackers, and the candidate set."""
+    """A study with all that its file names: scenarios by key, held-out ones too, trackers, and the candidate set."""
 
     study: Study
     path: Path
@@ -44,7 +44,7 @@ class PreparedStudy:
 
 
 def prepare(name: str | Path, *, seed_offset: int = 0, trusted: TrustedClasses = NONE_TRUSTED) -> PreparedStudy:
-    """Load and check a study. Raises InputError, one line per mistake; nothing is simulated or written for it.
+    """Load and check a study, without simulating or writing. Raises InputError, one line per mistake.
 
     seed_offset: added to every seed of the study; trusted: classes that it and its scenarios may name.
     """
@@ -102,7 +102,7 @@ def _loaded(entries: Sequence[StudyScenario], path: Path, field: str) -> tuple[d
 
 
 def _device_faults(study: Study, scenarios: dict[str, Scenario], path: Path) -> Iterator[str]:
-    """Report devices of sensors that do not exist or cannot be placed so, and scenarios in other rooms."""
+    """Report devices of missing or misplaced sensors, and scenarios in other rooms."""
     first = next(iter(scenarios.values()))
     for key, scenario in scenarios.items():
         if scenario.room != first.room:
@@ -148,7 +148,7 @@ def _tracker_faults(study: Study, path: Path, scenarios: dict[str, Scenario]) ->
 
 
 def _kind_faults(study: Study, candidate_set: CandidateSet, path: Path) -> Iterator[str]:
-    """Report kinds that are no sensor, once each; what depends on the pose as well is reported by its trials."""
+    """Report kinds that are no valid sensor, once each; faults that depend on the pose are reported by its trials."""
     for name, device in study.devices.items():
         for number, kind in enumerate(device.kinds):
             if not kind.set:
@@ -173,9 +173,9 @@ def _kind_faults(study: Study, candidate_set: CandidateSet, path: Path) -> Itera
 def _unused_sensor_faults(
     study: Study, candidate_set: CandidateSet, chosen: Sequence[ChosenTracker], scene: Scene, path: Path
 ) -> list[str]:
-    """Report trackers that cannot work on a placement, or that ignore moved sensors and are an objective.
+    """Report trackers that cannot work on a placement, or that ignore moved sensors though an objective needs them.
 
-    What those cost would be paid for nothing; by coverage and price alone they are worth it without any tracker.
+    The search would pay for them in vain; coverage and price need no tracker.
     """
     validated = {objective.tracker for objective in study.validated}
     area = tuple((float(x), float(y)) for x, y in scene.area)
@@ -223,7 +223,7 @@ def _is_moved(study: Study, scenario: Scenario, name: str, description: object) 
 
 
 def _examples(study: Study, candidate_set: CandidateSet) -> Iterator[tuple[int, ...]]:
-    """Yield one placement per kind of each device, with as many as allowed, and as few of everything else."""
+    """Yield one placement per kind of each device, with as many as allowed and as few others as possible."""
     for name, device in study.devices.items():
         for kind in range(len(device.kinds)):
             chosen: list[int] = []

@@ -1,4 +1,4 @@
-"""Results of a study: what it found, as tables, as a summary for programs, and on the terminal."""
+"""Results of a study as tables, as a summary for programs, and on the terminal."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from twin.suites.cache import RecordingCache
 
 @dataclass(frozen=True, eq=False)
 class StudyResults:
-    """The results of a study, with everything that its page shows."""
+    """Results of a study, with all that its page shows."""
 
     prepared: PreparedStudy
     coverage: PoseCoverage
@@ -63,7 +63,7 @@ class StudyResults:
 
 
 def summarize(results: StudyResults) -> dict[str, Any]:
-    """Return the results in short, as summary.json holds them."""
+    """Return the content of summary.json."""
     study, objective = results.prepared.study, results.objective
 
     def row(trial: Trial) -> dict[str, Any]:
@@ -117,7 +117,7 @@ def _plain(row: Any) -> dict[str, Any]:
 
 
 def number(value: float | None) -> float | None:
-    """Return a number as JSON has it: None for NaN and infinity."""
+    """Return a number for JSON: None for NaN and infinity."""
     return None if value is None or not np.isfinite(value) else float(value)
 
 
@@ -184,7 +184,7 @@ _FORMER_KEYS = {
     "moved_by": "rank_correlations",
     "refused": "rejected",
 }
-"""The key of each field of a summary by what it was called before 0.2."""
+"""Present key of each field that a summary named otherwise before 0.2."""
 _EXPECTED = "a folder that `twin study run` has finished"
 
 

@@ -48,7 +48,7 @@ def run_study(
     seed_offset: int = 0,
     trusted: TrustedClasses = NONE_TRUSTED,
 ) -> Iterator[tuple[StudyResults, Path]]:
-    """Search and validate; yield the results and the folder (default: out/study-<name>), locked while the block runs.
+    """Search and validate; yield the results and the folder (default: out/study-<name>), locked during the block.
 
     Raises InputError for bad input, before anything is written.
     """
@@ -124,7 +124,7 @@ def _results(run: TrialRunner, coverage: PoseCoverage, result: Result, start_s: 
 
 
 def write_results(folder: Path, results: StudyResults) -> dict[str, Path]:
-    """Write every file but the evaluations, each under its name when it is whole; return their paths."""
+    """Write every file except the evaluations, each under its name when complete; return their paths."""
     files = {
         "candidates": folder / "candidates.csv",
         "pareto": folder / "pareto.csv",

@@ -22,25 +22,25 @@ if TYPE_CHECKING:
 
 MOST_CANDIDATES = 20_000
 _MOST_ASKED = 20
-"""Optuna is asked at most so many times as there are places in a generation: small spaces run out of new candidates."""
+"""Greatest number of requests to Optuna per place in a generation: small spaces run out of new candidates."""
 _MOST_EXACT_OPTIONS = 2000
 
 
 @dataclass
 class Result:
-    """All trials in the order of the search, and the proven set covers."""
+    """All trials in order of the search, and the proven set covers."""
 
     trials: dict[Placement, Trial] = field(default_factory=dict)
     proven: list[tuple[dict[str, int], Cover, Cover | None]] = field(default_factory=list)
-    """By number of devices: what greedy found, and what is exact, where it was asked for."""
+    """By number of devices: greedy's set cover, and the exact one if asked for."""
 
 
 Evaluate = Callable[[Sequence[Trial], int], None]
-"""Has trials tried on so many of the search seeds; what fails gets its `why`."""
+"""Callback that evaluates trials on so many search seeds; failures get their reason in `failure`."""
 
 
 class Searcher:
-    """Searches a candidate set by coverage and by the metrics that `evaluate` adds."""
+    """Search of a candidate set by coverage and by the metrics that `evaluate` adds."""
 
     def __init__(
         self, study: Study, candidate_set: CandidateSet, coverage: PoseCoverage | None, evaluate: Evaluate
@@ -50,7 +50,7 @@ class Searcher:
         self._covers = coverage is not None and any(each.kind == "coverage" for each in study.objectives)
 
     def check(self, source: str) -> None:
-        """Raise InputError, naming `source`, for a search that is too large, before anything is evaluated."""
+        """Raise InputError, naming `source`, for too large a search, before evaluating anything."""
         method = self.study.search.method
         ways = [
             prod(comb(len(numbers), count) for numbers, count in each) for each in product(*self._counts_by_device())
@@ -91,7 +91,7 @@ class Searcher:
         return self.result.trials[placement]
 
     def _race(self, trials: Sequence[Trial]) -> None:
-        """Evaluate few seeds of all trials, more of the better half; by Pareto fronts where there are several objectives."""
+        """Evaluate all trials on few seeds, the better half on more; by Pareto fronts with several objectives."""
         running = [each for each in trials if not each.failure]
         for number in self.study.search.replicates:
             self._evaluate(running, number)
@@ -101,7 +101,7 @@ class Searcher:
             running = rank_trials(running, self.study.objectives, self.study.scenarios)[: -(-len(running) // 2)]
 
     def _counts_by_device(self) -> list[list[tuple[list[int], int]]]:
-        """Return, per device, its poses with each count that is allowed."""
+        """Return the poses of each device with each allowed count."""
         devices = self.study.devices
         return [
             [(numbers, count) for count in range(devices[name].counts[0], devices[name].counts[1] + 1)]
@@ -117,14 +117,14 @@ class Searcher:
                     yield placement
 
     def numbers(self) -> Iterator[dict[str, int]]:
-        """Yield every combination of device counts that the study allows, but none at all."""
+        """Yield every allowed combination of device counts, except none at all."""
         ranges = [range(device.counts[0], device.counts[1] + 1) for device in self.study.devices.values()]
         for each in islice(product(*ranges), 64):
             if sum(each):
                 yield dict(zip(self.study.devices, each, strict=True))
 
     def cover_problem(self) -> CoverProblem:
-        """Return the set cover problem that greedy and exact solve."""
+        """Return the set cover problem of greedy and exact."""
         assert self._coverage is not None
         counts, stay, weight = self._coverage.counts(range(len(self.candidate_set.poses)))
         device = [pose.device for pose in self.candidate_set.poses]
@@ -152,9 +152,8 @@ class Searcher:
     def _optuna(self) -> None:
         """Search by generations of fixed size: asked one by one, raced, told in order; the sampler is seeded anew for each.
 
-        So what is asked depends on what was told before and on nothing else: neither on how many workers there are nor on
-        where a run was cut off. A resumed run asks all again, and finds what was evaluated before: nothing that
-        Optuna holds has to outlive the process, and no lock of its can be left behind.
+        Requests depend only on earlier results, not on the number of workers or on where a run stopped. A resumed run asks
+        all again, and finds earlier evaluations in the store: no state or lock of Optuna has to outlive the process.
         """
         import optuna
 
@@ -180,7 +179,7 @@ class Searcher:
                 one = asked.ask()
                 placement = self._placement(one)
                 if placement is None or placement in tried or placement in new:
-                    # a known one adds nothing: it is told as failed, which samplers pass over
+                    # a known one is told as failed, which samplers ignore
                     asked.tell(one, state=optuna.trial.TrialState.FAIL)
                     continue
                 new.add(placement)
@@ -210,7 +209,7 @@ class Searcher:
         return optuna.samplers.TPESampler(seed=seed, n_startup_trials=self.study.search.generation, multivariate=False)
 
     def _placement(self, trial: optuna.trial.Trial) -> Placement | None:
-        """Return the poses nearest to a trial's parameters that keep the constraints; None where there are none."""
+        """Return the poses nearest to a trial's parameters that keep the constraints; None without any."""
         chosen: list[int] = []
         for name, device in self.study.devices.items():
             least, most = device.counts

@@ -1,10 +1,10 @@
-"""Set cover: the poses that see most, one after another (greedy), and the best, proven by branch and bound.
+"""Set cover: poses added greedily by coverage, and the best set, proven by branch and bound.
 
-Coverage is a share of rows, each seen by at least k sensors. For k = 1 what a set sees is submodular: of the poses that are
-left, none adds more later than it would now, so that no set that grows from S by r poses sees more than S and the r
-largest gains. For k > 1 it is not; there the same holds of Σ min(sensors, k) / k, which is never less than what counts.
-Greedy's 1 − 1/e (Nemhauser, Wolsey and Fisher, Mathematical Programming 14, 1978) is of a number of devices alone and of
-Σ min(sensors, k); under prices, distances, or for "seen by at least k", it is not claimed: the bound found after the fact is.
+Coverage is the share of rows seen by at least k sensors. For k = 1 it is submodular: no pose adds more later than now, so a
+set grown from S by r poses covers at most S and the r largest gains. For k > 1 it is not, but the bound holds for Σ
+min(sensors, k) / k, which is never below the coverage. Greedy's 1 − 1/e (Nemhauser, Wolsey and Fisher, Mathematical
+Programming 14, 1978) holds for a number of devices alone and for Σ min(sensors, k). Under prices, distances, or k > 1 only
+the posterior bound is claimed.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ _ROUNDING = 1e-9
 class CoverProblem:
     """Candidate poses (n) of devices, over r distinct rows.
 
-    counts (n, r): the sensors of a pose that see a row, at most k; fixed (r,): sensors that see it anyway; weight (r,): how
-    often a row is there; device (n,): the device of a pose; is_allowed: True for a set that keeps the constraints.
+    counts (n, r): sensors of a pose that see a row, at most k; fixed (r,): fixed sensors that see it; weight (r,): frequency
+    of a row; device (n,): the device of a pose; is_allowed: True for a set that keeps the constraints.
     """
 
     counts: Array
@@ -44,7 +44,7 @@ class CoverProblem:
         return self.fixed + self.counts[list(chosen)].sum(axis=0)
 
     def gains(self, chosen: Sequence[int]) -> Array:
-        """Return by how much the value would rise with each pose, (n,)."""
+        """Return the gain of value by each pose, (n,)."""
         now = self._sensors(chosen)
         if self.k == 1:
             return self.counts @ (self.weight * (now == 0)) / self.weight.sum()
@@ -52,7 +52,7 @@ class CoverProblem:
         return would @ self.weight / self.weight.sum()
 
     def bounds(self, chosen: Sequence[int]) -> tuple[float, Array]:
-        """Return a submodular upper bound of `value`, and by how much it would rise with each pose, (n,)."""
+        """Return a submodular upper bound of `value`, and its gain by each pose, (n,)."""
         if self.k == 1:
             return self.value(chosen), self.gains(chosen)
         now = self._sensors(chosen)
@@ -64,7 +64,7 @@ class CoverProblem:
 
 @dataclass(frozen=True)
 class Cover:
-    """A set of poses, the share that it sees, and an upper bound on that of any set."""
+    """Set of poses, its coverage, and an upper bound on that of any set."""
 
     chosen: tuple[int, ...]
     value: float
@@ -73,7 +73,7 @@ class Cover:
 
     @property
     def optimal(self) -> bool:
-        """True where the set is proven to be the best."""
+        """True for a set proven to be the best."""
         return self.bound <= self.value + _ROUNDING
 
     def summary(self) -> str:
@@ -82,10 +82,10 @@ class Cover:
 
 
 def greedy(choice: CoverProblem, number: Mapping[str, int]) -> Cover:
-    """Choose poses one after another, each time the one that adds most; then exchange while that helps.
+    """Choose the pose of largest gain again and again; then exchange poses while that helps.
 
-    Fewer where no more may be taken. For k > 1 the first sensor of a row adds nothing to what counts, so that what adds most to
-    the bound is tried too, and the better of both taken.
+    Fewer poses where no more are allowed. For k > 1 the first sensor of a row gains nothing, so the gain of the bound is
+    tried too, and the better result taken.
     """
     start = time.perf_counter()
     ways = [_grow(choice, number, by_bound) for by_bound in ((False, True) if choice.k > 1 else (False,))]
@@ -109,7 +109,7 @@ def _grow(choice: CoverProblem, number: Mapping[str, int], by_bound: bool) -> li
 
 
 def _exchange(choice: CoverProblem, chosen: list[int], number: Mapping[str, int]) -> list[int]:
-    """Exchange one pose for another while that lets the set see more."""
+    """Exchange one pose for another while that increases coverage."""
     value, better = choice.value(chosen), True
     while better:
         better = False
@@ -127,7 +127,7 @@ def _exchange(choice: CoverProblem, chosen: list[int], number: Mapping[str, int]
 
 
 def _posterior_bound(choice: CoverProblem, chosen: Sequence[int], number: Mapping[str, int]) -> float:
-    """Bound the value of any set of this size: from each set on the way, its bound and the largest gains from there."""
+    """Bound the value of any set of this size, from the bound of each partial set and the largest gains from there."""
     total = sum(number.values())
     least = 1.0
     for size in range(len(chosen) + 1):
@@ -137,13 +137,13 @@ def _posterior_bound(choice: CoverProblem, chosen: Sequence[int], number: Mappin
 
 
 def exact(choice: CoverProblem, number: Mapping[str, int], limit_s: float) -> Cover:
-    """Find the best set by branch and bound, best bound first; return greedy's, or better, where time runs out."""
+    """Find the best set by branch and bound, best bound first; at the time limit return greedy's, or a better one."""
     start = time.perf_counter()
     best = greedy(choice, number)
-    chosen, value = best.chosen, best.value  # never worse than that
+    chosen, value = best.chosen, best.value  # the result is never worse
     total = sum(number.values())
     if len(chosen) < total:
-        value = -1.0  # greedy went astray among the constraints: any whole set is better
+        value = -1.0  # greedy failed by the constraints: any complete set is better
     waiting: list[tuple[float, tuple[int, ...], tuple[int, ...]]] = [(-1.0, (), tuple(range(len(choice.device))))]
     bound = value
     while waiting:
@@ -178,7 +178,7 @@ def exact(choice: CoverProblem, number: Mapping[str, int], limit_s: float) -> Co
 
 
 def _selectable(choice: CoverProblem, chosen: Sequence[int], number: Mapping[str, int]) -> Array:
-    """Return the mask (n,) of poses that are not taken, of devices of which more may be taken."""
+    """Return the mask (n,) of poses not taken, of devices of which more are allowed."""
     left = dict(number)
     for each in chosen:
         left[choice.device[each]] -= 1

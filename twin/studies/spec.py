@@ -1,4 +1,4 @@
-"""A placement study as its YAML file describes it: scenarios, devices, objectives and search."""
+"""Placement study as described by its YAML file: scenarios, devices, objectives and search."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from twin.suites.metrics import METRICS
 from twin.suites.spec import Overrides, OwnName, Seeds, Text, TrackerName
 
 NOT_DETERMINISTIC = ("ms_per_frame.mean", "ms_per_frame.p95")
-"""Figures that depend on who else uses the machine: no study goes by them."""
+"""Metrics that depend on the machine's load: no objective may use them."""
 
 
 class StudyScenario(Strict):
-    """A scenario in which placements are tried, and its weight."""
+    """Scenario in which placements are evaluated, and its weight."""
 
     scenario: Annotated[str, single("the name of a scenario, or the path of its file,")] = Field(
         description="name of a shipped scenario, or path of a YAML file relative to the study"
@@ -32,7 +32,7 @@ class StudyScenario(Strict):
 
 
 def scenario_key(number: int, scenario: StudyScenario) -> str:
-    """Return the name of a scenario of a study among its evaluations: two may be of one name."""
+    """Return the key of a scenario among a study's evaluations; two may have the same name."""
     return f"{number}:{scenario.scenario}"
 
 
@@ -84,7 +84,7 @@ class Objective(Strict):
 
 
 class Coverage(Strict):
-    """The visibility that coverage asks for: resolution on a place or a person, beyond a line of sight."""
+    """Visibility that coverage requires: resolution on a place or person, beyond a line of sight."""
 
     former_names: ClassVar = {"moments": "samples"}
 
@@ -178,7 +178,7 @@ class Study(Strict):
     @model_validator(mode="before")
     @classmethod
     def _only_tracker(cls, content: object) -> object:
-        """Give an objective without a tracker the only one of the study."""
+        """Complete an objective without a tracker by the only one of the study."""
         if not isinstance(content, dict) or not isinstance(content.get("objectives"), list):
             return content
         trackers = content.get("trackers") or []
@@ -234,7 +234,7 @@ def _seed_range(seeds: tuple[int, ...]) -> str:
 
 
 def load_study(name: str | Path) -> tuple[Study, Path]:
-    """Load a shipped study by name, or by path; return its path too. Raises InputError, one line per mistake."""
+    """Load a shipped study by name, or one by path; return its path too. Raises InputError, one line per mistake."""
     path = models.find("studies", str(name))
     expected = "a study (name, scenarios, devices, objectives, search)"
     content = parse_yaml(read_text(path, expected), str(path), expected)

@@ -1,4 +1,4 @@
-"""The store of a study's evaluations: one file, one line each, so that a killed run loses nothing that was finished."""
+"""Store of a study's evaluations: one file, one line each, so that a killed run loses no finished one."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _LIMIT_S = 1800.0
 
 @dataclass(frozen=True)
 class Job:
-    """One placement in one scenario of the study with one seed, and the digests of what it is made from."""
+    """One placement in one scenario of the study with one seed, and digests of its inputs."""
 
     key: str
     scenario: str
@@ -68,7 +68,7 @@ _LINE = TypeAdapter(_Line)
 
 
 class EvaluationStore:
-    """The evaluations so far; evaluates more on request."""
+    """Evaluations so far; evaluates more on request."""
 
     def __init__(
         self,
@@ -84,7 +84,7 @@ class EvaluationStore:
         self._warn = warn
         self._recorded: dict[str, tuple[Provenance | None, Outcome]] = {}
         self.n_evaluated = 0
-        """So many were evaluated in this run, none of them held before."""
+        """Number of evaluations by this run."""
 
     def record(self, job: Job, outcome: Outcome) -> None:
         """Append an outcome. Raises InputError where the file cannot be written."""
@@ -101,10 +101,10 @@ class EvaluationStore:
             ) from error
 
     def read(self) -> None:
-        """Read what an earlier run has written, the last of several lines on one evaluation.
+        """Read the lines of an earlier run, the last of several on one evaluation.
 
-        A damaged line is reported, left out and evaluated again, those after it are taken; a last one that was cut off is
-        left out. The file then holds the good lines alone: the new one takes its place when it is whole.
+        A damaged line is reported, left out and evaluated again; a truncated last one is left out. The file is rewritten
+        with the good lines alone, under its name when complete.
         """
         text = self._path.read_text(encoding="utf-8", errors="replace")
         head, *lines = text.split("\n")
@@ -126,7 +126,7 @@ class EvaluationStore:
                 stream.write("\n".join([head, *good]) + "\n")
 
     def outcomes(self, jobs: Sequence[Job]) -> list[Outcome]:
-        """Return the outcome of each job; evaluate on all workers those unknown or made from other files."""
+        """Return the outcome of each job; evaluate on all workers those unknown or with changed inputs."""
         new = {
             job.id: job for job in jobs if job.id not in self._recorded or self._recorded[job.id][0] != job.made_from
         }
@@ -162,9 +162,8 @@ def open_store(
 ) -> Iterator[EvaluationStore]:
     """Open the evaluations in a study's folder, locked against other processes, with workers for more.
 
-    study: as its file has it. Raises InputError for a folder with results of an earlier run without `resume`, and of another
-    study or code with it. Evaluations that are made from other things since (scenario, room, trackers, prior files)
-    are done again.
+    study: content of its file. Raises InputError for a folder with earlier results without `resume`, and for those of
+    another study or code with it. Evaluations whose inputs changed (scenario, room, trackers, prior files) are done again.
     """
     path, head = folder / FILE, {"study": study, "code": whole_code()}
     with ExitStack() as stack:
@@ -198,7 +197,7 @@ def open_store(
 
 
 def with_checksum(content: Mapping[str, Any]) -> str:
-    """Write a line of JSON whose last field, `sum`, is a digest of the others."""
+    """Format a line of JSON whose last field, `sum`, is a digest of the others."""
     return json.dumps({**content, "sum": _sum(content)}, allow_nan=False)
 
 
@@ -231,9 +230,9 @@ def _checked(line: str) -> _Line:
 
 
 def _head(path: Path) -> dict[str, Any] | None:
-    """Read the first line of a file of evaluations; None where there is no file, or an empty one.
+    """Read the first line of a file of evaluations; None without a file, or for an empty one.
 
-    Raises InputError for a line that is not as it was written.
+    Raises InputError for a damaged line.
     """
     if not path.exists() or not os.path.getsize(path):
         return None

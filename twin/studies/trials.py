@@ -1,4 +1,4 @@
-"""Trials: candidate placements evaluated on seeds, their metrics, and their order by the objectives of a study."""
+"""Trials: candidate placements evaluated on seeds, their metrics, and their ranking by the objectives of a study."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def losses(trials: Sequence[Trial], objectives: Sequence[Objective], scenarios: 
 
 
 def pareto_fronts(loss: Array) -> Array:
-    """Return the number of the Pareto front of each row (n, m); 0: no other is as good in all and better in one."""
+    """Return the index of the Pareto front of each row (n, m); 0: no other is as good in all and better in one."""
     front = np.full(len(loss), -1)
     number = 0
     while (front < 0).any():
@@ -122,7 +122,7 @@ class TrialRunner:
         self.study, self.candidate_set = prepared.study, prepared.candidate_set
         self._details = any((each.metric or "").startswith(DETAILED) for each in self.study.objectives)
         self._code = whole_code()
-        self._room = room_digest(prepared.scenario.room)  # one in all scenarios
+        self._room = room_digest(prepared.scenario.room)  # the same in all scenarios
         self._prior: dict[str, str] = {}
         self.evaluations: EvaluationStore | None = None
         self.trials: Mapping[Placement, Trial] = {}
@@ -209,7 +209,7 @@ class TrialRunner:
     ) -> Array:
         """Return a tracker's metric at each seed (n,), weighted over scenarios by key; NaN where one failed.
 
-        name: what the evaluations are kept under; place: the scenario of a key and a seed.
+        name: key of the evaluations; place: the scenario of a key and a seed.
         """
         assert self.evaluations is not None
         jobs = [self.job(name, key, place(key, seed), seed) for seed in seeds for key in weights]
@@ -224,7 +224,7 @@ class TrialRunner:
     # ---------------------------------------------------------------------------------------------------- telling
 
     def progress(self, total: int, now: State) -> None:
-        """Write a line to stderr every 15 s: evaluations done, the best so far, the time left."""
+        """Write a line to stderr every 15 s: evaluations done, the best so far, the remaining time."""
         time_s = time.perf_counter()
         if time_s - self._reported_s < _LINE_EVERY_S:
             return
@@ -250,5 +250,5 @@ class TrialRunner:
 
 
 def placement_id(placement: Placement) -> str:
-    """Return the name of a placement in files: the numbers of its poses, or 'own' for the baseline."""
+    """Return the name of a placement in files: indices of its poses, or 'own' for the baseline."""
     return "-".join(map(str, placement)) or "own"

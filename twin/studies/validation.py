@@ -24,12 +24,12 @@ from twin.suites.results import MeanOverSeeds, mean_over_seeds
 
 DISPLACEMENTS = (("5 cm", 0.05, 0.0), ("2°", 0.0, 2.0))
 NOISE_M = 0.001
-"""A place off by so little means nothing: what it changes is the noise [m]."""
+"""Negligible displacement, whose effect is the noise of the metric [m]."""
 
 
 @dataclass(frozen=True)
 class PairedDifference:
-    """A metric of the recommended placement beside a reference, paired by seed: both means, and their difference."""
+    """Metric of the recommended placement and of a reference, paired by seed: both means, and their difference."""
 
     what: str
     other: float
@@ -47,7 +47,7 @@ class PairedDifference:
 
 
 def paired_difference(what: str, other: Array, ours: Array) -> PairedDifference:
-    """Compare two metrics at the same seeds (n,); seeds at which one failed are left out."""
+    """Compare two metrics at the same seeds (n,), without seeds at which one failed."""
     both = np.isfinite(other) & np.isfinite(ours)
     if not both.any():
         return PairedDifference(what, float("nan"), float("nan"), None)
@@ -58,7 +58,7 @@ def paired_difference(what: str, other: Array, ours: Array) -> PairedDifference:
 def indistinguishable(
     trials: Sequence[Trial], best: Trial, objective: Objective, study: Study
 ) -> list[tuple[Trial, PairedDifference]]:
-    """Return the trials on as many seeds whose difference from the best has an interval that holds 0."""
+    """Return the trials on as many seeds whose difference from the best has an interval that includes 0."""
     if objective.kind != "metric":
         return []
     found = []
@@ -103,7 +103,7 @@ def rank_correlations(
 
 
 def leave_one_out(candidate_set: CandidateSet, placement: Placement) -> list[Placement]:
-    """Return the placement without each of its devices in turn, where it has more than one."""
+    """Return the placements without each of the devices in turn; none for a single device."""
     return [tuple(each for each in placement if each != removed) for removed in placement] if len(placement) > 1 else []
 
 
@@ -112,8 +112,8 @@ def displace_sensors(
 ) -> Scenario:
     """Displace the named sensors in a direction drawn by the seed; trackers know their true poses (surveyed) or not.
 
-    Off level: scanners must stay level. Turned about the vertical. A sensor that is assumed elsewhere already stays so, and
-    is off by this besides.
+    Horizontally and about the vertical, since scanners must stay level. Existing calibration errors are kept, and this one
+    added.
     """
     sensors = dict(scenario.sensors)
     for name in names:
@@ -132,7 +132,7 @@ def displace_sensors(
         if not is_surveyed:
             before = assumed or CalibrationError()
             bx, by, bz = before.xyz
-            # a tilted camera that is turned about the vertical is assumed turned about its own axes
+            # a tilted camera turned about the vertical is assumed turned about its own axes
             own = mount.room_from_housing().rotation.T @ description.mount.room_from_housing().rotation
             roll, pitch, yaw = _angles(own)
             assumed = before.model_copy(update={"xyz": (bx - dx, by - dy, bz), "rpy_deg": (roll, pitch, yaw)})
@@ -198,7 +198,7 @@ def values_with_one_fewer(run: TrialRunner, coverage: PoseCoverage, best: Trial)
 
 
 def displaced_differences(run: TrialRunner, best: Trial, objective: Objective) -> list[PairedDifference]:
-    """Compare the recommended placement with itself displaced, surveyed and not, beside the effect of a millimetre."""
+    """Compare the recommended placement with itself displaced, surveyed and not, and with a displacement by a millimetre."""
     study = run.study
     seeds = study.held_out.seeds if study.held_out is not None else best.seeds
     own = {key: run.scenario(best.placement, key) for key in run.prepared.scenarios}

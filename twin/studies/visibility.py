@@ -1,7 +1,7 @@
 """Visibility of people and of the floor from each sensor: resolution on a target.
 
-A scanner sees a body that enough of its beams meet; a camera sees a point that lies in its picture, in its line of sight, at
-enough pixels per metre (EN 62676-4). Rows are samples of people in the tracked area with the others in the way, or cells of the
+A scanner sees a body on which enough of its beams fall. A camera sees a point in its image and line of sight at enough
+pixels per metre (EN 62676-4). Rows are samples of people in the tracked area, with the others as obstacles, or cells of the
 floor at heights, in the empty room or once per sample.
 """
 
@@ -28,10 +28,10 @@ from twin.world.precomputed import PrecomputedScene
 from twin.world.world import World
 
 _TRUNK_M, _LEGS_M, _TRUNK_FROM_M = 0.35, 0.2, 0.7
-"""Width of a standing body where a scan meets it: of the trunk, and of two legs below that height, in place of a body [m]."""
+"""Width of a standing body where a scan meets it: of the trunk, and of two legs below that height [m]."""
 _NUDGE_M = 0.01
 _FEW = 0.02
-"""Share of the area that is not worth a warning."""
+"""Share of the area too small for a warning."""
 VISITED_M = 0.5
 """A cell of the floor counts as visited within this distance of a person [m]."""
 _SIGHTS = np.array([-2 / 3, 0.0, 2 / 3])
@@ -40,9 +40,9 @@ _SIGHTS = np.array([-2 / 3, 0.0, 2 / 3])
 
 @dataclass(frozen=True, eq=False)
 class WorldSample:
-    """The world at one time: poses of geoms; of the people in the area ids (n,), heads (n, 3), points (n, k, 3) [m]."""
+    """World at one time: poses of geoms; of the people in the area ids (n,), heads (n, 3), points (n, k, 3) [m]."""
 
-    scene: int  # which of the crowd's scenes has the bodies
+    scene: int  # index of the crowd's scene with these bodies
     geom_xpos: Array
     geom_xmat: Array
     ids: NDArray[np.int16]
@@ -51,16 +51,16 @@ class WorldSample:
 
 
 class SampledWorld:
-    """Time samples of a scenario's people, and the empty room, for any sensor to look at."""
+    """Time samples of a scenario's people, and the empty room."""
 
     def __init__(self, scenario: Scenario, precomputed: PrecomputedScene | None, times_s: Sequence[float]) -> None:
-        """Sample the world at ascending `times_s`; without any, the empty room alone."""
+        """Sample the world at ascending `times_s`; without any, only the empty room."""
         self.scenario = scenario
         world = World(scenario, precomputed)
         self.area = world.scene.area
         area, ids = Area(self.area), np.array([world.scene.ids[name] for name in world.scene.names], dtype=np.int16)
         self.samples: list[WorldSample] = []
-        self._scenes: list[Snapshot] = []  # others have bodies when others come: one a cast
+        self._scenes: list[Snapshot] = []  # one per set of bodies, which changes as people come
         for t in times_s:
             snapshot = world.snapshot(t)
             if not self._scenes or snapshot.model is not self._scenes[-1].model:
@@ -83,7 +83,7 @@ class SampledWorld:
         return self._snapshot(-1, *self._room)
 
     def at(self, sample: WorldSample) -> Snapshot:
-        """Return the world at a sample, for rays alone."""
+        """Return the world at a sample, for rays only."""
         return self._snapshot(sample.scene, sample.geom_xpos, sample.geom_xmat)
 
     def _snapshot(self, scene: int, xpos: Array, xmat: Array) -> Snapshot:
@@ -100,9 +100,7 @@ class SampledWorld:
 class SensorVisibility:
     """The visibility of people and of cells of the floor from one scanner or camera."""
 
-    _look: tuple[Array, NDArray[np.floating], Array, NDArray[np.intp]] | None = (
-        None  # of `_lookup`, for the cells it was asked for
-    )
+    _look: tuple[Array, NDArray[np.floating], Array, NDArray[np.intp]] | None = None  # of `_lookup`, for its last cells
 
     def __init__(self, scenario: Scenario, name: str, coverage: Coverage) -> None:
         description = in_the_room(scenario, name)
@@ -223,7 +221,7 @@ def visited_cells(sampled: Sequence[SampledWorld], cells_m: Array) -> Mask:
 
 
 def unvisited_warning(visited: Mask, seen: Mask, n_person_frame: int) -> str:
-    """Return a warning of cells (n,) that no sensor sees and no person visited; "" where they are few."""
+    """Return a warning about cells (n,) that no sensor sees and no person visited; "" for few."""
     hidden, blind = float((~seen).mean()), float((~seen & ~visited).mean())
     if blind <= _FEW:
         return ""

@@ -30,21 +30,21 @@ from twin.world.precomputed import PoseCache, PrecomputedScene
 from twin.world.simulation import Simulation
 
 DETAILED = ("disposal.", "errors.")
-"""Metrics that need more of the truth than people's positions."""
+"""Metrics that need more truth than people's positions."""
 _MOST_SCENES_KEPT = 6
-"""So many scenes with their people a worker keeps compiled."""
+"""Number of scenes with their people that a worker keeps compiled."""
 
 
 _TIMING = {"rate_hz", "phase_s", "delay_s", "jitter_s", "dropout", "sweep_time_s", "motion_blur"}
-"""Settings that decide at which stamps people are sampled, and so between which ticks they are interpolated."""
+"""Settings that determine the stamps at which people are sampled, and so the ticks of interpolation."""
 
 
 @dataclass(frozen=True)
 class EvaluationTask:
-    """A placed scenario (seed included) to be tracked, the cache of motions, and the digest of the code.
+    """Placed scenario (seed included) to track, the cache of motions, and the digest of the code.
 
-    details: True for situations of two people and visibility by sensor, of which some metrics (`DETAILED`) are made, at a
-    cost; without, there are none of these. made_from: what its files were when the study started (None: unknown).
+    details: True for the costly metrics of `DETAILED`, from situations of two people and visibility by sensor. made_from:
+    its files' digests at the study's start (None: unknown).
     """
 
     scenario: Scenario
@@ -57,7 +57,7 @@ class EvaluationTask:
 
 @dataclass
 class _CachedScene:
-    """A compiled scene with its motion; by sensor timing its truth and, for scanners alone, its poses: of any placement."""
+    """Compiled scene with its motion, for any placement; truth and, for scanners alone, poses by sensor timing."""
 
     precomputed: PrecomputedScene
     truth: dict[str, TruthTable] = field(default_factory=dict)
@@ -108,9 +108,9 @@ def evaluate_placement(work: EvaluationTask) -> dict[str, Evaluation]:
         if simulation.world.pose_cache is not None and len(body_pools(scenario.people)) == 1:
             cached.pose_caches[timing] = (
                 simulation.world.pose_cache
-            )  # whole: what is half kept would be asked for in another order
+            )  # complete: part of it would be asked for in another order
     truth = cached.truth[timing] if known else truth_table(frames)
-    if not work.details:  # visibility is of this placement alone
+    if not work.details:  # visibility depends on the placement
         cached.truth[timing] = truth
     pairs = situation_table(situations, scenario.name) if work.details else None
     found = {}
@@ -146,7 +146,7 @@ def evaluate_task(work: EvaluationTask) -> dict[str, dict[str, float | None]]:
 
 
 def matched_errors(work: EvaluationTask, tracker: str) -> NDArray[np.float64]:
-    """Return matched people (n, 3): x, y of the person [m] and the distance of their track [m]."""
+    """Return matched people (n, 3): x, y of the person [m] and the distance to their track [m]."""
     evaluation = evaluate_placement(work)[tracker]
     truth = _cached_scene(work.cache, work.scenario).truth[_timing(work.scenario)]
     keys = {(int(t), int(i)): row for row, (t, i) in enumerate(zip(truth.stamps_ns, truth.id, strict=True))}

@@ -1,1 +1,1 @@
-"""`twin reproduce camera-floor-particle`: the experiments of Mori and others beside ours."""
+"""`twin reproduce camera-floor-particle`: the experiments of Mori and others, with our results."""

@@ -1,4 +1,4 @@
-"""Recordings replayed through the tracker: with changed options, or up to one frame that is drawn."""
+"""Recordings replayed through the tracker, with changed options or up to one drawn frame."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from twin.suites.worker import RECORDING, TRUTH, record, renderer_of
 
 CHOICE, TIME = "beyond the paper, choice", "beyond the paper, time"
 SEED = 1000
-"""A development seed: by it the constants that the paper does not give were chosen."""
+"""Development seed, by which the constants that the paper does not give were chosen."""
 _SCENARIO = "movements-crossing"
 PEOPLE = (1, 3, 6, 10)
 _STANDING_S = 4
@@ -60,7 +60,7 @@ VARIANTS: Mapping[str, Mapping[str, Any]] = {
 
 
 def standing_people(n_person: int, duration_s: float = _STANDING_S) -> Scenario:
-    """Make a scenario of up to ten people who stand in the room of the home scene."""
+    """Make a scenario of up to ten standing people in the room of the home scene."""
     people = ", ".join(
         f"p{k}: {{start: [{x}, {y}], script: {{kind: stand}}}}" for k, (x, y) in enumerate(_STARTS[:n_person])
     )
@@ -70,7 +70,7 @@ def standing_people(n_person: int, duration_s: float = _STANDING_S) -> Scenario:
 
 
 def compare_choices(cache: RecordingCache, on_progress: OnProgress | None) -> list[ResultRow]:
-    """Replay development recordings: one with each choice of the constants, and one per number of people."""
+    """Replay development recordings: one per choice of the constants, and one per number of people."""
     crossing = load_scenario(_SCENARIO, [f"seed={SEED}"])
     runs = [(CHOICE, name, crossing, change) for name, change in VARIANTS.items()]
     runs += [(TIME, f"{n} {'person' if n == 1 else 'people'}", standing_people(n), {}) for n in PEOPLE]
@@ -121,7 +121,7 @@ def frame_picture(case: Case, cache: RecordingCache, t_s: float) -> bytes:
 
 
 def closest_pair_s(truth: TruthTable, fewest_s: float = 1.5) -> float:
-    """Find the time at which two people are nearest to each other, after the start [s]."""
+    """Find the time of the least distance between two people, after the start [s]."""
     best, at = np.inf, fewest_s
     for stamp in np.unique(truth.stamps_ns)[::4]:
         now = truth.stamps_ns == stamp
@@ -134,12 +134,12 @@ def closest_pair_s(truth: TruthTable, fewest_s: float = 1.5) -> float:
 
 
 def lowest_head_s(truth: TruthTable) -> float:
-    """Find the time at which a head is lowest [s]."""
+    """Find the time of the lowest head [s]."""
     return float(truth.stamps_ns[np.nanargmin(truth.head_z)] / 1e9)
 
 
 def _poses(path: Path, t_s: float) -> TruePoses:
-    """Read the true positions nearest to a time, with the yaw of the heads, which is what the tracker estimates."""
+    """Read the true positions nearest to a time, with the yaw of the heads, as the tracker estimates them."""
     truth = read_truth(path)
     now = truth.stamps_ns == truth.stamps_ns[np.abs(truth.stamps_ns - t_s * NS_PER_S).argmin()]
     return TruePoses(truth.id[now], np.column_stack([truth.x, truth.y])[now], truth.head_yaw[now])
@@ -157,7 +157,7 @@ def draw_debug_state(
     floors: Mapping[str, FloorFrame],
     truth: TruePoses,
 ) -> bytes:
-    """Draw one frame as the preview does, larger, with the outline of each view's foreground in white; a JPEG.
+    """Draw one frame as the preview does, enlarged, with the outline of each view's foreground in white; a JPEG.
 
     Figures 2, 4 and 5 of Mori et al. Raises ValueError where no camera has a view in that frame.
     """

@@ -1,4 +1,4 @@
-"""Reproduction of Mori et al.: what `twin reproduce camera-floor-particle` writes."""
+"""Reproduction of Mori et al. for `twin reproduce camera-floor-particle`."""
 
 from __future__ import annotations
 
@@ -47,14 +47,14 @@ from twin.suites.cluster import Workers
 from twin.suites.spec import Suite
 
 _SHOWN = (("crossing", "figure 4"), ("going-back", "figure 4"), (PAIR, "one cluster"), (HOME, "figure 5"))
-"""Conditions of which a frame is drawn, and the figure it stands for."""
+"""Conditions of which a frame is drawn, and its figure in the paper."""
 
 
 def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = None) -> Outputs:
     """Run the suite and write results, plots, pictures of frames and the page into `folder`.
 
-    Raises InputError for a suite without the paper's experiments, for a folder that holds another reproduction's runs (or the
-    same one's, without `resume`), for conditions with fewer than two whole runs, and where a file cannot be written.
+    Raises InputError for a suite without the paper's experiments, for a folder with another reproduction's runs (or the same
+    one's, without `resume`), for conditions with fewer than two complete runs, and where a file cannot be written.
     """
     suite, path = load_seeded_suite(request.suite or request.name, request.seed_range)
     check_suite(suite, path)
@@ -65,7 +65,7 @@ def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = N
 
 
 def check_suite(suite: Suite, path: Path) -> None:
-    """Raise InputError for a suite without one of the paper's experiments, or with one that the tracker is not run in."""
+    """Raise InputError for a suite that lacks one of the paper's experiments, or the tracker in one."""
     entries = {entry.name or entry.scenario: entry for entry in suite.scenarios}
     for name in NEEDED:
         if name not in entries:
@@ -133,7 +133,7 @@ HeadErrorsOverTime = tuple[Array, Array]
 
 
 def course_svg(truth: TruthTable, by_system: Mapping[str, TrackTable]) -> str:
-    """Draw figure 6: trajectories on the floor of the straight course, a panel per system, the truth in grey."""
+    """Draw figure 6: trajectories on the floor of the straight course, one panel per system, the truth in grey."""
     from matplotlib.figure import Figure
 
     with plot_style():
@@ -168,7 +168,7 @@ def heads_svg(errors: Sequence[HeadErrorsOverTime]) -> str:
 
 
 def head_errors_since_detection(truth: TruthTable, tracks: TrackTable, gate_m: float = 0.5) -> HeadErrorsOverTime:
-    """Compute errors of heads in the rows of tracks with a person within the gate, and the time since the track's first row."""
+    """Compute errors of heads matched within the gate, and the time since each track's first row."""
     since, off = [], []
     began = {number: tracks.stamps_ns[tracks.id == number].min() for number in np.unique(tracks.id).tolist()}
     for stamp in np.unique(tracks.stamps_ns):

@@ -1,4 +1,4 @@
-"""Results of every condition, the paper's beside ours where it prints one, and ablations paired by run."""
+"""Results of every condition with the paper's values where printed, and ablations paired by run."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ ABLATIONS = (
     (HOME, "without the mixture", "camera-floor-particle-no-mixture", "head z"),
     (HOME, "all rules the paper's", PAPER, RIGHT),
 )
-"""Ablations: condition, what is left out, preset, and the metric in which it matters."""
+"""Ablations: condition, omitted part, preset, and the metric affected."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +121,7 @@ def _means(condition: CameraFloorCondition, where: str) -> Iterator[ResultRow]:
 
 
 def _system_value(condition: CameraFloorCondition, tracker: str, key: str, times: float) -> SystemValue | None:
-    """Compute a value by another system; None where it was not run, or has no such value."""
+    """Compute a value of another system; None if it was not run, or has no such value."""
     if tracker not in condition.metrics:
         return None
     values = times * condition.metrics[tracker][key]
@@ -130,7 +130,7 @@ def _system_value(condition: CameraFloorCondition, tracker: str, key: str, times
 
 
 def _ablations(conditions: Mapping[str, CameraFloorCondition]) -> Iterator[ResultRow]:
-    """Compute the change by leaving something out, paired by run: the metric without less the metric with."""
+    """Compute the effect of omitting a part, paired by run: the metric without less the metric with."""
     units = {row: (key, times, unit) for row, key, times, unit in _MEANS}
     for name, what, tracker, row in ABLATIONS:
         condition = conditions.get(name)
@@ -155,14 +155,12 @@ def _result(
 
 
 SHOWN = ("crossing", "shadows")
-"""Conditions that differ in shadows alone."""
+"""Conditions that differ only in shadows."""
 _EVERY_S = 0.5
 
 
 def mask_results(runs: SuiteRuns) -> list[ResultRow]:
-    """Measure recall and precision of the foreground's pixels in the first run of each of these conditions, all cameras
-    together.
-    """
+    """Measure recall and precision of foreground pixels in the first run of each condition, all cameras together."""
     found = []
     for name in SHOWN:
         if name not in runs.by_condition:
@@ -176,7 +174,7 @@ def mask_results(runs: SuiteRuns) -> list[ResultRow]:
 
 
 def mask_quality(case: Case, cache: RecordingCache) -> tuple[float, float]:
-    """Compute the share of people's pixels that are foreground, and the share of the foreground that is people's."""
+    """Compute the share of people's pixels in the foreground, and of the foreground on people."""
     both = people = found = 0
     with case_recording(case, cache) as entry, Simulation(resolved_scenario(case)) as simulation:
         for image, mask in _foreground(entry / RECORDING):
@@ -186,7 +184,7 @@ def mask_quality(case: Case, cache: RecordingCache) -> tuple[float, float]:
 
 
 def _foreground(path: Path) -> Iterator[tuple[Image, NDArray[np.bool_]]]:
-    """Yield the tracker's foreground in each camera's pictures, one per half second."""
+    """Yield the tracker's foreground in each camera's image, one per half second."""
     bag = Recording(path)
     area = None if bag.rig.area is None else Area(bag.rig.area)
     cameras = CameraViews(front_ends(bag.rig.cameras(), list(bag.background), FrontEndOptions(), area))

@@ -1,1 +1,1 @@
-"""Loads on the floor and steps of the twin's people, beside published data."""
+"""Foot loads and steps of simulated people, compared with published data."""

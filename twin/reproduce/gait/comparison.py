@@ -1,4 +1,4 @@
-"""Our gait beside published gait, row by row."""
+"""Our gait compared with published gait, row by row."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ from twin.streams import stream
 WALKS_M_S = (0.8, 1.0, 1.2, 1.35, 1.5, 1.8)
 RUNS_M_S = (2.5, 3.0, 4.0, 5.0)
 NATURAL_M_S = (1.2, 1.35, 1.5)
-"""Speeds at which the published humps and dip are asked for."""
+"""Speeds to which the published humps and dip apply."""
 STATURE_M, STATURE_SPREAD_M = 1.75, 0.09
 _STATURES_M = (1.50, 2.00)
 
@@ -59,7 +59,7 @@ WALKING, RUNNING = "walking", "running"
 
 @dataclass(frozen=True, eq=False)
 class SubjectComparison:
-    """The subject's stances and ours at the same speed and stature, and the root mean square between them [body weights]."""
+    """The subject's stances and ours at equal speed and stature, and their root mean square difference [body weights]."""
 
     theirs: Stance
     their_measures: StrideMeasures
@@ -67,14 +67,14 @@ class SubjectComparison:
     our_measures: StrideMeasures
     apart: float
     feet_apart: float
-    """Between the subject's own two feet."""
+    """Difference between the subject's own feet."""
 
 
 @dataclass(frozen=True, eq=False)
 class GaitRuns:
     """All bodies at every speed, by speed [m/s].
 
-    person: a body that walks as the measured person does; compared: beside the subject, where there is a recording.
+    person: a body that walks as the measured person does; compared: with the subject, if there is a recording.
     """
 
     seeds: range
@@ -113,9 +113,7 @@ def simulate_gait(
 
 
 def compare(subject: Subject) -> SubjectComparison:
-    """Compare a body of the subject's stature at the subject's speed with the subject; InputError for a recording
-    without a walk.
-    """
+    """Compare a body of the subject's stature at the subject's speed; raises InputError for a recording without a walk."""
     feet = [stance(subject.load[:, foot], subject.rate_hz) for foot in range(2)]
     theirs = _together(feet)
     try:
@@ -139,7 +137,7 @@ def compare(subject: Subject) -> SubjectComparison:
 
 
 def gait_results(runs: GaitRuns) -> list[ResultRow]:
-    """Compute every result: beside the subject, of walking and of running; intervals over the people, by the bootstrap."""
+    """Compute every result: against the subject, of walking and of running; bootstrap intervals over the people."""
     rows = [] if runs.compared is None else _compare_with_subject(runs.compared)
     rows += _compare_with_person(runs.person)
     n_run = len(runs.seeds)

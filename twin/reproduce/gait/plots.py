@@ -1,4 +1,4 @@
-"""Plots of our gait beside published gait: loads over the stance, and gait against speed."""
+"""Plots of our gait and published gait: loads over the stance, and gait against speed."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _DRAWN_WALKS_M_S = (0.8, 1.2, 1.5, 1.8)
 
 
 def stance_svg(runs: GaitRuns) -> str:
-    """Draw the load of a foot over its stance, over the subject's where there is a recording, and the point of load, as SVG."""
+    """Draw the load of a foot over its stance, over the subject's if recorded, and the point of load, as SVG."""
     from matplotlib.figure import Figure
 
     compared = runs.compared
@@ -66,7 +66,7 @@ def stance_svg(runs: GaitRuns) -> str:
 
 
 def _roll(axes: Axes, person: SteadyGait) -> None:
-    """Draw the point of load over the stance, beside the published."""
+    """Draw our and the published point of load over the stance."""
     points = load_path(person, 0) / person.shoe_m[0]
     axes.fill_between(_WHOLE, points.min(axis=0), points.max(axis=0), color=_OURS, alpha=0.18, linewidth=0)
     axes.plot(_WHOLE, points.mean(axis=0), color=_OURS, linewidth=2.4, label="ours")

@@ -1,4 +1,4 @@
-"""Published data of walking and running that ours are compared with, and a recording of one subject.
+"""Published data of walking and running for comparison, and a recording of one subject.
 
 The sources are those of `models/people/gait.yaml`.
 """
@@ -17,11 +17,11 @@ from trackers.text_file import read_text
 WALK_RATIO = 0.0064
 """Step length over cadence [m/(steps/min)]: Sekiya and Nagasaki (1998)."""
 STANCE_SHARE = (0.58, 0.66)
-"""Share of the stride that a walker's foot stands, from a fast walk to a slow one, about: Winter (1991)."""
+"""Share of the stride in a walker's stance, from a fast walk to a slow one, approximately: Winter (1991)."""
 HUMPS, DIP = (1.05, 1.25), (0.65, 0.90)
-"""Of a natural walk, 1.2 to 1.5 m/s: about what Winter (1991) and Nilsson and Thorstensson (1989) show [body weights]."""
+"""Of a natural walk, 1.2 to 1.5 m/s, approximately: Winter (1991), Nilsson and Thorstensson (1989) [body weights]."""
 RUNNING_HUMP = (2.0, 2.8)
-"""From a jog to 5 m/s, about: Nilsson and Thorstensson (1989) [body weights]."""
+"""From a jog to 5 m/s, approximately: Nilsson and Thorstensson (1989) [body weights]."""
 CONTACT_S = {3.0: 0.25, 5.0: 0.19}
 """Contact of a runner's foot, by speed [m/s]: Nilsson and Thorstensson (1989)."""
 JOGGING_STEPS_MIN = {2.5: 2.6 * 60}
@@ -29,13 +29,13 @@ JOGGING_STEPS_MIN = {2.5: 2.6 * 60}
 
 PERSON_SPEED_M_S, PERSON_STATURE_M, PERSON_MASS_KG = 1.25, 1.83, 85.0
 PERSON_STANCE_S, PERSON_TRAVEL_M = 0.754, 0.271
-"""Time of a stance, and how far the point of load goes along the foot in it, of a person on force plates."""
+"""Duration of a stance, and path of the point of load along the foot in it, of a person on force plates."""
 PERSON_EARLY_LOAD = 0.19
 """That person's load at 5 % of the stance [body weights]."""
 PERSON_STEPS_APART = 0.038
 """Root mean square between the loads of two of that person's steps [body weights]."""
 STANCE_S = {1.03: 0.749, 1.53: 0.639, 1.93: 0.533}
-"""Time of a walker's stance, mean of ten people, by speed [m/s]."""
+"""Duration of a walker's stance, mean of ten people, by speed [m/s]."""
 ROLL = {0.2: 0.24, 0.3: 0.30, 0.4: 0.41, 0.5: 0.57}
 """Point of load, as a share of the foot from the heel, by share of the stance: pressure plates of ten people."""
 
@@ -79,7 +79,7 @@ class Subject:
 def read_subject(folder: Path) -> Subject:
     """Read the loads of OpenSim's gait2354 subject, who walks on a treadmill at 1.0 m/s.
 
-    Raises InputError where the file is missing or holds no table of forces.
+    Raises InputError for a missing file or one without a table of forces.
     """
     path = folder / SUBJECT_FILE
     lines = read_text(path, "in the folder of --data OpenSim's gait2354 recording").splitlines()

@@ -1,4 +1,4 @@
-"""Reproduction of published gait: what `twin reproduce gait` writes."""
+"""Reproduction of published gait for `twin reproduce gait`."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from twin.reproduce.results import ResultRow, format_rows, write_results
 def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = None) -> Outputs:
     """Let one body per seed walk and run; write results, plots and page into `folder`.
 
-    `request.data`: the folder of the recording that is drawn beside them (none: published figures only). Raises InputError
-    for a recording that is missing or no recording, and where a file cannot be written.
+    `request.data`: folder of the subject's recording (None: published data only). Raises InputError for a missing or invalid
+    recording, and where a file cannot be written.
     """
     seeds, data = request.seed_range, request.data
     subject = None if data is None else read_subject(data)

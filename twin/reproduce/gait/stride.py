@@ -1,4 +1,4 @@
-"""Steady gait: simulated bodies at one speed, and what biomechanics measures of a foot's vertical load."""
+"""Steady gait: simulated bodies at one speed, and biomechanical measures of a foot's vertical load."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from twin.people.poses import TICK_S
 Flags = NDArray[np.bool_]
 
 FINE_HZ = 600.0
-"""Loads between the people's ticks are read as a floor does, by interpolation: at the rate of the force plates."""
+"""Rate of the force plates, at which loads are interpolated between the people's ticks."""
 
 _SPEEDS_UP_S = 4.0
 _ACCELERATION_M_S2 = 4.0
@@ -25,20 +25,20 @@ _ACCELERATION_M_S2 = 4.0
 
 @dataclass(frozen=True, eq=False)
 class SteadyGait:
-    """n people at one speed in their stride: load and position of each foot."""
+    """n people in steady stride at one speed: load and position of each foot."""
 
     speed_m_s: float
     stature_m: Array  # (n,)
     t: Array  # (k,) [s]
     load: Array  # (k, 2, n) [body weights], left and right foot
     place: NDArray[np.complex128]  # (k, 2, n) x + iy [m]; they walk along x
-    pressure_m: Array  # (k, 2, n): where the load acts, ahead of the shoe's heel
+    pressure_m: Array  # (k, 2, n): point of load, ahead of the shoe's heel
     shoe_m: Array  # (n,)
 
 
 @dataclass
 class _GuidedPeople:
-    """Stand-in for a crowd, as the gait needs it, of people who all go straight ahead."""
+    """Stand-in for a crowd: people who all go straight ahead."""
 
     place: NDArray[np.complex128]
     velocity: NDArray[np.complex128]
@@ -60,7 +60,7 @@ class _GuidedPeople:
 
 
 def simulate_steady(speed_m_s: float, statures_m: Sequence[float], seconds: float = 12.0) -> SteadyGait:
-    """Simulate people of these statures [m] who walk or run at one speed for so long, after a start from standing."""
+    """Simulate people of these statures [m] at one walking or running speed for this time, after a start from standing."""
     count = len(statures_m)
     led = _GuidedPeople.standing(count)
     skeleton = Skeleton([proportions_of(stature) for stature in statures_m])
@@ -94,13 +94,13 @@ def _between(fine: Array, coarse: Array, values: Array) -> Array:
 
 
 STANDS_FROM = 0.02
-"""A foot stands from this load on [body weights]."""
+"""Least load of a standing foot [body weights]."""
 STANCE_POINTS = 101
 
 
 @dataclass(frozen=True, eq=False)
 class Stance:
-    """Whole stances of a foot, each over 0 to 100 % of its time."""
+    """Complete stances of a foot, each over 0 to 100 % of its duration."""
 
     curves: Array  # (m, STANCE_POINTS) [body weights]
     seconds: Array  # (m,)
@@ -108,9 +108,9 @@ class Stance:
 
 @dataclass(frozen=True)
 class StrideMeasures:
-    """Measures of one person in their stride; loads in body weights.
+    """Measures of one person in steady stride; loads in body weights.
 
-    mean: of both feet together over whole strides; first, dip, second: of the mean curve of a foot's stances; hump: its
+    mean: of both feet together over complete strides; first, dip, second: of the mean curve of a foot's stances; hump: its
     greatest load; stance_share: of the stride, both feet's mean.
     """
 
@@ -131,7 +131,7 @@ class StrideMeasures:
 
 
 def whole_stretches(on: NDArray[np.bool_]) -> list[slice]:
-    """Find whole stretches in which the flags (k,) hold, those cut off at the ends left out."""
+    """Find the stretches in which the flags (k,) hold, without those cut off at the ends."""
     change = np.diff(on.astype(int))
     starts, ends = np.flatnonzero(change == 1) + 1, np.flatnonzero(change == -1) + 1
     return [slice(int(start), int(ends[ends > start][0])) for start in starts if (ends > start).any()]
@@ -159,13 +159,13 @@ def load_path(steady: SteadyGait, person: int) -> Array:
 
 
 def measure_stride(load: Array, rate_hz: float, step_length_m: float = np.nan) -> StrideMeasures:
-    """Measure a person by the loads of both feet (k, 2) [body weights]; ValueError without a whole stride."""
+    """Measure a person by the loads of both feet (k, 2) [body weights]; ValueError without a complete stride."""
     stances = [stance(load[:, foot], rate_hz) for foot in range(2)]
     strides, means, lengths = [], [], []
     for foot in range(2):
         starts = np.flatnonzero(np.diff((load[:, foot] > STANDS_FROM).astype(int)) == 1) + 1
         if len(starts) < 2 or not len(stances[foot].seconds):
-            continue  # no whole stride of this foot
+            continue  # no complete stride of this foot
         strides.append((starts[-1] - starts[0]) / (len(starts) - 1) / rate_hz)
         means.append(load[starts[0] : starts[-1]].sum(axis=1).mean())
         lengths.append(stances[foot].seconds.mean() / strides[-1])
@@ -193,7 +193,7 @@ def humps(curve: Array) -> tuple[float, float, float]:
 
 
 def measure_people(steady: SteadyGait) -> list[StrideMeasures]:
-    """Measure each person, step lengths by the places of the feet."""
+    """Measure each person, with step lengths from the positions of the feet."""
     rate_hz = 1 / float(np.diff(steady.t[:2])[0])
     found = []
     for person in range(len(steady.stature_m)):

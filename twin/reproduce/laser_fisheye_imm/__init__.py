@@ -1,1 +1,1 @@
-"""`twin reproduce laser-fisheye-imm`: figures and table of Bai and Takahashi, theirs beside ours, and further."""
+"""`twin reproduce laser-fisheye-imm`: figures and table of Bai and Takahashi, with our results, and further conditions."""

@@ -1,13 +1,13 @@
 """Figure 7 of Bai and Takahashi: position and speed errors of three filters on a maneuvering walk, Monte Carlo.
 
-One person, always detected. Run i measures the walk with noise of seed i, R = diag(0.01, 0.01) m²; the three filters get the
-same measurements and the same start. Scans 0 and 1 give the start: the position from the second, the velocity from the
-two, shrunk towards rest by its uncertainty, as the tracker does it (a filter over heading and speed cannot find the heading
-of a person estimated at rest). Errors are counted from scan 2 on, the first that a filter has predicted and updated.
+One person, always detected. Run i measures the walk with noise of seed i, R = diag(0.01, 0.01) m²; all filters get the same
+measurements and start. Scans 0 and 1 give the start: the position from the second, the velocity from both, shrunk towards
+rest by its uncertainty as in the tracker (a filter over heading and speed cannot find the heading of a person estimated at
+rest). Errors count from scan 2 on, the first after a prediction and update.
 
-The speed of the state is signed, and (θ, v) and (θ + π, −v) are one motion: after a stop a filter may well follow the
-person backwards. The paper does not say how it reads the speed then. We compare the mean magnitude, over the particles of
-the particle filter as over the modes of the IMM, with the true speed; `READINGS` holds two other ways, computed too.
+The speed of the state is signed, and (θ, v) and (θ + π, −v) are one motion: after a stop a filter may follow the person
+backwards. The paper does not say how it reads the speed then. We compare the mean magnitude, over particles as over modes of
+the IMM, with the true speed; `READINGS` also lists two others.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ FIRST_SCAN = 2
 """The first scan whose errors count."""
 
 START_SPEED_M_S = 1.0
-"""Standard deviation of a person's speed when first seen: what the tracker assumes too (ours)."""
+"""Standard deviation of a new person's speed, as in the tracker (ours)."""
 
 N_PARTICLE = 1000
 PARTICLE_MODEL = MotionModel(turn_persists=True, acceleration_variance=250.0, turn_acceleration_variance=250.0)
@@ -42,9 +42,9 @@ FILTERS = (IMM, KALMAN, PARTICLE)
 
 MEAN_MAGNITUDE, MAGNITUDE_OF_MEAN, MEAN_VELOCITY = "mean of |v|", "|mean of v|", "length of the mean velocity"
 READINGS = (MEAN_MAGNITUDE, MAGNITUDE_OF_MEAN, MEAN_VELOCITY)
-"""Readings of a speed from modes or particles; for the Kalman filter, which has one mode, all are the same."""
+"""Readings of a speed from modes or particles; all equal for the Kalman filter, which has one mode."""
 
-_BLOCK = 20  # runs at a time: their particles stay in the processor's cache, and memory does not grow with the runs
+_BLOCK = 20  # runs at a time: their particles fit the processor's cache, and memory does not grow with the runs
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ class Estimates:
 
 @dataclass(frozen=True, eq=False)
 class SquaredErrors:
-    """Squared errors of a quantity in n runs of k scans, by filter, and of its measurements."""
+    """Squared errors of a quantity in n runs of k scans, by filter, and of the measurements."""
 
     by_filter: dict[str, Array]  # name -> (n, k)
     measured: Array  # (n, k)
@@ -69,7 +69,7 @@ class SquaredErrors:
 
 @dataclass(frozen=True, eq=False)
 class MonteCarlo:
-    """Squared errors of all runs at the scans that count: of position [m²] and, by reading, of speed [m²/s²]."""
+    """Squared errors of all runs at the counted scans: of position [m²] and, by reading, of speed [m²/s²]."""
 
     seeds: range
     walk: ManeuveringWalk
@@ -81,7 +81,7 @@ class MonteCarlo:
 def simulate(
     walk: ManeuveringWalk, seeds: range, on_progress: Callable[[str, float, float], None] | None = None
 ) -> MonteCarlo:
-    """Run the three filters on the walk, once per seed. The particles of the runs of a block share a stream."""
+    """Run the three filters on the walk, once per seed. The particles of a block of runs share a stream."""
     measured = measurements(walk, seeds)
     parts: dict[str, list[Estimates]] = {name: [] for name in FILTERS}
     for first in range(0, len(seeds), _BLOCK):
@@ -198,7 +198,7 @@ class Curves:
     by_filter: dict[str, Array]
 
     def lowest(self) -> Array:
-        """Tell where the IMM is below both others, (1 + replicates, k)."""
+        """Return where the IMM is below both others, (1 + replicates, k)."""
         return np.all([self.by_filter[IMM] < curve for name, curve in self.by_filter.items() if name != IMM], axis=0)
 
 
@@ -214,7 +214,7 @@ def curves(runs: MonteCarlo) -> tuple[Curves, Curves]:
 def figure7_results(runs: MonteCarlo) -> list[ResultRow]:
     """Compute every result of figure 7: means over the scans, the IMM against the others, and the other readings of a speed.
 
-    The paper shows curves and prints no number of them.
+    The paper prints curves only.
     """
     bootstrap, n_run, rows = _bootstrap(runs), len(runs.seeds), []
 

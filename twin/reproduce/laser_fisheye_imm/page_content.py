@@ -46,14 +46,14 @@ from twin.reproduce.laser_fisheye_imm.walk import PERIOD_S
 from twin.reproduce.results import format_ranges
 
 MOST_PER_CONDITION = 4
-"""Most incidents of the full system that are drawn per condition; at the paper's own all are."""
+"""Greatest number of drawn incidents of the full system per condition; all in the paper's own."""
 
 
 def choose_incidents(lab: LabRuns) -> list[CaseIncident]:
     """Choose the incidents to draw.
 
-    At the paper's experiment: every incident of the full system, and the first of each kind of each other column.
-    Beyond it: at most `MOST_PER_CONDITION` of the full system per condition, of every run and kind by turns.
+    In the paper's experiment: every incident of the full system, and the first of each kind of each other column. In others:
+    at most `MOST_PER_CONDITION` of the full system per condition, alternating over runs and kinds.
     """
     chosen = []
     for place, condition in enumerate(lab.conditions):
@@ -69,7 +69,7 @@ def choose_incidents(lab: LabRuns) -> list[CaseIncident]:
 
 
 def lab_content(lab: LabRuns, strips: Sequence[FilmStrip]) -> dict[str, Any]:
-    """Collect everything that the templates of the lab's part name."""
+    """Collect the variables of the templates of the lab's part."""
     paper = lab.paper_condition
     return {
         "filters": [(filter_, SENSOR_SETS) for filter_ in (IMM, KALMAN)],
@@ -202,7 +202,7 @@ def _strips(lab: LabRuns, strips: Sequence[FilmStrip]) -> list[dict[str, Any]]:
 
 
 def figure7_content(runs: MonteCarlo, found: Sequence[Curves]) -> dict[str, Any]:
-    """Collect what the page shows of figure 7 and the walk of figure 6."""
+    """Collect the page's content on figure 7 and the walk of figure 6."""
     return {
         "n_run": len(runs.seeds),
         "seeds": f"{runs.seeds.start} to {runs.seeds[-1]}",

@@ -94,7 +94,7 @@ def _footprint(axes: Axes, walk: ManeuveringWalk) -> None:
 
 
 def _maneuver_places(walk: ManeuveringWalk) -> list[tuple[np.ndarray, str]]:
-    """Find the starts of maneuvers and their labels; those within half a metre of each other share a place."""
+    """Find the starts of maneuvers and their labels, merged within half a metre."""
     places: list[tuple[np.ndarray, str]] = []
     for maneuver in walk.maneuvers:
         scan = round(maneuver.start_t / PERIOD_S)
@@ -131,8 +131,8 @@ _EVENTS = {"misidentification": ("X", "misidentified"), "lost": ("d", "lost")}
 
 
 def figure9_svg(run: LabRun, area: np.ndarray) -> str:
-    """Draw figure 9: footprints, x and y against time; truth broad and pale, tracks thin and dark. area: its corners
-    (k, 2) [m].
+    """Draw figure 9: footprints, x and y against time; truth broad and pale, tracks thin and dark. area: its corners (k, 2)
+    [m].
     """
     from matplotlib.figure import Figure
 
@@ -166,11 +166,11 @@ def _true_paths(axes: Axes, run: LabRun, across: np.ndarray, up: np.ndarray) -> 
 
 
 def _on_white(shirt: str | None) -> tuple[float, float, float]:
-    """Darken a shirt's colour for white paper; grey for a shirt that was drawn at random."""
+    """Darken a shirt's colour for white paper; grey for a randomly drawn shirt."""
     rgb = (0.5, 0.5, 0.5) if shirt is None else wardrobe().rgb("shirt", shirt)
     light = 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]
     scale = min(1.0, _LIGHTEST / max(light, 1e-6))
-    return rgb[0] * scale, rgb[1] * scale, rgb[2] * scale * (0.85 if scale < 1 else 1.0)  # what was white is straw
+    return rgb[0] * scale, rgb[1] * scale, rgb[2] * scale * (0.85 if scale < 1 else 1.0)  # white becomes straw
 
 
 def _tracks(axes: Axes, run: LabRun, across: np.ndarray, up: np.ndarray) -> None:
@@ -188,7 +188,7 @@ def _tracks(axes: Axes, run: LabRun, across: np.ndarray, up: np.ndarray) -> None
 
 
 def _events(axes: Axes, run: LabRun, across: np.ndarray, up: np.ndarray) -> None:
-    """Mark where a track goes over to another person, or ends too early."""
+    """Mark where a track changes to another person, or ends too early."""
     for kind, (marker, word) in _EVENTS.items():
         found = [event for event in run.evaluation.events if event.kind == kind]
         at = [
@@ -218,12 +218,12 @@ _MARKERS = {sensors: marker for sensors, marker in zip(SENSOR_SETS, "osD", stric
 
 
 def table_one_svg(condition: LabCondition) -> str:
-    """Draw misidentified and lost in every run of a condition, a row per column of the table."""
+    """Draw misidentified and lost in every run of a condition, one row per column of the table."""
     return _rows_svg([(condition, MISIDENTIFIED, "(a) misidentified"), (condition, LOST, "(b) lost")], height=2.9)
 
 
 def conditions_svg(conditions: Sequence[LabCondition]) -> str:
-    """Draw misidentified and lost together in every run, a panel per condition."""
+    """Draw the sum of misidentified and lost in every run, one panel per condition."""
     return _rows_svg([(each, TOTAL, each.name) for each in conditions], height=2.7)
 
 
@@ -258,7 +258,7 @@ def densities_svg(densities: Sequence[LabCondition], area_m2: float) -> str:
             axes.set_xticks(people, [f"{n}\n{n / area_m2:.2f}/m²" for n in people])
             axes.set_xlim(people.min() - 0.7, people.max() + 0.7)
             axes.legend(loc="upper left", frameon=False)
-        panels[0].set_ylim(bottom=0)  # once all are drawn: it ends the scaling to what is drawn, for all panels
+        panels[0].set_ylim(bottom=0)  # after all are drawn: it ends autoscaling of all panels
         panels[0].set_ylabel("errors per person-minute")
         panels[1].set_xlabel("people in the area")
         return to_svg(figure)
@@ -316,7 +316,7 @@ def _label(column: Column) -> str:
 
 
 def _spread(found: np.ndarray) -> np.ndarray:
-    """Shift each run's dot off its row, so that equal ones do not cover each other, (n,)."""
+    """Shift each run's dot off its row, so that equal ones do not overlap, (n,)."""
     off = np.zeros(len(found))
     for value in np.unique(found):
         same = np.flatnonzero(found == value)

@@ -1,4 +1,4 @@
-"""Reproduction of Bai and Takahashi: what `twin reproduce laser-fisheye-imm` writes."""
+"""Reproduction of Bai and Takahashi for `twin reproduce laser-fisheye-imm`."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ from twin.reproduce.suite_runs import load_seeded_suite, read_runs, run_conditio
 from twin.suites.cluster import Workers
 
 N_RUN = 100
-"""Monte-Carlo runs of figure 7, the paper's."""
+"""Monte-Carlo runs of figure 7, as in the paper."""
 
 
 def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = None) -> Outputs:
     """Run figure 7 and the suite and write results, plots, film strips and page into `folder`.
 
-    Raises InputError for a suite that cannot be, for a folder that holds another reproduction's runs (or the same one's,
-    without `resume`), for conditions with fewer than two whole runs, and where a file cannot be written.
+    Raises InputError for an invalid suite, for a folder with another reproduction's runs (or the same one's, without
+    `resume`), for conditions with fewer than two complete runs, and where a file cannot be written.
     """
     name, n_run = request.suite or request.name, request.runs or N_RUN
     suite, path = load_seeded_suite(name, request.seed_range)

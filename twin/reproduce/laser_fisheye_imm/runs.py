@@ -1,7 +1,7 @@
 """Runs of the lab, read from the suite's results: the six columns of table I, conditions, and one run in full.
 
-A condition is an entry of the suite: so many people, in such clothes and such light. The entry `people-5` is the paper's
-experiment; `people-N` with other numbers are its densities.
+A condition is an entry of the suite: number of people, clothes and light. The entry `people-5` is the paper's experiment;
+`people-N` with other numbers are its densities.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ COAST_S = LaserFisheyeImmOptions().track_management.coast_s
 
 @dataclass(frozen=True)
 class Column:
-    """A column of table I: a preset, its filter and its sensors in the paper's words."""
+    """Column of table I: a preset, with its filter and sensors in the paper's words."""
 
     tracker: str
     filter: str
@@ -52,7 +52,7 @@ class Column:
 
     @property
     def baseline(self) -> str | None:
-        """Preset of the plain baseline: of every scanner, so that a column of one layer has none."""
+        """Preset of the baseline with all scanners; None for a column of one layer."""
         return None if self.sensors == SENSOR_SETS[1] else BASELINE
 
 
@@ -70,12 +70,12 @@ FULL = COLUMNS[0]
 PAPER_CONDITION = "people-5"
 """The condition of the paper's experiment."""
 DENSITY = re.compile(r"people-\d+")
-"""The names of the conditions that differ in the number of people alone."""
+"""Names of the conditions that differ only in the number of people."""
 
 
 @dataclass(frozen=True)
 class LongOcclusion:
-    """An occlusion of a run that lasts longer than tracks coast; lost: the full system's track ended in it."""
+    """Occlusion longer than `COAST_S`; lost: the full system's track ended in it."""
 
     seed: int
     person: str
@@ -86,7 +86,7 @@ class LongOcclusion:
 
 @dataclass(frozen=True, eq=False)
 class LabCondition:
-    """n runs of a condition; metrics of the paper's systems and of the baseline where it was run by them, NaN where not done."""
+    """n runs of a condition; metrics of the paper's systems and of the baseline if they were run, NaN where not done."""
 
     name: str
     overrides: tuple[str, ...]
@@ -104,7 +104,7 @@ class LabCondition:
 
     @property
     def has_long_occlusion(self) -> NDArray[np.bool_]:
-        """Runs with an occlusion longer than tracks coast, (n,)."""
+        """Runs with an occlusion longer than `COAST_S`, (n,)."""
         return np.isin(self.seeds, [each.seed for each in self.long_occlusions])
 
 
@@ -129,7 +129,7 @@ class LabRuns:
     area: Array  # (k, 2) corners of the tracked area [m]
     n_scan: int  # of the paper's condition, each scanner
     scan_rate_hz: float
-    not_done: tuple[str, ...]  # ids of cases that failed, or were never run
+    not_done: tuple[str, ...]  # ids of cases that failed or were not run
 
     @property
     def area_m2(self) -> float:
@@ -144,7 +144,7 @@ class LabRuns:
 
     @property
     def densities(self) -> list[LabCondition]:
-        """The conditions that differ in the number of people alone, fewest first."""
+        """Conditions that differ only in the number of people, fewest first."""
         found = [each for each in self.conditions if DENSITY.fullmatch(each.name)]
         return sorted(found, key=lambda each: each.n_person)
 
@@ -170,7 +170,7 @@ def check_suite(suite: Suite, path: Path) -> None:
 
 
 def read_lab(found: SuiteRuns) -> LabRuns:
-    """Read the lab's runs from those of the suite; a recording that has left the cache is made again."""
+    """Read the lab's runs from those of the suite; a recording no longer in the cache is made again."""
     conditions, runs = [], {}
     for name, whole in found.by_condition.items():
         full = [_one_run(cases[FULL.tracker], found) for cases in whole.values()]

@@ -1,5 +1,5 @@
-"""Table I of Bai and Takahashi: every condition's six columns, ours beside theirs; statements; and the density at which
-each column breaks.
+"""Table I of Bai and Takahashi: six columns of every condition with the paper's values; statements; and each column's
+breaking density.
 
 Counts are means per run of the paper's length; intervals are percentile bootstraps over runs, differences are paired by
 seed. A column breaks at the first density at which the interval of its errors (misidentified and lost) per minute of a
@@ -35,7 +35,7 @@ MISIDENTIFIED, LOST, TOTAL = "misidentified", "lost", "misidentified + lost"
 COUNTS = (MISIDENTIFIED, LOST, TOTAL)
 RATES = {"MOTA": ("mota", "1"), "IDF1": ("idf1", "1"), "MOTP": ("motp_m", "m")}
 ROWS = (*COUNTS, *RATES)
-"""The rows of the table: the paper's counts, their sum, and metrics that the paper has not."""
+"""Rows of the table: the paper's counts, their sum, and further metrics."""
 ALL_SETS = "summed over the three sensor sets"
 
 _PAPER = {
@@ -45,11 +45,11 @@ _PAPER = {
     (SENSOR_SETS[1], LOST): 5.0,
     (SENSOR_SETS[2], MISIDENTIFIED): 3.0,
     (SENSOR_SETS[2], LOST): 8.0,
-}  # of the IMM; the Kalman filter's row is damaged in the text we have: 2, 0, 19, 5 and 4 are legible, but not of what
+}  # of the IMM; the Kalman filter's row is damaged in our copy: 2, 0, 19, 5 and 4 are legible, but not their columns
 
 
 def paper_value(column: Column, row: str) -> float | None:
-    """Look up a value in the paper's table, of its one run; None where it is silent or illegible."""
+    """Return the paper's value, of its one run; None if missing or illegible."""
     if column.filter != IMM:
         return None
     if row == TOTAL:
@@ -75,7 +75,7 @@ def cell(condition: LabCondition, tracker: str, row: str) -> Interval:
 
 
 def system_value(condition: LabCondition, tracker: str | None, row: str) -> SystemValue | None:
-    """Compute a cell by another system; None where it was not run, or not in every run that has the metric."""
+    """Compute a cell of another system; None unless it was run in every run that has the metric."""
     if tracker is None or tracker not in condition.metrics or not _known(condition, tracker, row):
         return None
     if row in COUNTS and np.isnan(values(condition, tracker, row)).any():
@@ -102,7 +102,7 @@ def filters_difference(condition: LabCondition, paper: bool = False) -> Interval
 
 
 def _has_papers_systems(condition: LabCondition) -> bool:
-    """Tell whether every run of the condition was done by all of the paper's systems."""
+    """Return whether all of the paper's systems did every run of the condition."""
     papers = [each.paper_tracker for each in COLUMNS]
     return all(each in condition.metrics and not np.isnan(condition.errors(each)).any() for each in papers)
 
@@ -114,13 +114,13 @@ def error_rate(condition: LabCondition, column: Column) -> Interval:
 
 
 def breaks_at(densities: Sequence[LabCondition], column: Column) -> LabCondition | None:
-    """Find the first of these conditions at which the interval of the error rate leaves zero; None: at none of them."""
+    """Find the first condition at which the interval of the error rate leaves zero; None without one."""
     return next((each for each in densities if error_rate(each, column).low > 0), None)
 
 
 @dataclass(frozen=True)
 class LossesByOcclusion:
-    """The full system's losses at the paper's experiment: in runs with an occlusion longer than tracks coast, and without."""
+    """The full system's losses in the paper's experiment, in runs with and without an occlusion longer than `COAST_S`."""
 
     n_run_with: int
     lost_with: int
@@ -140,7 +140,7 @@ def losses_by_occlusion(condition: LabCondition) -> LossesByOcclusion:
 
 
 def lab_results(lab: LabRuns) -> list[ResultRow]:
-    """Compute every result: table I, the paired differences, and the same beyond the paper."""
+    """Compute every result: table I, the paired differences, and the same for further conditions."""
     return [
         *_table(lab.paper_condition, TABLE_ONE, prefix="", with_paper=True),
         *_paired(lab.paper_condition, PAIRED, prefix=""),
@@ -212,7 +212,7 @@ LEAST_MOTA, LEAST_IDF1, MOST_MOTP_M = 0.97, 0.99, 0.10
 
 @dataclass(frozen=True)
 class Statement:
-    """A statement about table I, its verdict by these runs, and the evidence."""
+    """Statement about table I, its verdict by these runs, and the evidence."""
 
     text: str
     verdict: Verdict

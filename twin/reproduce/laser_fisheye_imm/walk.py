@@ -1,11 +1,10 @@
-"""The maneuvering walk of figure 6 of Bai and Takahashi, as we draw it.
+"""Maneuvering walk in place of figure 6 of Bai and Takahashi.
 
-The figure is lost in the text we have. What it says of the walk: one person who starts, stops and turns sharply, about 85
-scans at T = 0.1 s, seen by a rig at the origin. The script below is therefore ours: two stops and two starts, three sharp
-turns, one of them on the spot, and a run, at what a person can do: speeds up to 2.6 m/s, accelerations up to 7 m/s²
-(sideways in a turn; 4 m/s² ahead), turn rates up to 2π rad/s on the spot. It follows none of the filters' models: speed
-and heading change at a constant rate over a leg, as long as the leg lasts; and it was chosen for what it holds, not for
-what the filters make of it.
+The figure is missing in our copy. The text describes one person who starts, stops and turns sharply, about 85 scans at T =
+0.1 s, seen by a rig at the origin. The script below is ours: two stops and starts, three sharp turns, one of them on the
+spot, and a run, within human limits: speeds up to 2.6 m/s, accelerations up to 7 m/s² (sideways in a turn; 4 m/s² ahead),
+turn rates up to 2π rad/s on the spot. It follows no filter's model: speed and heading change at a constant rate during a
+leg. It was not chosen by the filters' results.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ _STEP_S = 0.001  # of the integration; scans fall on every hundredth step
 
 @dataclass(frozen=True)
 class Leg:
-    """A stretch of the walk: speed goes evenly to `speed_m_s`, heading turns evenly by `turn_rad`, in `duration_s`."""
+    """Stretch of the walk: speed changes evenly to `speed_m_s`, heading turns evenly by `turn_rad`, in `duration_s`."""
 
     kind: Kind
     duration_s: float
@@ -59,7 +58,7 @@ LEGS = (
 
 @dataclass(frozen=True)
 class Maneuver:
-    """A leg that is no steady walking: its kind, start and end [s]."""
+    """Leg that is no steady walking: its kind, start and end [s]."""
 
     kind: Kind
     start_t: float
@@ -82,7 +81,7 @@ class ManeuveringWalk:
 
 
 def maneuvering_walk() -> ManeuveringWalk:
-    """Sample the walk of `LEGS` every `PERIOD_S`; at a border between legs the turn rate is that of the leg before."""
+    """Sample the walk of `LEGS` every `PERIOD_S`; between two legs the turn rate is that of the earlier one."""
     duration = np.array([leg.duration_s for leg in LEGS])
     ends = np.cumsum(duration)
     starts = ends - duration

@@ -1,1 +1,1 @@
-"""`twin reproduce laser-vision-learning`: tables and figures of Song et al., theirs beside ours."""
+"""`twin reproduce laser-vision-learning`: tables and figures of Song et al., with our results."""

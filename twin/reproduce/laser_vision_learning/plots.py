@@ -91,7 +91,7 @@ def _people_a_frame(condition: HallCondition) -> float:
 
 
 def _values(condition: HallCondition, tracker: str, key: str) -> Array:
-    """Return what a panel shows of each run, (n,)."""
+    """Return a panel's value of each run, (n,)."""
     if key == "accuracy":
         return condition.accuracy(tracker)
     if key == "cost":

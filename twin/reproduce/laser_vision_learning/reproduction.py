@@ -1,4 +1,4 @@
-"""Reproduction of Song et al.: what `twin reproduce laser-vision-learning` writes."""
+"""Reproduction of Song et al. for `twin reproduce laser-vision-learning`."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ from twin.suites.worker import Incident, resolved_scenario
 def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = None) -> Outputs:
     """Run the suite and write results, plots, film strips and page into `folder`.
 
-    Raises InputError for a suite that cannot be, for a folder that holds another reproduction's runs (or the same one's,
-    without `resume`), for conditions with fewer than two whole runs, and where a file cannot be written.
+    Raises InputError for an invalid suite, for a folder with another reproduction's runs (or the same one's, without
+    `resume`), for conditions with fewer than two complete runs, and where a file cannot be written.
     """
     suite, path = load_seeded_suite(request.suite or request.name, request.seed_range)
     check_suite(suite, path)
@@ -114,7 +114,7 @@ def _facts(condition: HallCondition) -> dict[str, object]:
 
 
 def _fits(hall: HallRuns) -> list[tuple[str, str]]:
-    """Describe by system the linear fit of the time per frame of all runs."""
+    """Describe the linear fit of the time per frame over all runs, by system."""
     every = [each for each in hall.conditions.values() if each is not hall.ablation]
     texts = []
     for tracker in hall.conditions["hall"].trackers:
@@ -128,7 +128,7 @@ def _fits(hall: HallRuns) -> list[tuple[str, str]]:
 
 
 def _grid(results: Sequence[ResultRow], where: str) -> dict[str, object] | None:
-    """Pivot results of one kind: a row per metric of a condition, a column per tracker; of the many ablations transposed."""
+    """Pivot results of one kind: one row per metric of a condition, one column per tracker; ablations are transposed."""
     own = [replace(each, row=each.row.removeprefix("ablation, ")) for each in results if each.where == where]
     if not own:
         return None
@@ -165,7 +165,7 @@ _LEAST_S = 0.5
 
 @dataclass(frozen=True)
 class Merge:
-    """A merge for the rig: its two people, and the systems that disposed of it."""
+    """Merge seen by the rig: its two people, and the systems that disposed of it."""
 
     start_s: float
     end_s: float
@@ -179,7 +179,7 @@ class Merge:
 
 
 def rank_merges(run: HallRun) -> list[Merge]:
-    """Rank the merges of a run that last half a second and that every system is judged by.
+    """Rank the merges of a run that last half a second and are judged for every system.
 
     First those that the fused system disposes of and most others do not, then the longest.
     """
@@ -200,9 +200,7 @@ def rank_merges(run: HallRun) -> list[Merge]:
 
 
 def merge_incidents(run: HallRun, merges: list[Merge]) -> list[CaseIncident]:
-    """Convert merges to incidents, each at its middle: the first through every system, the next ones through the first
-    system.
-    """
+    """Convert merges to incidents at their middles: the first for every system, the next ones for the first system."""
     incidents = []
     for number, merge in enumerate(merges[:MOST_DRAWN]):
         for name, case in run.cases.items():
@@ -216,7 +214,7 @@ def merge_incidents(run: HallRun, merges: list[Merge]) -> list[CaseIncident]:
 
 
 def _right(run: HallRun, name: str, pair: tuple[int, int], start_ns: int, end_ns: int) -> bool | None:
-    """Tell whether a system disposed of a merge; None where it was not judged by it."""
+    """Return whether a system disposed of a merge; None if it was not judged."""
     people, stamps_ns = run.evaluations[name].people, run.evaluations[name].stamps_ns
     late_ns = end_ns + round(AFTER_S * NS_PER_S)
     if not np.isin(pair, people.person_ids).all() or late_ns > stamps_ns[-1]:

@@ -1,6 +1,6 @@
-"""Tables I and II of Song et al., ours beside theirs, and further: each value with its interval.
+"""Tables I and II of Song et al. with our results, and further rows: each value with its interval.
 
-Shares are of all runs together, their intervals percentile bootstraps over runs; differences are paired by seed.
+Shares are over all runs together, with percentile bootstraps over runs; differences are paired by seed.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ _SHARES = {
 
 
 def _share(condition: HallCondition, tracker: str, row: str) -> tuple[Array, Array]:
-    """Return what of a tracker is right and what there is in each run, (n,) each, for a row of the table of groups."""
+    """Return a tracker's correct and total counts in each run, (n,) each, for a row of the table of groups."""
     metrics = condition.metrics[tracker]
     if row == ACCURACY:
         count = metrics["failures.person_frames"]
@@ -88,9 +88,9 @@ def _share(condition: HallCondition, tracker: str, row: str) -> tuple[Array, Arr
 
 
 def group_results(condition: HallCondition) -> Iterator[ResultRow]:
-    """Compute the table of people in groups: the paper's figure, its system here, ours, and the baseline; then differences.
+    """Compute the table of people in groups: the paper's value, its system here, ours, and the baseline; then differences.
 
-    Differences are of shares over all runs, in points, their replicates paired by run.
+    Differences are of shares over all runs, in points, with replicates paired by run.
     """
     yield from _place(condition)
     boot = _bootstrap(condition)
@@ -120,7 +120,7 @@ def cost_fit(conditions: list[HallCondition], tracker: str) -> Array | None:
     """Fit the mean time per frame [ms] to (1, people per frame, interacting people per frame) by least squares over all
     runs.
 
-    The three coefficients and the share of the variance that they explain (4,); None with fewer than five runs.
+    Returns three coefficients and the explained share of variance (4,); None with fewer than five runs.
     """
     rows = [
         (1.0, people / frames, close / frames, ms)
@@ -215,7 +215,7 @@ def _beyond(condition: HallCondition, where: str) -> Iterator[ResultRow]:
 
 
 def _losses(condition: HallCondition, hall: HallCondition) -> Iterator[ResultRow]:
-    """Compute the accuracy that a change of the hall costs, paired by seed, over as many frames as the change was run for."""
+    """Compute the loss of accuracy by a change of the hall, paired by seed, over the frames of the change's runs."""
     seeds = [seed for seed in condition.seeds if seed in hall.seeds]
     for tracker in condition.trackers:
         if tracker not in hall.trackers or not seeds:

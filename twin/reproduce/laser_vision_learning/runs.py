@@ -1,8 +1,8 @@
 """Runs of the hall, read from the suite's results: the three systems, conditions, places, and one run in full.
 
-A condition is an entry of the suite. Its name says what it is for: `busy` is table I, `hall` is table II and figure 11;
-`groups` holds people in groups, for whom the system is; `people-N` is a density; `ablation` sets variants of the fused
-system beside it; every other is the hall with one thing changed.
+A condition is an entry of the suite: `busy` is table I, `hall` is table II and figure 11; `groups` holds people in groups,
+the paper's target; `people-N` is a density; `ablation` compares variants of the fused system; every other is the hall with
+one change.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ from twin.suites.worker import TRUTH, resolved_scenario
 
 FUSED, LASER, VISION = "laser-vision-learning", "laser-vision-learning-laser", "laser-vision-learning-vision"
 SYSTEMS: Mapping[str, str] = {FUSED: "fused", LASER: "laser only", VISION: "vision only"}
-"""The paper's three systems, by preset, as they stand in tables."""
+"""The paper's three systems, by preset, with their names in tables."""
 HALL, BUSY, GROUPS, ABLATION = "hall", "busy", "groups", "ablation"
 PAPER_SYSTEMS: Mapping[str, str] = {
     FUSED: "laser-vision-learning-paper",
     LASER: "laser-vision-learning-paper-laser",
     VISION: "laser-vision-learning-paper-vision",
 }
-"""By preset of ours, the same system by the paper's rules."""
+"""Preset of the same system by the paper's rules, by our preset."""
 BASELINE, OTHER_BASELINE, NO_LEARNING = "sort", "laser-imm", "no-learning"
 DENSITY = re.compile(r"people-\d+")
 
 
 @dataclass(frozen=True, eq=False)
 class PlaceStatistics:
-    """Statistics of n runs' places by the truth, (n,) each but for the durations of all merges together."""
+    """Statistics of n runs' scenes by the truth, (n,) each except the durations of all merges together."""
 
     frames: Array  # of the scanners
     people: Array  # person-frames inside the area
@@ -49,18 +49,18 @@ class PlaceStatistics:
     correlated: Array  # pairs of people in frames
     merges: Array
     minutes: Array
-    merge_s: Array  # (m,) how long each merge lasted
+    merge_s: Array  # (m,) duration of each merge
 
 
 @dataclass(frozen=True, eq=False)
 class HallRun:
-    """A run of the hall or the busy place in full: its case and evaluation by system, truth and situations."""
+    """One run of the hall or the busy place: case and evaluation by system, truth and situations."""
 
     cases: Mapping[str, Case]
     truth: TruthTable
     situations: SituationTable
     evaluations: Mapping[str, Evaluation]
-    interacting: Array  # (f,) people who interact in each judged frame
+    interacting: Array  # (f,) interacting people in each judged frame
     people: Array  # (f,) inside the area
     names: Mapping[int, str]
 
@@ -76,7 +76,7 @@ class HallCondition:
     metrics: Mapping[str, Mapping[str, Array]]  # tracker -> metric of metrics.json -> (n,), NaN where it does not apply
     place: PlaceStatistics
     course: Mapping[str, tuple[Array, ...]] | None = (
-        None  # tracker -> of each run failures and person-frames so far, (2, f)
+        None  # tracker -> cumulative failures and person-frames of each run, (2, f)
     )
 
     def tracker_label(self, tracker: str) -> str:
@@ -93,7 +93,7 @@ class HallCondition:
         return 100 * (1 - self.failures(tracker) / self.metrics[tracker]["failures.person_frames"])
 
     def accuracy_so_far(self, tracker: str, seed: int, frames: int) -> float:
-        """Compute the accuracy of a run's first `frames` frames [%]; of the whole run where its course is not known."""
+        """Compute the accuracy of a run's first `frames` frames [%]; of the whole run without its course."""
         run = self.seeds.index(seed)
         if self.course is None:
             return float(self.accuracy(tracker)[run])
@@ -118,18 +118,18 @@ class HallRuns:
 
     @property
     def changed(self) -> list[HallCondition]:
-        """The hall with one thing changed."""
+        """Conditions that change the hall in one respect."""
         others = (HALL, BUSY, GROUPS, ABLATION)
         return [each for each in self.conditions.values() if each.name not in others and each not in self.densities]
 
     @property
     def ablation(self) -> HallCondition | None:
-        """Variants of the fused system beside it; None where the suite has none."""
+        """Variants of the fused system; None if the suite has none."""
         return self.conditions.get(ABLATION)
 
 
 def interacting(truth: TruthTable, situations: SituationTable, stamps_ns: np.ndarray) -> tuple[Array, Array]:
-    """Count people inside the area in each of these frames, and those of them who interact, (f,) each."""
+    """Count the people inside the area and those who interact in each of these frames, (f,) each."""
     people, close = np.zeros(len(stamps_ns)), np.zeros(len(stamps_ns))
     pairs = situations.select("interaction")
     holds = pairs.frames(stamps_ns)
@@ -152,7 +152,7 @@ def check_suite(suite: Suite, path: Path) -> None:
 
 
 def read_hall(found: SuiteRuns) -> HallRuns:
-    """Read all runs; a recording that has left the cache is made again."""
+    """Read all runs; a recording no longer in the cache is made again."""
     conditions = {name: _condition(name, whole, found) for name, whole in found.by_condition.items()}
     conditions[HALL] = replace(conditions[HALL], course=_course(found.by_condition[HALL], found))
     first = {name: _one_run(next(iter(found.by_condition[name].values())), found) for name in (HALL, BUSY)}
@@ -178,7 +178,7 @@ def _one_run(cases: Mapping[str, Case], found: SuiteRuns) -> HallRun:
 
 
 def _course(whole: Mapping[int, Mapping[str, Case]], found: SuiteRuns) -> dict[str, tuple[Array, ...]]:
-    """Sum up, by tracker and run, failures and person-frames up to each frame, (2, f)."""
+    """Accumulate failures and person-frames over frames, (2, f), by tracker and run."""
     courses: dict[str, list[Array]] = {}
     for cases in whole.values():
         for name, evaluation in _one_run(cases, found).evaluations.items():

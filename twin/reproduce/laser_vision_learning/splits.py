@@ -1,12 +1,11 @@
-"""Identities at splits by classifiers alone, given true positions; and the choice of options that rests on it.
+"""Identities at splits by classifiers alone, given true positions; and the choice of options by them.
 
-The classifiers learn from and judge a recording's pictures as a tracker's would, with people's true positions in place
-of tracks: a person is learned from while no other is so near that a tracker could take one for the other. Whenever two
-people part, their classifiers, as they were when the two met, decide the identity of either body.
+The classifiers learn from and judge a recording's images as in a tracker, with true positions in place of tracks. A person
+is learned while no other is near enough to be confused. Whenever two people part, their classifiers of the time when they
+met decide both identities.
 
-M, K, patches and features are chosen on a development seed in the busy place. With mixed clothes nothing tells the
-choices apart: people wear near-identical ones. The share of correct decisions differs little; the margin over its
-deviation differs more.
+M, K, patches and features are chosen on a development seed in the busy place. Mixed clothes do not separate the choices, so
+people wear near-identical ones. The share of correct decisions differs little; the margin over its deviation differs more.
 """
 
 from __future__ import annotations
@@ -45,7 +44,7 @@ _NAVY = ("#232c48", "#252e4a", "#212a46")
 
 
 def near_identical_clothes(people: Iterable[str]) -> list[str]:
-    """Make overrides that dress these people in shirts and trousers which differ by a few levels of 255."""
+    """Make overrides that dress these people in shirts and trousers that differ by a few levels of 255."""
     return [
         f"people.{name}.{garment}='{colours[place % len(colours)]}'"
         for place, name in enumerate(people)
@@ -55,9 +54,7 @@ def near_identical_clothes(people: Iterable[str]) -> list[str]:
 
 @dataclass(frozen=True)
 class SplitDecision:
-    """Decision of classifiers on two people who parted: `margin` below 0 where they exchanged them, 0 where they knew
-    neither.
-    """
+    """Decision of classifiers on two people who parted: `margin` below 0 for an exchange, 0 if both are unknown."""
 
     first_id: int
     second_id: int
@@ -74,18 +71,16 @@ class SplitDecision:
 class SplitTruth:
     """Truth of a recording at each of k stamps."""
 
-    ids: NDArray[np.int64]  # (n,)
+    ids: NDArray[np.int64]  # (k, n, 2) NaN where absent
     stamps_ns: NDArray[np.int64]  # (k,)
     positions_m: NDArray[np.float64]  # (k, n, 2) NaN for who is not there
-    apart: NDArray[np.bool_]  # (k, n) whether a tracker can tell the person from all others
-    parted: Sequence[
-        tuple[int, int, int, int]
-    ]  # the two as columns, and the places at which they meet and are apart again
+    apart: NDArray[np.bool_]  # (k, n) whether a tracker can separate the person from all others
+    parted: Sequence[tuple[int, int, int, int]]  # the two as columns, and the positions of meeting and parting
 
 
 @dataclass
 class _OpenSplit:
-    """Two people who have parted, and their classifiers' scores picture by picture."""
+    """Two people who have parted, and their classifiers' scores per image."""
 
     columns: NDArray[np.intp]
     looks: Looks
@@ -94,7 +89,7 @@ class _OpenSplit:
 
 
 class SplitTrial:
-    """One choice of options, fed with the pictures of a recording."""
+    """One choice of options, fed with the images of a recording."""
 
     def __init__(self, learner: Learner, truth: SplitTruth, identity: IdentityOptions, seed: int) -> None:
         self.decisions: list[SplitDecision] = []
@@ -110,7 +105,7 @@ class SplitTrial:
         self._last = place = int(np.searchsorted(truth.stamps_ns, picture.stamp_ns, side="right")) - 1
         position = truth.positions_m[place]
         here = np.isfinite(position[:, 0])
-        # who is not there stands nowhere near anybody
+        # absent people are far from all others
         position = np.where(here[:, None], position, 1e6)
         for pair in truth.parted:
             if last < pair[2] <= place:
@@ -148,7 +143,7 @@ def decide(
 ) -> dict[str, list[SplitDecision]]:
     """Let the classifiers of every variant decide when two people joined by this kind of situation part again.
 
-    All variants go through the recording at once, since reading its pictures is not free.
+    All variants share one pass over the recording, to read its images once.
     """
     bag = Recording(recording)
     name, camera = next((n, s) for n, s in bag.rig.sensors.items() if isinstance(s, PinholeSensor | FisheyeSensor))
@@ -165,7 +160,7 @@ def decide(
 
 
 def split_truth(bag: Recording, kind: SituationKind) -> SplitTruth:
-    """Read the truth of a recording; a person is apart in no correlated pair and in no situation of this kind."""
+    """Read the truth of a recording; a person is apart if in no correlated pair and no situation of this kind."""
     truth, situations = truth_table(bag.truth()), situation_table(bag.situations())
     stamps_ns, ids = truth.frame_stamps_ns, np.unique(truth.id)
     positions = np.full((len(stamps_ns), len(ids), 2), np.nan)
@@ -206,7 +201,7 @@ _CHANGES: Mapping[str, Mapping[str, Any]] = {
 }
 
 VARIANTS: Mapping[str, LooksOptions] = {name: validate(LooksOptions, change, name) for name, change in _CHANGES.items()}
-"""Options by what is different in them."""
+"""Options by their differences."""
 
 
 CHOICE = "beyond the paper, choice"

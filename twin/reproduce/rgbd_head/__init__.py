@@ -1,1 +1,1 @@
-"""`twin reproduce rgbd-head`: the experiments of Suzuki and others beside ours."""
+"""`twin reproduce rgbd-head`: the experiments of Suzuki and others, with our results."""

@@ -25,7 +25,7 @@ _STEP_M = 0.05
 
 
 def environment_svg(environment: Environment) -> str:
-    """Draw figure 5: the weight of a head (eq. 8) over the floor, a panel per height."""
+    """Draw figure 5: the weight of a head (eq. 8) over the floor, one panel per height."""
     from matplotlib.figure import Figure
 
     low, high = environment.grid.origin_m[:2], environment.grid.upper_m[:2]
@@ -47,7 +47,7 @@ def environment_svg(environment: Environment) -> str:
 
 
 def trajectories_svg(truth: TruthTable, by_system: Mapping[str, TrackTable]) -> str:
-    """Draw figures 7 and 9: the head's path in 3-D, beside it in plan and its height over time; the truth in grey."""
+    """Draw figures 7 and 9: the head's path in 3-D, in plan and its height over time; the truth in grey."""
     from matplotlib.figure import Figure
 
     with plot_style():
@@ -70,7 +70,7 @@ def trajectories_svg(truth: TruthTable, by_system: Mapping[str, TrackTable]) -> 
 
 
 def trap_svg(truth: TruthTable, by_way: Mapping[str, TrackTable], trap: Array) -> str:
-    """Draw figures 11 and 12: the first run of each system in plan; truth in grey, the skin-coloured thing at `trap` a
+    """Draw figures 11 and 12: the first run of each system in plan; truth in grey, the skin-coloured object at `trap` a
     cross.
     """
     from matplotlib.figure import Figure
@@ -88,7 +88,7 @@ def trap_svg(truth: TruthTable, by_way: Mapping[str, TrackTable], trap: Array) -
 
 
 def errors_svg(by_name: Mapping[str, HeadErrors]) -> str:
-    """Draw the error in XY and the signed one in Z over time, a panel per sequence."""
+    """Draw the error in XY and the signed one in Z over time, one panel per sequence."""
     from matplotlib.figure import Figure
 
     with plot_style():
@@ -105,7 +105,7 @@ def errors_svg(by_name: Mapping[str, HeadErrors]) -> str:
 
 
 _TIMES = 2
-"""Views are drawn so many times as large."""
+"""Enlargement of the views."""
 _QUALITY = 86
 _GAZE_M = 0.3
 _WHITE = (255, 255, 255)
@@ -113,8 +113,8 @@ Picture = NDArray[np.uint8]
 
 
 def head_views(observations: Sequence[Observation], rig: Rig, t_s: float, head: Array) -> bytes:
-    """Draw figures 6 and 8: every camera's picture at a time with the ellipse of a head (x, y, z, yaw), the brighter
-    the more it faces the camera.
+    """Draw figures 6 and 8: every camera's image at a time with the ellipse of a head (x, y, z, yaw), brighter facing the
+    camera.
     """
     drawn = []
     for name in rig.cameras():
@@ -139,7 +139,7 @@ def head_views(observations: Sequence[Observation], rig: Rig, t_s: float, head: 
 def weights_picture(
     observations: Sequence[Observation], rig: Rig, t_s: float, state: DebugState, camera_name: str
 ) -> bytes:
-    """Draw figure 10: hypotheses in one camera's picture, from blue (least) to red by colour weight, beside it by depth
+    """Draw figure 10: hypotheses in one camera's image, from blue (least) to red by colour weight, and again by depth
     weight.
     """
     weights = state.likelihoods[camera_name]
@@ -161,7 +161,7 @@ def weights_picture(
 
 
 def _picture(observations: Sequence[Observation], camera: str, t_s: float) -> Picture:
-    """Enlarge the camera's picture that is nearest to a time."""
+    """Enlarge the camera's image nearest to a time."""
     taken = [each for each in observations if isinstance(each, DepthImage) and each.sensor == camera]
     nearest = min(taken, key=lambda each: abs(each.t - t_s))
     return np.asarray(

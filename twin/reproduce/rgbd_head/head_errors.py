@@ -1,4 +1,4 @@
-"""Errors of heads in every frame of a run, with range, visibility and posture."""
+"""Errors of heads in every frame of a run, by range, visibility and posture."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from trackers.rig import Rig, placed_camera
 from twin.recording.tables import TrackTable, TruthTable
 
 LOST_M, LOST_S = 0.5, 1.0
-"""Somebody is lost where for so long no track is so near to their head, seen from above."""
+"""Horizontal distance from the head to the nearest track, and its duration, that make a person lost."""
 _SEATED_SHARE = 0.8
-"""Somebody whose pelvis is below this share of its greatest height in the run sits, or bends."""
+"""Height of the pelvis, as a share of its greatest in the run, below which a person sits or bends."""
 
 
 @dataclass(frozen=True, eq=False)
 class HeadErrors:
     """n matches of a person and a track. off_m: track less truth, x, y, z; turned_rad: its yaw less the true one.
 
-    seen_by: how many cameras' pictures show the middle of the head, nothing being in the way; range_m: from the nearest of
-    them. lost: how many people; found_s: when the last person was found; nan where a person was not.
+    seen_by: number of cameras with a free view of the middle of the head; range_m: from the nearest of them. lost: number of
+    people; found_s: time when the last person was found; nan if a person was not.
     """
 
     stamps_ns: NDArray[np.int64]
@@ -44,7 +44,7 @@ class HeadErrors:
 
     @property
     def yaw_deg(self) -> Array:
-        """Error of the yaw, without its sign."""
+        """Absolute error of the yaw."""
         return np.degrees(np.abs(self.turned_rad))
 
     def statistics(self) -> dict[str, float]:
@@ -67,9 +67,9 @@ class HeadErrors:
 
 
 def head_errors(truth: TruthTable, tracks: TrackTable, rig: Rig) -> HeadErrors:
-    """Match each person with the nearest track in every frame; of several people each has its own, within `LOST_M`.
+    """Match each person with the nearest track in every frame, distinct within `LOST_M` for several people.
 
-    Somebody alone has the one nearest track however far it is, so that one that slid away is an error and not a miss.
+    A single person is matched at any distance, so that a track that slid away is an error and not a miss.
     """
     people = np.unique(truth.id)
     gate = np.inf if people.size == 1 else LOST_M
@@ -105,7 +105,7 @@ def head_errors(truth: TruthTable, tracks: TrackTable, rig: Rig) -> HeadErrors:
 
 
 def spread_cm(runs: Mapping[int, TrackTable]) -> tuple[Array, Array]:
-    """Compute the standard deviation between runs of one recording at each stamp that all have, in XY and Z [cm]."""
+    """Compute the standard deviation between runs of one recording at each common stamp, in XY and Z [cm]."""
     stamps = sorted(set.intersection(*({int(each) for each in run.stamps_ns} for run in runs.values())))
     places = np.array(
         [
@@ -121,7 +121,7 @@ def spread_cm(runs: Mapping[int, TrackTable]) -> tuple[Array, Array]:
 
 
 def _sight(place: Array, truth: TruthTable, row: Index, rig: Rig) -> tuple[Index, Array]:
-    """Count the cameras that see each head, and measure the distance to the nearest of them."""
+    """Count the cameras that see each head, and measure the distance to the nearest."""
     seen_by, nearest = np.zeros(len(place), np.intp), np.full(len(place), np.inf)
     for name, sensor in rig.cameras().items():
         camera = placed_camera(sensor)
@@ -133,7 +133,7 @@ def _sight(place: Array, truth: TruthTable, row: Index, rig: Rig) -> tuple[Index
 
 
 def _is_lost(near: list[tuple[int, bool]]) -> bool:
-    """Tell whether a person who was found was away from every track for too long."""
+    """Return whether a person once found was away from every track for too long."""
     since = None
     found = False
     for stamp, here in near:

@@ -32,12 +32,12 @@ _WAYS: Mapping[str, tuple[str, bool]] = {
     "both cues": (_ALIKE, True),
     "ours": (OURS, True),
 }
-"""The trap: by which preset, and whether it is handed the environment."""
+"""The trap's systems: preset, and whether it is given the environment."""
 
 
 @dataclass(frozen=True, eq=False)
 class LoadedRecording:
-    """A recording in memory: what every replay is given."""
+    """Recording in memory, the input of every replay."""
 
     rig: Rig
     background: Sequence[Observation]
@@ -52,7 +52,7 @@ class LoadedRecording:
         return cls(bag.rig, bag.background, list(bag.observations()), read_truth(entry / TRUTH), environment)
 
     def start(self) -> list[dict[str, Any]]:
-        """Return the true position and direction of the head at first, which the paper takes for known."""
+        """Return the head's initial true position and direction, which the paper assumes known."""
         truth = self.truth
         return [
             {
@@ -85,7 +85,7 @@ class LoadedRecording:
 
 
 def spread_results(seen: LoadedRecording, n_run: int, on_progress: OnProgress | None) -> list[ResultRow]:
-    """Compute table 3: the spread of runs of one recording by other random numbers, of ours and of the paper's system."""
+    """Compute table 3: the spread of runs on one recording with other random numbers, of ours and of the paper's system."""
     spreads = {}
     for number, (preset, options) in enumerate({OURS: {}, _ALIKE: {"start": seen.start()}}.items()):
         runs = {}

@@ -1,4 +1,4 @@
-"""Reproduction of Suzuki et al.: what `twin reproduce rgbd-head` writes."""
+"""Reproduction of Suzuki et al. for `twin reproduce rgbd-head`."""
 
 from __future__ import annotations
 
@@ -59,9 +59,9 @@ from twin.suites.expansion import Case
 from twin.suites.spec import Suite
 
 _RUNS = 30
-"""Runs of one recording: as many as the paper's."""
+"""Runs of one recording, as in the paper."""
 _ROOM = "head-trap"
-"""Scenario whose empty room is scanned: the room of every scenario of the suite."""
+"""Scenario whose empty room is scanned; its room is that of the suite's scenarios."""
 _SHOWN_S = {FIRST: (4.0, 9.0, 15.0), SECOND: (4.0, 9.0)}
 """Times of the views of figures 6 and 8 [s]."""
 _CLOCK = np.array([0.35, -2.45])
@@ -71,8 +71,8 @@ _CLOCK = np.array([0.35, -2.45])
 def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = None) -> Outputs:
     """Scan the room, run the suite, and write results, plots, pictures and the page into `folder`.
 
-    Raises InputError for a suite without the paper's experiments, for a folder that holds another reproduction's runs (or the
-    same one's, without `resume`), for conditions with fewer than two whole runs, and where a file cannot be written.
+    Raises InputError for a suite without the paper's experiments, for a folder with another reproduction's runs (or the same
+    one's, without `resume`), for conditions with fewer than two complete runs, and where a file cannot be written.
     """
     suite, path = load_seeded_suite(request.suite or request.name, request.seed_range)
     check_suite(suite, path)
@@ -84,7 +84,7 @@ def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = N
 
 
 def check_suite(suite: Suite, path: Path) -> None:
-    """Raise InputError for a suite without one of the paper's experiments, or with one that a tracker is not run in."""
+    """Raise InputError for a suite that lacks one of the paper's experiments, or a tracker in one."""
     entries = {entry.name or entry.scenario: entry for entry in suite.scenarios}
     for name in NEEDED:
         if name not in entries:
@@ -98,7 +98,7 @@ def check_suite(suite: Suite, path: Path) -> None:
 
 
 def scan_environment(folder: Path, resume: bool, on_progress: OnProgress | None) -> Path:
-    """Scan the environment of the meeting room; a reproduction that is resumed keeps its own."""
+    """Scan the environment of the meeting room; a resumed reproduction keeps its own."""
     path = folder / "meeting_room.npz"
     if not (resume and path.is_file()):
         try:
@@ -199,7 +199,7 @@ def _pictures(runs: SuiteRuns, condition: str, seen: LoadedRecording) -> dict[st
 
 
 def _figure_10(seen: LoadedRecording, runs: SuiteRuns, at_s: float) -> bytes:
-    """Draw the paper's two cues at a time, in the camera that is nearest to the head."""
+    """Draw the paper's two cues at a time, in the camera nearest to the head."""
     head = _head(case_tracks(_first_case(runs, FIRST), runs), at_s)
     state = seen.debug_state("rgbd-head-paper", 0, {"start": seen.start()}, at_s)
     cameras = seen.rig.cameras()

@@ -1,4 +1,4 @@
-"""Results of every condition, the paper's beside ours where it prints one, and ablations paired by run."""
+"""Results of every condition with the paper's values where printed, and ablations paired by run."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ _ABLATIONS = (
     ("one-stamp", "stamps ignored", ("XY",)),
     ("no-environment", "without the environment", ("XY", "lost")),
 )
-"""Ablations: tracker, what is left out, and the metrics in which it matters."""
+"""Ablations: tracker, omitted part, and the metrics affected."""
 
 
 @dataclass(frozen=True, eq=False)
 class HeadCondition:
-    """n runs of a condition: statistics by tracker and name, (n,), and errors of ours run by run."""
+    """n runs of a condition: statistics by tracker and name, (n,), and errors of ours per run."""
 
     name: str
     seeds: tuple[int, ...]
@@ -112,7 +112,7 @@ def _means(condition: HeadCondition, where: str) -> Iterator[ResultRow]:
                 if tracker == OURS:
                     paper = _PAPER.get(condition.name, {}).get(row)
                     others = {"paper_system": system(PAPER, row), "baseline": system(BASELINE, row)}
-                # a comma would part the condition from the metric
+                # a comma would separate the condition from the metric
                 name = row.replace("XY, ", "XY ").replace("Z, ", "Z ").replace("yaw, ", "yaw ")
                 yield replace(
                     result_of(where, f"{condition.name}, {name}", tracker, paper, known, unit_of(row), seed), **others
@@ -136,9 +136,7 @@ def _choices(condition: HeadCondition) -> Iterator[ResultRow]:
 
 
 def _ablations(conditions: Mapping[str, HeadCondition]) -> Iterator[ResultRow]:
-    """Compute the change by leaving one thing out, over every condition it was left out in, paired by run: without less
-    with.
-    """
+    """Compute the effect of omitting one part, over its conditions, paired by run: without less with."""
     for tracker, what, metrics in _ABLATIONS:
         among = [each for each in conditions.values() if tracker in each.metrics]
         for row in metrics:
@@ -151,7 +149,7 @@ def _ablations(conditions: Mapping[str, HeadCondition]) -> Iterator[ResultRow]:
 
 
 def _where(conditions: Mapping[str, HeadCondition]) -> Iterator[ResultRow]:
-    """Compute errors of ours by range, cameras that see the head, and posture, over the runs that have any there."""
+    """Compute our errors by range, number of cameras that see the head, and posture, over the runs with any."""
     errors = [each for name in (FIRST, SECOND, PEOPLE) for each in conditions[name].errors]
     classes = {
         **{f"nearest camera {low} to {low + 1} m": partial(_in_range, low=low) for low in (1, 2, 3, 4)},
