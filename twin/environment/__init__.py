@@ -1,1 +1,1 @@
-"""A scan of the empty room, and the model that trackers get of it."""
+"""Scan of the empty room, and the environment that trackers get from it."""

@@ -31,7 +31,7 @@ _LOW_CUT_M, _HEAD_M = 0.5, 1.6
 
 
 def write_picture(environment: Environment, path: Path) -> None:
-    """Write a PNG: furniture's heights and the walls; the voxels half a metre up; how likely heads are; a cut."""
+    """Write a PNG: furniture's heights and the walls; the voxels half a metre up; the likelihood of heads; a cut."""
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
@@ -136,10 +136,10 @@ def scan_scenario(
     scanner: TiltingScanner | None = None,
     on_progress: OnProgress | None = None,
 ) -> tuple[PointCloud, World]:
-    """Scan the scenario's room without its people; return the point cloud and the world it was taken in.
+    """Scan the scenario's room without its people; return the point cloud and its world.
 
-    `stations`: x, y or x, y, z [m] of each; none: places from which most is visible. `noise` is a name in LASER_NOISE. Raises
-    InputError for a station in things, off the floor or blind.
+    `stations`: x, y or x, y, z [m] of each; none: places of greatest visibility. `noise` is a name in LASER_NOISE. Raises
+    InputError for a station in objects, off the floor or blind.
     """
     world = World(scenario)
     snapshot = world.empty_snapshot(0.0)
@@ -160,7 +160,7 @@ def scenario_environment(
     options: EnvironmentOptions | None = None,
     on_progress: OnProgress | None = None,
 ) -> Environment:
-    """Build the environment of the scenario's room from a scan of it; see `scan_scenario`."""
+    """Build the environment of the scenario's room from a scan; see `scan_scenario`."""
     cloud, world = scan_scenario(scenario, stations, noise=noise, scanner=scanner, on_progress=on_progress)
     return build_environment(cloud, room=scenario.room_name, area=world.scene.area, options=options)
 
@@ -175,7 +175,7 @@ def write_environment(
     cloud_path: Path | None = None,
     on_progress: OnProgress | None = None,
 ) -> dict[str, Path]:
-    """Write the environment (default out/<room>.npz), its picture, and the cloud if asked for; return the files by name."""
+    """Write the environment (default out/<room>.npz), its picture, and the cloud if requested; return the files by name."""
     out = out if out is not None else Path("out") / f"{scenario.room_name}.npz"
     for option, path, suffix in (("--out", out, ".npz"), ("--cloud", cloud_path, ".ply")):
         if path is not None and path.suffix.lower() != suffix:

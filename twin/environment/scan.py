@@ -1,7 +1,7 @@
-"""A tilting scanner on a tripod in the empty room: where it stands, and its point cloud.
+"""Tilting scanner on a tripod in the empty room: its stations and point cloud.
 
-Suzuki et al. (2007) measure their room's shape beforehand with a SICK LMS200. A planar scanner of its kind, turned up and down by
-a tilt unit, sees half of the sphere around it; turned about once more, the other half.
+Suzuki et al. (2007) measure their room's shape beforehand with a SICK LMS200. A similar planar scanner, tilted by a tilt
+unit, sees half of the sphere around it; turned about once more, the other half.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ HEIGHT_M = 1.2
 
 
 class TiltingScanner(Strict):
-    """A planar scanner whose fan of beams is tilted about its own left-right axis, once for each heading of the tripod.
+    """Planar scanner whose fan of beams is tilted about its own left-right axis, once for each heading of the tripod.
 
-    A fan of 180 degrees tilted from straight down to straight up covers the half sphere ahead; two opposite headings
-    cover all but what the tripod's own legs hide. `tilt_sigma_deg` is the error of the tilt's encoder at each stop.
+    A fan of 180 degrees tilted from straight down to straight up covers the half sphere ahead; two opposite headings cover
+    all but what the tripod's legs hide. `tilt_sigma_deg` is the error of the tilt's encoder at each stop.
 
-    Simplified: the scanner stops at each tilt; where the tripod stands and how it is turned is known exactly.
+    Simplified: the scanner stops at each tilt, and the tripod's pose is known exactly.
     """
 
     beams: int = Field(default=361, ge=2, le=4000, description="beams of the fan")
@@ -73,9 +73,9 @@ def scan_room(
     scanner: TiltingScanner | None = None,
     on_progress: OnProgress | None = None,
 ) -> PointCloud:
-    """Return the point cloud of the room in a snapshot from stations (s, 3) [m], each with a random stream of its own.
+    """Return the point cloud of the room in a snapshot from stations (s, 3) [m], each with its own random stream.
 
-    Give the empty room's snapshot (`World.empty_snapshot`): people in it would become furniture.
+    Use the empty room's snapshot (`World.empty_snapshot`): people would become furniture.
     """
     scanner = scanner or TiltingScanner()
     points: list[Array] = []
@@ -145,20 +145,20 @@ def _rotations(heading_deg: float, tilts_deg: Sequence[float] | Array) -> Array:
 
 
 _TRIPOD_M = 0.4
-"""The tripod's feet reach this far from its middle [m]."""
+"""Reach of the tripod's feet from its middle [m]."""
 _SPACING_M = 0.5
 _MOST_CANDIDATES = 80
 _MOST_STATIONS = 8
 _WORTH_IT = 0.04
-"""Another station has to see at least this share more than those before it."""
+"""Least share of new cells that makes another station worthwhile."""
 _CELL_M = 0.15
-"""Small enough that a far station's rays leave most of them out: only near stations see them well."""
+"""Small enough that rays from a far station miss most of them: only near stations see them well."""
 _LOOK_RAYS = 8000
 _LOOK_M = 30.0
 
 
 def given_stations(places: Sequence[tuple[float, float, float]], scene: Scene, snapshot: Snapshot, field: str) -> Array:
-    """Return the stations (s, 3) [m] asked for; raises InputError, naming `field`, for one in things or off the floor."""
+    """Return the requested stations (s, 3) [m]; raises InputError, naming `field`, for one in objects or off the floor."""
     for place in places:
         x, y, z = place
         written = f"{field} {x:g},{y:g},{z:g}"
@@ -177,10 +177,10 @@ def given_stations(places: Sequence[tuple[float, float, float]], scene: Scene, s
 
 
 def chosen_stations(scene: Scene, snapshot: Snapshot, height_m: float = HEIGHT_M) -> Array:
-    """Choose up to eight free places (s, 3) [m] for the tripod, each the one that adds most to the visible cells.
+    """Choose up to eight free places (s, 3) [m] for the tripod, each adding the most visible cells.
 
     Candidates over the walkable area are compared by a coarse scan (next best view, Connolly 1985, by greedy cover). Raises
-    InputError where there is no room for a tripod.
+    InputError without room for a tripod.
     """
     places = _candidates(scene, snapshot, height_m)
     seen = [_cells_seen(snapshot, place) for place in places]
@@ -225,7 +225,7 @@ def _is_free(snapshot: Snapshot, place: Array) -> bool:
 
 
 def _cells_seen(snapshot: Snapshot, place: Array) -> set[int]:
-    """Return the cells that a coarse scan from a place hits."""
+    """Return the cells hit by a coarse scan from a place."""
     distance, directions = _look(snapshot, place)
     met = distance >= 0
     cell = np.floor((place + distance[met, None] * directions[met]) / _CELL_M).astype(np.int64) + 2**15

@@ -28,15 +28,15 @@ from twin.evaluate.judged_frames import Frame
 from twin.recording.situation_table import SituationTable
 
 NO_ID = -1
-"""In place of an id: empty places of an array, and the owner of a track that belongs to no person."""
+"""Fill value for ids, and the owner of a track that belongs to no person."""
 
 
 @dataclass(frozen=True, eq=False)
 class PersonFrames:
-    """Judgement of each of p people in each of f judged frames."""
+    """Judgement of p people in f judged frames."""
 
     person_ids: NDArray[np.int64]  # (p,) ascending
-    judged: NDArray[np.bool_]  # (p, f) there, and inside the area
+    judged: NDArray[np.bool_]  # (p, f) present and inside the area
     missed: NDArray[np.bool_]  # (p, f)
     wrong: NDArray[np.bool_]  # (p, f) identity wrong, switches included
     astray: NDArray[np.bool_]  # (p, f) no track near them, and one of theirs near no person
@@ -44,7 +44,7 @@ class PersonFrames:
 
     @property
     def right(self) -> NDArray[np.bool_]:
-        """Person-frames in which nothing failed, (p, f)."""
+        """Person-frames without a failure, (p, f)."""
         return self.judged & ~(self.missed | self.wrong | self.astray)
 
     @property
@@ -67,10 +67,10 @@ class PersonFrames:
 
 
 def person_frames(frames: Sequence[Frame], matches: Sequence[FrameMatches], gate_m: float) -> PersonFrames:
-    """Judge every person in every frame. `frames` hold people inside the area and outside; `matches`: their
-    correspondence at the same gate.
+    """Judge every person in every frame. `frames` hold people inside the area and outside; `matches`: their correspondence
+    at the same gate.
     """
-    person_id, there = _padded([frame.person_ids for frame in frames], NO_ID)  # (f, n): n places a frame
+    person_id, there = _padded([frame.person_ids for frame in frames], NO_ID)  # (f, n): n slots per frame
     track_id, _ = _padded([frame.track_ids for frame in frames], NO_ID)  # (f, m)
     person_xy, _ = _padded([frame.person_xy for frame in frames], np.nan)
     track_xy, _ = _padded([frame.track_xy for frame in frames], np.nan)
@@ -107,7 +107,7 @@ def person_frames(frames: Sequence[Frame], matches: Sequence[FrameMatches], gate
 
 
 def _padded(rows: Sequence[NDArray[Any]], fill: float) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-    """Pad f rows (n_i, ...) to one array (f, n, ...) of the longest one's length; return it and its filled places (f, n)."""
+    """Pad f rows (n_i, ...) to one array (f, n, ...) of the longest; return it and its filled slots (f, n)."""
     count = np.array([len(row) for row in rows], dtype=np.intp)
     theirs = np.arange(count.max(initial=0)) < count[:, None]
     whole = np.full((*theirs.shape, *rows[0].shape[1:]), fill, dtype=rows[0].dtype)
@@ -116,7 +116,7 @@ def _padded(rows: Sequence[NDArray[Any]], fill: float) -> tuple[NDArray[Any], ND
 
 
 def _pick(of_track: NDArray[np.int64], which: NDArray[np.intp]) -> NDArray[np.int64]:
-    """Pick from `of_track` (f, m) each person's track `which` (f, n)."""
+    """Index `of_track` (f, m) with each person's track `which` (f, n)."""
     if not of_track.size:
         return np.full(which.shape, NO_ID, dtype=np.int64)
     return np.take_along_axis(of_track, which, axis=1)
@@ -137,7 +137,7 @@ def _owners(frames: Sequence[Frame], matches: Sequence[FrameMatches], track_id: 
 
 
 def _switches(person_id: NDArray[np.int64], track_id: NDArray[np.int64], own: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Mark (f, n) the first frame of each own track of a person but their first; `track_id`: their nearest."""
+    """Return a mask (f, n) of the first frame of each own track of a person except their first; `track_id`: their nearest."""
     switched = np.zeros(own.shape, dtype=np.bool_)
     places = np.flatnonzero(own)  # in order of time
     pairs = np.stack([person_id.ravel()[places], track_id.ravel()[places]])
@@ -155,12 +155,12 @@ def disposal(people: PersonFrames, stamps_ns: NDArray[np.int64], situations: Sit
     """Compute `disposal` of `metrics.json`: per kind of challenging situation its count and the share disposed of (None
     without any).
 
-    After Song et al., table I. Correlated: counted per pair and frame, disposed of where both people are right in that
-    frame. Merge/split: counted per merge for the rig whose end, and the second after it, the run has seen; disposed of where
-    both people are right from its start to `AFTER_S` after its end. Identity after: of the merges whose two people are both
-    judged in the first frame from `AFTER_S` after their end on, those where both are right in that frame: a tracker that
-    follows merged people as one, as the paper's does, is judged by what it makes of the split. Frames in which one of the
-    two is outside the tracked area are not counted; a merge counts where both are inside in at least one of its frames.
+    After Song et al., table I. Correlated: counted per pair and frame, disposed of if both people are right in that frame.
+    Merge/split: counted per merge for the rig whose end, and the second after it, are in the run; disposed of if both people
+    are right from its start to `AFTER_S` after its end. Identity after: of the merges whose people are both judged in the
+    first frame from `AFTER_S` after their end on, the share with both right in that frame; a tracker that tracks merged
+    people as one, as the paper's does, is thus judged by the result of the split. Frames with one of the two outside the
+    tracked area are not counted; a merge counts if both are inside in at least one of its frames.
 
     stamps_ns (f,): of the judged frames, in order.
     """
@@ -184,7 +184,7 @@ def disposal(people: PersonFrames, stamps_ns: NDArray[np.int64], situations: Sit
 
 
 def _of_pairs(people: PersonFrames, situations: SituationTable) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Judge the pair of each of n situations in each of f judged frames: both people judged, both right, (n, f) each."""
+    """Return, for the pair of each of n situations in f judged frames: both people judged, both right, (n, f) each."""
     known = np.isin(situations.first_id, people.person_ids) & np.isin(situations.second_id, people.person_ids)
     judged, right = (np.zeros((len(situations), people.judged.shape[1]), dtype=np.bool_) for _ in range(2))
     first, second = (

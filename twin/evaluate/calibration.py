@@ -1,11 +1,10 @@
-"""Calibration of stated radii: how often a person stands within the radius in which a tracker claims them with 95 %.
+"""Calibration of stated radii: how often a person is within the radius that a tracker states for 95 %.
 
-A track's person is the one it is matched with (CLEAR correspondence). Tracks left over have the people left over, the nearest
-by optimal assignment without a gate, so that a person beyond the gate but within a wide radius counts as within it; a track
-for which nobody is left has its person nowhere. For other probabilities the radius is read as that of a circular normal
-distribution, whose distance from the middle has the distribution function F(d) = 1 − exp(−d² / 2σ²): p is claimed for
-r(p) = r₉₅ √(ln(1 − p) / ln 0.05). A tracker is calibrated where the share found within r(p) is p (A. P. Dawid,
-"The well-calibrated Bayesian", J. American Statistical Association 77, 1982).
+A track's person is its match (CLEAR correspondence). Remaining tracks get the nearest remaining people by optimal assignment
+without a gate, so that a person beyond the gate but within a wide radius counts as within it; a track without a remaining
+person has it nowhere. For other probabilities the radius is that of a circular normal distribution, whose distance from the
+centre has the distribution function F(d) = 1 − exp(−d² / 2σ²): r(p) = r₉₅ √(ln(1 − p) / ln 0.05). A tracker is calibrated if
+the share found within r(p) is p (A. P. Dawid, "The well-calibrated Bayesian", J. American Statistical Association 77, 1982).
 """
 
 from __future__ import annotations
@@ -20,12 +19,12 @@ from twin.evaluate.clear import FrameMatches, assign
 from twin.evaluate.judged_frames import Frame
 
 CLAIMED_PERCENT = (10, 20, 30, 40, 50, 60, 70, 80, 90, 95, 99)
-"""The claims of a calibration curve."""
+"""Probabilities of a calibration curve."""
 WITHIN = "within_radius"
 
 
 def within_radius(judged: Sequence[Frame], matches: Sequence[FrameMatches]) -> dict[str, Any] | None:
-    """Compute `within_radius` of `metrics.json`: by claim, in per cent, the share found, and `n` tracks in all frames.
+    """Compute `within_radius` of `metrics.json`: by probability, in per cent, the share found, and `n` tracks in all frames.
 
     None where no track states a radius. `judged`, `matches`: frames inside the area and their correspondence.
     """
@@ -36,9 +35,9 @@ def within_radius(judged: Sequence[Frame], matches: Sequence[FrameMatches]) -> d
 
 
 def claimed_at_person(judged: Sequence[Frame], matches: Sequence[FrameMatches]) -> NDArray[np.float64]:
-    """Compute the probability that each of n stated radii claims for the circle through its person; 1 where there is none.
+    """Compute the probability of the circle through its person under each of n stated radii; 1 without a person.
 
-    It is uniform from 0 to 1 for a tracker that is calibrated.
+    Uniform from 0 to 1 for a calibrated tracker.
     """
     distance, radius = [np.empty(0)], [np.empty(0)]
     for frame, pairs in zip(judged, matches, strict=True):
@@ -57,7 +56,7 @@ def claimed_at_person(judged: Sequence[Frame], matches: Sequence[FrameMatches]) 
 
 
 def calibration_curve(metrics: Mapping[str, Any]) -> list[tuple[float, float]]:
-    """Return the claimed and found shares of a tracker's metrics, flattened or not; empty where it states no radius."""
+    """Return the stated and found shares of a tracker's metrics, flattened or not; empty without radii."""
     nested = metrics.get(WITHIN) or {}
     found = [(each, metrics.get(f"{WITHIN}.{each}", nested.get(str(each)))) for each in CLAIMED_PERCENT]
     return [(each / 100, share) for each, share in found if share is not None]

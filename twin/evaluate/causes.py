@@ -1,12 +1,12 @@
-"""Errors by cause: misses, false positives, and occlusions that last.
+"""Errors by cause: misses, false positives, and long occlusions.
 
-A miss is a person inside the area, in a judged frame, matched with no track (CLEAR correspondence). By cause, the first
-that holds: `unseen`, no sensor's ray reaches the body (every `visible_<sensor>` is 0), so that no tracker can know;
-`unused`, only sensors see them that the tracker makes no use of; `start_up`, they were matched with no track yet since they
-came into the area; else `seen`.
+A miss is a person inside the area, in a judged frame, matched with no track (CLEAR correspondence). Its cause is the first
+of: `unseen`, no sensor's ray reaches the body (every `visible_<sensor>` is 0), so that no tracker can know; `unused`, only
+sensors see them that the tracker does not use; `start_up`, they were matched with no track yet since they entered the area;
+else `seen`.
 
-A false positive is a track matched with no person: a `double` within the gate of a person matched with another track;
-a `ghost` while it coasts, `ghost_unseen` where the person it was matched with last is unseen just then; else `clutter`.
+A false positive is a track matched with no person: a `double` within the gate of a person matched with another track; a
+`ghost` while it coasts, `ghost_unseen` if the person it was matched with last is unseen then; else `clutter`.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ class Errors:
     def counts(self, *, sight: bool = True, status: bool = True) -> dict[str, Any]:
         """Count frames per kind and cause: `errors` of `metrics.json`.
 
-        Without `sight` the truth does not say which sensors see whom, without `status` the tracks do not say which of them
-        coast: the causes that need it are None.
+        Without `sight` the truth lacks visibility, without `status` the tracks lack coasting: the causes that need it are
+        None.
         """
         count: dict[str, int | None] = dict(Counter(self.cause.tolist()))
         if not sight:
@@ -65,12 +65,12 @@ def errors_by_cause(
     gate_m: float,
     unused: Collection[str] = (),
 ) -> Errors:
-    """Find the cause of every error in frames inside the area, given their correspondence. `unused`: sensors the
-    tracker leaves alone.
+    """Find the cause of every error in frames inside the area, given their correspondence. `unused`: sensors the tracker
+    does not use.
     """
     rows = _TruthRows(truth, unused)
     found: list[tuple[int, NDArray[np.float64], str, str]] = []
-    followed: set[int] = set()  # matched since they came into the area
+    followed: set[int] = set()  # matched since they entered the area
     last_person: dict[int, int] = {}
     for frame, pairs in zip(judged, matches, strict=True):
         people, tracks = frame.person_ids.tolist(), frame.track_ids.tolist()
@@ -102,7 +102,7 @@ def errors_by_cause(
 
 
 class _TruthRows:
-    """Visibility and posture of each person at any stamp, from the person's row nearest in time."""
+    """Visibility and posture of each person at any stamp, from the row nearest in time."""
 
     def __init__(self, truth: TruthTable, unused: Collection[str]) -> None:
         self._truth = truth
@@ -131,7 +131,7 @@ class _TruthRows:
 
 @dataclass(frozen=True)
 class PersonOcclusion:
-    """A stretch of time in which no ray of the sensors reaches a person in the area [s]."""
+    """Time span in which no ray of the sensors reaches a person in the area [s]."""
 
     person_id: int
     start_s: float
@@ -144,11 +144,10 @@ class PersonOcclusion:
 
 
 def long_occlusions(truth: TruthTable, sensors: Sequence[str], longer_than_s: float) -> tuple[PersonOcclusion, ...]:
-    """Find occlusions from all of these sensors at once that last longer than this, by start, then person: no tracker
-    that coasts for less can bridge them.
+    """Find occlusions from all of these sensors at once that last longer than this, by start, then person.
 
-    Hidden: the share of the body that `visible_<sensor>` gives is 0 for every one of them. Moments at which a person is
-    outside the area, or not there, end an occlusion. Raises KeyError for a sensor that is not in the truth.
+    No tracker that coasts for less can bridge them. Hidden: `visible_<sensor>` is 0 for every one of them. Absence, or
+    presence outside the area, ends an occlusion. Raises KeyError for a sensor that is not in the truth.
     """
     hidden = truth.in_area.copy()
     for sensor in sensors:

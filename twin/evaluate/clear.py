@@ -1,8 +1,8 @@
 """CLEAR MOT and identity scores: correspondence frame by frame, MOTA, MOTP, IDF1 and their counts.
 
-Bernardin and Stiefelhagen, "Evaluating multiple object tracking performance: the CLEAR MOT metrics", 2008, in the
-reading of py-motmetrics 1.4: a person and the track last matched with them are matched again as long as they are
-within the gate; the rest is assigned so that as many pairs as possible, then as near as possible, come about.
+Bernardin and Stiefelhagen, "Evaluating multiple object tracking performance: the CLEAR MOT metrics", 2008, as in
+py-motmetrics 1.4: a person and the track last matched with them are matched again while within the gate; the rest is
+assigned with as many pairs as possible, of these the nearest.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ MOSTLY_LOST_SHARE = 0.2
 
 @dataclass(frozen=True, eq=False)
 class PairMatrix:
-    """Every person against every track of one frame.
+    """All people against all tracks of one frame.
 
     `values` (n, m) are distances (any unit; NaN: never a pair) for CLEAR and identity, similarities from 0 to 1 for HOTA.
     """
@@ -38,7 +38,7 @@ class PairMatrix:
 
 @dataclass(frozen=True, eq=False)
 class FrameMatches:
-    """The pairs of one frame: row of the person and column of the track in the frame's `PairMatrix`, their distance."""
+    """Pairs of one frame: row of the person and column of the track in the frame's `PairMatrix`, their distance."""
 
     rows: NDArray[np.intp]  # (k,)
     columns: NDArray[np.intp]  # (k,)
@@ -47,7 +47,7 @@ class FrameMatches:
 
 @dataclass(frozen=True)
 class IdSwitch:
-    """A frame from which on a person is matched with another track than the last time they were matched."""
+    """Frame from which a person is matched with another track than at their last match."""
 
     frame: int
     person_id: int
@@ -100,8 +100,8 @@ class ClearScores:
 def match_frames(frames: Sequence[PairMatrix], gate: float) -> list[FrameMatches]:
     """Match people and tracks of a run by the CLEAR correspondence: pairs at most `gate` apart, earlier pairs kept.
 
-    Where two persons were last matched with the same track, the one matched with it last comes first: the
-    result does not depend on the order of the persons (py-motmetrics lets the first in the list have it).
+    Of two persons last matched with the same track, the later one comes first, so that the result does not depend on the
+    order of the persons (py-motmetrics prefers the first in the list).
     """
     partner: dict[int, int] = {}
     last_matched: dict[int, int] = {}
@@ -130,7 +130,7 @@ def assign(costs: NDArray[np.float64], allowed: NDArray[np.bool_]) -> tuple[NDAr
     if not allowed.any():
         empty = np.zeros(0, dtype=np.intp)
         return empty, empty
-    # One forbidden pair more must cost more than any set of allowed pairs.
+    # One more forbidden pair must cost more than any set of allowed pairs.
     forbidden = 2 * min(costs.shape) * (float(np.abs(costs[allowed]).max()) + 1) + 1
     rows, columns = linear_sum_assignment(np.where(allowed, costs, forbidden))
     real = allowed[rows, columns]
@@ -138,7 +138,7 @@ def assign(costs: NDArray[np.float64], allowed: NDArray[np.bool_]) -> tuple[NDAr
 
 
 def find_switches(frames: Sequence[PairMatrix], matches: Sequence[FrameMatches]) -> list[IdSwitch]:
-    """Find every identity switch, in order of time, then person; a gap in between, however long, does not undo a switch."""
+    """Find every identity switch, by time, then person; a gap of any length in between does not undo a switch."""
     partner: dict[int, int] = {}
     switches = []
     for index, (frame, pairs) in enumerate(zip(frames, matches, strict=True)):
@@ -152,7 +152,7 @@ def find_switches(frames: Sequence[PairMatrix], matches: Sequence[FrameMatches])
 
 
 def clear(frames: Sequence[PairMatrix], gate: float, matches: Sequence[FrameMatches] | None = None) -> ClearScores:
-    """Compute the CLEAR scores of one run; `matches`: the result of `match_frames`, where it is at hand."""
+    """Compute the CLEAR scores of one run; `matches`: the result of `match_frames`, if available."""
     if matches is None:
         matches = match_frames(frames, gate)
     matched: dict[int, list[bool]] = {}
@@ -200,7 +200,7 @@ def _kept_pairs(
 
 
 def _fragmentations(history: NDArray[np.bool_]) -> int:
-    """Count how often a matched person goes unmatched and is matched again later."""
+    """Count how often a matched person becomes unmatched and is matched again later."""
     where = np.flatnonzero(history)
     return int(np.count_nonzero(np.diff(where) > 1))
 
@@ -253,7 +253,7 @@ def identity(frames: Sequence[PairMatrix], gate: float) -> IdentityScores:
     together = np.zeros((persons.size, tracks.size))
     for frame in frames:
         rows, columns = np.nonzero(frame.values <= gate)
-        # Ids do not repeat within a frame, so that plain indexing adds each pair.
+        # Ids do not repeat within a frame, so plain indexing adds each pair.
         together[
             np.searchsorted(persons, frame.person_ids[rows]), np.searchsorted(tracks, frame.track_ids[columns])
         ] += 1

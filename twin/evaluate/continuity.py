@@ -1,7 +1,7 @@
 """Continuity of tracks: misidentifications, lost tracks and identity switches as events.
 
-Counted as in the tables of the laser-and-fisheye paper: "a track carries on with another person", "a track ends while
-its person is inside".
+Counted as in the tables of the laser-and-fisheye paper: "a track carries on with another person", "a track ends while its
+person is inside".
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ LEAVING_GRACE_NS = NS_PER_S // 2
 
 @dataclass(frozen=True)
 class TrackEvent:
-    """One break between a track and a person.
+    """Break between a track and a person.
 
-    switch: the person goes on under `track_id`, before it was `previous_track_id`. misidentification: the track goes on
-    with `person_id`, before it was `previous_person_id`. lost: the track was seen for the last time, its person stays.
+    switch: the person continues under `track_id`, before it was `previous_track_id`. misidentification: the track continues
+    with `person_id`, before it was `previous_person_id`. lost: the track's last frame, in which its person stays.
     """
 
     kind: Literal["switch", "misidentification", "lost"]
@@ -46,16 +46,16 @@ def continuity(
 ) -> tuple[list[TrackEvent], list[TrackEvent]]:
     """Find misidentifications and lost tracks, each in order of time.
 
-    `frames` hold all people, `judged` the same frames without what is outside the area, `matches` their correspondence.
+    `frames` hold all people, `judged` the same frames restricted to the area, `matches` their correspondence.
 
-    Misidentification: a track's person is the one it is matched with in its first frame with status confirmed, or,
-    where it has no match there, in the first later one that has. Each time the track, confirmed, is matched with
-    another person, one misidentification is counted, and that one becomes its person. Frames in which the track
-    coasts say nothing: a track that is predicted past another person has not taken them for its own yet.
+    Misidentification: a track's person is its match in the first frame with status confirmed, or else in the first later one
+    with a match. Each time the confirmed track is matched with another person, one misidentification is counted, and that
+    person becomes its person. Coasting frames do not count: a track predicted past another person has not taken them for its
+    own yet.
 
-    Lost: a track that has had a person is in some frame for the last time, that frame is not the last of the run, and
-    its person (the last one, as above) is inside the area then and in all frames up to 0.5 s later, at least the next
-    one. Somebody who steps out within that time was about to leave, and counts as left; so does one whose truth ends.
+    Lost: a track that has had a person is in its last frame, which is not the last of the run, and its person (the last one,
+    as above) is inside the area then and in all frames up to 0.5 s later, at least the next one. A person who leaves, or
+    whose truth ends, within that time counts as left.
     """
     person_of: dict[int, int] = {}
     last_seen: dict[int, int] = {}

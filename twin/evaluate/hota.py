@@ -20,7 +20,7 @@ _EPS = float(np.finfo(np.float64).eps)
 
 @dataclass(frozen=True, eq=False)
 class HotaScores:
-    """HOTA of one run, or of several added together; one element a threshold (19,)."""
+    """HOTA of one run, or of several added together; one element per threshold (19,)."""
 
     true_positives: NDArray[np.float64]
     misses: NDArray[np.float64]
@@ -90,7 +90,7 @@ def hota(frames: Sequence[PairMatrix]) -> HotaScores:
         overlap[np.ix_(rows, columns)] += _shared_similarity(frame.values)
     alignment = overlap / (either - overlap)
 
-    # One assignment a frame serves all thresholds: it favours pairs that go together over the whole run.
+    # One assignment per frame serves all thresholds: it favours pairs that are together over the whole run.
     pairs, similarities = [np.zeros(0, dtype=np.intp)], [np.zeros(0)]
     for frame, (rows, columns) in zip(frames, indices, strict=True):
         chosen_rows, chosen_columns = linear_sum_assignment(
@@ -119,7 +119,7 @@ def hota(frames: Sequence[PairMatrix]) -> HotaScores:
 
 
 def hota_cap(similarities: NDArray[np.float64]) -> float | None:
-    """Compute the HOTA that perfect detection and identities would reach with the k matches' similarities; None without any.
+    """Compute the HOTA of perfect detection and identities with the k matches' similarities; None without any.
 
     A pair below a threshold is a miss and a false positive, of the right person each time: with the share p of pairs at or
     above it, DetA and AssA are both p / (2 - p).
@@ -136,6 +136,6 @@ def _count(ids: list[NDArray[np.int64]]) -> tuple[NDArray[np.int64], NDArray[np.
 
 
 def _shared_similarity(similarity: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Compute each pair's similarity as a share of all that its person and its track have in this frame, (n, m)."""
+    """Compute each pair's similarity as a share of the sum over its person and its track in this frame, (n, m)."""
     total = similarity.sum(axis=0) + similarity.sum(axis=1)[:, None] - similarity
     return np.divide(similarity, total, out=np.zeros_like(similarity), where=total > _EPS)

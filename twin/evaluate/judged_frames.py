@@ -1,4 +1,4 @@
-"""Judged frames: truth and tracks brought to the same stamps."""
+"""Judged frames: truth and tracks at the same stamps."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from twin.evaluate.report_clock import TICK_SHARE, report_clock, silent_stamps, 
 from twin.recording.tables import TrackTable, TruthTable
 
 MAX_TRUTH_GAP_NS = NS_PER_S // 4
-GAP_PERIODS = 2.5  # of a person's usual time between rows: one row may be lost on the way, not two
-NOTED_SHARE = 0.02  # frames that are not judged: more than these are noted
-MOST_BETWEEN = 64  # stamps put between two rows of sparse truth: work goes with the rows
-LEAST_SHARE = 0.5  # judged frames: below it, metrics say little
+GAP_PERIODS = 2.5  # of a person's usual interval between rows: one row may be missing, not two
+NOTED_SHARE = 0.02  # share of frames not judged above which a note is made
+MOST_BETWEEN = 64  # stamps between two rows of sparse truth: bounds the work
+LEAST_SHARE = 0.5  # share of judged frames below which metrics mean little
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One judged frame: n people as they are, m tracks as reported; room frame, metres, radians."""
+    """One judged frame: n true people, m reported tracks; room frame, metres, radians."""
 
     stamp_ns: int
     person_ids: NDArray[np.int64]  # (n,)
@@ -34,8 +34,8 @@ class Frame:
     track_ids: NDArray[np.int64]  # (m,)
     track_xy: NDArray[np.float64]  # (m, 2)
     track_pose: NDArray[np.float64]  # (m, 5) the same; NaN where not estimated
-    confirmed: NDArray[np.bool_]  # (m,) false: coasting
-    radius95_m: NDArray[np.float64]  # (m,) stated to hold the person with 95 % [m]; NaN: not stated
+    confirmed: NDArray[np.bool_]  # (m,) False: coasting
+    radius95_m: NDArray[np.float64]  # (m,) stated radius that holds the person with 95 % [m]; NaN: not stated
 
     @property
     def distances_m(self) -> NDArray[np.float64]:
@@ -50,10 +50,10 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """The judged frames in order of time, out of how many, and notes for the reader."""
+    """Judged frames in order of time, the total number, and notes for the reader."""
 
     frames: list[Frame]
-    n_total: int  # frames that the tracks hold, and those in which they are silent
+    n_total: int  # frames of the tracks, and those in which they are silent
     notes: tuple[str, ...]
 
     def counts(self) -> dict[str, Any]:
@@ -66,15 +66,14 @@ def align(truth: TruthTable, tracks: TrackTable, *, interpolate: bool = True) ->
     """Find the judged frames, and the people and tracks in each.
 
     Judged is every stamp of the tracks at which the truth is known: one of the truth's own stamps, or one between two of
-    them no further apart than 0.25 s or 2.5 of the usual intervals between a person's rows. Where the tracker was silent
-    (see `report_clock`), a stamp each period of that silence is judged too, with no track in it: the nearest of the
-    truth's stamps, or one between two of them where the truth's rows come more rarely than the tracker's frames. A stamp
-    of the truth that stands alone, too far from all others, is not judged. Without any frame of tracks, every stamp of
-    the truth is judged. A person is where their row says at that stamp, else linearly between the person's own
-    neighbouring rows no further apart than that (inside the area as in the nearer row), else not there. Without
-    `interpolate` a person is only where a row says so: for tables that count frames.
+    them at most 0.25 s or 2.5 usual intervals between a person's rows apart. Where the tracker was silent (see
+    `report_clock`), one stamp per period of the silence is judged too, without tracks: the nearest of the truth's stamps, or
+    one between two if the truth's rows are rarer than the tracker's frames. An isolated stamp of the truth is not judged.
+    Without any frame of tracks, every stamp of the truth is judged. A person is at their row's position at that stamp, else
+    interpolated linearly between their neighbouring rows within that interval (inside the area as in the nearer row), else
+    absent. Without `interpolate` a person is present only in their rows: for tables that count frames.
 
-    Raises InputError where the truth holds no row at all, or the tracks no stamp at which the truth is known.
+    Raises InputError where the truth has no row, or the tracks no stamp at which the truth is known.
     """
     if truth.frame_stamps_ns.size == 0:
         raise InputError(f"{truth.source}: holds no rows; at least one row of truth is expected")
@@ -86,7 +85,7 @@ def align(truth: TruthTable, tracks: TrackTable, *, interpolate: bool = True) ->
     near = _drop_isolated_stamps(truth.frame_stamps_ns, gap_ns) if interpolate else truth.frame_stamps_ns
     clock = report_clock(tracks.frame_stamps_ns, near)
     if interpolate and clock is not None:
-        # Truth that comes as often as the tracker's frames has holes where a sensor failed: nothing was owed there.
+        # Truth as frequent as the tracker's frames has holes where a sensor failed: no frame was owed there.
         as_often = usual_ns <= (1 + TICK_SHARE) * clock.period_ns
         longest_ns = min(gap_ns, clock.silence_ns) if as_often else gap_ns
         near = with_stamps_between(near, longest_ns, max(clock.period_ns, usual_ns / MOST_BETWEEN))
@@ -153,10 +152,9 @@ def match_all_people(frames: Sequence[Frame], gate_m: float) -> list[FrameMatche
 
 
 def restrict_to_area(frames: Sequence[Frame], matches: Sequence[FrameMatches]) -> list[Frame]:
-    """Leave out the people outside the tracked area and the tracks that follow them.
+    """Leave out the people outside the tracked area and the tracks matched with them.
 
-    `matches`: of all people (see `match_all_people`); a track whose match is outside is left out there, neither owed nor
-    punished.
+    `matches`: of all people (see `match_all_people`).
     """
     kept = []
     for frame, pairs in zip(frames, matches, strict=True):
@@ -180,9 +178,7 @@ def restrict_to_area(frames: Sequence[Frame], matches: Sequence[FrameMatches]) -
 
 
 def _usual_interval_ns(truth: TruthTable) -> float:
-    """Compute the median time from one row of a person to their next [ns]; from one frame to the next where no person
-    has two rows.
-    """
+    """Compute the median interval between a person's rows [ns]; between frames if no person has two rows."""
     order = np.lexsort((truth.stamps_ns, truth.id))
     same = np.diff(truth.id[order]) == 0
     own = np.diff(truth.stamps_ns[order])[same]
@@ -191,7 +187,7 @@ def _usual_interval_ns(truth: TruthTable) -> float:
 
 
 def _drop_isolated_stamps(stamps: NDArray[np.int64], gap_ns: int) -> NDArray[np.int64]:
-    """Keep the stamps (n,) that have another within `gap_ns`; all of them where none has."""
+    """Keep the stamps (n,) that have another within `gap_ns`; all of them if none has."""
     if stamps.size < 2:
         return stamps
     near = np.diff(stamps) <= gap_ns
@@ -200,7 +196,7 @@ def _drop_isolated_stamps(stamps: NDArray[np.int64], gap_ns: int) -> NDArray[np.
 
 
 def _nothing_shared(truth: TruthTable, tracks: TrackTable, gap_ns: int) -> InputError:
-    """Explain why no frame can be judged: two clocks, or a truth that has nothing where the tracks report."""
+    """Explain why no frame can be judged: two clocks, or no truth where the tracks report."""
     theirs, ours = tracks.frame_stamps_ns, truth.frame_stamps_ns
     apart = theirs[-1] < ours[0] or theirs[0] > ours[-1]
     where = f"{tracks.source}: no stamp from {_span(theirs)} is covered by {truth.source} from {_span(ours)}"
@@ -213,7 +209,7 @@ def _nothing_shared(truth: TruthTable, tracks: TrackTable, gap_ns: int) -> Input
 
 
 def _is_covered(truth_stamps: NDArray[np.int64], stamps: NDArray[np.int64], gap_ns: int) -> NDArray[np.bool_]:
-    """Tell at which stamps (n,) the truth is known, (n,)."""
+    """Return at which stamps (n,) the truth is known, (n,)."""
     if not truth_stamps.size:
         return np.zeros(stamps.size, dtype=np.bool_)
     before = np.searchsorted(truth_stamps, stamps, side="right") - 1
@@ -228,7 +224,8 @@ def _people_at(
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], NDArray[np.intp]]:
     """Find the people at each stamp (f,), by stamp, then id, k in all.
 
-    Ids (k,), ground points (k, 2) [m], poses (k, 5), in the area (k,), and where each stamp's people begin (f + 1,).
+    Returns ids (k,), ground points (k, 2) [m], poses (k, 5), in the area (k,), and the offset of each stamp's people (f +
+    1,).
     """
     values = np.column_stack([truth.x, truth.y, truth.head_x, truth.head_y, truth.head_z, truth.head_yaw, truth.z])
     low, high, where = [], [], []

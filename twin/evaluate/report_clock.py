@@ -1,4 +1,4 @@
-"""Reporting clock of a tracker: its period, and the frames that the clock announces but the tracker did not report."""
+"""Reporting clock of a tracker: its period, and due frames that the tracker did not report."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 SILENCE_FACTOR = 1.5
-USUAL_SHARE = 0.8  # of the gaps between frames: as long as these are is no silence where several clocks take turns
-SINGLE_SHARE = 2 / 3  # of the gaps: a tracker with more gaps of one period than these follows one clock
-SHARED_SINGLE_SHARE = 0.4  # the same where the tracker reports at the truth's own stamps
-TICK_SHARE = 0.25  # of a period: how far a gap may be from a whole number of periods, by jitter
-JITTER_SHARE = 0.25  # of a period: how far a missing frame may stand outside the truth's span
+USUAL_SHARE = 0.8  # share of the gaps between frames: with several clocks, gaps up to this quantile are no silence
+SINGLE_SHARE = 2 / 3  # share of the gaps: above this share of single periods a tracker has one clock
+SHARED_SINGLE_SHARE = 0.4  # the same if the tracker reports at the truth's own stamps
+TICK_SHARE = 0.25  # of a period: greatest deviation of a gap from whole periods, by jitter
+JITTER_SHARE = 0.25  # of a period: greatest distance of a missing frame outside the truth's span
 
 
 @dataclass(frozen=True)
@@ -24,15 +24,14 @@ class ReportClock:
 
 
 def report_clock(track_stamps: NDArray[np.int64], truth_stamps: NDArray[np.int64]) -> ReportClock | None:
-    """Read a tracker's clock from its stamps (n,); None where neither it nor the truth has two.
+    """Estimate a tracker's clock from its stamps (n,); None where neither it nor the truth has two.
 
-    A tracker could leave out the frames that are hard, so a frame that its own clock announces is owed. It follows one
-    clock where four of five gaps are whole multiples of the median gap, to a quarter of it, and more than two of three
-    are one period long: any gap above 1.5 periods is then a silence. Stamps with fewer single gaps look alike whether
-    frames were left out or sensors of unlike rates take turns, as 10 Hz and 5 Hz half a period apart do. There the
-    truth decides: where the tracker reports at the truth's own stamps, and two of five gaps are its usual interval, that
-    is the period. Otherwise several clocks take turns; a silence is then longer than 1.5 times the gap that four of five
-    gaps do not exceed, and the period is the median gap.
+    A tracker could leave out difficult frames, so a frame due by its own clock is owed. It has one clock if four of five
+    gaps are whole multiples of the median gap, to a quarter of it, and more than two of three are one period long: any gap
+    above 1.5 periods is then a silence. With fewer single gaps, left-out frames look like sensors of different rates in
+    turn, such as 10 Hz and 5 Hz half a period apart. There the truth decides: if the tracker reports at the truth's own
+    stamps, and two of five gaps are its usual interval, that is the period. Otherwise several clocks take turns; a silence
+    is then longer than 1.5 times the 80 % quantile of the gaps, and the period is the median gap.
     """
     stamps = track_stamps if track_stamps.size > 1 else truth_stamps
     gaps = np.diff(stamps)
@@ -49,7 +48,7 @@ def report_clock(track_stamps: NDArray[np.int64], truth_stamps: NDArray[np.int64
 
 
 def _is_clock(gaps: NDArray[np.int64], period_ns: float, least_single: float) -> bool:
-    """Tell whether most gaps (n,) are whole multiples of a period, and more than this share of them one period."""
+    """Return whether most gaps (n,) are whole multiples of a period, and more than this share of them one period."""
     ticks = np.maximum(np.rint(gaps / period_ns), 1)
     regular = np.mean(np.abs(gaps - ticks * period_ns) <= TICK_SHARE * period_ns)
     return bool(regular >= USUAL_SHARE and np.mean(ticks == 1) > least_single)
@@ -70,10 +69,10 @@ def with_stamps_between(stamps: NDArray[np.int64], gap_ns: float, period_ns: flo
 def silent_stamps(
     truth_stamps: NDArray[np.int64], track_stamps: NDArray[np.int64], clock: ReportClock | None
 ) -> NDArray[np.int64]:
-    """Find the truth's stamps at which the tracker's clock announces a frame that it did not report, ascending.
+    """Find the truth's stamps of frames due by the tracker's clock but not reported, ascending.
 
-    In a silence a frame is wanted every period. Only those within half a period of a stamp of the truth can be judged, and
-    only those are looked at: a silence may last for years.
+    In a silence one frame per period is due. Only those within half a period of a stamp of the truth are considered, since a
+    silence may last for years.
     """
     if track_stamps.size == 0:
         return truth_stamps
@@ -105,12 +104,12 @@ def silent_stamps(
     after = np.clip(np.searchsorted(truth_stamps, times), 1, max(truth_stamps.size - 1, 1))
     low, high = truth_stamps[after - 1], truth_stamps[np.minimum(after, truth_stamps.size - 1)]
     nearest = np.where(times - low <= high - times, low, high)
-    # Where the truth has a hole of its own, nothing near the wanted time can be judged.
+    # In a hole of the truth nothing near the due time can be judged.
     near = nearest[np.abs(nearest - times) <= period / 2]
     return np.setdiff1d(near, track_stamps)
 
 
 def _steps_near(steps: NDArray[np.float64]) -> list[NDArray[np.int64]]:
-    """Round each of these (n,) and return the whole numbers around it, one either side: all within a half, and rounding."""
+    """Round each of these (n,) and return the whole numbers around it, one on either side."""
     whole = np.rint(steps).astype(np.int64)
     return [whole - 1, whole, whole + 1]

@@ -26,7 +26,7 @@ class Gospa:
 def ospa(distances: NDArray[np.float64], cutoff: float, order: float) -> float:
     """Compute OSPA [m] of distances (n, m) [m] between people and tracks; 0 for two empty sets.
 
-    Each distance counts `cutoff` at most, each person or track too many `cutoff`; averaged over the larger of the two sets.
+    Each distance counts `cutoff` at most, each surplus person or track `cutoff`; averaged over the larger of the two sets.
     """
     n, m = distances.shape
     if max(n, m) == 0:
@@ -39,8 +39,7 @@ def ospa(distances: NDArray[np.float64], cutoff: float, order: float) -> float:
 def gospa(distances: NDArray[np.float64], cutoff: float, order: float) -> Gospa:
     """Compute GOSPA with α = 2 of distances (n, m) [m]; not averaged.
 
-    Pairs nearer than `cutoff` cost their distance, every person and track without such a pair half a cut-off, to the
-    power of `order`.
+    Pairs nearer than `cutoff` cost their distance, every unpaired person and track half a cut-off, to the power of `order`.
     """
     n, m = distances.shape
     costs = np.minimum(distances, cutoff) ** order

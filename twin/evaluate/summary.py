@@ -33,7 +33,7 @@ GOSPA_ORDER = 2.0
 class Evaluation:
     """Evaluation of one tracker's run: the metrics, and the frames, pairs and events behind them.
 
-    f frames, k pairs in all frames together; people outside the area and the tracks that follow them are left out.
+    f frames, k pairs in all frames together, without people outside the area and the tracks matched with them.
     """
 
     metrics: dict[str, Any]
@@ -48,15 +48,15 @@ class Evaluation:
     match_distances_m: NDArray[np.float64]  # (k,)
     events: tuple[TrackEvent, ...]  # by stamp
     people: PersonFrames  # the failures behind the accuracy
-    situations: SituationTable | None  # of pairs of people, by which it was judged
+    situations: SituationTable | None  # of pairs of people, for the disposal
     errors: Errors  # every miss and false positive, by cause
-    notes: tuple[str, ...] = ()  # what a reader must know of which frames were judged
+    notes: tuple[str, ...] = ()  # what a reader must know about the judged frames
 
 
 def evaluate_tracks(
     truth: TruthTable, tracks: TrackTable, gate_m: float = DEFAULT_GATE_M, situations: SituationTable | None = None
 ) -> dict[str, Any]:
-    """Compute the metrics of one tracker as `metrics.json` holds them (without ms_per_frame); None where one does not apply.
+    """Compute the metrics of one tracker as in `metrics.json` (without ms_per_frame); None where one does not apply.
 
     Raises InputError for a gate that is not positive and for tables that share no stamp (see `judged_frames.align`).
     """
@@ -72,10 +72,10 @@ def evaluate_with_details(
     *,
     interpolate: bool = True,
 ) -> Evaluation:
-    """Evaluate one tracker; return its metrics and what stands behind them. Raises as `evaluate_tracks`.
+    """Evaluate one tracker; return its metrics and their details. Raises as `evaluate_tracks`.
 
-    `situations` of the run: disposal (`twin.evaluate.accuracy`) is None without. `unused`: sensors that the tracker leaves
-    alone; causes of misses depend on it (`twin.evaluate.causes`). `interpolate`: see `judged_frames.align`. Errors of heads
+    `situations` of the run: disposal (`twin.evaluate.accuracy`) is None without. `unused`: sensors that the tracker does not
+    use; causes of misses depend on it (`twin.evaluate.causes`). `interpolate`: see `judged_frames.align`. Errors of heads
     and of the pelvis's height are means of absolute differences over the matches in which truth and track both have a value.
     OSPA (c = 1 m, p = 1) and GOSPA (c = 1 m, p = 2, α = 2) are means over frames. `judged` holds the n of the metrics.
     """
@@ -127,13 +127,13 @@ def evaluate_with_details(
 
 
 def _check_gate(gate_m: float) -> None:
-    """Raise InputError for a gate that is no positive distance."""
+    """Raise InputError for a gate that is not a positive distance."""
     if not (isfinite(gate_m) and gate_m > 0):
         raise InputError(f"gate is {gate_m} m; a positive number of metres is expected")
 
 
 def _matched_pairs(judged: Sequence[Frame], matches: Sequence[FrameMatches]) -> dict[str, NDArray[Any]]:
-    """Collect the k pairs of all frames, and count what is in no pair in each of the f frames."""
+    """Collect the k pairs of all frames, and count the unpaired in each of the f frames."""
     frames = list(zip(judged, matches, strict=True))
     return {
         "misses": np.array([f.person_ids.size - p.rows.size for f, p in frames]),
@@ -161,7 +161,7 @@ def _wide_metrics(frames: Sequence[Frame]) -> dict[str, Any]:
 def _matrix_metrics(
     pair_matrices: Sequence[PairMatrix], gate_m: float, matches: Sequence[FrameMatches] | None = None
 ) -> dict[str, Any]:
-    """Compute the metrics that need nothing but the distances."""
+    """Compute the metrics that need only the distances."""
     matches = matches if matches is not None else match_frames(pair_matrices, gate_m)
     scores = clear(pair_matrices, gate_m, matches)
     similarities = [
@@ -186,7 +186,7 @@ def _pose_errors(judged: Sequence[Frame], matches: Sequence[FrameMatches]) -> tu
     """Compute absolute errors of the head per axis [m] and in yaw [rad], and of the pelvis's height [m]; None: not
     estimated.
 
-    And in how many matches both truth and track have the head's place.
+    Also returns the number of matches with a head in both truth and track.
     """
     gaps = np.concatenate(
         [

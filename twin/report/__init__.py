@@ -1,1 +1,1 @@
-"""Pictures and pages: the preview video, the HTML report, and the bird's-eye drawing they share."""
+"""Pictures and pages of a run: preview video, HTML report, and their common bird's-eye drawing."""

@@ -1,4 +1,4 @@
-"""Assumed poses of sensors: where trackers take a sensor to be, drawn dashed beside its true pose."""
+"""Assumed poses of sensors in trackers, drawn dashed beside the true ones."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ _DASH_PX, _GAP_PX = 5.0, 5.0
 _TURN = np.linspace(0, 2 * np.pi, 17)
 _RING = _RING_PX * np.stack([np.cos(_TURN), np.sin(_TURN)], axis=-1)  # every second piece is drawn
 _LEVEL = 0.2
-"""A sensor that looks up or down more steeply than this share of its axis that is level has no pointer."""
+"""Least level share of a sensor's axis for drawing its direction."""
 
 
 @dataclass(frozen=True)
 class AssumedPose:
-    """A sensor at its true pose and as assumed; `off` names the distance and angle between the two."""
+    """Sensor at its true and assumed pose; `off` names the distance and angle between them."""
 
     name: str
     true: RigSensor
@@ -44,7 +44,7 @@ class AssumedPose:
 
 
 def assumed_poses(rig: Rig, true: Rig | None) -> list[AssumedPose]:
-    """Find the sensors whose poses differ in the two rigs; none where the true rig is not known."""
+    """Find the sensors whose poses differ in the two rigs; none if the true rig is unknown."""
     found = []
     for name, sensor in (true.sensors if true is not None else {}).items():
         assumed = rig.sensors[name]
@@ -60,9 +60,9 @@ def assumed_poses(rig: Rig, true: Rig | None) -> list[AssumedPose]:
 def draw_assumed_pose(
     panel: NDArray[np.uint8], view: FloorView, pose: AssumedPose, colours: Mapping[str, RGB], ink: RGB, fill: RGB
 ) -> Tag:
-    """Draw both poses on an RGB panel, in place; return the tag to write when all is drawn.
+    """Draw both poses on an RGB panel, in place; return the tag to write last.
 
-    colours: of the sensors that have one of their own; ink: of the others and of what is true; fill: of the tag.
+    colours: of the sensors that have their own; ink: of the others and of the true pose; fill: of the tag.
     """
     colour = colours.get(pose.name, ink)
     at, there = (view.pixels(each.room_from_sensor.translation[:2]) for each in (pose.true, pose.assumed))
@@ -111,7 +111,7 @@ def _tag_x(text: str, there: float, at: float, width_px: int) -> float:
 
 
 def _to_the_right(there: float, at: float, width_px: int) -> bool:
-    """Choose the side of a label: away from the true pose, or else where more room is."""
+    """Choose the side of a label: away from the true pose, or else the one with more room."""
     return there > at if abs(there - at) > 2 else there < width_px / 2
 
 
@@ -120,9 +120,7 @@ def _short(value: float) -> str:
 
 
 def _ahead(sensor: RigSensor) -> NDArray[np.float64] | None:
-    """Compute the direction a sensor looks on the drawing, (2,) of length 1; None for one that looks steeply up or
-    down, and a floor.
-    """
+    """Compute a sensor's direction on the drawing, (2,) of length 1; None for a floor and a steep direction."""
     if isinstance(sensor, FloorSensor):
         return None
     axis = 2 if isinstance(sensor, CameraSensor) else 0

@@ -1,6 +1,6 @@
-"""Bird's-eye view: the map from floor to picture, and the room, tracked area and sensors drawn on it.
+"""Bird's-eye view: the map from floor to picture, and the room, tracked area and sensors on it.
 
-Used by the preview video (pixels, OpenCV) and by the report (SVG), so that both show the same room the same way.
+Shared by the preview video (pixels, OpenCV) and the report (SVG).
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ _PLAN_ASPECTS = 0.7, 1.8
 SHIFT = 4  # cv2 draws at 1/16 pixel
 _SHELL_M2 = 4.0
 _SAME_PLACE_PX = 12.0
-_LETTER_PX = 6.5  # about a letter's width
-_FARTHEST_PX = 20_000  # where what is drawn is cut, as int32 would overflow
+_LETTER_PX = 6.5  # approximate width of a letter
+_FARTHEST_PX = 20_000  # clipping distance, as int32 would overflow
 
 
 @dataclass(frozen=True)
 class FloorView:
-    """A part of the floor in a picture: room x to the right, room y up, the same scale on both axes.
+    """Part of the floor in a picture: room x to the right, room y up, equal scale on both axes.
 
-    `scale` [px/m]; (`x_min_m`, `y_max_m`) is the picture's top left corner; `width_px`, `height_px` its size.
+    `scale` [px/m]; (`x_min_m`, `y_max_m`): the picture's top left corner; `width_px`, `height_px`: its size.
     """
 
     x_min_m: float
@@ -48,7 +48,7 @@ class FloorView:
     def fit(cls, extent: Polygon, width_px: int, height_px: int | None = None, margin_m: float = MARGIN_M) -> FloorView:
         """Fit a view to the bounding box of `extent` (k, 2) [m], centred in a picture of this size.
 
-        Without a height the picture is as high as the box asks for, between a third and four fifths of the width.
+        Without a height the picture follows the box, between a third and four fifths of the width.
         """
         low, high = extent.min(axis=0) - margin_m, extent.max(axis=0) + margin_m
         size = np.maximum(high - low, 1.0)
@@ -70,11 +70,11 @@ class FloorView:
 
     @property
     def drawable_m(self) -> float:
-        """Distance from anywhere in the picture at which `fixed_point` still keeps the end of a line [m]."""
+        """Distance from anywhere in the picture up to which `fixed_point` keeps the end of a line [m]."""
         return (_FARTHEST_PX - max(self.width_px, self.height_px)) / self.scale
 
     def inside(self, pixels: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Tell which picture coordinates (..., 2) lie in the picture, (...,)."""
+        """Return which picture coordinates (..., 2) lie in the picture, (...,)."""
         x, y = pixels[..., 0], pixels[..., 1]
         return (x >= 0) & (x < self.width_px) & (y >= 0) & (y < self.height_px)
 
@@ -92,8 +92,8 @@ class FloorView:
 def floor_extent(rig: Rig, outline: Sequence[Polygon], *seen: Polygon) -> Polygon:
     """Collect the floor points (k, 2) [m] that a drawing must show: the room, the tracked area and the sensors.
 
-    Where neither room nor area is known, sets of points (n, 2) [m] (what scans reach, paths) stand in for them: of each
-    the middle 96 % on either axis, so that one stray return down a corridor does not shrink the rest.
+    Without room and area, sets of points (n, 2) [m] (of scans, paths) replace them: of each the middle 96 % on either axis,
+    so that a stray return down a corridor does not shrink the rest.
     """
     parts = [np.asarray(polygon, dtype=float) for polygon in outline]
     if rig.area is not None:
@@ -102,7 +102,7 @@ def floor_extent(rig: Rig, outline: Sequence[Polygon], *seen: Polygon) -> Polygo
         parts.extend(np.percentile(points, (2, 98), axis=0) for points in seen if len(points))
     parts.extend(sensor.room_from_sensor.translation[None, :2] for sensor in rig.sensors.values())
     extent = np.concatenate(parts) if parts else np.zeros((1, 2))
-    if np.ptp(extent, axis=0).max() < 1.0:  # a lone sensor and nothing else: show the metres around it
+    if np.ptp(extent, axis=0).max() < 1.0:  # a single sensor: show the metres around it
         extent = np.concatenate([extent - 3.0, extent + 3.0])
     return extent
 
@@ -116,14 +116,14 @@ def plan_width_px(rig: Rig, outline: Sequence[Polygon], height_px: int) -> int:
 
 
 class ScannerOnFloor:
-    """Projection of a scanner's beams, from its pose in the room down to the floor."""
+    """Projection of a scanner's beams to the floor."""
 
     def __init__(self, room_from_sensor: Pose) -> None:
         self._rotation = room_from_sensor.rotation[:2, :2]
         self._origin = room_from_sensor.translation[:2]
 
     def points(self, scan: LaserScan) -> Polygon:
-        """Project the returns of a scan, (n, 2) [m] in the room frame; beams without a valid return are left out."""
+        """Project the valid returns of a scan, (n, 2) [m] in the room frame."""
         ranges = scan.ranges_m.astype(float)
         valid = np.isfinite(ranges) & (ranges >= scan.range_min_m) & (ranges <= scan.range_max_m)
         return self._ends(ranges[valid], scan.angles_rad[valid])
@@ -131,17 +131,18 @@ class ScannerOnFloor:
     def free_space(self, scan: LaserScan, within_m: float) -> Polygon:
         """Build the polygon (n + 1, 2) [m] of floor that a scan saw through, from the scanner to each return.
 
-        A beam without return reaches to the scanner's range limit; an invalid one (NaN) sees nothing. All are cut at
-        `within_m`, along the beam: cut on each axis in the picture they would point elsewhere (`FloorView.drawable_m`).
+        A beam without return reaches the range limit; an invalid one (NaN) sees nothing. All are cut at `within_m` along the
+        beam: cut per axis in the picture they would change direction (`FloorView.drawable_m`).
         """
         farthest_m = min(scan.range_max_m, within_m)
         ranges = np.clip(np.nan_to_num(scan.ranges_m.astype(float), nan=0.0, posinf=farthest_m), 0.0, farthest_m)
         return np.concatenate([self._origin[None], self._ends(ranges, scan.angles_rad)])
 
     def reach(self, scan: LaserScan) -> Polygon:
-        """Estimate the reach of a scanner, (k, 2) [m]: its returns, and their median range all round its view.
+        """Estimate the reach of a scanner, (k, 2) [m]: its returns, and their median range all around, since people may walk
+        where nothing returns a beam.
 
-        The second because a person may walk where nothing stands that returns a beam. Empty without returns.
+        Empty without returns.
         """
         hits = self.points(scan)
         if not len(hits):
@@ -170,7 +171,7 @@ class FloorColours:
 
 
 def fixed_point(pixels: NDArray[np.float64]) -> NDArray[np.int32]:
-    """Convert picture coordinates to what cv2 takes with `shift=SHIFT` (1/16 px), cut where int32 would overflow."""
+    """Convert picture coordinates for cv2 with `shift=SHIFT` (1/16 px), clipped where int32 would overflow."""
     return np.rint(np.minimum(np.maximum(pixels, -_FARTHEST_PX), _FARTHEST_PX) * (1 << SHIFT)).astype(np.int32)
 
 
@@ -221,7 +222,7 @@ def dashes(
 
 
 def _is_shell(polygon: Polygon, rig: Rig) -> bool:
-    """Tell whether a polygon of the outline is the room around the tracked area (or sensors), not a thing in it.
+    """Return whether a polygon of the outline is the room around the tracked area (or sensors), not furniture.
 
     Filled, it would hide all else.
     """
@@ -239,7 +240,7 @@ def room_svg(view: FloorView, rig: Rig, outline: Sequence[Polygon], silent: Coll
     """Draw the same room as SVG elements (classes `floor grid axis structure shell area sensor silent`, coloured by the
     page).
 
-    `silent`: the sensors that reported nothing.
+    `silent`: sensors without reports.
     """
     x_lines, y_lines = view.metre_lines()
     parts = [f'<rect class="floor" width="{view.width_px}" height="{view.height_px}"/>']
@@ -273,7 +274,7 @@ def room_svg(view: FloorView, rig: Rig, outline: Sequence[Polygon], silent: Coll
 def sensor_names_svg(view: FloorView, rig: Rig, silent: Collection[str] = ()) -> str:
     """Write the names of the sensors beside them (class `sensor-name`); sensors above each other share a line.
 
-    `silent`: the sensors that reported nothing; their names say so.
+    `silent`: sensors without reports, which is noted.
     """
     together: list[tuple[NDArray[np.float64], list[str]]] = []
     for name, sensor in rig.sensors.items():
@@ -299,7 +300,7 @@ def sensor_names_svg(view: FloorView, rig: Rig, silent: Collection[str] = ()) ->
 
 
 def svg_path(pixels: NDArray[np.float64], closed: bool = False) -> str:
-    """Format a line through picture coordinates (k, 2) as path data, thinned where that moves it by under 0.3 px."""
+    """Format a line through picture coordinates (k, 2) as path data, simplified to 0.3 px."""
     if len(pixels) > 3:
         thin = cv2.approxPolyDP(np.asarray(pixels, dtype=np.float32)[:, None], 0.3, closed)
         pixels = np.asarray(thin[:, 0], dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Calibration curve of stated radii: claimed probability against the share found, a line per tracker."""
+"""Calibration curve of stated radii: stated probability against the share found, one line per tracker."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ _SIDE, _LEFT, _TOP, _BOTTOM, _RIGHT = 220.0, 44.0, 10.0, 40.0, 190.0
 _TICKS = (0.0, 0.25, 0.5, 0.75, 1.0)
 
 Curve = Sequence[tuple[float, float]]
-"""Claimed and found shares, by claim."""
+"""Stated and found shares, by probability."""
 
 
 def calibration_chart(curves: Sequence[tuple[str, int, Curve]]) -> str:
-    """Draw curves as SVG: the name of a tracker, its place among all (of which its colour follows), and its curve.
+    """Draw curves as SVG: the name of a tracker, its index among all (for its colour), and its curve.
 
-    On the diagonal a tracker is calibrated; below it claims too much, above it too little.
+    On the diagonal a tracker is calibrated; below it is overconfident.
     """
     width, height = _LEFT + _SIDE + _RIGHT, _TOP + _SIDE + _BOTTOM
     parts = [

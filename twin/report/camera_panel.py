@@ -1,4 +1,4 @@
-"""Camera half of the preview: the cameras' pictures with torso windows, score maps, heads and ids of the tracks."""
+"""Camera half of the preview: the cameras' images with torso windows, score maps, heads and ids of tracks."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ from twin.report.lettering import Tag, write, write_tags
 from twin.report.palette import IdentityColours
 
 TORSO_LOW_M, TORSO_HIGH_M, TORSO_WIDTH_M = 1.0, 1.4, 0.45
-"""The torso window drawn around a track, for the eye: a person 1.7 m tall; heights above the floor, width across."""
+"""Torso window drawn around a track, for a person of 1.7 m: heights above the floor, width."""
 
 HEAD_M = (0.10, 0.08, 0.125)
 """Semi-axes of the ellipsoid drawn about a head: ahead, to the side, up."""
 _GAZE_M = 0.3
 
 _MAP_FILL = 0.75
-"""The share of a score map's colour where it is highest."""
+"""Opacity of a score map at its maximum."""
 _MAPS_ACROSS = 6
-"""Tiles at the lower edge, two for each of the score maps that there is room for."""
+"""Tiles at the lower edge, two per score map."""
 _SILENT_LIGHT = 0.35
-"""The share of its light that is left of the last picture of a camera that reports no more."""
+"""Brightness of the last image of a silent camera."""
 
 MOST_CAMERAS = 9
-"""More would be stamps."""
+"""More would be too small."""
 
 
 class CameraGrid:
-    """The pictures of up to nine cameras in tiles of one size, as large as `size_px` (width, height) lets them be."""
+    """Images of up to nine cameras in tiles of one size, as large as `size_px` (width, height) lets them be."""
 
     def __init__(self, cameras: Mapping[str, CameraSensor], size_px: tuple[int, int]) -> None:
         shown = dict(list(cameras.items())[:MOST_CAMERAS])
@@ -60,7 +60,7 @@ class CameraGrid:
         silent: Collection[str] = (),
         maps: Sequence[ScoreMap | Hypotheses] = (),
     ) -> None:
-        """Draw each camera's newest image (none: the one before; dimmed where it is silent), score maps and tracks on it."""
+        """Draw each camera's newest image (none: the one before; dimmed if silent), score maps and tracks on it."""
         panel[:] = BACKDROP
         for place, (name, each) in enumerate(self._panels.items()):
             row, column = divmod(place, self._across)
@@ -100,7 +100,7 @@ class CameraPanel:
         silent: bool = False,
         maps: Sequence[ScoreMap | Hypotheses] = (),
     ) -> None:
-        """Draw the newest image (None: the one before; dimmed where it is `silent`), score maps and the tracks on it."""
+        """Draw the newest image (None: the one before; dimmed if `silent`), score maps and the tracks on it."""
         x, y = self._offset
         width, height = self._size
         if image is not None and image is not self._shown:
@@ -135,10 +135,10 @@ class CameraPanel:
         write_tags(panel, tags)
 
     def _draw_maps(self, panel: NDArray[np.uint8], maps: Sequence[ScoreMap], colours: IdentityColours) -> None:
-        """Draw up to three score maps at the panel's lower edge, each beside its cut of the picture.
+        """Draw up to three score maps at the panel's lower edge, each beside its crop of the image.
 
-        Left: the cut, with a dot at each patch. Right: the same under the map in its person's colour, the fuller the
-        higher the score.
+        Left: the crop, with a dot at each patch. Right: the same under the map in its person's colour, more opaque for
+        higher scores.
         """
         side, shown = min(self._tile_px) // _MAPS_ACROSS, self._shown
         for place, found in enumerate(maps[: _MAPS_ACROSS // 2] if shown is not None else ()):
@@ -172,7 +172,7 @@ class CameraPanel:
         clouds: Sequence[Hypotheses],
         colours: IdentityColours,
     ) -> list[Tag]:
-        """Draw the windows of this picture that a tracker used; return a tag over the topmost of each track."""
+        """Draw the windows that a tracker used in this image; return a tag over the topmost of each track."""
         tags = []
         for track in tracks:
             boxes = [found.window(self._camera) for found in clouds if found.id == track.id and found.window]
@@ -189,7 +189,7 @@ class CameraPanel:
         return tags
 
     def _draw_heads(self, panel: NDArray[np.uint8], tracks: Sequence[Track], colours: IdentityColours) -> list[Tag]:
-        """Draw an ellipse about each head in view and an arrow where it faces; return the tags of those without a torso
+        """Draw an ellipse about each head in view and an arrow in its direction; return the tags of those without a torso
         window.
         """
         heads = [track for track in tracks if not isnan(track.head_x)]
@@ -220,7 +220,7 @@ class CameraPanel:
     def _torso_windows(self, tracks: Sequence[Track]) -> list[tuple[Track, NDArray[np.float64]]]:
         """Project upright windows that face the camera, of the tracks in view, farthest first: outlines (24, 2) [px].
 
-        Of heads alone, whose bodies the tracker does not estimate, there are none.
+        None for tracks of heads alone.
         """
         tracks = [track for track in tracks if isnan(track.head_x) or not isnan(track.z)]
         at = np.array([(track.x, track.y) for track in tracks]).reshape(-1, 2)
@@ -233,13 +233,13 @@ class CameraPanel:
         height = np.broadcast_to(_WINDOW_HEIGHT_M[:, None], (*floor.shape[:2], 1))
         room = np.concatenate([floor, height], axis=-1)
         pixels, visible = self._camera.project(room)
-        # A window that the picture's edge cuts is drawn as far as it goes.
+        # A window cut by the image's edge is drawn as far as possible.
         drawn = np.any(visible, axis=1) & np.all(np.isfinite(pixels), axis=(1, 2))
         pixels = np.clip(pixels, -0.5, self._last_px) * self._scale + self._offset
         return [(tracks[i], pixels[i]) for i in np.argsort(-distance, kind="stable") if drawn[i]]
 
 
-# Round the window's edge, six points a side because a straight edge is curved in a fisheye image.
+# Six points per side, because a straight edge is curved in a fisheye image.
 _EDGE = np.linspace(-1, 1, 6)
 _WINDOW_ACROSS = np.concatenate([_EDGE, np.ones(6), -_EDGE, -np.ones(6)])
 _WINDOW_UP = np.concatenate([-np.ones(6), _EDGE, np.ones(6), -_EDGE])

@@ -38,11 +38,11 @@ _VISIBLE_FLOOR = FloorColours(
     (38, 45, 57), (48, 56, 69), (64, 71, 84), (112, 120, 134), (132, 142, 158), (240, 240, 240)
 )
 SILENT_FILL: RGB = (96, 34, 34)
-"""Behind the label of a sensor that reports no more."""
+"""Background of a silent sensor's label."""
 _PERSON_RADIUS_M = 0.22
 _DOT_M = 0.012
 _FAN_LIGHT = 0.08
-"""The share of its colour that a scanner adds to the floor it sees."""
+"""Share of its colour that a scanner adds to the floor it sees."""
 
 # A scan return as a soft 3 × 3 px dot, the opaque middle last.
 _DOT_X = np.array([-1, 1, -1, 1, 0, -1, 1, 0, 0])
@@ -62,8 +62,8 @@ class TruePoses:
 class FloorPanel:
     """The room from above with scans, tracks and truth.
 
-    Scans and floors lie where the rig has their sensors, as a tracker takes them. `true`: the rig as it truly is, where that
-    is known; its sensors are drawn, and those assumed elsewhere once more, dashed and labelled (`about`: of these alone).
+    Scans and floors are drawn at the rig's assumed poses, as a tracker uses them. `true`: the true rig, if known; its
+    sensors are drawn, and those assumed elsewhere once more, dashed and labelled (`about`: of these alone).
     """
 
     def __init__(
@@ -87,7 +87,7 @@ class FloorPanel:
         self._light = np.zeros_like(self._visible_floor)
 
     def _paint(self, scans: Mapping[str, LaserScan]) -> FloorView:
-        """Paint what does not change. A robot's bag has no room: its first scans with a return set the extent."""
+        """Paint the static parts. A robot's bag has no room: its first scans with a return set the extent."""
         reach = [self._scanners[name].reach(scan) for name, scan in scans.items()]
         self._has_extent |= any(len(points) for points in reach)
         extent = floor_extent(self._true, self._outline, *reach)
@@ -114,7 +114,7 @@ class FloorPanel:
         silent: Collection[str] = (),
         maps: Sequence[ScoreMap | Hypotheses] = (),
     ) -> None:
-        """Draw one frame on `panel`; `scans`, `floors`: of the sensors that report; `silent`: those that report no more.
+        """Draw one frame on `panel`; `scans`, `floors`: of the reporting sensors; `silent`: those that stopped reporting.
 
         Of `maps` the tracker's hypotheses are dots.
         """
@@ -150,7 +150,7 @@ class FloorPanel:
     def _draw_free_space(
         self, panel: NDArray[np.uint8], view: FloorView, scans: Mapping[str, LaserScan], layers: Mapping[str, RGB]
     ) -> None:
-        """Lighten the floor that any scanner sees through, with a trace of the colour of each that does."""
+        """Lighten the floor that any scanner sees through, tinted by each scanner's colour."""
         fans = {
             name: fixed_point(view.pixels(self._scanners[name].free_space(scan, view.drawable_m)))
             for name, scan in scans.items()
@@ -184,7 +184,7 @@ def _draw_points(panel: NDArray[np.uint8], pixels: NDArray[np.float64], colour: 
     x, y = (x[inside] + _DOT_X[:, None]).ravel(), (y[inside] + _DOT_Y[:, None]).ravel()
     below = panel[y, x]
     opacity = np.repeat(_DOT_OPACITY, np.count_nonzero(inside))[:, None]
-    # Where dots overlap the last one written, the more opaque, stays.
+    # Where dots overlap, the more opaque one, written last, stays.
     panel[y, x] = (below + opacity * (np.array(colour, dtype=np.float32) - below)).astype(np.uint8)
 
 
@@ -209,7 +209,7 @@ def _draw_track(panel: NDArray[np.uint8], view: FloorView, track: Track, colour:
     radius = max(7.0, 0.55 * _PERSON_RADIUS_M * view.scale)
     at, size = fixed_point(centre).tolist(), round(radius * (1 << SHIFT))
     if np.isfinite(track.vx) and np.isfinite(track.vy) and hypot(track.vx, track.vy) > 0.1:
-        # The arrow ends where the track would be in 0.4 s.
+        # The arrow ends at the position in 0.4 s.
         tip = view.pixels(np.array([track.x + 0.4 * track.vx, track.y + 0.4 * track.vy]))
         along = (tip - centre) / max(hypot(*(tip - centre)), 1e-6)
         tip = tip + radius * along
@@ -224,7 +224,7 @@ def _draw_track(panel: NDArray[np.uint8], view: FloorView, track: Track, colour:
         cv2.circle(panel, at, size, _mix(colour, _VISIBLE_FLOOR.floor, 0.7), -1, cv2.LINE_AA, SHIFT)
         dashed_loop(panel, centre + radius * _CIRCLE, colour)
     cv2.circle(panel, at, size, DARK_INK, 1, cv2.LINE_AA, SHIFT)
-    situation = track.situation if track.situation != "apart" else ""  # as most are
+    situation = track.situation if track.situation != "apart" else ""  # the usual case
     return track_tag(track, float(centre[0]), float(centre[1]) - radius - 14, colour, situation)
 
 
@@ -255,13 +255,13 @@ _FULL_SCALE = 255.0
 
 
 def draw_pressure(panel: NDArray[np.uint8], view: FloorView, floor: FloorSensor, frame: FloorFrame) -> None:
-    """Draw the loaded elements of a pressure floor over the room, in place: the brighter the more load."""
+    """Draw the loaded elements of a pressure floor over the room, in place, brighter for more load."""
     values = frame.values.astype(np.float32) / _FULL_SCALE
     opacity = _STRONGEST * np.sqrt(values)
-    # the grid is an image of one pixel an element: an affine map takes it to the drawing
+    # the grid is an image of one pixel per element, mapped affinely to the drawing
     origin, along_x, along_y = view.pixels(floor.corners[[0, 1, 3]])
     matrix = np.stack([(along_x - origin) / floor.columns, (along_y - origin) / floor.rows, origin], axis=1)
-    matrix[:, 2] += matrix[:, :2] @ [0.5, 0.5] - 0.5  # pixels are named by their middles
+    matrix[:, 2] += matrix[:, :2] @ [0.5, 0.5] - 0.5  # pixel coordinates are those of their centres
     height, width = panel.shape[:2]
     laid = cv2.warpAffine(opacity, matrix, (width, height), flags=cv2.INTER_NEAREST)[..., None]
     panel[:] = (panel + laid * (np.array(PRESSED, dtype=np.float32) - panel)).astype(np.uint8)

@@ -25,7 +25,7 @@ def _font() -> cv2.FontFace:
 
 @lru_cache(maxsize=512)
 def text_width(text: str, size_px: int, weight: int = REGULAR) -> int:
-    """Measure the width [px] that `write` takes for a text."""
+    """Return the width [px] of a text written by `write`."""
     # The size of the picture only matters for wrapping, which is off.
     _, _, width, _ = cv2.getTextSize((8, 8), text, (0, 0), _font(), size_px, weight)
     return int(width)
@@ -59,7 +59,7 @@ class Tag:
 
 
 def write_tags(canvas: NDArray[np.uint8], tags: Sequence[Tag], size_px: int = TAG_PX) -> None:
-    """Write tags, kept inside the canvas; one that would cover another moves up until it covers none."""
+    """Write tags, kept inside the canvas; overlapping ones move up."""
     height, width = canvas.shape[:2]
     half_height = size_px * 0.72
     placed: list[tuple[float, float, float]] = []  # x, y, half width

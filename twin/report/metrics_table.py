@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 @dataclass(frozen=True)
 class Metric:
-    """A metric; `key` is its dotted place in a tracker's entry of `metrics.json`."""
+    """A metric; `key` is its dotted path in a tracker's entry of `metrics.json`."""
 
     key: str
     name: str
@@ -96,13 +96,13 @@ _COST = (
 METRICS: Mapping[str, Metric] = {
     metric.key: metric for metric in (*_MAIN, *_CAUSES, *_ACCURACY, *_HEAD, *_WIDE, *_COST)
 }
-"""Every metric by its dotted place in a tracker's entry of `metrics.json`, those of the narrow gate first."""
+"""Every metric by its dotted path in a tracker's entry of `metrics.json`, those of the narrow gate first."""
 _NONE = "–"
 HEADLINE_METRICS = ("mota", "motp_m", "idf1", "hota", "misidentifications", "lost_tracks")
 
 
 def headline_rows(trackers: Sequence[Mapping[str, Any]]) -> list[MetricRow]:
-    """Return the rows to see first, in order, a cell per tracker."""
+    """Return the headline rows in order, one cell per tracker."""
     return [
         _row(metric, [metric_value(tracker, metric) for tracker in trackers])
         for metric in (METRICS[key] for key in HEADLINE_METRICS)
@@ -110,9 +110,9 @@ def headline_rows(trackers: Sequence[Mapping[str, Any]]) -> list[MetricRow]:
 
 
 def grouped_rows(trackers: Sequence[Mapping[str, Any]]) -> list[tuple[str, list[MetricRow]]]:
-    """Group the rows under their headings, a cell per tracker.
+    """Group the rows under their headings, one cell per tracker.
 
-    Rows in which nothing applies are left out, and causes of misses and false positives that occurred nowhere.
+    Without rows in which nothing applies, and without causes of errors that never occurred.
     """
     gates = sorted({float(tracker["gate_m"]) for tracker in trackers if tracker.get("gate_m") is not None})
     main = "Gate " + " / ".join(f"{gate:g} m" for gate in gates)
@@ -136,7 +136,7 @@ def grouped_rows(trackers: Sequence[Mapping[str, Any]]) -> list[tuple[str, list[
 
 
 def format_judged(tracker: Mapping[str, Any]) -> str:
-    """Format the n of a tracker's metrics; a dash where they have none."""
+    """Format the n of a tracker's metrics; a dash without one."""
     judged = tracker.get("judged")
     if judged is None:
         return _NONE
@@ -158,7 +158,7 @@ def format_value(metric: Metric, value: float | None) -> str:
 
 
 def format_number(value: float | None, decimals: int, unit: str = "", *, sign: bool = False) -> str:
-    """Format a number with a minus sign, and its unit where there is one; sign: a plus too. A dash where it is not finite."""
+    """Format a number with a minus sign, and its unit if any; sign: a plus too. A dash if not finite."""
     if value is None or not isfinite(value):
         return _NONE
     text = f"{value:{'+' if sign else ''}.{decimals}f}".replace("-", "−")

@@ -48,9 +48,9 @@ class TrackerResult:
 class RunFacts:
     """Facts of a run, for the head and the foot of the page.
 
-    title: the scenario or recording; versions: what the result depends on, by name; sensors: by name, `frames` and
-    `ms_mean` (None: unknown) as in `metrics.json`; command: how to get the same again; notes: one sentence each, on
-    what a reader must know of the physics, the background, what was discarded; start_stamp_ns: the stamp that is t = 0 [ns].
+    title: the scenario or recording; versions: all that determine the result, by name; sensors: by name, `frames` and
+    `ms_mean` (None: unknown) as in `metrics.json`; command: repeats the run; notes: sentences on the physics, the
+    background, discarded data; start_stamp_ns: the stamp of t = 0 [ns].
     """
 
     title: str
@@ -68,12 +68,12 @@ class RunFacts:
 _FAR_M = (3.0, 6.0)
 
 DISTANCES = (f"up to {_FAR_M[0]:g} m", f"to {_FAR_M[1]:g} m", "farther")
-"""Headings of the last columns of the table: from the nearest sensor."""
+"""Headings of the last columns of the table, by distance from the nearest sensor."""
 
 
 @dataclass(frozen=True)
 class CauseRow:
-    """One cause that occurred: its name and meaning, frames in all, by posture (None for tracks), by distance."""
+    """One cause that occurred: its name and meaning, frames in total, by posture (None for tracks), by distance."""
 
     name: str
     meaning: str
@@ -121,12 +121,12 @@ def write_report(
     silent: Collection[str] = (),
     links: Mapping[str, str] | None = None,
 ) -> None:
-    """Write the report to `path`; it takes its name when it is whole.
+    """Write the report to `path`; it takes its name when complete.
 
-    `true_rig`: where the sensors truly are, for those that `rig` has elsewhere; `outline`: polygons (k, 2) [m] of walls and
-    furniture; `scans`: what the scanners hit, drawn under the paths (for a recording without a plan of the room);
-    `person_names`: what to call the people of the truth; `silent`: the sensors that reported nothing at all;
-    `pictures`: stills of the sensors; `links`: files beside the page by kind, of which 'preview' is the film shown.
+    `true_rig`: true poses of the sensors, where `rig` differs; `outline`: polygons (k, 2) [m] of walls and furniture;
+    `scans`: returns of the scanners, drawn under the paths (for a recording without a plan of the room); `person_names`: of
+    the people of the truth; `silent`: sensors without reports; `pictures`: stills of the sensors; `links`: files beside the
+    page by kind, of which 'preview' is the video shown.
 
     Raises InputError where the file cannot be written, ValueError for an evaluation without truth.
     """

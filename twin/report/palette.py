@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 RGB = tuple[int, int, int]
 
-# After Okabe and Ito, "Color Universal Design" (2008), told apart under every common colour-vision deficiency; the
-# yellow and the blues are shifted so that each reads on a white page and on a dark one.
+# After Okabe and Ito, "Color Universal Design" (2008), distinct under every common colour-vision deficiency; the yellow
+# and the blues are shifted so that each is legible on white and dark pages.
 IDENTITY_COLOURS: tuple[RGB, ...] = (
     (38, 120, 196),  # blue
     (230, 145, 0),  # orange
@@ -18,15 +18,14 @@ IDENTITY_COLOURS: tuple[RGB, ...] = (
     (165, 145, 20),  # olive
     (135, 105, 215),  # violet
 )
-# One a scan layer, in the rig's order.
+# One per scan layer, in the rig's order.
 LAYER_COLOURS: tuple[RGB, ...] = ((255, 196, 84), (92, 214, 214), (236, 138, 190), (160, 220, 110))
 
 
 class IdentityColours:
-    """Colours of track ids, given in order of first appearance, so that tracks at the same time differ.
+    """Colours of track ids in order of first appearance, so that simultaneous tracks differ.
 
-    The same order of first appearance gives the same colours; after `len(IDENTITY_COLOURS)` ids the colours repeat,
-    which is why every drawing writes the id beside them.
+    After `len(IDENTITY_COLOURS)` ids the colours repeat; so every drawing writes the id too.
     """
 
     def __init__(self, ids: Iterable[int] = ()) -> None:
@@ -34,7 +33,7 @@ class IdentityColours:
         self.add(ids)
 
     def add(self, ids: Iterable[int]) -> None:
-        """Give colours to these track ids, in this order."""
+        """Assign colours to these track ids, in this order."""
         for track_id in ids:
             self.slot(track_id)
 
@@ -53,6 +52,6 @@ def hex_colour(colour: RGB) -> str:
 
 
 def is_light(colour: RGB) -> bool:
-    """Tell whether dark letters read better on a colour than white ones (WCAG 2 relative luminance above 0.18)."""
+    """Return whether dark letters are more legible on a colour than white ones (WCAG 2 relative luminance above 0.18)."""
     linear = [(c / 255 / 12.92) if c <= 10 else ((c / 255 + 0.055) / 1.055) ** 2.4 for c in colour]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2] > 0.18

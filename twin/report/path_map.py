@@ -1,4 +1,4 @@
-"""Map of a run: true paths, paths of tracks, errors and events over the room or over what its scans hit."""
+"""Map of a run: true paths, paths of tracks, errors and events over the room or over the scans' returns."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from twin.report.time_axis import median_period_ns, split_at_gaps
 from twin.report.timeline import describe_event
 
 _WIDTH_PX = 1000
-_STANDING = 0.05  # share of the greatest count from which a cell is taken for something that stands
-_LONG_NS = 90 * NS_PER_S  # beyond, paths cover each other and are drawn lighter
+_STANDING = 0.05  # share of the greatest count above which a cell is static
+_LONG_NS = 90 * NS_PER_S  # duration beyond which overlapping paths are drawn lighter
 
 
 def path_map(
@@ -39,10 +39,10 @@ def path_map(
     names: Mapping[int, str],
     silent: Collection[str] = (),
 ) -> str:
-    """Draw as SVG the room (or, without a plan, what the scans hit), true paths thin and grey, tracks in their colours.
+    """Draw as SVG the room (or, without a plan, the scans' returns), true paths thin and grey, tracks in their colours.
 
-    A track is solid while confirmed and dashed while it coasts; its id stands where it ends. Sensors are drawn where they
-    truly are (`true_rig`), and dashed where trackers assume them (`rig`); those that reported nothing are hollow.
+    A track is solid while confirmed and dashed while it coasts; its id is at its end. Sensors are drawn at their true poses
+    (`true_rig`), and dashed at assumed ones (`rig`); those without reports are hollow.
     """
     hits = []
     if scans is not None:
@@ -99,7 +99,7 @@ def _track_paths(view: FloorView, tracks: TrackTable, colours: IdentityColours) 
         for piece in split_at_gaps(tracks.stamps_ns[rows], period):
             for part in split_at_gaps(tracks.stamps_ns[rows][piece], period, coasting[piece]):
                 own = piece[part]
-                # From the sample before on, so that a change of status leaves no hole.
+                # Begin at the sample before, so that a change of status leaves no gap.
                 joined = np.concatenate([own[:1] - 1, own]) if own[0] > piece[0] else own
                 if joined.size > 1:
                     state = " coasting" if coasting[own[0]] else ""
@@ -128,12 +128,12 @@ def _event_marks(view: FloorView, tracks: TrackTable, evaluation: Evaluation, na
 
 _OFFSET = 1 << 20  # cells are numbered from −2^20 to 2^20 on either axis
 _BUFFER = 200_000
-_RGB = (118, 134, 158)  # reads on a light page and on a dark one
+_RGB = (118, 134, 158)  # legible on light and dark pages
 
 
 class ScanDensity:
-    """Count of returns in cells of `cell_m`: the room as a robot's bag shows it. Memory grows with the floor that was
-    hit, not with the duration.
+    """Count of returns in cells of `cell_m`: the room in a robot's bag. Memory grows with the floor hit, not with the
+    duration.
     """
 
     def __init__(self, rig: Rig, cell_m: float = 0.02) -> None:
@@ -154,20 +154,20 @@ class ScanDensity:
             self._merge()
 
     def cells(self) -> tuple[Polygon, NDArray[np.int64]]:
-        """Return the middles (n, 2) [m, room frame] of the cells that were hit, and how often, (n,)."""
+        """Return the centres (n, 2) [m, room frame] of the cells hit, and their counts, (n,)."""
         self._merge()
         index = np.stack([self._cells // (2 * _OFFSET), self._cells % (2 * _OFFSET)], axis=-1) - _OFFSET
         return (index.astype(np.float64) + 0.5) * self._cell_m, self._counts
 
     def png(self, view: FloorView) -> str:
-        """Draw the hits as a transparent PNG over a view of the floor (a data URI), denser the more often hit."""
+        """Draw the counts as a transparent PNG over a view of the floor (a data URI)."""
         middles, counts = self.cells()
         pixels = view.pixels(middles)
         inside = view.inside(pixels)
         x, y = np.floor(pixels[inside]).astype(np.intp).T
         density = np.zeros((view.height_px, view.width_px), dtype=np.float32)
         np.add.at(density, (y, x), counts[inside])
-        # A cell is a few pixels wide; the logarithm keeps walls, hit in every scan, from hiding what moved.
+        # A cell is a few pixels wide; the logarithm keeps walls, hit in every scan, from hiding moving objects.
         strength = np.log1p(cv2.dilate(density, np.ones((3, 3), np.uint8)))
         alpha = 0.9 * strength / max(float(strength.max()), 1e-9)
         bgra = np.empty((*density.shape, 4), dtype=np.uint8)
@@ -189,7 +189,7 @@ class ScanDensity:
 
 
 def cause_marks(view: FloorView, errors: Errors) -> str:
-    """Draw as SVG a dot per missed person and a dot per false positive, one path per cause."""
+    """Draw as SVG a dot per missed person and per false positive, one path per cause."""
     parts = []
     for kind, causes in (("missed", MISSES), ("false_positive", FALSE_POSITIVES)):
         for cause in causes:

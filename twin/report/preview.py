@@ -1,4 +1,4 @@
-"""Preview video: the cameras' pictures with tracks, beside the room from above."""
+"""Preview video: the cameras' images with tracks, beside the room from above."""
 
 from __future__ import annotations
 
@@ -46,12 +46,11 @@ def fitting_size(rig: Rig, outline: Sequence[Polygon], height_px: int) -> tuple[
 class PreviewWriter:
     """Writer of `preview.mp4` (H.264, one picture per call of `frame`) in constant memory; a context manager.
 
-    The video takes its name when the block ends well; an exception or a kill leaves nothing under that name. Each
-    picture is shown at its stamp, so that the video plays in real time also where frames are missing; `fps` says how
-    often frames usually come. `outline`: polygons (k, 2) [m] of walls and furniture; `person_names`: what to write
-    beside a true person instead of the id; `camera`: the one to show (default: all of the rig's, up to nine;
-    none there: the bird's-eye view takes the whole picture); `true_rig`: where the sensors truly are, for those that
-    `rig`, the one trackers get, has elsewhere; `camera_width_px`: of the cameras' part (default: as wide as high).
+    The video takes its name when the block ends normally; an exception or kill leaves nothing under that name. Each picture
+    is shown at its stamp, so the video plays in real time also where frames are missing; `fps`: usual frame rate. `outline`:
+    polygons (k, 2) [m] of walls and furniture; `person_names`: labels of true people in place of ids; `camera`: the one to
+    show (default: all of the rig's, up to nine; without one, the bird's-eye view fills the picture); `true_rig`: true poses,
+    where `rig`, the trackers', differs; `camera_width_px`: of the cameras' part (default: as wide as high).
 
     Raises InputError where the file cannot be written.
     """
@@ -124,9 +123,9 @@ class PreviewWriter:
     ) -> None:
         """Draw and encode one frame; stamps must rise.
 
-        `images`: the newest picture of each camera (none: the one before is shown on); `scans`, `floors`: the newest of each
-        scanner and pressure floor; `silent`: the sensors that have stopped reporting, which are labelled so; `maps`: the
-        tracker's, drawn over the cameras' pictures, and hypotheses over the floor. Raises InputError where the disk is full.
+        `images`: the newest of each camera (none: the one before is kept); `scans`, `floors`: the newest of each scanner and
+        pressure floor; `silent`: sensors that stopped reporting, which are labelled; `maps`: the tracker's, drawn over the
+        images, and hypotheses over the floor. Raises InputError where the disk is full.
         """
         if self._first_ns is None:
             self._first_ns = stamp_ns

@@ -1,4 +1,4 @@
-"""Pictures of a scene from any eye point, and portraits of people from the front, the side, behind and high up."""
+"""Pictures of a scene from any viewpoint, and portraits of people from the front, the side, behind and above."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def axes_towards(eye_m: Array, target_m: Array) -> tuple[Array, Array, Array]:
 
 @contextmanager
 def fill_light(model: mujoco.MjModel) -> Iterator[None]:
-    """Light a model from the eye while the block runs, by as much as its lamps fall short of `ENOUGH_LIGHT`."""
+    """Light a model from the eye during the block, as far as its lamps fall short of `ENOUGH_LIGHT`."""
     head, missing = model.vis.headlight, ENOUGH_LIGHT - light_of(model)
     if missing <= 0:
         yield
@@ -48,7 +48,7 @@ def fill_light(model: mujoco.MjModel) -> Iterator[None]:
     head.active = True
     head.ambient[:] += missing
     head.diffuse[:] += 0.5 * missing
-    if np.count_nonzero(model.light_active) >= MOST_LAMPS:  # no place for one more
+    if np.count_nonzero(model.light_active) >= MOST_LAMPS:  # no slot for one more
         model.light_active[:] = False
     try:
         yield
@@ -69,9 +69,8 @@ def render_picture(
 ) -> NDArray[np.uint8]:
     """Render the scene from `eye_m` (3,) towards `target_m` (3,) [m], not straight up or down: RGB (height, width, 3).
 
-    `half_height`: tangent of half the vertical field; `size_px`: width and height; `finer`: drawn so many times as large
-    and averaged, which smooths edges. `data` needs kinematics and light poses. A dark room is lit from the eye, which no
-    sensor sees.
+    `half_height`: tangent of half the vertical field; `size_px`: width and height; `finer`: factor of supersampling, which
+    smooths edges. `data` needs kinematics and light poses. A dark room is lit from the eye, unlike for sensors.
     """
     _, up, forward = axes_towards(eye_m, target_m)
     width, height = finer * size_px[0], finer * size_px[1]
@@ -89,7 +88,7 @@ def render_picture(
 
 
 VIEWS = {"front": (0.0, 0.35), "side": (90.0, 0.35), "back": (180.0, 0.35), "high": (35.0, 2.0)}
-"""Eye points: degrees left of the person's heading, metres above half the person's height."""
+"""Viewpoints: degrees left of the person's heading, metres above half the person's height."""
 
 _STUDIO = """
 <mujoco model="studio">
@@ -122,14 +121,16 @@ _INK = (40, 44, 48)
 
 @dataclass(frozen=True, eq=False)
 class Portrait:
-    """A person to draw: label, looks, and joint coordinates (NQ_PERSON,) near the origin; None stands straight, facing +x."""
+    """Person to draw: label, appearance, and joint coordinates (NQ_PERSON,) near the origin; None: standing straight, facing
+    +x.
+    """
 
     label: str
     appearance: BodyAppearance
     coordinates: NDArray[np.float64] | None = None
 
     def pose(self) -> NDArray[np.float64]:
-        """Return the joint coordinates; those of standing straight where none are given."""
+        """Return the joint coordinates, by default those of standing straight."""
         if self.coordinates is not None:
             return self.coordinates
         straight = np.zeros(NQ_PERSON)
@@ -138,9 +139,9 @@ class Portrait:
 
 
 def draw_portraits(portraits: Sequence[Portrait], *, columns: int, cell_px: tuple[int, int]) -> NDArray[np.uint8]:
-    """Draw each person in every one of `VIEWS`, the pictures side by side under the label: RGB (height, width, 3).
+    """Draw each person in all `VIEWS`, side by side under the label: RGB (height, width, 3).
 
-    `columns`: people side by side; `cell_px`: breadth and height of one picture. Raises InputError without EGL.
+    `columns`: people side by side; `cell_px`: width and height of one picture. Raises InputError without EGL.
     """
     model = _studio(portraits)
     data = mujoco.MjData(model)
@@ -209,7 +210,7 @@ def _panel(
 
 
 def label_strip(label: str, width: int) -> NDArray[np.uint8]:
-    """Draw a strip of `width` [px] that holds a label."""
+    """Draw a strip of `width` [px] with a label."""
     strip = np.full((_LINE_PX, width, 3), 250, dtype=np.uint8)
     write(strip, label, 4, _LINE_PX - 5, _INK, _LETTERS_PX)
     return strip

@@ -32,7 +32,7 @@ class Still:
 
 @dataclass(frozen=True)
 class RunPictures:
-    """Pictures of a frame: its stamp [ns], a still per sensor, and a JPEG to show before the film (empty without one)."""
+    """Pictures of a frame: its stamp [ns], a still per sensor, and a JPEG poster for the video (empty without one)."""
 
     stamp_ns: int
     stills: Sequence[Still]
@@ -40,7 +40,7 @@ class RunPictures:
 
 
 class SensorStills:
-    """Keeps the frame with the most sensors and tracks, the earliest of equals, and draws a picture per sensor of it.
+    """The frame with the most sensors and tracks, the earliest of equals, and one picture of it per sensor.
 
     `outline`, `person_names`, `true_rig` as in `PreviewWriter`.
     """
@@ -61,8 +61,8 @@ class SensorStills:
         self._truth: TruePoses | None = None
 
     def keep_best(self, frame: TrackFrame, newest: Mapping[str, Observation], truth: TruePoses | None) -> bool:
-        """Keep a frame, the newest observation of each sensor and the truth where it ranks above the one kept."""
-        self._colours.add(sorted(track.id for track in frame.tracks))  # in the order of the film and the charts
+        """Keep a frame, the newest observation of each sensor and the truth if it ranks above the one kept."""
+        self._colours.add(sorted(track.id for track in frame.tracks))  # in the order of the video and the charts
         rank = (len(newest), len(frame.tracks))
         if rank <= self._rank:
             return False

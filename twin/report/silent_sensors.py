@@ -1,4 +1,4 @@
-"""Silent sensors: those whose last report is too old to show what they see."""
+"""Silent sensors: those whose last report is too old to show their view."""
 
 from __future__ import annotations
 
@@ -9,18 +9,17 @@ from statistics import median
 from trackers.observations import NS_PER_S, Observation
 
 _GAPS = 3.0
-"""So many usual gaps without a word are silence, and no less than half a second: one message may be lost or late."""
+"""Number of usual gaps that is a silence, at least half a second: one message may be lost or late."""
 _LEAST_NS = NS_PER_S // 2
 _UNKNOWN_NS = NS_PER_S
-"""For a sensor that has not reported twice."""
+"""Gap of a sensor that has not reported twice."""
 _REMEMBERED = 16
 
 
 class SilenceMonitor:
     """Monitor of silent sensors, fed with observations in order of arrival.
 
-    Time is the newest stamp of any sensor, taken as each observation arrives, so that one whose clock is off or whose
-    messages are late is not silent.
+    Time is the newest stamp of any sensor on arrival, so that a sensor with a wrong clock or late messages is not silent.
     """
 
     def __init__(self, sensors: Iterable[str]) -> None:
@@ -31,7 +30,7 @@ class SilenceMonitor:
         self._now_ns = 0
 
     def add(self, observation: Observation) -> None:
-        """Take an observation as it arrives."""
+        """Add an observation on arrival."""
         name, ns = observation.sensor, observation.stamp_ns
         if self._first_ns is None:
             self._first_ns = self._now_ns = ns

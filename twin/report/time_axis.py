@@ -1,4 +1,4 @@
-"""Time in reports: the axis that the charts of a run share, spans of time, and their texts."""
+"""Time in reports: the axis shared by a run's charts, time spans, and their texts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _STEPS_S = (0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 36
 
 
 def time_origin_ns(first_stamp_ns: int) -> int:
-    """Return the stamp that reads as 0 s: 0 for a clock that starts with the run, the first stamp for one since 1970."""
+    """Return the stamp of 0 s: 0 for a clock that starts with the run, the first stamp for one since 1970."""
     return first_stamp_ns if abs(first_stamp_ns) > _LONGEST_CLOCK_NS else 0
 
 
@@ -23,7 +23,7 @@ def round_ticks(start_s: float, end_s: float, most: int) -> NDArray[np.float64]:
     """Choose round times from start to end [s], at most `most` of them."""
     step = next((s for s in _STEPS_S if (end_s - start_s) / s <= most), _STEPS_S[-1])
     first = np.ceil(start_s / step - 1e-9)
-    return step * np.arange(first, np.floor(end_s / step + 1e-9) + 1) + 0.0  # −0 would be written as such
+    return step * np.arange(first, np.floor(end_s / step + 1e-9) + 1) + 0.0  # without −0
 
 
 def format_time(t: float, decimals: int = 0) -> str:
@@ -52,7 +52,7 @@ class TimeAxis:
     zero_ns: int
 
     def x(self, stamps_ns: NDArray[np.int64] | int) -> NDArray[np.float64]:
-        """Convert stamps to places along the axis, same shape."""
+        """Convert stamps to positions along the axis, same shape."""
         share = (np.asarray(stamps_ns) - self.start_ns) / max(1, self.end_ns - self.start_ns)
         return LEFT + (WIDTH - LEFT - RIGHT) * share
 
@@ -93,7 +93,7 @@ _GAP_FACTOR = 1.5
 
 @dataclass(frozen=True)
 class Span:
-    """A stretch from `start_ns` to `end_ns`; `label`: a track id or a level, 0 where nothing is told apart."""
+    """Span from `start_ns` to `end_ns`; `label`: a track id or a level, 0 if unlabelled."""
 
     start_ns: int
     end_ns: int
@@ -101,10 +101,9 @@ class Span:
 
 
 def median_period_ns(*frame_stamps_ns: NDArray[np.int64]) -> int:
-    """Compute the median time from one frame to the next [ns], of the slowest of several tables; 0.1 s where unknown.
+    """Compute the median period of frames [ns], of the slowest of several tables; 0.1 s if unknown.
 
-    The slowest, because truth is written at the stamps of every sensor, which stand closer and less evenly than the
-    frames of a tracker.
+    The slowest, because truth is written at the stamps of every sensor, denser and less even than a tracker's frames.
     """
     return max((int(np.median(np.diff(stamps))) for stamps in frame_stamps_ns if stamps.size > 1), default=100_000_000)
 
@@ -112,7 +111,7 @@ def median_period_ns(*frame_stamps_ns: NDArray[np.int64]) -> int:
 def split_at_gaps(
     stamps_ns: NDArray[np.int64], period_ns: int, labels: NDArray[np.int64] | None = None
 ) -> list[NDArray[np.intp]]:
-    """Split the indices of samples (ascending stamps) into pieces without a gap above 1.5 periods and of one label each."""
+    """Split the indices of samples (ascending stamps) into pieces of one label without a gap above 1.5 periods."""
     if stamps_ns.size == 0:
         return []
     breaks = np.diff(stamps_ns) > _GAP_FACTOR * period_ns
@@ -122,7 +121,7 @@ def split_at_gaps(
 
 
 def spans_of(stamps_ns: NDArray[np.int64], period_ns: int, labels: NDArray[np.int64] | None = None) -> list[Span]:
-    """Convert samples to spans, half a period either way; a gap above 1.5 periods or another label ends one."""
+    """Convert samples to spans, half a period on either side; a gap above 1.5 periods or another label ends one."""
     half = period_ns // 2
     return [
         Span(

@@ -37,7 +37,7 @@ _GLYPHS = {
 
 
 def glyph(kind: str) -> str:
-    """Return the mark of a kind of event, an SVG of its own for a legend."""
+    """Return the mark of a kind of event, an SVG for a legend."""
     return f'<svg class="key" viewBox="-9 -9 18 18" aria-hidden="true">{_GLYPHS[kind]}</svg>'
 
 
@@ -63,10 +63,10 @@ def identity_timeline(
     colours: IdentityColours,
     names: Mapping[int, str],
 ) -> str:
-    """Draw as SVG a row per person, coloured by the matched track; marks where it breaks; false tracks below.
+    """Draw as SVG a row per person, coloured by the matched track, with marks at breaks; false tracks below.
 
-    The line over a row marks when the scanners together cannot tell the person from another; the strips under it, how hidden
-    the person is from each sensor (one strip a sensor, darker the more hidden).
+    The line over a row marks when the scanners together cannot separate the person from another; the strips under it show
+    how hidden the person is from each sensor (darker: more hidden).
     """
     period = median_period_ns(truth.frame_stamps_ns, tracks.frame_stamps_ns)
     strips = len(truth.visible)
@@ -123,7 +123,7 @@ def track_timeline(axis: TimeAxis, tracks: TrackTable, colours: IdentityColours)
             for span in spans_of(seen, period):
                 bar = Span(span.start_ns, span.end_ns, track)
                 parts.append(_bar(axis, bar, y, colours, height, state, f"#{track} {state}", named=False))
-        # The name stands before the bar, so that a short one has its name too; at the left edge it would be cut.
+        # The name stands before the bar, for short bars too; at the left edge it would be cut.
         x = max(float(axis.x(int(stamps[0]))) - 6, LEFT - 6)
         parts.append(f'<text class="id" x="{x:.1f}" y="{y + height - 3:.1f}" text-anchor="end">#{track}</text>')
         y += height + 3
@@ -133,10 +133,10 @@ def track_timeline(axis: TimeAxis, tracks: TrackTable, colours: IdentityColours)
 def false_positive_tracks(
     truth: TruthTable, tracks: TrackTable, evaluation: Evaluation
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Find the tracks that were counted as false positives: stamps and ids, (n,) each, ordered by stamp.
+    """Find the tracks counted as false positives: stamps and ids, (n,) each, ordered by stamp.
 
-    The evaluation says how many a frame holds. Where more tracks are unmatched than that, the others follow people
-    outside the tracked area and were left out: those nearest to a person outside.
+    The evaluation gives their number per frame. Further unmatched tracks are of people outside the tracked area: those
+    nearest to a person outside.
     """
     matched = set(zip(evaluation.match_stamps_ns.tolist(), evaluation.match_track_ids.tolist(), strict=True))
     counted = dict(zip(evaluation.stamps_ns.tolist(), evaluation.false_positives.tolist(), strict=True))
@@ -166,7 +166,7 @@ def missed_spans(truth: TruthTable, tracks: TrackTable, evaluation: Evaluation, 
 
 
 def _marks(axis: TimeAxis, events: Sequence[TrackEvent], y: float, names: Mapping[int, str]) -> str:
-    """Draw the marks of events in order of time; those that would cover each other stand side by side."""
+    """Draw the marks of events in order of time; overlapping ones stand side by side."""
     parts, x = [], -np.inf
     for event in events:
         x = max(_clip(axis, event.stamp_ns), x + 13)
@@ -213,7 +213,7 @@ def _bar(
         ink = "dark" if is_light(IDENTITY_COLOURS[slot]) else "pale"
         text = f'<text class="id {ink}" x="{start + 5:.1f}" y="{y + height / 2 + 4:.1f}">#{span.label}</text>'
     when = f"{axis.format(span.start_ns)} to {axis.format(span.end_ns)}"
-    # A hair narrower, so that two bars of like colours stay two.
+    # Slightly narrower, so that two bars of similar colours stay apart.
     width = max(end - start - (0.8 if named else 0.0), 0.8)
     return (
         f'<rect class="f{slot} {kind}" x="{start:.1f}" y="{y:.1f}" width="{width:.1f}" '
@@ -226,7 +226,7 @@ def _hidden_strip(
 ) -> str:
     known = ~np.isnan(share)
     level = np.round((1 - share[known]) * _LEVELS).astype(np.int64)
-    column = np.floor(axis.x(stamps_ns[known]) * 2).astype(np.int64)  # half a unit wide: finer cannot be seen
+    column = np.floor(axis.x(stamps_ns[known]) * 2).astype(np.int64)  # half a unit wide, the visible limit
     first = np.flatnonzero(np.diff(column, prepend=-1))
     if first.size == 0:
         return ""
@@ -246,7 +246,7 @@ def _hidden_strip(
 
 
 def _merged(axis: TimeAxis, situations: SituationTable | None, person: int, y: float, names: Mapping[int, str]) -> str:
-    """Draw lines for the merges of a person with others, those for all scanners of the rig."""
+    """Draw lines for the merges of a person with others for all scanners of the rig."""
     if situations is None:
         return ""
     merged = situations.select("merged_rig")
@@ -261,7 +261,7 @@ def _merged(axis: TimeAxis, situations: SituationTable | None, person: int, y: f
 
 
 def _lanes(stretches: Sequence[Span]) -> list[list[Span]]:
-    """Pack spans, in order of start, into as few rows as go without overlap."""
+    """Pack spans, ordered by start, into as few rows as possible without overlap."""
     lanes: list[list[Span]] = []
     for span in stretches:
         lane = next((lane for lane in lanes if lane[-1].end_ns <= span.start_ns), None)
@@ -290,8 +290,7 @@ def distance_chart(
 ) -> str:
     """Draw as SVG a row per person: distance [m] to the matched track (in its colour) from 0 to the gate; misses shaded.
 
-    Where a run has more frames than the chart has columns the line is the mean of each column, in a band from its least to
-    its greatest distance.
+    With more frames than columns, the line is the mean of each column, in a band from its least to its greatest distance.
     """
     gate_m = float(evaluation.metrics["gate_m"])
     period = median_period_ns(truth.frame_stamps_ns, tracks.frame_stamps_ns)

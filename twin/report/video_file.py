@@ -1,4 +1,4 @@
-"""H.264 video files that take their name when they are whole."""
+"""H.264 video files that take their name when complete."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class VideoFile:
         self._stream = self._container.add_stream("libx264", rate=rate)
         self._stream.width, self._stream.height = size
         self._stream.pix_fmt = "yuv420p"
-        # A third of veryfast's time for twice its file: the video is made beside the simulation.
+        # A third of veryfast's time for twice its file size: the video is made during the simulation.
         self._stream.options = {"preset": "ultrafast", "crf": "24"}
         codec = self._stream.codec_context
         codec.time_base = TIME_BASE
@@ -83,14 +83,14 @@ class VideoFile:
 
     def discard(self) -> None:
         """Delete the unfinished file."""
-        # A disk that is full refuses the trailer too; the file goes all the same.
+        # A full disk prevents the trailer too; the file is deleted anyway.
         with contextlib.suppress(OSError):
             self._container.close()
         self._partial.unlink(missing_ok=True)
 
 
 def partial_path(path: Path) -> Path:
-    """Return the hidden path beside a file at which it is written until it is whole."""
+    """Return the hidden path beside a file for writing it until complete."""
     return path.with_name(f".{path.name}.{os.getpid()}.partial")
 
 

@@ -1,1 +1,1 @@
-"""The room: its walls, floor and furniture, where one may walk and where sensors can hang."""
+"""The room: walls, floor and furniture, walkable area, and mounting places for sensors."""

@@ -1,4 +1,4 @@
-"""The building: where a thing may be mounted (indoors, in free space, out of people's way), and its outline from above."""
+"""The building: its outline from above, and the places for mounting (indoors, in free space, out of people's way)."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from twin.room.obstacles import OBSTACLE_REACH_M, Footprints
 from twin.room.walkable import ENCLOSED_M2, Plan, common_direction, outdoors_of, standing_footprints
 
 _ROUGH_M = 0.03
-"""Greatest distance of the outline of the walls from their drawing on a grid [m]."""
+"""Greatest error of the outline of the walls as drawn on a grid [m]."""
 _DRAWN_M = 0.1
-"""A wall that a ray meets within this of its outline is that wall, and where the ray meets it is exact [m]."""
+"""Distance from its outline within which a ray's hit counts as the wall, with an exact position [m]."""
 
 _UPRIGHT = 0.99
-"""Least horizontal part of the normal of an upright wall."""
+"""Least horizontal component of an upright wall's normal."""
 
 
 @dataclass(frozen=True, eq=False)
 class Building:
-    """A room as somebody with a drill sees it: what is indoors, what is solid, where people walk.
+    """A room as needed for mounting: indoors, solid parts, and where people walk.
 
     outline (k, 2): the inner face of the walls around the largest part of the floor, counter-clockwise [m].
     """
@@ -47,7 +47,7 @@ class Building:
     def of(
         cls, model: mujoco.MjModel, data: mujoco.MjData, floor: list[Array], walkable: Array, furniture: Footprints
     ) -> Building:
-        """Build from an empty room; `floor`: convex pieces (k, 2), `walkable` (k, 2): where bodies' middles may go [m]."""
+        """Build from an empty room; `floor`: convex pieces (k, 2), `walkable` (k, 2): limit of bodies' middles [m]."""
         walls, standing = standing_footprints(model, data)
         plan = Plan.over(floor, standing, common_direction(walls or floor))
         ground = plan.within(plan.drawn(floor))
@@ -73,7 +73,7 @@ class Building:
         )
 
     def is_indoors(self, places_m: Array) -> Mask:
-        """Mask the places (n, 2 or 3) [m] that are above the building's floor, or in its walls."""
+        """Return a mask of the places (n, 2 or 3) [m] above the building's floor, or in its walls."""
         cells = np.rint(self.plan.cells_of(places_m[:, :2])).astype(int)
         rows, columns = self.plan.shape
         there = (cells >= 0).all(axis=1) & (cells[:, 0] < columns) & (cells[:, 1] < rows)
@@ -82,7 +82,7 @@ class Building:
         return inside
 
     def is_solid(self, places_m: Array) -> Mask:
-        """Mask the places (n, 3) [m] that are in a wall or a thing of the room; a mesh is taken as its convex hull."""
+        """Return a mask of the places (n, 3) [m] inside a wall or object; a mesh counts as its convex hull."""
         model, data = self.model, self.data
         solid = np.zeros(len(places_m), dtype=bool)
         for geom in range(model.ngeom):
@@ -98,7 +98,7 @@ class Building:
         return solid
 
     def is_walked(self, places_m: Array, below_m: float) -> Mask:
-        """Mask the places (n, 3) [m] that are lower than this where people walk: not right beside, or above, furniture."""
+        """Return a mask of the places (n, 3) [m] lower than this where people walk: not right beside, or above, furniture."""
         walked = (places_m[:, 2] < below_m) & self.walkable.contains(places_m[:, :2])
         if len(self.furniture) and walked.any():
             _, gap_m = self.furniture.gaps(places_m[walked, 0] + 1j * places_m[walked, 1])
@@ -106,7 +106,7 @@ class Building:
         return walked
 
     def open_edges(self) -> list[Array]:
-        """Return the pieces (k, 2) [m] of the outline at which no wall stands: the edge of a yard's floor, a doorway."""
+        """Return the pieces (k, 2) [m] of the outline without a wall: the edge of a yard's floor, a doorway."""
         walls, _ = standing_footprints(self.model, self.data)
         near = 2 * self.plan.cells(_DRAWN_M) + 1
         wall = cv2.dilate(self.plan.drawn(walls).astype(np.uint8), np.ones((near, near), np.uint8))
@@ -119,8 +119,9 @@ class Building:
         return [line[piece] for piece in pieces if is_open[piece[0]] and len(piece) > 1]
 
     def along_walls(self, every_m: float, off_m: float, heights_m: Sequence[float]) -> tuple[Array, Array]:
-        """Return places (n, 3) [m] this far off the walls, at most so far from each other, and where the walls there
-        face (n,) [rad]."""
+        """Return places (n, 3) [m] this far off the walls at most this far apart, and the directions that the walls face
+        (n,) [rad].
+        """
         places, facing = [np.zeros((0, 3))], [np.zeros(0)]
         for start, way in zip(self.outline, np.roll(self.outline, -1, axis=0) - self.outline, strict=True):
             length = float(np.hypot(*way))
@@ -140,26 +141,30 @@ class Building:
         return found[free], np.concatenate(facing)[free]
 
     def _free_m(self, place_m: Array, direction: Array, normal: Array | None = None) -> float:
-        """Measure the distance from a place (3,) [m] to the first thing of the room in a direction; inf where there is
-        none. `normal` (3,) takes that of the surface met."""
+        """Return the distance from a place (3,) [m] to the first surface in a direction; inf without one. `normal` (3,)
+        receives its normal.
+        """
         geom = np.zeros(1, dtype=np.int32)
         found = mujoco.mj_ray(self.model, self.data, place_m, direction, RAY_GROUPS, 1, -1, geom, normal)
         return found if found >= 0 else np.inf
 
     def ceiling_m(self, places_m: Array) -> Array:
-        """Return height (n,) [m] of what is over places (n, 2) [m] of the floor from 2 m on; inf under the sky."""
+        """Return the height (n,) [m] of the ceiling from 2 m up over places (n, 2) [m]; inf under the sky."""
         up = np.array([0.0, 0.0, 1.0])
         return np.array([2.0 + self._free_m(np.array([x, y, 2.0]), up) for x, y in places_m])
 
     def way_along_walls_m(self, start_m: Array, places_m: Array) -> Array:
-        """Return length (n,) [m] of a cable from a point (3,) to places (n, 3): to the wall, along it, up or down, and
-        off it."""
+        """Return the length (n,) [m] of a cable from a point (3,) to places (n, 3): to the wall, along it, up or down, and
+        off it.
+        """
         rise_m = np.abs(places_m[:, 2] - start_m[2])
         return np.array([_length_m(self.route_along_walls(start_m, each)) for each in places_m]) + rise_m
 
     def route_along_walls(self, start_m: Array, place_m: Array) -> Array:
-        """Return the corners (k, 2) [m] of a cable's way on the plan, from a point to a place (each 2 or 3): to the
-        nearest wall, the shorter way along the walls, and off it."""
+        """Return the corners (k, 2) [m] of a cable's route on the plan, between points of 2 or 3 coordinates.
+
+        To the nearest wall, the shorter way along the walls, and off them.
+        """
         (first, foot), (last, end) = self._foot_on_wall(start_m), self._foot_on_wall(place_m)
         n = len(self.outline)
         forth = [(first + 1 + i) % n for i in range((last - first) % n)]
@@ -176,8 +181,9 @@ class Building:
         return edge, feet[edge]
 
     def walls_nearest(self, place_m: Array) -> list[tuple[float, Array, Array]]:
-        """Return the two nearest walls that lie across each other: distance [m], foot (2,) on the outline, the wall's
-        direction (2,), with the room on its left."""
+        """Return the two nearest walls that are not parallel: distance [m], foot (2,) on the outline, the wall's direction
+        (2,), with the room on its left.
+        """
         ends = np.roll(self.outline, -1, axis=0)
         way = ends - self.outline
         length = np.hypot(way[:, 0], way[:, 1])
@@ -195,7 +201,7 @@ class Building:
         return found[:2]
 
     def _wall_behind(self, place_m: Array, along: Array) -> tuple[float, Array]:
-        """Measure the distance [m] to the surface behind an edge of the outline, square to it, and its direction (2,)."""
+        """Return the distance [m] to the surface behind an edge of the outline, perpendicular to it, and its direction (2,)."""
         normal = np.zeros(3)
         wall_m = self._free_m(place_m, np.array([along[1], -along[0], 0.0]), normal)
         level = np.hypot(*normal[:2])
@@ -223,10 +229,10 @@ def check_mount(model: mujoco.MjModel, data: mujoco.MjData, field: str, xyz: NDA
 
 
 def within_geom(kind: int, size: NDArray[np.float64], local: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Mask the points (n, 3) in the geom's frame that lie inside it, (n,); meshes and height fields are taken as empty."""
+    """Return a mask (n,) of the points (n, 3), in the geom's frame, inside it; meshes and height fields count as empty."""
     match kind:
         case mujoco.mjtGeom.mjGEOM_PLANE:
-            # One-sided: behind it is inside the wall. A size of 0 means endless.
+            # One-sided: behind it is inside the wall. A size of 0 means infinite.
             return (local[:, 2] < 0) & ((np.abs(local[:, :2]) <= size[:2]) | (size[:2] == 0)).all(axis=1)
         case mujoco.mjtGeom.mjGEOM_BOX:
             return (np.abs(local) - size).max(axis=1) <= 0
@@ -244,11 +250,11 @@ def within_geom(kind: int, size: NDArray[np.float64], local: NDArray[np.float64]
 
 
 _LOW_M, _HIGH_M = 0.1, 1.8
-"""A thing shows on the plan when part of it is between these heights [m]: neither floor marks nor lamps do."""
+"""Range of heights in which an object must have a part to appear on the plan [m]: excludes floor marks and lamps."""
 
 
 def room_outline(model: mujoco.MjModel, data: mujoco.MjData) -> list[NDArray[np.float64]]:
-    """Return convex outlines (k, 2) [m] of the static geoms that stand in the room; `data` needs kinematics."""
+    """Return convex outlines (k, 2) [m] of the room's static geoms; `data` needs kinematics."""
     outlines = []
     for geom in range(model.ngeom):
         if model.body_weldid[model.geom_bodyid[geom]] != 0 or model.geom_rgba[geom, 3] == 0:

@@ -1,10 +1,10 @@
-"""The files that an MJCF room reads: all of them in folders that it may read, and what each holds.
+"""Files read by an MJCF room: all within permitted folders, with checked elements.
 
-A scenario that somebody shares names a room, and a room names files: MuJoCo would open whatever they say. So they are
-looked through before MuJoCo sees any of them. A room may read its own folder, and the one that `--room-root` names.
+A shared scenario names a room, and a room names files, which MuJoCo would open anywhere. So all are checked before MuJoCo
+sees any. A room may read its own folder, and that of `--room-root`.
 
-`docs/mjcf.md` says of each element what the twin makes of it: modelled, without effect, or refused in a sentence. The rule
-behind the table: what a camera sees, a scanner's ray meets and people walk around.
+`docs/mjcf.md` lists the treatment of each element: modelled, without effect, or rejected with a sentence. Modelled is all
+that a camera sees, a scanner's ray meets, or people walk around.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ REFUSED = {
     "extension": "asks for plug-ins of MuJoCo, which are code; a room without them is expected",
     "plugin": "is a plug-in of MuJoCo, which is code; an element without it is expected",
 }
-"""By element: what is wrong with it, and what is expected in its place."""
+"""Fault of each rejected element, and its replacement."""
 
 
 def check_elements(root: ElementTree.Element, where: str, *, is_model: bool) -> None:
-    """Raise InputError, opening with `where`, for an element of an MJCF file that the twin does not model.
+    """Raise InputError, with the prefix `where`, for an element of an MJCF file that the twin does not model.
 
-    `is_model`: whether the file is a whole model, not one that is included.
+    `is_model`: False for an included file.
     """
     if is_model and root.tag != "mujoco":
         raise InputError(f"{where}: its root is <{root.tag}>; an MJCF file, whose root is <mujoco>, is expected")
@@ -48,16 +48,16 @@ def check_elements(root: ElementTree.Element, where: str, *, is_model: bool) -> 
 
 
 ROOM_ROOT = "TWIN_ROOM_ROOT"
-"""Environment variable with the folder that `--room-root` names, so that workers know it too."""
+"""Environment variable with the folder of `--room-root`, for workers."""
 
 _FOLDERS = ("meshdir", "texturedir", "assetdir")
 _MJCF = ("include", "model")
-"""Elements whose file is MJCF in turn: what is included, and what is to be attached, a model of its own."""
+"""Elements whose file is MJCF: included ones, and models to attach."""
 
 
 @dataclass(frozen=True)
 class _Part:
-    """One MJCF file of a room, the folder of the model that it is part of, and the MJCF files that it brings in."""
+    """One MJCF file of a room, the folder of its model, and the MJCF files that it loads."""
 
     path: Path
     model_folder: Path
@@ -66,9 +66,9 @@ class _Part:
 
 
 def allow_room_root(folder: Path) -> None:
-    """Let the rooms of this process, and of those that it starts from now on, read files of a folder.
+    """Let the rooms of this process, and of processes started from now on, read files of a folder.
 
-    Raises InputError where there is no such folder.
+    Raises InputError for a missing folder.
     """
     if not folder.is_dir():
         raise InputError(f"--room-root {folder}: is no folder; the folder that holds the rooms' files is expected")
@@ -76,15 +76,15 @@ def allow_room_root(folder: Path) -> None:
 
 
 def room_files(room: Path) -> dict[Path, bytes]:
-    """Return the room's file and all that it reads, however deep, each with its content, in the order of their paths.
+    """Return the room's file and all that it reads, at any depth, with their contents, ordered by path.
 
-    MuJoCo takes a path from the model's folder or from that of the included file, with or without the compiler's meshdir,
-    texturedir or assetdir, without its folders under strippath: each place at which there is a file counts. Files that are
-    missing are left out; MuJoCo tells of them.
+    MuJoCo resolves a path from the folder of the model or of the included file, with or without the compiler's meshdir,
+    texturedir or assetdir, without its folders under strippath: every existing candidate counts. Missing files are left out;
+    MuJoCo reports them.
 
-    Raises InputError for what is not plain, well-formed XML, for a file outside the folders that the room may read, be it by
-    '..', an absolute path, a folder of the compiler or a symbolic link, for one that comes back to itself, for elements that
-    are not modelled (`check_elements`), and for more than a room needs (`twin.room.file_limits`).
+    Raises InputError for XML that is not plain and well-formed; for a file outside the permitted folders, be it by '..', an
+    absolute path, a folder of the compiler or a symbolic link; for a cycle; for elements that are not modelled
+    (`check_elements`); and beyond the limits of `twin.room.file_limits`.
     """
     found: dict[Path, bytes] = {}
     parts: dict[tuple[Path, Path], _Part] = {}
@@ -124,7 +124,7 @@ def room_files(room: Path) -> dict[Path, bytes]:
 
 
 def _read(path: Path, found: dict[Path, bytes], most: int, said: str) -> None:
-    """Read a file that is not among those found, unless all together they would be more bytes than `most`."""
+    """Read a file unless already found; raise InputError where all together exceed `most` bytes."""
     if path not in found:
         check_limit(path.stat().st_size + sum(map(len, found.values())), most, said, "bytes")
         found[path] = path.read_bytes()
@@ -135,7 +135,7 @@ def _where(path: Path, room: Path) -> str:
 
 
 def _parsed(content: bytes, path: Path, room: Path) -> ElementTree.Element:
-    """Parse the root of an MJCF file, read as MuJoCo reads it: UTF-8 without a document type of its own."""
+    """Parse the root of an MJCF file as MuJoCo does: UTF-8 without a document type."""
     where = _where(path, room)
     try:
         text = content.decode("utf-8-sig")
@@ -153,8 +153,7 @@ def _parsed(content: bytes, path: Path, room: Path) -> ElementTree.Element:
 def _places(
     part: _Part, element: str | None, room: Path, of_model: tuple | list[ElementTree.Element]
 ) -> Iterator[tuple[ElementTree.Element, Path]]:
-    """Return the files there are for what the elements of one name say, None: all that do not name MJCF; each with its
-    element."""
+    """Yield the existing files of elements of one name (None: all that do not name MJCF), each with its element."""
     compilers = [compiler for root in of_model for compiler in root.iter("compiler")]
     folders = [""] + [compiler.get(name, "") for compiler in compilers for name in _FOLDERS]
     strips = any(compiler.get("strippath") == "true" for compiler in compilers)
@@ -177,7 +176,7 @@ def _places(
 
 
 def _joined(base: Path, folder: str, name: str) -> Path:
-    """Join paths as MuJoCo does: backslashes are slashes, what is absolute stands alone."""
+    """Join paths as MuJoCo does: backslashes are slashes, absolute paths stand alone."""
     place = base
     for step in (folder, name):
         step = step.replace("\\", "/")
@@ -186,7 +185,7 @@ def _joined(base: Path, folder: str, name: str) -> Path:
 
 
 def _existing(candidates: list[Path], room: Path, said: str, part: Path, folders: list[str]) -> Iterator[Path]:
-    """Return the candidates at which there is a file. Raises InputError where that, or all of them, is elsewhere."""
+    """Yield the existing candidates. Raises InputError if one of them, or all candidates, are outside the permitted folders."""
     homes = [room.parent.resolve()]
     if root := os.environ.get(ROOM_ROOT):
         homes.append(Path(root).resolve())

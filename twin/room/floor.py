@@ -1,4 +1,4 @@
-"""The floor of a room: its level surfaces at z = 0, whatever geoms they are of."""
+"""Floor of a room: its level surfaces at z = 0, of any geoms."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from trackers.errors import InputError
 from twin.geometry.geom_hull import hull_points
 
 AT_FLOOR_M = 0.01
-"""A surface that is level and this near to z = 0 is floor [m]: people's soles are at z = 0."""
+"""Greatest height over z = 0 of a level surface that is floor [m]: people's soles are at z = 0."""
 _LEVEL = 0.99
 _LEAST_M2 = 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class LevelSurface:
-    """A level surface that faces up: the geom's name, its height [m], and the convex pieces (k, 2) [m] it is made of."""
+    """Level surface that faces up: the geom's name, its height [m], and its convex pieces (k, 2) [m]."""
 
     geom: str
     height_m: float
@@ -30,9 +30,9 @@ class LevelSurface:
 
 
 def level_surfaces(model: mujoco.MjModel, data: mujoco.MjData) -> list[LevelSurface]:
-    """Return the tops of the room's level planes, boxes, cylinders and meshes that stand still and are seen, at any height.
+    """Return the tops of the room's level planes, boxes, cylinders and meshes, static and visible, at any height.
 
-    Planes without an end reach as far as `hull_points` says. `data` needs kinematics.
+    Infinite planes extend as far as `hull_points` does. `data` needs kinematics.
     """
     found = []
     for geom in range(model.ngeom):
@@ -49,7 +49,7 @@ def level_surfaces(model: mujoco.MjModel, data: mujoco.MjData) -> list[LevelSurf
 def floor_of(model: mujoco.MjModel, data: mujoco.MjData, source: str) -> list[Array]:
     """Return the convex pieces (k, 2) [m] of the room's floor; they may overlap. `data` needs kinematics.
 
-    Raises InputError, naming `source`, where nothing level is at z = 0.
+    Raises InputError, naming `source`, without a level surface at z = 0.
     """
     surfaces = level_surfaces(model, data)
     pieces = [piece for each in surfaces if abs(each.height_m) <= AT_FLOOR_M for piece in each.pieces]
@@ -69,7 +69,7 @@ def floor_hull(pieces: Sequence[Array]) -> Array:
 
 
 def check_floor_under(walkable: Array, pieces: Sequence[Array], source: str) -> None:
-    """Raise InputError, naming `source`, where no piece of floor is under any of the walkable area (k, 2) [m]."""
+    """Raise InputError, naming `source`, where the walkable area (k, 2) [m] has no floor at all."""
     low, high = walkable.min(axis=0), walkable.max(axis=0)
     steps = np.linspace(0.0, 1.0, 25)
     places = low + (high - low) * np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
@@ -102,7 +102,7 @@ def _of_solid(model: mujoco.MjModel, data: mujoco.MjData, geom: int, name: str) 
 
 
 def _of_mesh(model: mujoco.MjModel, data: mujoco.MjData, geom: int, name: str) -> list[LevelSurface]:
-    """Return one surface per height, of the mesh's triangles that face up."""
+    """Return one surface per height, of the mesh's upward triangles."""
     points = hull_points(model, data, geom)
     assert points is not None
     mesh = model.geom_dataid[geom]

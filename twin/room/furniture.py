@@ -23,17 +23,17 @@ from twin.geometry.geom_hull import hull_points
 SEAT, BED = "seat_", "bed_"
 _UPRIGHT = 0.99
 _LOW_M = 0.05
-"""A geom that begins higher than this above a seat is over it, not part of it: a lamp [m]."""
+"""Height above a seat at which a geom is over it, such as a lamp, not part of it [m]."""
 _LEFT_AHEAD = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-"""Turns points (n, 3), as rows, so that what was to the left is ahead; its transpose: what was to the right."""
+"""Rotates points (n, 3), as rows, so that left becomes ahead; its transpose: right becomes ahead."""
 
 
 @dataclass(frozen=True, eq=False)
 class Seat:
-    """A place to sit: `place` (3,) middle of the seat's top, room frame [m]; `yaw`: where the sitter looks [rad].
+    """A seat: `place` (3,) middle of its top, room frame [m]; `yaw`: facing direction [rad].
 
-    `furniture`: the body that it is part of, as obstacles name it too; `geoms`: that body's geoms, which a sitter may
-    press into; `to_front_m`: from the middle to the furniture's front edge [m].
+    `furniture`: its body, as obstacles name it too; `geoms`: that body's geoms, which a sitter may press into; `to_front_m`:
+    from the middle to the furniture's front edge [m].
     """
 
     name: str
@@ -55,7 +55,7 @@ class Seat:
 
 @dataclass(frozen=True, eq=False)
 class Bed:
-    """A place to lie: `place` (3,) middle of the mattress' top, room frame [m]; `yaw`: from the feet to the head [rad].
+    """A bed: `place` (3,) middle of the mattress' top, room frame [m]; `yaw`: from the feet to the head [rad].
 
     `furniture` and `geoms` as of a `Seat`; `to_edge_m` (2,): from the middle to the edges left and right of the yaw [m].
     """
@@ -75,7 +75,7 @@ class Bed:
     def bedside(self, gap_m: float, along_m: float = 0.0) -> Array:
         """Return places on the floor (2, 2), left and right of the bed, `gap_m` [m] off its edges.
 
-        `along_m`: so far from the middle towards the head [m].
+        `along_m`: offset from the middle towards the head [m].
         """
         ahead, left = _direction(self.yaw), _direction(self.yaw + np.pi / 2)
         off = (self.to_edge_m + gap_m) * [1.0, -1.0]
@@ -83,7 +83,7 @@ class Bed:
 
 
 def furniture_of(model: mujoco.MjModel, source: str = "room") -> dict[str, Seat | Bed]:
-    """Return the seats and beds of a room by NAME, in the order of the file; people attached to the model are left out.
+    """Return the seats and beds of a room by NAME, in the order of the file, without attached people.
 
     Raises InputError, naming `source`, for a site without furniture under it, one that is not level, and a name used twice.
     """
@@ -128,7 +128,7 @@ def furniture_of(model: mujoco.MjModel, source: str = "room") -> dict[str, Seat 
 
 
 def _reach(points: Array) -> float:
-    """Return how far ahead (x) the hull of points (n, 3) reaches straight before the origin [m], -inf where it is beside."""
+    """Return the forward reach (x) of the hull of points (n, 3) straight before the origin [m], -inf if it is beside."""
     flat = points[:, :2]
     start = flat[ConvexHull(flat).vertices]
     way = np.roll(start, -1, axis=0) - start

@@ -1,4 +1,4 @@
-"""The room's lamps: which of them a picture can show, the light that walls throw back, and how all change over time."""
+"""The room's lamps: those that images can show, the light reflected by walls, and changes over time."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from trackers.errors import InputError
 from twin.scenario.scenario import EVERY_LIGHT, LightChange
 
 MOST_LAMPS = 8
-"""That OpenGL's own lighting has; one more and its picture is black."""
+"""Limit of OpenGL's own lighting; with one more, images are black."""
 _THROWN_BACK, _MOST_THROWN_BACK = 0.4, 0.3
-"""Share that walls throw back of the lamps' light where no lamp of a room has ambient light that says it, and the most of it."""
+"""Reflected share of the lamps' light, if no lamp's ambient light states it, and its limit."""
 _CEILING, _WINDOW = ((-0.2, 0.3, -0.9), 0.45), ((0.7, -0.5, -0.4), 0.3)
-"""Direction and brightness of the lamps of a room without any."""
+"""Direction and brightness of the lamps added to a room without any."""
 
 ENOUGH_LIGHT = 0.5
-"""Light, as `light_of` has it, in which a picture shows what is in a room."""
+"""Light, as computed by `light_of`, in which an image shows a room's content."""
 
 DARK_LIGHT = 0.05
-"""Light in which pictures are next to black."""
+"""Light in which images are almost black."""
 
 
 def light_room(spec: mujoco.MjSpec, source: str) -> None:
-    """Light a room by its own lamps: what lights MuJoCo's viewer from the eye, the headlight, is no lamp of a room.
+    """Light a room by its own lamps, without the headlight of MuJoCo's viewer.
 
-    A room without any gets two. Where no lamp has ambient light, the headlight is made light that is the same everywhere
-    and from everywhere, as what walls throw back is about; it goes dark with the lamps. Raises InputError, naming `source`,
-    for lamps that cannot be drawn, and for more than `MOST_LAMPS` lamps that shine, that light included.
+    A room without lamps gets two. Where no lamp has ambient light, the headlight becomes uniform ambient light, an
+    approximation of reflections by walls; it darkens with the lamps. Raises InputError, naming `source`, for lamps that
+    cannot be drawn, and for more than `MOST_LAMPS` active lamps, this light included.
     """
     if not spec.lights:
         for direction, diffuse in (_CEILING, _WINDOW):
@@ -54,7 +54,7 @@ def light_room(spec: mujoco.MjSpec, source: str) -> None:
         lamp.active = lamp in shining
     is_thrown_back = bool(shining) and not any(np.any(lamp.ambient) for lamp in shining)
     head = spec.visual.headlight
-    head.active = is_thrown_back or not shining  # without any lamp MuJoCo draws everything as if lit
+    head.active = is_thrown_back or not shining  # without any lamp MuJoCo draws everything fully lit
     thrown_back = min(_THROWN_BACK * sum(float(np.max(lamp.diffuse)) for lamp in shining), _MOST_THROWN_BACK)
     head.ambient, head.diffuse, head.specular = [thrown_back] * 3, [0.0] * 3, [0.0] * 3
     if len(shining) + is_thrown_back > MOST_LAMPS:
@@ -66,17 +66,17 @@ def light_room(spec: mujoco.MjSpec, source: str) -> None:
 
 
 def light_of(model: mujoco.MjModel) -> float:
-    """Sum the brightness of a model's lamps, those behind walls too; 1: as bright as lamps of a room are."""
+    """Sum the brightness of a model's lamps, even behind walls; 1: typical brightness of a room."""
     lamps = (model.light_diffuse + model.light_ambient).max(axis=1, initial=0.0)
     head = model.vis.headlight
     return float(lamps[model.light_active != 0].sum()) + (float(head.ambient.max()) if head.active else 0.0)
 
 
 class Lighting:
-    """Sets a model's lights to what a scenario's changes make of them at a time; a function of time alone.
+    """Lights of a model under a scenario's changes; a function of time alone.
 
-    Diffuse, ambient and specular light are scaled alike. What walls throw back goes with the lamps, each by its share.
-    Raises InputError naming `source` for a light that the room does not have.
+    Diffuse, ambient and specular light are scaled alike. Reflected light follows each lamp by its share. Raises InputError
+    naming `source` for a light that the room does not have.
     """
 
     def __init__(self, model: mujoco.MjModel, changes: Sequence[LightChange], source: str) -> None:
@@ -120,7 +120,7 @@ class Lighting:
 
 
 def _factor(changes: Sequence[LightChange], started_by_s: float, t: float) -> float:
-    """Return the brightness that one light's changes, in order of time, have led to at time t."""
+    """Return the brightness of one light at time t after its changes, which are in order of time."""
     factor, last = 1.0, None
     started = [change for change in changes if change.at_s <= started_by_s]
     for place, change in enumerate(started):

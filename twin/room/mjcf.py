@@ -1,8 +1,8 @@
-"""A room's MJCF file as a model: what stands in it, and nothing of how MuJoCo's viewer would show or move it.
+"""A room's MJCF file as a static model, without settings of MuJoCo's viewer and engine.
 
-Viewers' settings (`visual`, `statistic`), the engine's (`option`, `size`) and what moves things (joints, mocap, tendons,
-actuators, keyframes) have no effect on a sensor: everything stands still where the file has it, and is drawn with the
-settings that are the twin's own. `docs/mjcf.md` has the whole table.
+Viewer (`visual`, `statistic`) and engine settings (`option`, `size`) and moving parts (joints, mocap, tendons, actuators,
+keyframes) do not affect sensors: everything stands still as in the file, and is drawn with the twin's settings.
+`docs/mjcf.md` has the whole table.
 """
 
 from __future__ import annotations
@@ -20,27 +20,27 @@ from twin.room.files import room_files
 from twin.room.lighting import light_room
 
 NEAR_M = 0.02
-"""Nothing nearer to a camera is drawn [m]."""
+"""Near plane of every camera [m]."""
 _FAR_M = 20.0
-"""The least far plane [m]. Farther ones are this times a power of `_STEP`: a chair more in a room moves no plane."""
+"""Least far plane [m]. Farther ones are this times a power of `_STEP`, so that an added chair moves no plane."""
 _STEP = 4.0
 _EXTENT = 4.0
-"""Distance of the far plane of a room, in extents: half the side of the map that a directional lamp's shadows are drawn in."""
+"""Distance of the far plane of a room, in extents: half the side of a directional lamp's shadow map."""
 _SLICES, _STACKS, _QUADS = 20, 12, 1
-"""Of round things, and of a flat one's side: light is worked out a pixel, so that one quad looks as many do."""
+"""Of round shapes, and of a flat one's side: lighting is per pixel, so one quad looks like many."""
 _WITHOUT_EFFECT = (
     "keys", "sensors", "actuators", "equalities", "tendons", "pairs", "excludes", "tuples", "texts", "joints"
 )  # fmt: skip
 _NOT_SET = np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)
-"""A geom's colour under which MuJoCo draws its material's."""
+"""Colour of a geom for which MuJoCo draws its material's."""
 
 
 def load_room(path: Path) -> mujoco.MjSpec:
-    """Load the room of an MJCF file, all of it at rest, with the twin's own settings in place of the file's.
+    """Load the room of an MJCF file, static, with the twin's settings in place of the file's.
 
-    Raises InputError for files that it may not read, for elements that are not modelled, and where it is no valid MJCF.
+    Raises InputError for files that it may not read, for elements that are not modelled, and for invalid MJCF.
     """
-    room_files(path)  # raises for what must not be read
+    room_files(path)  # raises for forbidden files
     try:
         spec = mujoco.MjSpec.from_file(str(path))
     except ValueError as error:
@@ -63,7 +63,7 @@ def compiled(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
 
 
 def what_is_wrong(error: Exception) -> str:
-    """Return MuJoCo's message and, where it gives them, the element and the line."""
+    """Return MuJoCo's message and, if given, the element and the line."""
     what, *where = [line.strip().rstrip(".") for line in str(error).strip().splitlines()]
     return ", ".join([what, *(line for line in where if line.startswith("Element"))])
 
@@ -71,14 +71,14 @@ def what_is_wrong(error: Exception) -> str:
 def set_planes(
     spec: mujoco.MjSpec, room: mujoco.MjModel, data: mujoco.MjData, walkable: Array, places: Iterable[Array]
 ) -> None:
-    """Set near and far plane of every camera, and how far shadows reach, whatever the file says.
+    """Set near and far plane of every camera, and the range of shadows, regardless of the file.
 
-    The far plane is beyond everything in the room, seen from anywhere in it or from `places` (3,) [m] where cameras hang.
-    Shadows are drawn around where people walk, `walkable` (k, 2) [m]. `data`, of the compiled `room`, needs kinematics.
+    The far plane is beyond everything in the room, from anywhere in it or from `places` (3,) [m] of cameras. Shadows are
+    drawn around `walkable` (k, 2) [m]. `data`, of the compiled `room`, needs kinematics.
     """
     is_plane = room.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
     half_m = np.hypot(room.geom_size[:, 0], room.geom_size[:, 1])
-    half_m[(room.geom_size[:, :2] == 0).any(axis=1)] = FARTHEST_M  # planes without an end
+    half_m[(room.geom_size[:, :2] == 0).any(axis=1)] = FARTHEST_M  # infinite planes
     reach_m = np.linalg.norm(data.geom_xpos, axis=1) + np.where(is_plane, half_m, room.geom_rbound)
     room_m = min(float(reach_m.max(initial=0.0)), FARTHEST_M)
     farthest_m = max([room_m, *(float(np.linalg.norm(place)) for place in places)])
@@ -98,7 +98,7 @@ def _stepped(length_m: float, least_m: float) -> float:
 
 
 def _put_at_rest(spec: mujoco.MjSpec) -> None:
-    """Take out what moves things or measures them, so that each stands still where the file has it."""
+    """Remove moving and measuring elements, so that all bodies stand still as in the file."""
     for kind in _WITHOUT_EFFECT:
         for element in list(getattr(spec, kind)):
             spec.delete(element)
@@ -107,9 +107,9 @@ def _put_at_rest(spec: mujoco.MjSpec) -> None:
 
 
 def _set_settings(spec: mujoco.MjSpec) -> None:
-    """Put MuJoCo's own settings in place of the file's, for the viewer, the engine and the compiler.
+    """Set MuJoCo's default settings of viewer, engine and compiler.
 
-    Of the compiler's, those stay that say how the file is to be read: angles, folders.
+    Kept are those of the compiler that determine how the file is read: angles, folders.
     """
     fresh = mujoco.MjSpec()
     spec.visual, spec.option, spec.stat = fresh.visual, fresh.option, fresh.stat
@@ -129,7 +129,7 @@ def _set_settings(spec: mujoco.MjSpec) -> None:
 
 
 def _check_groups(model: mujoco.MjModel, path: Path) -> None:
-    """Raise InputError for a geom in a group that MuJoCo does not tell apart from others."""
+    """Raise InputError for a geom in a group that MuJoCo cannot distinguish."""
     for geom in np.flatnonzero((model.geom_group < 0) | (model.geom_group >= mujoco.mjNGROUP))[:1].tolist():
         name = model.geom(geom).name or f"geom {geom}"
         raise InputError(
@@ -139,9 +139,9 @@ def _check_groups(model: mujoco.MjModel, path: Path) -> None:
 
 
 def _agree_where_hidden(model: mujoco.MjModel) -> None:
-    """Make rays leave out the geoms that are not drawn, and no others, by the alpha of each geom's own colour.
+    """Make rays ignore exactly the geoms that are not drawn, by the alpha of each geom's own colour.
 
-    MuJoCo draws a geom in its own colour, or in its material's where it has none; its rays go by the material's alone.
+    MuJoCo draws a geom in its own colour, or else in its material's; its rays use the material's alone.
     """
     with_material = model.geom_matid >= 0
     of_material = model.mat_rgba[model.geom_matid, 3] if model.nmat else np.ones(model.ngeom)

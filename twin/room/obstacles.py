@@ -1,7 +1,7 @@
-"""Furniture and walls as a walking body meets them: convex footprints on the floor, and how far everybody is from each.
+"""Obstacles for walking bodies: convex footprints of furniture and walls on the floor, and distances to them.
 
-Taken from the room's own geoms, in any MJCF file: whatever stands still and reaches into the band of heights that a
-body takes up. The whole footprint of such a geom is kept free, so nobody's feet go under a table.
+Taken from the geoms of any MJCF file: all that stand still and reach into the band of heights of a body. The whole footprint
+is kept free, so feet do not go under a table.
 """
 
 from __future__ import annotations
@@ -24,30 +24,29 @@ from twin.geometry.polygon import TOLERANCE_M, gap_between, polygon_area
 Planar = NDArray[np.complex128]
 
 LOW_M, HIGH_M = 0.05, 2.0
-"""Heights between which a geom is in a walking body's way [m]: neither rugs and floor marks nor lamps are."""
+"""Heights between which a geom is in a walking body's way [m]: excludes rugs, floor marks and lamps."""
 
 KEEP_FROM_EDGE_M = 0.15
 """Least distance of a person's middle from the edge of the area [m]."""
 KEEP_FROM_FURNITURE_M = 0.35
 """Least distance of a person's middle from furniture and walls [m]: hands swing at the height of a table."""
 OBSTACLE_REACH_M = KEEP_FROM_FURNITURE_M - KEEP_FROM_EDGE_M
-"""Greatest distance from an area at which an obstacle is still in the way of somebody who stays in the area [m]."""
+"""Distance from an area within which an obstacle affects people who stay in it [m]."""
 _THIN_M = 1e-3
 _OCTAGON = np.array([[np.cos(angle), np.sin(angle)] for angle in np.arange(8) * np.pi / 4])
 MOST_OBSTACLES = 500
-"""Footprints that people find their ways around: the memory that takes grows with their square."""
+"""Greatest number of footprints for routes: memory grows with its square."""
 MOST_OF_ONE = 200
-"""Footprints of one piece of furniture: the time that merging them takes grows with their cube."""
+"""Greatest number of footprints of one piece of furniture: the time to merge them grows with its cube."""
 _MERGED = 1.15
-"""Two footprints become their hull where that covers at most this multiple of the larger one, or no more than both."""
+"""Two footprints become their hull if that covers at most this multiple of the larger one, or no more than both."""
 
 
 @dataclass(frozen=True, eq=False)
 class Obstacle:
     """A convex footprint: `corners` (k, 2) counter-clockwise, room frame [m].
 
-    `furniture` is what it belongs to: the body that holds the geom, or the geom's own name where that stands right in
-    the worldbody.
+    `furniture`: the body of the geom, or the geom's own name directly in the worldbody.
     """
 
     furniture: str
@@ -55,12 +54,12 @@ class Obstacle:
 
 
 def obstacles_of(model: mujoco.MjModel, source: str = "room") -> list[Obstacle]:
-    """Return the footprints of a room's furniture and walls; people attached to the model are left out, as they can move.
+    """Return the footprints of a room's furniture and walls, without attached people.
 
-    Geoms whose top is below `LOW_M`, whose foot is above `HIGH_M`, floors and what nobody sees (alpha 0) are no obstacles.
-    Footprints of one piece of furniture that (nearly) cover each other become one, round ones an octagon about them, and
-    geoms right in the worldbody that stand within another footprint (books in a shelf) are left out. Raises InputError for a
-    height field, and for more geoms of one thing than `MOST_OF_ONE`.
+    Geoms whose top is below `LOW_M` or foot above `HIGH_M`, floors and invisible geoms (alpha 0) are no obstacles.
+    Footprints of one piece of furniture that (nearly) cover each other become one, round ones an octagon about them; geoms
+    directly in the worldbody within another footprint (books in a shelf) are left out. Raises InputError for a height field,
+    and for more geoms of one piece than `MOST_OF_ONE`.
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -92,7 +91,7 @@ def obstacles_of(model: mujoco.MjModel, source: str = "room") -> list[Obstacle]:
 
 
 def within_reach(obstacles: Sequence[Obstacle], area: Array, reach_m: float) -> list[Obstacle]:
-    """Return the obstacles that lie in the polygon `area` (k, 2) [m] or less than `reach_m` [m] from it."""
+    """Return the obstacles in the polygon `area` (k, 2) [m] or less than `reach_m` [m] from it."""
     return [each for each in obstacles if gap_between(area, each.corners) < reach_m - TOLERANCE_M]
 
 
@@ -105,7 +104,7 @@ class Footprints:
         start, end = np.zeros((count, most), dtype=complex), np.ones((count, most), dtype=complex)
         for number, each in enumerate(obstacles):
             corners = each.corners[:, 0] + 1j * each.corners[:, 1]
-            used = np.minimum(np.arange(most), len(corners) - 1)  # the last edge fills up
+            used = np.minimum(np.arange(most), len(corners) - 1)  # repeat the last edge
             start[number], end[number] = corners[used], np.roll(corners, -1)[used]
         way = (end - start).ravel()
         self._sides = most
@@ -119,7 +118,7 @@ class Footprints:
         return len(self._names)
 
     def belong_to(self, furniture: Collection[str]) -> Mask:
-        """Mask (m,) the obstacles that belong to the named pieces of furniture. Raises ValueError for an unknown name."""
+        """Return a mask (m,) of the obstacles of the named furniture. Raises ValueError for an unknown name."""
         unknown = set(furniture).difference(self._names)
         if unknown:
             raise ValueError(f"no obstacle belongs to {sorted(unknown)}; there are {sorted(set(self._names))}")
@@ -148,21 +147,20 @@ class Footprints:
 
 
 def inflated(corners: Array, margin_m: float, sides: int = 12) -> Array:
-    """Return the convex polygon (k, 2) with a margin [m] all around, corners cut by a polygon of `sides` about the
-    circle."""
+    """Return the convex polygon (k, 2) grown by a margin [m], with corners cut by a polygon of `sides` about the circle."""
     angle = 2 * np.pi * (np.arange(sides) + 0.5) / sides
     disc = margin_m / np.cos(np.pi / sides) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     return _hull((corners[:, None] + disc).reshape(-1, 2))
 
 
 def _covered(obstacles: list[Obstacle]) -> list[bool]:
-    """Mask the footprints that a larger one holds all of."""
+    """Return a mask of the footprints fully inside a larger one."""
     if not obstacles:
         return []
     low = np.array([each.corners.min(axis=0) for each in obstacles])
     high = np.array([each.corners.max(axis=0) for each in obstacles])
     size = np.array([polygon_area(each.corners) for each in obstacles])
-    # only where the boxes about them allow it: rooms have dozens of footprints, and few hold another
+    # bounding boxes first: rooms have dozens of footprints, and few contain another
     may_hold = (low[:, None] - _THIN_M <= low).all(axis=2) & (high[:, None] + _THIN_M >= high).all(axis=2)
     may_hold &= size[:, None] > size
     return [
@@ -172,24 +170,24 @@ def _covered(obstacles: list[Obstacle]) -> list[bool]:
 
 
 def _few_corners(corners: Array) -> Array:
-    """Return the convex polygon (k, 2) itself, or an octagon about it where it has more corners."""
+    """Return the convex polygon (k, 2), or an octagon about it if it has more corners."""
     if len(corners) <= len(_OCTAGON):
         return corners
     support = (corners @ _OCTAGON.T).max(axis=0)  # along eight directions
     after, reach = np.roll(_OCTAGON, -1, axis=0), np.roll(support, -1)
-    normals = np.stack([_OCTAGON, after], axis=1)  # (8, 2, 2): a corner is where two sides meet
+    normals = np.stack([_OCTAGON, after], axis=1)  # (8, 2, 2): a corner is the meeting of two sides
     return _hull(np.linalg.solve(normals, np.stack([support, reach], axis=1)[..., None])[..., 0])
 
 
 def _hull(points: Array) -> Array:
-    """Return the convex hull (k, 2), counter-clockwise; what is too thin for one is made `_THIN_M` thick."""
+    """Return the convex hull (k, 2), counter-clockwise; too thin shapes are made `_THIN_M` thick."""
     if min(np.linalg.svd(points - points.mean(axis=0), compute_uv=False)) < _THIN_M:
         points = (points[:, None] + _THIN_M * np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])).reshape(-1, 2)
     return points[ConvexHull(points).vertices]
 
 
 def _merged(shapes: list[Array]) -> list[Array]:
-    """Return the shapes with those that nearly cover each other, or stand in line, made one."""
+    """Merge the shapes that nearly cover each other, or are in line."""
     shapes = list(shapes)
     while True:
         for first in range(len(shapes)):

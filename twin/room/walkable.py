@@ -44,27 +44,26 @@ _WALL_FROM_M, _WALL_TO_M = 0.5, 1.8
 _DOOR_M = 1.5
 _EDGE_M = 2 * _DOOR_M
 _SEAM_M = 0.06
-"""Gaps up to this between pieces of floor are part of it [m]."""
+"""Gaps up to this width between pieces of floor are floor [m]."""
 _LEVEL = 0.99
 _ALIKE_DEG, _AGREED = 1.0, 0.2
-"""Edges that differ by less lie alike [degrees], and the share of all by length that must, to turn the grid."""
+"""Greatest angle between aligned edges [degrees], and their least share by length for turning the grid."""
 _FAR, _NEAR = (slice(1, None), slice(None)), (slice(-1), slice(None))
 _RIGHT, _LEFT = (slice(None), slice(1, None)), (slice(None), slice(-1))
 _SHIFT = 8  # fractional bits of OpenCV's coordinates
 ENCLOSED_M2 = 4.0
 _LEAST_M2 = 1.0
 _WAY_M, _BAY_M = 0.4, 0.6
-"""Widths of the area below which nobody can pass, and below which nobody walks unless it leads on [m]."""
+"""Widths of the area below which people cannot pass, and below which they walk only if it leads on [m]."""
 _ROUGH_M = (0.03, 0.06, 0.12, 0.2)
 _MARGINS_M = (KEEP_FROM_EDGE_M + 0.03, KEEP_FROM_EDGE_M + 0.1)
-"""Distances that routes, and wanderers' goals, keep from the polygon's edge: it must be wide enough for both [m]."""
+"""Distances of routes and of wanderers' goals from the polygon's edge, for both of which it must be wide enough [m]."""
 
 
 def walkable_area(model: mujoco.MjModel, data: mujoco.MjData, floor: Sequence[Array], source: str) -> Array:
-    """Compute the area in which a body's middle may go: a simple polygon (k, 2), counter-clockwise, in the room frame [m].
+    """Compute the area for the middles of bodies: a simple polygon (k, 2), counter-clockwise, in the room frame [m].
 
-    `floor`: convex pieces (k, 2) [m]; `data` needs kinematics. Raises InputError, naming `source`, where there is no such
-    place.
+    `floor`: convex pieces (k, 2) [m]; `data` needs kinematics. Raises InputError, naming `source`, where there is none.
     """
     walls, standing = standing_footprints(model, data)
     plan = Plan.over(floor, standing, common_direction(walls or floor))
@@ -83,9 +82,9 @@ def walkable_area(model: mujoco.MjModel, data: mujoco.MjData, floor: Sequence[Ar
 
 @dataclass(frozen=True)
 class Plan:
-    """A grid over the floor: the room turned by -turn [rad], from `low` (2,) [m] in cells of `cell_m` [m].
+    """Grid over the floor: the room turned by -turn [rad], from `low` (2,) [m] in cells of `cell_m` [m].
 
-    Around the part that counts there is an edge, wider than a door, that is outdoors.
+    The part that counts is surrounded by an outdoor edge wider than a door.
     """
 
     turn: float
@@ -95,7 +94,7 @@ class Plan:
 
     @classmethod
     def over(cls, floor: Sequence[Array], standing: Sequence[Array], turn: float) -> Plan:
-        """Make the grid that holds the floor, as far as it counts."""
+        """Make the grid that holds the counted part of the floor."""
         points = _turned(np.concatenate(floor), -turn)
         low, high = points.min(axis=0), points.max(axis=0)
         things = _turned(np.concatenate(standing), -turn) if standing else np.zeros((1, 2))
@@ -111,7 +110,7 @@ class Plan:
         return max(1, round(length_m / self.cell_m))
 
     def drawn(self, shapes: Iterable[Array]) -> Mask:
-        """Draw the convex polygons (k, 2) [m] filled with 1; each cell that one touches counts."""
+        """Draw the convex polygons (k, 2) [m] filled with 1, including every touched cell."""
         mask = np.zeros(self.shape, dtype=np.uint8)
         for shape in shapes:
             cells = self.cells_of(shape)
@@ -119,14 +118,14 @@ class Plan:
         return mask
 
     def within(self, mask: Mask) -> Mask:
-        """Return the mask without what lies on the edge of the grid."""
+        """Return the mask without the edge of the grid."""
         edge = self.cells(_EDGE_M)
         inner = np.zeros_like(mask)
         inner[edge:-edge, edge:-edge] = mask[edge:-edge, edge:-edge]
         return inner
 
     def cells_of(self, places: Array) -> Array:
-        """Return the cells (n, 2), column and row and not rounded, of places (n, 2) [m] of the room frame."""
+        """Return the unrounded cells (n, 2), column and row, of places (n, 2) [m] of the room frame."""
         return (_turned(places, -self.turn) - self.low) / self.cell_m
 
     def places(self, cells: Array) -> Array:
@@ -135,7 +134,7 @@ class Plan:
 
 
 def standing_footprints(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[list[Array], list[Array]]:
-    """Return the footprints (k, 2) [m] of the walls, and of all that is in people's way, walls included."""
+    """Return the footprints (k, 2) [m] of the walls, and of all obstacles, walls included."""
     walls, standing = [], []
     for geom in range(model.ngeom):
         if model.body_weldid[model.geom_bodyid[geom]] != 0 or model.geom_rgba[geom, 3] == 0:
@@ -153,7 +152,7 @@ def standing_footprints(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[lis
 
 
 def _outline(points: Array) -> Array:
-    """Return the convex hull (k, 2) of points (n, 2) [m]; of points in a line, its ends."""
+    """Return the convex hull (k, 2) of points (n, 2) [m]; of collinear points their ends."""
     try:
         return points[ConvexHull(points).vertices]
     except QhullError:
@@ -162,8 +161,7 @@ def _outline(points: Array) -> Array:
 
 
 def common_direction(shapes: Iterable[Array]) -> float:
-    """Return the angle [rad], from -45 to 45 degrees, that most of the edges of shapes (k, 2), by length, lie along or
-    across."""
+    """Return the angle [rad], from -45 to 45 degrees, of the dominant direction of the edges of shapes (k, 2), by length."""
     ways = np.concatenate([(np.roll(shape, -1, axis=0) - shape) @ np.array([1, 1j]) for shape in shapes])
     degrees, length = np.rad2deg(np.angle(ways)) % 90, np.abs(ways)
     near = [np.abs((degrees - each + 45) % 90 - 45) < _ALIKE_DEG for each in range(90)]
@@ -174,7 +172,7 @@ def common_direction(shapes: Iterable[Array]) -> float:
 
 
 def outdoors_of(standing: Mask, plan: Plan) -> Mask:
-    """Return the cells that a square as wide as a door reaches from the edge of the grid."""
+    """Return the cells that a door-wide square reaches from the edge of the grid."""
     door = plan.cells(_DOOR_M)
     middles = cv2.erode(1 - standing, _square(door), borderType=cv2.BORDER_CONSTANT, borderValue=1)
     number = _numbered(middles.astype(np.uint8))
@@ -193,13 +191,12 @@ def _walked(free: Mask, outdoors: Mask, plan: Plan) -> Mask:
     area = _without_dead_ends(area, plan.cells(_DOOR_M) - 2 * margin, thresholds)
     _, number, stats, _ = cv2.connectedComponentsWithStats(area, connectivity=4)
     if len(stats) == 1:
-        return area  # nothing
+        return area  # empty
     return (number == 1 + stats[1:, cv2.CC_STAT_AREA].argmax()).astype(np.uint8)
 
 
 def _without_dead_ends(area: Mask, cells: int, only_at: Mask | None = None) -> Mask:
-    """Return the area without what is narrower, unless that leads from one wide part to another; `only_at`: or does not
-    touch it."""
+    """Return the area without narrow parts, except those that connect wide ones; `only_at`: or do not touch it."""
     wide = _opened(area, cells)
     number = _numbered(wide)
     narrow = _numbered(area & ~wide)
@@ -220,7 +217,7 @@ def _without_dead_ends(area: Mask, cells: int, only_at: Mask | None = None) -> M
 
 
 def _polygon(area: Mask, plan: Plan, source: str) -> Array:
-    """Return the outline of a part, as simple as it must be to keep from its edge."""
+    """Return the outline of a part, simplified as far as the distance to its edge allows."""
     outlines, _ = cv2.findContours(area, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     outline = max(outlines, key=cv2.contourArea)
     for rough_m in _ROUGH_M:
@@ -252,7 +249,7 @@ def _closed(mask: Mask, cells: int) -> Mask:
 
 
 def _square(cells: int) -> Mask:
-    """Return a square as wide as so many cells, or one more: its middle is a cell."""
+    """Return a square of so many cells, or one more, so that its middle is a cell."""
     return np.ones((cells | 1, cells | 1), dtype=np.uint8)
 
 

@@ -14,10 +14,10 @@ from twin.instant.snapshot import RAY_GROUPS
 from twin.truth.situations import every_pair
 
 _DIRECTIONS = 200
-"""Of each part of a body those points are kept that lie outermost in one of so many directions: to 3 mm for a trunk."""
+"""Number of directions; of each part of a body the outermost point in each is kept: to 3 mm for a trunk."""
 _COARSE = 48
 _FINE = 33
-"""Separating directions are tried all around the circle, then between the neighbours of the best: to 0.25°, 1 mm.
+"""Separating directions are searched over the circle, then between the neighbours of the best: to 0.25°, 1 mm.
 
 An outline's corners are its outermost points in the first of these; a round one loses 0.2 % of its radius between two.
 """
@@ -26,10 +26,10 @@ _MAY_TOUCH_M = -0.1
 
 
 class BodyOutlines:
-    """Outlines of a model's people: the convex hull of all that rays meet of a body, projected onto the floor.
+    """Outlines of a model's people: the convex hull of all body parts that rays meet, projected onto the floor.
 
-    So arms, bags and the swinging foot belong to it, and the space between them. People stand on the floor as `data` has them;
-    nothing here depends on a sensor.
+    It includes arms, bags, the swinging foot, and the space between them. People stand as in `data`; nothing depends on a
+    sensor.
     """
 
     def __init__(self, model: mujoco.MjModel, person_of_geom: NDArray[np.int16]) -> None:
@@ -61,7 +61,7 @@ class BodyOutlines:
         return pairs[gap < limit_m], gap[gap < limit_m]
 
     def _boxes_reach(self, data: mujoco.MjData) -> Array:
-        """Return the farthest reach of each person in each coarse direction, by the boxes about their geoms, (n, _COARSE) [m]."""
+        """Return the reach of each person in each coarse direction, by the boxes about their geoms, (n, _COARSE) [m]."""
         geoms = self._all_geoms
         sides = data.geom_xmat.reshape(-1, 3, 3)[geoms, :2].swapaxes(1, 2).reshape(-1, 2)  # seen from above
         along = (sides @ _COARSE_DIRECTIONS.T).reshape(-1, 3, _COARSE)
@@ -70,7 +70,7 @@ class BodyOutlines:
         return np.maximum.reduceat(reach, self._first, axis=0)
 
     def _points(self, data: mujoco.MjData, places: NDArray[np.intp]) -> Array:
-        """Return points (n, width, 2) [m] on the bodies with these indices (n,) among all, seen from above."""
+        """Return points (n, width, 2) [m], seen from above, on the bodies with these indices (n,)."""
         geom, local = self._kept
         geom, (x, y, z) = geom[places], local[:, places]
         turn, middle = data.geom_xmat.T.copy(), data.geom_xpos.T.copy()  # (9, n_geom), (3, n_geom)
@@ -82,7 +82,7 @@ class BodyOutlines:
 
     @cached_property
     def _kept(self) -> tuple[NDArray[np.intp], Array]:
-        """For each person the geom (n, width) and place in its frame (3, n, width) of points; short lists are repeated."""
+        """For each person the geom (n, width) and position in its frame (3, n, width) of points; short lists are repeated."""
         data = mujoco.MjData(self.model)
         mujoco.mj_kinematics(self.model, data)
         directions = _sphere(_DIRECTIONS)
@@ -106,10 +106,10 @@ class BodyOutlines:
 
 
 def _gaps(points: Array, pairs: NDArray[np.intp]) -> Array:
-    """Return the distance (m,) [m] between convex hulls of points (n, k, 2) for pairs (m, 2); 0 where they overlap.
+    """Return the distance (m,) [m] between convex hulls of points (n, k, 2) for pairs (m, 2); 0 for an overlap.
 
-    It is the widest strip between them, over all directions of the strip; between two hulls that lie apart its width has one
-    maximum, so that a coarse search finds where to look closely.
+    It is the width of the widest separating strip over all directions. For disjoint hulls the width has one maximum, so a
+    coarse search finds where to refine.
     """
     reach = _COARSE_DIRECTIONS @ points.swapaxes(1, 2)  # (n, _COARSE, k): how far each point lies in each direction
     outermost = reach.argmax(axis=2)
@@ -127,9 +127,9 @@ def _gaps(points: Array, pairs: NDArray[np.intp]) -> Array:
 
 
 def _strips(reach: Array, pairs: NDArray[np.intp]) -> Array:
-    """Return the width (m, _COARSE) [m] of the strip between two outlines per coarse direction, negative where they overlap.
+    """Return the width (m, _COARSE) [m] of the strip between two outlines per coarse direction, negative for an overlap.
 
-    reach (n, _COARSE): reach of each outline in each direction [m]; pairs (m, 2) of them.
+    reach (n, _COARSE): of each outline in each direction [m]; pairs (m, 2) of them.
     """
     return -reach[pairs[:, 1]][:, _OPPOSITE] - reach[pairs[:, 0]]
 

@@ -17,9 +17,9 @@ Separation = Literal["", "joined", "hidden", "both"]
 class FootTruth(NanEqual):
     """True pose and load of one foot, in the room frame.
 
-    x, y: point of the sole under the ankle, as if the foot were flat [m]; z: lowest point of the sole above the floor [m]; yaw
-    [rad]; load_n: weight that it carries to the floor [N]; pressure_x, pressure_y: centre of pressure [m], NaN for a foot in
-    the air; cells: by floor sensor, the cells it loads at a stamp of that sensor, counted row by row from 0.
+    x, y: point of the sole under the ankle of the flat foot [m]; z: lowest point of the sole above the floor [m]; yaw [rad];
+    load_n: weight on the floor [N]; pressure_x, pressure_y: centre of pressure [m], NaN for a foot in the air; cells: by
+    floor sensor, the loaded cells at a stamp of that sensor, counted row by row from 0.
     """
 
     side: Literal["left", "right"]
@@ -65,7 +65,7 @@ class PersonTruth(NanEqual):
 
 @dataclass(frozen=True, slots=True)
 class TruthFrame:
-    """All people at one stamp; an empty tuple: no person is present."""
+    """All people at one stamp; an empty tuple: none is present."""
 
     stamp_ns: int
     people: tuple[PersonTruth, ...]
@@ -73,12 +73,12 @@ class TruthFrame:
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """The pixels of one person in one picture, and the smallest upright rectangle around them [px].
+    """Pixels of one person in one image, and their bounding box [px].
 
-    The box covers the pixels of the columns left, ..., left + width - 1 and rows top, ..., top + height - 1, counted from
-    0 at the top left; where pixel (0, 0) spans the square from (0, 0) to (1, 1), as in COCO's files, these are its edges.
-    Only pixels that show the person count (what hides behind others has none), so that visible_px <= width * height.
-    truncated: pixels of theirs lie at the border of the picture, or of the lens's field: the person may go on beyond.
+    The box covers the columns left, ..., left + width - 1 and rows top, ..., top + height - 1, counted from 0 at the top
+    left. With pixel (0, 0) spanning the square from (0, 0) to (1, 1), as in COCO's files, these are its edges. Only visible
+    pixels count, so visible_px <= width * height. truncated: some pixels lie at the border of the image, or of the lens's
+    field, beyond which the person may extend.
     """
 
     id: int
@@ -92,7 +92,7 @@ class Box:
 
 @dataclass(frozen=True, slots=True)
 class BoxFrame:
-    """All people visible in one image of a camera, by id; an empty tuple: none is."""
+    """All people visible in one image of a camera, by id; an empty tuple: none."""
 
     stamp_ns: int
     camera: str
@@ -101,7 +101,7 @@ class BoxFrame:
 
 @dataclass(frozen=True, slots=True)
 class RayRun:
-    """Beams of a scanner that follow one another and all meet the same person: first_beam, ..., last_beam, from 0."""
+    """Consecutive beams of a scanner that meet the same person: first_beam, ..., last_beam, from 0."""
 
     id: int
     first_beam: int
@@ -110,7 +110,7 @@ class RayRun:
 
 @dataclass(frozen=True, slots=True)
 class RayFrame:
-    """All runs of one scan that meet people, in the order of the beams; an empty tuple says that none does."""
+    """All runs of one scan that meet people, in the order of the beams; an empty tuple: none."""
 
     stamp_ns: int
     sensor: str
@@ -121,8 +121,8 @@ class RayFrame:
 class Situation:
     """One situation of two people (first_id < second_id), from the first frame in which it holds to the first after.
 
-    kind, how and least_m are explained in `twin.truth.situations`. sensor: the scanner that cannot separate them, '' for what
-    does not depend on one. complete: its end was seen; else the run ended first, and end_ns is the end of the run.
+    kind, how and least_m: see `twin.truth.situations`. sensor: the scanner that cannot separate them, '' if independent of
+    one. complete: False if the run ended first, at end_ns.
     """
 
     kind: SituationKind
@@ -137,4 +137,4 @@ class Situation:
 
 
 TruthDetail = BoxFrame | RayFrame | Situation
-"""Truth of an image, a scan, or a time span, rather than of all people at one stamp."""
+"""Truth of an image, a scan, or a time span."""

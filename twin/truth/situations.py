@@ -64,25 +64,27 @@ class _Open:
     start_ns: int
     how: Separation
     least_m: float
-    break_ns: int | None = None  # since when it does not hold, as long as it may go on
+    break_ns: int | None = None  # start of a tolerated break
 
 
 class OpenSituations:
-    """Situations that hold, frame by frame: one that continues without a break, or with one that its kind allows, is one."""
+    """Current situations, frame by frame; a tolerated break does not end one."""
 
     def __init__(self) -> None:
         self._open: dict[tuple[SituationKind, str], dict[Pair, _Open]] = {}
 
     @property
     def first_break_ns(self) -> int | None:
-        """Start of the first break that may still end [ns]; None where there is none."""
+        """Start of the first break that may still end [ns]; None without one."""
         breaks = [one.break_ns for open_ in self._open.values() for one in open_.values() if one.break_ns is not None]
         return min(breaks, default=None)
 
     def update(
         self, kind: SituationKind, sensor: str, stamp_ns: int, holding: Mapping[Pair, PairState]
     ) -> list[Situation]:
-        """Return the situations that end with this frame, by pair; `holding`: the pairs (first id < second id) in one."""
+        """Return the situations that end with this frame, by pair; `holding`: the pairs (first id < second id) in which it
+        holds.
+        """
         open_ = self._open.setdefault((kind, sensor), {})
         ended = []
         for pair in sorted(open_.keys() - holding.keys()):
@@ -102,7 +104,7 @@ class OpenSituations:
         return ended
 
     def finish(self, end_ns: int) -> list[Situation]:
-        """Return the situations that hold when the run ends, by kind, sensor and pair."""
+        """Return the situations that hold at the end of the run, by kind, sensor and pair."""
         rest = [
             situation
             for (kind, sensor), open_ in sorted(self._open.items())
@@ -114,7 +116,7 @@ class OpenSituations:
 
 
 def _situation(kind: SituationKind, sensor: str, pair: Pair, one: _Open, end_ns: int) -> list[Situation]:
-    """Return a situation, where it is long enough: complete where it no longer holds, else up to the end of the run."""
+    """Return a situation if long enough: complete if it no longer holds, else up to the end of the run."""
     complete = one.break_ns is not None
     end_ns = one.break_ns if one.break_ns is not None else end_ns
     if end_ns - one.start_ns < _SHORTEST_NS.get(kind, 0):
@@ -130,7 +132,7 @@ def joined_pairs(
     person = person_of_ray[beams]
     following = np.stack([beams[:-1], beams[1:]])
     changes = person[1:] != person[:-1]
-    # in most scans no cluster goes on from one person to the next
+    # in most scans no cluster spans two people
     if _splits(range_m, following[:, changes], angle_increment_rad).all():
         return set()
     cluster = np.concatenate([[0], np.cumsum(_splits(range_m, following, angle_increment_rad))])
@@ -175,7 +177,7 @@ def pairs_within(ids: NDArray[np.integer], place_m: NDArray[np.float64], limit_m
 
 LINKAGE_M = 0.4
 _LATEST_S = 0.25
-"""A scan that is older than this says no more where people are [s]."""
+"""Age beyond which a scan no longer shows where people are [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,8 +212,8 @@ def merged_pairs(
 ) -> dict[Pair, PairState]:
     """Find the pairs that the scanners cannot separate at a stamp, by the latest points of each.
 
-    near: distance [m] of the pairs that are less than 1.5 m apart; place_m: position of each person who is there, (2,) [m] by
-    id. A scan of a moment before may show somebody who has left since: they are in no pair.
+    near: distance [m] of the pairs less than 1.5 m apart; place_m: position of each person present, (2,) [m] by id. An
+    earlier scan may show a person who has left since: they are in no pair.
     """
     latest = [look for look in looks.values() if stamp_ns - look.stamp_ns <= _LATEST_S * NS_PER_S]
     ids = np.concatenate([look.ids for look in latest])

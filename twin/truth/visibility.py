@@ -1,4 +1,4 @@
-"""Visibility of people: the share of each body that a sensor's rays reach, and boxes in pictures of person ids.
+"""Visibility of people: the share of each body that a sensor's rays reach, and boxes in images of person ids.
 
 Shares depend on rays alone, not on a renderer.
 """
@@ -24,31 +24,31 @@ from twin.sensors.rays import bounding_radius, passes_spheres, trace_rays
 from twin.truth.frames import Box
 
 _PLANE_BAND_M = 0.15
-"""A point on the body counts for a scanner when it lies within this of the scan plane [m] (it is moved into it)."""
+"""Distance from the scan plane within which a body point counts for a scanner, moved into the plane [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class SensorView:
-    """Pose of a sensor, and its field and range at best."""
+    """Pose of a sensor, and its ideal field and range."""
 
     room_from_sensor_xyz: NDArray[np.float64]  # (3,) [m]
     room_from_sensor_rotation: NDArray[np.float64]  # (3, 3)
-    sees: float | Intrinsics  # a scanner's half field from its x axis [rad]; what a camera's picture shows
+    sees: float | Intrinsics  # a scanner's half field from its x axis [rad]; a camera's intrinsics
     range_max_m: float
 
     @property
     def is_scanner(self) -> bool:
-        """True where it observes in one plane only."""
+        """True for a sensor that observes one plane only."""
         return not isinstance(self.sees, Intrinsics)
 
     @property
     def normal(self) -> NDArray[np.float64] | None:
-        """Normal (3,) of the plane in which a scanner looks; None for a camera."""
+        """Normal (3,) of a scanner's plane; None for a camera."""
         return self.room_from_sensor_rotation[:, 2] if self.is_scanner else None
 
 
 def sensor_view(sensor: RigSensor, description: SensorDescription) -> SensorView | None:
-    """Return the view of a sensor with the rig's pose and its description's field; None for a floor, which has none."""
+    """Return the view of a sensor with the rig's pose and its description's field; None for a floor."""
     pose = sensor.room_from_sensor
     match description:
         case FloorDescription():
@@ -57,7 +57,7 @@ def sensor_view(sensor: RigSensor, description: SensorDescription) -> SensorView
             half = np.deg2rad(description.field_of_view_deg) / 2
             return SensorView(pose.translation, pose.rotation, half, description.range_max_m)
         case FisheyeDescription() | PinholeDescription() | StereoDescription():
-            # How far its depth reaches says nothing of how far its picture does.
+            # The depth's range does not limit the image.
             return SensorView(pose.translation, pose.rotation, description.intrinsics(), np.inf)
 
 
@@ -66,9 +66,8 @@ def visible_share(
 ) -> NDArray[np.float64]:
     """Return the share, 0 to 1, of the points on each body (n_people, n_point, 3) [m] that a ray reaches, (n_people,).
 
-    A ray reaches a point when it meets that person first, or nothing before the point. For a scanner the points are those near
-    its plane, moved into it, so that the share speaks of what the sweep can meet; 0 where no part of the body crosses the
-    plane. `ids` are the people's ids, as in the snapshot's `person_of_geom`.
+    A ray reaches a point when it meets that person first, or nothing before the point. For a scanner only points near its
+    plane count, moved into it; 0 where no part of the body crosses the plane. `ids`: as in the snapshot's `person_of_geom`.
     """
     if len(points) == 0:
         return np.zeros(0)
@@ -81,10 +80,10 @@ def visible_share(
 def first_hits(
     view: SensorView, snapshot: Snapshot, points: NDArray[np.float64], ids: NDArray[np.int16]
 ) -> tuple[NDArray[np.bool_], NDArray[np.int16]]:
-    """Return which points of each body (n_people, n_point, 3) count for a sensor, and the person that a ray to each meets first.
+    """Return the counted points of each body (n_people, n_point, 3), and the person that a ray to each meets first.
 
     Both (n_people, n_point). The id is the body's own where the ray reaches the point, that of the person in front of it, 0
-    for the room, and -1 without a ray: points that do not count, or lie out of the sensor's field or range.
+    for the room, and -1 without a ray: for points that do not count, or are outside the sensor's field or range.
     """
     local = (points - view.room_from_sensor_xyz) @ view.room_from_sensor_rotation  # (n, k, 3)
     if isinstance(view.sees, Intrinsics):
@@ -105,9 +104,8 @@ def first_hits(
 
 @dataclass(frozen=True, eq=False)
 class _Rays:
-    """Rays from a sensor to points on bodies.
-
-    Unit directions (n, 3) in the room frame, distances of the points (n,) [m], and the ids (n,) of their people.
+    """Rays from a sensor to points on bodies: unit directions (n, 3) in the room frame, distances of the points (n,) [m],
+    and the ids (n,) of their people.
     """
 
     view: SensorView
@@ -117,7 +115,7 @@ class _Rays:
     ids: NDArray[np.int16]
 
     def first_hits(self) -> NDArray[np.int16]:
-        """Return the person each ray meets first (n,), 0 for the room; the point's own person where it meets nothing before."""
+        """Return the person each ray meets first (n,), 0 for the room; the point's own person if nothing is before."""
         # The first hit on a person decides: geoms that no other person's ray can meet are left out,
         unobstructing, body_from_m = self._bystanders()
         first, first_m = self._hits(unobstructing)
@@ -143,7 +141,7 @@ class _Rays:
     def _bystanders(self) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
         """Return the geoms of people (n_geom,) that no ray to another person can meet, by their bounding spheres.
 
-        Also returns for each ray the least distance of its own person's geoms from the sensor, (n,) [m].
+        Also returns per ray the least distance of its own person's geoms from the sensor, (n,) [m].
         """
         person, normal = self.snapshot.person_of_geom, self.view.normal
         centre, radius = (
@@ -151,7 +149,7 @@ class _Rays:
             bounding_radius(self.snapshot.model),
         )
         geoms = np.flatnonzero(person > 0)
-        if normal is not None:  # the others are not met at all
+        if normal is not None:  # the others are not met
             geoms = geoms[np.abs(centre[geoms] @ normal) <= radius[geoms]]
         person, centre, radius = person[geoms], centre[geoms], radius[geoms]
         others = person != self.ids[:, None]  # (n, m)
@@ -165,7 +163,7 @@ class _Rays:
 _SPACING_M = 0.25
 _MOST_PLACES = 1000
 _HEIGHTS_M = (0.1, 0.9, 1.6)
-"""Feet, middle and head of a person who stands there [m]."""
+"""Feet, middle and head of a standing person [m]."""
 
 _NO_PERSON = np.array([np.iinfo(np.int16).max], dtype=np.int16)
 
@@ -176,7 +174,7 @@ def sees_any_of(view: SensorView, empty: Snapshot, area: NDArray[np.float64]) ->
 
 
 def _points(area: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return points over the area, at a few heights, (n, 3) [m]; the corners' mean alone where it is narrower than the grid."""
+    """Return points over the area at a few heights, (n, 3) [m]; only the corners' mean if narrower than the grid."""
     low, high = area.min(axis=0), area.max(axis=0)
     spacing_m = max(_SPACING_M, float(np.sqrt(np.prod(high - low) / _MOST_PLACES)))
     x, y = np.meshgrid(np.arange(low[0], high[0], spacing_m), np.arange(low[1], high[1], spacing_m))
@@ -192,12 +190,12 @@ OUTSIDE = -1
 
 @runtime_checkable
 class PersonImaging(Protocol):
-    """A camera that can tell which person each of its pixels shows."""
+    """Camera that can tell which person each of its pixels shows."""
 
     def person_image(self, snapshot: Snapshot) -> NDArray[np.int16]:
         """Return the id of the person at each pixel's centre, 0 for the room, -1 outside the lens's field, (height, width).
 
-        In the pixels of the images that it reports, distortion included; sharp and without noise.
+        In the pixels of its reported images, distortion included, but sharp and without noise.
         """
         ...
 
@@ -219,7 +217,7 @@ def person_boxes(people: NDArray[np.int16]) -> tuple[Box, ...]:
 
 
 def _rim(people: NDArray[np.int16]) -> NDArray[np.bool_]:
-    """Return the pixels at the border of the image and next to the outside of the lens's field, (height, width)."""
+    """Return the pixels at the border of the image and of the lens's field, (height, width)."""
     outside = np.ones((people.shape[0] + 2, people.shape[1] + 2), dtype=np.uint8)
     outside[1:-1, 1:-1] = people == OUTSIDE
     near_outside = cv2.dilate(outside, cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3)))
