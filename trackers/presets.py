@@ -66,6 +66,11 @@ _PAPER_SENSORS = {
 }
 
 PRESETS: Mapping[str, Preset] = {
+    "fusion": Preset(
+        "trackers.fusion.tracker:Fusion",
+        "whatever a rig has: scanners, cameras, stereo cameras, pressure floors, each at its own stamp; bodies and heads",
+        "Mušicki, Evans, Stanković: Integrated probabilistic data association (1994), here with every kind of sensor",
+    ),
     "laser-fisheye-imm": Preset(
         _LASER_FISHEYE,
         "two laser layers and a fisheye camera, IMM of three motion models: the paper's full system",

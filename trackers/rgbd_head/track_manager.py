@@ -5,65 +5,16 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
-from scipy import ndimage
 
 from trackers.arrays import Array, Mask
 from trackers.filters.gating import distances
 from trackers.filters.particle import Cloud
 from trackers.filters.rows import written
 from trackers.observations import NS_PER_S
-from trackers.rgbd_head.options import HeadTrackManagementOptions, RgbdHeadOptions
+from trackers.rgbd_head.options import RgbdHeadOptions
 from trackers.rgbd_head.people import People, around
 from trackers.tracking.track_manager import TrackManager
 from trackers.vision.head_outlines import ASPECTS
-
-_CELL_M = 0.1
-_ABOUT_M = 0.3
-"""Points this near to the middle of a heap are one person's."""
-_CROWN = 0.93
-"""Share of a person's area up to which the crown's level is looked for: what is above is noise of the distances."""
-_BELOW_CROWN_M = 0.1
-_MOST = 3
-"""So many heads in one frame."""
-
-
-def new_heads(points: Float[Array, "4 k"], options: HeadTrackManagementOptions) -> Float[Array, "m 3"]:
-    """Return middles of heads [m] that points (x, y, z [m], area [m²]) of unassigned foreground show.
-
-    After M. Harville, "Stereo person tracking with adaptive plan-view templates of height and occupancy statistics" (2004): the
-    points of all cameras are counted by the area that each shows, in cells of the floor; the highest of a heap show the head.
-    """
-    found: list[Array] = []
-    for _ in range(_MOST):
-        if found:
-            points = points[:, np.hypot(*(points[:2] - found[-1][:2, None])) > options.start_apart_m]
-        if points.shape[1] == 0 or points[3].sum() < options.least_m2:
-            break
-        low = points[:2].min(axis=1) - 2 * _CELL_M
-        cell = ((points[:2] - low[:, None]) / _CELL_M).astype(np.intp)
-        size = cell.max(axis=1) + 3
-        heap = np.bincount(cell[0] * size[1] + cell[1], points[3], size.prod()).reshape(size)
-        heap = ndimage.uniform_filter(heap, 5, mode="constant") * 25
-        top = np.unravel_index(heap.argmax(), heap.shape)
-        if heap[top] < options.least_m2:
-            break
-        middle = low + (np.array(top) + 0.5) * _CELL_M
-        near = np.hypot(*(points[:2] - middle[:, None])) < _ABOUT_M
-        x, y, z, area = points[:, near]
-        order = np.argsort(z)
-        crown = z[order][np.searchsorted(np.cumsum(area[order]), _CROWN * area.sum())]
-        head = z > crown - 0.25
-        found.append(
-            np.array(
-                [
-                    np.average(x[head], weights=area[head]),
-                    np.average(y[head], weights=area[head]),
-                    crown - _BELOW_CROWN_M,
-                ]
-            )
-        )
-    return np.array(found).reshape(-1, 3)
-
 
 _FAR_M_S = 1.5
 """A head that is not shown is looked for within the way at this speed."""

@@ -32,13 +32,14 @@ from trackers.rgbd_head.likelihoods import Likelihoods
 from trackers.rgbd_head.motion import Motion
 from trackers.rgbd_head.options import RgbdHeadOptions
 from trackers.rgbd_head.people import People
-from trackers.rgbd_head.track_manager import HeadTrackManager, new_heads
+from trackers.rgbd_head.track_manager import HeadTrackManager
 from trackers.rig import Rig, StereoSensor
 from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
 from trackers.tracking.synced_tracker import SynchronizedTracker
 from trackers.tracks import Hypotheses, Track, TrackFrame
 from trackers.vision.front_end import front_ends
 from trackers.vision.head_model import SHIPPED, HeadModel, load_head_model
+from trackers.vision.plan_view import heads_in_plan
 from trackers.vision.stereo_picture import StereoCamera
 
 LEARNED = "heads"
@@ -198,7 +199,7 @@ class RgbdHead(SynchronizedTracker):
         people, limits = self._people, self.options.track_management
         known = people.place[people.roster.measured_ns == self._ns, :2]
         points = self._evaluators.unassigned(later_s, known, limits.start_apart_m)
-        found = new_heads(points, limits)
+        found = heads_in_plan(points, limits.least_m2, limits.start_apart_m)
         if len(found):
             found = found[np.isfinite(self._room.log_likelihood(found))]
             self._people = self._manager.initiated(people, found, self._ns)

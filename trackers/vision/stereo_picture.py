@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Int32, Shaped, UInt8
 from trackers.arrays import AnyArray, Array, Bytes, Mask, Singles
 from trackers.observations import DepthImage
 from trackers.rig import StereoSensor
-from trackers.vision.front_end import CameraFrontEnd
+from trackers.vision.front_end import CameraFrontEnd, PreparedPicture
 from trackers.vision.head_colours import colour_numbers
 from trackers.vision.head_model import SkinRegion
 from trackers.vision.head_outlines import Outlines
@@ -76,8 +76,10 @@ class StereoCamera:
     def pack(self, image: DepthImage) -> PackedPicture | None:
         """Pack a picture; None where it is blind."""
         prepared = self.front_end.prepare(image)
-        if prepared is None:
-            return None
+        return None if prepared is None else self.packed(prepared)
+
+    def packed(self, prepared: PreparedPicture[DepthImage]) -> PackedPicture:
+        """Pack a prepared picture."""
         image, mask = prepared.image, prepared.mask.view(np.uint8)
         knows_depth = bool((image.depth_m[::_EVERY, ::_EVERY] > 0).mean() >= _LEAST_DEPTH)
         if self._empty is None:
@@ -120,6 +122,17 @@ class StereoCamera:
         places = self._rays.reshape(-1, 3).take(foreground[shown], axis=0).T * away + self.camera.eye_m[:, None]
         pixel = _EVERY**2 / (self.camera.intrinsics.fx * self.camera.intrinsics.fy)
         return np.concatenate([places, [pixel * away**2]]).astype(float)
+
+
+def packed_without_depth(rgb: UInt8[Bytes, "height width 3"], mask: Bool[Mask, "height width"]) -> PackedPicture:
+    """Pack a picture of a camera without depth: colours are looked up where there is foreground alone."""
+    pixels = np.full(mask.shape, IN_PICTURE, np.int32)
+    left, top, width, height = cv2.boundingRect(mask.view(np.uint8))
+    if width:
+        box = slice(top, top + height), slice(left, left + width)
+        pixels[box] += colour_numbers(np.ascontiguousarray(rgb[box]))
+        pixels[box] += mask[box] * np.int32(FOREGROUND)
+    return PackedPicture(pixels, mask, knows_depth=False)
 
 
 def _empty_room(

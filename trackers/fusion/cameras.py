@@ -1,0 +1,226 @@
+"""Cameras of any lens, with depth or without: people in a picture, their colours, and whom the camera can see at all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from trackers.area import Area
+from trackers.arrays import Array, Mask
+from trackers.cameras.placed import PlacedCamera
+from trackers.environment import Environment
+from trackers.filters.gating import distances
+from trackers.fusion.look import Expected, Look, detections_of, round_covariance
+from trackers.fusion.options import FusionOptions
+from trackers.observations import DepthImage, Image, Observation
+from trackers.rig import CameraSensor, Rig, StereoSensor
+from trackers.tracking.track_manager import clear_of
+from trackers.vision.foreground import Foreground
+from trackers.vision.front_end import CameraFrontEnd, FrontEndOptions, PreparedPicture
+from trackers.vision.histogram import ColourHistogram
+from trackers.vision.person_detector import SILHOUETTES, PersonDetector
+from trackers.vision.plan_view import head_of, heads_in_plan
+from trackers.vision.stereo_picture import PackedPicture, StereoCamera, packed_without_depth
+
+_CHEST_M, _CROWN_M, _SHADOW_M = 1.1, 1.65, 0.25
+"""Heights of a chest and of a crown, and how near to another's axis a line of sight is hidden [m]."""
+_SAME_M, _OVERLAP_M = 0.3, 0.45
+"""A place so near to another is its own; silhouettes nearer than this, across the sight, may be one [m]."""
+_LEAST_STEEP = 0.08
+"""Sine of the angle below the horizon at which a person is looked at, at least: sizes tell something as well."""
+_OWN_M = 0.45
+"""Points of a stereo picture this near to an expected head are its person's [m]."""
+_BELOW_M, _LEGS_M = 0.35, 0.8
+"""Points so far below that head may be this far beside it: arms and legs of a person who sits [m]."""
+_LEAST_M2 = 0.06
+"""Area of foreground that shows a person in one stereo picture [m²]."""
+_TORSO = np.stack(np.meshgrid(np.linspace(-0.12, 0.12, 8), np.linspace(0.54, 0.8, 10)), axis=-1)
+"""Across the line of sight [m], and up as a share of the stature: where clothes are looked at."""
+_LEAST_SAMPLES = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """The newest picture of a camera, prepared."""
+
+    ns: int
+    prepared: PreparedPicture
+    packed: PackedPicture
+
+
+class Camera:
+    """One camera in its room. environment: None where it is not known."""
+
+    def __init__(
+        self,
+        name: str,
+        sensor: CameraSensor,
+        empty_room: Sequence[Observation],
+        options: FusionOptions,
+        rig: Rig,
+        area: Area | None,
+        environment: Environment | None,
+    ) -> None:
+        self.names = (name,)
+        self._front_end = CameraFrontEnd(name, sensor, empty_room, FrontEndOptions(), area)
+        self.camera: PlacedCamera = self._front_end.camera
+        self._environment = environment
+        self._histogram = ColourHistogram()
+        self._stereo = self._detector = None
+        if isinstance(sensor, StereoSensor):
+            self._stereo, self._kind = StereoCamera(self._front_end, sensor, None), options.stereo
+        else:
+            self._kind = options.camera
+            self._silhouettes = Foreground(sensor.intrinsics, self._front_end.empty_room, SILHOUETTES)
+            self._detector = PersonDetector(self.camera, rig.area)
+        self.picture: Picture | None = None
+
+    @property
+    def learns_background(self) -> bool:
+        """True where the background is learned as pictures come, for want of an empty room."""
+        return self._front_end.learns_background
+
+    @property
+    def n_colour(self) -> int:
+        """Number of bins of colour."""
+        return self._histogram.size
+
+    def look(self, observations: Mapping[str, Observation], expected: Expected, ns: int) -> Look | None:
+        """Return the people in the camera's picture; None where there is none, or a blind one."""
+        image = observations.get(self.names[0])
+        self.picture = None
+        if not isinstance(image, Image | DepthImage):
+            return None
+        prepared = self._front_end.prepare(image)
+        if prepared is None:
+            if self._detector is not None:
+                self._silhouettes.pass_over(image)
+            return None
+        if self._stereo is not None and isinstance(image, DepthImage):
+            return self._by_depth(prepared, expected, ns)
+        self.picture = Picture(ns, prepared, packed_without_depth(prepared.image.rgb, prepared.mask))
+        return self._by_silhouettes(prepared, expected, ns)
+
+    def _by_silhouettes(self, prepared: PreparedPicture, expected: Expected, ns: int) -> Look:
+        assert self._detector is not None
+        seen = self._detector.detect(self._silhouettes.mask(prepared.image, prepared.hsv))
+        covariance = seen.covariance + self._error(seen.position)
+        return self._looked(seen.position, covariance, expected, ns, np.full(len(seen), -1))
+
+    def _error(self, place: Float[Array, "k 2"]) -> Float[Array, "k 2 2"]:
+        """Return covariances of places by silhouettes [m²]: the flatter a camera looks, the less it tells how far."""
+        way = place - self.camera.eye_m[:2]
+        away = np.maximum(np.linalg.norm(way, axis=1), 1e-6)
+        ahead = way / away[:, None]
+        drop = abs(self.camera.eye_m[2] - _CHEST_M)
+        steepness = np.maximum(drop / np.hypot(drop, away), _LEAST_STEEP)
+        along = self._kind.sigma_m**2 * (1 / steepness**2 - 1)
+        return self._kind.sigma_m**2 * np.eye(2) + along[:, None, None] * ahead[:, :, None] * ahead[:, None, :]
+
+    def _by_depth(self, prepared: PreparedPicture, expected: Expected, ns: int) -> Look:
+        """Return heads at the tops of what stands before the room, first of those who are expected."""
+        assert self._stereo is not None
+        packed = self._stereo.packed(prepared)
+        self.picture = Picture(ns, prepared, packed)
+        points = self._stereo.foreground_points(packed)
+        away = distances(expected.head[:, :2], points[:2].T)
+        nearest = away.argmin(axis=0) if len(away) else np.zeros(points.shape[1], np.intp)
+        own = (away < np.where(points[2] < expected.head[:, 2:] - _BELOW_M, _LEGS_M, _OWN_M)).any(axis=0)
+        owners, heads = [], []
+        for row in range(len(away)):
+            mine = points[:, own & (nearest == row)]
+            if mine[3].sum() >= _LEAST_M2:
+                owners.append(row)
+                heads.append(head_of(mine))
+        new = heads_in_plan(points[:, ~own], _LEAST_M2, _OWN_M)
+        head = np.concatenate([np.reshape(heads, (-1, 3)), new])
+        owner = np.concatenate([np.array(owners, np.intp), np.full(len(new), -1)])
+        drop_m = np.maximum(1.2 - head[:, 2], 0.0)
+        covariance = round_covariance(self._kind.sigma_m**2 + (0.5 * drop_m) ** 2)
+        return self._looked(head[:, :2], covariance, expected, ns, owner, head)
+
+    def _looked(self, position, covariance, expected: Expected, ns: int, owner, head=None) -> Look:
+        return Look(
+            self.names,
+            self._kind,
+            position,
+            covariance,
+            (owner < 0) & clear_of(position, expected.place, _OWN_M) & self._is_apart(position, expected),
+            owner,
+            lambda points: self._missed(points, expected),
+            shows_low=self._stereo is not None,
+            head=head,
+            shown=detections_of(ns, self.names, "person", position, covariance),
+        )
+
+    def _is_apart(self, position: Float[Array, "k 2"], expected: Expected) -> Bool[Mask, "k"]:
+        """Mark places whose silhouettes no known person's hides or is hidden by: two in one may look like a third."""
+        known = expected.place
+        if self._stereo is not None or not len(known) or not len(position):
+            return np.ones(len(position), np.bool_)
+        new, old = (np.column_stack([each, np.full(len(each), _CHEST_M)]) for each in (position, known))
+        eye = self.camera.eye_m
+        either = hidden(eye, new, known, _OVERLAP_M) | hidden(eye, old, position, _OVERLAP_M).T
+        return ~np.logical_or.reduce(either, axis=1)
+
+    def _missed(self, points: Float[Array, "2 *n"], expected: Expected) -> Float[Array, "*n"]:
+        at = points.reshape(2, -1).T
+        visible = self.sees(np.column_stack([at, np.full(len(at), _CHEST_M)]), expected.place)
+        if self._detector is not None:
+            visible &= self._detector.places.shows(at)
+        return np.where(visible, 1 - self._kind.p_detect, 1.0).reshape(points.shape[1:])
+
+    def sees(self, points: Float[Array, "k 3"], others: Float[Array, "n 2"]) -> Bool[Mask, "k"]:
+        """Mark points [m] in the picture that neither the room nor another person hides. others: people's places [m]."""
+        seen = self.camera.project(points)[1]
+        if self._environment is not None and seen.any():
+            seen &= self._environment.visible(self.camera.eye_m, points)
+        if len(others) and seen.any():
+            seen &= ~hidden(self.camera.eye_m, points, others, _SHADOW_M).any(axis=1)
+        return seen
+
+    def colours(
+        self, place: Float[Array, "n 2"], stature_m: Float[Array, "n"]
+    ) -> tuple[Float[Array, "n bins"], Bool[Mask, "n"]]:
+        """Return histograms of the clothes of people at these places [m], and whose are clearly seen, in the newest picture."""
+        n = len(place)
+        assert self.picture is not None
+        sight = place - self.camera.eye_m[:2]
+        right = np.stack([sight[:, 1], -sight[:, 0]], axis=1) / np.maximum(np.linalg.norm(sight, axis=1), 1e-6)[:, None]
+        points = np.empty((n, *_TORSO.shape[:2], 3))
+        points[..., :2] = place[:, None, None] + _TORSO[..., :1] * right[:, None, None]
+        points[..., 2] = _TORSO[..., 1] * stature_m[:, None, None]
+        pixels, inside = self.camera.project(points)
+        mask = self.picture.prepared.mask
+        column, row = np.nan_to_num(np.moveaxis(pixels, -1, 0)).round().astype(np.intp)
+        inside &= mask[row.clip(0, mask.shape[0] - 1), column.clip(0, mask.shape[1] - 1)]
+        chest = np.column_stack([place, 0.65 * stature_m])
+        clear = (inside.sum(axis=(1, 2)) >= _LEAST_SAMPLES) & self.sees(chest, place)
+        return self._histogram.of_windows(self.picture.prepared.image.rgb, pixels, inside), clear
+
+
+def hidden(
+    eye_m: Float[Array, "3"], points: Float[Array, "k 3"], others: Float[Array, "n 2"], radius_m: float
+) -> Bool[Mask, "k n"]:
+    """Mark points [m] that people at other places hide, as upright cylinders of this radius; nobody hides their own."""
+    way, off = points - eye_m, others - eye_m[:2]
+    square = np.maximum((way[:, :2] ** 2).sum(axis=1), 1e-9)[:, None]
+    along = way[:, :2] @ off.T / square
+    beside_m = np.abs(way[:, :1] * off[:, 1] - way[:, 1:2] * off[:, 0]) / np.sqrt(square)
+    below_crown = eye_m[2] + along * way[:, 2:] < _CROWN_M
+    itself = distances(points[:, :2], others) < _SAME_M
+    return (beside_m < radius_m) & (along > 0) & (along < 1) & below_crown & ~itself
+
+
+def cameras_of(
+    rig: Rig,
+    empty_room: Sequence[Observation],
+    options: FusionOptions,
+    area: Area | None,
+    environment: Environment | None,
+) -> list[Camera]:
+    """Make the cameras of a rig; none where it has none."""
+    return [Camera(name, sensor, empty_room, options, rig, area, environment) for name, sensor in rig.cameras().items()]

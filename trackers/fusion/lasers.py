@@ -1,0 +1,114 @@
+"""Scanners: trunks at waist height, legs at knee height, shared out two to each expected person."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from trackers.area import Area
+from trackers.fusion.look import Expected, Look, round_covariance
+from trackers.fusion.options import FusionOptions, KindOptions
+from trackers.laser.group import ScannerGroup
+from trackers.laser.grouping import STRIDE_M
+from trackers.laser.layer import KneeOptions, LayerOptions, WaistOptions
+from trackers.laser.roles import scanners_by_role
+from trackers.likelihood.legs import LegOptions, pair_legs
+from trackers.observations import LaserScan, Observation
+from trackers.rig import Rig, Role
+from trackers.tracking.track_manager import clear_of
+
+_BAG_M = 0.3
+"""A third leg so near to a trunk's is a bag, and no other person's."""
+
+
+class Scanners:
+    """All scanners of one height. sees_waists: whether the rig has others at waist height, so that a leg alone is no person."""
+
+    def __init__(
+        self, group: ScannerGroup, role: Role, kind: KindOptions, area: Area | None, sees_waists: bool
+    ) -> None:
+        self.role: Role = role
+        self._group, self._kind, self._area = group, kind, area
+        self._sees_waists = sees_waists
+        self._legs = LegOptions(variance_m2=kind.sigma_m**2)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The scanners."""
+        return self._group.names
+
+    @property
+    def learns_background(self) -> bool:
+        """True where a scanner came without scans of the empty room."""
+        return self._group.learns_background
+
+    @property
+    def is_learning(self) -> bool:
+        """True once such a scanner has reported."""
+        return self._group.is_learning
+
+    def look(self, observations: Mapping[str, Observation], expected: Expected, ns: int) -> Look | None:
+        """Return the trunks, or people by their legs, in the scans of one stamp."""
+        scans = {name: each for name in self.names if isinstance(each := observations.get(name), LaserScan)}
+        if not scans:
+            return None
+        found = self._group.detect(scans, weak=True)
+        if self._area is not None and len(found):
+            found = found.select(self._area.contains(found.position))
+        position, variance, starts = (
+            found.position,
+            self._kind.sigma_m**2 + found.variance_m2,
+            self._group.sufficient(found),
+        )
+        feet = None
+        if self.role == "knee":
+            gate_m = self._legs.gate_m if self._sees_waists else self._legs.gate_alone_m
+            walkers = pair_legs(
+                found,
+                starts,
+                np.empty((0, 2)),
+                expected.place,
+                expected.knees,
+                _BAG_M,
+                gate_m,
+                self._legs,
+            )
+            position = walkers.position
+            feet = walkers.n_leg > 1
+            variance = walkers.likelihood(self._legs, gate_m).variance_m2
+            starts = (walkers.n_leg > 1) | (not self._sees_waists)
+            starts &= clear_of(position, np.concatenate([expected.place, expected.place + expected.knees]), STRIDE_M)
+        return Look(
+            tuple(scans),
+            self._kind,
+            position,
+            round_covariance(variance),
+            starts,
+            np.full(len(position), -1),
+            lambda points: self._group.missed(scans, points),
+            is_sharp=True,
+            feet=feet,
+            shown=tuple(self._group.to_detections(found, self.role, ns)),
+        )
+
+
+def scanners_of(
+    rig: Rig, empty_room: Sequence[Observation], options: FusionOptions, area: Area | None
+) -> list[Scanners]:
+    """Make the scanners of a rig, waists first; none where it has none."""
+    if not rig.lasers():
+        return []
+    lasers, names = rig.lasers(), scanners_by_role(rig, ("waist", "knee"))
+    layers: dict[Role, tuple[LayerOptions, KindOptions]] = {
+        "waist": (WaistOptions(), options.trunk),
+        "knee": (KneeOptions(), options.legs),
+    }
+    found = []
+    for role, of_role in names.items():
+        layer, kind = layers[role]
+        seen = layer.free_space.model_copy(update={"detected": kind.p_detect})
+        layer = layer.model_copy(update={"free_space": seen})
+        group = ScannerGroup({name: lasers[name] for name in of_role}, empty_room, layer)
+        found.append(Scanners(group, role, kind, area, "waist" in names))
+    return found

@@ -1,0 +1,83 @@
+"""A look: what one sensor measured of people at one stamp, in the terms that every sensor shares."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from trackers.arrays import Array, Index, Mask
+from trackers.fusion.options import KindOptions
+from trackers.observations import Observation
+from trackers.tracks import Detection
+
+
+@dataclass(frozen=True, eq=False)
+class Expected:
+    """n tracks, as they are expected at a look's stamp."""
+
+    place: Float[Array, "n 2"]  # ground point [m]
+    head: Float[Array, "n 3"]  # [m]
+    confirmed: Bool[Mask, "n"]
+    knees: Float[Array, "n 2"]  # from the place to the middle of the legs [m], far before somebody who sits
+    low: Bool[Mask, "n"]  # who sits or lies, lower than trunks are looked for
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """k measurements of one kind at one stamp.
+
+    owner: the track that a measurement is of, −1 where it is to be associated; starts: which may initiate a track; missed:
+    the probability that the look would not show a standing person at room points (2, ...) [m], (...); shows_low: whether
+    people who sit or lie are measured as well; is_sharp: whether `missed` tells one place from another near by; feet: which
+    measurements show both feet of a person, None: none.
+    """
+
+    sensors: tuple[str, ...]
+    kind: KindOptions
+    position: Float[Array, "k 2"]
+    covariance: Float[Array, "k 2 2"]  # [m²]
+    starts: Bool[Mask, "k"]
+    owner: Int[Index, "k"]
+    missed: Callable[[Array], Array]
+    shows_low: bool = False
+    is_sharp: bool = False
+    feet: Bool[Mask, "k"] | None = None
+    head: Float[Array, "k 3"] | None = None  # [m]
+    load_n: Float[Array, "k"] | None = None
+    shown: tuple[Detection, ...] = field(default=())
+
+
+class Source(Protocol):
+    """Sensors of one kind that are looked at together."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The sensors."""
+        ...
+
+    @property
+    def learns_background(self) -> bool:
+        """True where the background is learned from the observations as they come."""
+        ...
+
+    def look(self, observations: Mapping[str, Observation], expected: Expected, ns: int) -> Look | None:
+        """Return what the observations measure; None where they are of other sensors, or blind."""
+        ...
+
+
+def round_covariance(variance_m2: Float[Array, "k"]) -> Float[Array, "k 2 2"]:
+    """Return covariances of the same variance on each axis."""
+    return variance_m2[:, None, None] * np.eye(2)
+
+
+def detections_of(
+    ns: int, sensors: tuple[str, ...], role: str, position: Float[Array, "k 2"], covariance: Float[Array, "k 2 2"]
+) -> tuple[Detection, ...]:
+    """Return measurements one by one, as trackers hand them out."""
+    variance = covariance.trace(axis1=1, axis2=2) / 2
+    rows = zip(position.tolist(), variance.tolist(), strict=True)
+    return tuple(Detection(ns, sensors, role, x, y, m2) for (x, y), m2 in rows)

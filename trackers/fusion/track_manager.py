@@ -1,0 +1,182 @@
+"""Track management of `fusion`: existence by likelihood ratios, whatever sensor shows a person or does not."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy.typing import ArrayLike
+
+from trackers.arrays import Array, Index, Mask
+from trackers.filters.gating import distances
+from trackers.filters.imm import Imm
+from trackers.filters.negative_information import (
+    existence_after_detection,
+    existence_after_miss,
+    miss_probability,
+    probability_within,
+    update_missed,
+)
+from trackers.filters.rows import written
+from trackers.fusion.association import LEAST_EXISTENCE
+from trackers.fusion.identity import reidentified
+from trackers.fusion.look import Look
+from trackers.fusion.options import FusionOptions
+from trackers.fusion.people import LENGTH_M, People
+from trackers.observations import NS_PER_S
+from trackers.tracking.track_manager import TrackManager, clear_of, nanoseconds
+
+_FRESH_S = 0.25
+"""A track measured no longer ago is confirmed, else it coasts [s]."""
+_SURE = 0.9
+"""Existence from which a track is confirmed."""
+_TRUST = 1.5
+"""Log-likelihood ratio of a detection at most, in that of detecting a person against missing one."""
+_SAME_M, _SAME_S = 0.25, 0.7
+"""Two tracks nearer than this for so long are one person's [m, s]."""
+_APART_M = 0.3
+"""A person is not where another is measured [m]."""
+_LOW_SHOWN = 0.1
+"""Detection probability, in that of a standing one, of a person who sits or lies."""
+_PLACE_M, _AT_REST = 0.35, 0.01
+"""Standard deviation of where a lying person comes up again [m], and variance of their speed [m²/s²]."""
+_SEAT_M = 0.1
+"""Standard deviation of a sitting person's pelvis from the seat, in each step [m]."""
+_SOON = 0.2
+"""A person who sits lies down so much sooner."""
+_STAYS = 20.0
+"""A person who sits or lies stays so many times as long as another."""
+
+
+class FusionTrackManager(TrackManager):
+    """The rules of every tracker, and existence."""
+
+    def __init__(self, options: FusionOptions, corners: ArrayLike | None, imm: Imm) -> None:
+        super().__init__(options.track_management, corners)
+        self._rules, self._step_s, self._imm = options.track_management, options.step_s, imm
+        self._identity = options.identity
+
+    def after_gap(self, people: People, last_ns: int, ns: int) -> People:
+        """Return the tracks still followed at a look; none after a gap in all sensors longer than `coast_s`."""
+        gap = ns - last_ns > nanoseconds(self._rules.coast_s)
+        return people.select(np.zeros(len(people), np.bool_)) if gap else people
+
+    def aged(self, people: People, elapsed_s: float) -> People:
+        """Return the tracks some time later: people sit and lie down now and then."""
+        lies_down = -np.expm1(-elapsed_s / (self._rules.lies_down_s * np.where(people.seated, _SOON, 1.0)))
+        people = people.changed(low=people.low + (1 - people.low) * lies_down)
+        row = np.flatnonzero(people.seated)
+        if not row.size:
+            return people
+        R = np.tile(_SEAT_M**2 * max(self._step_s / elapsed_s, 1.0) * np.eye(2), (len(row), 1, 1))
+        return people.in_state(self._imm.update(people.state, row, people.seat[row], R))
+
+    def missed(self, people: People, look: Look) -> Float[Array, "n"]:
+        """Return how probably a look would not show each track."""
+        if not len(people):
+            return np.empty(0)
+        if look.is_sharp:
+            chance = miss_probability(people.state, look.missed, people.velocity.T)
+        else:
+            chance = look.missed(people.positions.T)
+        return chance if look.shows_low else self._missed_low(people.low, chance)
+
+    def _missed_low(self, low: Float[Array, "n"], chance: Float[Array, "n"]) -> Float[Array, "n"]:
+        return low * (1 - _LOW_SHOWN * (1 - chance)) + (1 - low) * chance
+
+    def detected(
+        self,
+        people: People,
+        row: Int[Index, "p"],
+        log_ratio: Float[Array, "p"],
+        share: Float[Array, "p"],
+        look: Look,
+    ) -> People:
+        """Return the tracks with those at `row` measured, at log-likelihood ratios against clutter; share: of the evidence."""
+        before = np.maximum(people.existence[row], LEAST_EXISTENCE)
+        # what is no person and stays looks like one at every look: a sensor shows no more than that it detects people
+        most = _TRUST * np.log(look.kind.p_detect / (1 - look.kind.p_detect))
+        existence = existence_after_detection(before, np.exp(share * np.clip(log_ratio, -most, most)))
+        low = people.low[row]
+        if not look.shows_low:
+            low = low * _LOW_SHOWN / (low * _LOW_SHOWN + 1 - low)
+        return people.changed(
+            existence=written(people.existence, row, np.minimum(existence, 1 - 1e-6)),
+            low=written(people.low, row, low),
+        )
+
+    def updated_missed(
+        self, people: People, look: Look, share: float, elapsed_s: float, ns: int, number: int
+    ) -> People:
+        """Update the tracks that a look did not show: likelier hidden, lower, or not to exist. share: of a look's evidence."""
+        row = np.flatnonzero(people.roster.measured_ns < ns)
+        if not row.size:
+            return people
+        others = people.positions[people.confirmed & (people.roster.measured_ns == ns)]
+
+        def not_shown(points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
+            free = clear_of(points.reshape(2, -1).T, others, _APART_M).reshape(points.shape[1:])
+            return np.maximum(look.missed(points) ** share * free, 1e-3)
+
+        some = people.select(row)
+        if look.is_sharp:
+            state, chance = update_missed(some.state, not_shown, some.velocity.T)
+        else:
+            state, chance = some.state, not_shown(some.positions.T)
+        low, whole = some.low, chance
+        if not look.shows_low:
+            at_rest = clear_of(some.place, others, _APART_M)
+            not_low = np.where(at_rest, 1 - _LOW_SHOWN * (1 - chance), 1e-3)
+            whole = low * not_low + (1 - low) * chance
+            low = low * not_low / whole
+        lies = (low > 0.5) & (ns - some.roster.measured_ns > nanoseconds(_FRESH_S))
+        place = np.where(some.seated[:, None], some.seat, some.place)
+        rest = self._imm.start(place, None, _PLACE_M**2, _AT_REST)
+        state = state.replaced(lies, rest.select(lies))
+        # who may have gone unseen may have gone: where nothing would show them as likely as elsewhere
+        stays_s = self._rules.survival_s * np.where((low > 0.5) | some.seated, _STAYS, 1.0)
+        existence = existence_after_miss(some.existence, whole, elapsed_s / self._n_source(people), stays_s)
+        people = people.changed(existence=written(people.existence, row, existence), low=written(people.low, row, low))
+        return people.in_state(people.state.replaced(row, state))
+
+    def clear_of_seats(self, people: People, position: Float[Array, "k 2"]) -> Bool[Mask, "k"]:
+        """Mark places that are not within the reach of a person who sits or lies."""
+        return clear_of(position, people.place[people.confirmed & (people.seated | (people.low > 0.5))], LENGTH_M)
+
+    @staticmethod
+    def _n_source(people: People) -> int:
+        return people.seen_ns.shape[1]
+
+    def confirmed(self, people: People, ns: int, elapsed_s: float) -> People:
+        """Confirm tracks that were measured long and often enough, and that exist."""
+        new = self.to_confirm(people.roster, ns, round(elapsed_s * NS_PER_S)) & (people.existence > _SURE)
+        people, new = reidentified(people, new, ns, self._identity)
+        return people.changed(roster=self.confirm(people.roster, new))
+
+    def is_fresh(self, people: People, ns: int) -> Bool[Mask, "n"]:
+        """Mark the tracks that were measured lately."""
+        return ns - people.roster.measured_ns <= nanoseconds(_FRESH_S)
+
+    def to_report(self, people: People, ns: int) -> Bool[Mask, "n"]:
+        """Select the confirmed tracks that are measured, or whose person is probably there and near the reported place."""
+        reported, fresh = self.reported(people.roster, ns), self.is_fresh(people, ns)
+        within = probability_within(people.state, people.positions, self._rules.within_m, people.velocity.T)
+        there = (people.existence * within > 0.5) & self.inside(people.positions)
+        return reported & (fresh | there)
+
+    def without_doubles(self, people: People, elapsed_s: float) -> People:
+        """Delete the younger of two tracks that have been at one place for long; tentative ones at once."""
+        if len(people) < 2:
+            return people
+        near = np.tril(distances(people.positions, people.positions) < _SAME_M, -1) & people.confirmed
+        doubled_s = np.where(near.any(axis=1), people.doubled_s + elapsed_s, 0.0)
+        people = people.changed(doubled_s=doubled_s)
+        return people.select(doubled_s <= np.where(people.confirmed, _SAME_S, 0.0))
+
+    def kept(self, people: People, ns: int) -> People:
+        """Delete tracks that have left the area, or that probably do not exist."""
+        inside = self.inside(people.positions) | (people.roster.measured_ns < ns) | people.seated
+        lasting = self.lasting(people.roster, ns)
+        exists = people.existence > np.where(people.confirmed, 0.02, 0.05)
+        if self.area is not None:
+            lasting |= people.confirmed & (people.existence > 0.5)
+        return people.select(inside & lasting & exists)

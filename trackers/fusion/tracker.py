@@ -1,0 +1,271 @@
+"""`fusion`: one tracker on any subset of any rig.
+
+Each observation is worked at its own stamp: predict every person to it; let the sensor say what it measures, and what it would
+have shown; associate; update bodies, heads, existence and attributes; initiate, confirm and delete. Frames carry the stamps of
+the rig's main sensor, and those of the others while it is silent.
+
+The state is a Gaussian mixture per person, not particles: measurements of several sensors are a product of Gaussians, at a
+thousandth of the cost, and the one likelihood that is none, a picture's of a head, is weighed at points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from math import nan
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from trackers.arrays import Array, Index
+from trackers.configuration import validate
+from trackers.filters.imm import Imm
+from trackers.filters.negative_information import radius_containing
+from trackers.filters.rows import written
+from trackers.filters.velocity_motion import VelocityMotion
+from trackers.fusion.association import explained, pairs
+from trackers.fusion.cameras import Camera, cameras_of
+from trackers.fusion.floors import Floor
+from trackers.fusion.heads import HeadWeighing, gained
+from trackers.fusion.lasers import scanners_of
+from trackers.fusion.look import Look, Source
+from trackers.fusion.options import FusionOptions
+from trackers.fusion.people import People
+from trackers.fusion.track_manager import FusionTrackManager
+from trackers.observations import NS_PER_S, Observation
+from trackers.prior import Prior
+from trackers.rig import Rig
+from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
+from trackers.tracking.synced_tracker import SynchronizedTracker
+from trackers.tracks import Detection, Track, TrackFrame
+from trackers.vision.head_model import SHIPPED, load_head_model
+
+_START_SPEED_M_S = 1.0
+_LEAST_SHARE = 0.02
+_LEAN_M = 0.2
+"""Standard deviation, on each axis, of what is seen of a sitting person from the pelvis, which stays where it is [m]."""
+_TOGETHER_S = 0.15
+"""A trunk measured no longer ago tells where the legs are from there [s]."""
+_HEAD_SHOWN_S = 1.0
+"""A head that no picture has shown for longer is not reported [s]."""
+
+
+class Fusion(SynchronizedTracker):
+    """Tracker of people by whatever a rig has (see module). Options are those of `FusionOptions`.
+
+    background: observations of the empty room, and what else is known of it; sensors without any learn it as they go. Nothing
+    here is random: `rng` is not used. Raises InputError for an unknown or wrong option.
+    """
+
+    Options = FusionOptions
+
+    def __init__(
+        self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
+    ) -> None:
+        self.options = validate(FusionOptions, options, "tracker fusion")
+        prior, self._rig = Prior.of(background), rig
+        empty_room = list(prior)
+        self._imm = Imm(VelocityMotion())
+        self._manager = FusionTrackManager(self.options, rig.area, self._imm)
+        area = self._manager.area
+        cameras = cameras_of(rig, empty_room, self.options, area, prior.environment)
+        floors = [Floor(name, each, empty_room, self.options.floor) for name, each in rig.floors().items()]
+        self._scanners = scanners_of(rig, empty_room, self.options, area)
+        self._sources: list[Source] = [*self._scanners, *cameras, *floors]
+        self._weighings: dict[str, HeadWeighing] = {}
+        if cameras:
+            model = load_head_model(prior.learned.get("heads", SHIPPED))
+            self._weighings = {
+                each.names[0]: HeadWeighing(each.camera, model, self.options.head, area) for each in cameras
+            }
+        self.background_learned_causally = any(each.learns_background for each in self._sources)
+        super().__init__(
+            SyncPolicy(tuple(rig.sensors), main=rig.main_sensor, within_s=0.0, max_wait_s=self.options.max_wait_s)
+        )
+        self._sees_waists = bool(self._scanners) and self._scanners[0].role == "waist"
+        self._n_colour = cameras[0].n_colour if cameras else 1
+        self._next_serial = 1
+        self._people = self._started(np.empty((0, 2)), 0)
+        self._ns: int | None = None
+        self._looked_ns: dict[int, int] = {}
+        self._main_ns: list[int] = []
+        self._reported_ns: int | None = None
+        self._detections: list[Detection] = []
+
+    unused_sensors: tuple[str, ...] = ()
+
+    def detections(self) -> list[Detection]:
+        """Return the measurements of the frames of the last `update` or `finish`, oldest first."""
+        return self._detections
+
+    def tracks(self) -> list[Track]:
+        """Return everybody confirmed, as of the last frame, by id."""
+        people, ns = self._people, self._ns
+        if ns is None or not len(people):
+            return []
+        rows = np.flatnonzero(self._manager.to_report(people, ns))
+        people = people.select(rows[people.roster.id[rows].argsort()])
+        position, velocity, heads = people.positions, people.velocity, people.heads
+        radius_m = radius_containing(people.state, position, 0.95, people.offset_m2)
+        shown = ns - heads.seen_ns <= _HEAD_SHOWN_S * NS_PER_S
+        head = np.where(shown[:, None], heads.mean[:, :3], nan)
+        yaw = np.where(shown, heads.direction[0], nan)
+        fresh = self._manager.is_fresh(people, ns)
+        values = np.column_stack([position, velocity, np.full(len(people), nan), head, yaw]).tolist()
+        return [
+            Track(number, *row, status="confirmed" if is_fresh else "coasting", radius95_m=radius)
+            for number, row, is_fresh, radius in zip(
+                people.roster.id.tolist(), values, fresh.tolist(), radius_m.tolist(), strict=True
+            )
+        ]
+
+    def _work_all(self, synced_frames: list[SyncedFrame]) -> list[TrackFrame]:
+        """Work all looks; frames are those of the main sensor, and of others while that is silent."""
+        self._detections, frames = [], []
+        for synced in synced_frames:
+            self._work(synced)
+            if self._is_due(synced):
+                self._reported_ns = synced.ns
+                frames.append(TrackFrame(synced.ns, tuple(self.tracks()), self._maps()))
+        return frames
+
+    def _is_due(self, synced: SyncedFrame) -> bool:
+        main = self._rig.main_sensor
+        if main in synced.observations or main in synced.repeated:
+            self._main_ns = [*self._main_ns[-4:], synced.ns]
+            return True
+        if len(self._main_ns) < 3 or self._reported_ns is None:
+            return not self._main_ns and self._silent_from_the_start(synced.ns)
+        return synced.ns - self._reported_ns > 1.6 * float(np.median(np.diff(self._main_ns)))
+
+    def _silent_from_the_start(self, ns: int) -> bool:
+        """Tell whether the main sensor has not reported for a second from the first observation on."""
+        self._reported_ns = ns if self._reported_ns is None else self._reported_ns
+        return ns - self._reported_ns > NS_PER_S
+
+    def _work(self, synced: SyncedFrame) -> None:
+        self._predict(synced.ns)
+        for number, source in enumerate(self._sources):
+            look = source.look(synced.observations, self._people.expected(), synced.ns)
+            if look is not None:
+                self._detections.extend(look.shown)
+                self._take(look, number, synced.ns)
+        self._people = self._manager.kept(self._people, synced.ns)
+
+    def _predict(self, ns: int) -> None:
+        """Take everybody on to stamp ns."""
+        last_ns = ns if self._ns is None else self._ns
+        self._ns, elapsed_s = ns, (ns - last_ns) / NS_PER_S
+        people = self._manager.after_gap(self._people, last_ns, ns)
+        if elapsed_s > 0 and len(people):
+            people = people.in_state(self._imm.predict_over(people.state, elapsed_s, self.options.step_s))
+            heads = people.heads.predicted(elapsed_s, people.velocity, self.options.head)
+            people = self._manager.aged(people.changed(heads=heads), elapsed_s)
+            people = self._manager.without_doubles(people, elapsed_s)
+        self._people = people
+
+    def _take(self, look: Look, number: int, ns: int) -> None:
+        """Take what one source measured: associate, update, initiate. number: of the source."""
+        elapsed_s = (ns - self._looked_ns.get(number, ns - round(look.kind.lasts_s * NS_PER_S))) / NS_PER_S
+        self._looked_ns[number] = ns
+        share = min(elapsed_s / look.kind.lasts_s, 1.0)
+        people = self._people
+        missed = self._manager.missed(people, look)
+        row, column, ratio = pairs(people, look, missed)
+        people = self._measured(people, row, column, ratio, look, number, ns)
+        source = self._sources[number]
+        if isinstance(source, Camera) and source.picture is not None:
+            people = self._by_picture(people, source, number, ns)
+        people = self._manager.updated_missed(people, look, share, elapsed_s, ns, number)
+        people = self._manager.confirmed(people, ns, elapsed_s)
+        taken = np.zeros(len(look.position), np.bool_)
+        taken[column] = True
+        start = look.starts & ~taken & ~explained(people, look) & self._manager.clear_of_seats(people, look.position)
+        start &= self._manager.may_start(look.position, np.concatenate([people.positions, look.position[taken]]))
+        if start.any():
+            people = people.joined(self._started(look.position[start], ns, number))
+        self._people = people
+
+    def _measured(
+        self,
+        people: People,
+        row: Int[Index, "p"],
+        column: Int[Index, "p"],
+        ratio: Float[Array, "p"],
+        look: Look,
+        number: int,
+        ns: int,
+    ) -> People:
+        """Update the tracks at `row` by the measurements at `column`; those that follow soon tell together what one tells."""
+        if not row.size:
+            return people
+        kind = look.kind
+        share = np.clip((ns - people.seen_ns[row, number]) / (kind.lasts_s * NS_PER_S), _LEAST_SHARE, 1.0)
+        R = look.covariance[column] / share[:, None, None]
+        people = people.stood_up(row, look.position[column])
+        R = R + _LEAN_M**2 * np.eye(2) * people.seated[row, None, None]
+        if look.feet is not None and self._sees_waists:
+            known = np.flatnonzero(ns - people.seen_ns[row, 0] <= _TOGETHER_S * NS_PER_S)
+            legs = look.position[column[known]] + people.knees[row[known]] - people.seen_at[row[known], 0]
+            people = people.learn_knees(row[known], legs, look.feet[column[known]])
+        state = self._imm.update(people.state, row, look.position[column], R)
+        people = people.changed(roster=people.roster.measured(row, ns, state))
+        people = self._manager.detected(people, row, ratio, share, look)
+        offset = 0.8 * people.offset_m2[row] + 0.2 * kind.offset_m**2
+        seen_ns, seen_at = people.seen_ns.copy(), people.seen_at.copy()
+        seen_ns[row, number], seen_at[row, number] = ns, look.position[column]
+        people = people.changed(
+            place=written(people.place, row, people.positions[row]),
+            offset_m2=written(people.offset_m2, row, offset),
+            seen_ns=seen_ns,
+            seen_at=seen_at,
+        )
+        if look.load_n is not None:
+            old = people.load_n[row]
+            load_n = np.where(np.isnan(old), look.load_n[column], 0.95 * old + 0.05 * look.load_n[column])
+            people = people.changed(load_n=written(people.load_n, row, load_n))
+        if look.head is not None:
+            variance = np.full((row.size, 3), kind.sigma_m**2) / share[:, None]
+            people = people.changed(heads=people.heads.measured(row, look.head[column], variance))
+        return people
+
+    def _by_picture(self, people: People, camera: Camera, number: int, ns: int) -> People:
+        """Update heads by a picture, bodies by their heads, and colours."""
+        picture, kind = camera.picture, self.options.camera
+        assert picture is not None
+        heads = people.heads.measured(  # heads are over bodies, more or less
+            np.arange(len(people)), people.positions, np.full((len(people), 2), 0.2**2) / 0.2
+        )
+        heads = heads.again_over(people.positions)
+        in_view = np.flatnonzero(people.confirmed & heads.own & camera.sees(heads.mean[:, :3], people.positions))
+        share = np.clip((ns - heads.seen_ns[in_view]) / (0.05 * NS_PER_S), 0.25, 1.0)
+        before = heads
+        heads, shown = self._weighings[camera.names[0]].updated(heads, in_view, picture.packed, share, ns)
+        people, row = people.changed(heads=heads), in_view[shown]
+        if row.size:
+            people = people.learn_stature(row, self.options.identity.memory)
+            drop_m = np.maximum(people.stature[row] - 0.12 - heads.mean[row, 2], 0.0)
+            variance = self.options.head.over_body_m**2 + (0.7 * drop_m) ** 2
+            share = np.clip((ns - people.seen_ns[row, number]) / (kind.lasts_s * NS_PER_S), _LEAST_SHARE, 1.0)
+            place, covariance = gained(before.select(row), heads.select(row))
+            R = covariance + (variance / np.minimum(share, 0.2))[:, None, None] * np.eye(2)
+            state = self._imm.update(people.state, row, place, R)
+            people = people.changed(roster=people.roster.measured(row, ns, state))
+        histograms, clear = camera.colours(people.positions, people.stature)
+        looked = np.flatnonzero(clear & (people.roster.measured_ns == ns) & (people.low < 0.5))
+        if looked.size:
+            memory = self.options.identity.memory
+            clothes = people.clothes.learned(looked, histograms[looked], np.zeros(looked.size, np.bool_), 0, memory)
+            people = people.changed(clothes=clothes)
+        return people
+
+    def _started(self, place: Float[Array, "n 2"], ns: int, number: int | None = None) -> People:
+        """Make tentative tracks that a source has measured first."""
+        state = self._imm.start(place, None, self.options.trunk.sigma_m**2, _START_SPEED_M_S**2)
+        self._next_serial += len(place)
+        first = self._next_serial - len(place)
+        people = People.started(state, place, ns, self._n_colour, len(self._sources), first)
+        if number is None:
+            return people
+        people.seen_ns[:, number], people.seen_at[:, number] = ns, place
+        return people
