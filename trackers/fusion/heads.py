@@ -32,13 +32,13 @@ _DIRECTIONS = (np.arange(ASPECTS[0]) + 0.5) * (2 * np.pi / ASPECTS[0])
 _UPRIGHT_M, _UPRIGHT_SIGMA_M = 1.55, 0.17
 """Height of the middle of a head that nobody has seen yet [m]."""
 _FAR_M, _LOWEST_M, _SAME_M = 0.4, 0.2, 0.18
-"""How far beside an upright body a head may be, how low, and how near to another's it is that one [m]."""
+"""Largest offset of a head from an upright body, lowest head, and distance within which two heads are one [m]."""
 _LEAST_SIGMA_M = 0.012
 """No picture tells a place better than this [m]."""
 _KNOWS_NOTHING = 0.1
 """Information of a place from which on a picture tells something of it [1/m²]."""
 _OUTSIDE = 20.0
-"""What a head outside the area loses in log-likelihood."""
+"""Log-likelihood that a head outside the area loses."""
 _LEAST_SHOWN = 0.4
 """Share of foreground in an ellipse times that of background over it, from which a head is seen."""
 _TURNS_RAD2_S = 0.6
@@ -191,8 +191,8 @@ def gained(before: Heads, after: Heads) -> tuple[Float[Array, "k 2"], Float[Arra
     variance = 1 / np.maximum(values, _KNOWS_NOTHING)
     covariance = np.einsum("kab,kb,kcb->kac", axes, variance, axes)
     moved = np.einsum("kab,kb->ka", P, after.mean[:, :2] - before.mean[:, :2])
-    told = np.where(values > _KNOWS_NOTHING, variance, 0.0)
-    return before.mean[:, :2] + np.einsum("kab,kb,kcb,kc->ka", axes, told, axes, moved), covariance
+    informative = np.where(values > _KNOWS_NOTHING, variance, 0.0)
+    return before.mean[:, :2] + np.einsum("kab,kb,kcb,kc->ka", axes, informative, axes, moved), covariance
 
 
 @lru_cache(maxsize=4)

@@ -23,7 +23,7 @@ _CROWN_M = 0.12
 LENGTH_M = 1.2
 """Trunk and legs of a person who sits or lies are this near to the place [m]."""
 _SEATED_M, _KNEES_MEMORY = 0.3, 0.7
-"""How far before the body legs are, on average, of a person who sits [m], and the share of the old average that is kept."""
+"""Distance of the legs from the trunk, on average, from which a person sits [m]; share of the old average that is kept."""
 
 
 @dataclass(frozen=True, eq=False)
