@@ -314,7 +314,7 @@ _BY_FILE = {
         ("hidden by who stands behind", "PatchSampler.drawn", "_A < _B[:, None] - _C", "_A > _B[:, None] + _C"),
     ],
     "trackers/vision/person_detector.py": [
-        ("rows and columns exchanged", "FloorPlaces.read", "[_A / _B, _C / _B]", "[_C / _B, _A / _B]"),
+        ("rows and columns exchanged", "FloorPlaces.read", "[row, column]", "[column, row]"),
     ],
     "trackers/vision/person_windows.py": [
         (

@@ -10,7 +10,7 @@ of theirs. `scripts/train-person-detector` fits the model with scikit-learn and 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -62,6 +62,17 @@ class Network:
         """Return the outputs of n windows."""
         return np.maximum(inputs @ self.into + self.into_bias, 0) @ self.out + self.out_bias
 
+    def symmetrized(self, *signs: float) -> Network:
+        """Average the outputs for a window and for its mirror image; signs: of each output in the mirror image."""
+        window = np.arange(ROWS * COLUMNS).reshape(ROWS, COLUMNS)[:, ::-1].ravel()
+        mirror = np.append(window, np.arange(ROWS * COLUMNS, INPUTS))
+        return Network(
+            np.hstack([self.into, self.into[mirror]]),
+            np.tile(self.into_bias, 2),
+            np.vstack([self.out, self.out * np.array(signs, np.float32)]) / np.float32(2),
+            (self.out_bias * (1 + np.array(signs, np.float32)) / 2).astype(np.float32),
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class PersonModel:
@@ -84,6 +95,10 @@ class PersonModel:
             Network(*(held[f"{name}_{part}"].astype(np.float32) for part in _PARTS)) for name in _OUTPUTS
         )
         return cls(nearness, offset, held["deviation_m"].astype(float))
+
+    def symmetrized(self) -> PersonModel:
+        """Return the model that treats left and right alike; in a mirror image the offset to the right changes sign."""
+        return replace(self, nearness=self.nearness.symmetrized(1), offset=self.offset.symmetrized(-1, 1))
 
 
 _SQUARE = 3
@@ -142,7 +157,8 @@ _LEAST_CELL_PX = 1.0
 class FloorPlaces:
     """Places `pitch_m` apart whose windows the picture shows by at least a share of `least_in_picture`.
 
-    They are those of an area and `margin_m` about it, or without one those within `reach_m` of the camera.
+    They are those of an area and `margin_m` about it, or without one those within `reach_m` of the camera. They lie on a lattice
+    through the camera's ground point, along its view: the same whatever the room's axes are.
     """
 
     def __init__(
@@ -156,13 +172,18 @@ class FloorPlaces:
         reach_m: float,
         least_in_picture: float,
     ) -> None:
-        eye = camera.eye_m[:2]
-        corners = eye + reach_m * np.array([(-1.0, -1.0), (1.0, 1.0)]) if area is None else np.asarray(area, float)
-        margin_m = 0.0 if area is None else margin_m
-        low, high = corners.min(axis=0) - margin_m, corners.max(axis=0) + margin_m
-        columns, rows = np.ceil((high - low) / pitch_m).astype(int) + 1
-        grid = low + pitch_m * np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
-        near = distances(grid, eye[None])[:, 0] <= reach_m if area is None else Area(area, margin_m).contains(grid)
+        self._eye, self._axes = camera.eye_m[:2], _ground_axes(camera)
+        if area is None:
+            outline = reach_m * np.array([(-1.0, -1.0), (1.0, 1.0)])
+        else:
+            outline = (np.asarray(area, float) - self._eye) @ self._axes
+            outline = np.array([outline.min(axis=0) - margin_m, outline.max(axis=0) + margin_m])
+        low = np.floor(outline[0] / pitch_m).astype(int)
+        columns, rows = np.ceil(outline[1] / pitch_m).astype(int) - low + 1
+        lattice = low + np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
+        grid = self._eye + pitch_m * lattice @ self._axes.T
+        away_m = np.hypot(*(grid - self._eye).T)
+        near = away_m <= reach_m if area is None else Area(area, margin_m).contains(grid)
         of_grid = near.nonzero()[0]
         windows = person_windows(camera, grid[of_grid], *cells)
         share = windows.inside.mean(axis=(1, 2))
@@ -171,7 +192,7 @@ class FloorPlaces:
         self.windows = windows.select(shown)
         self.share_in_picture: Float[Array, "n"] = share[shown]
         self._of_grid: Int[Index, "n"] = of_grid[shown]
-        self._low, self._pitch_m, self._shape = low, pitch_m, (int(rows), int(columns))
+        self._low, self._pitch_m, self._shape = low[:, None], pitch_m, (int(rows), int(columns))
         self._whole = self.map(np.arange(len(self)), np.ones(len(self), np.float32))
 
     def __len__(self) -> int:
@@ -185,12 +206,20 @@ class FloorPlaces:
 
     def read(self, grid: Float32[Singles, "rows columns"], positions: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
         """Read such a map at positions x and y [m], linear between its places; 0 beyond them."""
-        column, row = (each - low for each, low in zip(positions, self._low, strict=True))
-        return map_coordinates(grid, [row / self._pitch_m, column / self._pitch_m], np.float64, order=1)
+        flat = positions.reshape(2, -1)
+        column, row = self._axes.T @ (flat - self._eye[:, None]) / self._pitch_m - self._low
+        return map_coordinates(grid, [row, column], np.float64, order=1).reshape(positions.shape[1:])
 
     def shows(self, positions: Float[Array, "n 2"]) -> Bool[Mask, "n"]:
         """Mark positions [m] near one of these places: a person there is in the picture, unless hidden."""
         return self.read(self._whole, positions.T) > 0
+
+
+def _ground_axes(camera: PlacedCamera) -> Float[Array, "2 2"]:
+    """Return two directions of the floor as columns: that of the picture's rows, or of its columns where that is upright."""
+    across = camera.rotation[:2, int(np.hypot(*camera.rotation[:2, 0]) < np.sqrt(0.5))]
+    across = across / np.hypot(*across)
+    return np.array([[across[0], -across[1]], [across[1], across[0]]])
 
 
 _FULL = np.float32(255)
@@ -249,7 +278,7 @@ class PersonDetector:
         model: PersonModel | None = None,
     ) -> None:
         """area: corners of the tracked area (c, 2) [m]; None: wherever the camera sees. model: None: the shipped one."""
-        self.options, self.model = options, model or PersonModel.load()
+        self.options, self.model = options, (model or PersonModel.load()).symmetrized()
         self.places = FloorPlaces(
             camera,
             area,
