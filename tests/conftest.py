@@ -2,6 +2,7 @@
 
 import logging
 import os
+from collections import defaultdict
 from collections.abc import Iterator
 
 import pytest
@@ -14,6 +15,35 @@ OURS = ("twin", "trackers")
 
 # Before anything imports them: calls into the trackers have their arguments' and results' types and shapes checked.
 shape_checks.install()
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the option of the nightly run."""
+    parser.addoption(
+        "--all-cases", action="store_true", help="run every case of tests marked sample, and those marked nightly"
+    )
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out tests marked `nightly`, and all but n cases, evenly spaced, of those marked `sample(n)`.
+
+    `--all-cases` runs everything, and so does a test's own name (`FILE::TEST`) on the command line.
+    """
+    if config.getoption("--all-cases") or any("::" in each for each in config.args):
+        return
+    cases: dict[str, list[pytest.Item]] = defaultdict(list)
+    for item in items:
+        if item.get_closest_marker("nightly"):
+            cases[item.nodeid] = []
+        else:
+            cases[item.nodeid.partition("[")[0]].append(item)
+    kept: set[pytest.Item] = set()
+    for of_test in cases.values():
+        marker = of_test[0].get_closest_marker("sample") if of_test else None
+        count = len(of_test) if marker is None else min(marker.args[0], len(of_test))
+        kept.update(of_test[(2 * each + 1) * len(of_test) // (2 * count)] for each in range(count))
+    config.hook.pytest_deselected(items=[item for item in items if item not in kept])
+    items[:] = [item for item in items if item in kept]
 
 
 @pytest.hookimpl(tryfirst=True)

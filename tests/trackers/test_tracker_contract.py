@@ -78,6 +78,7 @@ def violations_of(name, known):
     return check_tracker(make, on, observations, room if known else [])
 
 
+@pytest.mark.sample(10)
 @pytest.mark.parametrize(
     ("name", "known"),
     [(name, True) for name in (*BY_CLASS.values(), *OTHER_RULES)] + [(name, False) for name in BY_CLASS.values()],

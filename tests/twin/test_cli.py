@@ -200,6 +200,7 @@ def test_an_out_that_cannot_be_written(tmp_path: Path) -> None:
     refused(twin("run", "lab-five-people", *QUICK, "--out", "/proc/none"), "/proc/none")
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_a_run_that_is_stopped_leaves_no_half_written_file(number: signal.Signals, tmp_path: Path) -> None:
     arguments = ["run", "lab-five-people", "--duration", "600", "--no-images", "--out", str(tmp_path / "out")]
@@ -221,6 +222,7 @@ def test_a_run_that_is_stopped_leaves_no_half_written_file(number: signal.Signal
         assert not list(tmp_path.rglob("*.partial"))
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("where", ["import module_with_a_stop", "exec(stop)"])
 def test_a_stop_within_an_import_or_an_exec_ends_the_command_with_its_exit_code(

@@ -28,6 +28,7 @@ def judge() -> Iterator[Judge]:
         yield judge
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("kind", MUTANTS)
 def test_bad_input_is_refused_in_a_sentence_and_does_no_harm(kind, inputs, judge, tmp_path):
     tally = judge_mutants(kind, range(MUTANTS[kind]), inputs, judge, tmp_path)

@@ -44,6 +44,7 @@ def test_a_run_with_names_beyond_ascii_is_whole_where_python_cannot_decode_them(
             path.read_text(encoding="utf-8")
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(
     "arguments",
     [

@@ -50,6 +50,7 @@ def box_geoms(model, data):
             yield data.geom_xpos[geom], model.geom_size[geom], data.geom_xmat[geom].reshape(3, 3)
 
 
+@pytest.mark.sample(1)
 def test_every_wall_is_found_and_nothing_else_is_called_one(scanned):
     room, _, environment, snapshot = scanned
     model, data = snapshot.model, snapshot.data

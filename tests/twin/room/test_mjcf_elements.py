@@ -304,6 +304,7 @@ def test_refused_elements_are_named_in_one_sentence(tmp_path: Path, element: str
     assert "\n" not in str(told.value)
 
 
+@pytest.mark.sample(20)
 @pytest.mark.parametrize("thing", [*MODELLED, *UNSEEN])
 def test_what_is_drawn_is_met_by_rays_and_in_peoples_way(tmp_path: Path, thing: str) -> None:
     inside, before = (MODELLED | UNSEEN)[thing]

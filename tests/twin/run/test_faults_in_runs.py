@@ -81,6 +81,7 @@ def observed(deliveries: list[Delivered]) -> list[Observation]:
     return [each.encoded.observation for each in deliveries]
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize(("kind", "name"), CASES)
 def test_a_fault_is_there_in_its_times_and_nowhere_else(kind: str, name: str) -> None:
     faulty, faulty_truth, faulty_background = run(kind, fault(kind, name))

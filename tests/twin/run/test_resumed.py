@@ -155,6 +155,7 @@ def suite_results(folder: Path, out: str) -> list[tuple]:
         return connection.execute(query).fetchall()
 
 
+@pytest.mark.sample(5)
 @pytest.mark.parametrize("what", EDITS)
 def test_a_suite_goes_on_as_if_begun_after_the_edit(folder: Path, what: str, monkeypatch: pytest.MonkeyPatch) -> None:
     change, part_named = EDITS[what]
@@ -184,6 +185,7 @@ def study_results(folder: Path, out: str) -> list[bytes]:
     return [(folder / out / name).read_bytes() for name in ("candidates.csv", "pareto.csv")]
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("what", ["included", "imported"])
 def test_a_study_goes_on_as_if_begun_after_the_edit(
     folder: Path, what: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -202,6 +204,7 @@ def test_a_study_goes_on_as_if_begun_after_the_edit(
     assert study_results(folder, "out") != before
 
 
+@pytest.mark.sample(1)
 def test_sigkill_at_any_time_and_resume_give_the_bits_of_an_undisturbed_study(folder: Path) -> None:
     """Killed twice at moments drawn with a seed."""
     study_run(folder, "whole")

@@ -110,6 +110,7 @@ class KilledError(Exception):
     pass
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("after", [2, 11])
 def test_a_killed_run_is_resumed_to_the_same_bits(
     whole: tuple[Path, Path, dict], after: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -136,6 +137,7 @@ def test_a_killed_run_is_resumed_to_the_same_bits(
     assert tables(tmp_path / "out") == tables(before)
 
 
+@pytest.mark.nightly
 def test_several_objectives_are_resumed_to_the_same_front(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """By NSGA-II, killed in its second generation, and gone on with by two workers."""
     changes = {"objectives": [{"kind": "metric", "metric": "hota"}, {"kind": "price"}], "devices__rig__count": [1, 2]}
@@ -161,6 +163,7 @@ def test_several_objectives_are_resumed_to_the_same_front(tmp_path: Path, monkey
         assert len(list(csv.DictReader(stream))) > 0
 
 
+@pytest.mark.nightly
 def test_two_workers_find_what_one_does(whole: tuple[Path, Path, dict], tmp_path: Path) -> None:
     path, before, _ = whole
     run(path, tmp_path / "out", jobs=2)

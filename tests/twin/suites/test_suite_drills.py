@@ -74,6 +74,7 @@ def twin(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *a
     return int(way_out.value.code or 0), capsys.readouterr().err
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("limit_s", "faults"),
     [
@@ -111,6 +112,7 @@ def test_bad_cases_are_exit_1_with_their_logs_and_every_other_result_is_there(
         assert f"failed: {case_id}: " in told
 
 
+@pytest.mark.nightly
 def test_workers_killed_at_random_cost_a_run_no_result(
     suite: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

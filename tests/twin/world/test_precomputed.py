@@ -28,6 +28,7 @@ def told(scenario: Scenario, precomputed: PrecomputedScene | None) -> tuple[list
         return [*background, *(bytes(each.encoded.data) for each in simulation.deliveries())], truth
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     ("name", "changes"),
     [
