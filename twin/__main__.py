@@ -1,6 +1,6 @@
 """Run the command `twin`, by its script and by `python -m twin`.
 
-Refused where another distribution's package `trackers` lies in the place of ours: an installer overwrites it without a word.
+Refused if another distribution's package `trackers` replaces ours, as an installer may silently do.
 """
 
 import os
@@ -11,10 +11,10 @@ _DISTRIBUTION = "roomtwin"
 
 
 def other_trackers() -> str | None:
-    """Return a sentence on a package `trackers` that is not ours; None where it is."""
+    """Describe a package `trackers` that is not ours; None for ours."""
     try:
         import trackers
-    except ImportError as error:  # what it needs itself may be missing
+    except ImportError as error:  # one of its own dependencies may be missing
         where = f"cannot be imported ({error})"
     else:
         if getattr(trackers, "DISTRIBUTION", None) == _DISTRIBUTION:
@@ -36,7 +36,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    # `-m` lets Python import from the current folder first, which the script does not: what lies there is no part of twin.
+    # `-m` imports from the current folder first, unlike the script: its modules are no part of twin.
     if not sys.flags.safe_path and sys.path[0] == os.getcwd() != str(Path(__file__).parents[1]):
         del sys.path[0]
     main()

@@ -1,4 +1,4 @@
-"""The command `twin`: its subcommands in their order, and its exit codes."""
+"""Command `twin`: its subcommands in order, and its exit codes."""
 
 from __future__ import annotations
 
@@ -82,11 +82,11 @@ app.command(
 
 
 def main() -> None:
-    """Run the command line; every way out has its exit code (see docs/concepts/results.md)."""
+    """Run the command line; every exit has its code (see docs/concepts/results.md)."""
     if (code := run_in_child()) is not None:
         sys.exit(code)
     for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):  # a terminal of another encoding shows what it lacks as escapes
+        if hasattr(stream, "reconfigure"):  # a terminal of another encoding shows missing characters as escapes
             stream.reconfigure(errors="backslashreplace")  # pyright: ignore[reportAttributeAccessIssue]
     try:
         code = _code_of_run()
@@ -94,7 +94,7 @@ def main() -> None:
         sys.stderr.flush()
     except BrokenPipeError:
         code = EXIT_CLOSED_PIPE
-        for stream in (sys.stdout, sys.stderr):  # Python would complain of it again at its end
+        for stream in (sys.stdout, sys.stderr):  # Python would report it again at exit
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
     sys.exit(code)
 
@@ -102,16 +102,16 @@ def main() -> None:
 def _code_of_run() -> int:
     from trackers.errors import InputError, PlugInError
 
-    # Small matrices everywhere: threads of BLAS would only get in the way of the work beside them.
+    # Matrices are small: threads of BLAS would only disturb the work beside them.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # Pictures are drawn through EGL here, whatever other programs of the user's draw with.
+    # Images are rendered through EGL here, whatever the user's other programs use.
     os.environ.pop("MUJOCO_GL", None)
     raise_on_signals()
     try:
         check_memory()
         _check_none_is_empty(sys.argv[1:])
         code = app(standalone_mode=False)
-        if code == EXIT_INTERRUPTED:  # typer's word for Ctrl-C
+        if code == EXIT_INTERRUPTED:  # typer's code for Ctrl-C
             sys.stderr.write("twin: interrupted; no file was left half-written under its final name\n")
         return code if isinstance(code, int) else EXIT_DONE
     except InputError as error:
@@ -121,7 +121,7 @@ def _code_of_run() -> int:
     except BrokenPipeError:
         raise
     except SystemExit as error:
-        if isinstance(error.__context__, BrokenPipeError):  # typer's way out of it
+        if isinstance(error.__context__, BrokenPipeError):  # typer's exit for it
             raise error.__context__ from None
         raise
     except Exception as error:
@@ -135,7 +135,7 @@ def _code_of_run() -> int:
 
 
 def _describe_usage_error(error: Any) -> str:
-    """Describe a usage error of click's; for an unknown command, name the valid ones."""
+    """Describe a usage error of click; for an unknown command, name the valid ones."""
     text = error.format_message()
     if not text.startswith("No such command"):
         return text
@@ -143,7 +143,7 @@ def _describe_usage_error(error: Any) -> str:
 
 
 def _describe_path_error(error: OSError) -> str | None:
-    """Describe an error of a path that cannot exist or be written; None for any other error of the system."""
+    """Describe an error of a path that cannot exist or be written; None for any other system error."""
     if error.errno in (errno.ENAMETOOLONG, errno.ELOOP):
         return f"{error.filename}: {error.strerror}; the path of a file or folder is expected"
     if error.errno not in (errno.ENOSPC, errno.EACCES, errno.EROFS, errno.EDQUOT, errno.ENOTDIR, errno.EISDIR):

@@ -20,14 +20,14 @@ _SHOWN = (
     *("mota", "motp_m", "idf1", "hota", "gospa_m", "ospa_m", "id_switches", "misidentifications", "lost_tracks"),
     *("false_positives", "misses", "ms_per_frame.mean"),
 )
-"""Metrics of the terminal's table, by their dotted place in a tracker's entry of `metrics.json`."""
+"""Metrics of the terminal's table, by their dotted path in a tracker's entry of `metrics.json`."""
 
 
 class PlainConsole(Console):
-    """Console that prints texts as they are: no markup, no control characters."""
+    """Console that prints texts literally: no markup, no control characters."""
 
     def __init__(self, *, stderr: bool = False, width_of_file: int | None = None) -> None:
-        """Make a console; `width_of_file`: width of a line where the output is no terminal (None: 80 characters)."""
+        """Make a console; `width_of_file`: line width if the output is no terminal (None: 80 characters)."""
         super().__init__(stderr=stderr, markup=False, emoji=False, highlight=False)
         if width_of_file is not None and not self.is_terminal:
             self.width = width_of_file
@@ -37,13 +37,13 @@ class PlainConsole(Console):
         return super().render_str(printable(text), **options)
 
     def on_broken_pipe(self) -> None:
-        """Raise, so that the command line decides what a closed pipe means."""
+        """Raise, so that the command line handles a closed pipe."""
         raise BrokenPipeError
 
 
 @contextmanager
 def progress() -> Iterator[OnProgress]:
-    """Show a progress bar on stderr while the block runs; give the function to report to."""
+    """Show a progress bar on stderr during the block; yield the callback to report to."""
     bar = Progress(
         TextColumn("{task.description:<28}", markup=False),
         BarColumn(),
@@ -64,7 +64,7 @@ def progress() -> Iterator[OnProgress]:
 
 
 def print_metrics(metrics: Mapping[str, Any]) -> None:
-    """Print a table of metrics, a column per tracker."""
+    """Print a table of metrics, one column per tracker."""
     trackers = metrics["trackers"]
     table = Table()
     table.add_column("")
@@ -92,7 +92,7 @@ def print_warning(warning: str) -> None:
 
 
 def print_paths(files: Mapping[str, Path]) -> None:
-    """Print where the results are, one path per line."""
+    """Print the paths of the results, one per line."""
     width = max(map(len, files), default=0)
     for name, path in files.items():
         print(printable(f"{name:{width}}  {path}"))

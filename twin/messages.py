@@ -1,4 +1,4 @@
-"""Messages to a user: functions that take progress and warnings, and text that is safe in a terminal."""
+"""Messages to users: callbacks for progress and warnings, and text that is safe in a terminal."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ OnProgress = Callable[[str, float, float], None]
 """Called with the name of a task, the amount done and the total, in the same unit."""
 
 OnWarning = Callable[[str], None]
-"""Called with each warning about a result as soon as it is known."""
+"""Called with each warning about a result as soon as known."""
 
 _UNPRINTABLE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 """Control characters but tab and newline, marks of writing direction, and bytes of names that are no UTF-8."""

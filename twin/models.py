@@ -1,4 +1,4 @@
-"""Declarative models (rooms, scenarios, suites, studies): their folder, names and files, in a checkout and in a wheel."""
+"""Declarative models (rooms, scenarios, suites, studies): their folder, names and files, in a checkout or a wheel."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ def names(folder: str) -> list[str]:
 
 
 def find(folder: str, name: str, relative_to: Path | None = None, asked_by: str = "") -> Path:
-    """Find the file of a shipped model by its name, or of a user's own by its path (relative to `relative_to`).
+    """Find the file of a shipped model by name, or of a user's own by path (relative to `relative_to`).
 
-    `asked_by` opens the error's sentence (a file and field, say). Raises InputError listing what is shipped.
+    `asked_by`: prefix of the error, such as a file and field. Raises InputError listing the shipped models.
     """
     suffix = _SUFFIX[folder]
     shipped = MODELS / folder / f"{name}{suffix}"
@@ -62,12 +62,12 @@ def cache_folder() -> Path:
 
 
 def is_kept_room(room: str) -> bool:
-    """Tell whether a scenario's room is a drawn one from the cache."""
+    """Return whether a scenario's room is a drawn one from the cache."""
     return Path(room).parent == cache_folder() / "rooms"
 
 
 def kept_room(name: str, mjcf: str) -> str:
-    """Keep a drawn room's MJCF file in the cache, under a name made from its content, and return its path."""
+    """Keep a drawn room's MJCF file in the cache, named by its content, and return its path."""
     path = cache_folder() / "rooms" / f"{name}.xml"
     partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
@@ -89,7 +89,7 @@ SENSOR_KINDS = {
     "stereo": "stereo RGB-D camera: colour and depth by matching two views, or ideal, or with noise on the disparity",
     "floor": "pressure floor: a grid of force-sensing resistors, any pitch and size, 8 bits",
 }
-"""The kinds of sensor a scenario can have, with one line on each."""
+"""Kinds of sensor of a scenario, with one line on each."""
 
 FAULTS = {
     "dropout": "any sensor: observations are lost with a probability; 1: it is silent",
@@ -101,7 +101,7 @@ FAULTS = {
     "dead_beams": "scanner: beams that report nothing",
     "dead_cells": "floor: elements, rows or columns that always read the same",
 }
-"""The kinds of fault a scenario can have, with one line on each."""
+"""Kinds of fault of a scenario, with one line on each."""
 
 
 def load_yaml(name: str) -> dict[str, Any]:
@@ -110,7 +110,7 @@ def load_yaml(name: str) -> dict[str, Any]:
 
 
 def first_description(folder: str, name: str) -> str:
-    """Read the description of a shipped scenario, suite or study, or the first sentence of a room's file, in one line."""
+    """Read the description of a shipped scenario, suite or study, or the first sentence of a room's file, as one line."""
     if folder == "rooms":
         comment = read_text(find(folder, name), "a room").partition("<!--")[2].partition("-->")[0]
         return re.split(r"(?<=\.)\s", " ".join(comment.split()), maxsplit=1)[0]

@@ -1,4 +1,4 @@
-"""Arguments and options that several commands take, as typer declares them."""
+"""Arguments and options shared by several commands, as typer declares them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import typer
 
 
 def _lift_limits(is_asked: bool) -> bool:
-    """Lift the limits of this process and its workers where --no-limits is there."""
+    """Lift the limits of this process and its workers for --no-limits."""
     from trackers.limits import lift_limits
 
     if is_asked:

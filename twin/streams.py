@@ -8,9 +8,9 @@ import numpy as np
 
 
 def stream(seed: int, kind: str, name: str) -> np.random.Generator:
-    """Make the generator of this thing in a run with this seed.
+    """Make the generator of a person, sensor or tracker in a run with this seed.
 
-    Its key is a stable hash of kind and name, so that adding a sensor or a person changes no other stream.
+    Its key is a stable hash of kind and name, so an added sensor or person changes no other stream.
     """
     digest = hashlib.sha256(f"{kind}/{name}".encode()).digest()
     key = tuple(int.from_bytes(digest[place : place + 4], "little") for place in range(0, 16, 4))

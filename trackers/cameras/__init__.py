@@ -1,4 +1,4 @@
-"""Calibrated cameras, pinhole and fisheye alike: room to pixel, pixel to ray, ellipsoid to ellipse, a person's box."""
+"""Calibrated cameras, pinhole and fisheye: room to pixel, pixel to ray, ellipsoid to ellipse, a person's box."""
 
 from trackers.cameras.ellipse import Ellipses, Ellipsoids
 from trackers.cameras.fisheye import FisheyeIntrinsics

@@ -1,10 +1,10 @@
-"""Ellipsoids, heads and bodies, as the ellipses that a camera sees of them.
+"""Ellipsoids, such as heads and bodies, as ellipses in a camera's picture.
 
-A pinhole without distortion sees an ellipsoid as an ellipse exactly: with centre m and shape S in the camera frame (its
+A pinhole without distortion sees an ellipsoid as an exact ellipse: with centre m and shape S in the camera frame (its
 surface is (x − m)ᵀ S⁻¹ (x − m) = 1) the dual of its outline's conic is C* = m mᵀ − S (Hartley and Zisserman, Multiple View
-Geometry, 8.3, with the camera [I | 0]). A lens that bends has no ellipse for an outline. What it gets here is the ellipse
-with the mean and the second moments of eight points of the outline, each projected through the lens. That is good while the lens
-bends little over the width of the ellipsoid: for a head 1 m away to 2 % of its longer semi-axis, farther off to less.
+Geometry, 8.3, with the camera [I | 0]). The outline in a distorting lens is no ellipse; it is replaced by the ellipse with
+the mean and second moments of eight projected points of the outline. That is good while the distortion varies little over
+the ellipsoid: for a head 1 m away to 2 % of its longer semi-axis, farther off better.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Ellipsoids:
 
     @classmethod
     def upright(cls, centre_m: ArrayLike, semi_axes_m: ArrayLike, yaw_rad: ArrayLike = 0.0) -> Ellipsoids:
-        """Ellipsoids at these centres (n, 3) of semi-axes (3,) or (n, 3): ahead, to the left, up; turned by yaw (n,).
+        """Return ellipsoids at centres (n, 3) of semi-axes (3,) or (n, 3): ahead, to the left, up; turned by yaw (n,).
 
         Yaw is about the vertical, counter-clockwise from the room's x axis.
         """
@@ -55,7 +55,7 @@ class Ellipsoids:
 class Ellipses:
     """Ellipses by their centres [px] and shapes [px²]: (q − centre)ᵀ shape⁻¹ (q − centre) = 1.
 
-    NaN where the camera sees no ellipse: it is in the ellipsoid or too near to it, or has not all of it ahead.
+    NaN where the camera sees no ellipse: inside the ellipsoid, too near, or partly behind.
     """
 
     centre: Float[Array, "n 2"]
@@ -66,9 +66,9 @@ class Ellipses:
         return len(self.centre)
 
     def points(self, of_unit_disc: Float[Array, "m 2"]) -> Float[Array, "n m 2"]:
-        """Map points of the unit disc into each ellipse [px]; its rim on the outline.
+        """Map points of the unit disc into each ellipse [px]; its rim onto the outline.
 
-        The disc's y axis runs down the picture: points keep their order and spread evenly if they did in the disc.
+        The disc's y axis runs down the picture. The map keeps the order of points and their even spread.
         """
         (xx, xy), (_, yy) = np.moveaxis(self.shape, 0, -1)
         across = np.sqrt(xx)  # Cholesky, written out: a batch of 2 × 2
@@ -80,11 +80,11 @@ class Ellipses:
         return np.stack([u, v], axis=-1)
 
     def outline(self, count: int = 32) -> Float[Array, "n {count} 2"]:
-        """Points around each [px]."""
+        """Return points around each ellipse [px]."""
         return self.points(_circle(count))
 
     def half_size(self) -> Float[Array, "n 2"]:
-        """Half the width and height of each one's upright box [px]."""
+        """Return half the width and height of each upright bounding box [px]."""
         return np.sqrt(np.diagonal(self.shape, axis1=1, axis2=2))
 
     def semi_axes(self) -> Float[Array, "n 2"]:
@@ -95,9 +95,9 @@ class Ellipses:
 
 
 def outline_ellipses(intrinsics: Intrinsics, solids: Ellipsoids) -> Ellipses:
-    """Project ellipsoids in a camera's own frame, one ellipse each (see the module for how exact)."""
+    """Project ellipsoids in a camera's own frame, one ellipse each (accuracy: see the module)."""
     if not isinstance(intrinsics, PinholeIntrinsics):
-        towards = _looking_at(solids.centre)  # a fisheye has no plane that all it sees lies before
+        towards = _looking_at(solids.centre)  # a fisheye's view does not lie before one plane
         turned = Ellipsoids(
             np.einsum("nij,nj->ni", towards, solids.centre), towards @ solids.shape @ np.swapaxes(towards, 1, 2)
         )
@@ -121,7 +121,7 @@ def _on_plane(solids: Ellipsoids) -> Ellipses:
 
 
 def _fitted(intrinsics: Intrinsics, ideal: Ellipses, towards: Float[Array, "n 3 3"] | None) -> Ellipses:
-    """Ellipses with the mean and second moments of projected points; of the plane z = 1, turned `towards`."""
+    """Return ellipses with the mean and second moments of projected points; of the plane z = 1, turned `towards`."""
     on_plane = ideal.outline(_ON_OUTLINE)
     directions = np.concatenate([on_plane, np.ones((*on_plane.shape[:2], 1))], axis=-1)
     if towards is not None:
@@ -133,9 +133,9 @@ def _fitted(intrinsics: Intrinsics, ideal: Ellipses, towards: Float[Array, "n 3 
 
 
 def _looking_at(places: Float[Array, "n 3"]) -> Float[Array, "n 3 3"]:
-    """Rotations that take the frame to one whose z axis points at each place."""
+    """Return rotations to frames whose z axis points at each place."""
     ahead = places / np.linalg.norm(places, axis=1, keepdims=True)
-    # across to whichever axis is farther off
+    # perpendicular to the axis that is farther off
     off_axis = np.where(np.abs(ahead[:, 1:2]) < 0.7, (0.0, 1.0, 0.0), (1.0, 0.0, 0.0))
     right = np.cross(off_axis, ahead)
     right /= np.linalg.norm(right, axis=1, keepdims=True)
@@ -143,6 +143,6 @@ def _looking_at(places: Float[Array, "n 3"]) -> Float[Array, "n 3 3"]:
 
 
 def _circle(count: int) -> Float[Array, "{count} 2"]:
-    """Points around the unit circle."""
+    """Return points around the unit circle."""
     angle = 2 * np.pi * np.arange(count) / count
     return np.stack([np.cos(angle), np.sin(angle)], axis=-1)

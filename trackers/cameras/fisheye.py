@@ -1,4 +1,4 @@
-"""The fisheye camera (Kannala–Brandt): from points to pixels and back."""
+"""Fisheye camera (Kannala–Brandt): from points to pixels and back."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _NEWTON_STEPS = 3
 
 _TURN_RAD = 2 * np.pi
 _ROUNDED_RAD = 1e-3
-"""A full turn as people write it, 6.283 or 6.2832, is this near to one."""
+"""Rounding of a full turn as people write it, 6.283 or 6.2832."""
 
 
 def _at_most_a_turn(angle_rad: float) -> float:
@@ -33,8 +33,8 @@ def _at_most_a_turn(angle_rad: float) -> float:
 class FisheyeIntrinsics(Intrinsics):
     """Kannala–Brandt fisheye: r(θ) = θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸), u = fx r cos φ + cx, v = fy r sin φ + cy.
 
-    θ is the angle from the optical axis; with all k = 0 the lens is equidistant. `field_of_view_rad` is the full angle over
-    which the lens forms an image (outside it pixels are black). This is OpenCV's `fisheye` and ROS's `equidistant` model.
+    θ is the angle from the optical axis; with all k = 0 the lens is equidistant. `field_of_view_rad` is the full angle of
+    the lens's image, outside of which pixels are black. This is OpenCV's `fisheye` and ROS's `equidistant` model.
     """
 
     k: tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat] = Field(
@@ -52,11 +52,11 @@ class FisheyeIntrinsics(Intrinsics):
 
     @property
     def fold_angle_rad(self) -> float:
-        """The angle from the axis at which r(θ) stops growing [rad]; inf: never."""
+        """Angle from the axis at which r(θ) stops growing [rad]; inf: never."""
         return first_turn(self.radius_of_angle)
 
     def check_view(self) -> None:
-        """Raise InputError where r(θ) stops growing inside the field of view, or none of its light falls on the picture."""
+        """Raise InputError where r(θ) stops growing inside the field of view, or no light falls on the picture."""
         if self.fold_angle_rad <= self.field_of_view_rad / 2:
             fold_deg = float(np.rad2deg(self.fold_angle_rad))
             raise InputError(
@@ -71,9 +71,9 @@ class FisheyeIntrinsics(Intrinsics):
             )
 
     def project(self, points: Float[Array, "*n 3"]) -> tuple[Float[Array, "*n 2"], Bool[Mask, "*n"]]:
-        """Pixel coordinates of points [m] in the camera frame, and whether the picture shows each.
+        """Return pixel coordinates of points [m] in the camera frame, and whether the picture shows each.
 
-        It shows what lies in the field of view, within the picture's edges.
+        It shows points in the field of view and within the picture's edges.
         """
         x, y, z = points[..., 0], points[..., 1], points[..., 2]
         rho = np.hypot(x, y)
@@ -86,9 +86,9 @@ class FisheyeIntrinsics(Intrinsics):
         return pixels, np.asarray((theta <= self.field_of_view_rad / 2) & self.contains(pixels))
 
     def angle_of_radius(self, radius: Float[ArrayOrNumber, "*n"]) -> Float[Array, "*n"]:
-        """Angle from the optical axis [rad] at which r(θ) takes each value; NaN outside the field of view.
+        """Return the angle from the optical axis [rad] at which r(θ) takes each value; NaN outside the field of view.
 
-        Needs a lens whose r(θ) grows over all its field of view.
+        Needs a lens whose r(θ) grows over its whole field of view.
         """
         r_of_theta = self.radius_of_angle
         slope = r_of_theta.deriv()
@@ -97,7 +97,7 @@ class FisheyeIntrinsics(Intrinsics):
         inside = radius <= at_grid[-1]
         wanted = np.where(inside, radius, at_grid[-1])
         theta = np.interp(wanted, at_grid, grid)
-        for _ in range(_NEWTON_STEPS):  # Newton's method, begun within 4e-4 rad
+        for _ in range(_NEWTON_STEPS):  # Newton's method, from a start within 4e-4 rad
             theta = theta - (r_of_theta(theta) - wanted) / slope(theta)
         return np.where(inside, theta, np.nan)
 

@@ -1,4 +1,4 @@
-"""Base of every calibrated camera: a picture with edges, a way from points to pixels, and one back to rays."""
+"""Base of calibrated cameras: picture size, projection of points to pixels, and of pixels to rays."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from trackers.arrays import Array, Mask
 from trackers.configuration import Strict
 
 LARGEST_SIDE_PX = 8192
-"""A picture is no wider and no higher."""
+"""Greatest width and height of a picture."""
 _NOTHING = 1e-15
-"""A leading coefficient this small bends no picture, and its roots are too large for a float."""
+"""Leading coefficient that is negligible, and whose roots would overflow a float."""
 
 
 class Intrinsics(Strict):
-    """A picture's size [px], and the focal lengths and principal point [px] of the lens that makes it.
+    """Picture size [px], focal lengths and principal point [px] of a camera.
 
-    The camera frame is the optical one: x right, y down, z ahead. Pixel centres are integers: the picture covers u from
-    −½ to width − ½ and v from −½ to height − ½. `project` and `rays` mean the same for every kind of lens.
+    The camera frame is the optical one: x right, y down, z ahead. Pixel centres are integers: the picture covers u from −½
+    to width − ½ and v from −½ to height − ½. `project` and `rays` have the same meaning for every lens.
     """
 
     width: PositiveInt = Field(le=LARGEST_SIDE_PX, description="width of the picture [px]")
@@ -34,10 +34,10 @@ class Intrinsics(Strict):
 
     @abstractmethod
     def project(self, points: Float[Array, "*n 3"]) -> tuple[Float[Array, "*n 2"], Bool[Mask, "*n"]]:
-        """Pixel coordinates of points [m] in the camera frame, and whether the picture shows each.
+        """Return pixel coordinates of points [m] in the camera frame, and whether the picture shows each.
 
-        It shows a point whose light the lens takes, within the picture's edges. Pixels of other points are where the
-        lens's formula puts them, NaN where it has no place for them: behind a pinhole.
+        It shows points in the lens's field and within the picture's edges. Pixels of other points follow the lens's formula,
+        NaN where it has none: behind a pinhole.
         """
 
     @abstractmethod
@@ -49,7 +49,7 @@ class Intrinsics(Strict):
 
     @abstractmethod
     def check_view(self) -> None:
-        """Raise InputError for a lens that cannot have made its picture: folded back inside it, or without light in it."""
+        """Raise InputError for an impossible lens: folded inside the picture, or without light in it."""
 
     @property
     def matrix(self) -> Float[Array, "3 3"]:
@@ -57,7 +57,7 @@ class Intrinsics(Strict):
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
     def contains(self, pixels: Float[Array, "*n 2"]) -> Bool[Mask, "*n"]:
-        """Mark pixel coordinates within the picture's edges; NaN is not."""
+        """Return a mask of pixel coordinates within the picture's edges; False for NaN."""
         u, v = pixels[..., 0], pixels[..., 1]
         return np.asarray((u >= -0.5) & (u < self.width - 0.5) & (v >= -0.5) & (v < self.height - 0.5))
 
@@ -72,7 +72,7 @@ class Intrinsics(Strict):
 
 
 def first_turn(growth: Polynomial) -> float:
-    """Find where above 0 a polynomial first stops growing; inf: nowhere. Beyond it a lens folds its picture back."""
+    """Return where above 0 a polynomial first stops growing; inf: nowhere. Beyond it a lens folds its picture."""
     roots = growth.deriv().trim(_NOTHING).roots()
     turns = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0)]
     return float(turns.min()) if turns.size else np.inf

@@ -1,4 +1,4 @@
-"""The pinhole camera with Brown–Conrady distortion: from points to pixels and back."""
+"""Pinhole camera with Brown–Conrady distortion: from points to pixels and back."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from trackers.cameras.intrinsics import Intrinsics, first_turn
 from trackers.errors import InputError
 
 MAX_TANGENT = 8.0
-"""The farthest a pinhole's picture may reach from its axis (tangent of the angle): 166° across."""
+"""Greatest tangent of the angle from the axis in a pinhole's picture: 166° across."""
 _NEWTON_STEPS = 30
 _CONVERGED = 1e-9
-"""Distance [tangent of the angle] from its pixel up to which a direction counts as found."""
+"""Residual [tangent of the angle] of a converged direction."""
 
 
 _LENGTHS = (0, 4, 5, 8, 12, 14)
-"""Number of coefficients that OpenCV and ROS write; those from the sixth on are of the rational, thin-prism and tilted models."""
+"""Numbers of coefficients in OpenCV and ROS; those from the sixth on are of the rational, thin-prism and tilted models."""
 
 
 def _plumb_bob(values: Any) -> Any:
-    """Return coefficients of any of OpenCV's lengths as five; zeros beyond them bend nothing."""
+    """Return coefficients of any of OpenCV's lengths as five; further zeros have no effect."""
     if not isinstance(values, Sequence) or isinstance(values, str):
         return values
     if len(values) not in _LENGTHS:
@@ -41,7 +41,7 @@ def _plumb_bob(values: Any) -> Any:
 
 
 class PinholeIntrinsics(Intrinsics):
-    """A pinhole camera: u = fx x″ + cx, v = fy y″ + cy, of the direction (x, y, 1) bent by the lens to (x″, y″).
+    """Pinhole camera: u = fx x″ + cx, v = fy y″ + cy, of the direction (x, y, 1) distorted to (x″, y″).
 
     With r² = x² + y² and d = 1 + k1 r² + k2 r⁴ + k3 r⁶: x″ = x d + 2 p1 x y + p2 (r² + 2 x²), y″ = y d + p1 (r² + 2 y²) + 2
     p2 x y (Brown 1966, Conrady 1919). `distortion` is (k1, k2, p1, p2, k3), the order of OpenCV and of ROS's `plumb_bob`.
@@ -56,16 +56,16 @@ class PinholeIntrinsics(Intrinsics):
 
     @property
     def is_distorted(self) -> bool:
-        """True where the lens bends rays."""
+        """True for a lens with distortion."""
         return any(self.distortion)
 
     @property
     def fold_radius(self) -> float:
-        """The tangent of the angle from the axis at which the radial polynomial stops growing; inf: never."""
+        """Tangent of the angle from the axis at which the radial polynomial stops growing; inf: never."""
         return _fold_radius(self.distortion)
 
     def check_view(self) -> None:
-        """Raise InputError where the lens folds back inside the picture, or the picture reaches too far from the axis."""
+        """Raise InputError where the lens folds inside the picture, or the picture reaches too far from the axis."""
         reach = np.abs(self.edge_tangents())
         if reach.max() > MAX_TANGENT:
             raise InputError(
@@ -74,7 +74,7 @@ class PinholeIntrinsics(Intrinsics):
             )
 
     def edge_tangents(self) -> Float[Array, "260 2"]:
-        """Return the tangents x/z, y/z that the picture's edge sees; raises InputError where the lens folds back inside."""
+        """Return the tangents x/z, y/z at the picture's edge; raises InputError where the lens folds inside."""
         columns, rows = np.linspace(-0.5, self.width - 0.5, 65), np.linspace(-0.5, self.height - 0.5, 65)
         edge = np.concatenate(
             [
@@ -91,10 +91,9 @@ class PinholeIntrinsics(Intrinsics):
         return tangents
 
     def project(self, points: Float[Array, "*n 3"]) -> tuple[Float[Array, "*n 2"], Bool[Mask, "*n"]]:
-        """Pixel coordinates of points [m] in the camera frame, and whether the picture shows each.
+        """Return pixel coordinates of points [m] in the camera frame, and whether the picture shows each.
 
-        It shows what lies ahead, before the lens folds back, within the picture's edges. Pixels of points that do not
-        lie ahead are NaN.
+        It shows points ahead, before the lens folds, within the picture's edges. Pixels of points not ahead are NaN.
         """
         z = points[..., 2]
         ahead = z > 0
@@ -108,9 +107,9 @@ class PinholeIntrinsics(Intrinsics):
         return pixels, np.asarray(seen)
 
     def unproject(self, pixels: Float[Array, "*n 2"]) -> Float[Array, "*n 3"]:
-        """Directions with z = 1 that pixel coordinates see, in the camera frame; times z: points.
+        """Return directions with z = 1 of pixel coordinates, in the camera frame; times z: points.
 
-        NaN where the lens sends no light to a place.
+        NaN where the lens sends no light.
         """
         bent_x = (pixels[..., 0] - self.cx) / self.fx
         bent_y = (pixels[..., 1] - self.cy) / self.fy
@@ -164,12 +163,12 @@ class PinholeIntrinsics(Intrinsics):
 
 @lru_cache(maxsize=64)
 def _fold_radius(distortion: tuple[float, float, float, float, float]) -> float:
-    """Find where the radial polynomial stops growing; asked for at every projection, and slow to find."""
+    """Return where the radial polynomial stops growing; cached, since every projection needs it."""
     k1, k2, _, _, k3 = distortion
     return first_turn(Polynomial([0, 1, 0, k1, 0, k2, 0, k3]))
 
 
 def _kept_within(x: ArrayOrNumber, y: ArrayOrNumber, radius: float) -> tuple[ArrayOrNumber, ArrayOrNumber]:
-    """Places, those beyond this radius pulled back onto it: behind the fold Newton's method would find another root."""
+    """Pull places beyond this radius back onto it: behind the fold Newton's method would find another root."""
     scale = np.minimum(1.0, radius / np.maximum(np.hypot(x, y), 1e-300))
     return x * scale, y * scale

@@ -1,4 +1,4 @@
-"""A camera in its place: from the room to its pictures and back. What trackers use of a camera."""
+"""Camera at its pose: from the room to its pictures and back, as trackers use it."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ _ROUND_A_PERSON = 8
 
 
 class PlacedCamera:
-    """A pinhole or fisheye camera and its pose in the room: `room_from_camera` takes its optical frame to the room's.
+    """Pinhole or fisheye camera and its pose in the room: `room_from_camera` takes its optical frame to the room's.
 
-    Places and directions are in the room frame [m]. Rays of the pixels are worked out when first asked for, and kept.
+    Positions and directions are in the room frame [m]. Rays of the pixels are computed on first use and kept.
     """
 
     def __init__(self, intrinsics: Intrinsics, room_from_camera: Pose) -> None:
@@ -30,23 +30,23 @@ class PlacedCamera:
         self.eye_m: Float[Array, "3"] = room_from_camera.translation
 
     def project(self, points_m: Float[Array, "*n 3"]) -> tuple[Float[Array, "*n 2"], Bool[Mask, "*n"]]:
-        """Pixel coordinates of points [m], and whether the picture shows each.
+        """Return pixel coordinates of points [m], and whether the picture shows each, ignoring occlusion.
 
-        See `Intrinsics.project`. That nothing stands before a point is not looked at.
+        See `Intrinsics.project`.
         """
         return self.intrinsics.project((points_m - self.eye_m) @ self.rotation)
 
     def rays(self, pixels: Float[Array, "*n 2"]) -> Float[Array, "*n 3"]:
-        """Back-project pixel coordinates to unit vectors in the room frame; NaN where there is no light."""
+        """Back-project pixel coordinates to unit vectors in the room frame; NaN without light."""
         return self.intrinsics.rays(pixels) @ self.rotation.T
 
     @cached_property
     def pixel_rays(self) -> Float[Array, "height width 3"]:
-        """The unit vectors from the eye that the pixels' centres see; NaN where there is no light."""
+        """Unit vectors from the eye through the pixels' centres; NaN without light."""
         return _kept(self.intrinsics.pixel_rays() @ self.rotation.T)
 
     def points(self, depth_m: Float[Floats, "height width"]) -> Float[Array, "height width 3"]:
-        """Back-project a depth picture to a point [m] per pixel; NaN where the picture is 0.
+        """Back-project a depth picture to one point [m] per pixel; NaN for depth 0.
 
         Depth is along the optical axis. Raises TypeError for a camera that is no pinhole, ValueError for a picture of
         another size.
@@ -63,18 +63,18 @@ class PlacedCamera:
 
     @cached_property
     def _depth_rays(self) -> Float[Array, "3 height width"]:
-        """Points that pixels see in a depth of 1 m, from the eye: numpy is fastest along long rows."""
+        """Points of the pixels at a depth of 1 m, from the eye: numpy is fastest along long rows."""
         if not isinstance(self.intrinsics, PinholeIntrinsics):
             raise TypeError(f"{type(self.intrinsics).__name__}: depth along an axis is for pinhole cameras")
         return _kept(np.moveaxis(self.intrinsics.directions() @ self.rotation.T, -1, 0))
 
     def ellipses(self, solids: Ellipsoids) -> tuple[Ellipses, Bool[Mask, "n"]]:
-        """Project ellipsoids: an ellipse each, and whether its centre lies in the picture."""
+        """Project ellipsoids to ellipses; return also whether each centre lies in the picture."""
         ellipses = outline_ellipses(self.intrinsics, solids.seen_from(self.eye_m, self.rotation))
         return ellipses, self.project(solids.centre)[1] & self.intrinsics.contains(ellipses.centre)
 
     def body_axes(self, places_m: ArrayLike, heights_m: ArrayLike) -> tuple[Float[Array, "n k 2"], Bool[Mask, "n k"]]:
-        """Pixels of the axes of upright bodies at places (n, 2) [m], at heights (k,) or (n, k) above the floor.
+        """Return pixels of the axes of upright bodies at positions (n, 2) [m], at heights (k,) or (n, k) above the floor.
 
         And whether the picture shows each.
         """
@@ -87,10 +87,10 @@ class PlacedCamera:
     def person_boxes(
         self, places_m: ArrayLike, height_m: ArrayLike, width_m: float
     ) -> tuple[Float[Array, "n 4"], Bool[Mask, "n"]]:
-        """Boxes left, top, right, bottom [px] of upright persons, and whether the picture shows some of each.
+        """Return boxes left, top, right, bottom [px] of upright persons, and whether the picture shows part of each.
 
-        A person is a cylinder over the place (n, 2) [m], of this height, one for all or (n,), and width. Boxes go on
-        beyond the picture's edges; they are NaN for who is not wholly ahead of a pinhole.
+        A person is a cylinder over the position (n, 2) [m], of this height, one for all or (n,), and width. Boxes extend
+        beyond the picture's edges; they are NaN for a person not wholly ahead of a pinhole.
         """
         places = np.asarray(places_m, dtype=float)
         turn = 2 * np.pi * np.arange(_ROUND_A_PERSON) / _ROUND_A_PERSON
@@ -103,7 +103,7 @@ class PlacedCamera:
 
 
 class CameraGroup:
-    """Several cameras, to which places are projected at once: those without a lens that bends by one product of matrices."""
+    """Several cameras, to which points are projected at once: undistorted ones by one matrix product."""
 
     def __init__(self, cameras: Sequence[PlacedCamera]) -> None:
         self.cameras = tuple(cameras)
@@ -123,7 +123,7 @@ class CameraGroup:
         )
 
     def project(self, points_m: Float[Floats, "*#c 3 k"]) -> tuple[Float[Array, "c 2 k"], Bool[Mask, "c k"]]:
-        """Pixels u, v of points [m], the same or each camera's own, and whether its picture shows each.
+        """Return pixels u, v of points [m], common or per camera, and whether the picture shows each.
 
         See `PlacedCamera.project`.
         """
@@ -141,7 +141,7 @@ class CameraGroup:
 
 
 def _kept(array: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """Return a contiguous copy that cannot be changed."""
+    """Return a contiguous read-only copy."""
     array = np.ascontiguousarray(array)
     array.setflags(write=False)
     return array

@@ -1,1 +1,1 @@
-"""Vision: what pictures show of people before any tracking: foreground, windows, colours, outlines of heads, detections."""
+"""Vision before tracking: foreground, windows, colours, outlines of heads, detections."""

@@ -1,7 +1,7 @@
-"""Calibration monitor: a camera that shows heads elsewhere than all cameras together have them hangs elsewhere (ours).
+"""Calibration monitor: detects a camera whose heads are consistently displaced from the estimates of all cameras (ours).
 
-Each camera's silhouette is searched for the top nearest to the estimate of a head. Its offset from the projected crown is
-remembered, and the median counts. Errors of an estimate change as people move and cancel out; those of a camera's pose stay.
+Each camera's silhouette is searched for the top nearest to an estimated head. The median of its offsets from the projected
+crown counts. Errors of estimates change as people move and cancel; those of a camera's pose remain.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from trackers.arrays import Array, Mask
 from trackers.cameras.placed import PlacedCamera
 
 _REMEMBERED = 160
-"""Looks of a camera whose median counts: furniture, or a person who bends, is beside a head for a while."""
+"""Number of offsets per camera in the median: furniture, or a bent person, may be beside a head for a while."""
 _EVERY = 4
-"""So many looks apart the median is worked out."""
+"""Number of offsets between two medians."""
 _TOP_M = 0.12
-"""Height of a silhouette, from its top down, whose middle counts: a head."""
+"""Height of the head at the top of a silhouette, whose middle counts."""
 
 
 class CalibrationMonitor:
-    """off: median offset at which each camera shows heads, to the right and down, in the unit of the offsets handed in.
+    """Median offset `off` of each camera's heads, to the right and down, in the unit of the offsets given.
 
-    off_from: a camera of a larger median hangs elsewhere. fewest: looks of a camera that a warning takes.
+    off_from: greatest median of a correct camera. fewest: offsets needed for a warning.
     """
 
     def __init__(self, n_camera: int, off_from: float, fewest: int) -> None:
@@ -34,12 +34,12 @@ class CalibrationMonitor:
 
     @property
     def doubted(self) -> list[int]:
-        """The camera that is farthest off, if that is too far: it draws the estimates, and so the others seem off as well."""
+        """Camera with the largest median offset, if too large: it draws the estimates, so the others seem off as well."""
         off = np.linalg.norm(self.off, axis=1)
         return np.flatnonzero((off > self._off_from) & (off == off.max(initial=0.0))).tolist()
 
     def take(self, number: int, off: Float[Array, "2"]) -> None:
-        """Remember the offset at which a camera shows a head."""
+        """Add the offset of a head in a camera."""
         self._looks[number, self._n_look[number] % _REMEMBERED] = off
         count = self._n_look[number] = self._n_look[number] + 1
         if count >= self._fewest and (count - self._fewest) % _EVERY == 0:
@@ -53,12 +53,12 @@ def silhouette_offsets(
     reach_px: Float[Array, "n"],
     apart_px: Float[Array, "n"],
 ) -> Float[Array, "n 2"]:
-    """Return the offsets of the tops of silhouettes from projected crowns, to the right and down [px]; NaN where there is none.
+    """Return the offsets of the tops of silhouettes from projected crowns, to the right and down [px]; NaN without one.
 
-    reach_px: each crown's silhouette is searched for so far about it. Heads with another within `apart_px` have none.
+    reach_px: search radius about each crown. Heads with another within `apart_px` have none.
     """
     pixels, seen = camera.project(crowns_m)
-    near = (np.abs(pixels[:, None] - pixels).max(axis=2) < apart_px[:, None]).sum(axis=1) > 1  # than themselves
+    near = (np.abs(pixels[:, None] - pixels).max(axis=2) < apart_px[:, None]).sum(axis=1) > 1  # besides themselves
     top_px = _TOP_M * camera.intrinsics.fx / np.linalg.norm(crowns_m - camera.eye_m, axis=1)
     found = np.full((len(crowns_m), 2), np.nan)
     for row in np.flatnonzero(seen & ~near):  # at most a few people
@@ -73,8 +73,8 @@ def _silhouette_top(
 ) -> Float[Array, "2"] | None:
     """Return the offset of the top of the silhouette nearest to a crown, to the right and down [px].
 
-    reach_px: so far about the crown it is searched for. head_px: so much of the silhouette, from its top down, is the head
-    whose middle counts. None: there is none, or it goes on above.
+    reach_px: search radius. head_px: height of the head, whose middle counts. None: no silhouette, or one that continues
+    above.
     """
     left, top = (round(each) - reach_px for each in crown_px.tolist())
     if left < 0 or top < 0:

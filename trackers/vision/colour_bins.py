@@ -1,7 +1,7 @@
-"""Colours of pixels in HSV, their histogram bins, and histograms of many windows gathered from the bins.
+"""Colours of pixels in HSV, their histogram bins, and histograms of many windows from one binned picture.
 
-The histogram of a window counts the bins of its pixels. A picture is therefore binned once; each of hundreds of windows (one per
-particle of a filter, for example) then costs a look-up and a count, independent of the number of bins.
+A picture is binned once; each of hundreds of windows (one per particle of a filter, for example) then costs a look-up and a
+count, independent of the number of bins.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from trackers.configuration import Strict
 
 FULL = 255
 HALF_TURNS = 180
-"""Hue counts in steps of two degrees."""
+"""Number of hue steps, of two degrees."""
 
 
 class Hsv(NamedTuple):
@@ -34,9 +34,9 @@ class Hsv(NamedTuple):
 
 
 def hsv_of(rgb: UInt8[Bytes, "height width 3"]) -> Hsv:
-    """Those of a picture of red, green and blue."""
+    """Convert a picture of red, green and blue."""
     hue, saturation, value = (np.empty(rgb.shape[:2], np.uint8) for _ in Hsv._fields)
-    # into memory at hand: what OpenCV hands out itself takes several times as long
+    # into preallocated memory: OpenCV's own allocation takes several times as long
     cv2.split(cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV), [hue, saturation, value])
     return Hsv(hue, saturation, value)
 
@@ -47,7 +47,7 @@ Weights = NDArray[np.floating]
 
 @dataclass(frozen=True, eq=False)
 class BinnedSamples:
-    """The bins of k sets of n pixels, `size` where a pixel counts in none, and how much it counts there (None: 1 each).
+    """Bins of k sets of n pixels, `size` for uncounted ones, and their weights (None: 1 each).
 
     With several planes a pixel counts in several bins.
     """
@@ -57,14 +57,14 @@ class BinnedSamples:
     size: int
 
     def histograms(self, inside: Bool[Mask, "k n"] | None = None) -> Float[Array, "k {self.size}"]:
-        """Count each set in each bin; only the pixels `inside` where given."""
+        """Count each set in each bin; only the pixels `inside` if given."""
         return self.counts(inside)[:, : self.size].astype(float)
 
     def counts(self, inside: Bool[Mask, "k n"] | None = None) -> Shaped[AnyArray, "k padded"]:
-        """Count as `histograms` does, with a last column for what falls in no bin."""
+        """Count as `histograms`, with a last column for uncounted pixels."""
         k = self.number.shape[1]
         number = self.number if inside is None else np.where(inside, self.number, self.size)
-        row = (self.size + 1) * np.arange(k)[:, None]  # one bin more, for what counts in none
+        row = (self.size + 1) * np.arange(k)[:, None]  # one more bin, for uncounted pixels
         weight = None if self.weight is None else self.weight.ravel()
         counts = np.bincount(np.add(number, row, dtype=np.intp).ravel(), weight, k * (self.size + 1))
         return counts.reshape(k, self.size + 1)
@@ -72,14 +72,14 @@ class BinnedSamples:
 
 @dataclass(frozen=True, eq=False)
 class BinnedPicture:
-    """The bin of each pixel, `size` where it counts in none, and how much it counts there (None: 1 each)."""
+    """Bin of each pixel, `size` if uncounted, and its weight (None: 1 each)."""
 
     number: Integer[Bins, "planes height width"]
     weight: Float[Weights, "planes height width"] | None
     size: int
 
     def where(self, mask: Bool[Mask, "height width"]) -> BinnedPicture:
-        """Restrict the count to the pixels of a mask, a person's foreground for example."""
+        """Restrict the count to the pixels of a mask, such as a person's foreground."""
         return BinnedPicture(np.where(mask, self.number, self.number.dtype.type(self.size)), self.weight, self.size)
 
     def at(self, pixels: Float[Array, "k *n 2"]) -> BinnedSamples:
@@ -91,8 +91,8 @@ class BinnedPicture:
     def windows(self, centres: ArrayLike, sizes: ArrayLike, samples: tuple[int, int]) -> BinnedSamples:
         """Sample k upright windows around centres (k, 2) [px], of widths and heights (2,) or (k, 2) [px].
 
-        `samples` (columns, rows) are taken of each, evenly: as many as the window has pixels, or fewer. What lies outside the
-        picture counts in none, and nothing of a window whose centre is NaN does.
+        `samples`: evenly spaced columns and rows, at most the window's pixels. Pixels outside the picture, and windows with
+        a NaN centre, count in no bin.
         """
         centres, sizes = np.asarray(centres, dtype=float), np.asarray(sizes, dtype=float)
         across, down = (_middles(count)[:, None] for count in samples)
@@ -104,7 +104,7 @@ class BinnedPicture:
         return BinnedSamples(np.ascontiguousarray(found.number.swapaxes(1, 2)), weight, self.size)
 
     def _within(self, coordinates: Float[Array, "k n"], axis: int) -> Int[Index, "k n"]:
-        """Return the index in the bordered picture of the pixel at each coordinate; the border's beyond the edges."""
+        """Return the index in the bordered picture of the pixel at each coordinate; that of the border beyond the edges."""
         place = coordinates + 1.5  # pixel i covers [i − ½, i + ½), and the border comes first
         np.floor(place, out=place)
         np.fmax(place, 0.0, out=place)  # the border for NaN
@@ -113,22 +113,22 @@ class BinnedPicture:
 
     def _gathered(self, index: Int[Index, "k n"]) -> BinnedSamples:
         number, weight = self._bordered
-        taken = number.take(index, axis=1, mode="clip")  # nothing to clip, but numpy does not look twice
+        taken = number.take(index, axis=1, mode="clip")  # nothing to clip, but it spares numpy's check
         return BinnedSamples(taken, None if weight is None else weight.take(index, axis=1, mode="clip"), self.size)
 
     @cached_property
     def _bordered(self) -> tuple[Integer[Bins, "planes size"], Float[Weights, "planes size"] | None]:
-        """Bins and weights with a border of one pixel that counts in none, size (height + 2) (width + 2)."""
+        """Bins and weights with an uncounted border of one pixel, size (height + 2) (width + 2)."""
         number = _with_border(self.number, self.size)
         return number, None if self.weight is None else _with_border(self.weight, 0)
 
 
 class HueSaturationValueBins(Strict):
-    """Bins of hue and saturation for pixels that have a colour, and of value alone for the rest.
+    """Bins of hue and saturation for coloured pixels, and of value alone for the rest.
 
     The defaults are the 110 bins of Pérez et al. (Color-based probabilistic tracking, ECCV 2002): 10 × 10 for pixels more
-    saturated than 0.1 and lighter than 0.07, 10 of value. `value=0` leaves the rest out: hue and saturation alone, for the
-    colour of skin. Worked out on OpenCV's 8-bit HSV.
+    saturated than 0.1 and lighter than 0.07, 10 of value. `value=0` omits the rest: hue and saturation alone, for skin.
+    Computed on OpenCV's 8-bit HSV.
     """
 
     hue: PositiveInt = Field(default=10, le=HALF_TURNS, description="bins of hue")
@@ -149,7 +149,7 @@ class HueSaturationValueBins(Strict):
         return self.binned(hsv_of(rgb))
 
     def binned(self, hsv: Hsv, mask: Bool[Mask, "height width"] | None = None) -> BinnedPicture:
-        """Bin a picture, or only the pixels of a mask, at a cost in proportion to their number."""
+        """Bin a picture, or only the pixels of a mask, at a cost proportional to their number."""
         if mask is None:
             return BinnedPicture(self._numbers(hsv)[None], None, self.size)
         there = np.flatnonzero(mask)
@@ -174,7 +174,7 @@ def _middles(count: int) -> Float[Array, "{count}"]:
 
 
 def _with_border(planes: NDArray[Any], border: float) -> NDArray[Any]:
-    """Planes with a border of one pixel, each in one row; what `np.pad` does, at once."""
+    """Add a border of one pixel to planes, each flattened to a row; a fast `np.pad`."""
     count, height, width = planes.shape
     bordered = np.full((count, height + 2, width + 2), border, planes.dtype)
     bordered[:, 1:-1, 1:-1] = planes
@@ -183,7 +183,7 @@ def _with_border(planes: NDArray[Any], border: float) -> NDArray[Any]:
 
 @lru_cache
 def _bin_tables(hues: int, saturations: int, values: int) -> tuple[NDArray[np.integer], ...]:
-    """Return what each 8-bit hue, saturation, and value of pixels without colour adds to the number of a bin."""
+    """Return the contributions of each 8-bit hue, saturation, and value of uncoloured pixels to the bin's number."""
     step, size = np.arange(FULL + 1), hues * saturations + values
     kind = np.uint8 if size <= FULL else np.uint16
     grey = step * values // (FULL + 1) + hues * saturations if values else np.full_like(step, size)
@@ -193,10 +193,10 @@ def _bin_tables(hues: int, saturations: int, values: int) -> tuple[NDArray[np.in
 
 @dataclass(frozen=True)
 class HueAndGreyBins:
-    """Bins of hue in which a pixel counts by how coloured it is, and of brightness in which the rest of it counts.
+    """Bins of hue, in which a pixel counts by its chroma, and of brightness, in which its remainder counts.
 
-    Chroma is saturation × value: up to `grey_below` a pixel has no hue, from `coloured_above` on it has nothing else. With
-    `grey` 0 there is hue alone, whatever the chroma.
+    Chroma is saturation × value: up to `grey_below` a pixel has no hue, from `coloured_above` on only hue. With `grey` 0
+    there is hue alone, at any chroma.
     """
 
     hue: int

@@ -1,13 +1,13 @@
-"""Foreground: pixels of a camera that show more than the empty room, by HSV difference, without shadows and small regions.
+"""Foreground: pixels of a camera that differ from the empty room in HSV, without shadows and small regions.
 
-A pixel has changed where its value, saturation or hue differ from the background's by more than a threshold; saturation
-and hue only count where there is light enough, and hue where there is colour, to know them. A changed pixel that is darker
-than the background by a factor within bounds while its hue and saturation stayed is a cast shadow (Cucchiara et al. 2003,
-Detecting moving objects, ghosts, and shadows in video streams, eq. 6; compared with others by Prati et al. 2003). What is
-left is eroded, dilated, and rid of small regions. A grey shirt before a lighter grey wall passes for a shadow: where the
-lights throw none, `shadows: false` keeps it, and `may_be_shaded` says where one can fall.
+A pixel has changed if its value, saturation or hue differ from the background's by more than a threshold; saturation and hue
+count only in sufficient light, and hue only for coloured pixels. A changed pixel darker than the background by a factor
+within bounds, with the same hue and saturation, is a cast shadow (Cucchiara et al. 2003, Detecting moving objects, ghosts,
+and shadows in video streams, eq. 6; compared with others by Prati et al. 2003). The rest is eroded, dilated, and freed of
+small regions. A grey shirt before a lighter grey wall looks like a shadow: if the lights cast none, `shadows: false` keeps
+it, and `may_be_shaded` says where one can fall.
 
-Without pictures of the empty room the background is learned as pictures come, each channel drifting towards what is seen (the
+Without pictures of the empty room the background is learned, each channel drifting towards the current picture (the
 approximate median of McFarlane and Schofield 1995). A person who stands still from the start is background until they leave,
 and then their place is foreground until it has drifted.
 """
@@ -33,23 +33,23 @@ from trackers.observations import DepthImage, Image
 from trackers.vision.colour_bins import FULL, HALF_TURNS, Hsv, hsv_of
 
 _MOST_PICTURES = 25
-"""So many of the empty room are enough for a median."""
+"""Number of pictures of the empty room that suffices for a median."""
 _HUE_CHANGE_DEG = 20.0
-"""Difference of hue from which a pixel has changed."""
+"""Difference of hue above which a pixel has changed."""
 _COLOUR_FROM_VALUE, _HUE_FROM_SATURATION = 0.25, 0.2
-"""Value from which saturation counts, as noise makes colours of the dark, and saturation from which hue counts."""
+"""Value from which saturation counts, since dark colours are noisy, and saturation from which hue counts."""
 _SHADOW_DARKEST, _SHADOW_LIGHTEST = 0.5, 0.95
 """Shares α and β of the background's value between which a pixel may be a shadow (Cucchiara et al., eq. 6)."""
 _SHADOW_SATURATION, _SHADOW_HUE_DEG = 0.1, 15.0
 """Changes τ_S of saturation and τ_H of hue that a shadow makes at most."""
 _LEARNED_LEVELS_PER_S = 12.0
-"""Speed at which a learned background drifts to the pictures [8-bit levels/s]."""
+"""Drift rate of a learned background [8-bit levels/s]."""
 _LONGEST_DRIFT_S = 1.0
-"""However long no picture came, the background drifts by no more than this long's worth at one."""
+"""Greatest time between pictures that counts for the drift."""
 
 
 class ForegroundOptions(Strict):
-    """Options of the differences from the empty room that are foreground, and of the size of regions."""
+    """Options of the difference from the empty room, and of the size of regions."""
 
     fixed_values: ClassVar[Mapping[str, Any]] = {
         "hue_change_deg": 20.0,
@@ -75,10 +75,10 @@ class ForegroundOptions(Strict):
 
 
 class Foreground:
-    """The foreground masks of one camera, its background given by pictures of the empty room or learned as pictures come.
+    """Foreground masks of one camera, with a background from pictures of the empty room or learned.
 
-    intrinsics: those of the camera, for the size of its pictures; may_be_shaded: pixels that may show a shadow, None: all.
-    Raises InputError for an empty-room picture of another size.
+    intrinsics: of the camera, for the size of its pictures; may_be_shaded: pixels that may show a shadow, None: all. Raises
+    InputError for an empty-room picture of another size.
     """
 
     def __init__(
@@ -102,17 +102,17 @@ class Foreground:
             self._background = self._background_of(median)
 
     def mask(self, image: Image | DepthImage, hsv: Hsv | None = None) -> Bool[Mask, "height width"]:
-        """Mark the pixels of a picture, whose channels may be at hand (`hsv`), that are foreground.
+        """Return the mask of a picture's foreground; `hsv`: its channels, if available.
 
-        A learned background is that of the pictures before it; of the first, nothing is foreground. Raises InputError for
-        a picture of another size than the camera's.
+        A learned background is that of earlier pictures; the first has no foreground. Raises InputError for a picture of
+        another size than the camera's.
         """
         rgb = self._checked(image)
         background = self._learned(rgb, image.t) if self._background is None else self._background
         return self._cleaned(background.differs(hsv_of(rgb) if hsv is None else hsv, self.options))
 
     def pass_over(self, image: Image | DepthImage) -> None:
-        """Learn from a picture as `mask` does, without one."""
+        """Learn from a picture as `mask` does, without a mask."""
         if self._background is None:
             self._learned(self._checked(image), image.t)
 
@@ -124,7 +124,7 @@ class Foreground:
         return image.rgb
 
     def _learned(self, rgb: UInt8[Bytes, "height width 3"], t: float) -> _Background:
-        """Return the background before this picture, and learn from it where it is newer than the last."""
+        """Return the background before this picture, and learn from it if it is newer than the last."""
         if self._levels is None or self._t is None:
             self._levels, self._t = rgb.astype(np.float32), t
         background = self._background_of(self._levels)
@@ -150,14 +150,14 @@ class Foreground:
         there = slice(top, top + height), slice(left, left + width)
         cleaned = np.zeros(mask.shape, np.bool_)
         if width:
-            # no more regions than a quarter of the pixels touch by a corner; 16 bits are thrice as fast
+            # at most a quarter of the pixels are regions that touch by a corner; 16 bits are three times as fast
             ltype = cv2.CV_16U if mask.size < 4 * np.iinfo(np.uint16).max else cv2.CV_32S
             _, label, stats, _ = cv2.connectedComponentsWithStats(mask[there], connectivity=8, ltype=ltype)
             kept = stats[:, cv2.CC_STAT_AREA] >= options.least_area_px
-            kept[0] = False  # what is not foreground
+            kept[0] = False  # background
             if kept[1:].all():
                 cleaned[there] = mask[there] > 0
-            elif len(kept) <= FULL + 1:  # numpy's look-up of a whole picture takes several times as long
+            elif len(kept) <= FULL + 1:  # numpy's look-up of a whole picture is several times slower
                 table = np.pad(kept, (0, FULL + 1 - len(kept))).view(np.uint8)
                 cleaned[there] = cv2.LUT(np.asarray(label, np.uint8), table) > 0
             else:
@@ -166,16 +166,16 @@ class Foreground:
 
 
 def shows_floor(camera: PlacedCamera, area: Area | None) -> Bool[Mask, "height width"]:
-    """Mark the pixels that show the floor of an area (None: any of it), but for what stands on it."""
+    """Return the mask of pixels on the floor of an area (None: any floor), ignoring objects on it."""
     down = -camera.pixel_rays[..., 2]
-    away_m = camera.eye_m[2] / np.where(down > 0, down, np.nan)  # NaN, which is nowhere, where a ray goes up
+    away_m = camera.eye_m[2] / np.where(down > 0, down, np.nan)  # NaN for rays that rise
     place = camera.eye_m[:2] + away_m[..., None] * camera.pixel_rays[..., :2]
     return down > 0 if area is None else area.contains(place.reshape(-1, 2)).reshape(down.shape)
 
 
 @dataclass(frozen=True, eq=False)
 class _Background:
-    """The empty room in 8-bit HSV, and between which values something is a shadow on it."""
+    """Empty room in 8-bit HSV, and the range of values of a shadow on it."""
 
     hue: UInt8[Bytes, "height width"]
     saturation: UInt8[Bytes, "height width"]
@@ -191,12 +191,12 @@ class _Background:
         return cls(hue, saturation, value, *(each.astype(np.uint8)[value] for each in (darkest, lightest)))
 
     def differs(self, hsv: Hsv, options: ForegroundOptions) -> Bool[Mask, "height width"]:
-        """Mark the pixels that have changed and that no shadow explains."""
+        """Return the mask of changed pixels that no shadow explains."""
         hue, saturation, value = hsv
         hue_off = cv2.absdiff(hue, self.hue)
         hue_off = np.minimum(hue_off, HALF_TURNS - hue_off)
         saturation_off, value_off = cv2.absdiff(saturation, self.saturation), cv2.absdiff(value, self.value)
-        # whole thresholds: numpy would compare with broken ones in double precision
+        # integer thresholds: numpy would compare with fractions in double precision
         lit = np.minimum(value, self.value) > int(FULL * _COLOUR_FROM_VALUE)
         hued = lit & (np.minimum(saturation, self.saturation) > int(FULL * _HUE_FROM_SATURATION))
         changed = value_off > int(FULL * options.value_change)

@@ -1,8 +1,8 @@
-"""The camera front end: what is done with a camera's picture before any tracker looks at it, whatever the lens.
+"""Camera front end: preparation of a camera's picture before tracking, for any lens.
 
-Exposure is normalized to that of the empty room, the foreground is masked, and pictures without people to see are refused: those
-of a covered lens or of another light, which are foreground nearly everywhere. Pictures that repeat the one before do not come
-here: `trackers.tracking.stale_frames` drops them, of cameras as of every other sensor.
+Exposure is normalized to that of the empty room, the foreground is masked, and blind pictures are rejected: those of a
+covered lens or of changed light, which are foreground almost everywhere. Repeated pictures are dropped earlier, by
+`trackers.tracking.stale_frames`.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from trackers.vision.foreground import Foreground, ForegroundOptions, shows_floo
 Picture = TypeVar("Picture", bound=Image | DepthImage)
 
 _BLIND_FROM = 0.6
-"""Share of a picture that is foreground from which it shows no people but a covered lens, or another light."""
+"""Share of foreground from which a picture is blind."""
 _EVERY = 16
-"""Distance, along rows and columns, of the pixels by which brightness is compared."""
+"""Distance along rows and columns of the pixels at which brightness is compared."""
 _DARKEST = 0.1
-"""A picture darker than this share of the empty room shows a covered lens, and no other light."""
+"""Brightness relative to the empty room below which the lens is covered."""
 
 
 class FrontEndOptions(Strict):
@@ -61,11 +61,11 @@ class PreparedPicture(Generic[Picture]):
 
 
 class CameraFrontEnd:
-    """One camera of any lens, where it hangs, with its empty room.
+    """One camera of any lens at its pose, with its empty room.
 
-    empty_room: what the camera and others showed of it, in order; without pictures of this camera the background is learned as
-    pictures come. area: where people may walk (None: anywhere), for shadows. Raises InputError for a picture of the empty
-    room of another size than the rig says.
+    empty_room: observations of it by all cameras, in order; without pictures of this camera the background is learned. area:
+    where people may walk (None: anywhere), for shadows. Raises InputError for a picture of the empty room of another size
+    than the rig's.
     """
 
     def __init__(
@@ -85,11 +85,11 @@ class CameraFrontEnd:
 
     @property
     def learns_background(self) -> bool:
-        """True where the background is learned as pictures come, for want of an empty room."""
+        """True where the background is learned, without an empty room."""
         return self._foreground.learns_background
 
     def prepare(self, image: Picture) -> PreparedPicture[Picture] | None:
-        """Prepare a picture; None where it is blind. Raises InputError for another size than the rig says."""
+        """Prepare a picture; None if it is blind. Raises InputError for another size than the rig's."""
         image = self._normalize_exposure(image)
         hsv = hsv_of(image.rgb)
         mask = self._foreground.mask(image, hsv)
@@ -98,16 +98,16 @@ class CameraFrontEnd:
         return PreparedPicture(image, hsv, mask)
 
     def pass_over(self, image: Image | DepthImage) -> None:
-        """Learn from a picture what `prepare` learns, and nothing else."""
+        """Learn from a picture as `prepare` does, without preparing it."""
         self._foreground.pass_over(self._normalize_exposure(image))
 
     def _normalize_exposure(self, image: Picture) -> Picture:
-        """Return the picture as bright as the empty room was, where the light has changed."""
+        """Scale the picture's brightness to that of the empty room after a change of light."""
         before, brightness = self._brightness, _brightness(image.rgb)
         if before is None or not self._tolerance or brightness.shape != before.shape:
             return image
         gains = np.sort(brightness / np.maximum(before, 1.0), axis=None)
-        gain = float(gains[(gains.size - 1) // 2] + gains[gains.size // 2]) / 2  # np.median, without what it costs
+        gain = float(gains[(gains.size - 1) // 2] + gains[gains.size // 2]) / 2  # np.median, but faster
         if abs(gain - 1) <= self._tolerance or gain < _DARKEST:
             return image
         return replace(image, rgb=cv2.convertScaleAbs(image.rgb, alpha=1 / gain).astype(np.uint8))

@@ -1,13 +1,13 @@
-"""Two colours a head: what is face and what is hair or hat, by where on a head each is (ours).
+"""Two colour distributions per head: of face and of hair or hat, separated by position on the head (ours).
 
-Where on a head skin is seen is the same for most people; which colours skin and hair are is learned for each. A pixel of colour
-b at cell c of a head is face with the chance s(c), learned beforehand:
+The position of skin on a head is similar for most people; the colours of skin and hair are learned per person. A pixel of
+colour b at cell c of a head is face with probability s(c), learned beforehand:
 
-    p(b | c) = s(c) F(b) + (1 − s(c)) H(b)
+p(b | c) = s(c) F(b) + (1 − s(c)) H(b)
 
-F and H are histograms of colours, of the person; both begin as what is common among people. Each good look adds its pixels,
-each to both by the chance that it is of one or the other (a step of expectation maximisation). As s stays what it is, the
-person's colours cannot turn around the head, as a picture of the head would that is updated with itself.
+F and H are the person's histograms of colours, initially those common among people. Each good observation adds its pixels to
+both, weighted by the probability of each (a step of expectation maximisation). As s is fixed, the colours cannot drift
+around the head, unlike a head image updated with itself.
 """
 
 from __future__ import annotations
@@ -23,22 +23,22 @@ from trackers.arrays import AnyArray, Array, Bytes, Index, Singles
 from trackers.filters.rows import Rows
 
 STEPS = (16, 8, 8)
-"""Steps of lightness, red and blue chroma, fine where skin and hair are."""
+"""Steps of lightness, red and blue chroma, fine in the range of skin and hair."""
 COLOURS = 1024
-"""Numbers of colours."""
+"""Number of colours."""
 SHARES = 8
-"""Steps of s, the chance that a cell is face."""
+"""Number of steps of s, the probability that a cell is face."""
 _SHARE = np.clip(np.arange(SHARES) / (SHARES - 1), 0.04, 0.96)[:, None]
 _ANYTHING = 0.05
-"""Share of pixels that are neither: glasses, eyes, noise, what is behind."""
+"""Share of outlier pixels: glasses, eyes, noise, background."""
 COMMON_PIXELS = 60.0
-"""Pixels of a person's own for which counts what is common among people."""
+"""Weight of the common histogram, in pixels of the person's own."""
 _MOST_PIXELS = 3000.0
-"""Pixels of a person that are remembered, of face and of hair."""
+"""Greatest number of remembered pixels of a person, of face and of hair."""
 
 
 def _blur(steps: int) -> Float[Array, "m m"]:
-    """Return the shares that each of so many steps takes of its neighbours; beyond the last one it is the last one."""
+    """Return the smoothing matrix over so many steps; beyond the last one it repeats the last."""
     blur = 0.6 * np.eye(steps) + 0.2 * (np.eye(steps, k=1) + np.eye(steps, k=-1))
     blur[[0, -1], [0, -1]] += 0.2
     return blur
@@ -49,7 +49,7 @@ _BLUR_LUMA, _BLUR_CHROMA = _blur(STEPS[0]), np.kron(_blur(STEPS[1]), _blur(STEPS
 
 @lru_cache(maxsize=1)
 def _numbers() -> Int16[AnyArray, "65536"]:
-    """Return the number of every colour of 16 bits (5, 6 and 5), by the middle of its cell."""
+    """Return the number of every 16-bit colour (5, 6 and 5), by the middle of its cell."""
     every = np.arange(1 << 16, dtype=np.uint16).view(np.uint8).reshape(256, 256, 2)
     rgb = cv2.cvtColor(every, cv2.COLOR_BGR5652RGB) + np.array([4, 2, 4], np.uint8)
     luma, red, blue = np.moveaxis(cv2.cvtColor(rgb, cv2.COLOR_RGB2YCrCb).astype(np.int16), -1, 0)
@@ -63,14 +63,14 @@ def colour_numbers(rgb: UInt8[Bytes, "height width 3"]) -> Int16[AnyArray, "heig
 
 @dataclass(frozen=True, eq=False)
 class HeadColours(Rows):
-    """Counts of each colour as the face and as the hair of n people, beside what is common among people."""
+    """Counts of each colour in the face and the hair of n people, beyond the common histogram."""
 
     face: Float[Array, "n colours"]
     hair: Float[Array, "n colours"]
 
     @classmethod
     def unknown(cls, n: int) -> HeadColours:
-        """Make the colours of people who have not been seen yet."""
+        """Make the colours of people not seen yet."""
         return cls(np.zeros((n, COLOURS)), np.zeros((n, COLOURS)))
 
     def shares(self, common: Float[Array, "2 colours"]) -> tuple[Float[Array, "n colours"], Float[Array, "n colours"]]:
@@ -78,7 +78,7 @@ class HeadColours(Rows):
         return _over(self.face, common[0], COMMON_PIXELS), _over(self.hair, common[1], COMMON_PIXELS)
 
     def expected(self, common: Float[Array, "2 colours"]) -> ExpectedColours:
-        """Return the same in single precision, as it travels to cameras."""
+        """Return the same in single precision, as sent to cameras."""
         return ExpectedColours(*(each.astype(np.float32) for each in self.shares(common)))
 
     def learned(
@@ -88,7 +88,7 @@ class HeadColours(Rows):
         colour: Int[Index, "k"],
         common: Float[Array, "2 colours"],
     ) -> HeadColours:
-        """Learn pixels of these people, at cells of this step of s, of these colours; of old ones a cap is kept."""
+        """Learn pixels of these people, at cells of this step of s, of these colours; the weight of old pixels is capped."""
         face, hair = self.shares(common)
         s = _SHARE[share, 0]
         as_face, as_hair = s * face[person, colour], (1 - s) * hair[person, colour]
@@ -110,14 +110,14 @@ class HeadColours(Rows):
 
 @dataclass(frozen=True, eq=False)
 class ExpectedColours:
-    """F and H of n people, as they travel to the cameras that weigh heads."""
+    """F and H of n people, as sent to the cameras that weigh heads."""
 
     face: Float[Singles, "n colours"]
     hair: Float[Singles, "n colours"]
 
     @cached_property
     def tables(self) -> Float[Singles, "n entries"]:
-        """log(p(b | c) · COLOURS) for every step of s, in rows of colours, one after another; noise has 0."""
+        """log(p(b | c) · COLOURS) for every step of s, flattened rows of colours; noise has 0."""
         share = ((1 - _ANYTHING) * COLOURS * _SHARE).astype(np.float32)
         likely = share * (self.face - self.hair)[:, None]
         likely += np.float32((1 - _ANYTHING) * COLOURS) * self.hair[:, None] + np.float32(_ANYTHING)

@@ -1,6 +1,6 @@
-"""A model of heads, learned beforehand: the colours of skin, where on a head it is, the colours that face and hair have.
+"""Learned model of heads: the colours of skin, its position on a head, and the colours of face and hair.
 
-Shipped as `heads.npz`; `scripts/learn-heads` makes it anew, from the twin alone.
+Shipped as `heads.npz`; `scripts/learn-heads` learns it from the twin alone.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _ARRAYS = {
 class SkinRegion:
     """Hues (rows, in steps of two degrees) and saturations (columns, of 256) of skin (Suzuki et al., section 3.2).
 
-    darkest: value that a pixel has at least.
+    darkest: least value of a pixel.
     """
 
     region: Bool[Mask, "180 256"]
@@ -48,7 +48,7 @@ class SkinRegion:
         return cls(region, darkest)
 
     def shown_in(self, rgb: UInt8[Bytes, "height width 3"]) -> Bool[Mask, "height width"]:
-        """Mark the pixels of a picture that have the colour of skin."""
+        """Return the mask of a picture's pixels in the colour of skin."""
         hue, saturation, value = cv2.split(cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV))
         shown = self._flat.take(np.asarray(hue, np.int32) * SATURATIONS + np.asarray(saturation, np.int32))
         return shown if not self.darkest else shown & (np.asarray(value) >= self.darkest)
@@ -59,7 +59,7 @@ class SkinRegion:
 
 
 LIT_SKIN = SkinRegion.box((2, 17), (50, 165), 100)
-"""Skin in the light: reddish to orange, neither grey nor garish, neither dark nor shaded as hair."""
+"""Skin in the light: reddish to orange, neither grey nor garish, brighter than hair."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,10 +1,10 @@
-"""Outlines of many heads at once in pictures: ellipses, and where points of them lie on the head (Suzuki et al., eq. 3).
+"""Outlines of many heads at once in pictures: ellipses, and their points' positions on the head (Suzuki et al., eq. 3).
 
-A head is an upright ellipsoid. In the frame of its camera's ray to it (right, down, along) its shape has a lower triangular root
-L: the ellipsoid is L times the unit ball. So a point (x, y) of the unit disc is met on the near surface at
-L (x, y, −√(1 − x² − y²)), and the outline is the disc under the upper left of L: an ellipse, as all rays that meet the head are
-nearly parallel. Projecting the middle and the ends of the two axes through the lens puts it into the picture, whatever the lens:
-to 1.5 % of its longer semi-axis from 1 m on (`trackers.cameras.ellipse` is exact for a pinhole, and dearer).
+A head is an upright ellipsoid. In the frame of its camera's ray to it (right, down, along) its shape has a lower triangular
+root L: the ellipsoid is L times the unit ball. A point (x, y) of the unit disc meets the near surface at L (x, y, −√(1 − x²
+− y²)), and the outline is the disc under the upper left of L: an ellipse, as all rays to the head are nearly parallel.
+Projecting the middle and the ends of both axes puts it into the picture of any lens: to 1.5 % of its longer semi-axis from 1
+m on (`trackers.cameras.ellipse` is exact for a pinhole, but slower).
 
 Arrays have the heads last: numpy is fastest along long rows.
 """
@@ -21,17 +21,17 @@ from trackers.arrays import Array, Floats, Index, Mask, Singles
 from trackers.cameras.placed import CameraGroup
 
 ASPECTS = (72, 16)
-"""Steps of the angle from nose to camera over a whole turn, and of the camera's height angle from −90° to 90°."""
+"""Steps of the angle from nose to camera over a full turn, and of the camera's elevation from −90° to 90°."""
 CELLS = (16, 6)
-"""Cells of a head around it, the first one from the nose to its left, and from chin to crown."""
+"""Cells around a head, the first from the nose to its left, and from chin to crown."""
 
 
 @dataclass(frozen=True, eq=False)
 class Outlines:
-    """The ellipses of n heads in pictures: centre + x · across + y · down for (x, y) in the unit disc [px].
+    """Ellipses of n heads in pictures: centre + x · across + y · down for (x, y) in the unit disc [px].
 
     seen: whether the picture shows the middle. range_m: of the middle. root (6, n): L by rows. facing: from the nose to the
-    camera, counter-clockwise [rad]. rise: how far above the head's level the camera is [rad].
+    camera, counter-clockwise [rad]. rise: elevation of the camera from the head [rad].
     """
 
     centre: Float[Singles, "2 n"]
@@ -61,16 +61,14 @@ class Outlines:
         return (x * right) ** 2 + (x * slant + y * down) ** 2
 
     def aspects(self) -> Int[Index, "n"]:
-        """Return the direction from which each head is seen, as a column of `cells_shown`."""
+        """Return the viewing direction of each head, as a column of `cells_shown`."""
         return aspects(self.facing, self.rise)
 
 
 def aspects(facing: Float[Floats, "*n"], rise: Float[Floats, "*#n"]) -> Int[Index, "*n"]:
-    """Return the direction from which a head is seen, as a column of `cells_shown`, by the angles of `Outlines` [rad]."""
+    """Return the viewing direction of a head, as a column of `cells_shown`, from the angles of `Outlines` [rad]."""
     turn = np.floor(facing * (ASPECTS[0] / (2 * np.pi)))
-    turn -= ASPECTS[0] * np.floor(
-        turn / ASPECTS[0]
-    )  # exact, and several times as fast as the remainder of whole numbers
+    turn -= ASPECTS[0] * np.floor(turn / ASPECTS[0])  # exact, and several times faster than the integer remainder
     level = np.minimum(np.maximum(np.floor((rise / np.pi + 0.5) * ASPECTS[1]), 0), ASPECTS[1] - 1)
     return (turn * ASPECTS[1] + level).astype(np.intp)
 
@@ -78,10 +76,10 @@ def aspects(facing: Float[Floats, "*n"], rise: Float[Floats, "*#n"]) -> Int[Inde
 def outlines(cameras: CameraGroup, heads: Float[Floats, "4 c k"], semi_axes_m: tuple[float, float, float]) -> Outlines:
     """Project heads (x, y, z [m], yaw [rad]) of semi-axes ahead, to the side and up [m] as ellipses.
 
-    heads: k of each camera; their ellipses are in a row, one camera's after another's.
+    heads: k of each camera; their ellipses are concatenated camera by camera.
     """
     c, k = heads.shape[1:]
-    heads = heads.astype(np.float32)  # half the bits, twice the speed, and a hair's breadth off
+    heads = heads.astype(np.float32)  # half the bits, twice the speed, with negligible error
     off = (heads[:3] - cameras.eyes_m.T[..., None].astype(np.float32)).reshape(3, c * k)
     x, y, z = off * off
     level_m = np.sqrt(np.maximum(x + y, np.float32(1e-12)))
@@ -92,7 +90,7 @@ def outlines(cameras: CameraGroup, heads: Float[Floats, "4 c k"], semi_axes_m: t
     facing = np.arctan2(-off[1], -off[0]) - heads[3].reshape(c * k)
     nose = np.cos(facing)
     square = nose * nose
-    # the level cut, along the ray and across it to the right
+    # the level section, along the ray and across it to the right
     hh, rr = across_m2 + (ahead - across_m2) * square, ahead - (ahead - across_m2) * square
     rh = (ahead - across_m2) * nose * np.sin(facing)
     xx = np.sqrt(rr)
@@ -115,7 +113,7 @@ def outlines(cameras: CameraGroup, heads: Float[Floats, "4 c k"], semi_axes_m: t
     pixels, shown = cameras.project(points.reshape(9, c, k).transpose(1, 0, 2).reshape(c, 3, 3 * k))
     pixels = pixels.reshape(c, 2, 3, k).transpose(1, 2, 0, 3).reshape(2, 3, n).astype(np.float32)
     across, down = pixels[:, 1] - pixels[:, 0], pixels[:, 2] - pixels[:, 0]
-    seen = shown[:, :k].ravel() & np.isfinite(across[0] + down[0])  # where a column is known, so is the row
+    seen = shown[:, :k].ravel() & np.isfinite(across[0] + down[0])  # row and column are known together
     root = np.stack([xx, xy, yy, xz, yz, zz])
     return Outlines(pixels[:, 0], across, down, seen, range_m, root, facing, -np.arcsin(sine))
 
@@ -142,14 +140,14 @@ def _kept(x: Array, y: Array) -> Float[Array, "k 2"]:
 
 
 def _ball(disc: Float[Array, "k 2"]) -> tuple[Float[Array, "k 1"], Float[Array, "k 1"], Float[Array, "k 1"]]:
-    """Return x, y and the distance towards the camera of the point of the unit ball over (x, y)."""
+    """Return x, y and the distance towards the camera of the unit ball's point over (x, y)."""
     x, y = np.asarray(disc.T, np.float32)[..., None]
     return x, y, np.sqrt(np.maximum(1 - x**2 - y**2, 0.0))
 
 
 @lru_cache(maxsize=8)
 def cells_shown(count: int) -> Int[Index, "k m"]:
-    """Return the cell, by azimuth, then level, that each of `inner_points(count)` shows in every aspect of a ball."""
+    """Return the cell, by azimuth, then level, at each of `inner_points(count)` for every viewing direction of a ball."""
     x, y, towards = (each[:, :, None].astype(float) for each in _ball(inner_points(count)))
     facing = ((np.arange(ASPECTS[0]) + 0.5) / ASPECTS[0] * 2 * np.pi)[:, None]
     rise = ((np.arange(ASPECTS[1]) + 0.5) / ASPECTS[1] - 0.5) * np.pi

@@ -1,8 +1,8 @@
-"""Colour histograms of torso windows: hue, their chi-squared distance, and the reference of a person.
+"""Colour histograms of torso windows: hue, their chi-squared distance, and a person's reference.
 
-The paper uses 360 hue bins. White and black shirts have no hue: theirs is noise. So here (ours) a pixel counts in its hue bin
-by how coloured it is, and for the rest in one of a few bins of brightness; and bins may be smoothed, where a window holds few
-pixels. `grey_bins=0`, `smoothing_deg=0` is the paper's histogram.
+The paper uses 360 hue bins, but the hue of white and black shirts is noise. So here (ours) a pixel counts in its hue bin by
+its chroma, and for the rest in one of a few bins of brightness; bins may be smoothed, as a window may hold few pixels.
+`grey_bins=0`, `smoothing_deg=0` is the paper's histogram.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class HistogramOptions(Strict):
 
 
 class ColourHistogram:
-    """Computes histograms of k windows at once, each of `size` bins that sum to 1."""
+    """Histograms of k windows at once, each of `size` bins that sum to 1."""
 
     def __init__(self, options: HistogramOptions | None = None) -> None:
         self.options = options or HistogramOptions()
@@ -59,7 +59,7 @@ class ColourHistogram:
         pixels: Float[Array, "k rows columns 2"],
         inside: Bool[Mask, "k rows columns"],
     ) -> Float[Array, "k {self.size}"]:
-        """Histograms of the image at pixels that are `inside`. A window with nothing inside has an all-zero histogram."""
+        """Return histograms of the image at pixels that are `inside`; all-zero for a window with none."""
         k = len(pixels)
         if k == 0:
             return np.empty((0, self.size))
@@ -69,7 +69,7 @@ class ColourHistogram:
         return self.of_pixels(sampled, inside.reshape(k, -1))
 
     def of_pixels(self, rgb: UInt8[Bytes, "k n 3"], inside: Bool[Mask, "k n"]) -> Float[Array, "k {self.size}"]:
-        """Histograms of k sets of n pixels, those `inside` counted."""
+        """Return histograms of k sets of n pixels, counting those `inside`."""
         options = self.options
         counts = self._bins.samples(rgb).histograms(inside)
         if options.smoothing_deg > 0:
@@ -82,13 +82,13 @@ class ColourHistogram:
 
 
 def normalised(counts: Float[Array, "k bins"]) -> Float[Array, "k bins"]:
-    """Histograms whose bins sum to 1; one that holds nothing stays all-zero."""
+    """Scale histograms to sum 1; an empty one stays all-zero."""
     total = counts.sum(axis=1, keepdims=True)
     return np.divide(counts, total, out=np.zeros_like(counts), where=total > 0)
 
 
 def chi_squared_distance(references: Float[Array, "n bins"], histograms: Float[Array, "k bins"]) -> Float[Array, "n k"]:
-    """E: ½ Σ (u − v)² / (u + v) between each reference and each histogram, in [0, 1] (eq. 6, inferred)."""
+    """Return E: ½ Σ (u − v)² / (u + v) between each reference and each histogram, in [0, 1] (eq. 6, inferred)."""
     difference = references[:, None] - histograms[None]
     total = references[:, None] + histograms[None]
     return 0.5 * np.divide(difference**2, total, out=np.zeros_like(total), where=total > 0).sum(axis=-1)
@@ -97,10 +97,10 @@ def chi_squared_distance(references: Float[Array, "n bins"], histograms: Float[A
 def bhattacharyya_distance(
     references: Float[Array, "n bins"], histograms: Float[Array, "k bins"]
 ) -> Float[Array, "n k"]:
-    """D = √(1 − Σ √(p q)) between each reference and each histogram, in [0, 1].
+    """Return D = √(1 − Σ √(p q)) between each reference and each histogram, in [0, 1].
 
-    After Comaniciu, Ramesh and Meer (2003) and Pérez et al. (2002), whose likelihood is ∝ exp(−λ D²). An all-zero
-    histogram is as far as can be, 1, from everything.
+    After Comaniciu, Ramesh and Meer (2003) and Pérez et al. (2002), whose likelihood is ∝ exp(−λ D²). An all-zero histogram
+    has distance 1 from all others.
     """
     alike = np.sqrt(references) @ np.sqrt(histograms).T
     return np.sqrt(np.maximum(1 - alike, 0.0))  # of equal ones rounding leaves 1 ± 1e-16
@@ -109,26 +109,26 @@ def bhattacharyya_distance(
 def updated_reference(
     reference: Float[Array, "n bins"], histogram: Float[Array, "n bins"], memory: float
 ) -> Float[Array, "n bins"]:
-    """V̄_t = α V̄_{t−1} + (1 − α) V_t with α = `memory` (eq. 7)."""
+    """Return V̄_t = α V̄_{t−1} + (1 − α) V_t with α = `memory` (eq. 7)."""
     return memory * reference + (1 - memory) * histogram
 
 
 def _gaussian_kernel(deviation_bins: float) -> Float[Array, "width"]:
-    """Weights that sum to 1 out to three standard deviations."""
+    """Return weights that sum to 1 out to three standard deviations."""
     reach = int(np.ceil(3 * deviation_bins))
     offsets = np.arange(-reach, reach + 1)
     weights = np.exp(-0.5 * (offsets / max(deviation_bins, 1e-9)) ** 2)
     return weights / weights.sum()
 
 
-# one bin of brightness to either side: lighting drifts over a room
+# one bin of brightness to either side, as lighting varies over a room
 _GREY_KERNEL = _gaussian_kernel(1.0)
 
 
 def _smoothed(
     counts: Float[Array, "k bins"], kernel: Float[Array, "width"], mode: Literal["wrap", "constant"]
 ) -> Float[Array, "k bins"]:
-    """Rows of counts spread by a kernel; the circle of hues closes (wrap), brightness ends (constant)."""
+    """Smooth rows of counts with a kernel; the circle of hues closes (wrap), brightness ends (constant)."""
     if counts.shape[1] == 0:
         return counts
     reach = kernel.size // 2

@@ -1,4 +1,4 @@
-"""Random patches on a body, and the features of their pixels (Lu and Hager, "Dynamic foreground/background extraction from
+"""Random patches on a body, and features of their pixels (Lu and Hager, "Dynamic foreground/background extraction from
 images and videos using random patches", 2006).
 
 A body is an upright rectangle over its position on the floor that faces the camera. Points drawn on it are projected to the
@@ -50,7 +50,7 @@ class FeatureOptions(Strict):
 
 
 class PatchDescriber:
-    """Describes patches of pictures by `size` numbers each."""
+    """Describer of patches of pictures by `size` features each."""
 
     def __init__(self, options: FeatureOptions | None = None) -> None:
         self.options = options or FeatureOptions()
@@ -60,7 +60,7 @@ class PatchDescriber:
     def described(
         self, rgb: UInt8[Bytes, "height width 3"], centre: Float[Array, "k 2"], side: Float[Array, "k"]
     ) -> Float[Array, "k features"]:
-        """Features of k square patches by their centres and sides [px], which are moved inside where they leave the picture.
+        """Describe k square patches by centres and sides [px], moved inside where they leave the picture.
 
         At least one; the centres lie in the picture.
         """
@@ -68,7 +68,7 @@ class PatchDescriber:
         size = np.clip(np.rint(side), 2, min(height, width)).astype(np.intp)[:, None]
         corner = np.rint(centre - 0.5 * (size - 1)).astype(np.intp)
         corner = np.minimum(np.maximum(corner, 0), (width, height) - size)
-        # a pixel more all around, for the gradients
+        # one more pixel all around, for the gradients
         left, top = np.maximum(corner.min(axis=0) - 1, 0)
         right, bottom = (corner + size).max(axis=0) + 1
         crop = rgb[top:bottom, left:right]
@@ -79,7 +79,7 @@ class PatchDescriber:
     def _colours(
         self, crop: UInt8[Bytes, "height width 3"], corner: Int[Index, "k 2"], size: Int[Index, "k"]
     ) -> Float[Array, "k colours"]:
-        """Mean red, green and blue of each cell."""
+        """Return mean red, green and blue of each cell."""
         cells = self.options.rgb_cells
         edges = size[:, None] * np.arange(cells + 1) // cells
         u, v = corner[:, :1] + edges, corner[:, 1:] + edges
@@ -92,24 +92,29 @@ class PatchDescriber:
     def _edges(
         self, crop: UInt8[Bytes, "height width 3"], corner: Int[Index, "k 2"], size: Int[Index, "k"]
     ) -> Float[Array, "k orientations"]:
-        """Shares of the orientations: of nothing, where there are no edges."""
+        """Return the shares of the orientations, all 0 without edges."""
         options = self.options
         along_u, along_v = cv2.spatialGradient(cv2.cvtColor(crop, cv2.COLOR_RGB2GRAY))
         magnitude, turn = cv2.cartToPolar(along_u.astype(np.float32), along_v.astype(np.float32))
         bins = (turn * (options.orientations / np.pi)).astype(np.intp) % options.orientations
         planes = np.zeros((*bins.shape, options.orientations), np.float32)
-        np.put_along_axis(planes, bins[..., None], magnitude[..., None] / 8, axis=2)  # Sobel's weights are 8 a level
+        np.put_along_axis(
+            planes, bins[..., None], magnitude[..., None] / 8, axis=2
+        )  # Sobel's weights sum to 8 per level
         sums = _sums(planes, corner, size)
         return sums / (sums.sum(axis=1) + options.least_edge * size**2)[:, None]
 
     def _texture(
         self, crop: UInt8[Bytes, "height width 3"], corner: Int[Index, "k 2"], size: Int[Index, "k"]
     ) -> Float[Array, "k 5"]:
-        """Five of Haralick's features of the pairs of grey levels side by side and one above the other."""
+        """Return five of Haralick's features of horizontally and vertically adjacent grey levels."""
         n = self.options.grey_levels
         level = (cv2.cvtColor(crop, cv2.COLOR_RGB2GRAY).astype(np.intp) * n) // 256
         planes = np.zeros((*level.shape, n * n), np.float32)
-        for other in (np.roll(level, -1, axis=1), np.roll(level, -1, axis=0)):  # what comes around lies in the border
+        for other in (
+            np.roll(level, -1, axis=1),
+            np.roll(level, -1, axis=0),
+        ):  # wrapped-around values lie in the border
             for pair in (level * n + other, other * n + level):
                 np.put_along_axis(planes, pair[..., None], np.take_along_axis(planes, pair[..., None], 2) + 1, axis=2)
         counts = _sums(planes, corner, size).reshape(-1, n, n)
@@ -146,7 +151,7 @@ _SAME_M = 1e-6
 
 
 class PatchOptions(Strict):
-    """Options of the number of patches on a body, and of their places."""
+    """Options of the number and positions of patches on a body."""
 
     count: PositiveInt = Field(default=40, description="patches drawn on a body")
     size_m: float = Field(default=0.2, gt=0, description="side of a patch on the body [m]")
@@ -170,11 +175,11 @@ class Patches(Rows):
     centre: Float[Array, "n k 2"]  # [px]
     height_m: Float[Array, "n k"]  # above the floor, on the body that it was drawn on
     side: Float[Array, "n"]  # [px], at least 2
-    shown: Bool[Mask, "n k"]  # whether the picture shows the patch, and no other of the bodies stands before it
+    shown: Bool[Mask, "n k"]  # whether the picture shows the patch, without another of the bodies before it
 
 
 class PatchSampler:
-    """Draws patches on bodies before one camera."""
+    """Sampler of patches on bodies before one camera."""
 
     def __init__(self, camera: PlacedCamera, options: PatchOptions | None = None) -> None:
         self.camera, self.options = camera, options or PatchOptions()
@@ -186,20 +191,21 @@ class PatchSampler:
         count: int | None = None,
         others_m: Float[Array, "m 2"] | None = None,
     ) -> Patches:
-        """`count` patches (none: the options' number) on bodies at these places; not shown where another stands before.
+        """Draw `count` patches (None: the options' number) on bodies at these positions; not shown where another stands
+        before.
 
-        others_m: all people who may stand before them (none: only these themselves).
+        others_m: all people who may stand before them (None: only these themselves).
         """
         count, half_m = count or self.options.count, 0.5 * self.options.width_m
         centre, heights_m, shown = self._drawn(positions_m, rng, count, 0.0, half_m)
         all_m = positions_m if others_m is None else others_m
         distance, theirs = (np.hypot(*(each - self.camera.eye_m[:2]).T) for each in (positions_m, all_m))
-        nearer = theirs < distance[:, None] - _SAME_M  # no body stands before itself
+        nearer = theirs < distance[:, None] - _SAME_M  # a body does not hide itself
         hidden = (self._covered(centre, *self._axes(all_m)) & nearer[:, None]).any(axis=-1)
         return Patches(centre, heights_m, self._axes(positions_m)[1], shown & ~hidden)
 
     def drawn_next_to(self, positions_m: Float[Array, "n 2"], count: int, rng: np.random.Generator) -> Patches:
-        """So many patches beside each body, within its breadth of its sides; not shown where they are on anybody."""
+        """Draw patches beside each body, within its breadth of its sides; not shown where they are on another body."""
         half = 0.5 * (self.options.width_m + self.options.size_m)
         centre, heights_m, shown = self._drawn(positions_m, rng, count, half, 3 * half)
         axis, side = self._axes(positions_m)
@@ -208,7 +214,7 @@ class PatchSampler:
     def drawn_around(
         self, positions_m: Float[Array, "n 2"], reach_m: float, count: int, rng: np.random.Generator
     ) -> Patches:
-        """So many patches for each place, each on a body of its own that stands no farther than `reach_m` from it."""
+        """Draw patches for each position, each on its own body at most `reach_m` from it."""
         options, n = self.options, len(positions_m)
         turn, out, across, up = rng.random((4, n, count))
         off = reach_m * np.sqrt(out) * np.exp(2j * np.pi * turn)
@@ -226,17 +232,19 @@ class PatchSampler:
     def _projected(
         self, positions_m: Float[Array, "n 2"], off_axis_m: Float[Array, "n k"], heights_m: Float[Array, "n k"]
     ) -> tuple[Float[Array, "n k 2"], Bool[Mask, "n k"]]:
-        """Pixels of points so far to one side of bodies' axes, seen from the camera, and so far up; whether they are shown."""
+        """Project points at offsets to one side of bodies' axes, seen from the camera, and heights; return pixels and
+        whether shown.
+        """
         towards = positions_m - self.camera.eye_m[:2]
         distance = np.hypot(towards[:, 0], towards[:, 1])[:, None]
-        across = towards[:, ::-1] * (-1, 1) / np.maximum(distance, 1e-9)  # under the camera a body has no side
+        across = towards[:, ::-1] * (-1, 1) / np.maximum(distance, 1e-9)  # directly below the camera a body has no side
         points = np.empty((*heights_m.shape, 3))
         points[..., :2] = positions_m[:, None] + off_axis_m[..., None] * across[:, None]
         points[..., 2] = heights_m
         return self.camera.project(points)
 
     def _axes(self, positions_m: Float[Array, "n 2"]) -> tuple[Float[Array, "n 2 2"], Float[Array, "n"]]:
-        """Pixels of the lower and the upper end of bodies' axes, and the side of a patch half-way up, [px]."""
+        """Return the pixels of the lower and upper ends of bodies' axes, and the side of a patch half-way up, [px]."""
         options, n = self.options, len(positions_m)
         half, middle = 0.5 * options.size_m, 0.5 * (options.low_m + options.high_m)
         across, heights = np.array([0.0, 0.0, -half, half]), np.array([options.low_m, options.high_m, middle, middle])
@@ -246,7 +254,7 @@ class PatchSampler:
     def _drawn(
         self, positions_m: Float[Array, "n 2"], rng: np.random.Generator, count: int, least_m: float, most_m: float
     ) -> tuple[Float[Array, "n k 2"], Float[Array, "n k"], Bool[Mask, "n k"]]:
-        """Random points between two distances from bodies' axes, either side, at any height: pixels, heights, shown."""
+        """Draw random points between two distances from bodies' axes, on either side, at any height: pixels, heights, shown."""
         options = self.options
         across, up = rng.random((2, len(positions_m), count))
         across = 2 * across - 1
@@ -258,11 +266,11 @@ class PatchSampler:
     def _covered(
         self, centre: Float[Array, "n k 2"], axis: Float[Array, "m 2 2"], side: Float[Array, "m"]
     ) -> Bool[Mask, "n k m"]:
-        """Which of m bodies have each patch within half their breadth of their axes."""
+        """Return which of m bodies have each patch within half their breadth of their axes."""
         low, along = axis[:, 0], axis[:, 1] - axis[:, 0]
         off = centre[:, :, None] - low
         share = (off * along).sum(axis=-1) / np.maximum((along**2).sum(axis=-1), 1e-9)
         off -= np.clip(share, 0, 1)[..., None] * along
         half_px = 0.5 * side / self.options.size_m * (self.options.width_m + self.options.size_m)
-        with np.errstate(invalid="ignore"):  # what lies behind a pinhole has no pixels, and hides nothing
+        with np.errstate(invalid="ignore"):  # points behind a pinhole have no pixels, and hide nothing
             return (off**2).sum(axis=-1) < half_px**2

@@ -32,7 +32,7 @@ from trackers.vision.foreground import ForegroundOptions
 from trackers.vision.person_windows import person_windows
 
 ROWS, COLUMNS = 14, 8
-"""Cells of a window, of which the model is learned."""
+"""Cells of a window, the inputs of the model."""
 INPUTS = ROWS * COLUMNS + 2
 SHIPPED = Path(__file__).with_name("person_model.npz")
 _PARTS = ("into", "into_bias", "out", "out_bias")
@@ -76,20 +76,20 @@ class Network:
 
 @dataclass(frozen=True, eq=False)
 class PersonModel:
-    """The two networks, and how far off the second is on windows that it was not fitted to."""
+    """The two networks, and the error of the second on windows that it was not fitted to."""
 
     nearness: Network
-    offset: Network  # to the right and ahead of the window's place, as the camera looks at it [m]
+    offset: Network  # to the right and ahead of the window's position, from the camera's view [m]
     deviation_m: Float[Array, "2"]  # standard deviations of that [m]
 
     def save(self, path: AnyPath) -> None:
-        """Write the arrays to a file, the same bytes for the same model."""
+        """Write the arrays to a file, identically for identical models."""
         arrays = {f"{name}_{part}": getattr(getattr(self, name), part) for name in _OUTPUTS for part in _PARTS}
         np.savez(path, allow_pickle=False, deviation_m=self.deviation_m, **arrays)
 
     @classmethod
     def load(cls, path: AnyPath = SHIPPED) -> PersonModel:
-        """Load a model that `save` wrote. Raises InputError for a file that is missing, damaged or no such model."""
+        """Load a model written by `save`. Raises InputError for a missing, damaged or invalid file."""
         held = read_arrays(path, _ARRAYS, "a file that scripts/train-person-detector wrote")
         nearness, offset = (
             Network(*(held[f"{name}_{part}"].astype(np.float32) for part in _PARTS)) for name in _OUTPUTS
@@ -102,7 +102,7 @@ class PersonModel:
 
 
 _SQUARE = 3
-"""Averages go over squares of this side [px of the level]."""
+"""Side of the squares averaged over [px of the level]."""
 _MOST_LEVELS = 6
 
 
@@ -113,11 +113,11 @@ def level_of(cell_px: Float[Array, "n"]) -> Int[AnyArray, "n"]:
 
 
 class MaskLevels:
-    """Some levels of the masks of one size, one after another in one table, each with a border that is empty.
+    """Pyramid levels of masks of one size in one table, each with an empty border.
 
-    A mask is halved again and again and averaged over squares of three by three at each level (the sum-pooled channels of
-    Dollár et al., "Fast feature pyramids for object detection", 2014). A cell is read at the level whose squares are
-    nearest to its size, so that hundreds of windows of any size cost the same.
+    A mask is halved repeatedly and averaged over squares of three by three at each level (the sum-pooled channels of Dollár
+    et al., "Fast feature pyramids for object detection", 2014). A cell is read at the level whose squares are nearest to its
+    size, so that windows of all sizes cost the same.
     """
 
     def __init__(self, width: int, height: int, levels: Iterable[int]) -> None:
@@ -127,7 +127,7 @@ class MaskLevels:
         self._length = sum(lengths)
 
     def index(self, pixels: Float[Array, "n *cells 2"], level: Int[AnyArray, "n"]) -> Int[AnyArray, "n *cells"]:
-        """Return the indices in the table of the squares about pixels; outside the picture, or for NaN, on the border."""
+        """Return the indices in the table of the squares about pixels; those of the border outside the picture or for NaN."""
         index = np.zeros(pixels.shape[:-1], np.int32)
         for each, (rows, columns) in self._shape.items():
             of = level == each
@@ -137,7 +137,7 @@ class MaskLevels:
         return index
 
     def table(self, mask: Bool[Mask, "height width"]) -> UInt8[Bytes, "size"]:
-        """Return the share of each square that a mask fills, 0 to 255."""
+        """Return the filled share of each square of a mask, 0 to 255."""
         table = np.zeros(self._length, np.uint8)
         plane, level = np.asarray(mask).view(np.uint8) * np.uint8(255), 0
         for each, (rows, columns) in self._shape.items():
@@ -151,11 +151,11 @@ class MaskLevels:
 
 
 _LEAST_CELL_PX = 1.0
-"""A person with smaller cells is too small to be made out."""
+"""Least side of a cell of a detectable person."""
 
 
 class FloorPlaces:
-    """Places `pitch_m` apart whose windows the picture shows by at least a share of `least_in_picture`.
+    """Positions `pitch_m` apart with at least a share of `least_in_picture` of their windows in the picture.
 
     They are those of an area and `margin_m` about it, or without one those within `reach_m` of the camera. They lie on a lattice
     through the camera's ground point, along its view: the same whatever the room's axes are.
@@ -211,7 +211,7 @@ class FloorPlaces:
         return map_coordinates(grid, [row, column], np.float64, order=1).reshape(positions.shape[1:])
 
     def shows(self, positions: Float[Array, "n 2"]) -> Bool[Mask, "n"]:
-        """Mark positions [m] near one of these places: a person there is in the picture, unless hidden."""
+        """Return a mask of positions [m] near one of these: a person there is in the picture, unless hidden."""
         return self.read(self._whole, positions.T) > 0
 
 
@@ -227,12 +227,11 @@ _FULL = np.float32(255)
 SILHOUETTES = ForegroundOptions(
     value_change=0.06, saturation_change=0.12, shadows=False, erode_px=0, dilate_px=0, least_area_px=0
 )
-"""The masks that the model is learned on: faint differences count, and shadows, and legs of a single pixel: it tells what
-is a person."""
+"""Masks for the model: with faint differences, shadows, and legs of a single pixel, since it decides what is a person."""
 
 
 class DetectorOptions(Strict):
-    """Options of the places where people are looked for, and of what is a detection."""
+    """Options of the search positions, and of detections."""
 
     former_names: ClassVar[Mapping[str, str]] = {"least_inside": "least_in_picture"}
 
@@ -256,7 +255,7 @@ class DetectorOptions(Strict):
 
 @dataclass(frozen=True, eq=False)
 class PeopleSeen:
-    """k people in a picture, best first, and the score of every place of the floor (`FloorPlaces.map`)."""
+    """k people in a picture, best first, and the score of every position of the floor (`FloorPlaces.map`)."""
 
     position: Float[Array, "k 2"]  # ground point [m]
     covariance: Float[Array, "k 2 2"]  # of the position [m²]
@@ -268,7 +267,7 @@ class PeopleSeen:
 
 
 class PersonDetector:
-    """Looks for people in the masks of one camera."""
+    """Detector of people in the masks of one camera."""
 
     def __init__(
         self,
@@ -298,7 +297,7 @@ class PersonDetector:
         self._more_inputs = np.stack([windows.steepness, self.places.share_in_picture], axis=1).astype(np.float32)
 
     def candidates(self, mask: Bool[Mask, "height width"]) -> tuple[Int[Index, "c"], Float32[Singles, "c inputs"]]:
-        """Return the places at which a person may stand, and the inputs of the model from each one's window."""
+        """Return the positions at which a person may stand, and the model's inputs from their windows."""
         table = self._levels.table(mask)
         filled = table.take(self._middle).sum(axis=1, dtype=np.int64)
         index = (filled >= 255 * self.options.least_foreground * self._middle.shape[1]).nonzero()[0]

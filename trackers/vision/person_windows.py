@@ -27,22 +27,24 @@ from trackers.laser.detections import Detections
 from trackers.rig import FisheyeSensor, LaserSensor, PinholeSensor, placed_camera
 
 HEIGHT_M, DEPTH_M = 1.75, 0.5
-"""Of the person that a window is cut for: they come as high as 1.95 m, and lean."""
+"""Person for whom a window is cut: they are up to 1.95 m tall, and lean."""
 _AROUND = 1.15
-"""Length of the window, in that of the person."""
+"""Length of the window relative to the person's."""
 WIDTH_M = 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class PersonWindows(Rows):
-    """One window a place, cells row by row from the crown down and from left to right."""
+    """One window per position, cells row by row from the crown down and from left to right."""
 
     pixels: Float[Array, "n rows columns 2"]  # the cells' middles [px], NaN behind a pinhole
     inside: Bool[Mask, "n rows columns"]  # whether the picture shows them
     cell_px: Float[Array, "n"]  # side of a cell in the middle of the window
-    right: Float[Array, "n 2"]  # unit vectors on the floor: to the right, and ahead, as the camera looks at the place
+    right: Float[
+        Array, "n 2"
+    ]  # unit vectors on the floor: to the right, and ahead, from the camera's view of the position
     ahead: Float[Array, "n 2"]
-    steepness: Float[Array, "n"]  # 0 where the camera looks level at the person, 1 straight down
+    steepness: Float[Array, "n"]  # 0 for a level view of the person, 1 straight down
 
 
 def person_windows(camera: PlacedCamera, places_m: Float[Array, "n 2"], rows: int, columns: int) -> PersonWindows:
@@ -54,7 +56,7 @@ def person_windows(camera: PlacedCamera, places_m: Float[Array, "n 2"], rows: in
     ahead = np.where(level[:, None] > 1e-6, sight[:, :2] / np.maximum(level, 1e-6)[:, None], (0.0, 1.0))
     right = np.stack([ahead[:, 1], -ahead[:, 0]], axis=1)
     down = -sight[:, 2]
-    up = np.concatenate([ahead * down[:, None], level[:, None]], axis=1)  # square to the sight and to the right
+    up = np.concatenate([ahead * down[:, None], level[:, None]], axis=1)  # perpendicular to the sight and to the right
     height = _AROUND * (HEIGHT_M * level + DEPTH_M * np.abs(down))
     across = ((np.arange(columns) + 0.5) / columns - 0.5) * WIDTH_M
     along = (0.5 - (np.arange(rows) + 0.5) / rows) * height[:, None]
@@ -68,7 +70,7 @@ def person_windows(camera: PlacedCamera, places_m: Float[Array, "n 2"], rows: in
 
 
 def largest_overlap(pixels: Float[Array, "k rows columns 2"]) -> Float[Array, "k"]:
-    """For each window the largest share of its bounding box that another's covers."""
+    """Return the largest share of each window's bounding box that another's covers."""
     k = len(pixels)
     if k < 2:
         return np.zeros(k)
@@ -76,14 +78,14 @@ def largest_overlap(pixels: Float[Array, "k rows columns 2"]) -> Float[Array, "k
     low = np.stack([u.min(axis=1), v.min(axis=1)], axis=1)
     high = np.stack([u.max(axis=1), v.max(axis=1)], axis=1)
     common = np.minimum(high[:, None], high[None]) - np.maximum(low[:, None], low[None])
-    area = np.nan_to_num(np.prod(np.maximum(common, 0), axis=-1))  # what lies behind a pinhole has no pixels
+    area = np.nan_to_num(np.prod(np.maximum(common, 0), axis=-1))  # points behind a pinhole have no pixels
     own = np.maximum(np.prod(high - low, axis=-1), 1e-9)
     np.fill_diagonal(area, 0)
     return (area / own[:, None]).max(axis=1)
 
 
 class TorsoOptions(Strict):
-    """Options of the place of the window on a person, and of its samples."""
+    """Options of the window's position on a person, and of its samples."""
 
     former_names: ClassVar[Mapping[str, str]] = {"min_inside": "min_in_picture"}
 
@@ -113,7 +115,7 @@ class TorsoOptions(Strict):
 
 @dataclass(frozen=True, eq=False)
 class TorsoWindows:
-    """One window a detection, in detection order."""
+    """One window per detection, in detection order."""
 
     pixels: Float[Array, "k rows columns 2"]  # u, v
     inside: Bool[Mask, "k rows columns"]  # whether the image shows the sample
@@ -127,7 +129,7 @@ class TorsoWindows:
 
 
 class TorsoProjector:
-    """Lays torso windows over the detections of one scanner in the images of one camera."""
+    """Projector of torso windows over one scanner's detections into one camera's images."""
 
     def __init__(self, laser: LaserSensor, camera: FisheyeSensor | PinholeSensor, options: TorsoOptions) -> None:
         self.options = options

@@ -1,4 +1,6 @@
-"""Pictures of a stereo camera, packed: one number per pixel for all that weighs heads, looked up in many ellipses at once."""
+"""Packed pictures of a stereo camera: one number per pixel with all inputs of head likelihoods, for look-ups in many
+ellipses.
+"""
 
 from __future__ import annotations
 
@@ -19,23 +21,23 @@ from trackers.vision.head_outlines import Outlines
 
 FOREGROUND, SKIN, IN_PICTURE = 1 << 10, 1 << 11, 1 << 12
 _RANGE_BITS = 16
-"""From this bit on a pixel says how far away it is."""
+"""First bit of the pixel's range."""
 _LEAST_DEPTH = 0.02
-"""A depth picture with less than this share of its pixels is broken."""
+"""Least share of pixels with depth in an intact depth picture."""
 _EMPTY = 5
-"""So many depth pictures of the empty room are looked at."""
+"""Number of depth pictures used of the empty room."""
 _BEFORE_M = 0.3
-"""A surface nearer to the empty room's than this belongs to it: the rim of a mask shows the wall behind."""
+"""Distance from the empty room's surface within which a surface belongs to it: the rim of a mask shows the wall behind."""
 _EVERY = 4
-"""Distance, along rows and columns, of the pixels that are asked for unassigned foreground."""
+"""Distance along rows and columns of the pixels searched for unassigned foreground."""
 _LONGEST = 32767
-"""OpenCV's pictures to look up pixels by have fewer columns."""
+"""Greatest number of columns of OpenCV's look-up pictures."""
 
 
 @dataclass(frozen=True, eq=False)
 class PackedPicture:
-    """pixels: number of each one's colour, flags for foreground, skin and within the picture, and from `_RANGE_BITS` on its
-    range along the ray [mm], 0 where unknown. mask: the foreground alone. knows_depth: false where the depth picture is empty.
+    """pixels: per pixel the number of its colour, flags for foreground, skin and within the picture, and from `_RANGE_BITS`
+    on its range along the ray [mm], 0 if unknown. mask: foreground. knows_depth: False if the depth picture is empty.
     """
 
     pixels: Int32[AnyArray, "height width"]
@@ -45,16 +47,16 @@ class PackedPicture:
     def at(
         self, columns: Float[Singles, "points n"], rows: Float[Singles, "points n"], out: Int32[AnyArray, "points n"]
     ) -> None:
-        """Write the pixels at these columns and rows; 0 beyond the picture's edges."""
+        """Write the pixels at these columns and rows to `out`; 0 beyond the picture's edges."""
         for first in range(0, columns.shape[1], _LONGEST - 1):
             part = slice(first, first + _LONGEST - 1)
             cv2.remap(self.pixels, columns[:, part], rows[:, part], cv2.INTER_NEAREST, out[:, part], borderValue=0)
 
 
 class StereoCamera:
-    """Packs the pictures of one stereo camera. skin: the region of colours to flag; None: no pixel is.
+    """Packer of one stereo camera's pictures. skin: region of colours to flag; None: none.
 
-    whole: pack all of a picture; else the empty room stands for what is beyond the foreground's box.
+    whole: pack the whole picture; else the empty room is used beyond the foreground's box.
     """
 
     def __init__(
@@ -74,7 +76,7 @@ class StereoCamera:
             self._empty = self._packed(pictures[-1].rgb, known, np.zeros(known.shape, np.uint8), self._mm_per_depth)
 
     def pack(self, image: DepthImage) -> PackedPicture | None:
-        """Pack a picture; None where it is blind."""
+        """Pack a picture; None if it is blind."""
         prepared = self.front_end.prepare(image)
         return None if prepared is None else self.packed(prepared)
 
@@ -107,14 +109,14 @@ class StereoCamera:
         code += mask * np.int16(FOREGROUND)
         if self._skin is not None:
             code += self._skin.shown_in(rgb).view(np.uint8) * np.int16(SKIN)
-        # rounded, and not more than 16 bits hold with a sign
+        # rounded, and limited to 16 bits with a sign
         range_mm = np.asarray(cv2.multiply(depth_m, mm_per_depth, dtype=cv2.CV_16S), np.int16)
         pixels = np.left_shift(range_mm, _RANGE_BITS, dtype=np.int32)
         pixels |= code
         return pixels
 
     def foreground_points(self, picture: PackedPicture) -> Float[Array, "4 k"]:
-        """Return places (x, y, z) [m] of foreground before the empty room's surfaces, and the area that each shows [m²]."""
+        """Return positions (x, y, z) [m] of foreground before the empty room's surfaces, and the area of each [m²]."""
         foreground = np.flatnonzero(picture.mask[::_EVERY, ::_EVERY])
         away = range_m(picture.pixels[::_EVERY, ::_EVERY].reshape(-1).take(foreground))
         shown = (away > 0) & (away < self._before_m.reshape(-1).take(foreground))
@@ -138,7 +140,7 @@ def packed_without_depth(rgb: UInt8[Bytes, "height width 3"], mask: Bool[Mask, "
 def _empty_room(
     pictures: Sequence[DepthImage],
 ) -> tuple[Float[Singles, "height width"], Float[Singles, "height width"]]:
-    """Return the depth of the empty room at each pixel, by the median and at most [m]; inf where no picture knows."""
+    """Return the empty room's depth at each pixel, median and greatest [m]; inf where unknown."""
     if not pictures:
         nothing = np.full((1, 1), np.inf, np.float32)
         return nothing, nothing
@@ -152,7 +154,7 @@ def _empty_room(
 def pixels_in(
     pictures: Sequence[PackedPicture], ellipses: Outlines, disc: Float[Array, "points 2"]
 ) -> Int32[AnyArray, "points n"]:
-    """Look up each picture's pixels at points of the unit disc in its ellipses, one picture's after another's."""
+    """Look up each picture's pixels at points of the unit disc in its ellipses, concatenated picture by picture."""
     columns, rows = ellipses.pixels(disc)
     found, n = np.empty(columns.shape, np.int32), columns.shape[1] // len(pictures)
     for number, each in enumerate(pictures):
@@ -167,10 +169,10 @@ def range_m(pixels: Int32[AnyArray, "*n"]) -> Float[Singles, "*n"]:
 
 
 def share_of(pixels: Int32[AnyArray, "k n"], flag: int) -> Float[Singles, "n"]:
-    """Return the share of pixels that have a flag."""
+    """Return the share of pixels with a flag."""
     return mean_of(pixels & flag) / np.float32(flag)
 
 
 def mean_of(rows: Shaped[AnyArray, "k n"]) -> Float[Singles, "n"]:
-    """Average over the first axis, by a product, which numpy does fastest."""
+    """Average over the first axis, by a matrix product, which is fastest."""
     return np.full(len(rows), 1 / len(rows), np.float32) @ rows.astype(np.float32, copy=False)

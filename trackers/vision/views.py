@@ -1,4 +1,4 @@
-"""The pictures of one frame, looked at together at many places in the room: foreground, colours of windows, skin."""
+"""Pictures of one frame, evaluated together at many positions in the room: foreground, colours of windows, skin."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from trackers.vision.head_model import LIT_SKIN
 BINS = HueSaturationValueBins()
 """Bins of the colours of windows."""
 _NEAREST_M = 0.3
-"""A place nearer to a camera than this fills no larger a window."""
+"""Least distance from a camera for the size of windows."""
 _ACROSS = np.linspace(-0.5, 0.5, 12, endpoint=False) + 1 / 24
-"""Columns and rows of a window in which skin is looked for, from its middle, in widths and heights."""
+"""Columns and rows of a window searched for skin, from its middle, in widths and heights."""
 _TURNED = np.exp(1j * np.arcsin(2 * _ACROSS)) / len(_ACROSS)
 
 
 class WindowOptions(Strict):
-    """The window of pixels about a place."""
+    """Window of pixels about a position."""
 
     size_px: tuple[PositiveInt, PositiveInt] = Field(
         description="width and height [px]: the window's own (the paper), and by which its pixels are sampled"
@@ -53,7 +53,7 @@ class WindowOptions(Strict):
     @model_validator(mode="before")
     @classmethod
     def _of_former_sides(cls, content: Any) -> Any:
-        """Take `width_px` and `height_px`, the former names of the two sides, for one release."""
+        """Accept `width_px` and `height_px`, the former names of the two sides, for one release."""
         if not isinstance(content, dict) or not content.keys() & {"width_px", "height_px"}:
             return content
         width, height = content.get("size_px", (None, None))
@@ -66,12 +66,12 @@ class WindowOptions(Strict):
 
     @property
     def samples(self) -> tuple[int, int]:
-        """Columns and rows of the pixels looked at."""
+        """Columns and rows of the sampled pixels."""
         width, height = self.size_px
         return max(1, width // self.stride), max(1, height // self.stride)
 
     def sizes_px(self, camera: PlacedCamera, places: Float[Array, "3 k"]) -> Float[Array, "k 2"]:
-        """Return width and height of the windows about places in the room [m], in a camera's picture [px]."""
+        """Return width and height of the windows about positions in the room [m], in a camera's picture [px]."""
         if self.size_m is None:
             return np.full((places.shape[1], 2), self.size_px, float)
         off_m = places - camera.eye_m[:, None]
@@ -79,7 +79,7 @@ class WindowOptions(Strict):
         return np.array(self.size_m) * (camera.intrinsics.fx / away_m)[:, None]
 
     def box(self, place: Float[Array, "3"], camera: PlacedCamera) -> tuple[float, float, float, float] | None:
-        """Return left, top, width and height [px] of the window about a place [m]; None where a picture does not show it."""
+        """Return left, top, width and height [px] of the window about a position [m]; None outside the picture."""
         (u, v), seen = camera.project(place)
         width, height = self.sizes_px(camera, place[:, None])[0].tolist()
         return (float(u) - width / 2, float(v) - height / 2, width, height) if seen else None
@@ -87,7 +87,7 @@ class WindowOptions(Strict):
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """One camera's picture of one frame. number: of the camera, as references count them."""
+    """One camera's picture of one frame. number: index of the camera, as in references."""
 
     number: int
     camera: PlacedCamera
@@ -106,7 +106,7 @@ class View:
     def samples(
         self, places: Float[Array, "3 k"], pixels: Float[Array, "k 2"], window: WindowOptions, number: tuple[int, int]
     ) -> BinnedSamples:
-        """Sample the bins of `number` columns and rows of pixels in windows about places [m] shown at these pixels."""
+        """Sample the bins of `number` columns and rows of pixels in windows about positions [m] at these pixels."""
         binned = self._foreground_binned if window.pixels == "foreground" else self._all_binned
         return binned.windows(pixels, window.sizes_px(self.camera, places), number)
 
@@ -120,7 +120,7 @@ class View:
     ) -> Float[Floats, "k"]:
         """Return Σ √(p q), 1 − D² of eq. 4, of the colours in windows and the reference `of` each (`padded_roots`).
 
-        Colours are shares of the window's pixels, or of those of the foreground as a share of all the window.
+        Colours are shares of the window's pixels, or foreground pixels as shares of the whole window.
         """
         counts = self.samples(places, pixels, window, window.samples).counts()
         alike = np.einsum("kb,kb->k", np.sqrt(counts.astype(np.float32)), root_references[of])
@@ -131,7 +131,7 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """k places in the pictures of all cameras: pixels, which a picture shows, and at which it shows foreground."""
+    """k positions in the pictures of all cameras: pixels, whether shown, and whether foreground."""
 
     views: Views
     pixels: Float[Array, "cameras k 2"]
@@ -158,18 +158,18 @@ class Views(Sequence[View]):
 
     @property
     def eyes_m(self) -> Float[Array, "c 3"]:
-        """Places of the cameras [m]."""
+        """Positions of the cameras [m]."""
         return np.array([view.camera.eye_m for view in self]).reshape(-1, 3)
 
     def look(self, places: Float[Array, "3 k"]) -> Look:
-        """Project places in the room [m] into every picture."""
+        """Project positions in the room [m] into every picture."""
         pixels, seen = self._group.project(places)
         column, row = (np.where(seen[:, None], pixels, 0.0) + 0.5).astype(np.intp).swapaxes(0, 1)
         on_foreground = seen & self._mask[self._start + row * self._width + column]
         return Look(self, pixels.swapaxes(1, 2), seen, on_foreground)
 
     def bearings(self, places: Float[Array, "c k"]) -> Float[Array, "cameras k"]:
-        """Return the directions from places to the cameras, seen from above [rad]."""
+        """Return the directions from positions to the cameras, seen from above [rad]."""
         x, y = self.eyes_m[:, :2].T[..., None]
         return np.arctan2(y - places[1], x - places[0])
 
@@ -181,9 +181,9 @@ class Views(Sequence[View]):
         window: WindowOptions,
         parts: tuple[int, int] = (1, 1),
     ) -> Float[Array, "windows colours"]:
-        """Count the pixels of each colour in the windows about places that pictures have `shown`, camera by camera.
+        """Count the pixels of each colour in the windows about positions `shown` in pictures, camera by camera.
 
-        parts: into how many columns and rows a window is cut; the colours of one part come after those of another.
+        parts: columns and rows into which a window is cut; their colours are concatenated.
         """
         number = (window.samples[0] // parts[0] * parts[0], window.samples[1] // parts[1] * parts[1])
         found = [
@@ -201,9 +201,9 @@ class Views(Sequence[View]):
         shown: Bool[Mask, "cameras k"],
         window: WindowOptions,
     ) -> Complex[AnyArray, "windows"]:
-        """Locate skin on heads at places [m]: the mean over a window's pixels of e^iφ where there is skin, 0 elsewhere.
+        """Locate skin on heads at positions [m]: the mean over a window's pixels of e^iφ for skin, 0 elsewhere.
 
-        φ is how far the head's surface is turned from the camera there, seen from above, as if it were round [rad].
+        φ is the angle of the head's surface from the camera there, seen from above, as if it were round [rad].
         """
         rgb, mask = [], []
         for view, at, here in zip(self, pixels, shown, strict=True):
@@ -218,17 +218,17 @@ class Views(Sequence[View]):
 
 
 class CameraViews:
-    """Makes views of a frame's pictures by the cameras' front ends."""
+    """Maker of views of a frame's pictures, by the cameras' front ends."""
 
     def __init__(self, front_ends: Mapping[str, CameraFrontEnd]) -> None:
         self._front_ends = dict(front_ends)
-        self._groups: dict[tuple[int, ...], CameraGroup] = {}  # by the numbers of the cameras that see anything
+        self._groups: dict[tuple[int, ...], CameraGroup] = {}  # by the indices of the cameras that are not blind
         self.learns_background = any(each.learns_background for each in front_ends.values())
 
     def views(self, observations: Mapping[str, Observation]) -> Views:
         """Prepare the pictures among the observations, and leave out blind ones.
 
-        Raises InputError for pictures of another size than the rig says.
+        Raises InputError for pictures of another size than the rig's.
         """
         found = []
         for number, (name, front_end) in enumerate(self._front_ends.items()):
@@ -243,14 +243,14 @@ class CameraViews:
 
 
 def padded_roots(roots: Float[Array, "n bins"]) -> Float32[Singles, "n padded"]:
-    """Pad roots of references for `View.similarity`: by a last bin, of what counts in none, that is like nothing."""
+    """Pad roots of references for `View.similarity` by a zero bin for uncounted pixels."""
     padded = np.zeros((len(roots), roots.shape[1] + 1), np.float32)
     padded[:, :-1] = roots
     return padded
 
 
 def _parted(windows: BinnedSamples, samples: tuple[int, int], parts: tuple[int, int]) -> BinnedSamples:
-    """Cut windows, whose samples come column by column, into parts as windows of their own, one's after another's."""
+    """Cut windows, sampled column by column, into concatenated windows of their parts."""
     columns, rows = samples[0] // parts[0], samples[1] // parts[1]
     number = windows.number.reshape(len(windows.number), -1, parts[0], columns, parts[1], rows)
     number = np.moveaxis(number, 4, 3).reshape(len(windows.number), -1, columns * rows)

@@ -65,7 +65,7 @@ def evaluate(
 
 
 def _judged(judged_ns: Nanoseconds, tracked_ns: Nanoseconds) -> str:
-    """Say how many frames were judged, of how many, and from when to when."""
+    """Format the number of judged frames, of how many, and their time span."""
     if not len(judged_ns):
         return "no frame was judged"
     first_s, last_s = judged_ns.min() / 1e9, judged_ns.max() / 1e9

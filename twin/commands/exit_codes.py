@@ -1,4 +1,4 @@
-"""Ends of `twin`: exit codes (see docs/concepts/results.md), plug-ins that failed, Ctrl-C and kill."""
+"""Exits of `twin`: exit codes (see docs/concepts/results.md), failed plug-ins, Ctrl-C and kill."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ EXIT_DONE, EXIT_FELL_SHORT, EXIT_BAD_INPUT, EXIT_OUR_FAULT, EXIT_INTERRUPTED, EX
 
 
 def exit_with_failures(failures: Sequence[str]) -> None:
-    """Print the failures of plug-ins; with any, exit as a check that fell short does."""
+    """Print the failures of plug-ins; with any, exit as a failed check does."""
     for failure in failures:
         sys.stderr.write(f"twin: {printable(failure)}\n")
     if failures:
@@ -30,16 +30,16 @@ def exit_with_failures(failures: Sequence[str]) -> None:
 class Interrupted(KeyboardInterrupt):
     """Request to end, by Ctrl-C or a kill.
 
-    Not a plain KeyboardInterrupt: where one of those has passed through an `exec`, as in the making of a dataclass, Python
-    ends by the signal itself instead of the exit code that it is given.
+    No plain KeyboardInterrupt: after one has passed through an `exec`, as in the making of a dataclass, Python ends by the
+    signal instead of the exit code.
     """
 
 
 def raise_on_signals() -> None:
-    """Make SIGTERM, and SIGINT unless it is ignored, raise Interrupted in the main thread.
+    """Make SIGTERM, and SIGINT unless ignored, raise Interrupted in the main thread.
 
-    Not within an import: compiled modules may crash there, and a class half made turns it into another error. The signal
-    comes again after `_AGAIN_S`, for up to 10 s, so that a module of the user's that never ends can be stopped too.
+    Not during an import: compiled modules may crash there, and a partly made class turns it into another error. The signal
+    is repeated after `_AGAIN_S`, for up to 10 s, so that an endless module of the user's can be stopped too.
     """
     first_s: list[float] = []
 

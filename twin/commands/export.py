@@ -1,4 +1,4 @@
-"""`twin export`: recordings in other people's formats."""
+"""`twin export`: recordings in other formats."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def export(
 
 
 def _recordings(stack: ExitStack, source: str, rig: Path | None, on_warning: OnWarning) -> tuple[str, list[Recorded]]:
-    """Open what the source names, with a name for it; a suite's recordings stay in the cache while `stack` is open."""
+    """Open the recordings of the source and return its name; a suite's stay in the cache while `stack` is open."""
     from twin.export.recorded import open_recorded
 
     path = Path(source)

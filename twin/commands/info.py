@@ -52,7 +52,7 @@ def list_(
 
 
 def _described(part: str) -> dict[str, str]:
-    """Return what there is of one part, with a line on each."""
+    """Return the entries of one part, each with one line of description."""
     from trackers.presets import available
     from twin import models
 
@@ -68,7 +68,7 @@ def _described(part: str) -> dict[str, str]:
 
 
 def print_part(title: str, entries: Mapping[str, str]) -> None:
-    """Print a table on a terminal; else a line per entry, of any length, for other programs."""
+    """Print a table on a terminal; else one line per entry, of any length, for other programs."""
     if not sys.stdout.isatty():
         typer.echo(title)
         column = max(map(len, entries)) + 2
@@ -141,7 +141,9 @@ def check(
 
 
 def check_own_tracker(name: str) -> list[str]:
-    """List what a tracker breaks on four seconds of five people in the lab, as its sensors see them and with every fault."""
+    """List contract violations of a tracker on four seconds of five people in the lab, with its sensors and with every
+    fault.
+    """
     from trackers.check import check_tracker
     from trackers.presets import make_tracker
     from twin.scenario import load_scenario
@@ -153,7 +155,7 @@ def check_own_tracker(name: str) -> list[str]:
 
 
 def check_own_sensor(name: str) -> list[str]:
-    """List what the sensor that `module:make` makes without arguments breaks before five people in the lab."""
+    """List contract violations of the sensor made by `module:make` without arguments, before five people in the lab."""
     from importlib import import_module
 
     from trackers.errors import InputError
@@ -172,7 +174,7 @@ def check_own_sensor(name: str) -> list[str]:
 
 
 def check_machine() -> Iterator[str]:
-    """Yield one line per thing checked; raise InputError, with what to do, where the machine cannot render."""
+    """Yield one line per item checked; raise InputError, with a remedy, where the machine cannot render."""
     import mujoco
     import numpy as np
 

@@ -1,4 +1,4 @@
-"""Lack of memory, by a limit of the shell's or a full machine, as one sentence instead of a crash."""
+"""Lack of memory, by a limit or a full machine, reported in one sentence instead of a crash."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from trackers.errors import InputError
 from twin.commands.exit_codes import EXIT_BAD_INPUT
 
 _LEAST_MB = 200
-"""Under this OpenBLAS ends the process by itself, before Python can say anything."""
+"""Below this OpenBLAS ends the process by itself, before Python can report."""
 
 _MEMORY_TEXTS = ("failed to map segment", "allocate memory", "can't start new thread", "insufficient memory")
 _PARSER_TEXT = re.compile(r"field '\w+' is required for \w+")
-"""Python's text for a syntax tree that it had no memory for, as it imports a module."""
+"""Python's error when an import lacks memory for a syntax tree."""
 _FOREIGN = ("av", "cv2", "mujoco", "OpenGL", "apsw", "sqlite3", "zstandard")
-"""Libraries whose errors do not say that memory was what they lacked."""
+"""Libraries whose errors do not mention lack of memory."""
 _FATAL = (signal.SIGABRT, signal.SIGSEGV, signal.SIGBUS, signal.SIGILL, signal.SIGTRAP)
-"""Signals by which compiled libraries end a process."""
+"""Signals with which compiled libraries end a process."""
 
 
 def run_in_child() -> int | None:
     """Continue in a child of this process where memory is limited; return its exit code, and None in the child itself.
 
-    Libraries for pictures end the process that may have no more memory, before Python can say anything: the parent can.
+    Image libraries end a process that lacks memory before Python can report: the parent can.
     """
     limit = _limit_mb()
     if limit is None:
         return None
     try:
         child = os.fork()
-    except OSError:  # no memory even for that: what comes next says so
+    except OSError:  # no memory even for that: the next error reports it
         return None
     if child == 0:
         return None
@@ -51,16 +51,16 @@ def run_in_child() -> int | None:
 
 
 def check_memory() -> None:
-    """Raise InputError where the limit of memory leaves no room to begin."""
+    """Raise InputError where the memory limit is too low to start."""
     limit = _limit_mb()
     if limit is not None and limit < _LEAST_MB:
         raise InputError(_sentence(limit))
 
 
 def describe_lack_of_memory(error: BaseException) -> str | None:
-    """Describe an error that lack of memory has brought about; None for any other."""
+    """Describe an error caused by lack of memory; None for any other."""
     limit = _limit_mb()
-    is_described = isinstance(error, InputError)  # its sentence is wrong only where it speaks of memory
+    is_described = isinstance(error, InputError)  # its sentence is wrong only if about memory
     for each in _chain(error):
         is_errno = isinstance(each, OSError) and each.errno == errno.ENOMEM
         may_lack = isinstance(each, ImportError | OSError | RuntimeError | ValueError) or _is_foreign(each)

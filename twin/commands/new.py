@@ -1,4 +1,4 @@
-"""`twin new`: write a commented start of anything, or a scene drawn at random as plain files."""
+"""`twin new`: write a commented template of anything, or a random scene as plain files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`twin reproduce`: a paper's figures and tables beside ours."""
+"""`twin reproduce`: a paper's figures and tables with our results."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def reproduce(
 
 
 def _check_options(name: str, numbers: Mapping[str, int | None], own: Mapping[str, object]) -> None:
-    """Raise InputError for an unknown reproduction, too few runs, or an option that this reproduction has not."""
+    """Raise InputError for an unknown reproduction, too few runs, or an option that it lacks."""
     from trackers.errors import InputError
 
     if name not in REPRODUCTIONS:

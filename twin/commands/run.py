@@ -1,4 +1,4 @@
-"""`twin run` and `twin render`: simulate a scenario, with trackers on it or recorded only."""
+"""`twin run` and `twin render`: simulate a scenario, with or without trackers."""
 
 from __future__ import annotations
 
@@ -122,11 +122,11 @@ def _print_note(note: str) -> None:
 
 
 def _keep_silent(note: str) -> None:
-    """Take a note that nobody asked for."""
+    """Discard a note."""
 
 
 def _print_size(scenario: Scenario, *, images: bool) -> None:
-    """Print on stderr what a run will make; raise InputError where that is above the limits, if they hold."""
+    """Print the size of a run on stderr; raise InputError above the limits, if they hold."""
     from twin.scenario.run_size import check_size, size_of
 
     check_size(scenario, images=images)

@@ -1,4 +1,4 @@
-"""Commented starts that `twin new` writes: each runs as it is."""
+"""Commented templates of `twin new`: each runs as it is."""
 
 SCENARIO = """\
 # A scenario of your own; `twin schema > scenario.schema.json` gives editors completion. Run it: twin run {file}

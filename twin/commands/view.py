@@ -1,4 +1,4 @@
-"""`twin view`: pictures and videos of a scenario, its people and its sensors' views."""
+"""`twin view`: pictures and videos of a scenario, its people and its sensors' images."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def view(
 
 
 def _is_room(name: str) -> bool:
-    """Tell whether a name is a room's: an MJCF file, or a shipped room that no scenario is called like."""
+    """Return whether a name is a room's: an MJCF file, or a shipped room whose name no scenario has."""
     from twin import models
 
     return name.endswith(".xml") or (name in models.names("rooms") and name not in models.names("scenarios"))
@@ -99,7 +99,7 @@ def check_options(
     follow: str | None,
     out: Path | None,
 ) -> None:
-    """Raise InputError for options of `twin view` without effect on the picture that is asked for."""
+    """Raise InputError for options of `twin view` without effect on the requested picture."""
     if people and video is not None:
         raise InputError("--people: is a picture of its own beside --video; one of the two is expected")
     if people and at:

@@ -1,1 +1,1 @@
-"""Scenes drawn at random: rooms, people and sensor rigs from distributions and a seed, as plain MJCF and YAML."""
+"""Random scenes: rooms, people and sensor rigs from distributions and a seed, as plain MJCF and YAML."""

@@ -1,5 +1,4 @@
-"""Distributions that rooms, people and rigs are drawn from. Every range is uniform and every share a probability,
-unless it says so."""
+"""Distributions of rooms, people and rigs. Every range is uniform and every share a probability, unless stated otherwise."""
 
 from __future__ import annotations
 
@@ -25,7 +24,7 @@ Count = Annotated[tuple[int, int], AfterValidator(_ordered)]
 
 
 class DrawnRoom(Strict):
-    """A building of one or several rooms: walls, doors, pillars, furniture, materials and lights.
+    """Building of one or several rooms: walls, doors, pillars, furniture, materials and lights.
 
     The lengths are those of offices, flats and small halls: 5–14 m by 4–10 m with 0–12 pieces of furniture.
     """
@@ -73,7 +72,7 @@ class DrawnRoom(Strict):
 
 
 FURNITURE = ("table", "desk", "cupboard", "shelf", "sofa", "bed", "plant", "counter")
-"""The kinds of furniture that can be drawn."""
+"""Kinds of furniture that can be drawn."""
 
 
 class DrawnPeople(Strict):
@@ -131,11 +130,11 @@ class DrawnPeople(Strict):
 
 
 ACTIVITIES = ("wander", "walk", "stand", "sit", "lie", "look", "bend", "reach", "meet", "run")
-"""The activities that can be drawn."""
+"""Activities that can be drawn."""
 
 
 class DrawnSensors(Strict):
-    """A rig as installers hang it: scanners on walls at knee or waist height, cameras under the ceiling and in corners."""
+    """Rig as mounted by installers: scanners on walls at knee or waist height, cameras under the ceiling and in corners."""
 
     kind: Literal["drawn"] = Field(description="the sensors are drawn at random")
     seed: int | None = Field(default=None, ge=0, lt=2**63, description="seed of the rig; none: the scenario's")

@@ -1,4 +1,4 @@
-"""A drawn building: plan, furniture and free floor, and its place in the room frame."""
+"""Drawn building: plan, furniture and free floor, and its pose in the room frame."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _BOOKS = ("0.20 0.30 0.46", "0.22 0.38 0.32", "0.50 0.16 0.18")
 
 @dataclass(frozen=True)
 class Placement:
-    """The plan's place in the room frame: turned by `turn` [rad] about its middle, which is the room's origin."""
+    """Pose of the plan in the room frame: turned by `turn` [rad] about its middle, the room's origin."""
 
     middle: tuple[float, float]
     turn: float
@@ -53,7 +53,7 @@ def room_mjcf(
     is_dim: bool,
     rng: np.random.Generator,
 ) -> str:
-    """Write the building; `area` (k, 2): where people walk, in the plan [m]. `rng` draws colours, windows and lights."""
+    """Write the building as MJCF; `area` (k, 2): walkable area in the plan [m]. `rng` draws colours, windows and lights."""
     chosen = {key: str(rng.choice(list(options))) for key, options in
               (("paint", _PAINTS), ("wood", _WOODS), ("cloth", _CLOTHS), ("furniture", _FURNITURE))}  # fmt: skip
     floor = _FLOORS[int(rng.integers(len(_FLOORS)))]
@@ -239,7 +239,7 @@ _LEAST_FREE = 0.35
 
 @dataclass(frozen=True)
 class DrawnBuilding:
-    """A drawn building, into which people and sensors are drawn, and its MJCF file."""
+    """Drawn building with its MJCF file, into which people and sensors are drawn."""
 
     plan: FloorPlan
     pieces: tuple[Piece, ...]
@@ -248,7 +248,7 @@ class DrawnBuilding:
     mjcf: str
 
     def spots(self, kind: str) -> list[str]:
-        """Return names, as scenarios use them, of the seats or beds."""
+        """Return the scenario's names of the seats or beds."""
         return [
             f"{piece.name}_{number}_{place}"
             for number, piece in enumerate(self.pieces, start=1)
@@ -262,10 +262,7 @@ class DrawnBuilding:
 
 
 def draw_building(options: DrawnRoom, seed: int, name: str) -> DrawnBuilding:
-    """Draw a building; the same options and seed give the same file.
-
-    Plans on which too little of the floor can be reached are drawn again.
-    """
+    """Draw a building; equal options and seed give an equal file. Plans with too little reachable floor are drawn again."""
     seed = options.seed if options.seed is not None else seed
     for attempt in range(_TRIES):
         rng = stream(seed, "drawn room", str(attempt))

@@ -1,6 +1,6 @@
-"""Furniture of drawn rooms: pieces with their geoms, seats and beds, and where they are put.
+"""Furniture of drawn rooms: pieces with their geoms, seats and beds, and their placement.
 
-A piece is in its own frame: its back at y = 0 and its front ahead at +y, its middle at x = 0, standing on z = 0.
+A piece's frame has its back at y = 0 and its front at +y, its middle at x = 0, and the floor at z = 0.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Solid:
 
 @dataclass(frozen=True)
 class Spot:
-    """A place to sit or lie: `kind` seat or bed, place on top [m], yaw in the piece's frame [rad]."""
+    """Place to sit or lie: `kind` seat or bed, place on top [m], yaw in the piece's frame [rad]."""
 
     kind: str
     place: tuple[float, float, float]
@@ -39,9 +39,9 @@ class Spot:
 
 @dataclass(frozen=True)
 class Piece:
-    """A piece of furniture: name, width (x) and depth (y) [m], geoms, spots, and where it stands in the plan's frame.
+    """Piece of furniture: name, width (x) and depth (y) [m], geoms, spots, and its pose in the plan's frame.
 
-    `free_m`: floor that must stay free ahead of its front [m]; `at_wall`: whether its back is against a wall.
+    `free_m`: floor to keep free ahead of its front [m]; `at_wall`: whether its back is against a wall.
     """
 
     name: str
@@ -60,7 +60,7 @@ class Piece:
         return local @ np.array([[cos, sin], [-sin, cos]]) + self.place
 
     def footprint(self, grown_m: float = 0.0, ahead_m: float = 0.0) -> Array:
-        """Return its corners (4, 2) in the plan's frame [m], grown to all sides, and to the front."""
+        """Return its corners (4, 2) in the plan's frame [m], grown on all sides, and to the front."""
         x, y0, y1 = self.width_m / 2 + grown_m, -grown_m, self.depth_m + grown_m + ahead_m
         return self.placed(np.array([[-x, y0], [x, y0], [x, y1], [-x, y1]]))
 
@@ -180,7 +180,7 @@ _DRAWN: dict[str, Callable[[np.random.Generator], Piece]] = {
 
 
 def draw_pillars(plan: FloorPlan, options: DrawnRoom, space: FreeSpace, rng: np.random.Generator) -> list[Piece]:
-    """Draw pillars to the ceiling, each taken from `space`, none in anybody's only way."""
+    """Draw pillars to the ceiling, each taken from `space`, none blocking an only way."""
     pillars: list[Piece] = []
     for _ in range(int(rng.integers(options.pillars[0], options.pillars[1] + 1))):
         width, is_round = float(rng.uniform(*options.pillar_m)), rng.random() < 0.5
@@ -198,9 +198,9 @@ def draw_pillars(plan: FloorPlan, options: DrawnRoom, space: FreeSpace, rng: np.
 
 
 def draw_furniture(plan: FloorPlan, options: DrawnRoom, space: FreeSpace, rng: np.random.Generator) -> list[Piece]:
-    """Draw pieces and put them up, each taken from `space`; what finds no place is left out.
+    """Draw and place pieces, each taken from `space`; those without room are left out.
 
-    Doors and doorways stay free, every seat and bed can be reached, and no part of the floor is cut off.
+    Doors and doorways stay free, every seat and bed is reachable, and no part of the floor is cut off.
     """
     kinds = [kind for kind, weight in options.furniture.items() if weight > 0]
     if not kinds:
@@ -261,7 +261,7 @@ def _stood(
 def _chairs(
     table: Piece, plan: FloorPlan, space: FreeSpace, others: list[Piece], rng: np.random.Generator
 ) -> list[Piece]:
-    """Draw chairs about a table or before a desk, pulled out and turned aside as people leave them."""
+    """Draw chairs about a table or before a desk, pulled out and turned aside as if left."""
     chairs: list[Piece] = []
     for side in (1,) if table.at_wall else (1, -1):
         n_chair = 1 if table.at_wall else int(rng.integers(0, int(table.width_m / 0.75) + 1))
@@ -318,7 +318,7 @@ def _put(piece: Piece, plan: FloorPlan, space: FreeSpace, others: list[Piece]) -
 
 
 def standing_places(piece: Piece) -> Array:
-    """Return places (n, 2) [m] of the plan from which somebody sits or lies down on the piece."""
+    """Return places (n, 2) [m] of the plan from which a person sits or lies down on the piece."""
     places = []
     for spot in piece.spots:
         if spot.kind == "seat":
@@ -331,14 +331,14 @@ def standing_places(piece: Piece) -> Array:
 
 
 def _strip(wall: Wall, first_m: float, last_m: float, half_m: float) -> Array:
-    """Return the rectangle (4, 2) along a wall from `first_m` to `last_m`, so far to both sides [m]."""
+    """Return the rectangle (4, 2) along a wall from `first_m` to `last_m`, of half width `half_m` [m]."""
     return np.array(
         [wall.at(first_m, -half_m), wall.at(last_m, -half_m), wall.at(last_m, half_m), wall.at(first_m, half_m)]
     )
 
 
 def _overlap(one: Array, other: Array) -> bool:
-    """Tell whether two convex polygons (k, 2) overlap, by separating axes: thousands of places are tried for a plan."""
+    """Return whether two convex polygons (k, 2) overlap, by separating axes: fast enough for thousands of trials per plan."""
     for shape in (one, other):
         edges = np.roll(shape, -1, axis=0) - shape
         for normal in np.column_stack([-edges[:, 1], edges[:, 0]]):

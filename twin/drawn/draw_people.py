@@ -1,4 +1,4 @@
-"""People of drawn rooms: who comes, alone or in groups, and what they do; scripts as scenarios hold them."""
+"""People of drawn rooms, alone or in groups, with their activities; scripts as in scenarios."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Script = list[dict[str, Any]]
 def draw_people(
     options: DrawnPeople, building: DrawnBuilding, duration_s: float, seed: int
 ) -> dict[str, dict[str, Any]]:
-    """Draw people by name, each as a scenario's entry; fewer than asked where the floor is short of space."""
+    """Draw people by name, each as a scenario's entry; fewer if the floor is short of space."""
     seed = options.seed if options.seed is not None else seed
     rng = stream(seed, "drawn people", "")
     count = int(rng.integers(options.count[0], options.count[1] + 1))
@@ -63,7 +63,7 @@ def _groups(count: int, options: DrawnPeople, rng: np.random.Generator) -> list[
 
 
 class _PeopleDraws:
-    """The choices that people's scripts are made of; seats, beds and starts are given once."""
+    """Draws for people's scripts; seats, beds and starts are used once."""
 
     def __init__(
         self, options: DrawnPeople, building: DrawnBuilding, duration_s: float, rng: np.random.Generator
@@ -73,7 +73,7 @@ class _PeopleDraws:
         self._starts: list[Array] = []
 
     def group(self, names: list[str], others: list[str]) -> list[dict[str, Any] | None]:
-        """Draw one person, or a group: its first member walks about and the others go with them."""
+        """Draw one person, or a group, whose first member walks about and the others follow."""
         options, rng = self._options, self._rng
         arrives = bool(self._building.plan.doors) and rng.random() < options.arriving
         leaves = bool(self._building.plan.doors) and rng.random() < options.leaving
@@ -97,7 +97,7 @@ class _PeopleDraws:
         return members
 
     def _person(self, arrive_s: float, near: Array | None, by_door: bool) -> dict[str, Any] | None:
-        """Draw stature and start of somebody; None where no place to start is left."""
+        """Draw a person's stature and start; None without a place to start."""
         rng, building = self._rng, self._building
         is_child = rng.random() < self._options.children
         height_m = rng.uniform(1.05, 1.38) if is_child else np.clip(rng.normal(1.71, 0.08), 1.5, 1.98)
@@ -116,7 +116,7 @@ class _PeopleDraws:
         return person
 
     def _start(self, near: Array | None) -> Array | None:
-        """Draw a free place away from all other starts; close to `near` where that is given."""
+        """Draw a free place away from all other starts; close to `near` if given."""
         for place in self._building.space.draw(60, self._rng):
             if all(np.hypot(*(place - other)) >= _APART_M for other in self._starts) and (
                 near is None or np.hypot(*(place - near)) < 2.0
@@ -125,7 +125,7 @@ class _PeopleDraws:
         return None if near is None else self._start(None)
 
     def _script(self, others: list[str]) -> Script:
-        """Draw one to four activities; the last goes on to the end."""
+        """Draw one to four activities; the last lasts to the end."""
         rng, options = self._rng, self._options
         kinds = [kind for kind, weight in options.activities.items() if weight > 0]
         weights = np.array([options.activities[kind] for kind in kinds])
@@ -136,7 +136,7 @@ class _PeopleDraws:
         return [*script, self._wandering(None)]
 
     def _activity(self, kind: str, others: list[str]) -> Script:
-        """Draw the actions of one activity; nothing where there is nothing to do it with."""
+        """Draw the actions of one activity; none if its object is missing."""
         rng = self._rng
         lasts_s = round(float(rng.uniform(2, max(0.4 * self._duration_s, 3))), 1)
         match kind:
@@ -181,7 +181,7 @@ class _PeopleDraws:
         return action if for_s is None else action | {"for_s": for_s}
 
     def _walking(self, size: int = 1) -> Script:
-        """Walk through a few places, then stand a while, then wander; the more slowly the larger the group."""
+        """Walk through a few places, then stand a while, then wander; slower for larger groups."""
         low, high = self._options.speed_m_s
         slower = self._options.group_slowdown_m_s * (size - 1)
         speed = round(max(low, float(self._rng.uniform(low, high)) - slower), 2)

@@ -17,15 +17,16 @@ FIELDS = ("room", "people", "sensors")
 
 
 def is_drawn(content: dict[str, Any]) -> bool:
-    """Tell whether a scenario's content leaves something to be drawn."""
+    """Return whether a scenario's content has parts to draw."""
     return any(_asks(content, field) for field in FIELDS)
 
 
 def draw_scene(content: dict[str, Any], source: str, keep_room: Callable[[str, str], str]) -> dict[str, Any]:
-    """Return a scenario's content with what it leaves to be drawn in its place.
+    """Return a scenario's content with its drawn parts filled in.
 
-    content: plain data with `seed` and `duration_s`. keep_room: given a name and the MJCF, writes the room's file and returns
-    the path for the entry `room`. People and sensors are drawn into drawn rooms only. Raises InputError, naming `source`.
+    content: plain data with `seed` and `duration_s`. keep_room: given a name and the MJCF, writes the room's file and
+    returns the path for the entry `room`. People and sensors are drawn only into drawn rooms. Raises InputError, naming
+    `source`.
     """
     room = content.get("room")
     if not _asks(content, "room"):
@@ -33,7 +34,7 @@ def draw_scene(content: dict[str, Any], source: str, keep_room: Callable[[str, s
         raise InputError(f"{source}: {field}: can be drawn into a drawn room only; room: {{kind: drawn}} is expected")
     seed, duration_s = content.get("seed", 0), content.get("duration_s")
     if not isinstance(seed, int) or isinstance(seed, bool) or not 0 <= seed < 2**63:
-        return content | {"room": "drawn"}  # the scenario's own check says so
+        return content | {"room": "drawn"}  # the scenario's own check reports it
     if isinstance(duration_s, bool) or not isinstance(duration_s, int | float) or not duration_s > 0:
         duration_s = 20.0
     options = validate(DrawnRoom, room, f"{source}: room")
@@ -61,6 +62,6 @@ def _building(options: DrawnRoom, seed: int, source: str) -> DrawnBuilding:
 
 
 def _asks(content: dict[str, Any], field: str) -> bool:
-    """Return whether a field is a mapping with `kind: drawn`; a person or sensor called kind is a mapping itself."""
+    """Return whether a field is a mapping with `kind: drawn`; a person or sensor named kind is a mapping itself."""
     entry = content.get(field)
     return isinstance(entry, dict) and entry.get("kind") == "drawn"

@@ -1,4 +1,4 @@
-"""Rigs of drawn rooms: sensors where installers hang them, as entries of a scenario."""
+"""Rigs of drawn rooms: sensors mounted as by installers, as entries of a scenario."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from twin.streams import stream
 
 _OFF_WALL_M = 0.06
 _CLEAR_M = 0.6
-"""Floor before a scanner that no furniture stands on [m]."""
+"""Floor before a scanner without furniture [m]."""
 _TRIES = 60
 
 
@@ -51,7 +51,7 @@ def draw_sensors(options: DrawnSensors, building: DrawnBuilding, duration_s: flo
 class _RigDraws:
     def __init__(self, options: DrawnSensors, building: DrawnBuilding, rng: np.random.Generator) -> None:
         self._options, self._building, self._rng = options, building, rng
-        self._hung: list[Array] = []  # places on walls that are taken
+        self._hung: list[Array] = []  # occupied places on walls
         self._corners = [*range(len(building.plan.outline))]
         rng.shuffle(self._corners)
 
@@ -114,7 +114,7 @@ class _RigDraws:
         return round(float(self._rng.uniform(*self._options.camera_hz)), 1)
 
     def _mount(self, place: Array, height_m: float, yaw_deg: float, pitch_deg: float = 0.0) -> dict[str, Any]:
-        """Return a mount of a place and yaw of the plan."""
+        """Return a mount at a place and yaw of the plan."""
         yaw = (yaw_deg + np.degrees(self._building.placement.turn) + 180) % 360 - 180
         mount: dict[str, Any] = {
             "xyz": [*self._building.to_room(place)[0], round(height_m, 3)],
@@ -123,8 +123,9 @@ class _RigDraws:
         return mount | ({"pitch_deg": round(pitch_deg, 1)} if pitch_deg else {})
 
     def _on_a_wall(self) -> tuple[Array, float]:
-        """Draw a free place on an outer wall, not behind furniture, in a door or beside another sensor, and where it
-        faces [deg]."""
+        """Draw a free place on an outer wall and its direction [deg], not behind furniture, in a door or beside another
+        sensor.
+        """
         plan, rng = self._building.plan, self._rng
         lengths = np.array([wall.length_m for wall in plan.walls])
         best: tuple[float, Array, float] | None = None
@@ -141,14 +142,14 @@ class _RigDraws:
                 best = found
             if apart > 2.5:
                 break
-        if best is None:  # every wall is furnished: a corner is free
+        if best is None:  # furniture along every wall: a corner is free
             corner = plan.outline[0] + _OFF_WALL_M
             best = (0.0, corner, 45.0)
         self._hung.append(best[1])
         return best[1], best[2]
 
     def _is_clear(self, place: Array, inwards: Array) -> bool:
-        """Return whether no piece of furniture stands right before a place on a wall, or where a partition meets it."""
+        """Return whether no furniture stands right before a place on a wall, and no partition meets it there."""
         ahead = place + np.linspace(0, _CLEAR_M, 7)[:, None] * inwards
         lateral = np.array([-inwards[1], inwards[0]])
         points = np.concatenate([ahead, ahead + 0.15 * lateral, ahead - 0.15 * lateral])
@@ -166,7 +167,7 @@ class _RigDraws:
         return all(np.hypot(*(place - end)) > 0.4 for end in ends)
 
     def _in_a_corner(self) -> dict[str, Any]:
-        """Draw a place in a corner under the ceiling that looks at the middle of the nearest room."""
+        """Draw a place in a corner under the ceiling, directed at the middle of the nearest room."""
         plan, rng = self._building.plan, self._rng
         corner = self._corners.pop() if self._corners else int(rng.integers(len(plan.outline)))
         before, after = plan.walls[corner - 1], plan.walls[corner]

@@ -1,6 +1,6 @@
-"""The plan of a drawn building: its outline, the rooms in it, partitions with doorways, doors that lead out.
+"""Plan of a drawn building: outline, rooms, partitions with doorways, exterior doors.
 
-Everything is in the plan's own frame: metres, axis-aligned, the outline's lower left corner at the origin.
+All in the plan's frame: metres, axis-aligned, the outline's lower left corner at the origin.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from twin.drawn.distributions import DrawnRoom
 from twin.geometry.polygon import inset
 
 PARTITION_M = 0.1
-"""Thickness of a wall between two rooms [m]."""
+"""Thickness of a partition [m]."""
 DOOR_M = 0.9
-"""Width of a door that leads out [m]."""
+"""Width of an exterior door [m]."""
 _FROM_CORNER_M = 0.35
 """Least distance of a door's or doorway's edge from a corner [m]."""
 _BEFORE_M = 0.6
@@ -28,7 +28,7 @@ _BEFORE_M = 0.6
 
 @dataclass(frozen=True)
 class Rectangle:
-    """An axis-aligned part of the floor [m]."""
+    """Axis-aligned part of the floor [m]."""
 
     x0: float
     y0: float
@@ -48,7 +48,7 @@ class Rectangle:
 
 @dataclass(frozen=True)
 class Wall:
-    """A stretch of wall along an axis, seen from inside: from `start` to `end` [m], the room to its left."""
+    """Wall along an axis, seen from inside: from `start` to `end` [m], the room to its left."""
 
     start: tuple[float, float]
     end: tuple[float, float]
@@ -69,13 +69,13 @@ class Wall:
         return np.array([-self.along[1], self.along[0]])
 
     def at(self, along_m: float, off_m: float = 0.0) -> Array:
-        """Return the place (2,) so far along the wall and off it, into the room [m]."""
+        """Return the place (2,) at a distance along the wall and off it, into the room [m]."""
         return np.array(self.start) + along_m * self.along + off_m * self.inwards
 
 
 @dataclass(frozen=True)
 class Partition:
-    """A wall between two rooms, from `start` to `end` [m], with one doorway from `gap_m[0]` to `gap_m[1]` along it."""
+    """Wall between two rooms, from `start` to `end` [m], with one doorway from `gap_m[0]` to `gap_m[1]` along it."""
 
     start: tuple[float, float]
     end: tuple[float, float]
@@ -90,19 +90,19 @@ class Partition:
 
 @dataclass(frozen=True)
 class Door:
-    """A door that leads out: in which wall, and how far along it its middle is [m]."""
+    """Exterior door: its wall, and the position of its middle along it [m]."""
 
     wall: Wall
     along_m: float
 
     def before(self, off_m: float) -> Array:
-        """Return the place (2,) before the door, so far into the room [m]."""
+        """Return the place (2,) before the door, `off_m` into the room [m]."""
         return self.wall.at(self.along_m, off_m)
 
 
 @dataclass(frozen=True)
 class FloorPlan:
-    """A building: outline (k, 2) counter-clockwise [m], rooms, walls around it, partitions, doors that lead out."""
+    """Building: outline (k, 2) counter-clockwise [m], rooms, walls around it, partitions, exterior doors."""
 
     outline: Array
     rooms: tuple[Rectangle, ...]
@@ -125,7 +125,7 @@ class FloorPlan:
         return np.array([*inside, *between]).reshape(-1, 2)
 
     def is_within(self, places: Array) -> Mask:
-        """Tell which places (n, 2) [m] are over the floor."""
+        """Return which places (n, 2) [m] are over the floor."""
         return np.any(
             [
                 (places[:, 0] >= room.x0) & (places[:, 0] <= room.x1) & (places[:, 1] >= room.y0) & (places[:, 1] <= room.y1)
@@ -173,7 +173,7 @@ def _pair(place: Array) -> tuple[float, float]:
 def _divided(
     rooms: list[Rectangle], partitions: list[Partition], options: DrawnRoom, rng: np.random.Generator
 ) -> list[Rectangle] | None:
-    """Return the rooms with the largest one that can be divided in two, and its partition added; None where none can."""
+    """Divide the largest divisible room in two, adding its partition; return the rooms, None if none is divisible."""
     for room in sorted(rooms, key=lambda each: -each.area_m2):
         sides = np.array([room.x1 - room.x0, room.y1 - room.y0])
         axis = int(sides.argmax())
@@ -195,7 +195,7 @@ def _divided(
 
 
 def _meets_a_doorway(start: tuple[float, float], end: tuple[float, float], partitions: list[Partition]) -> bool:
-    """Return whether a partition would end in or right beside a doorway of another."""
+    """Return whether a partition would end in or beside a doorway of another."""
     for each in partitions:
         for place in (start, end):
             off = np.array(place) - each.start
@@ -222,7 +222,7 @@ def _partition(
 def _doors(
     walls: tuple[Wall, ...], partitions: list[Partition], count: int, rng: np.random.Generator
 ) -> tuple[Door, ...]:
-    """Draw doors that lead out, apart from each other, from corners and from where partitions meet the wall."""
+    """Draw exterior doors, apart from each other, from corners and from ends of partitions."""
     ends = np.array([place for each in partitions for place in (each.start, each.end)]).reshape(-1, 2)
     doors: list[Door] = []
     lengths = np.array([wall.length_m for wall in walls])
@@ -244,18 +244,18 @@ def _doors(
 
 _CELL_M = 0.05
 KEEP_M = 0.46
-"""Distance that people's middles keep from walls and furniture in this check [m]; they walk a little closer."""
+"""Distance of people's middles from walls and furniture in this check [m]; they walk a little closer."""
 
 WALKED_M = 0.2
-"""Distance from walls of the area that people's middles stay in [m]."""
+"""Distance from walls of the area of people's middles [m]."""
 _MARGINS_M = (0.18, 0.2)
-"""Distance that routes keep from the edge of that area: it must be wide enough for them everywhere [m]."""
+"""Distance of routes from the edge of that area, which must be wide enough for them everywhere [m]."""
 
 
 class FreeSpace:
-    """A grid of the floor on which walls and furniture are drawn.
+    """Grid of the floor with walls and furniture.
 
-    Places are in the plan's frame [m]. What can be reached is what is connected to the largest free part.
+    Places are in the plan's frame [m]. Reachable is the largest connected free part.
     """
 
     def __init__(self, plan: FloorPlan) -> None:
@@ -269,13 +269,13 @@ class FreeSpace:
         self._number: NDArray[np.int32] | None = None
 
     def copy(self) -> FreeSpace:
-        """Return a grid that can be changed alone."""
+        """Return an independent copy of the grid."""
         other = object.__new__(FreeSpace)
         other._taken, other._number = self._taken.copy(), self._number
         return other
 
     def take(self, corners: Array) -> None:
-        """Draw a convex footprint (k, 2) [m], of two corners a line, as taken."""
+        """Mark a convex footprint (k, 2) [m], or a line of two corners, as taken."""
         cells = np.rint((corners / _CELL_M + 1) * 256).astype(np.int32)
         if len(corners) == 2:
             cv2.line(self._taken, cells[0].tolist(), cells[1].tolist(), 1, thickness=2, shift=8)
@@ -285,7 +285,7 @@ class FreeSpace:
 
     @property
     def _parts(self) -> NDArray[np.int32]:
-        """The connected parts of the places where a middle can be, numbered from 1 by size; 0: taken."""
+        """Connected parts for a body's middle, numbered from 1 by size; 0: taken."""
         if self._number is None:
             gap_m = cv2.distanceTransform(1 - self._taken, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * _CELL_M
             found = cv2.connectedComponentsWithStats((gap_m >= KEEP_M).astype(np.uint8), connectivity=4)
@@ -296,7 +296,7 @@ class FreeSpace:
         return self._number
 
     def is_reached(self, places: Array) -> NDArray[np.bool_]:
-        """Mask the places (n, 2) [m] that are free and in the largest free part."""
+        """Return a mask of the places (n, 2) [m] that are free and in the largest free part."""
         parts = self._parts
         cells = np.rint(places / _CELL_M + 1).astype(int)
         there = ((cells >= 0) & (cells < parts.shape[::-1])).all(axis=1)
@@ -306,11 +306,11 @@ class FreeSpace:
 
     @property
     def area_m2(self) -> float:
-        """Area in which middles can be, of the largest part [m²]."""
+        """Area for middles in the largest part [m²]."""
         return float(np.count_nonzero(self._parts == 1)) * _CELL_M**2
 
     def walkable_area(self) -> Array | None:
-        """Return the outline (k, 2) [m] of the largest part that is `WALKED_M` off what is taken; None if it is too ragged."""
+        """Return the outline (k, 2) [m] of the largest part `WALKED_M` off all taken cells; None if it is too ragged."""
         gap_m = cv2.distanceTransform(1 - self._taken, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * _CELL_M
         outlines, _ = cv2.findContours((gap_m >= WALKED_M).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
         outline = max(outlines, key=cv2.contourArea)

@@ -1,1 +1,1 @@
-"""Polygons of the floor plan, and the hulls of geoms."""
+"""Polygons of the floor plan, and hulls of geoms."""

@@ -1,4 +1,4 @@
-"""Points of a geom's surface whose convex hull is the geom, in the room frame."""
+"""Points on a geom's surface whose convex hull is the geom, in the room frame."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from trackers.arrays import Array
 from trackers.errors import InputError
 
 PLANE_M = 0.05
-"""Thickness of a wall that is a plane, on its far side [m]."""
+"""Thickness of a wall made of a plane, on its far side [m]."""
 FARTHEST_M = 10_000.0
-"""No thing of a room is farther from its origin [m]."""
+"""Greatest distance of objects from the room's origin [m]."""
 ENDLESS_M = 50.0
-"""Half the side of a plane without an end [m]."""
-_SIDES = 24  # of the polygon that stands for a circle
+"""Half the side of an infinite plane [m]."""
+_SIDES = 24  # of the polygon for a circle
 
 
 def hull_points(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Array | None:

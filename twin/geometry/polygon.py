@@ -1,6 +1,6 @@
-"""Polygons on the floor: whether a straight way stays inside it, how far two are apart.
+"""Polygons on the floor: containment of straight ways, distances, offsets.
 
-Not shapely's: the answers decide truth and routes, which stay the same to the bit, and borders have a width here.
+shapely is not used: the results determine truth and routes to the bit, and borders have a width here.
 """
 
 from __future__ import annotations
@@ -12,10 +12,9 @@ from trackers.arrays import Array
 
 
 def leaves_at(corners: Array, start: Array, end: Array) -> Array | None:
-    """Return the first place (2,) [m] found outside the simple polygon (k, 2) [m] on the way start to end (2,), None if
-    none is.
+    """Return the first place (2,) [m] found outside the simple polygon (k, 2) [m] on the way start to end (2,), or None.
 
-    The way is cut where it meets an edge and beside each corner; between two cuts it is inside or outside as a whole.
+    The way is cut where it meets an edge and beside each corner; each piece is wholly inside or outside.
     """
     way = end - start
     edge = np.roll(corners, -1, axis=0) - corners
@@ -32,18 +31,18 @@ def leaves_at(corners: Array, start: Array, end: Array) -> Array | None:
 
 
 def strictly_within(corners: Array, place: Array) -> bool:
-    """Return whether a place (2,) lies in the simple polygon (k, 2) and not on its border [m]."""
+    """Return whether a place (2,) lies inside the simple polygon (k, 2) [m], not on its border."""
     inside = bool(Area(corners).contains(place[None])[0])
     return inside and float(edge_gaps(corners, place[None]).min()) > TOLERANCE_M
 
 
 def polygon_area(corners: Array) -> float:
-    """Return area of the simple polygon (k, 2) [m²], in either sense of rotation."""
+    """Return the area of the simple polygon (k, 2) [m²], in either sense of rotation."""
     return 0.5 * abs(float(cross(corners, np.roll(corners, -1, axis=0)).sum()))
 
 
 def gap_between(first: Array, second: Array) -> float:
-    """Return least distance between two simple polygons (k, 2) and (l, 2) [m], 0 where they overlap."""
+    """Return the least distance between two simple polygons (k, 2) and (l, 2) [m], 0 for an overlap."""
     if Area(first).contains(second).any() or Area(second).contains(first).any():
         return 0.0
     one, other = np.roll(first, -1, axis=0) - first, np.roll(second, -1, axis=0) - second
@@ -55,7 +54,7 @@ def gap_between(first: Array, second: Array) -> float:
 
 
 def inset(corners: Array, margin_m: float) -> Array | None:
-    """Return the simple polygon (k, 2) drawn in by a margin [m], corner by corner; None where it is too narrow for that."""
+    """Return the simple polygon (k, 2) shrunk by a margin [m], corner by corner; None if too narrow."""
     way = np.roll(corners, -1, axis=0) - corners
     turn = np.sign(cross(corners, np.roll(corners, -1, axis=0)).sum())
     inward = turn * np.stack([-way[:, 1], way[:, 0]], axis=-1) / np.linalg.norm(way, axis=1)[:, None]
@@ -66,7 +65,7 @@ def inset(corners: Array, margin_m: float) -> Array | None:
 
 
 def nearest_on(corners: Array, place: Array) -> Array:
-    """Return the place (2,) [m] on the border of the polygon (k, 2) that is nearest to `place`."""
+    """Return the place (2,) [m] nearest to `place` on the border of the polygon (k, 2)."""
     way = np.roll(corners, -1, axis=0) - corners
     along = ((place - corners) * way).sum(axis=1) / np.maximum((way**2).sum(axis=1), TOLERANCE_M**2)
     feet = corners + np.clip(along, 0.0, 1.0)[:, None] * way

@@ -1,1 +1,1 @@
-"""The world at one instant, as sensors and truth look at it."""
+"""The world at one instant, for sensors and truth."""

@@ -1,4 +1,4 @@
-"""The world at one moment, as sensors and truth look at it."""
+"""The world at one instant, for sensors and truth."""
 
 from __future__ import annotations
 
@@ -15,12 +15,11 @@ _TOUCHES_M = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Feet:
-    """Two feet each of n people, left first, in the room frame; people in the order of their names.
+    """Feet of n people, left first, in the room frame; people ordered by name.
 
-    place (n, 2, 2): x, y of the point of the sole under the ankle, as if the foot were flat [m]; yaw (n, 2) [rad];
-    height (n, 2): of the lowest point of the sole above the floor [m]; load_n (n, 2): weight that the leg carries down,
-    0 for a foot in the air [N]; pressure_ahead_m (n, 2): where it acts, ahead of the ankle along the foot [m];
-    present (n,): False for somebody who is not in the room (then the load is 0).
+    place (n, 2, 2): x, y of the sole's point under the ankle of the flat foot [m]; yaw (n, 2) [rad]; height (n, 2): of the
+    lowest point of the sole above the floor [m]; load_n (n, 2): weight on the foot, 0 in the air [N]; pressure_ahead_m (n,
+    2): point of load, ahead of the ankle along the foot [m]; present (n,): False outside the room (then the load is 0).
     """
 
     place: Array
@@ -32,14 +31,14 @@ class Feet:
 
     @property
     def pressure_point(self) -> Array:
-        """Points at which the weight acts on the floor, (n, 2, 2) x, y [m]."""
+        """Points of load on the floor, (n, 2, 2) x, y [m]."""
         ahead = np.stack([np.cos(self.yaw), np.sin(self.yaw)], axis=-1)
         return self.place + self.pressure_ahead_m[..., None] * ahead
 
 
 @dataclass(frozen=True, eq=False)
 class FootShapes:
-    """The soles' measures of n people, (n,) each [m]: heel behind the ankle, ball before it, whole length, breadth."""
+    """Measures of the soles of n people, (n,) each [m]: heel behind the ankle, ball before it, whole length, breadth."""
 
     heel: Array
     ball: Array
@@ -48,10 +47,10 @@ class FootShapes:
 
 
 def on_the_floor(load: Array, height: Array) -> Array:
-    """Give the loads (2, n) of feet that are still, or already, off the floor to the other foot.
+    """Move the loads (2, n) of feet still, or already, off the floor to the other foot.
 
-    height: (2, n) above the floor [m]. Between two ticks, of which a foot stands at one only, both its height and its load
-    are partly there.
+    height: (2, n) above the floor [m]. Between two ticks of which a foot stands at one only, height and load are
+    interpolated and both nonzero.
     """
     lifted = height > _TOUCHES_M
     moved = np.where(lifted & ~lifted[::-1], load, 0.0)
@@ -70,11 +69,10 @@ DRAWN_GROUPS = np.array([1, 1, 1, 0, 1, 0], dtype=np.uint8)
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """The scene at time `t` [s since the start]: kinematics, camera and light poses of `data` are computed for it.
+    """Scene at time `t` [s since the start], with kinematics, camera and light poses in `data` computed.
 
-    `data` is shared and valid only until the next snapshot is taken: work with one before asking for another.
-    `person_of_geom` (n_geom,) holds the id (from 1) of the person a geom belongs to, 0 for the room. `feet`: everybody's
-    soles and the weight on them, None in the empty room.
+    `data` is shared and valid only until the next snapshot is taken. `person_of_geom` (n_geom,): id (from 1) of the geom's
+    person, 0 for the room. `feet`: soles and loads of all people, None in the empty room.
     """
 
     t: float
@@ -85,8 +83,8 @@ class Snapshot:
 
 
 class SnapshotSource(Protocol):
-    """A world: gives the scene at any time of the last second or so, moving forward."""
+    """World that yields the scene at any time of the last second or so, moving forward."""
 
     def snapshot(self, t: float) -> Snapshot:
-        """Return the scene at time t [s]; the snapshot given before becomes invalid."""
+        """Return the scene at time t [s]; the previous snapshot becomes invalid."""
         ...

@@ -1,1 +1,1 @@
-"""Tables of text: dialects, columns, and the rows of people in them."""
+"""Text tables: dialects, columns, and rows of people."""

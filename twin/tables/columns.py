@@ -1,4 +1,4 @@
-"""Columns of a CSV file: each cell checked, each fault named by file, line, column and value."""
+"""Columns of a CSV file: each cell checked, each fault reported with file, line, column and value."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _Value = TypeVar("_Value")
 
 
 class StampedRows:
-    """Base of tables as columns: their stamps in seconds."""
+    """Base of tables in columns: stamps in seconds."""
 
     stamps_ns: NDArray[np.int64]
 
@@ -34,13 +34,13 @@ class StampedRows:
 
 @dataclass(frozen=True)
 class CsvColumns:
-    """The cells of a CSV file by column, as text, with the line each row stands on."""
+    """Cells of a CSV file by column, as text, with the line of each row."""
 
     source: str
     cells: Mapping[str, Sequence[str]]
     lines: Sequence[int]
     units: Mapping[str, float] = field(default_factory=dict)
-    """Units of a column per metre or second; 1 for columns that are not named."""
+    """Units of a column per metre or second; 1 for other columns."""
 
     def __len__(self) -> int:
         return len(self.lines)
@@ -52,11 +52,11 @@ class CsvColumns:
         return CsvColumns(self.source, cells, [self.lines[row] for row in wanted], self.units)
 
     def filled(self, names: Iterable[str]) -> NDArray[np.bool_]:
-        """Tell which rows have any of these cells filled, (n,)."""
+        """Return which rows have any of these cells filled, (n,)."""
         return np.array([any(row) for row in zip(*(self.cells[name] for name in names), strict=True)], dtype=np.bool_)
 
     def stamps_ns(self, name: str) -> NDArray[np.int64]:
-        """Convert seconds in decimal notation to integer nanoseconds, to the nearest, (n,); exact where a float is not."""
+        """Convert decimal seconds to integer nanoseconds, to the nearest, (n,); exact, unlike via a float."""
         unit = Decimal(repr(self.units.get(name, 1.0)))
         return np.array(self._convert(name, lambda text: _stamp_ns(text, unit), "a time in seconds"), dtype=np.int64)
 
@@ -78,7 +78,7 @@ class CsvColumns:
         return self._convert(name, convert, "a whole number from 0 on, or a name,")
 
     def integers(self, name: str, minimum: int) -> NDArray[np.int64]:
-        """Read integers of at least `minimum`, (n,); "3.0" counts as 3, the way a table with empty cells is often saved."""
+        """Read integers of at least `minimum`, (n,); "3.0" counts as 3, as often saved in tables with empty cells."""
 
         def convert(text: str) -> int:
             try:
@@ -95,7 +95,7 @@ class CsvColumns:
         return np.array(self._convert(name, convert, f"an integer of at least {minimum}"), dtype=np.int64)
 
     def flags(self, name: str) -> NDArray[np.bool_]:
-        """Read yes or no as 1 or 0, true or false, (n,)."""
+        """Read flags as 1 or 0, true or false, (n,)."""
         words = {"0": False, "1": True, "false": False, "true": True}
 
         def convert(text: str) -> bool:
@@ -124,12 +124,12 @@ class CsvColumns:
         n_empty = cells.count("") if may_be_empty else 0
         if values is not None and np.count_nonzero(~np.isfinite(values)) == n_empty and "_" not in "".join(cells):
             return values / self.units.get(name, 1.0)
-        # Something is wrong somewhere: go cell by cell to say where.
+        # Some cell is invalid: check cell by cell to report it.
         fault = next(r for r, c in enumerate(cells) if (c or not may_be_empty) and not _is_finite_number(c))
         self.refuse(fault, name, valid)
 
     def refuse(self, row: int, name: str, valid: str) -> NoReturn:
-        """Raise the InputError that names this cell and what would be valid."""
+        """Raise the InputError with this cell and the valid values."""
         value = self.cells[name][row]
         found = f"is {value!r}" if value else "is empty"
         raise InputError(f"{self.source}: line {self.lines[row]}: {name} {found}; {valid} is expected")
@@ -139,7 +139,7 @@ class CsvColumns:
         known: dict[str, _Value] = {}
         for text in dict.fromkeys(cells):
             try:
-                if "_" in text:  # Python reads 1_000 as a number; a table does not mean it
+                if "_" in text:  # Python accepts 1_000 as a number
                     raise ValueError
                 known[text] = convert(text)
             except (ValueError, OverflowError, InvalidOperation):
@@ -148,10 +148,10 @@ class CsvColumns:
 
 
 def read_csv_columns(path: Path, required: Sequence[str], what: str, most_bytes: int | None = None) -> CsvColumns:
-    """Read a CSV file with a header, of no more than `most_bytes`; `what` names the kind of table in errors.
+    """Read a CSV file with a header, of at most `most_bytes`; `what` names the kind of table in errors.
 
-    Raises InputError for a file that cannot be read, is no CSV, lacks a required column, names one twice or has a row
-    of another length than the header.
+    Raises InputError for a file that cannot be read, is no CSV, lacks a required column, repeats one or has a row of another
+    length than the header.
     """
     found = read_cells(path, f"a {what}", most_bytes)
     expected = ",".join(required)

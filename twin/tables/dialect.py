@@ -1,4 +1,4 @@
-"""Dialect of a table: its separator, quotes, comments, header, and decimal commas; from text to cells."""
+"""Dialect of a table: separator, quotes, comments, header, and decimal commas; from text to cells."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _SEPARATOR_LINE = re.compile(r"sep=(.)", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class Cells:
-    """A table as text: its comments, its header (None: it has none), and its rows, each with the line it stands on."""
+    """A table as text: its comments, its header (None: it has none), and its rows, each with its line number."""
 
     comments: list[tuple[int, str]]
     header: list[str] | None
@@ -33,7 +33,7 @@ class Cells:
 
 
 class _Lines:
-    """The lines of a text that are no comments; `number` is that of the last one taken."""
+    """Lines of a text except comments; `number` is that of the last one taken."""
 
     def __init__(self, text: str) -> None:
         self.number = 0
@@ -50,12 +50,12 @@ class _Lines:
 
 
 def read_cells(path: Path, expected: str, most_bytes: int | None) -> Cells:
-    """Read a table of no more than `most_bytes`, whose kind `expected` names in errors.
+    """Read a table of at most `most_bytes`, whose kind `expected` names in errors.
 
-    Separated by semicolons, tabs, commas or blanks, by the first of these that its first row holds; quoted cells; lines
-    after #, % or // are comments, the last one before the first row is the header where that has none. A header is a row
-    without a number. Where semicolons or tabs separate and no number has a point, a comma in one is the decimal point.
-    Raises InputError naming file and line for what is no such table.
+    The separator is the first of semicolon, tab, comma or blank in its first row; cells may be quoted; lines after #, % or
+    // are comments, the last one before the first row is the header if that has none. A header is a row without a number.
+    With semicolons or tabs and no number with a point, a comma in a number is the decimal point. Raises InputError naming
+    file and line for any other file.
     """
     text = read_text(path, expected, most_bytes).removeprefix("\ufeff")
     if "\0" in text[:4096]:
@@ -71,7 +71,7 @@ def read_cells(path: Path, expected: str, most_bytes: int | None) -> Cells:
     plain = _QUOTED.sub("", first).strip()
     separator = given[1] if given is not None else next((mark for mark in _SEPARATORS if mark in plain), " ")
     if separator == "\t" and all(_is_number(cell) for cell in plain.split()):
-        separator = " "  # numbers set with tabs and blanks
+        separator = " "  # numbers aligned with tabs and blanks
     comments = list(source.comments)
     first_line = source.number
     rows, numbers = [split_line(first, separator)], [first_line]

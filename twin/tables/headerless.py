@@ -1,6 +1,6 @@
-"""Tables of people without a header: which column is which, by how many there are and by what they hold.
+"""Tables of people without a header: columns identified by their number and content.
 
-People's paths are smooth, and heights vary little: where several readings fit, the table is refused.
+People's paths are smooth, and heights vary little; a table with several plausible readings is rejected.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from twin.tables.columns import CsvColumns, columns_of
 from twin.tables.dialect import Cells
 
 HEIGHT_SPREAD_M = 0.6
-"""Heads, pelvises and floors lie within this of each other: what varies less may be a height [m]."""
+"""Range of heads, pelvises or floors: a column that varies less may be a height [m]."""
 _LEVEL_M = 0.02
-"""Heights that vary less, and are as near to 0, are a level floor [m]."""
+"""Range and distance from 0 of a level floor's heights [m]."""
 _HEIGHTS_M = (0.5, 2.2)
-"""Heads and pelvises are between these above the floor [m]."""
+"""Range of heads and pelvises above the floor [m]."""
 _APART_M = 0.3
-"""People's middles are farther apart [m]."""
+"""Least distance between people's middles [m]."""
 _LONG = 5
 """Rows of a person that make a path; fewer in a line may be people side by side."""
 _CLEARER = 0.5
-"""Ratio by which people's paths are smoother in one order of columns than in the other, where the order is sure."""
+"""Ratio of the paths' roughness between two orders of columns below which the order is certain."""
 EXPECTED_COLUMNS = "columns t (or frame), id, x, y"
 
 
@@ -43,7 +43,7 @@ MOT_COLUMNS = {
 
 
 def mot_columns(path: Path, kind: str, found: Cells) -> list[str]:
-    """Name the columns of MOT text ('truth' or 'tracks'); raises InputError for text without places on the ground."""
+    """Name the columns of MOT text ('truth' or 'tracks'); raises InputError for text without ground positions."""
     expected = "frame,id,-1,-1,-1,-1,confidence,x,y,z as in 3D MOT 2015, x and y in metres, is expected"
     if found.header is not None:
         raise InputError(f"{path}: line {found.header_line}: has a header; {expected}")
@@ -55,7 +55,9 @@ def mot_columns(path: Path, kind: str, found: Cells) -> list[str]:
 
 
 def sequence_info(truth: Path) -> tuple[float | None, int]:
-    """Read frame rate [Hz] and number of frames in the seqinfo.ini of a MOT sequence, from its gt/gt.txt; None, 0 without."""
+    """Read frame rate [Hz] and number of frames in the seqinfo.ini of a MOT sequence, from its gt/gt.txt; None, 0 without
+    it.
+    """
     path = truth.resolve().parent.parent / "seqinfo.ini"
     if truth.parent.name != "gt" or not path.is_file():
         return None, 0
@@ -70,9 +72,9 @@ def sequence_info(truth: Path) -> tuple[float | None, int]:
 
 
 def name_columns(path: Path, found: Cells, per_m: float) -> list[str]:
-    """Name the columns of a table without a header, by how many there are and by what they hold; '?' for those left out.
+    """Name the columns of a table without a header, by their number and content; '?' for unused ones.
 
-    per_m: units of length per metre. Raises InputError where the columns may be read in several ways.
+    per_m: units of length per metre. Raises InputError for several plausible readings.
     """
     width = len(found.rows[0])
     if not 4 <= width <= 8:
@@ -97,10 +99,10 @@ def name_columns(path: Path, found: Cells, per_m: float) -> list[str]:
 
 
 def _is_id_first(path: Path, columns: CsvColumns, places: NDArray[np.float64]) -> bool:
-    """Tell whether id, time come first, and not time, id: people's paths are smooth, places (n, 2 or 3) of mixed people
-    are not.
+    """Return whether id, time come first rather than time, id: people's paths are smooth, positions (n, 2 or 3) of mixed
+    people are not.
 
-    Raises InputError where both readings give paths that are about as smooth.
+    Raises InputError where both readings give about equally smooth paths.
     """
     first, second = columns.cells["column 1"], columns.cells["column 2"]
     if not all(_is_whole(cell) for cell in first):
@@ -142,7 +144,7 @@ class _Paths:
 
 
 def _paths(people: Sequence[str], times: Sequence[str], places: NDArray) -> _Paths | None:
-    """Measure the paths of people over places (n, 2 or 3) [m]; None where no person has two rows."""
+    """Measure the paths of people over positions (n, 2 or 3) [m]; None where no person has two rows."""
     who = np.array([float(cell) for cell in people])
     when = np.array([float(cell) for cell in times])
     order = np.lexsort((when, who))
@@ -161,10 +163,9 @@ def _paths(people: Sequence[str], times: Sequence[str], places: NDArray) -> _Pat
 
 
 def _is_height_last(path: Path, people: NDArray[np.intp], last: NDArray[np.float64]) -> bool:
-    """Tell whether the second of two columns (n, 2) is the height: it varies little, and clearly less than the other.
+    """Return whether the second of two columns (n, 2) is the height: it varies little, and clearly less than the other.
 
-    Raises InputError where neither may be one, and where both may and neither holds heights of people, or of the floor,
-    alone.
+    Raises InputError where neither may be one, and where both may and neither holds only heights of people or of the floor.
     """
     low, high = np.quantile(last, [0.05, 0.95], axis=0)
     flat = high - low < HEIGHT_SPREAD_M
@@ -188,7 +189,7 @@ def _is_height_last(path: Path, people: NDArray[np.intp], last: NDArray[np.float
 
 
 def is_number(text: str) -> bool:
-    """Tell whether a cell holds a number."""
+    """Return whether a cell holds a number."""
     try:
         float(text)
     except ValueError:

@@ -1,6 +1,6 @@
-"""Rows of people over time: one reader for truth, tracks and recorded paths, and checks of their plausibility.
+"""Rows of people over time: one reader for truth, tracks and recorded paths, with checks of plausibility.
 
-Refuse or warn of walking speeds and coordinates that people do not have, such as a column that holds heights.
+Implausible walking speeds and coordinates, such as a column of heights, are rejected or warned about.
 """
 
 from __future__ import annotations
@@ -44,18 +44,16 @@ _LENGTH_COLUMNS = ("x", "y", "z", "head_x", "head_y", "head_z", "vx", "vy")
 
 @dataclass(frozen=True)
 class PersonRows:
-    """The rows of a table that hold a person, by stamp, then in the file's order; and notes on what was guessed in
-    reading them.
-    """
+    """Rows of a table with a person, by stamp, then in the file's order; and notes on guesses in reading them."""
 
-    frame_stamps_ns: NDArray[np.int64]  # (f,) every stamp once, those without people too, ascending
+    frame_stamps_ns: NDArray[np.int64]  # (f,) all distinct stamps, ascending, also those without people
     rows: CsvColumns  # n rows; lengths in metres by their units
     stamps_ns: NDArray[np.int64]  # (n,)
     labels: list[str]  # n: the person of each row
     notes: tuple[str, ...]
 
     def ids(self) -> NDArray[np.int64]:
-        """Return a number per row's person (n,), from 1 on: the label where all are such numbers, else counted by label."""
+        """Return a number per row's person (n,), from 1 on: the labels if all are such numbers, else counted by label."""
         labels = sorted(set(self.labels), key=label_order)
         whole = all(label.isdecimal() and int(label) > 0 for label in labels)
         number = {label: int(label) if whole else place for place, label in enumerate(labels, start=1)}
@@ -75,12 +73,12 @@ def read_person_rows(
     rate_field: str = "",
     mot: str | None = None,
 ) -> PersonRows:
-    """Read a table of people over time; `what` names its kind, `rate_field` the field where a user gives `frame_rate_hz`.
+    """Read a table of people over time; `what` names its kind, `rate_field` the field in which a user gives `frame_rate_hz`.
 
-    With a header its columns stand in any order; a unit may follow a name (x/cm, t [ms]) or stand in a row below. Without
+    With a header its columns may be in any order; a unit may follow a name (x/cm, t [ms]) or stand in a row below. Without
     one it is frame (whole numbers) or t, then id, x, y; of 5 to 8 columns also a height: x, z, y (ETH, UCY) or x, y, z. A
-    row with only its time says that no person is there. Raises InputError naming file, line, column and value, or what a
-    table without a header leaves open.
+    row with only its time has no person. Raises InputError naming file, line, column and value, or the ambiguity of a table
+    without a header.
 
     `mot`: 'truth' or 'tracks' for MOT text (`mot_columns`).
     """
@@ -115,7 +113,7 @@ def read_person_rows(
 
 
 def _by_header(path: Path, found: Cells) -> tuple[list[str], dict[str, float], Cells]:
-    """Read the columns' names as ours, the units of some, and the table without a row of units."""
+    """Return our names of the columns, the units of some, and the table without a row of units."""
     assert found.header is not None
     names: list[str] = []
     units: dict[str, float] = {}
@@ -154,7 +152,7 @@ def _by_header(path: Path, found: Cells) -> tuple[list[str], dict[str, float], C
 
 
 def _column(cell: str) -> tuple[str, str | None]:
-    """Find our name of a column and its unit, if it has one; the cell itself for a column that is not ours."""
+    """Return our name of a column and its unit, if any; the cell itself for an unknown column."""
     plain = cell.strip().lower()
     split = _WITH_UNIT.fullmatch(plain)
     unit = split[2] if split is not None and split[2] in (*_LENGTHS, *_TIMES) else None
@@ -167,7 +165,7 @@ def _column(cell: str) -> tuple[str, str | None]:
 
 
 def _rate(path: Path, found: Cells, given: float | None, field: str, notes: list[str]) -> float:
-    """Find frames per second: as given, else as the file's comments say."""
+    """Return the frame rate: as given, else from the file's comments."""
     said = {float(m[1] or m[2]): line for line, text in found.comments if (m := _RATE.search(text))}
     if len(said) > 1 and given is None:
         rates = " and ".join(f"{rate:g} (line {line})" for rate, line in said.items())
@@ -190,12 +188,12 @@ def _rate(path: Path, found: Cells, given: float | None, field: str, notes: list
 
 
 def _ordered(columns: CsvColumns, notes: tuple[str, ...]) -> PersonRows:
-    """Order the rows with a person by stamp and person; raise InputError where a pair comes twice."""
+    """Order the rows with a person by stamp and person; raise InputError for a repeated pair."""
     all_stamps = columns.stamps_ns("t")
     own = [name for name in columns.cells if name not in ("t", "frame") and name[:1] != "?"]
     filled = columns.filled(own) if len(columns) else np.zeros(0, dtype=np.bool_)
     with_person = np.flatnonzero(filled)
-    labels = [""] * len(columns)  # "": a row without anybody
+    labels = [""] * len(columns)  # "": a row without a person
     for row, label in zip(with_person.tolist(), columns.take(with_person).labels("id"), strict=True):
         labels[row] = label
     rank = {label: place for place, label in enumerate(sorted(set(labels) - {""}, key=label_order), start=1)}
@@ -222,14 +220,14 @@ def _holds_number(row: Sequence[str]) -> bool:
 
 
 WALKING_M_S = (0.5, 2.5)
-"""Median walking speeds of a recording of pedestrians lie between these [m/s]."""
+"""Range of median walking speeds of a recording of pedestrians [m/s]."""
 IMPOSSIBLE_M_S = 12.0
-"""Nobody runs faster [m/s]."""
+"""Speed that no runner reaches [m/s]."""
 _LEAST_WAY_M = 1.0
 _MOVING_SHARE = 0.2
-"""Of a person's fastest: what is slower is standing, at any unit and rate."""
+"""Share of a person's greatest speed below which they stand, at any unit and rate."""
 _SPAN_S = 0.5
-"""Speeds are taken over so long at least: noise of places does not count as walking [s]."""
+"""Least time span of speeds: noise of positions does not count as walking [s]."""
 
 
 def check_plausibility(found: PersonRows) -> tuple[str, ...]:
@@ -250,7 +248,7 @@ def check_plausibility(found: PersonRows) -> tuple[str, ...]:
 
 
 def walking_speed(found: PersonRows, x: NDArray[np.float64], y: NDArray[np.float64]) -> float | None:
-    """Compute the median over people who get somewhere of their median speed while they move [m/s]; None without any."""
+    """Compute the median over walking people of their median speed while they move [m/s]; None without any."""
     number = found.ids()
     order = np.lexsort((found.stamps_ns, number))
     medians = []
@@ -281,7 +279,7 @@ def _remedy(speed: float, found: PersonRows) -> str:
 
 
 def _height(source: str, x: NDArray[np.float64], y: NDArray[np.float64], z: NDArray[np.float64], n_person: int) -> str:
-    """Warn where x or y varies as heights do; raise InputError where the column z varies as coordinates do instead."""
+    """Warn where x or y varies like heights; raise InputError where the column z varies like coordinates instead."""
     if x.size < 2:
         return ""
     wide = {name: float(np.ptp(np.quantile(each, [0.05, 0.95]))) for name, each in (("x", x), ("y", y))}

@@ -1,4 +1,4 @@
-"""Activities of people: for each action of each person in a scenario, the time that shows it best."""
+"""Activities of people: the best time to show each action of each person in a scenario."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _ATTEMPTS = {
     "bend": "bends",
     "reach": "reaches",
 }
-"""Verbs of an action that never shows."""
+"""Verbs of an attempted action."""
 SIDEWAYS, BACKWARDS = "walks sideways", "walks backwards"
 
 
@@ -58,9 +58,9 @@ def verb(kind: str, under_way: bool = False) -> str:
 def activities(population: Population, duration_s: float) -> list[Activity]:
     """Find one time for each activity of each person within the duration, by person, in order of time.
 
-    The time is the middle of the longest stretch in which the action shows: of sitting, lying, bending and reaching when the
-    posture is reached, of a meeting when both stand, of a walk when the person moves. An action that never comes so far is
-    shown in the middle of the attempt, and called one. The population is new, and stepped to the end.
+    The time is the middle of the longest stretch that shows the action: of sitting, lying, bending and reaching with the
+    posture reached, of a meeting with both standing, of a walk with the person moving. An action that never gets so far is
+    shown, and named, as an attempt. The population must be new, and is stepped to the end.
     """
     observed = _observe(population, duration_s)
     found = []
@@ -101,7 +101,7 @@ def _observe(population: Population, duration_s: float) -> _Observed:
         holds.append(population.holds_posture())
         looks.append(population.looks())
         truth = population.truth(sample)
-        truths.append(replace(truth, present=truth.present.copy()))  # theirs is overwritten later
+        truths.append(replace(truth, present=truth.present.copy()))  # the array is overwritten later
     velocity = np.array([truth.vx + 1j * truth.vy for truth in truths]).reshape(len(t), -1)
     facing = np.exp(1j * np.array([truth.yaw for truth in truths])).reshape(len(t), -1)
     turned = np.zeros(facing.shape)
@@ -138,9 +138,9 @@ def _shows(kind: str, observed: _Observed, place: int) -> dict[str, Mask]:
 
 
 def _middle(shows: Mask, speed: NDArray[np.float64]) -> int | None:
-    """Return the middle of the longest stretch in which the flags (k,) hold; of a person on the way, at full stride.
+    """Return the middle of the longest stretch in which the flags (k,) hold; of a walk, at full stride.
 
-    None without a stretch that is long enough. speed (k,) [m/s].
+    None without a long enough stretch. speed (k,) [m/s].
     """
     change = np.diff(np.concatenate([[0], shows.astype(int), [0]]))
     starts, ends = np.flatnonzero(change == 1), np.flatnonzero(change == -1)

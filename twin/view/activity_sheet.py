@@ -1,4 +1,4 @@
-"""A sheet of a scenario's people: each from four sides, and below every activity of each."""
+"""Sheet of a scenario's people: each from four sides, and below all activities of each."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _FINER = 2
 _COMPANION_WITHIN_M = 2.5
 _AZIMUTH_DEG = {"bends": 75.0, "reaches": 60.0, "lies": 90.0, "sits": 40.0, "looks": 15.0}
 _AZIMUTH_ELSE_DEG = 30.0
-"""Whence an action is seen best: degrees aside from where the person faces."""
+"""Best viewing angle of an action, in degrees from the person's heading."""
 
 
 def write_people(
@@ -44,7 +44,7 @@ def write_people(
 ) -> list[Activity]:
     """Write a PNG of each person from the front, the side, behind and high, and of their activities; return these.
 
-    Raises InputError for a scenario without people, a name that is no image's, a file that cannot be written.
+    Raises InputError for a scenario without people, a name not of an image, and a file that cannot be written.
     """
     check_picture_name(path)
     if not scenario.people:
@@ -103,7 +103,7 @@ def _pictures(
 
 
 def _companion(scenario: Scenario, activity: Activity) -> str | None:
-    """Return the person met or followed; None where there is none."""
+    """Return the person met or followed; None without one."""
     for action in scenario.people[activity.person].script:
         if action.kind in ("meet", "follow") and verb(action.kind) == activity.verb:
             return companions(action)[0][1]
@@ -116,7 +116,7 @@ def _label(scenario: Scenario, name: str) -> str:
 
 
 def _stacked(parts: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
-    """Stack images below each other, the narrower ones filled up with white."""
+    """Stack images vertically, the narrower ones filled up with white."""
     width = max(part.shape[1] for part in parts)
     return np.vstack(
         [np.pad(part, ((0, 0), (0, width - part.shape[1]), (0, 0)), constant_values=255) for part in parts]

@@ -1,4 +1,4 @@
-"""Contact sheets: the room and every sensor's report at one time, or one scenario under many seeds, with the truth drawn in."""
+"""Contact sheets: the room and every sensor's output at one time, or one scenario under many seeds, with the truth drawn in."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from twin.world.simulation import Simulation
 
 _TILE_PX = (520, 390)
 _COLUMNS, _COLUMNS_WITH_DEPTH = (3,), (4, 3)
-"""With depth the one that leaves fewer tiles empty, the first of two alike: four keep depth next to its colours."""
+"""With depth the one that leaves fewer tiles empty, of equal ones the first: four keep depth next to its colours."""
 
 _LABEL_PX, _EDGE_PX = 30, 5
 _LETTERS_PX = (16, 15, 14, 13, 12, 11)
-"""Heights of a label's letters: the largest that fits is used."""
+"""Heights of a label's letters; the largest that fits is used."""
 _WHAT = {"fisheye": "fisheye camera", "camera": "pinhole camera", "stereo": "stereo camera", "floor": "pressure floor"}
 
 _FINER = 2
@@ -45,13 +45,13 @@ _NEAREST_SHARE, _FARTHEST_SHARE = 0.02, 0.98
 
 
 def write_view(scenario: Scenario, t: float, path: Path) -> tuple[str, ...]:
-    """Write a PNG of the scenario at time t [s]: the room, the plan with all scans and floors, and each sensor's report.
+    """Write a PNG of the scenario at time t [s]: the room, the plan with all scans and floors, and each sensor's output.
 
-    Returns what can be in the scenario, but is hardly meant, one sentence each.
+    Returns warnings about probably unintended content, one sentence each.
 
-    The truth is drawn in: names over heads, boxes around what a camera sees of each person, places and headings on plans.
-    Depth is coloured, near red, far blue, black where there is none. Raises InputError for a time outside the scenario and
-    a file that cannot be written.
+    The truth is drawn in: names over heads, boxes around the visible part of each person in images, positions and headings
+    on plans. Depth is coloured, near red, far blue, black without a value. Raises InputError for a time outside the scenario
+    and a file that cannot be written.
     """
     check_picture_name(path)
     shown, warnings = drawn_view(scenario, t)
@@ -62,7 +62,7 @@ def write_view(scenario: Scenario, t: float, path: Path) -> tuple[str, ...]:
 def drawn_view(
     scenario: Scenario, t: float, tile_px: tuple[int, int] = _TILE_PX
 ) -> tuple[NDArray[np.uint8], tuple[str, ...]]:
-    """Return the image that `write_view` writes, RGB (height, width, 3), and its warnings.
+    """Return the image of `write_view`, RGB (height, width, 3), and its warnings.
 
     `tile_px`: width and height of each tile. Raises InputError for a time outside the scenario.
     """
@@ -115,7 +115,7 @@ def framed(label: str, tile: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 class Sheet:
-    """Draws the tiles of one time, all of the same size."""
+    """Tiles of one time, all of the same size."""
 
     def __init__(self, simulation: Simulation, t: float, tile_px: tuple[int, int]) -> None:
         self._simulation, self._tile_px = simulation, tile_px
@@ -144,7 +144,7 @@ class Sheet:
         return shown
 
     def light(self) -> str:
-        """Return a note where the room is dark, and its image is lit for the eye."""
+        """Return a note if the room is dark, and its image is lit for the eye."""
         return DARK_NOTE if light_of(self._snapshot.model) < ENOUGH_LIGHT else ""
 
     def plan_label(self) -> str:
@@ -155,9 +155,9 @@ class Sheet:
         )
 
     def plan(self, looks: Mapping[str, Observation], silent: Collection[str] = ()) -> NDArray[np.uint8]:
-        """Draw the plan with the true people, these scans and floor frames, by the rig that trackers get.
+        """Draw the plan with the true people, these scans and floor frames, by the trackers' rig.
 
-        `silent`: sensors that report nothing, which are labelled so.
+        `silent`: sensors without reports, which are labelled.
         """
         scans = {name: look for name, look in looks.items() if isinstance(look, LaserScan)}
         floors = {name: look for name, look in looks.items() if isinstance(look, FloorFrame)}
@@ -197,7 +197,7 @@ def _coloured(depth_m: NDArray[np.float32]) -> tuple[str, NDArray[np.uint8]]:
 
 
 def _fitted(rgb: NDArray[np.uint8], tile_px: tuple[int, int]) -> tuple[NDArray[np.uint8], float, NDArray[np.float64]]:
-    """Scale an image into a tile, on black; return its scale and the place of its corner [px]."""
+    """Scale an image into a tile, on black; return its scale and the position of its corner [px]."""
     width, height = tile_px
     scale = min(width / rgb.shape[1], height / rgb.shape[0])
     size = round(rgb.shape[1] * scale), round(rgb.shape[0] * scale)
@@ -223,8 +223,8 @@ def write_drawn(
 ) -> tuple[str, ...]:
     """Write a PNG of a scenario at time t [s] under each seed: the room with its people, and the plan with all scans.
 
-    Returns what can be in the scenarios, but is hardly meant, one sentence each. Raises InputError for a bad scenario, a
-    time outside of it, and a file that cannot be written.
+    Returns warnings about probably unintended content, one sentence each. Raises InputError for a bad scenario, a time
+    outside of it, and a file that cannot be written.
     """
     check_picture_name(path)
     tiles, warnings = [], []

@@ -1,4 +1,4 @@
-"""Free cameras: a viewpoint from which one person or all are seen well, one that follows a person, names over heads."""
+"""Free cameras: good viewpoints on one person or all, a camera that follows a person, names over heads."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _WIDE_M = 8.0
 _WIDEST = 1.15
 """Tangent of half the widest horizontal field: beyond it people at the edges look stretched."""
 _BODY_M = 0.06
-"""Least radius that a part of the body is taken to have [m]: small parts are as visible as large ones."""
+"""Least radius of a body part [m], so that small parts count as much as large ones."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,9 +78,11 @@ def standpoint_for(
     azimuth_deg: float,
     also: int | None = None,
 ) -> Standpoint:
-    """Choose a viewpoint on a person (id), best `azimuth_deg` left or right of their heading; `also`: a second person in view.
+    """Choose a viewpoint on a person (id), ideally `azimuth_deg` left or right of their heading; `also`: a second person in
+    view.
 
-    `aspect`: width over height of the image. The visible share of the person counts most, by rays to every part of the body.
+    `aspect`: width over height of the image. The visible share of the person, by rays to every part of the body, has the
+    largest weight.
     """
     parts, radius = body_parts(snapshot, person)
     shown, shown_radius, others = parts, radius, None
@@ -89,7 +91,7 @@ def standpoint_for(
         shown, shown_radius = np.concatenate([parts, others]), np.concatenate([radius, other_radius])
     target = 0.5 * (shown.min(axis=0) + shown.max(axis=0))
     spread = np.ptp(parts, axis=0)
-    best_above = 1.2 if spread[2] < 0.8 * max(spread[:2]) else 0.25  # who lies is seen from higher up
+    best_above = 1.2 if spread[2] < 0.8 * max(spread[:2]) else 0.25  # a lying person is seen from higher up
     best: tuple[float, Standpoint] | None = None
     for azimuth in _AZIMUTHS_DEG:
         angle = facing_rad + np.deg2rad(azimuth)
@@ -109,14 +111,14 @@ def standpoint_for(
                 score -= 0.6 * _in_the_way(snapshot, eye, target, half_height, aspect)
                 if best is None or score > best[0]:
                     best = score, Standpoint(eye, target, half_height)
-    if best is None:  # nowhere free around: from above the head
+    if best is None:  # no free place around: from above the head
         eye = target + np.array([0.3 * np.cos(facing_rad), 0.3 * np.sin(facing_rad), 1.2])
         return Standpoint(eye, target, fitting(eye, target, shown, shown_radius, aspect))
     return best[1]
 
 
 def overview(snapshot: Snapshot, room: CameraSpace, points: Array, aspect: float) -> Standpoint:
-    """Choose a viewpoint on points (k, 3) [m], the places of people over a time: high up, as near as shows most."""
+    """Choose a viewpoint on points (k, 3) [m], people's positions over time: high up, as near as shows most."""
     low, high = np.quantile(points, 0.05, axis=0), np.quantile(points, 0.95, axis=0)
     target = 0.5 * (low + high)
     size = max(float(np.linalg.norm(high - low)), _LIKED_M)
@@ -146,7 +148,7 @@ def body_parts(snapshot: Snapshot, person: int) -> tuple[Array, Array]:
 
 
 def fitting(eye: Array, target: Array, points: Array, radius: Array, aspect: float) -> float:
-    """Return the tangent of half the vertical field that holds points (k, 3) with radii (k,) [m], with a margin."""
+    """Return the tangent of half the vertical field that contains points (k, 3) with radii (k,) [m], with a margin."""
     right, up, forward = axes_towards(eye, target)
     local = points - eye
     depth = np.maximum(local @ forward, 0.2)
@@ -156,7 +158,7 @@ def fitting(eye: Array, target: Array, points: Array, radius: Array, aspect: flo
 
 
 def seen_share(snapshot: Snapshot, eye: Array, person: int) -> float:
-    """Return the share of the parts of a person (id) that are visible from `eye` (3,) [m], 0 to 1."""
+    """Return the visible share of the parts of a person (id) from `eye` (3,) [m], 0 to 1."""
     return _seen(snapshot, eye, body_parts(snapshot, person)[0], person)
 
 
@@ -184,7 +186,7 @@ def _in_picture(eye: Array, target: Array, points: Array, half_height: float, as
 
 
 def _in_the_way(snapshot: Snapshot, eye: Array, target: Array, half_height: float, aspect: float) -> float:
-    """Return the share of the image that is filled by things close to the eye."""
+    """Return the share of the image filled by objects close to the eye."""
     right, up, forward = axes_towards(eye, target)
     across, along = np.meshgrid(np.linspace(-1, 1, 7), np.linspace(-1, 1, 7))
     rays = forward + half_height * (aspect * across.ravel()[:, None] * right + along.ravel()[:, None] * up)
@@ -207,11 +209,11 @@ _CUTS_APART_S = 2.0
 _TURNS_WITHIN_S = 0.25
 _ZOOMS_WITHIN_S = 0.6
 _WIDER = 1.25
-"""The picture is wider than the body by so much, that there is room to walk into."""
+"""Width of the picture relative to the body's, to leave room to walk into."""
 
 
 class FollowCamera:
-    """Follows a person (id); `aspect`: width over height of the picture."""
+    """Camera that follows a person (id); `aspect`: width over height of the picture."""
 
     def __init__(self, room: CameraSpace, person: int, aspect: float) -> None:
         self._room, self._person, self._aspect = room, person, aspect
@@ -219,7 +221,7 @@ class FollowCamera:
         self._cut_at_s = -np.inf
 
     def at(self, snapshot: Snapshot, facing_rad: float) -> Standpoint:
-        """Return the camera at the snapshot's time; times rise."""
+        """Return the camera at the snapshot's time; times must rise."""
         parts, radius = body_parts(snapshot, self._person)
         middle = 0.5 * (parts.min(axis=0) + parts.max(axis=0))
         stand = self._stand

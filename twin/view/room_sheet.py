@@ -1,4 +1,6 @@
-"""A room without a scenario: a picture from above, and its plan with axes in metres, furniture, seats and walkable area."""
+"""Sheet of a room without a scenario: a picture from above, and its plan with axes in metres, furniture, seats and walkable
+area.
+"""
 
 from __future__ import annotations
 
@@ -23,17 +25,17 @@ from twin.world.world import World
 
 _TILE_PX = (760, 640)
 _LOW_M, _TALL_M, _WIDE_M = 0.1, 1.8, 1.2
-"""A thing has a name on the plan where it reaches over the first, begins below the second and is no wider [m]."""
+"""Limits for naming an object on the plan: it reaches over the first, begins below the second and is no wider [m]."""
 _APART = (0.11, 0.04)
-"""Names are as far apart, along x or y, as these shares of the room."""
+"""Least distances of names along x and y, as shares of the room."""
 _FINER = 2
 _BACKDROP = (24, 24, 27)
 
 
 def write_room(name: str, path: Path) -> list[str]:
-    """Write a PNG of a room, shipped or a file of the user's; return hints on its light.
+    """Write a PNG of a room, shipped or a user's file; return hints on its light.
 
-    Raises InputError for a room that cannot be, and a file that cannot be written.
+    Raises InputError for an invalid room, and a file that cannot be written.
     """
     check_picture_name(path)
     file = models.find("rooms", name)
@@ -41,7 +43,7 @@ def write_room(name: str, path: Path) -> list[str]:
         field: each.get_default(call_default_factory=True) for field, each in Scenario.model_fields.items()
     }
     fields |= {"name": Path(name).stem, "room": name, "duration_s": 1.0, "people": {}, "sensors": {}}
-    scenario = Scenario.model_construct(None, **fields)  # one without sensors is no scenario to run
+    scenario = Scenario.model_construct(None, **fields)  # a scenario without sensors is invalid
     world = World(scenario)
     picture, plan = _picture(world), _plan(world, file.name)
     write_png(path, tile_pictures([picture, plan], 2, _BACKDROP))
@@ -60,7 +62,7 @@ def _hints(model: mujoco.MjModel, file: Path) -> list[str]:
 
 
 def _picture(world: World) -> NDArray[np.uint8]:
-    """Draw the room from a free place that shows most of what is walked."""
+    """Draw the room from a free place that shows most of the walkable area."""
     scene, snapshot = world.scene, world.empty_snapshot(0.0)
     points = [np.column_stack([scene.walkable, np.full(len(scene.walkable), height)]) for height in (0.1, 1.0)]
     stand = overview(snapshot, CameraSpace(snapshot, scene.floor), np.concatenate(points), _TILE_PX[0] / _TILE_PX[1])
@@ -105,9 +107,9 @@ def _plan(world: World, name: str) -> NDArray[np.uint8]:
 def _name_things(
     axes: Any, model: mujoco.MjModel, data: mujoco.MjData, taken: list[NDArray[np.float64]], named: set[str]
 ) -> None:
-    """Write the names of low things at their middles, the largest first, where no other name, at `taken` (2,) [m], is near.
+    """Write the names of low objects at their middles, the largest first, unless near a name at `taken` (2,) [m].
 
-    `named`: things whose names are there already.
+    `named`: objects already named.
     """
     apart = np.ptp(data.geom_xpos[:, :2], axis=0) * _APART
     for geom in np.argsort(-model.geom_rbound, kind="stable"):

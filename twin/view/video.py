@@ -1,4 +1,4 @@
-"""A video of a scenario's people by a free camera, with what the floor feels drawn on the floor."""
+"""Video of a scenario's people by a free camera, with the loads on pressure floors drawn in."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ _EDGE_PX = 12
 _FINER = 1
 _THICK_M = 0.002
 _SHOWN_SHARE = 0.92
-"""Side of a drawn element over its pitch: the joints of the floor stay to be seen."""
+"""Side of a drawn element over its pitch, so that the floor's joints stay visible."""
 _SAMPLE_S = 0.5
 _FEET, _HEAD = np.array([0, 0, 0.1]), np.array([0, 0, 0.65])  # the head over the hips [m]
 _INK, _STRIP = (232, 236, 242), (17, 20, 26)
@@ -64,9 +64,9 @@ def write_video(
 ) -> None:
     """Write an MP4 of the people from `start_s` to `end_s` [s] (None: the scenario's end), 25 images per second.
 
-    From a free camera over the tracked area, or one that follows the person `follow`. A plan with the reports of scanners and
-    floors is in the corner. Raises InputError for times outside the scenario, a person who is not in it or not present
-    meanwhile, a name that is no video's, and a file that cannot be written.
+    From a free camera over the tracked area, or one that follows the person `follow`. A corner shows a plan with the output
+    of scanners and floors. Raises InputError for times outside the scenario, an unknown or absent person, a name not of a
+    video, and a file that cannot be written.
     """
     end_s = scenario.duration_s if end_s is None else end_s
     _check(scenario, path, start_s, end_s, follow)
@@ -109,7 +109,7 @@ def _check(scenario: Scenario, path: Path, start_s: float, end_s: float, follow:
 
 
 def _whereabouts(scenario: Scenario, scene: Scene, start_s: float, end_s: float) -> NDArray[np.float64]:
-    """Return feet, hips and heads of all people from one time to another, (k, 3) [m]; without people the area's corners."""
+    """Return feet, hips and heads of all people during a time span, (k, 3) [m]; without people the area's corners."""
     population = populate(randomized(scenario), scene)
     places = []
     for t in np.arange(start_s, end_s, _SAMPLE_S).tolist():
@@ -122,7 +122,7 @@ def _whereabouts(scenario: Scenario, scene: Scene, start_s: float, end_s: float)
 
 
 class _Reports:
-    """The world, and the newest report of each scanner and floor as its time passes."""
+    """The world, with the newest report of each scanner and floor."""
 
     def __init__(self, scenario: Scenario, stack: ExitStack) -> None:
         self.newest: dict[str, Observation] = {}
@@ -140,7 +140,7 @@ class _Reports:
         self._silence_monitor = SilenceMonitor(self.rig.sensors if self.rig is not None else ())
 
     def until(self, t: float) -> None:
-        """Take the reports up to time t [s]."""
+        """Add the reports up to time t [s]."""
         while self._next is not None and self._next.stamp_ns <= t * NS_PER_S:
             self._silence_monitor.add(self._next)
             self.newest[self._next.sensor] = self._next
@@ -165,7 +165,7 @@ class _Reports:
 
 
 class _Film:
-    """Draws picture after picture."""
+    """Renderer of the video's pictures."""
 
     def __init__(
         self,
@@ -193,7 +193,7 @@ class _Film:
             self._plan = FloorPanel(reports.rig, outline, *_PLAN_PX, true=reports.true_rig)
 
     def picture(self, t: float) -> NDArray[np.uint8]:
-        """Draw the image at time t [s]; times rise."""
+        """Draw the image at time t [s]; times must rise."""
         self._reports.until(t)
         snapshot = self._world.snapshot(t)
         stand = self._stand_at(snapshot)
@@ -222,7 +222,7 @@ class _Film:
         red, green, blue = (each / 255 for each in PRESSED)
         for name, frame in self._reports.floors().items():
             floor = self._reports.floor(name)
-            opacity, centres = np.sqrt(frame.values / 255), floor.centres  # a root, as small loads matter too
+            opacity, centres = np.sqrt(frame.values / 255), floor.centres  # a root, to show small loads too
             pose = floor.room_from_sensor
             yaw = float(np.arctan2(pose.rotation[1, 0], pose.rotation[0, 0]))
             half = 0.5 * _SHOWN_SHARE * floor.pitch_m
