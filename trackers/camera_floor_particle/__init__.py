@@ -1,1 +1,3 @@
-"""Body and head of every person by ceiling cameras and a pressure floor, after Mori, Matsumoto, Shimosaka, Noguchi and Sato."""
+"""Body and head of every person from ceiling cameras and a pressure floor, after Mori, Matsumoto, Shimosaka, Noguchi and
+Sato.
+"""

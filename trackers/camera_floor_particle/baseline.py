@@ -1,4 +1,4 @@
-"""The naive baselines: clusters of the floor, a Kalman filter per person, the nearest neighbour; and the same with colour."""
+"""Baselines: clusters of the floor, one Kalman filter per person, nearest neighbour; with or without colour."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ from trackers.vision.histogram import bhattacharyya_distance, normalised
 from trackers.vision.views import BINS, CameraViews, Views
 
 _CHEST_M = 1.1
-"""Height of the chest, whose colours tell people apart."""
+"""Height of the chest, whose colours distinguish people."""
 _WINDOW = HeadOptions().window
 
 
 class ClusterTrackManagementOptions(TrackManagementOptions):
-    """Those of every tracker; a track is measured where it has a cluster."""
+    """Common track management options; a track is detected if it has a cluster."""
 
     confirm_s: float = Field(default=0.28, ge=0, description=described(TrackManagementOptions, "confirm_s"))
     confirm_hits: PositiveInt = Field(default=2, description=described(TrackManagementOptions, "confirm_hits"))
@@ -45,7 +45,7 @@ class ClusterTrackManagementOptions(TrackManagementOptions):
 
 
 class ClusterKalmanOptions(Strict):
-    """Constants of the baselines."""
+    """Options of the baselines."""
 
     former_names: ClassVar[Mapping[str, str]] = {
         "confirm_s": "track_management.confirm_s",
@@ -78,7 +78,7 @@ class ClusterTracks(Rows):
 
 
 class ClusterKalman(SynchronizedTracker):
-    """Works at the floor's own frames; raises InputError for a rig without a floor."""
+    """Tracker triggered by the floor's frames; raises InputError for a rig without a floor."""
 
     def __init__(
         self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
@@ -96,7 +96,7 @@ class ClusterKalman(SynchronizedTracker):
         self._ns = 0
 
     def tracks(self) -> list[Track]:
-        """Return the tracks to report as of the last frame."""
+        """Return the tracks to report for the last frame."""
         roster, measured = self._roster, measured_now(self._roster, self._ns)
         return [
             Track(
@@ -126,7 +126,7 @@ class ClusterKalman(SynchronizedTracker):
         roster = roster.select(kept)
         for column in left_over(len(places), columns):
             place = places[[column]]
-            # the other foot of a tracked person is a cluster of its own; as a track it would be confirmed at high rates
+            # the other foot of a tracked person is a separate cluster; as a track it would be confirmed at high rates
             if manager.may_start(place, roster.state.kalman.positions).all():
                 roster = roster.joined(Roster.started(self._started(place, colours[[column]]), self._ns))
         self._roster = roster
@@ -142,7 +142,7 @@ class ClusterKalman(SynchronizedTracker):
         return associate([Stage(every, [cost], [away > self.options.radius_m])])
 
     def _colours(self, places: Float[Array, "k 2"], views: Views) -> Float[Array, "k bins"]:
-        """Count the colours of the foreground at the height of a chest over each place, all cameras together."""
+        """Count the colours of the foreground at chest height over each place, all cameras together."""
         total = np.zeros((len(places), BINS.size))
         chest = np.column_stack([places, np.full(len(places), _CHEST_M)]).T
         look = views.look(chest)

@@ -1,4 +1,4 @@
-"""The body's filter (section 4): particles x, y, z that move as the person did, and the paper's order of weighting."""
+"""Body filter (section 4): particles x, y, z moved by the person's velocity, and the paper's order of weighting."""
 
 from __future__ import annotations
 
@@ -17,18 +17,19 @@ from trackers.likelihood.silhouette import point_log_likelihood
 from trackers.vision.views import Views, padded_roots
 
 _GRID_M = 0.02
-"""Side of the elements of the grid that squares are marked on."""
+"""Side of the elements of the grid on which squares are marked."""
 _MOST_ELEMENTS = 1000
-"""Along each axis: 20 m. Particles farther off are taken for the border's."""
+"""Along each axis: 20 m. Particles farther off count at the border."""
 
 
 def excluded(
     places: Float[Array, "2 n p"], evidence: Float[Array, "n"], options: ExclusionOptions
 ) -> Bool[Mask, "n p"]:
-    """Mark the particles whose square overlaps that of another person's particle, at x, y [m] (section 3.2).
+    """Return a mask of the particles whose square overlaps that of another person's particle, at x, y [m] (section 3.2).
 
-    Each person's particles are marked on a grid and spread by the side of a square, so that it costs no pairs. By the
-    paper both lose their particles there, here (ours) only the one that the last measurement made less likely (`evidence`).
+    Each person's particles are marked on a grid and dilated by the side of a square, without a search over pairs. In the
+    paper both people lose their particles there, here (ours) only the one made less likely by the last measurement
+    (`evidence`).
     """
     n = places.shape[1]
     if n < 2 or options.side_m == 0:
@@ -36,7 +37,7 @@ def excluded(
     low, high = places.min(axis=2), places.max(axis=2)
     reach = options.side_m + 2 * _GRID_M
     meet = ((low[:, :, None] - reach < high[:, None]) & (high[:, :, None] + reach > low[:, None])).all(axis=0)
-    if meet.sum() == n:  # each track meets itself alone
+    if meet.sum() == n:  # each track meets only itself
         return np.zeros(places.shape[1:], np.bool_)
     from_corner = (places - places.min(axis=(1, 2), keepdims=True)) / _GRID_M
     column, row = np.minimum(np.floor(from_corner + 1e-9).astype(np.intp), _MOST_ELEMENTS - 1)
@@ -46,7 +47,7 @@ def excluded(
     marked[np.arange(n)[:, None], row, column] = 1
     side = 2 * int(options.side_m / _GRID_M + 1e-9) + 1
     spread = np.stack([cv2.dilate(each, np.ones((side, side), np.uint8)) for each in marked]).astype(np.intp)
-    before = np.cumsum(spread, axis=0) - spread  # of those likelier
+    before = np.cumsum(spread, axis=0) - spread  # of likelier ones
     others = before if options.likelier_stays else spread.sum(axis=0) - spread
     overlapping = np.empty(places.shape[1:], np.bool_)
     overlapping[person[:, 0]] = others[np.arange(n)[:, None], row, column] > 0
@@ -57,11 +58,11 @@ FILTER = ParticleFilter(threshold=1.0)
 CROWN_M = 0.12
 """Height of the crown above the middle of a head."""
 _COURSE_S = 0.3
-"""Time over which the velocity is averaged that says where a person walks."""
+"""Time constant of the velocity average that gives the walking direction."""
 
 
 def spread(velocity: Float[Array, "n 3"], dt: float, motion: MotionOptions) -> Float[Array, "3 n"]:
-    """Return standard deviations of ω in x, y, z over `dt` [s], which grow with the person's speed [m]."""
+    """Return standard deviations of ω in x, y, z over `dt` [s], growing with the person's speed [m]."""
     level = motion.still_m + motion.per_speed_s * np.hypot(velocity[:, 0], velocity[:, 1])
     return np.sqrt(motion.steps(dt)) * np.stack([level, level, np.full(len(velocity), motion.up_m)])
 
@@ -69,13 +70,13 @@ def spread(velocity: Float[Array, "n 3"], dt: float, motion: MotionOptions) -> F
 def smoothed(
     velocity: Float[Array, "n 3"], way: Float[Array, "n 3"], dt: float, motion: MotionOptions
 ) -> Float[Array, "n 3"]:
-    """Return the velocity after a way [m] that took `dt` [s], some of it as before [m/s]."""
+    """Return the velocity smoothed after a displacement [m] over `dt` [s] [m/s]."""
     kept = motion.memory ** motion.steps(dt)
     return kept * velocity + (1 - kept) * way / dt
 
 
 def in_room(area: Area | None) -> LikelihoodStage:
-    """Make the first check: a particle out of the room, or under its floor, is dropped."""
+    """Make the first stage: drop particles outside the room, or under its floor."""
 
     def log_likelihood(state: Array, of: Index) -> Array:
         inside = state[2] > 0
@@ -85,14 +86,14 @@ def in_room(area: Area | None) -> LikelihoodStage:
 
 
 class BodyFilter:
-    """Moves and weights the body particles of all tracks at once."""
+    """Filter that moves and weights the body particles of all tracks at once."""
 
     def __init__(self, options: CameraFloorParticleOptions, area: Area | None) -> None:
         self._options = options
         self._area = area
 
     def step(self, people: People, dt: float, loads: Loads | None, views: Views, rng: np.random.Generator) -> People:
-        """Return the tracks `dt` seconds later, by the floor and the cameras that say something."""
+        """Return the tracks `dt` seconds later, weighted by the floor and the usable cameras."""
         options = self._options.body
         sigma = spread(people.velocity, dt, options.motion)[..., None]
         shift = (people.velocity * dt).T[..., None]
@@ -106,7 +107,7 @@ class BodyFilter:
                 lambda _, __: np.where(out, -np.inf, 0.0),
                 in_room(self._area),
             ]
-            if len(views) > 1 and options.under_head_m:  # one picture does not tell how far off a head is
+            if len(views) > 1 and options.under_head_m:  # one picture does not show a head's distance
                 stages.append(self._under_head(people, dt))
             if loads is not None and self._options.use_floor:
                 over = loads.likelihood
@@ -123,7 +124,7 @@ class BodyFilter:
         return people.changed(roster=roster, place=place, velocity=velocity, course=course, lost=cloud.weights.lost)
 
     def _under_head(self, people: People, dt: float) -> LikelihoodStage:
-        """Return the head's part (ours): bodies are under their heads, the less surely the lower a head is held."""
+        """Return the head's stage (ours): bodies are under their heads, less certainly for a lower head."""
         head = people.head_place + people.head_velocity * dt
         drop_m = np.maximum(people.height_m - CROWN_M - head[:, 2], 0.0)
         sigma = self._options.body.under_head_m + drop_m
@@ -135,7 +136,7 @@ class BodyFilter:
         return log_likelihood
 
     def _seen_by(self, views: Views, people: People) -> LikelihoodStage:
-        """Return the cameras' part: in their views, on foreground, in the person's colours."""
+        """Return the cameras' stage: in their views, on foreground, in the person's colours."""
         options = self._options.body
 
         def log_likelihood(state: Array, of: Index) -> Array:
@@ -148,12 +149,12 @@ class BodyFilter:
 
 
 def redrawn(cloud: Cloud, state: Float[Array, "c n p"]) -> Cloud:
-    """Return a cloud with particles drawn anew, of equal weight, in each set of which none was left."""
+    """Return a cloud with particles redrawn at equal weight, in sets without any left."""
     lost = cloud.weights.lost
     return Cloud(np.where(lost[:, None], state, cloud.state), cloud.weights.resampled(lost))
 
 
 def started(place: Float[Array, "n 3"], n_particle: int, rng: np.random.Generator) -> Cloud:
-    """Draw body particles about places where people were detected [m]: 8 cm about in x and y, 5 cm in z."""
+    """Draw body particles about detected positions [m]: deviation 8 cm in x and y, 5 cm in z."""
     covariance = np.broadcast_to(np.diag([0.08, 0.08, 0.05]) ** 2, (len(place), 3, 3))
     return Cloud.normal(place, covariance, n_particle, rng)

@@ -1,4 +1,4 @@
-"""The head's filter (section 5): x, y, z and pan, some particles drawn about the body, weighted by appearance all around."""
+"""Head filter (section 5): x, y, z and pan, some particles drawn about the body, weighted by appearance from all sides."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from trackers.likelihood.silhouette import point_log_likelihood
 from trackers.vision.views import BINS, Views, padded_roots
 
 _CROWN_M = np.array([[0.0], [0.0], [0.15]])
-"""From the middle of a head to a point above all of it."""
+"""From the middle of a head to a point above it."""
 
 
 class HeadFilter:
-    """Moves and weights the head particles of all tracks at once, about bodies that have been estimated.
+    """Filter that moves and weights the head particles of all tracks at once, about estimated bodies.
 
     area: the room, None: no limit.
     """
@@ -57,7 +57,7 @@ class HeadFilter:
         cloud = FILTER.step_proposed(people.head, MixtureProposal(options.share, move, draw), cascade(stages), rng)
         place = cloud.expectation(cloud.state[:3]).T
         velocity = smoothed(people.head_velocity, place - people.head_place, dt, options.motion)
-        if (lost := cloud.weights.lost).any():  # nothing of the head is left: it stays where it was over the body
+        if (lost := cloud.weights.lost).any():  # no head particle is left: the head stays at its offset from the body
             cloud = redrawn(cloud, draw(options.particles, rng))
             place = np.where(lost[:, None], people.place + offset, place)
             velocity = np.where(lost[:, None], 0.0, velocity)

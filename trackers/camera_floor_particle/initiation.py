@@ -1,8 +1,8 @@
-"""Initiation (section 3.1): clusters that no track explains, and over which the cameras see a person.
+"""Initiation (section 3.1): unassigned clusters over which the cameras see a person.
 
-Where the head is at first, and which pan is forward, the paper does not say. Here (ours) the silhouettes of all cameras
-carve a small hull over the cluster: its top is the head's. The pan is at first the direction in which the head shows the most
-skin, and is corrected by the first steps (`trackers.camera_floor_particle.head`).
+The paper does not give the initial head and pan. Here (ours) the silhouettes of all cameras carve a small hull over the
+cluster, whose top is the head's. The initial pan is the direction in which the head shows the most skin, corrected by the
+first steps (`trackers.camera_floor_particle.head`).
 """
 
 from __future__ import annotations
@@ -30,21 +30,21 @@ _LAYER_M = 0.04
 _UP_M = np.arange(0.3, 2.2, _LAYER_M)
 _HULL = np.stack(np.meshgrid(_ACROSS_M, _ACROSS_M, _UP_M, indexing="ij"), axis=-1).reshape(-1, 3)
 _LEAST_HULL = 120
-"""Points of the hull from which on there is a person."""
+"""Least number of points of a person's hull."""
 _LEAST_AT_TOP = 3
-"""Points of a layer of the hull that is still a head."""
+"""Least number of points of a layer of the hull that is still a head."""
 _HEAD_M = 0.25
-"""Height of a head with its neck: the top of a hull, so high, belongs to it."""
+"""Height of a head with its neck, at the top of a hull."""
 _PELVIS = 0.54
 """Height of the pelvis as a share of the stature."""
 _UNKNOWN_HEIGHT_M = 1.7
-"""Of a person that no camera sees."""
+"""Stature of a person that no camera sees."""
 _FIRST_LOOKS = 5.0
-"""So many looks are the first ones worth in references that learn."""
+"""Weight of the first observations in learned references."""
 _LEAST_SKIN = 0.3
-"""Share of a window that is skin, all cameras together, from which it shows where the face is."""
+"""Least share of skin in a window, all cameras together, that shows the face's direction."""
 _SKIN_SHOWS = 2.0
-"""Concentration of the pan about the direction in which the head shows the most skin."""
+"""Concentration of the pan about the direction of most skin."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,7 @@ class Places(Rows):
 
 
 class Initiation:
-    """Tentative tracks of clusters, and the state with which a track is initiated."""
+    """Tentative tracks of clusters, and the initial state of a track."""
 
     def __init__(self, options: CameraFloorParticleOptions, manager: TrackManager, n_camera: int) -> None:
         self._options, self._limits, self._manager = options, options.track_management, manager
@@ -64,7 +64,7 @@ class Initiation:
         self._last_ns: int | None = None  # of the frame before
 
     def unexplained(self, people: People | None, loads: Loads) -> Bool[Mask, "k"]:
-        """Mark the clusters that no track explains: far from all, and more than all of them weigh."""
+        """Return a mask of the unassigned clusters: far from all tracks, and heavier than they explain."""
         limits, load_n = self._limits, loads.clusters.load_n
         new = load_n >= limits.least_load_n
         if people is not None and len(people):
@@ -74,7 +74,7 @@ class Initiation:
         return new
 
     def due(self, places: Float[Array, "k 2"], ns: int) -> Bool[Mask, "k"]:
-        """Update the tentative tracks with clusters at places [m]; mark those of which tracks are to be initiated.
+        """Update the tentative tracks with clusters at places [m]; return a mask of those to initiate.
 
         A cluster continues the oldest tentative track within `start_apart_m`.
         """
@@ -99,7 +99,7 @@ class Initiation:
         ns: int,
         rng: np.random.Generator,
     ) -> People:
-        """Initiate a track over a cluster, as floor and hull show the person."""
+        """Initiate a track over a cluster, by floor and hull."""
         options = self._options
         if len(hull):
             heights, n_point = np.unique(hull[:, 2], return_counts=True)
@@ -151,7 +151,7 @@ class Initiation:
         return clothes
 
     def _face(self, skull: Float[Array, "3 1"], views: Views) -> tuple[float, float, Float[Array, "pans colours"]]:
-        """Return the pan [rad] and the share of skin that shows it, and references of the head from all sides."""
+        """Return the pan [rad] and its share of skin, and references of the head from all sides."""
         options = self._options.head
         n_colour = BINS.size * options.parts[0] * options.parts[1]
         skin, faces, from_east = 0j, np.empty((0, n_colour)), np.empty(0)
@@ -170,7 +170,7 @@ class Initiation:
 
 
 def hull_over(place: Float[Array, "2"], views: Views) -> Float[Array, "k 3"]:
-    """Carve the points above a place that all cameras see as foreground, but one of three or more [m]; none: no person."""
+    """Carve the points above a place that all cameras see as foreground, except one of three or more [m]; empty: no person."""
     points = _HULL + np.append(place, 0.0)
     look = views.look(points.T)
     n_seen, n_shown = look.seen.sum(axis=0), look.on_foreground.sum(axis=0)

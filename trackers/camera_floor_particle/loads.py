@@ -1,4 +1,4 @@
-"""Front end of the pressure floor: the newest frame's clusters, less what the empty room has and what is stuck."""
+"""Front end of the pressure floor: the newest frame's clusters, without the empty room's and stuck loads."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from trackers.observations import NS_PER_S, FloorFrame
 from trackers.rig import FloorSensor
 
 _OLDEST_S = 0.35
-"""A frame older than this says nothing of now."""
+"""Greatest age of a usable frame."""
 _MOST_LOADED = 0.5
-"""Share of the elements from which a frame is that of a broken floor."""
+"""Share of loaded elements from which the floor is broken."""
 
 
 @dataclass(frozen=True, eq=False)
 class Loads:
-    """One frame's clusters, and the likelihood of places by them."""
+    """Clusters of one frame, and the likelihood of positions by them."""
 
     clusters: FloorClusters
     floor: FloorSensor
     likelihood: FloorLikelihood
 
     def cluster_near(self, places: Float[Array, "n 2"], within_m: float) -> Bool[Mask, "n k"]:
-        """Mark the clusters that have an element within this distance of each place [m]."""
+        """Return a mask of the clusters with an element within this distance of each place [m]."""
         number = self.clusters.cluster_of_cell
         loaded = number >= 0
         away = np.linalg.norm(places[:, None] - self.floor.centres[loaded], axis=-1)  # (n, elements)
@@ -42,7 +42,7 @@ class Loads:
 
 
 class FloorFrontEnd:
-    """The newest frame of a floor as loads; empty_room: frames without people."""
+    """Front end of a floor: newest frame as loads; empty_room: frames without people."""
 
     def __init__(
         self, floor: FloorSensor, empty_room: Sequence[FloorFrame], options: CameraFloorParticleOptions
@@ -53,25 +53,25 @@ class FloorFrontEnd:
         frames = [frame.values for frame in empty_room]
         median = np.median(frames, axis=0) if frames else np.zeros(shape)
         self._own = np.rint(median).astype(np.uint8)
-        self._alone_ns: NDArray[np.int64] = np.zeros(shape, np.int64)  # since when loaded without a person; 0: not
+        self._alone_ns: NDArray[np.int64] = np.zeros(shape, np.int64)  # time since when loaded without a person; 0: not
         self._last: tuple[FloorFrame, Loads | None] | None = None
         self._is_broken, self._most_n = False, 0.0
 
     @property
     def warning(self) -> str | None:
-        """Reason for which the floor has shown no person yet; None where it has, or has reported nothing at all."""
+        """Reason why the floor has shown no person yet; None if it has, or has reported nothing at all."""
         if self._last is None or self._most_n >= self._options.track_management.least_load_n:
             return None
         what = "weight almost everywhere" if self._is_broken else "no person's weight"
         return f"has borne {what} so far, which is what finds people"
 
     def loads(self, frame: FloorFrame | None, ns: int) -> Loads | None:
-        """Return the newest frame's loads at stamp ns; None where it is too old, missing or that of a broken floor."""
+        """Return the newest frame's loads at stamp ns; None if it is too old, missing or of a broken floor."""
         if frame is None or ns - frame.stamp_ns > _OLDEST_S * NS_PER_S:
             return None
         if self._last is None or self._last[0] is not frame:
             values = frame.values
-            if values.shape == self._own.shape:  # another size is refused below, in words
+            if values.shape == self._own.shape:  # another size is rejected below
                 values = values - np.minimum(values, self._own)
             clusters = floor_clusters(
                 replace(frame, values=values), self._floor, FloorClusterOptions(least_value=self._options.least_value)
@@ -84,11 +84,11 @@ class FloorFrontEnd:
         return self._last[1]
 
     def is_new(self, frame: FloorFrame | None, ns: int) -> bool:
-        """Tell whether the frame has not been worked before."""
+        """Return whether the frame has not been processed before."""
         return frame is not None and (self._last is None or self._last[0] is not frame)
 
     def learn_own(self, loads: Loads, empty: Bool[Mask, "k"], ns: int) -> None:
-        """Take clusters over which cameras see no person, after a while, for the floor's own load from now on (ours)."""
+        """Learn clusters over which cameras see no person for a while as the floor's own load (ours)."""
         stuck_s = self._options.track_management.stuck_s
         if stuck_s is None:
             return

@@ -1,4 +1,4 @@
-"""Options of `camera-floor-particle`: every rule of the paper, and what we put in its place, "(ours)"."""
+"""Options of `camera-floor-particle`: every rule of the paper, and our replacements, "(ours)"."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from trackers.vision.views import WindowOptions
 
 Checks = Literal["soft", "drop"]
 _SOFT = {"body": {"unseen": -15.0, "no_foreground": -4.0}, "head": {"unseen": -30.0, "no_foreground": -4.0}}
-"""Values that soft checks had as options of their own."""
+"""Values of the soft checks that were options."""
 _CHECKS = (
     'a particle that a camera does not see, or whose pixel is not foreground: "drop" it (the paper), or it is less likely: as of '
     "a window without any of its colours, so that none flees to where no camera looks (ours)"
@@ -43,7 +43,7 @@ class MotionOptions(Strict):
     )
 
     def steps(self, dt: float) -> float:
-        """Return how many of the steps that ω is for a time [s] makes: over it variances grow, and memory fades (ours)."""
+        """Return the number of nominal steps in a time [s]: variances grow, and memory fades with it (ours)."""
         return dt / 0.05
 
 
@@ -64,7 +64,7 @@ def _with_checks(content: Any, part: str) -> Any:
 
 
 class BodyOptions(Strict):
-    """Options of the body's particles, and of how they are weighted."""
+    """Options of the body's particles and their weights."""
 
     particles: PositiveInt = Field(default=250, le=10_000, description="N, body particles per person")
     motion: MotionOptions = Field(default=MotionOptions(), description="how they move")
@@ -88,7 +88,7 @@ class BodyOptions(Strict):
 
 
 class FacingOptions(Strict):
-    """Options of the pan as a distribution over all directions, by looks at the head's estimate (ours)."""
+    """Options of the pan as a distribution over all directions, by views of the head's estimate (ours)."""
 
     colour: float = Field(default=3.0, gt=0, description="λ of those looks' likelihood exp(−λ D²)")
     skin: float = Field(
@@ -114,7 +114,7 @@ class FacingOptions(Strict):
 
 
 class HeadOptions(Strict):
-    """Options of the head's particles, and of how they are weighted."""
+    """Options of the head's particles and their weights."""
 
     former_names: ClassVar[Mapping[str, str]] = {
         "pan_colour": "facing.colour",
@@ -176,7 +176,7 @@ class HeadOptions(Strict):
 
 
 class ExclusionOptions(Strict):
-    """Options of squares about particles on the floor: where those of two persons overlap, both weigh nothing."""
+    """Options of squares about particles on the floor: where those of two persons overlap, both have weight 0."""
 
     fixed_values: ClassVar[Mapping[str, Any]] = {"grid_m": 0.02}
 
@@ -189,7 +189,7 @@ class ExclusionOptions(Strict):
 
 
 class FloorTrackManagementOptions(TrackManagementOptions):
-    """Those of every tracker, with clusters of the floor as tentative tracks, and deletion and re-identification by colours."""
+    """Common track management options, tentative tracks of floor clusters, and deletion and re-identification by colours."""
 
     fixed_values: ClassVar[Mapping[str, Any]] = {"least_alike": 0.3}
 
@@ -229,7 +229,7 @@ class FloorTrackManagementOptions(TrackManagementOptions):
 
 
 class CameraFloorParticleOptions(Strict):
-    """The whole system; its defaults are what works, the preset `camera-floor-particle-paper` is the paper's own."""
+    """Options of the whole system with our defaults; the preset `camera-floor-particle-paper` has the paper's."""
 
     former_names: ClassVar[Mapping[str, str]] = {
         "foreground": "front_end.foreground",

@@ -1,8 +1,8 @@
-"""The pan of heads: their appearance from every side, learned as people walk, and the direction that they face.
+"""Pan of heads: their appearance from every side, learned as people walk, and their direction.
 
-By the paper the pan is a component of the head's particles. Here (ours) it is a distribution over a grid of directions: every
-camera's picture at the head's estimate is compared, part by part of the window, with the references of all sides. People who
-walk look ahead, more or less, which separates the front of a head from its back.
+In the paper the pan is a component of the head's particles. Here (ours) it is a distribution over a grid of directions:
+every camera's picture at the head's estimate is compared, part by part of the window, with the references of all sides.
+Walking people mostly look ahead, which separates the front of a head from its back.
 """
 
 from __future__ import annotations
@@ -25,23 +25,25 @@ GRID = grid_of(PAN_STEPS)
 SIDES = np.linspace(0, 2 * np.pi, PAN_BINS, endpoint=False)
 """Angles from the face of the references."""
 SURE_M_S = 0.5
-"""From this speed on the course says where forward is, and people look there more often than not."""
+"""Speed from which the course gives the forward direction, in which people mostly look."""
 _AHEAD = 2.0
-"""The course lags behind turns, and heads are ahead of the walk: so many times as far as the velocity is off the course."""
+"""Factor on the angle between velocity and course: the course lags behind turns, and heads precede the walk."""
 _CLEAR = 0.6
-"""Similarity to one of the sides from which a look at a head is its own, and is learned from."""
+"""Similarity to one of the sides above which a view shows the head itself, and is learned."""
 _NARROW = 6.0
-"""Concentration of a look about the angle it is from, as references learn it."""
+"""Concentration of a view about its angle, in learned references."""
 _SURE = 0.8
-"""Mean resultant length of a pan that is sure enough to learn from."""
+"""Mean resultant length of a pan that is certain enough for learning."""
 _SKIN_LOOKS = 20
-"""Looks over which it is averaged whether skin is where people walk."""
+"""Number of views in the average of the skin's agreement with the walking direction."""
 _LEAST = 1e-4
-"""Share of the belief that is in every direction, so that none is ever ruled out."""
+"""Least share of the belief in every direction, so that none is ruled out."""
 
 
 class Looks(NamedTuple):
-    """Looks of cameras at heads: rows of tracks, bearings [rad], colours as roots, part by part, likeness to each side, skin."""
+    """Views of heads by cameras: rows of tracks, bearings [rad], colours as roots, part by part, similarity to each side,
+    skin.
+    """
 
     rows: Int[Index, "k"]
     bearing: Float[Array, "k"]
@@ -51,13 +53,13 @@ class Looks(NamedTuple):
 
 
 def looks(people: People, views: Views, options: HeadOptions) -> Looks | None:
-    """Look at the estimates of the heads in every view that has foreground there; None where none has."""
+    """Evaluate the head estimates in every view with foreground there; None without any."""
     places = people.head_place.T
     look = views.look(places)
     pixels, shown = look.pixels, look.on_foreground
     if not shown.any():
         return None
-    window = options.window.model_copy(update={"stride": 1})  # few looks, so every pixel
+    window = options.window.model_copy(update={"stride": 1})  # few views, so every pixel
     rows, from_east = shown.nonzero()[1], views.bearings(places)[shown]
     roots = unit(np.sqrt(views.colours(places, pixels, shown, window, options.parts)))
     alike = (unit(people.hair)[rows] @ roots[..., None])[..., 0]
@@ -66,7 +68,7 @@ def looks(people: People, views: Views, options: HeadOptions) -> Looks | None:
 
 
 def turned(people: People, dt: float, turns_rad: float, seen: Looks | None, options: FacingOptions) -> People:
-    """Update pans `dt` seconds later: heads have turned, look as they look, and face ahead while their people walk.
+    """Update pans `dt` seconds later: by turns, views, and the walking direction.
 
     turns_rad: standard deviation of turns in that time.
     """
@@ -93,7 +95,7 @@ def turned(people: People, dt: float, turns_rad: float, seen: Looks | None, opti
 
 
 def _trusting_skin(people: People, face: Complex[AnyArray, "n"]) -> People:
-    """Learn from people who walk whether skin is where faces are, and not hair of its colour or light on it: the mean cosine."""
+    """Learn from walking people whether skin shows the face, and not hair of its colour or light on it: the mean cosine."""
     heading, speed = walk(people)
     right = np.cos(np.angle(face) - heading) - people.skin_true
     taught = (speed > SURE_M_S) & (face != 0)
@@ -101,7 +103,7 @@ def _trusting_skin(people: People, face: Complex[AnyArray, "n"]) -> People:
 
 
 def aligned(people: People) -> People:
-    """Turn pans, and references with them, to where first steps say that forward is."""
+    """Turn pans and references to the forward direction of the first steps."""
     heading, speed = walk(people)
     due = ~people.pan_known & (speed > SURE_M_S)
     if not due.any():
@@ -121,7 +123,7 @@ def aligned(people: People) -> People:
 
 
 def learned(people: People, seen: Looks, most_looks: float) -> People:
-    """Learn the sides that cameras see of heads whose pan is sure: references are means of the last looks at each."""
+    """Learn the visible sides of heads with a certain pan: references are means of the last views at each."""
     _, sure = mean_direction(people.facing)
     clear = people.pan_known & (sure > _SURE) & ~people.lost
     own = clear[seen.rows] & (seen.alike.max(axis=1) > _CLEAR)
@@ -141,7 +143,7 @@ def walk(people: People) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
 
 
 def pan_bin(angle: Float[Array, "*n"]) -> Int[Index, "*n"]:
-    """Return the reference of a head seen at this angle from its face [rad]."""
+    """Return the index of the reference of a head seen at this angle from its face [rad]."""
     return np.rint(angle * (PAN_BINS / (2 * np.pi))).astype(np.intp) % PAN_BINS
 
 
@@ -156,9 +158,9 @@ def _length(roots: Float[Array, "*k b"]) -> Float[Array, "*k 1"]:
 
 
 def around(seen: Float[Array, "k b"], from_face: Float[Array, "k"], *, mixed: bool = True) -> Float[Array, "pans b"]:
-    """Make references for every pan from looks (roots) at these angles from the face [rad].
+    """Make references for every pan from views (roots) at these angles from the face [rad].
 
-    In between looks that are less than 90° off they are mixed; farther off, or not `mixed`, it is the nearest look.
+    Between views less than 90° away they are mixed; farther off, or not `mixed`, the nearest view is used.
     """
     away = np.abs(np.angle(np.exp(1j * (SIDES[:, None] - from_face))))
     share = 1e-6 * (away == away.min(axis=1, keepdims=True))

@@ -1,6 +1,6 @@
 """Rules of the system of Mori and others as a table, and the options of its ablations.
 
-`PAPER_RULES` is the paper read plainly; its options are the preset `camera-floor-particle-paper`.
+`PAPER_RULES` follows the paper literally; its options are the preset `camera-floor-particle-paper`.
 """
 
 from __future__ import annotations
@@ -149,7 +149,7 @@ PAPER_RULES: tuple[PaperRule, ...] = (
         },
     ),
 )
-"""The paper's system. Options that no rule names are of the sensors, or have no effect beside these."""
+"""The paper's system. Other options belong to the sensors, or have no effect with these."""
 
 PAPER: Mapping[str, Any] = options_of(PAPER_RULES)
 """The options of `camera-floor-particle-paper`."""

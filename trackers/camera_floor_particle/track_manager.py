@@ -1,4 +1,4 @@
-"""Track management of `camera-floor-particle`: deletion by what floor and cameras show, re-identification by clothes."""
+"""Track management of `camera-floor-particle`: deletion by floor and cameras, re-identification by clothes."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from trackers.tracking.track_manager import TrackManager
 from trackers.vision.views import Views
 
 _LEAST_SHOWN = 0.5
-"""Share of the cameras that see a place from which, showing foreground there, they show a person."""
+"""Share of the cameras with a place in view that must show foreground there."""
 _LEAST_ALIKE = 0.3
-"""Cameras show a track where colours are so similar (1 − D²), on average over cameras and particles."""
+"""Least similarity of colours (1 − D²), averaged over cameras and particles, of a track shown by cameras."""
 _WEIGHT_MEMORY = 0.9
 _MOST_DELETED = 50
-"""So many deleted tracks are remembered, so that memory stays flat."""
+"""Greatest number of remembered deleted tracks, to bound memory."""
 
 
 class FloorTrackManager(TrackManager):
-    """The rules of every tracker; a track is measured where cameras, or without pictures the floor, show its person."""
+    """Common track management; a track is detected where cameras, or without pictures the floor, show its person."""
 
     def __init__(self, options: CameraFloorParticleOptions, corners: ArrayLike | None) -> None:
         super().__init__(options.track_management, corners)
@@ -33,7 +33,7 @@ class FloorTrackManager(TrackManager):
         self._deleted: dict[int, People] = {}
 
     def updated(self, people: People, loads: Loads | None, views: Views, ns: int, *, is_new: bool) -> People:
-        """Return the tracks measured by a frame, and delete those that were not for too long. is_new: of the floor's frame."""
+        """Return the tracks updated by a frame, without those not detected for too long. is_new: of the floor's frame."""
         shown = self._shown(people, views)
         if loads is not None:
             near = loads.cluster_near(people.place[:, :2], self._options.track_management.start_apart_m)
@@ -52,7 +52,7 @@ class FloorTrackManager(TrackManager):
         return people.select(stays)
 
     def identified(self, person: People) -> People:
-        """Return a new track with the id of the deleted one that looks the same, else with the next one."""
+        """Return a new track with the id of the most similar deleted one, else with the next id."""
         known = self._reidentified(person)
         if not known:
             return person.changed(roster=self.confirm(person.roster, np.ones(1, np.bool_)))
@@ -61,7 +61,7 @@ class FloorTrackManager(TrackManager):
         return person.changed(roster=roster)
 
     def _shown(self, people: People, views: Views) -> Bool[Mask, "n"]:
-        """Mark the tracks that cameras show, with foreground and colours that are alike."""
+        """Return a mask of the tracks that cameras show, with foreground and similar colours."""
         look = views.look(people.place.T)
         n_seen, n_shown = look.seen.sum(axis=0), look.on_foreground.sum(axis=0)
         shown = (n_shown > 0) & (n_shown >= _LEAST_SHOWN * n_seen) & ~people.lost

@@ -1,4 +1,4 @@
-"""The tracker `camera-floor-particle`: a pair of particle filters per person, that meet only where they would overlap."""
+"""Tracker `camera-floor-particle`: two particle filters per person, independent unless people would overlap."""
 
 from __future__ import annotations
 
@@ -28,25 +28,25 @@ from trackers.vision.front_end import front_ends
 from trackers.vision.views import CameraViews, Views
 
 _OFF_M = 0.04
-"""A camera whose median offset is larger hangs elsewhere."""
+"""Median offset above which a camera is displaced."""
 _FEWEST = 40
-"""Looks of a camera, two seconds of one walker, that a warning takes: fewer are off by chance."""
+"""Offsets of a camera needed for a warning, two seconds of one walker: fewer are off by chance."""
 _WALKS_M_S = 0.3
 _BENT_M = 0.1
-"""Heads lower than upright by more than this are left out: what is topmost may not be the head."""
+"""Drop of a head below upright from which it is left out: its top may not be the head."""
 _SEARCHED_M = 0.35
-"""Reach about a crown in which its silhouette's top is searched for."""
+"""Search radius for a silhouette's top about a crown."""
 _APART_M = 0.7
-"""Heads with another so near, as a camera sees them, are left out."""
+"""Distance of heads in a camera's view within which both are left out."""
 
 
 def monitor(n_camera: int) -> CalibrationMonitor:
-    """Make the monitor of so many cameras, whose offsets are in metres."""
+    """Make the monitor of this number of cameras, with offsets in metres."""
     return CalibrationMonitor(n_camera, _OFF_M, _FEWEST)
 
 
 def take(calibration: CalibrationMonitor, people: People, views: Views) -> None:
-    """Take in the offsets of one frame. Of two cameras it cannot be told which is wrong."""
+    """Add the offsets of one frame. Not with two cameras, as it is unknown which is wrong."""
     upright = people.head_place[:, 2] > people.height_m - CROWN_M - _BENT_M
     walking = upright & (np.hypot(*people.velocity[:, :2].T) > _WALKS_M_S) & ~people.lost
     if len(views) < 3 or not walking.any():
@@ -61,15 +61,15 @@ def take(calibration: CalibrationMonitor, people: People, views: Views) -> None:
 
 
 _SHOWN = 60
-"""So many particles of a body, or of a head, are handed out for drawings, or a few more."""
+"""Approximate number of particles of a body, or head, for drawings."""
 _LONGEST_S = 0.5
-"""However long nothing came, people move for no longer at once."""
+"""Greatest time step of the motion after a gap."""
 
 
 def the_floor(rig: Rig, tracker: str, empty_room: Iterable[Observation]) -> str:
-    """Return the name of the rig's pressure floor: of several the first that reported of the empty room, else the first.
+    """Return the name of the rig's pressure floor: of several the first with reports of the empty room, else the first.
 
-    Raises InputError where there is none.
+    Raises InputError without one.
     """
     reported = {each.sensor for each in empty_room}
     for name in sorted(rig.floors(), key=lambda name: name not in reported):
@@ -89,7 +89,7 @@ class DebugState(NamedTuple):
 
 
 class CameraFloorParticle(SynchronizedTracker):
-    """Cameras trigger a frame, the pressure floor's latest frame is used; without cameras the floor alone triggers.
+    """Cameras trigger a frame with the floor's latest one; without cameras the floor triggers.
 
     Raises InputError for a rig without a pressure floor, which detects people, and for wrong options.
     """
@@ -121,7 +121,7 @@ class CameraFloorParticle(SynchronizedTracker):
         self._last: tuple[Views, Loads | None] = Views(()), None
 
     def tracks(self) -> list[Track]:
-        """Return all tracks, as of the last frame."""
+        """Return all tracks of the last frame."""
         people = self._people
         if people is None:
             return []
@@ -139,7 +139,7 @@ class CameraFloorParticle(SynchronizedTracker):
 
     @property
     def warnings(self) -> list[str]:
-        """Findings about floor and cameras that are not as the rig says, so far."""
+        """Deviations of floor and cameras from the rig found so far."""
         floor = self._loads.warning
         return [f"{self._floor} {floor}"] * (floor is not None) + [
             f"{self._cameras[number]} shows walkers' heads elsewhere than the other cameras do, and cannot hang as the rig says"
@@ -185,7 +185,7 @@ class CameraFloorParticle(SynchronizedTracker):
             self._initiate(loads, views)
 
     def _initiate(self, loads: Loads, views: Views) -> None:
-        """Initiate tracks of clusters that no track explains and over which cameras see a person."""
+        """Initiate tracks of unassigned clusters over which cameras see a person."""
         people, centroid = self._people, loads.clusters.centroid
         new = self._initiation.unexplained(people, loads)
         hulls = {k: hull_over(centroid[k], views) for k in np.flatnonzero(new)}

@@ -1,4 +1,4 @@
-"""The room as a tracker knows it: measured by a range scanner beforehand, made into walls, furniture and free space."""
+"""Environment: the room measured beforehand by a range scanner, as walls, furniture and free space."""
 
 from trackers.environment.build import EnvironmentOptions, build_environment
 from trackers.environment.file import load_environment, save_environment

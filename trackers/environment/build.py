@@ -1,4 +1,4 @@
-"""From a point cloud to an environment: what a scanner saw becomes walls, furniture and free space."""
+"""From a point cloud to an environment of walls, furniture and free space."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ from trackers.limits import refuse_unless_lifted
 
 _FEWEST_POINTS = 1000
 _STRAY = 0.0005
-"""This share of the points may lie beyond the grid on each side: seen through a door, say."""
+"""Share of the points that may lie beyond the grid on each side, for example seen through a door."""
 _BORDER_VOXELS = 3
 _SURFACE_M = 0.025
 """Depth over which a column's top is averaged, down from its highest point [m]: the noise of a level surface."""
 _CLOSED_VOXELS = (3, 3)
-"""Gaps in the tops of things that hold no such block of columns are closed."""
+"""Size of the smallest gap in the tops of objects that stays open, in columns."""
 _ON_THE_FLOOR_M = 0.04
-"""Height above the floor up to which points are the floor's [m]."""
+"""Height above the floor up to which points are of the floor [m]."""
 
 
 class EnvironmentOptions(Strict):
-    """Options of the grid, and of what is occupied."""
+    """Options of the grid, and of occupancy."""
 
     voxel_m: float = Field(default=0.05, ge=SMALLEST_VOXEL_M, le=LARGEST_VOXEL_M, description="side of a voxel [m]")
     height_m: float = Field(default=3.0, ge=2.2, le=30, description="the grid reaches this high above the floor [m]")
@@ -63,12 +63,12 @@ def build_environment(
 ) -> Environment:
     """Build the environment from a point cloud of the empty room.
 
-    `room` names it and `area` (k, 2) [m] is the tracked area at the time; both are kept for `Environment.check`.
+    `room`: its name, `area` (k, 2) [m]: its tracked area; both are kept for `Environment.check`.
 
-    A voxel is occupied where enough of the rays that came to it ended in it, more than one did, and something is next
-    to it; free where rays passed; unknown where none came: inside and behind furniture, outside the walls. All that guards
-    against the points that beams on an edge put between two surfaces; rays that graze a surface do not free it either.
-    Raises InputError for a cloud too small for a room and voxels too small for memory.
+    A voxel is occupied if enough of the rays that reached it ended in it, more than one did, and an adjacent voxel is
+    occupied; free where rays passed; unknown where none came: inside and behind furniture, outside the walls. These rules
+    reject points that beams on an edge put between two surfaces; rays grazing a surface do not free it either. Raises
+    InputError for a cloud too small for a room and voxels too small for memory.
     """
     options = options or EnvironmentOptions()
     points = cloud.points_m
@@ -103,7 +103,7 @@ def build_environment(
 
 
 def _grid(cloud: PointCloud, floor_m: float, ceiling_m: float, options: EnvironmentOptions) -> Grid:
-    """Lay out the grid around the room; the floor lies in the middle of a layer, so that its noise stays in it."""
+    """Lay out the grid around the room; the floor lies in the middle of a layer, which contains its noise."""
     voxel = options.voxel_m
     low, high = np.quantile(cloud.points_m[:, :2], (_STRAY, 1 - _STRAY), axis=0)
     low = np.minimum(low, cloud.origins_m[:, :2].min(axis=0)) - _BORDER_VOXELS * voxel
@@ -128,7 +128,7 @@ def _grid(cloud: PointCloud, floor_m: float, ceiling_m: float, options: Environm
 
 
 def _has_neighbours(occupied: Bool[Mask, "size"], grid: Grid) -> Bool[Mask, "size"]:
-    """Mark the voxels of which any of the 26 around is occupied."""
+    """Return a mask of the voxels with an occupied one among the 26 neighbours."""
     block = occupied.reshape(grid.shape).astype(np.uint8)
     for axis in range(3):
         block = ndimage.correlate1d(block, np.ones(3), axis=axis, mode="constant", output=np.uint8)
@@ -148,14 +148,14 @@ def _surface(points: Float[Array, "n 3"], grid: Grid, occupied: Bool[Mask, "size
 def _tops(
     points: Float[Array, "n 3"], grid: Grid, state: UInt8[Bytes, "nx ny nz"], floor_m: float, furniture_m: float
 ) -> Float32[Singles, "nx ny"]:
-    """Height [m] of what stands in each column; the floor's where nothing does; NaN where neither was seen.
+    """Return the height [m] of the object in each column; the floor's without one; NaN where neither was seen.
 
-    Gaps that are at most two columns wide take the height of what is about them.
+    Gaps at most two columns wide are interpolated from their surroundings.
     """
     layer_m = grid.origin_m[2] + grid.voxel_m * np.arange(grid.shape[2])  # lower edges
     floor_layer = int(np.searchsorted(layer_m, floor_m, side="right")) - 1
     stands = (np.arange(grid.shape[2]) > floor_layer) & (layer_m < floor_m + furniture_m)
-    # What is flatter than half a voxel, a book or a rug, lies in the floor's own layer.
+    # Objects flatter than half a voxel, a book or a rug, lie in the floor's own layer.
     stands[floor_layer] = True
     occupied = (state == OCCUPIED) & stands
     highest = grid.shape[2] - 1 - np.argmax(occupied[..., ::-1], axis=2)
@@ -172,7 +172,7 @@ def _tops(
     open_floor = (state[..., floor_layer : floor_layer + 2] == FREE).any(axis=2).ravel()
     top = np.where(known, top, np.where(open_floor, floor_m, np.nan))
     top = np.where(top < floor_m + _ON_THE_FLOOR_M, floor_m, top).reshape(grid.shape[:2])
-    # Rays on a table come in rows as far apart as they are flat: what lies between two rows is table.
+    # Rays at a grazing angle hit a table in rows: between two rows is table.
     deep = floor_m - 1
     closed = ndimage.grey_closing(np.nan_to_num(top, nan=deep), size=_CLOSED_VOXELS, mode="nearest")
     return np.where(closed > deep, closed, np.nan).astype(np.float32)

@@ -1,4 +1,4 @@
-"""An environment on disk: one compressed .npz that says what it is of, in which frame, and whether it is whole."""
+"""Environment file: one compressed .npz with its room, frame and a checksum."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FRAME = "room: metres, x-y floor, z up"
 
 _EXPECTED = "a file that `twin environment` or trackers.environment.save_environment wrote"
 _FARTHEST_M = 1e7
-"""No coordinate of a room, not even one of a national grid, is larger."""
+"""Greatest coordinate of a room, even in a national grid."""
 
 _HEAD = {"format": ArraySpec("U"), "version": ArraySpec("iu")}
 _ARRAYS = _HEAD | {
@@ -39,16 +39,16 @@ _ARRAYS = _HEAD | {
     "walls_m": ArraySpec("f", (None, 2, 2), -_FARTHEST_M, _FARTHEST_M),
     "fingerprint": ArraySpec("U"),
 }
-"""The arrays of a file."""
+"""Arrays of a file."""
 
 
 def save_environment(environment: Environment, path: AnyPath) -> str:
-    """Write the environment; the same environment gives the same bytes. Returns its fingerprint."""
+    """Write the environment and return its fingerprint; equal environments give equal bytes."""
     arrays = _arrays(environment)
     arrays["fingerprint"] = np.array(_fingerprint(arrays))
     with zipfile.ZipFile(path, "w") as archive:
         for name, array in arrays.items():
-            # numpy's own savez stamps its members with the time of day.
+            # numpy's own savez stores the time of day.
             info = zipfile.ZipInfo(f"{name}.npy", (1980, 1, 1, 0, 0, 0))
             info.compress_type = zipfile.ZIP_DEFLATED
             with archive.open(info, "w", force_zip64=True) as member:
@@ -59,8 +59,8 @@ def save_environment(environment: Environment, path: AnyPath) -> str:
 def load_environment(path: AnyPath, rig: Rig | None = None) -> Environment:
     """Load an environment; with a rig, check that it is of the rig's room (see `Environment.check`).
 
-    Raises InputError for a file that is none, of another version, damaged or incomplete, for a grid of more than
-    `MOST_VOXELS`, before it is decoded, and for the environment of another room.
+    Raises InputError for an invalid, damaged or incomplete file, for another version, for a grid of more than `MOST_VOXELS`,
+    before decoding it, and for the environment of another room.
     """
     path = Path(path)
     head = read_arrays(path, _HEAD, _EXPECTED)
@@ -86,7 +86,7 @@ def load_environment(path: AnyPath, rig: Rig | None = None) -> Environment:
 
 
 def _check_surface(environment: Environment, path: Path) -> None:
-    """Raise InputError for a grid and points that do not fit together."""
+    """Raise InputError for a grid and points that do not match."""
     grid, surface_m = environment.grid, environment.surface_m
     if min(grid.shape) < 2:
         raise InputError(f"{path}: state has shape {grid.shape}; 2 voxels or more along each axis are expected")

@@ -16,10 +16,10 @@ from trackers.text_file import AnyPath
 
 @dataclass(frozen=True, eq=False)
 class PointCloud:
-    """Points (n, 3) [m] in the room frame, the station (n,) each was seen from, and the stations' places (s, 3) [m].
+    """Points (n, 3) [m] in the room frame, the station index (n,) of each, and the stations' positions (s, 3) [m].
 
-    Between a station's place and each of its points the ray met nothing: that is what free space is known by.
-    Raises InputError for arrays that do not fit together and for numbers that are not finite.
+    Between a station and each of its points the ray met nothing, which gives free space. Raises InputError for arrays of
+    inconsistent sizes and non-finite numbers.
     """
 
     points_m: NDArray[np.float64]
@@ -47,7 +47,7 @@ class PointCloud:
                 raise InputError(f"point cloud: {name} hold NaN or infinity; leave out rays that met nothing")
 
     def write_ply(self, path: AnyPath) -> None:
-        """Write the points as binary PLY (float32 x, y, z and the station), which CloudCompare and others open."""
+        """Write the points as binary PLY (float32 x, y, z and the station), for CloudCompare and others."""
         record = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("station", "<i2")])
         rows = np.empty(len(self.points_m), dtype=record)
         for axis, name in enumerate("xyz"):
@@ -63,19 +63,19 @@ class PointCloud:
 Counts = NDArray[np.uint32]
 
 UNKNOWN, FREE, OCCUPIED = 0, 1, 2
-"""States of a voxel: no ray came there; rays passed through; something is there."""
+"""States of a voxel: no ray reached it; rays passed through; occupied."""
 
 SMALLEST_VOXEL_M, LARGEST_VOXEL_M = 0.01, 0.5
 MOST_VOXELS = 100_000_000
-"""Voxels of a grid: what trackers work out of each takes some 30 bytes."""
+"""Greatest number of voxels of a grid: trackers use some 30 bytes for each."""
 
 _SHORT_OF_END = 1.0
-"""A ray frees nothing within this many voxels of where it ends: its range has noise, and surfaces are met aslant."""
+"""Number of voxels before its end in which a ray frees nothing: ranges are noisy, and surfaces are hit obliquely."""
 
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Cubes of side `voxel_m`, `shape` (nx, ny, nz) of them, from the corner `origin_m` [m] of the room frame."""
+    """Grid of cubic voxels of side `voxel_m`, `shape` (nx, ny, nz), from the corner `origin_m` [m] of the room frame."""
 
     origin_m: Float[Array, "3"]
     voxel_m: float
@@ -88,11 +88,11 @@ class Grid:
 
     @property
     def upper_m(self) -> Float[Array, "3"]:
-        """The corner opposite to the origin [m]."""
+        """Corner opposite to the origin [m]."""
         return self.origin_m + self.voxel_m * np.array(self.shape)
 
     def flat(self, points: Float[Array, "n 3"]) -> tuple[Int[Index, "n"], Bool[Mask, "n"]]:
-        """Flat index of the voxel of each point [m] (0 for those outside), and which points are inside.
+        """Return the flat index of the voxel of each point [m] (0 for those outside), and which points are inside.
 
         Raises ValueError for coordinates that are not finite.
         """
@@ -100,14 +100,14 @@ class Grid:
         return (cell[0] * self.shape[1] + cell[1]) * self.shape[2] + cell[2], inside
 
     def column(self, points: Float[Array, "n axes"]) -> tuple[Int[Index, "n"], Bool[Mask, "n"]]:
-        """Flat index of the column of voxels over each place, by 2 or 3 axes [m] (0 outside), and which are inside."""
+        """Return the flat index of the column of voxels at each place, by 2 or 3 axes [m] (0 outside), and which are inside."""
         cell, inside = self._cells(points[:, :2])
         return cell[0] * self.shape[1] + cell[1], inside
 
     def _cells(self, points: Float[Array, "n axes"]) -> tuple[Int[Index, "axes n"], Bool[Mask, "n"]]:
-        """Index of the cell along each axis, 0 outside, and which are inside."""
+        """Return the index of the cell along each axis, 0 outside, and which are inside."""
         axes = points.shape[1]
-        # An axis a row: numpy is several times faster along long rows.
+        # One row per axis: numpy is several times faster along long rows.
         place = (np.ascontiguousarray(points.T) - self.origin_m[:axes, None]) * (1 / self.voxel_m)
         if not np.isfinite(place).all():
             raise ValueError("points hold NaN or infinity; a place in the room is expected")
@@ -116,15 +116,15 @@ class Grid:
         return np.where(inside, place, 0.0).astype(np.intp), inside
 
     def centres(self, flat: Int[Index, "n"]) -> Float[Array, "n 3"]:
-        """Middles [m] of voxels given by flat index."""
+        """Return the centres [m] of voxels given by flat index."""
         return self.origin_m + self.voxel_m * (np.stack(np.unravel_index(flat, self.shape), axis=-1) + 0.5)
 
 
 def count_rays(cloud: PointCloud, grid: Grid) -> tuple[UInt32[Counts, "size"], UInt32[Counts, "size"]]:
     """Count the points in each voxel, and the rays that passed through it.
 
-    A ray is looked at every voxel's length, so a voxel of which it only clips a corner may be missed, and none counts
-    twice for it but by rounding. The stations are in the grid.
+    A ray is sampled at every voxel's length, so a voxel clipped at a corner may be missed, and none counts twice except by
+    rounding. The stations are in the grid.
     """
     hits = np.zeros(grid.size, dtype=np.uint32)
     flat, inside = grid.flat(cloud.points_m)
@@ -143,10 +143,10 @@ def _march(points: Float[Array, "n 3"], origin: Float[Array, "3"], grid: Grid, p
     way, length = way[length > 0], length[length > 0]
     way /= length[:, None]
     with np.errstate(divide="ignore"):
-        leaves = np.where(way > 0, grid.shape - start, -start) / way  # nan where way is 0 and start too
+        leaves = np.where(way > 0, grid.shape - start, -start) / way  # NaN where way and start are 0
     leaves = np.where(way == 0, np.inf, leaves).min(axis=1) - 1e-3
     length = np.minimum(length - _SHORT_OF_END, leaves)
-    order = np.argsort(-length, kind="stable")  # so that the rays still under way are always the first ones
+    order = np.argsort(-length, kind="stable")  # so that the unfinished rays always come first
     way, length = way[order].astype(np.float32), length[order]
     x, y, z = np.ascontiguousarray(way.T)
     x0, y0, z0 = start.astype(np.float32)

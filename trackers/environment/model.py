@@ -1,4 +1,4 @@
-"""The environment: what is known of a room's space, asked for many points at once."""
+"""Environment: knowledge of a room's space, queried for many points at once."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from trackers.environment.sight import first_met, leaps_between, sees
 from trackers.errors import InputError
 
 _KNOWN_SHARE = 0.8
-"""Of a tracked area, at least this share has to have been seen by the scanner; the rest may be behind furniture."""
+"""Least share of a tracked area that the scanner must have seen; the rest may be behind furniture."""
 
 
 @dataclass(frozen=True, eq=False)
 class Environment:
-    """Walls, furniture and free space of a room, as a range scanner saw them; room frame, metres, z up.
+    """Walls, furniture and free space of a room from a range scanner; room frame, metres, z up.
 
-    `room` is the room's name ('' where none was given), `area_m` the tracked area when it was scanned (empty: none),
-    `stations_m` from where. `state` holds UNKNOWN, FREE or OCCUPIED for each voxel of `grid`, `surface_m` the mean of the
-    points met in each occupied voxel, in C order. `top_m` is the height of what stands in each column of voxels: furniture,
-    a wall up to `EnvironmentOptions.furniture_m`, else the floor; NaN where neither was seen, gaps of up to two columns
-    closed. `ceiling_m` is NaN where none was seen. `walls_m` are segments in plan, the room to the left of the way from
-    first end to second; a wall goes on above its doors.
+    `room` is the room's name ('' if unknown), `area_m` its tracked area when scanned (empty: none), `stations_m` the scan's
+    origins. `state` holds UNKNOWN, FREE or OCCUPIED for each voxel of `grid`, `surface_m` the mean of the points in each
+    occupied voxel, in C order. `top_m` is the height of the object in each column of voxels: furniture, a wall up to
+    `EnvironmentOptions.furniture_m`, else the floor; NaN where neither was seen, gaps of up to two columns closed.
+    `ceiling_m` is NaN where none was seen. `walls_m` are segments in plan, the room to the left from first end to second; a
+    wall continues above its doors.
     """
 
     room: str
@@ -44,24 +44,23 @@ class Environment:
     walls_m: Float[Array, "w 2 2"]
 
     def is_free(self, points: ArrayLike) -> Bool[Mask, "n"]:
-        """Mark points (n, 3) in voxels that rays of the scan passed through: unknown space is not free."""
+        """Return a mask of points (n, 3) in free voxels; unknown space is not free."""
         flat, inside = self.grid.flat(_points(points))
         return inside & (self.state.ravel()[flat] == FREE)
 
     def is_occupied(self, points: ArrayLike) -> Bool[Mask, "n"]:
-        """Mark points (n, 3) in voxels where the scanner met something."""
+        """Return a mask of points (n, 3) in occupied voxels."""
         flat, inside = self.grid.flat(_points(points))
         return inside & (self.state.ravel()[flat] == OCCUPIED)
 
     def distance_to_surface(self, points: ArrayLike) -> Float[Array, "n"]:
-        """Distance [m] from each point (n, 3) to the nearest thing that the scanner met; NaN outside the grid.
+        """Return the distance [m] from each point (n, 3) to the nearest measured surface; NaN outside the grid.
 
-        Interpolated between voxels: right to about half a voxel. Inside a piece of furniture it is the distance to the
-        face that was seen.
+        Interpolated between voxels: accurate to about half a voxel. Inside furniture it is the distance to the visible face.
         """
         points = _points(points)
         _, inside = self.grid.flat(points)
-        # Between the middles of voxels; beyond the outermost the value of those.
+        # Between voxel centres; beyond the outermost constant.
         cell = (points - self.grid.origin_m) * (1 / self.grid.voxel_m) - 0.5
         cell = np.clip(cell, 0, np.array(self.grid.shape) - 1)
         low = np.minimum(cell.astype(np.intp), np.array(self.grid.shape) - 2)
@@ -77,7 +76,7 @@ class Environment:
         return np.where(inside, value, np.nan)
 
     def height_under(self, places: ArrayLike) -> Float[Array, "n"]:
-        """Height [m] of what stands at each place (n, 2 or 3): furniture's top, else the floor; NaN where unknown."""
+        """Return the height [m] of the top at each place (n, 2 or 3): furniture's, else the floor; NaN where unknown."""
         places = np.asarray(places, dtype=float)
         column, inside = self.grid.column(places)
         return np.where(inside, self.top_m.ravel()[column], np.nan)
@@ -85,10 +84,10 @@ class Environment:
     def head_possible(
         self, points: ArrayLike, *, clearance_m: float = 0.1, body_m: float = 0.0, tallest_m: float = 2.1
     ) -> Bool[Mask, "n"]:
-        """Mark points (n, 3) where the centre of a head can be.
+        """Return a mask of points (n, 3) where the centre of a head can be.
 
         In free space, at least `clearance_m` from every surface, at most `tallest_m` above the floor; with `body_m` > 0,
-        nothing is in the way of a body that reaches straight down so far [m] (0.5 for people who sit or stand).
+        also with free space straight down by that length [m] (0.5 for people who sit or stand).
         """
         points = _points(points)
         possible = self.is_free(points)
@@ -112,12 +111,11 @@ class Environment:
     ) -> Float[Array, "n"]:
         """Return the weight of a head at each point (n, 3): the environment model of Suzuki et al. 2007, eq. 8.
 
-        0 outside the walls and inside things (their region A), `above_furniture` in the column above furniture (B),
+        0 outside the walls and inside objects (their region A), `above_furniture` in the column above furniture (B),
         `odd_height` lower than `low_m` or higher than `high_m` above the floor (C), 1 elsewhere; the least where regions
-        overlap. The three weights are the paper's; the two heights are ours, as it gives none. Ours too: free space in a
-        shelf or under a table gets `above_furniture`, and so does what stands over a floor that was not seen. What no ray
-        came to gets it too if free space is known below, as it is merely hidden; under a thing's top, or over nothing
-        free, it is the inside of that thing or of a wall.
+        overlap. The three weights are the paper's; the two heights, which it does not give, are ours. Also ours: free space
+        in a shelf, under a table, or over an unseen floor gets `above_furniture`. So does unknown space above free space, as
+        it is merely hidden; unknown space under an object's top, or above no free space, is inside it or a wall.
         """
         points = _points(points)
         flat, inside = self.grid.flat(points)
@@ -125,14 +123,14 @@ class Environment:
         height = points[:, 2] - self.floor_m
         odd = (height < low_m) | (height > high_m)
         weight[odd] = np.minimum(weight[odd], odd_height)
-        weight[height <= 0] = 0.0  # the floor's own layer reaches half a voxel above it
+        weight[height <= 0] = 0.0  # the floor's own layer extends half a voxel above it
         return weight
 
     def visible(self, origin: ArrayLike, points: ArrayLike) -> Bool[Mask, "n"]:
-        """Mark points (n, 3) with nothing that the scanner met between them and the origin (3,).
+        """Return a mask of points (n, 3) without an occupied voxel between them and the origin (3,).
 
-        What is within 1.5 voxels of either end does not count: cameras hang on walls, heads come close to things. Unknown
-        space hides nothing. Beyond the grid nothing is known to stand in the way.
+        Voxels within 1.5 voxels of either end do not count: cameras hang on walls, heads come close to objects. Unknown
+        space, and space beyond the grid, is transparent.
         """
         points, origin = _points(points), np.asarray(origin, dtype=float)
         if origin.shape != (3,) or not np.isfinite(origin).all() or not np.isfinite(points).all():
@@ -140,12 +138,12 @@ class Environment:
         return sees(self._leaps, self.grid, origin, points)
 
     def range_along(self, origins: ArrayLike, directions: ArrayLike) -> Float[Array, "n"]:
-        """Return distances [m] from one origin (3,) or from each of (n, 3) to the first thing met along directions (n, 3).
+        """Return distances [m] from one origin (3,) or from each of (n, 3) to the first surface along directions (n, 3).
 
-        Directions may be of any length. inf where nothing is met before the grid ends: through a door, say. Unknown space
-        is passed, and what is within 1.5 voxels of an origin does not count. The range is that of the mean of the points
-        that the scanner met in the first occupied voxel; a ray that only clips a voxel's corner may miss it. Raises
-        ValueError for places and directions that are not finite, and for a direction of length 0.
+        Directions may be of any length. inf where the grid ends first, for example through a door. Unknown space, and voxels
+        within 1.5 voxels of an origin, are passed. The range is that of the mean point in the first occupied voxel; a voxel
+        clipped at a corner may be missed. Raises ValueError for non-finite places and directions, and for a direction of
+        length 0.
         """
         origins, directions = np.asarray(origins, dtype=float), _points(directions)
         length = np.sqrt((directions**2).sum(axis=1))
@@ -164,10 +162,10 @@ class Environment:
         return ranges
 
     def agreement(self, points: ArrayLike, within_m: float = 0.15) -> float:
-        """Share of measured points (n, 3) [m], of a scan of the empty room say, that lie at a known surface.
+        """Return the share of measured points (n, 3) [m], for example of the empty room, on a known surface.
 
-        Near 1 where environment and sensors are of the same room and well calibrated. Points where no ray of the scan
-        came do not count; NaN where none does.
+        Near 1 if environment and sensors are of the same room and well calibrated. Points in unknown space do not count; NaN
+        without others.
         """
         points = _points(points)
         flat, inside = self.grid.flat(points)
@@ -177,10 +175,10 @@ class Environment:
         return float((self.distance_to_surface(points[counted]) <= within_m).mean())
 
     def check(self, source: str, *, room: str | None = None, area: ArrayLike | None = None) -> None:
-        """Raise InputError, opening with `source`, where this is the environment of another room.
+        """Raise InputError, with the prefix `source`, if this is the environment of another room.
 
-        `room`: the name of the room that the sensors are in; `area` (k, 2) [m]: what they track. The name has to be the
-        same where both have one, and of the area at least four fifths have to have been seen by the scanner.
+        `room`: name of the sensors' room; `area` (k, 2) [m]: its tracked area. The names must agree if both are known, and
+        at least four fifths of the area must have been seen by the scanner.
         """
         if room and self.room and room != self.room:
             raise InputError(f"{source}: is of the room {self.room!r}; one of {room!r} is expected")
@@ -210,12 +208,12 @@ class Environment:
 
     @cached_property
     def _occupied(self) -> Int[Index, "m"]:
-        """Flat indices of the occupied voxels, ascending: of the same order as their points."""
+        """Flat indices of the occupied voxels, ascending, in the order of their points."""
         return np.flatnonzero(self.state == OCCUPIED)
 
     @property
     def _distance(self) -> Float32[Singles, "nx ny nz"]:
-        """Distance [m] from the middle of each voxel to the mean point of its nearest occupied voxel."""
+        """Distance [m] from each voxel's centre to the mean point of its nearest occupied voxel."""
         return self._fields[0]
 
     @property
@@ -224,7 +222,7 @@ class Environment:
 
     @cached_property
     def _fields(self) -> tuple[Float32[Singles, "nx ny nz"], Float32[Singles, "nx ny nz"]]:
-        """Distances to surfaces and leaps along lines of sight, worked out when first asked for, both from one transform."""
+        """Distances to surfaces and leaps along lines of sight, computed on first use from one transform."""
         occupied = self.state == OCCUPIED
         if not occupied.any():
             nothing = np.full(self.grid.shape, np.inf, dtype=np.float32)
@@ -244,7 +242,7 @@ class Environment:
 
     @cached_property
     def _weight_levels(self) -> tuple[Bool[Mask, "size"], Bool[Mask, "size"]]:
-        """Which voxels are in region A, and which in the column of furniture or hidden."""
+        """Masks of the voxels in region A, and of those in the column of furniture or hidden."""
         free, unknown = self.state == FREE, self.state == UNKNOWN
         free_below = np.logical_or.accumulate(free, axis=2)
         middle = self.grid.origin_m[2] + self.grid.voxel_m * (np.arange(self.grid.shape[2]) + 0.5)

@@ -1,8 +1,8 @@
-"""The planes of a room in its point cloud: the floor, the ceiling and the walls.
+"""Planes of a room in its point cloud: floor, ceiling and walls.
 
-Walls are sought above the furniture, where in most rooms nothing but walls is left (Okorn et al. 2010, Toward automated
-modeling of floor plans). They are lines in the plan: found one after another by a Hough transform (Duda and Hart 1972)
-over the cells of the plan, then laid through the points themselves by total least squares.
+Walls are searched above the furniture, where most rooms have nothing else (Okorn et al. 2010, Toward automated modeling of
+floor plans). They are lines in the plan: found one after another by a Hough transform (Duda and Hart 1972) over the cells of
+the plan, then fitted to the points by total least squares.
 """
 
 from __future__ import annotations
@@ -14,36 +14,36 @@ from trackers.arrays import Array, Mask
 
 _BIN_M = 0.01
 _STRONG = 0.25
-"""A level counts as floor or ceiling if at least this share of the points of the fullest level lie in it."""
+"""Least number of points of a floor or ceiling, relative to the fullest level."""
 _ROOM_M = 2.0
-"""No ceiling is lower above its floor [m]."""
+"""Least height of a ceiling above its floor [m]."""
 
 WALL_FROM_M, WALL_TO_M = 2.0, 3.2
-"""Heights above the floor between which walls are sought [m]: over the furniture, under most galleries."""
+"""Heights above the floor between which walls are searched [m]: over the furniture, under most galleries."""
 _BELOW_CEILING_M = 0.1
 _CELL_M = 0.05
 _ANGLES = 360
 _FILLED = 0.3
-"""A cell of the plan stands for a wall if this share of its height is met."""
+"""Least filled share of its height for a cell of the plan to be wall."""
 _NEAR_M = 0.06
-"""Cells this near to a line are its own [m]."""
+"""Distance of cells that belong to a line [m]."""
 _GAP_M = 0.5
 _SHORTEST_M = 0.6
 _FEWEST_POINTS = 20
 _CORNER_M = 0.25
-"""Ends of walls this near to another wall's line meet it [m]."""
+"""Distance from another wall's line within which a wall's end is moved onto it [m]."""
 _MOST_WALLS = 100
 
 
 def find_floor(z: Float[Array, "n"]) -> float:
-    """Height of the floor [m] in the heights of all points: the lowest level that holds many of them."""
+    """Find the floor's height [m] in the heights of all points: the lowest level with many of them."""
     edges, counts = _levels(z)
     lowest = int(np.flatnonzero(counts >= _STRONG * counts.max())[0])
     return _settle(z, float(edges[lowest]))
 
 
 def find_ceiling(z: Float[Array, "n"], floor_m: float) -> float:
-    """Height of the ceiling [m]: the highest level that holds many points; NaN where none was seen."""
+    """Find the ceiling's height [m]: the highest level with many points; NaN where none was seen."""
     edges, counts = _levels(z)
     strong = np.flatnonzero((counts >= _STRONG * counts.max()) & (edges > floor_m + _ROOM_M))
     return _settle(z, float(edges[strong[-1]])) if strong.size else float("nan")
@@ -52,8 +52,8 @@ def find_ceiling(z: Float[Array, "n"], floor_m: float) -> float:
 def find_walls(points: Float[Array, "n 3"], floor_m: float, ceiling_m: float) -> Float[Array, "w 2 2"]:
     """Find the walls as segments in plan [m], the room to the left from first end to second.
 
-    points: in the room frame [m]. Whatever is flat, upright, at least 0.6 m long and taller than two metres is a wall: the
-    face of a pillar too, and that of a wardrobe which reaches that high.
+    points: in the room frame [m]. Any flat, upright face at least 0.6 m long and taller than two metres is a wall, also of a
+    pillar or a high wardrobe.
     """
     low = floor_m + WALL_FROM_M
     high = floor_m + WALL_TO_M if np.isnan(ceiling_m) else min(floor_m + WALL_TO_M, ceiling_m - _BELOW_CEILING_M)
@@ -77,7 +77,7 @@ def find_walls(points: Float[Array, "n 3"], floor_m: float, ceiling_m: float) ->
 
 
 def _levels(z: Float[Array, "n"]) -> tuple[Float[Array, "levels"], Float[Array, "levels"]]:
-    """Lower edges and counts of levels of the heights, each smoothed with its neighbours, which noise spreads over."""
+    """Return lower edges and counts of levels of the heights, smoothed over neighbours because of noise."""
     first = np.floor(z.min() / _BIN_M) - 2
     bins = (z / _BIN_M - first).astype(np.intp)
     counts = np.convolve(np.bincount(bins, minlength=bins.max() + 3), np.ones(3), mode="same")
@@ -93,7 +93,7 @@ def _settle(z: Float[Array, "n"], level: float) -> float:
 
 
 def _tall_cells(band: Float[Array, "n 3"], layers: float) -> tuple[Float[Array, "c 2"], Float[Array, "c"]]:
-    """Mean place [m] and weight of the plan's cells whose points fill enough of the height of the band."""
+    """Return mean position [m] and weight of the plan's cells whose points fill enough of the height of the band."""
     low = band.min(axis=0)
     cell = ((band - low) / _CELL_M).astype(np.int64)
     shape = cell.max(axis=0) + 1
@@ -116,7 +116,7 @@ def _strongest_line(cells: Float[Array, "c 2"], weights: Float[Array, "c"]) -> t
     count = int(bins.max()) + 2
     votes = np.bincount((np.arange(_ANGLES) * count + bins).ravel(), np.repeat(weights, _ANGLES), _ANGLES * count)
     table = votes.reshape(_ANGLES, count)
-    table = table + np.roll(table, 1, axis=1)  # a line on the border between two bins
+    table = table + np.roll(table, 1, axis=1)  # for lines on the border between two bins
     angle, place = np.unravel_index(int(table.argmax()), table.shape)
     return normals[:, angle], float(low + place * _CELL_M)
 
@@ -140,7 +140,7 @@ def _through_points(
 
 
 def _near_wall(cells: Float[Array, "c 2"], wall: Float[Array, "2 2"]) -> Bool[Mask, "c"]:
-    """Which cells lie at a segment."""
+    """Return a mask of the cells at a segment."""
     way = (wall[1] - wall[0]) / np.linalg.norm(wall[1] - wall[0])
     off = cells - wall[0]
     along, across = off @ way, off @ _turned(way)
@@ -153,7 +153,7 @@ def _turned(normal: Float[Array, "2"]) -> Float[Array, "2"]:
 
 
 def _runs(along: Float[Array, "n"]) -> list[tuple[float, float]]:
-    """Find the starts and ends [m] of the stretches of a line without a long gap; short ones are dropped."""
+    """Find the starts and ends [m] of the stretches of a line without a long gap, without short ones."""
     along = np.sort(along)
     breaks = np.flatnonzero(np.diff(along) > _GAP_M)
     starts, ends = along[np.r_[0, breaks + 1]], along[np.r_[breaks, len(along) - 1]]
@@ -161,7 +161,7 @@ def _runs(along: Float[Array, "n"]) -> list[tuple[float, float]]:
 
 
 def _facing(wall: Float[Array, "2 2"], places: Float[Array, "n 2"], middle: Float[Array, "2"]) -> Float[Array, "2 2"]:
-    """Direct the segment so that the room, where more of the points are, lies to its left."""
+    """Direct the segment so that the room, on the side of more points, lies to its left."""
     way = wall[1] - wall[0]
     left = _turned(way) / np.linalg.norm(way)
     across = (places - wall[0]) @ left

@@ -12,19 +12,19 @@ from trackers.environment.grid import Grid
 Voxels = NDArray[np.int32]
 
 _ENDS_VOXELS = 1.5
-"""Distance from a line's ends within which nothing counts: cameras hang on walls, heads come close to things."""
+"""Distance from a line's ends within which voxels do not count: cameras hang on walls, heads come close to objects."""
 
 _STEP_VOXELS = 0.75
 _ROUNDS, _LEAPS = 3, 8
-"""Lines still under way are sorted out after so many leaps, so many times; then the rest is looked at voxel by voxel."""
+"""Numbers of rounds, and of leaps per round after which finished lines are removed; the rest is traced voxel by voxel."""
 
 
 def leaps_between(steps: Float[Array, "nx ny nz"]) -> Float32[Singles, "nx ny nz"]:
-    """Return the way to go from each voxel, in voxels, without jumping over an occupied one; 0 where it is occupied.
+    """Return the safe leap from each voxel, in voxels, without crossing an occupied one; 0 where occupied.
 
-    steps: from the middle of each to the middle of its nearest occupied one, in voxels. Two voxels' middles are as far
-    apart as two points in them, give or take 1.7 voxels at worst and hardly ever more than 1: a line that only clips the
-    corner of a thing may miss it.
+    steps: from the centre of each to that of its nearest occupied one, in voxels. The distance of two voxels' centres
+    differs from that of points in them by 1.7 voxels at worst and rarely more than 1: a line that clips an object's corner
+    may miss it.
     """
     return np.where(steps == 0, 0.0, np.maximum(steps - 1.0, _STEP_VOXELS)).astype(np.float32)
 
@@ -32,7 +32,7 @@ def leaps_between(steps: Float[Array, "nx ny nz"]) -> Float32[Singles, "nx ny nz
 def sees(
     leaps: Float32[Singles, "nx ny nz"], grid: Grid, origin: Float[Array, "3"], points: Float[Array, "n 3"]
 ) -> Bool[Mask, "n"]:
-    """Mark points [m] with no occupied voxel between them and the origin, the ends apart."""
+    """Return a mask of points [m] with no occupied voxel between them and the origin, except near the ends."""
     way = np.ascontiguousarray((points - origin).T)
     length = np.sqrt(way[0] ** 2 + way[1] ** 2 + way[2] ** 2)
     way /= np.maximum(length, 1e-9 * grid.voxel_m)
@@ -46,11 +46,11 @@ def first_met(
     way: Float[Array, "3 n"],
     end: Float[Array, "n"] | float = np.inf,
 ) -> Int32[Voxels, "n"]:
-    """Trace each line to its first occupied voxel: the flat index, −1 where there is none before `end`.
+    """Trace each line to its first occupied voxel: the flat index, −1 without one before `end`.
 
-    Lines go from one origin or one each [m] along unit vectors `way`, each up to its `end` in voxels, and begin
-    _ENDS_VOXELS away. They leap as far as `leaps` (`leaps_between`) allows (Hart 1996, Sphere tracing). One that comes to an
-    occupied voxel leaps no further, one at its end stays there; so nothing has to be sorted out at every leap.
+    Lines start from one common origin or one each [m], along unit vectors `way`, up to `end` in voxels, and begin
+    _ENDS_VOXELS away. They leap as far as `leaps` (`leaps_between`) allows (Hart 1996, Sphere tracing). A line at an
+    occupied voxel, or its end, stays there, so lines need not be removed after every leap.
     """
     from_voxel = ((origin - grid.origin_m) / grid.voxel_m).T.reshape(3, -1)
     enters, leaves = _within(from_voxel, way, grid)
@@ -86,7 +86,7 @@ def first_met(
 def _flat(
     start: Float32[Singles, "3 *from"], way: Float32[Singles, "3 *lines"], at: Float32[Singles, "*n"], grid: Grid
 ) -> Int32[Voxels, "*n"]:
-    """Flat index of the voxel at each distance along each line."""
+    """Return the flat index of the voxel at each distance along each line."""
     row = (start[0] + at * way[0]).astype(np.int32)
     row *= grid.shape[1]
     row += (start[1] + at * way[1]).astype(np.int32)
@@ -98,8 +98,8 @@ def _flat(
 def _within(
     start: Float[Array, "3 #n"], way: Float[Array, "3 n"], grid: Grid
 ) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
-    """Return where each line enters and leaves the grid, in voxels from the start; it enters after it leaves if it misses."""
+    """Return where each line enters and leaves the grid, in voxels from the start; a miss enters after it leaves."""
     across = 1 / np.where(np.abs(way) < 1e-12, 1e-12, way)
     one, other = -start * across, (np.array(grid.shape)[:, None] - start) * across
-    margin = 1e-2  # single precision rounds: stay inside
+    margin = 1e-2  # margin for single precision: stay inside
     return np.minimum(one, other).max(axis=0) + margin, np.maximum(one, other).min(axis=0) - margin

@@ -1,1 +1,3 @@
-"""The estimation core, batched over people: motion models, the IMM of extended Kalman filters, gating and assignment."""
+"""Estimation core, batched over people: motion models, IMM of extended Kalman filters, particle filter, gating and
+assignment.
+"""

@@ -15,8 +15,8 @@ def circular_mean(
 ) -> tuple[Float[ArrayOrNumber, "*n"], Float[ArrayOrNumber, "*n"]]:
     """Compute the weighted mean direction of angles, in (−π, π] [rad], and the mean resultant length.
 
-    The length is 1 where all point one way and 0 where they cancel, so that the direction says nothing (Mardia and Jupp,
-    "Directional Statistics", 2000, section 2.2). Each row of weights sums to 1.
+    The length is 1 for equal angles and 0 where they cancel and the direction is meaningless (Mardia and Jupp, "Directional
+    Statistics", 2000, section 2.2). Each row of weights sums to 1.
     """
     x, y = (weight * np.cos(angle_rad)).sum(axis=-1), (weight * np.sin(angle_rad)).sum(axis=-1)
     return np.arctan2(y, x), np.hypot(x, y)
@@ -31,7 +31,7 @@ def grid_of(n_direction: int) -> Float[Array, "g"]:
 
 
 def mean_direction(belief: Float[Array, "n g"]) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
-    """`circular_mean` of distributions over a grid."""
+    """Compute the `circular_mean` of distributions over a grid."""
     mean, length = circular_mean(np.broadcast_to(grid_of(belief.shape[1]), belief.shape), belief)
     return np.asarray(mean), np.asarray(length)
 

@@ -1,4 +1,4 @@
-"""Which measurement can belong to which track, and the global nearest neighbour (Bai and Takahashi, section IV)."""
+"""Gating of measurements, and the global nearest neighbour (Bai and Takahashi, section IV)."""
 
 from __future__ import annotations
 
@@ -10,28 +10,30 @@ from trackers.arrays import Array, Index, Mask
 
 
 def distances(first: Float[Array, "n 2"], second: Float[Array, "k 2"]) -> Float[Array, "n k"]:
-    """Distance between each of `first` and each of `second` [m]."""
+    """Return the distances between each of `first` and each of `second` [m]."""
     difference = first[:, None] - second[None]
     return np.hypot(difference[..., 0], difference[..., 1])
 
 
 def linked(near: Bool[Mask, "n n"]) -> Int[Index, "n"]:
-    """Single linkage: of each the first that a chain of near ones leads to; near is symmetric.
+    """Return for each its cluster by single linkage, named by the first member; near is symmetric.
 
-    As scipy's `connected_components`, which takes ten times as long to check some dozens as to join them.
+    Like scipy's `connected_components`, whose checks take ten times as long as joining a few dozen.
     """
     first = np.arange(len(near))
     while True:
         lower = np.minimum(np.where(near, first, len(near)).min(axis=1, initial=len(near)), first)
         if np.array_equal(lower, first):
             return first
-        first = lower[lower]  # who is reached is as far as they have come themselves
+        first = lower[lower]  # follow the chain to its present first member
 
 
 def validation_region(
     predicted: Float[Array, "n m 2"], position: Float[Array, "k 2"], radius_m: Float[Array, "k"] | float
 ) -> Bool[Mask, "n k"]:
-    """Select pairs whose measurement [m] lies in the track's validation region: the union of circles around its modes."""
+    """Return a mask of pairs whose measurement [m] lies in the track's validation region: the union of circles around its
+    modes.
+    """
     x, y = _differences(predicted, position)
     return np.logical_or.reduce(x * x + y * y <= radius_m**2, axis=1)
 
@@ -39,7 +41,7 @@ def validation_region(
 def mahalanobis(
     predicted: Float[Array, "n m 2"], innovation_covariance: Float[Array, "n m 2 2"], position: Float[Array, "k 2"]
 ) -> Float[Array, "n k"]:
-    """N: the smallest Mahalanobis distance over the modes for each track and measurement (eq. 5); positions [m]."""
+    """Return N: the smallest Mahalanobis distance over the modes for each track and measurement (eq. 5); positions [m]."""
     return mahalanobis_distances(predicted, innovation_covariance, position, np.zeros(len(position)))[0]
 
 
@@ -49,10 +51,10 @@ def mahalanobis_distances(
     position: Float[Array, "k 2"],
     variance_m2: Float[Array, "k"],
 ) -> tuple[Float[Array, "n k"], Float[Array, "n k"]]:
-    """N of measurements each with a variance of its own on each axis [m²], and −2 ln p, of the likeliest mode.
+    """Return N of measurements, each with its own variance on each axis [m²], and −2 ln p, of the likeliest mode.
 
-    p is the density of a measurement [1/m²], a Gaussian of the predicted covariance and that variance, S: N² + ln |S| + 2 ln 2π
-    is −2 ln p. A track known badly explains a measurement anywhere, and none of them well.
+    p is the density of a measurement [1/m²], a Gaussian of the predicted covariance and that variance, S: N² + ln |S| + 2 ln
+    2π is −2 ln p. An uncertain track explains measurements anywhere, but none well.
     """
     x, y = _differences(predicted, position)
     s_xx = covariance[..., 0, 0, None] + variance_m2
@@ -69,12 +71,12 @@ def mahalanobis_distances(
 def _differences(
     predicted: Float[Array, "n m 2"], position: Float[Array, "k 2"]
 ) -> tuple[Float[Array, "n m k"], Float[Array, "n m k"]]:
-    """x and y of measurements less those of modes."""
+    """Return x and y of measurements less those of modes."""
     return position[:, 0] - predicted[..., 0, None], position[:, 1] - predicted[..., 1, None]
 
 
 def max_weight_assignment(worth: Float[Array, "n k"]) -> tuple[Int[Index, "pairs"], Int[Index, "pairs"]]:
-    """One-to-one pairs (tracks, ascending; measurements) that are together worth most, without those that are worth nothing."""
+    """Return the one-to-one pairs (tracks, ascending; measurements) of greatest total worth, without worthless ones."""
     rows, columns = linear_sum_assignment(np.maximum(worth, 0.0), maximize=True)
     real = worth[rows, columns] > 0
     return rows[real], columns[real]
@@ -83,10 +85,10 @@ def max_weight_assignment(worth: Float[Array, "n k"]) -> tuple[Int[Index, "pairs
 def global_nearest_neighbour(
     distance: Float[Array, "n k"], allowed: Bool[Mask, "n k"]
 ) -> tuple[Int[Index, "pairs"], Int[Index, "pairs"]]:
-    """One-to-one pairs (tracks, ascending; measurements) of least total distance, as many allowed ones as can be."""
+    """Return the one-to-one pairs (tracks, ascending; measurements) of least total distance among the most allowed ones."""
     if not allowed.any():
         return np.empty(0, np.intp), np.empty(0, np.intp)
-    # a forbidden pair costs more than every allowed pair together, so that it is only taken when nothing else is left
+    # a forbidden pair costs more than all allowed pairs together, so it is taken only if none is left
     forbidden = (np.abs(distance).max(where=allowed, initial=0.0) + 1.0) * (min(distance.shape) + 1)
     rows, columns = linear_sum_assignment(np.where(allowed, distance, forbidden))
     kept = allowed[rows, columns]

@@ -1,19 +1,19 @@
 """Interacting multiple model estimator of (extended) Kalman filters, batched over tracks (Bar-Shalom; Bai and Takahashi).
 
-An `Imm` is the algorithm and never changes; an `ImmState` holds the arrays of n tracks with m modes each and is passed in
-and handed back. With one mode it is an extended Kalman filter (`kalman`). How the modes move is a `Motion`.
+An `Imm` is the immutable algorithm; an `ImmState` holds the arrays of n tracks with m modes each and is passed in and
+returned. With one mode it is an extended Kalman filter (`kalman`). A `Motion` moves the modes.
 
-    predicted = imm.predict(state, period_s)          # a track that is not measured now coasts on this: nothing more to do
+predicted = imm.predict(state, period_s)          # a track that is not measured now coasts on this: nothing more to do
     state = imm.update(predicted, index, positions)   # the tracks `index` measured at `positions`
 
-After `predict` the mode probabilities are those that the transition matrix predicts, c̄ = μ M: a coasting track keeps them.
+After `predict` the mode probabilities are the predicted ones, c̄ = μ M: a coasting track keeps them.
 
-Edge cases: a period of 0 changes nothing (no time, no switching); a negative or non-finite period, a
-non-finite measurement and a covariance that overflows are refused with InputError; a singular covariance is allowed,
-because the measurement noise, which must be positive definite, keeps every innovation covariance invertible.
+Edge cases: a period of 0 changes nothing (no time, no switching); a negative or non-finite period, a non-finite measurement
+and a covariance that overflows raise InputError; a singular covariance is allowed, because the measurement noise, which must
+be positive definite, keeps every innovation covariance invertible.
 
-The tracks stand in the last axis of every array (`ImmState`): each operation then runs along them, several times faster
-than products of many small matrices.
+Tracks are in the last axis of every array (`ImmState`): operations along them are several times faster than products of many
+small matrices.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from trackers.filters.velocity_motion import VelocityMotion
 
 @dataclass(frozen=True, eq=False)
 class ImmState:
-    """n tracks with m modes each; the tracks stand in the last axis, so that every operation runs along them."""
+    """n tracks with m modes each, in the last axes, so that every operation runs along the tracks."""
 
     mean: Float[Array, "s m n"]  # position first [m]
     covariance: Float[Array, "s s m n"]
@@ -85,9 +85,9 @@ Motion = HeadingMotion | VelocityMotion
 class Imm:
     """IMM over the state of a motion, measured in (x, y), for any number of modes.
 
-    motion: how its modes move (None: the paper's three); transition: (m, m) mode transition probabilities per step, row:
-    from, column: to (None: 0.9 to stay, the rest shared evenly); measurement_covariance: R (2, 2) [m²] (None: the paper's).
-    Raises InputError for a motion without modes, a transition matrix that is not one or an R that is not positive definite.
+    motion: of the modes (None: the paper's three); transition: (m, m) mode transition probabilities per step, row: from,
+    column: to (None: 0.9 to stay, the rest shared evenly); measurement_covariance: R (2, 2) [m²] (None: the paper's). Raises
+    InputError for a motion without modes, an invalid transition matrix or an R that is not positive definite.
     """
 
     def __init__(
@@ -118,7 +118,7 @@ class Imm:
     ) -> ImmState:
         """Start tracks at `position` [m], at rest or with `velocity` [m/s]; `speed_variance` [m²/s²] is that of the speed.
 
-        Every mode starts alike and equally probable.
+        All modes start equal and equally probable.
         """
         position = np.asarray(position, float).reshape(-1, 2)
         velocity = np.zeros_like(position) if velocity is None else np.asarray(velocity, float).reshape(-1, 2)
@@ -135,8 +135,8 @@ class Imm:
     def predict(self, state: ImmState, period_s: float, share: float = 1.0) -> ImmState:
         """Mix the modes and move each on by one step of `period_s` [s]; the probabilities become the predicted ones (c̄).
 
-        share: of the period that Q and the transition matrix M are for. In so much of it speeds spread by so much of their
-        variance, whatever the number of steps, and modes change by I + share (M − I), at most M.
+        share: of the nominal period of Q and the transition matrix M. Variances grow in proportion, whatever the number of
+        steps, and modes change by I + share (M − I), at most M.
         """
         if not (np.isfinite(period_s) and period_s >= 0):
             raise InputError(f"prediction over {period_s!r} s; a finite period of 0 s or more is expected")
@@ -150,10 +150,10 @@ class Imm:
         return ImmState(mean, covariance, mixed.probability)
 
     def predict_over(self, state: ImmState, elapsed_s: float, period_s: float) -> ImmState:
-        """Predict over `elapsed_s` in equal steps of about `period_s`, the period that Q and the transition matrix are for."""
+        """Predict over `elapsed_s` in equal steps of about `period_s`, the nominal period of Q and the transition matrix."""
         if not (np.isfinite(elapsed_s) and elapsed_s >= 0):
             raise InputError(f"prediction over {elapsed_s!r} s; a finite time of 0 s or more is expected")
-        if len(state) == 0:  # a clock may jump by years where nobody is tracked
+        if len(state) == 0:  # a clock may jump by years without tracks
             return state
         n_step = max(1, round(elapsed_s / period_s))
         for _ in range(n_step):
@@ -161,7 +161,7 @@ class Imm:
         return state
 
     def innovation_covariance(self, predicted: ImmState) -> Float[Array, "n m 2 2"]:
-        """S = H P Hᵀ + R of each track in each mode [m²]."""
+        """Return S = H P Hᵀ + R of each track in each mode [m²]."""
         return predicted.covariance[:2, :2].T + self.R
 
     def update(
@@ -191,7 +191,8 @@ class Imm:
         innovation = position.T[:, None] - prior.mean[:2]  # (2, m, k)
         mean = prior.mean + np.einsum("apmn,pmn->amn", gain, innovation)
         _check_finite(mean, "an updated mean")
-        # Joseph's form, (I − KH) P (I − KH)ᵀ + K R Kᵀ = P − K HP − (P Hᵀ − K S) Kᵀ, errs in second order of K's rounding
+        # Joseph's form, (I − KH) P (I − KH)ᵀ + K R Kᵀ = P − K HP − (P Hᵀ − K S) Kᵀ: rounding of K has a second-order
+        # effect
         covariance = P - np.einsum("apmn,pbmn->abmn", gain, P[:2])
         columns = P[:, :2] - np.einsum("apmn,pqmn->aqmn", gain, S)
         covariance -= np.einsum("apmn,bpmn->abmn", columns, gain)
@@ -200,22 +201,22 @@ class Imm:
         if self.n_mode > 1:
             square = np.einsum("pmn,pmn->mn", innovation, np.einsum("pqmn,qmn->pmn", inverse, innovation))
             log_likelihood = -0.5 * (square + np.log(determinant))
-            # relative to the best mode, so that a far measurement cannot underflow every mode at once
+            # relative to the best mode, so that a far measurement cannot underflow all modes
             weight = probability * np.exp(log_likelihood - log_likelihood.max(axis=0))
             weight = np.maximum(weight, _TINY)
             probability = weight / weight.sum(axis=0)
         return predicted.replaced(index, ImmState(mean, _symmetric(covariance), probability))
 
     def average(self, state: ImmState) -> Float[Array, "s n"]:
-        """Mean of each track over its modes."""
+        """Return the mean of each track over its modes."""
         return (self.motion.aligned(state.mean, state.probability) * state.probability).sum(axis=1)
 
     def velocity(self, state: ImmState) -> Float[Array, "2 n"]:
-        """Velocity of each track over its modes [m/s]."""
+        """Return the velocity of each track over its modes [m/s]."""
         return self.motion.velocity(self.average(state))
 
     def estimate(self, state: ImmState) -> tuple[Float[Array, "n s"], Float[Array, "n s s"]]:
-        """Mean and covariance of each track over its modes."""
+        """Return mean and covariance of each track over its modes."""
         means = self.motion.aligned(state.mean, state.probability)
         mean = (means * state.probability).sum(axis=1)
         spread = means - mean[:, None]
@@ -230,7 +231,7 @@ class Imm:
         joint = state.probability[:, None] * transition[:, :, None]  # (from, to, n)
         if predicted.min() > 0:
             shares = joint / predicted
-        else:  # a mode that cannot be entered (c̄ = 0) keeps itself: it weighs nothing, but must stay finite
+        else:  # a mode that cannot be entered (c̄ = 0) is kept unmixed: it has no weight, but must stay finite
             staying = np.broadcast_to(np.eye(self.n_mode)[:, :, None], joint.shape)
             shares = np.where(predicted > 0, joint / np.where(predicted > 0, predicted, 1.0), staying)
         mean = np.einsum("ftn,afn->atn", shares, means)

@@ -1,21 +1,19 @@
-"""The motion models of a maneuvering person (Bai and Takahashi, appendix, A.1 and A.2), batched, with analytic Jacobians.
+"""Motion models of a maneuvering person (Bai and Takahashi, appendix, A.1 and A.2), batched, with analytic Jacobians.
 
 State (x, y, θ, v, θ̇): position [m], heading [rad], speed [m/s], turn rate [rad/s]. Disturbance (Δv, Δθ̇): linear
 acceleration [m/s²] and turn acceleration [rad/s²], white, zero mean, constant over one step of T seconds.
 
 With d = v T + ½ Δv T² and a = ω T + ½ Δθ̇ T²:
 
-    x' = x + d cos θ − ½ d a sin θ      θ' = θ + a        θ̇' = ω + Δθ̇ T
+x' = x + d cos θ − ½ d a sin θ      θ' = θ + a        θ̇' = ω + Δθ̇ T
     y' = y + d sin θ + ½ d a cos θ      v' = v + Δv T
 
-A.1 (models 1 and 2) is the case ω = 0: the turn rate does not outlive its step; A.2 (model 3) is the case ω = θ̇: it
-persists. One function therefore serves every model, told apart by `turn_persists`. (The paper's A.2 is damaged in the
-text we have; this form is inferred.) Position is first order in the turned angle a, as in the paper.
+A.1 (models 1 and 2) is ω = 0: the turn rate lasts one step; A.2 (model 3) is ω = θ̇: it persists. One function serves both,
+selected by `turn_persists`. (The paper's A.2 is damaged in our copy; this form is inferred.) Position is first order in the
+turned angle a, as in the paper.
 
-`HeadingMotion` makes the modes of an IMM of these models.
-
-Components stand in the first axis and the batch (tracks, modes, particles) in the trailing ones, so that every operation
-runs along the batch.
+Components are in the first axis and the batch (tracks, modes, particles) in the trailing ones, so that every operation runs
+along the batch.
 """
 
 from __future__ import annotations
@@ -34,7 +32,7 @@ X, Y, HEADING, SPEED, TURN_RATE = range(STATE_SIZE)
 
 @dataclass(frozen=True)
 class MotionModel:
-    """One way of moving: whether the turn rate persists, and the variances of the disturbance."""
+    """Motion model: whether the turn rate persists, and the variances of the disturbance."""
 
     turn_persists: bool
     acceleration_variance: float  # of Δv [m²/s⁴]
@@ -60,7 +58,7 @@ MEASUREMENT_VARIANCE_M2 = 0.01
 
 
 def transition_matrix(n_mode: int, stays: float = MODE_STAYS) -> Float[Array, "{n_mode} {n_mode}"]:
-    """Mode transition probabilities per step, row: from, column: to; `stays` on the diagonal."""
+    """Return mode transition probabilities per step, row: from, column: to; `stays` on the diagonal."""
     if n_mode == 1:
         return np.ones((1, 1))
     matrix = np.full((n_mode, n_mode), (1 - stays) / (n_mode - 1))
@@ -69,12 +67,12 @@ def transition_matrix(n_mode: int, stays: float = MODE_STAYS) -> Float[Array, "{
 
 
 def persistence(models: tuple[MotionModel, ...]) -> Float[Array, "{len(models)}"]:
-    """1 where a model's turn rate persists, else 0."""
+    """Return 1 for each model whose turn rate persists, else 0."""
     return np.array([float(model.turn_persists) for model in models])
 
 
 def disturbance_variances(models: tuple[MotionModel, ...]) -> Float[Array, "{len(models)} 2"]:
-    """Diagonal of Q for each model."""
+    """Return the diagonal of Q of each model."""
     return np.array([(model.acceleration_variance, model.turn_acceleration_variance) for model in models])
 
 
@@ -84,7 +82,7 @@ def propagate(
     period_s: float,
     turn_persists: Array | float,
 ) -> Float[Array, "5 *result"]:
-    """State after one step of `period_s`, under a disturbance (A.1, A.2).
+    """Return the state after one step of `period_s`, under a disturbance (A.1, A.2).
 
     `turn_persists` is 1 for A.2 and 0 for A.1; it and the trailing axes broadcast.
     """
@@ -98,7 +96,7 @@ def linearise(
     period_s: float,
     turn_persists: Array | float,
 ) -> tuple[Float[Array, "5 *result"], Float[Array, "5 5 *result"], Float[Array, "5 2 *result"]]:
-    """`propagate` and its Jacobians with respect to the state and to the disturbance."""
+    """Return `propagate` and its Jacobians with respect to the state and to the disturbance."""
     T = period_s
     half_square = 0.5 * T * T
     distance, turned, across, along = _displacement(state, disturbance, T, turn_persists)
@@ -126,7 +124,7 @@ def linearise(
 def _displacement(
     state: Array, disturbance: Array, period_s: float, turn_persists: Array | float
 ) -> tuple[ArrayOrNumber, ArrayOrNumber, Float[Array, "2 *batch"], Float[Array, "2 *result"]]:
-    """Distance d and turned angle a of the step; the unit vector left of the heading and ∂(x', y')/∂d."""
+    """Return distance d and turned angle a of the step, the unit vector left of the heading, and ∂(x', y')/∂d."""
     half_square = 0.5 * period_s * period_s
     distance = state[SPEED] * period_s + disturbance[0] * half_square
     turned = state[TURN_RATE] * (turn_persists * period_s) + disturbance[1] * half_square
@@ -154,7 +152,7 @@ def _displaced(
 
 
 def nearest_turn(angle: Array, reference: Array) -> Array:
-    """`angle` plus the whole number of turns that brings it within half a turn of `reference` [rad]."""
+    """Return `angle` plus whole turns to within half a turn of `reference` [rad]."""
     return angle - 2 * np.pi * np.round((angle - reference) / (2 * np.pi))
 
 
@@ -165,11 +163,11 @@ _UNDISTURBED = np.zeros(DISTURBANCE_SIZE)
 class HeadingMotion:
     """One mode per model, over (x, y, θ, v, θ̇).
 
-    Headings are angles: before modes are mixed or averaged each heading is moved by whole turns to within half a turn of the
-    most probable mode's, so that modes a full turn apart mix as equals. Headings are not wrapped to one turn otherwise.
+    Before modes are mixed or averaged, each heading is moved by whole turns to within half a turn of the most probable
+    mode's, so that modes a full turn apart mix as equals. Headings are not wrapped otherwise.
 
-    Where it ends: the heading of somebody at rest cannot be measured, and to first order only a step along it is expected
-    (`trackers.filters.velocity_motion` knows no heading).
+    Limitation: the heading of a person at rest cannot be measured, and to first order only a step along it is expected
+    (`trackers.filters.velocity_motion` has no heading).
     """
 
     models: tuple[MotionModel, ...] = IMM_MODELS
@@ -177,7 +175,7 @@ class HeadingMotion:
 
     @property
     def n_mode(self) -> int:
-        """The number of modes."""
+        """Number of modes."""
         return len(self.models)
 
     def started(
@@ -187,7 +185,7 @@ class HeadingMotion:
         position_variance_m2: float,
         speed_variance: float | Float[Array, "n"],
     ) -> tuple[Float[Array, "5 n"], Float[Array, "5 5 n"]]:
-        """Mean and covariance of new tracks.
+        """Return mean and covariance of new tracks.
 
         The heading's standard deviation is the speed's over the speed itself, at most that of an unknown angle (π/√3).
         """
@@ -206,7 +204,7 @@ class HeadingMotion:
     def moved(
         self, mean: Float[Array, "5 m n"], covariance: Float[Array, "5 5 m n"], period_s: float, share: float
     ) -> tuple[Float[Array, "5 m n"], Float[Array, "5 5 m n"]]:
-        """One step on; share: of the period that Q is for."""
+        """Return mean and covariance one step later; share: of the nominal period of Q."""
         deviation = np.sqrt(disturbance_variances(self.models) / share).T[:, :, None]  # (2, m, 1)
         mean, F, G = linearise(mean, _UNDISTURBED, period_s, persistence(self.models)[:, None])
         noise = G * deviation
@@ -214,7 +212,7 @@ class HeadingMotion:
         return mean, covariance + np.einsum("aqmn,bqmn->abmn", noise, noise)
 
     def aligned(self, mean: Float[Array, "5 m n"], probability: Float[Array, "m n"]) -> Float[Array, "5 m n"]:
-        """Means with headings within half a turn of the most probable mode's."""
+        """Return means with headings within half a turn of the most probable mode's."""
         if len(self.models) == 1:
             return mean
         headings = mean[HEADING]  # (m, n)
@@ -224,12 +222,12 @@ class HeadingMotion:
         return aligned
 
     def velocity(self, mean: Float[Array, "5 *n"]) -> Float[Array, "2 *n"]:
-        """Velocity [m/s]."""
+        """Return the velocity [m/s]."""
         return mean[SPEED] * np.stack([np.cos(mean[HEADING]), np.sin(mean[HEADING])])
 
 
 def _transition_times(F: Float[Array, "5 5 m n"], matrix: Float[Array, "5 5 m n"]) -> Float[Array, "5 5 m n"]:
-    """F matrix, doing only the products that the models' Jacobian F (identity elsewhere) holds."""
+    """Multiply F by a matrix, with only the products that the models' Jacobian F (identity elsewhere) needs."""
     product = matrix.copy()
     product[:2] += np.einsum("abmn,bcmn->acmn", F[:2, HEADING:], matrix[HEADING:])
     product[HEADING] += F[HEADING, TURN_RATE] * matrix[TURN_RATE]

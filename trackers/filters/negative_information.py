@@ -1,11 +1,11 @@
-"""Negative information: a target that a sensor did not detect is likelier where it could not be detected.
+"""Negative information: a target not detected by a sensor is likelier where it is not detectable.
 
-The density is multiplied by the probability of a miss, p(x | not seen) ∝ p(x) (1 − P_D(x)), and made Gaussian again by its
-sums (W. Koch, "On exploiting 'negative' sensor evidence for target tracking and sensor data fusion", Information Fusion
-8, 2007). P_D depends on the position only; the rest of the state follows by its covariance with it.
+The density is multiplied by the probability of a miss, p(x | not seen) ∝ p(x) (1 − P_D(x)), and approximated as a Gaussian
+by its moments (W. Koch, "On exploiting 'negative' sensor evidence for target tracking and sensor data fusion", Information
+Fusion 8, 2007). P_D depends on the position only; the rest of the state follows by its covariance.
 
-The density is taken at a grid of places. Its axes lie along and across each target's own way (`along`), not along the room's
-x and y, so that turning the room turns the grid with it.
+The density is sampled on a grid along and across each target's own motion (`along`), not along the room's x and y, so that
+the grid turns with the room.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ _Z = np.stack(np.meshgrid(_STEPS, _STEPS)).reshape(2, -1)  # (2, k) places, in s
 _DENSITY = np.exp(-0.5 * (_Z**2).sum(axis=0))
 _DENSITY /= _DENSITY.sum()
 _PRODUCTS = np.stack([_Z[0] * _Z[0], _Z[0] * _Z[1], _Z[1] * _Z[1]])
-_PRODUCTS /= _DENSITY @ _PRODUCTS[0]  # the grid ends where the density does not
+_PRODUCTS /= _DENSITY @ _PRODUCTS[0]  # corrects for the density beyond the grid
 _MOMENTS = np.concatenate([np.ones((1, _Z.shape[1])), _Z, _PRODUCTS]).T  # (k, 6)
 _NO_INFORMATION = np.array([0.0, 0, 1, 0, 1])[:, None, None]
 _LEAST_VARIANCE_M2 = 1e-12
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
-_TAILS = 6.0  # standard deviations beyond which there is nothing
+_TAILS = 6.0  # standard deviations beyond which the density is negligible
 
 
 def update_missed(
@@ -38,8 +38,8 @@ def update_missed(
     """Update n tracks that a scan did not detect; return them and the probability of the miss.
 
     missed: the miss probability (m, n, k) of a target at positions (2, m, n, k) [m]. A mode whose miss probability is below
-    `least` stays as it is: then the detection model is wrong. along: the direction of motion of each target, of any length, in
-    the room frame.
+    `least` stays unchanged: then the detection model is wrong. along: the direction of motion of each target, of any length,
+    in the room frame.
     """
     P = state.covariance  # (s, s, m, n)
     u, v = _axes(along)
@@ -51,7 +51,7 @@ def update_missed(
     chance = np.where(possible, chance, least)
     uv = uv - mean_u * mean_v
     change = np.array([[uu - mean_u**2 - 1, uv], [uv, vv - mean_v**2 - 1]])
-    # what a standard deviation of position does to the state: P Hᵀ L⁻ᵀ
+    # effect of a standard deviation of position on the state: P Hᵀ L⁻ᵀ
     by_u = (u[0] * P[0] + u[1] * P[1]) / l_uu
     by_v = (v[0] * P[0] + v[1] * P[1] - l_vu * by_u) / l_vv
     gain = np.stack([by_u, by_v])  # (2, s, m, n)
@@ -80,9 +80,9 @@ def _axes(along: Float[Array, "2 n"]) -> tuple[Float[Array, "2 n"], Float[Array,
 def probability_within(
     state: ImmState, centre: Float[Array, "n 2"], radius_m: float, along: Float[Array, "2 n"]
 ) -> Float[Array, "n"]:
-    """Return how probably the n tracks are within `radius_m` of `centre` [m]; along: as of `update_missed`.
+    """Return the probability that the n tracks are within `radius_m` of `centre` [m]; along: as of `update_missed`.
 
-    Along the way by Gauss and Legendre's rule over the circle, across it by the normal distribution of what is left.
+    Along the motion by Gauss and Legendre's rule over the circle, across it by the conditional normal distribution.
     """
     from scipy.special import ndtr
 
@@ -103,13 +103,14 @@ def probability_within(
 def radius_containing(
     state: ImmState, centre: Float[Array, "n 2"], share: float, offset_m2: float | Float[Array, "n"] = 0.0
 ) -> Float[Array, "n"]:
-    """Return the radius about `centre` [m] that holds a `share` of each of n densities, modes and all.
+    """Return the radius about `centre` [m] that holds a `share` of each of n mixture densities.
 
-    offset_m2: variance to add on each axis, of an error that all measurements of a target share (S. F. Schmidt's considered
-    bias: the filter does not estimate it, and does not forget it).
+    offset_m2: variance to add on each axis, of an error common to all measurements of a target (S. F. Schmidt's considered
+    bias, which the filter neither estimates nor forgets).
 
-    The squared distance is taken for a scaled χ² of its mean and variance over the modes (F. E. Satterthwaite, "An approximate
-    distribution of estimates of variance components", Biometrics Bulletin 2, 1946): exact for circles and for lines.
+    The squared distance is approximated by a scaled χ² of its mean and variance over the modes (F. E. Satterthwaite, "An
+    approximate distribution of estimates of variance components", Biometrics Bulletin 2, 1946): exact for circles and for
+    lines.
     """
     from scipy.special import chdtri
 
@@ -126,7 +127,7 @@ def radius_containing(
 def _places(
     state: ImmState, u: Float[Array, "2 n"], v: Float[Array, "2 n"]
 ) -> tuple[Float[Array, "2 m n k"], Float[Array, "m n"], Float[Array, "m n"], Float[Array, "m n"]]:
-    """Places that stand for each mode's density, and the root of the position's covariance (`_root`)."""
+    """Return sample positions of each mode's density, and the root of the position's covariance (`_root`)."""
     l_uu, l_vu, l_vv = _root(state, u, v)
     along = l_uu[..., None] * _Z[0]
     across = l_vu[..., None] * _Z[0] + l_vv[..., None] * _Z[1]
@@ -153,9 +154,9 @@ def existence_after_miss(
 ) -> Float[Array, "n"]:
     """Return the probability that n tracks exist, after a frame that missed them.
 
-    existence: before the look, `elapsed_s` ago; missed: how probably the look would not show them, as by `update_missed`. Who is
-    not seen stays on average for `survival_s`. With e' = e exp(−Δt / survival_s) it is e' m / (1 − e' + e' m) (D. Mušicki,
-    R. Evans and S. Stanković, "Integrated probabilistic data association", IEEE Trans. Automatic Control 39, 1994).
+    existence: before the frame, `elapsed_s` ago; missed: miss probability, as by `update_missed`; survival_s: mean survival
+    without detection. With e' = e exp(−Δt / survival_s) it is e' m / (1 − e' + e' m) (D. Mušicki, R. Evans and S. Stanković,
+    "Integrated probabilistic data association", IEEE Trans. Automatic Control 39, 1994).
     """
     there = existence * np.exp(-elapsed_s / survival_s)
     missed_there = there * missed
@@ -163,10 +164,10 @@ def existence_after_miss(
 
 
 def existence_after_detection(existence: Float[Array, "n"], likelihood_ratio: Float[Array, "n"]) -> Float[Array, "n"]:
-    """Return the probability that n tracks exist, after a measurement taken for theirs.
+    """Return the probability that n tracks exist, after a measurement assigned to them.
 
-    likelihood_ratio: its density if it is theirs, over that of whatever else it may be. With e before it, it is
-    e L / (1 − e + e L) (Mušicki et al., as above, with one measurement in the gate).
+    likelihood_ratio: its density as theirs over that of any other origin. With e before it, it is e L / (1 − e + e L)
+    (Mušicki et al., as above, with one measurement in the gate).
     """
     theirs = existence * likelihood_ratio
     return theirs / (1 - existence + theirs)
@@ -179,6 +180,6 @@ def update_missed_particles(cloud: Cloud, missed: Callable[[Array], Array]) -> t
     miss probabilities are all 0 keeps its weights and is marked `lost`.
     """
     chance = missed(cloud.state[:2])
-    with np.errstate(divide="ignore"):  # a particle in full view has no weight left
+    with np.errstate(divide="ignore"):  # a particle in full view gets weight 0
         weights = cloud.weights.updated(np.log(chance))
     return Cloud(cloud.state, weights), np.exp(weights.log_mean)

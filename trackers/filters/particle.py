@@ -32,37 +32,37 @@ from trackers.filters.resampling import resample, scheme_of
 from trackers.filters.rows import Rows, Selection
 
 Move = Callable[[Array, np.random.Generator], Array]
-"""State (components, n, p) and randomness → state one step later, same shape."""
+"""State (components, n, p) and generator → state one step later, same shape."""
 Propose = Callable[["Cloud", np.random.Generator], tuple[Array, Array | None]]
-"""Cloud and randomness → state one step later (components, n, p), and the log of each weight's correction, (n, p) or none."""
+"""Cloud and generator → state one step later (components, n, p), and the log of each weight's correction, (n, p) or none."""
 LogLikelihood = Callable[[Array], Array]
-"""State (components, n, p) → log-likelihood of the measurement at each particle, (n, p), up to a constant a set."""
+"""State (components, n, p) → log-likelihood of the measurement at each particle, (n, p), up to a constant per set."""
 
 
 @dataclass(frozen=True, eq=False)
 class LogWeights(Rows):
-    """Weights of n sets of p particles as logarithms, normalised: no likelihood is too small for them.
+    """Weights of n sets of p particles as normalised logarithms, which no small likelihood underflows.
 
-    Made by `uniform`, `of` and `updated`; every row is a distribution, always.
+    Made by `uniform`, `of` and `updated`; every row is a distribution.
     """
 
     log: Float[Array, "n p"]  # ≤ 0, −∞ for a weight of 0; exp of a row sums to 1
     normalised: Float[Array, "n p"]  # exp(log)
-    log_mean: Float[Array, "n"]  # log of the weighted mean of the likelihood that came last: its evidence; 0 before any
-    lost: Bool[Mask, "n"]  # whether what came last was impossible for every particle of the set
+    log_mean: Float[Array, "n"]  # log of the weighted mean of the last likelihood: its evidence; 0 before any
+    lost: Bool[Mask, "n"]  # whether the last measurement was impossible for every particle of the set
 
     @classmethod
     def uniform(cls, n: int, n_particle: int) -> LogWeights:
-        """Equal weights for n sets. Raises InputError without a particle."""
+        """Return equal weights for n sets. Raises InputError without a particle."""
         if n_particle < 1:
             raise InputError(f"a cloud of {n_particle} particles; at least 1 is expected")
         return cls._equal(n, n_particle)
 
     @classmethod
     def of(cls, log: Array) -> LogWeights:
-        """From log-weights (n, p) that need not be normalised; −∞ is a weight of 0.
+        """Normalize log-weights (n, p); −∞ is a weight of 0.
 
-        A set whose weights are all 0 gets equal weights and is marked `lost`. Raises InputError for NaN, +∞ or no particle.
+        A set with only weights 0 gets equal weights and is marked `lost`. Raises InputError for NaN, +∞ or no particle.
         """
         log = np.asarray(log, float)
         if log.ndim != 2:
@@ -74,23 +74,23 @@ class LogWeights(Rows):
 
     @property
     def effective_sample_size(self) -> Float[Array, "n"]:
-        """1 / Σ w² of each set: from 1, one particle has all the weight, to p, all weigh the same (Kong et al., 1994)."""
+        """1 / Σ w² of each set: from 1, all weight on one particle, to p, equal weights (Kong et al., 1994)."""
         return 1.0 / np.einsum("np,np->n", self.normalised, self.normalised)
 
     def updated(self, log_likelihood: Array) -> LogWeights:
         """Multiply the weights by exp of `log_likelihood` (n, p) and normalise them.
 
-        A set for which nothing is left keeps the weights it had and is marked `lost`; its evidence is −∞. Raises
-        InputError for NaN, +∞ or another shape.
+        A set without any weight left keeps its old weights and is marked `lost`; its evidence is −∞. Raises InputError for
+        NaN, +∞ or another shape.
         """
         log_likelihood = np.asarray(log_likelihood, float)
         if log_likelihood.shape != self.log.shape:
             raise InputError(f"log-likelihood of shape {log_likelihood.shape}; {self.log.shape} is expected")
-        if not (log_likelihood < np.inf).all():  # NaN is below nothing
+        if not (log_likelihood < np.inf).all():  # NaN compares False
             raise InputError(
                 "a log-likelihood is NaN or +infinity; finite numbers, or -infinity for impossible, are expected"
             )
-        with np.errstate(over="ignore"):  # a logarithm below the smallest number there is becomes −∞: a weight of 0
+        with np.errstate(over="ignore"):  # a logarithm below the least number becomes −∞: a weight of 0
             log = self.log + log_likelihood
             top = log.max(axis=1)
             lost = np.isneginf(top)
@@ -106,7 +106,7 @@ class LogWeights(Rows):
         return LogWeights(log, weight, log_mean, lost)
 
     def resampled(self, which: Bool[Mask, "n"]) -> LogWeights:
-        """Set the weights of the masked sets equal, as they are after resampling."""
+        """Set the weights of the masked sets equal, as after resampling."""
         equal = self._equal(*self.log.shape)
         chosen = which[:, None]
         return LogWeights(
@@ -135,7 +135,9 @@ class Cloud:
 
     @classmethod
     def of(cls, state: Array) -> Cloud:
-        """Particles (components, n, p) of equal weight. Raises InputError for another number of axes and for NaN or infinity."""
+        """Return particles (components, n, p) of equal weight. Raises InputError for another number of axes and for NaN or
+        infinity.
+        """
         state = np.asarray(state, float)
         if state.ndim != 3:
             raise InputError(f"particles of shape {state.shape}; (components, sets, particles) is expected")
@@ -146,7 +148,7 @@ class Cloud:
     def normal(
         cls, mean: Float[Array, "n c"], covariance: Float[Array, "n c c"], n_particle: int, rng: np.random.Generator
     ) -> Cloud:
-        """Particles drawn from normal distributions, whose covariance may be singular.
+        """Draw particles from normal distributions, whose covariance may be singular.
 
         Raises InputError for a covariance that is not symmetric positive semi-definite, and for NaN or infinity.
         """
@@ -158,7 +160,7 @@ class Cloud:
         variance, axes = np.linalg.eigh(covariance)
         if (variance < -1e-9 * np.abs(variance).max(axis=-1, keepdims=True)).any():
             raise InputError("the covariance of a cloud of particles has a negative variance; at least 0 is expected")
-        root = axes * np.sqrt(np.maximum(variance, 0.0))[:, None, :]  # rounding may leave a hair below 0
+        root = axes * np.sqrt(np.maximum(variance, 0.0))[:, None, :]  # rounding may leave values slightly below 0
         drawn = np.einsum("nij,jnp->inp", root, rng.standard_normal((mean.shape[1], len(mean), n_particle)))
         return cls.of(drawn + mean.T[:, :, None])
 
@@ -180,16 +182,16 @@ class Cloud:
         return Cloud(state, self.weights.replaced(index, other.weights))
 
     def expectation(self, values: Float[Array, "*c n p"]) -> Float[Array, "*c n"]:
-        """Weighted mean over each set of values that belong to the particles."""
+        """Return the weighted mean over each set of values per particle."""
         return np.einsum("...np,np->...n", values, self.weights.normalised)
 
 
 @dataclass(frozen=True)
 class ParticleFilter:
-    """A bootstrap particle filter: the motion model moves particles, the measurement weights them.
+    """Bootstrap particle filter: the motion model moves particles, the measurement weights them.
 
-    resampling: a name of `trackers.filters.resampling.SCHEMES`; threshold: a set is resampled when its effective sample
-    size is at most this share of its particles: 1 whenever its weights differ, 0 never. Raises InputError for what is neither.
+    resampling: a name of `trackers.filters.resampling.SCHEMES`; threshold: greatest effective sample size, as a share of the
+    particles, at which a set is resampled: 1 whenever its weights differ, 0 never. Raises InputError for other values.
     """
 
     resampling: str = "systematic"
@@ -201,7 +203,7 @@ class ParticleFilter:
             raise InputError(f"resampling threshold {self.threshold}; a share of the particles from 0 to 1 is expected")
 
     def step(self, cloud: Cloud, move: Move, log_likelihood: LogLikelihood | None, rng: np.random.Generator) -> Cloud:
-        """Resample where it is due, move, weight; without a measurement (`log_likelihood` None) only the first two.
+        """Resample where due, move, weight; without a measurement (`log_likelihood` None) only the first two.
 
         A set that is not measured among others that are is coasted by log-likelihoods of 0.
         """
@@ -214,7 +216,7 @@ class ParticleFilter:
         log_likelihood: LogLikelihood | None,
         rng: np.random.Generator,
     ) -> Cloud:
-        """Step as `step` does, with particles drawn from a proposal (`trackers.filters.proposal`) that corrects their weights."""
+        """Step with particles drawn from a proposal (`trackers.filters.proposal`) that corrects their weights."""
         cloud = self.resampled(cloud, rng)
         state, correction = propose(cloud, rng)
         if state.shape != cloud.state.shape:
@@ -228,7 +230,7 @@ class ParticleFilter:
     def resampled(self, cloud: Cloud, rng: np.random.Generator) -> Cloud:
         """Resample the sets whose effective sample size has fallen to the threshold."""
         share = cloud.weights.effective_sample_size / cloud.state.shape[2]
-        # equal weights (a share of 1 up to rounding) have nothing to gain from another draw
+        # equal weights (a share of 1 up to rounding) gain nothing from another draw
         due = (share <= self.threshold) & (share < 1 - 1e-9)
         if not due.any():
             return cloud
@@ -245,11 +247,11 @@ def _check_finite(state: Array) -> None:
 
 
 LikelihoodStage = Callable[[Array, Index], Array]
-"""Surviving particles (components, k) and the set each belongs to (k,) → their log-likelihood, (k,); −∞ drops one."""
+"""Surviving particles (components, k) and the set of each (k,) → their log-likelihood, (k,); −∞ drops one."""
 
 
 def cascade(stages: Sequence[LikelihoodStage]) -> LogLikelihood:
-    """Sum the stages' log-likelihoods; evaluate each stage only for the particles that the earlier stages left possible."""
+    """Sum the stages' log-likelihoods; evaluate each stage only for the particles still possible after earlier ones."""
 
     def log_likelihood(state: Array) -> Array:
         components, n, p = state.shape

@@ -26,10 +26,10 @@ Scheme = Callable[[Array, np.random.Generator], Index]
 
 
 def resample(scheme: str, weights: Array, rng: np.random.Generator) -> Int[Index, "n p"]:
-    """Ancestors drawn by the scheme of this name for weights (n, p) that are ≥ 0 and sum to 1 in each row.
+    """Draw ancestors by the scheme of this name for weights (n, p) that are ≥ 0 and sum to 1 in each row.
 
-    Raises InputError for a name that is not in `SCHEMES`, and for weights that are negative, not finite, or do not sum
-    to 1 within 1e-6 (all-zero weights among them: `LogWeights` never holds any).
+    Raises InputError for a name that is not in `SCHEMES`, and for weights that are negative, not finite, or do not sum to 1
+    within 1e-6 (such as all-zero weights, which `LogWeights` never holds).
     """
     chosen = scheme_of(scheme)
     weights = np.asarray(weights, float)
@@ -56,10 +56,10 @@ def _plain(weights: Float[Array, "n p"], rng: np.random.Generator) -> Int[Index,
 def _residual(weights: Float[Array, "n p"], rng: np.random.Generator) -> Int[Index, "n p"]:
     n, p = weights.shape
     expected = p * weights
-    certain = np.floor(expected * (1 + 1e-12))  # 49 · (1/49) is a whole copy, whatever rounding says
+    certain = np.floor(expected * (1 + 1e-12))  # 49 · (1/49) is a whole copy, despite rounding
     left = np.maximum(expected - certain, 0.0)
-    missing = p - certain.sum(axis=1)  # (n,): how many are still to be drawn
-    # a row without a remainder draws nothing; its weights only stand in, so that nothing is divided by 0
+    missing = p - certain.sum(axis=1)  # (n,): number still to be drawn
+    # a row without a remainder draws nothing; its weights are placeholders against a division by 0
     remainder = np.where(missing[:, None] > 0, left, weights)
     drawn = _inverse(_cumulative(remainder), rng.random(weights.shape))
     needed = np.arange(p) < missing[:, None]
@@ -81,7 +81,7 @@ def _systematic(weights: Float[Array, "n p"], rng: np.random.Generator) -> Int[I
     offset = rng.random((len(weights), 1))
     p = weights.shape[1]
     cumulative = _cumulative(weights)
-    # where rounding could take the last place away, nothing is rounded
+    # where rounding could lose the last place, nothing is rounded
     return _from_places_below(np.where(cumulative == 1, p, np.ceil(p * cumulative - offset)), p)
 
 
@@ -108,12 +108,12 @@ def _inverse(cumulative: Float[Array, "n p"], uniform: Float[Array, "n p"]) -> I
 
 
 def _from_places_below(below: Float[Array, "n {p}"], p: int) -> Int[Index, "n {p}"]:
-    """Ancestors from the number of places that lie below each running sum."""
+    """Return ancestors from the number of places below each running sum."""
     return _from_counts(np.diff(below.astype(np.intp), axis=1, prepend=0))
 
 
 def _from_counts(counts: Int[Index, "n p"]) -> Int[Index, "n p"]:
-    """Ancestors in ascending order from how often each particle is taken, rows that sum to p."""
+    """Return ancestors in ascending order from the counts of each particle, rows that sum to p."""
     n, p = counts.shape
     particle = np.broadcast_to(np.arange(p), (n, p))
     return np.repeat(particle.ravel(), counts.ravel()).reshape(n, p)

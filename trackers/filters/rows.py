@@ -1,4 +1,4 @@
-"""One row a target: dataclasses of arrays that are chosen from, joined and overwritten as one."""
+"""One row per target: dataclasses of arrays that are selected from, joined and overwritten as one."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Selection = Int[Index, "k"] | Bool[Mask, "n"]
 
 @runtime_checkable
 class Batched(Protocol):
-    """Any batch of n targets: what `Rows`, `ImmState`, `Cloud` and `LogWeights` can all do."""
+    """Any batch of n targets, with the operations common to `Rows`, `ImmState`, `Cloud` and `LogWeights`."""
 
     def __len__(self) -> int: ...
 
@@ -34,13 +34,13 @@ class Batched(Protocol):
 
 
 class Rows:
-    """Base of a frozen dataclass whose fields are arrays (n, ...), or batches of n themselves (`Batched`)."""
+    """Base of a frozen dataclass whose fields are arrays (n, ...), or batches of n (`Batched`)."""
 
     def __len__(self) -> int:
         return len(next(iter(vars(self).values())))
 
     def changed(self, **fields: Any) -> Self:
-        """Replace fields of these targets (`dataclasses.replace` without its checks, which cost more)."""
+        """Replace fields (`dataclasses.replace` without its costly checks)."""
         return type(self)(**(vars(self) | fields))
 
     def select(self, index: Selection) -> Self:

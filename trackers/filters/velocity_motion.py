@@ -1,13 +1,13 @@
-"""Motion models over velocities: people walk on, change their way, or stand; one mode each.
+"""Motion models over velocities, one mode each: people walk on, change their direction, or stand.
 
-State (x, y, vx, vy) [m, m/s]. In one step of T seconds, with the share k of the velocity that a mode keeps over it and an
-acceleration that is constant, white, and as strong in any direction:
+State (x, y, vx, vy) [m, m/s]. In one step of T seconds, with the share k of velocity that a mode keeps, and a constant,
+white, isotropic acceleration:
 
-    vx' = k vx + ax T      x' = x + k vx T + ½ ax T²      and y alike
+vx' = k vx + ax T      x' = x + k vx T + ½ ax T²      and y alike
 
-With k = 1 it is the white noise acceleration model (Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking
-and Navigation, 2001, section 6.3.2); with k = 0 somebody stands. It is linear, so that the filter is exact; and it knows no
-heading, so that whoever stands may step to any side.
+k = 1 is the white noise acceleration model (Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and
+Navigation, 2001, section 6.3.2); k = 0 is standing. The model is linear, so the filter is exact; and it has no heading, so a
+standing person may step to any side.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _SIZE = 4
 
 @dataclass(frozen=True)
 class VelocityModel:
-    """One way of moving, for one period."""
+    """Motion model for one period."""
 
     kept: float  # share of the velocity, from 0 to 1
     acceleration_variance: float  # on each axis [m²/s⁴]
@@ -34,7 +34,7 @@ WALKS_ON = VelocityModel(1.0, 0.1)
 CHANGES_WAY = VelocityModel(1.0, 10.0)
 STANDS = VelocityModel(0.0, 1.0)
 AGILE = VelocityModel(1.0, 3.0)
-"""One model for all that people do: the best of variances 1, 3 and 9, measured in the twin."""
+"""Single model for all motion: the best of variances 1, 3 and 9, measured in the twin."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class VelocityMotion:
 
     @property
     def n_mode(self) -> int:
-        """The number of modes."""
+        """Number of modes."""
         return len(self.models)
 
     def started(
@@ -55,7 +55,7 @@ class VelocityMotion:
         position_variance_m2: float,
         speed_variance: float | Float[Array, "n"],
     ) -> tuple[Float[Array, "4 n"], Float[Array, "4 4 n"]]:
-        """Mean and covariance of new tracks; both variances are those on each axis."""
+        """Return mean and covariance of new tracks; both variances are those on each axis."""
         covariance = np.zeros((_SIZE, _SIZE, len(position)))
         covariance[0, 0] = covariance[1, 1] = position_variance_m2
         covariance[2, 2] = covariance[3, 3] = speed_variance
@@ -64,7 +64,7 @@ class VelocityMotion:
     def moved(
         self, mean: Float[Array, "4 m n"], covariance: Float[Array, "4 4 m n"], period_s: float, share: float
     ) -> tuple[Float[Array, "4 m n"], Float[Array, "4 4 m n"]]:
-        """One step on; share: of the period that the models are for."""
+        """Return mean and covariance one step later; share: of the models' nominal period."""
         kept = np.array([model.kept for model in self.models])[:, None] ** share  # (m, 1)
         after, half = mean.copy(), covariance.copy()  # half: F P
         after[2:] *= kept
@@ -87,5 +87,5 @@ class VelocityMotion:
         return mean
 
     def velocity(self, mean: Float[Array, "4 *n"]) -> Float[Array, "2 *n"]:
-        """Velocity [m/s]."""
+        """Return the velocity [m/s]."""
         return mean[2:]

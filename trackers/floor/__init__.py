@@ -1,1 +1,1 @@
-"""The pressure floor: from its 8-bit values to loads, and to clusters of them."""
+"""Pressure floor: from its 8-bit values to loads, and to clusters of them."""

@@ -19,7 +19,7 @@ _EIGHT_NEIGHBOURS = np.ones((3, 3), dtype=bool)
 
 
 class FloorClusterOptions(Strict):
-    """Options of what counts as a person's load."""
+    """Options of a person's load."""
 
     least_value: int = Field(
         default=5, ge=1, le=255, description="8-bit value from which an element is loaded; empty ones flicker below it"

@@ -1,1 +1,1 @@
-"""Classifiers that learn while they are used. They know no tracker and no sensor: samples, weights and labels alone."""
+"""On-line classifiers, independent of trackers and sensors: samples, weights and labels."""

@@ -1,14 +1,14 @@
-"""Strong classifiers that are boosted on-line, a few weak ones exchanged every frame (Song et al., figure 7, after Avidan's
-"Ensemble tracking", 2007).
+"""On-line boosting of strong classifiers, a few of whose weak ones are exchanged every frame (Song et al., figure 7, after
+Avidan's "Ensemble tracking", 2007).
 
-H(s) = Σ_j α_j h_j(s) of M trees. With every frame's samples the weights start equal. Then, M times over, a tree is taken:
-first K of the old ones, each time that of least error under the weights that those before it left; then M − K that are trained
-anew. Each gets α = ½ log((1 − err) / err), err being the weight of the samples that it has wrong; those are multiplied by
-(1 − err) / err before the next (the paper prints a sum for err that is twice this, and breaks the logarithm above one half).
+H(s) = Σ_j α_j h_j(s) of M trees. Every frame the weights of its samples start equal. M trees are then taken: first K old
+ones, each time that of least error under the present weights; then M − K newly trained ones. Each gets α = ½ log((1 − err) /
+err), err being the weight of its wrong samples; those are multiplied by (1 − err) / err before the next (the paper prints a
+sum for err that is twice this, and breaks the logarithm above one half).
 
-Where figure 7 ends (ours). err counts as at least `least_error`, so that a tree without a fault does not silence all others,
-and as at most ½: a tree that is wrong more often than right gets α = 0, has no say, and changes no weight. A set of samples
-that lacks one of both labels teaches nothing: the classifier stays as it was.
+Beyond figure 7 (ours): err is at least `least_error`, so that a faultless tree does not silence all others, and at most ½: a
+tree that is more often wrong than right gets α = 0 and changes no weight. A set of samples that lacks one of both labels
+leaves the classifier unchanged.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from trackers.filters.rows import Rows
 from trackers.learning.cart import Grown, SortedSamples, Trees
 
 _TAKEN = 1e6
-"""Error of a tree that is already chosen, so that no other is chosen after it."""
+"""Error of a tree already chosen, so that it is not chosen again."""
 
 
 class BoostingOptions(Strict):
-    """Options: number of trees of a classifier, and of those that a frame exchanges."""
+    """Options: number of trees of a classifier, and of those exchanged per frame."""
 
     trees: PositiveInt = Field(default=30, description="trees of a classifier (M)")
     kept: NonNegativeInt = Field(
@@ -66,16 +66,16 @@ class StrongClassifiers(Rows):
     """n strong classifiers, each a weighted sum of trees; made by `untrained`."""
 
     trees: Trees
-    alpha: Float[Array, "n m"]  # ≥ 0; 0 for a tree that is not there yet
-    n_tree: Int[Index, "n"]  # how many of the trees are there
+    alpha: Float[Array, "n m"]  # ≥ 0; 0 for a missing tree
+    n_tree: Int[Index, "n"]  # number of trees present
 
     @classmethod
     def untrained(cls, n: int, n_tree: int) -> Self:
-        """Classifiers of nothing: every score is 0."""
+        """Make classifiers without trees, whose scores are 0."""
         return cls(Trees.undivided(n, n_tree), np.zeros((n, n_tree)), np.zeros(n, np.intp))
 
     def scores(self, samples: Float[Array, "k features"]) -> Float[Array, "n k"]:
-        """H(s) / Σ_j α_j of the same samples by every classifier, in [−1, 1]; 0 where no tree has a say."""
+        """Return H(s) / Σ_j α_j of the same samples by every classifier, in [−1, 1]; 0 without a tree of weight."""
         total = self.alpha.sum(axis=1)[:, None, None]
         share = self.alpha[:, None] / np.where(total > 0, total, 1.0)
         return np.matmul(share, self.trees.says(samples[None]))[:, 0]
@@ -86,13 +86,13 @@ _Grow = Callable[[Array, Array], Grown]
 
 
 class OnlineBoosting:
-    """Learns frame by frame; holds no state: the classifiers are passed in and handed back."""
+    """Stateless learner, frame by frame: classifiers are passed in and returned."""
 
     def __init__(self, options: BoostingOptions | None = None) -> None:
         self.options = options or BoostingOptions()
 
     def untrained(self, n: int) -> StrongClassifiers:
-        """n classifiers that have learned nothing."""
+        """Make n classifiers that have learned nothing."""
         return StrongClassifiers.untrained(n, self.options.trees)
 
     def learned(
@@ -102,7 +102,9 @@ class OnlineBoosting:
         taught = (label > 0).any(axis=1) & (label < 0).any(axis=1)
         if not taught.any():
             return strong
-        for n_tree in np.unique(strong.n_tree[taught]):  # those whose first training is over have as many, all of them
+        for n_tree in np.unique(
+            strong.n_tree[taught]
+        ):  # all classifiers after their first training have the same number
             rows = (taught & (strong.n_tree == n_tree)).nonzero()[0]
             strong = strong.replaced(rows, self._boosted(strong.select(rows), int(n_tree), samples[rows], label[rows]))
         return strong
@@ -110,7 +112,7 @@ class OnlineBoosting:
     def _boosted(
         self, old: StrongClassifiers, n_old: int, samples: Array, label: Float[Array, "n k"]
     ) -> StrongClassifiers:
-        """Classifiers with `n_old` trees each after a frame that teaches them all."""
+        """Return classifiers with `n_old` trees each, after a frame that teaches them all."""
         options, n = self.options, len(old)
         n_kept, n_new = options.kept, options.trees - options.kept
         if n_old < options.trees:
@@ -146,7 +148,7 @@ class OnlineBoosting:
     def _reweighted(
         self, weight: Float[Array, "n k"], wrong: Float[Array, "n k"]
     ) -> tuple[Float[Array, "n"], Float[Array, "n k"]]:
-        """(1 − err) / err of a tree, and the weights, again of sum 1, that it leaves to the next; wrong: weights it has wrong."""
+        """Return (1 − err) / err of a tree, and the weights for the next, of sum 1; wrong: weights of its wrong samples."""
         error = wrong.sum(axis=1)
         odds = 1 / np.minimum(np.maximum(error, self.options.least_error), 0.5) - 1
         more = odds - 1

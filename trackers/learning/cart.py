@@ -1,14 +1,14 @@
 """Classification trees of depth 2 on weighted samples (CART: Breiman, Friedman, Olshen and Stone, 1984), many at once.
 
-A tree asks one question of a sample, feature > threshold, and then one of two others; four leaves say +1 or −1. Each question is
-the one that leaves the least weighted Gini impurity. A side of a split with weight W, and S of it more for +1 than for −1,
-has the impurity (W − S² / W) / 2; so the gain of a split is, up to a constant of the node,
-(S_no − W_no S / W)² / (W_no W_yes), and running sums of the samples in order of a feature give it for every threshold. That
-order does not depend on the weights: it is found once a frame, and every tree, for several people together, is trained from it.
+A tree tests feature > threshold of a sample, then one of two further such questions; four leaves give +1 or −1. Each
+question minimizes the weighted Gini impurity. A side of a split with weight W, and S more weight for +1 than for −1, has the
+impurity (W − S² / W) / 2; so the gain of a split is, up to a constant of the node, (S_no − W_no S / W)² / (W_no W_yes),
+which cumulative sums of the samples in order of a feature give for every threshold. That order does not depend on the
+weights: it is computed once per frame for all trees and people.
 
-Thresholds lie midway between samples. Samples of weight 0 are not there. Values less than 10⁻⁷ apart are the same. These are
-the rules of scikit-learn's `DecisionTreeClassifier(max_depth=2)`, which gives the same labels. A question that gains
-nothing is not asked: its threshold is ∞.
+Thresholds lie midway between samples. Samples of weight 0 are ignored. Values less than 10⁻⁷ apart are equal. These are the
+rules of scikit-learn's `DecisionTreeClassifier(max_depth=2)`, which gives the same labels. A question without gain has the
+threshold ∞.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ from trackers.filters.rows import Rows
 
 _SAME = 1e-7
 _NOTHING = 1e-15
-"""Of weights that sum to 1: what rounding leaves of nothing."""
+"""Of weights that sum to 1: rounding error of 0."""
 
 
 class Questions(NamedTuple):
-    """n questions, whether feature > threshold."""
+    """n questions, each feature > threshold."""
 
     feature: Int[Index, "n"]
     threshold: Float[Array, "n"]
 
 
 class Grown(NamedTuple):
-    """A tree for each of n rows of weights, and what it says of the samples that it was trained on."""
+    """One tree per row of n weights, and its labels of its training samples."""
 
     root: Questions
-    branches: Questions  # of 2 n nodes: where the root's answer was no, then where it was yes
+    branches: Questions  # of 2 n nodes: after the root's answer no, then after yes
     leaves: Float[Array, "4 n"]  # labels: no and no, yes and no, no and yes, yes and yes
     says: Float[Array, "n k"]
 
@@ -49,18 +49,18 @@ class Grown(NamedTuple):
 class Trees(Rows):
     """n sets of m trees."""
 
-    feature: Int[Index, "n m 3"]  # of the first question, of the one where the answer is no, of the one where it is yes
+    feature: Int[Index, "n m 3"]  # of the first question, of that after no, of that after yes
     threshold: Float[Array, "n m 3"]
     label: Float[Array, "n m 4"]  # +1 or −1: after no and no, no and yes, yes and no, yes and yes
 
     @classmethod
     def undivided(cls, n: int, m: int) -> Self:
-        """Trees that say −1 of everything."""
+        """Return trees that label everything −1."""
         return cls(np.zeros((n, m, 3), np.intp), np.full((n, m, 3), np.inf), np.full((n, m, 4), -1.0))
 
     @classmethod
     def grown(cls, trees: Sequence[Grown]) -> Self:
-        """m trees for each of n rows, at least one."""
+        """Stack m trees for each of n rows, at least one."""
         n = len(trees[0].root.feature)
         feature = np.stack([np.concatenate([tree.root.feature, tree.branches.feature]) for tree in trees])
         threshold = np.stack([np.concatenate([tree.root.threshold, tree.branches.threshold]) for tree in trees])
@@ -69,7 +69,7 @@ class Trees(Rows):
         return cls(feature.transpose(2, 0, 1), threshold.transpose(2, 0, 1), label.transpose(2, 0, 1))
 
     def of_each(self, tree: Int[Index, "n k"]) -> Self:
-        """k trees of each set, by their places in it."""
+        """Select k trees of each set by index."""
         return self._field_by_field(lambda each: np.take_along_axis(each, tree[..., None], axis=1), lambda batch: batch)
 
     def followed_by(self, other: Self) -> Self:
@@ -88,16 +88,16 @@ class Trees(Rows):
 
 @dataclass(frozen=True, eq=False)
 class SortedSamples:
-    """n sets of k samples in the order of each feature, for all trees that are trained on them."""
+    """n sets of k samples in the order of each feature, for all trees trained on them."""
 
     by_feature: Float[Array, "n features k"]
     in_order: Float[Array, "n features k"]
-    order: Int[Index, "n features k"]  # of the samples of all sets, one set after the other
+    order: Int[Index, "n features k"]  # of the samples of all sets, concatenated
     parts: Float[Array, "n features places"]  # 1 where the values before and after a place differ, else 0
 
     @classmethod
     def of(cls, samples: Float[Array, "n k features"]) -> Self:
-        """From sets of at least one sample of at least one feature."""
+        """Sort sets of at least one sample of at least one feature."""
         by_feature = np.ascontiguousarray(samples.swapaxes(1, 2))
         order = by_feature.argsort(axis=2, kind="stable")
         in_order = np.take_along_axis(by_feature, order, axis=2)
@@ -107,7 +107,7 @@ class SortedSamples:
 
     @cached_property
     def _of_branches(self) -> SortedSamples:
-        """The same sets as they are asked twice, for either branch of the trees."""
+        """The sets repeated for both branches of the trees."""
         twice = {name: np.concatenate([each, each]) for name, each in vars(self).items() if name != "_of_branches"}
         twice["order"][len(self.order) :] += self.order.shape[0] * self.order.shape[2]
         return SortedSamples(**twice)
@@ -115,7 +115,7 @@ class SortedSamples:
     def grow(self, weight: Float[Array, "n k"], label: Float[Array, "n k"]) -> Grown:
         """Grow a tree per set, whose weights sum to 1 and whose labels are +1 or −1.
 
-        A sample's weight and its weight times its label are kept as one complex number, so that one pass sums both.
+        A sample's weight and its weight times its label form one complex number, so that one pass sums both.
         """
         n = len(weight)
         weighed = weight + 1j * (weight * label)

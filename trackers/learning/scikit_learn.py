@@ -1,4 +1,4 @@
-"""The same trees by scikit-learn: an oracle for ours, and slower."""
+"""The same trees by scikit-learn: a slower reference for ours."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from trackers.arrays import Array, Index
 from trackers.learning.cart import Grown, Questions
 
 _LEAF = -1
-"""Child of a node that has none."""
+"""Child index of a node without one."""
 
 
 class ScikitLearnTrees:
-    """Trains trees on n sets of k samples."""
+    """Trainer of trees on n sets of k samples."""
 
     def __init__(self, samples: Float[Array, "n k features"]) -> None:
         self._samples = np.asarray(samples, np.float32)
 
     def grow(self, weight: Float[Array, "n k"], label: Float[Array, "n k"]) -> Grown:
-        """See `SortedSamples.grow`."""
+        """Grow trees as `SortedSamples.grow` does."""
         rows = [self._grow(*row) for row in zip(self._samples, weight, label, strict=True)]
         feature, threshold, leaves, says = (np.stack(each, axis=1) for each in zip(*rows, strict=True))
         questions = Questions(feature[1:].ravel(), threshold[1:].ravel())
         return Grown(Questions(feature[0], threshold[0]), questions, leaves.ravel(), says.T)
 
     def _grow(self, samples: NDArray[np.float32], weight: Array, label: Array) -> tuple[Index, Array, Array, Array]:
-        """Features (3,), thresholds (3,), labels of the leaves (4,) as `Grown` has them, and what the tree says (k,)."""
+        """Return features (3,), thresholds (3,), labels of the leaves (4,) as in `Grown`, and the tree's labels (k,)."""
         there = weight > 0
         fitted = DecisionTreeClassifier(max_depth=2, random_state=0).fit(samples[there], label[there], weight[there])
         tree = fitted.tree_

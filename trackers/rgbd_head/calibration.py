@@ -1,4 +1,4 @@
-"""Check of calibration (ours): cameras that do not hang as the rig says, by the empty room and by silhouettes of heads."""
+"""Calibration check (ours): detects cameras displaced from the rig's poses, by the empty room and by silhouettes of heads."""
 
 from __future__ import annotations
 
@@ -16,30 +16,30 @@ from trackers.vision.calibration_monitor import CalibrationMonitor, silhouette_o
 from trackers.vision.stereo_picture import StereoCamera
 
 TURNS_DEG = (5.0, 9.0)
-"""A camera whose empty room fits better after one of these turns than after none or a tolerated one hangs otherwise."""
+"""Turns of a camera whose empty room is compared: a better fit after one than after none or a tolerated one is an error."""
 _TOLERATED_DEG = 2.0
 _NEAR_M = 4.0
-"""Distances from here on say little."""
+"""Distance beyond which depth is too inaccurate."""
 _WITHIN_M = 0.1
-"""Points so near to a known surface are at it."""
+"""Distance of points from a known surface that counts as on it."""
 _EVERY = 8
 _AXES = np.array([axis for axis in itertools.product((-1, 0, 1), repeat=3) if any(axis)], float)
-"""The cube's: of the picture, and between them, both ways round."""
+"""Axes of the cube: of the picture, and between them, in both senses."""
 
 
 _OFF_RAD = np.radians(3.5)
-"""A camera whose median offset is larger hangs elsewhere: one that is turned by 5°, and not by 1° or 2°."""
+"""Median offset above which a camera is displaced: exceeded by a turn of 5°, not of 1° or 2°."""
 _FEWEST = 10
-"""Looks of a camera that a warning takes."""
+"""Offsets of a camera needed for a warning."""
 _SEARCHED_RAD = np.radians(10)
-"""Reach about a crown in which its silhouette's top is searched for; heads with another so near in the picture are left out."""
+"""Search radius for a silhouette's top about a crown; heads with another within it in the picture are left out."""
 
 
 class CalibrationCheck:
-    """names: the cameras. by_room: those whose empty room fits the environment better when they are turned.
+    """Checker of the cameras `names`. by_room: those whose empty room fits the environment better after a turn.
 
-    leaves_out: whether cameras that are named are not looked at any more. Most cameras are taken to hang right: never are so
-    many left out that no more than half remain, and of two in use none is doubted by heads, as it cannot be told which is wrong.
+    leaves_out: whether displaced cameras are no longer used. Most cameras are assumed correct: more than half always remain,
+    and of two in use none is excluded by heads, as it is unknown which is wrong.
     """
 
     def __init__(self, names: Sequence[str], by_room: Sequence[str], leaves_out: bool) -> None:
@@ -52,7 +52,7 @@ class CalibrationCheck:
         self._looks = self._none_yet()
 
     def take(self, name: str, off_rad: Float[Array, "n 2"]) -> None:
-        """Take in the offsets at which a camera shows heads (`head_offsets`)."""
+        """Add the offsets of heads in a camera (`head_offsets`)."""
         if len(self._numbers) - len(self.left_out) <= 2:
             return
         for each in off_rad[np.isfinite(off_rad[:, 0])]:
@@ -60,11 +60,11 @@ class CalibrationCheck:
         for doubted in self._doubted() if self._leaves_out and self._may_miss(1) else ():
             self._by_heads.append(doubted)
             self.left_out.add(doubted)
-            self._looks = self._none_yet()  # its estimates were what the others were compared with
+            self._looks = self._none_yet()  # the others were compared with its estimates
 
     @property
     def warnings(self) -> list[str]:
-        """A sentence per camera that is named."""
+        """One sentence per displaced camera."""
         room = f"fits the environment better when turned by {TURNS_DEG[0]:g}° or more than as the rig has it"
         heads = "shows heads elsewhere than the other cameras do, and cannot hang as the rig says"
         return [
@@ -87,7 +87,7 @@ class CalibrationCheck:
 
 
 def turned(cameras: Mapping[str, StereoCamera], environment: Environment | None) -> list[str]:
-    """Name the cameras that do not hang as the rig says, as far as the room is known."""
+    """Name the displaced cameras, as far as the room is known."""
     if environment is None:
         return []
     return [
@@ -98,7 +98,7 @@ def turned(cameras: Mapping[str, StereoCamera], environment: Environment | None)
 
 
 def is_turned(camera: PlacedCamera, depth_m: Float[Singles, "height width"], environment: Environment) -> bool:
-    """Tell whether the camera's depth of the empty room fits the environment best when it is turned by more than is tolerated."""
+    """Return whether the camera's depth of the empty room fits the environment best after more than the tolerated turn."""
     known = (depth_m > 0) & (depth_m < _NEAR_M)
     points = camera.points(np.where(known, depth_m, np.float32(0)))[::_EVERY, ::_EVERY].reshape(-1, 3)
     off = points[np.isfinite(points).all(axis=1)] - camera.eye_m
@@ -116,7 +116,7 @@ def is_turned(camera: PlacedCamera, depth_m: Float[Singles, "height width"], env
 def head_offsets(
     camera: PlacedCamera, mask: Bool[Mask, "height width"], heads: Float[Array, "4 n"], up_m: float
 ) -> Float[Array, "n 2"]:
-    """Return the offsets of silhouettes from heads' crowns, to the right and down [rad]; NaN where there is none.
+    """Return the offsets of silhouettes from heads' crowns, to the right and down [rad]; NaN without one.
 
     up_m: height of a crown above the middle of a head.
     """

@@ -1,6 +1,6 @@
-"""The cameras' evaluators (the paper's clients): each has one camera's picture of the frame and weighs heads by it.
+"""Evaluators of cameras (the paper's clients): each has one camera's picture of the frame and weighs heads by it.
 
-Handed over and back are pictures, hypotheses, likelihoods and what else stands in a message; so an evaluator may be anywhere
+Only messages are exchanged (pictures, hypotheses, likelihoods), so an evaluator may be remote
 (`trackers.rgbd_head.scheduled`).
 """
 
@@ -21,13 +21,13 @@ from trackers.vision.head_model import HeadModel
 from trackers.vision.stereo_picture import PackedPicture, StereoCamera
 
 _LOW_M, _HIGH_M = 0.4, 2.2
-"""Foreground between is asked for new heads."""
+"""Heights of foreground searched for new heads."""
 
 
 class Evaluator:
-    """One camera and its last picture. Its answers are a function of its pictures and of the questions, of nothing else.
+    """One camera and its last picture; its results depend only on pictures and requests.
 
-    colours: of each person, as expected; None: the share of skin counts.
+    colours: expected per person; None: the share of skin counts.
     """
 
     def __init__(self, camera: StereoCamera, model: HeadModel, options: StereoHeadOptions) -> None:
@@ -37,12 +37,12 @@ class Evaluator:
         self._picture: PackedPicture | None = None
 
     def take(self, image: DepthImage) -> bool:
-        """Prepare a picture; returns whether it shows anything."""
+        """Prepare a picture; return whether it is usable."""
         self._picture = self.camera.pack(image)
         return self._picture is not None
 
     def expect(self, colours: ExpectedColours) -> None:
-        """Expect these colours from now on."""
+        """Set the expected colours."""
         self.colours = colours
 
     def log_likelihood(self, heads: Float[Singles, "4 n p"]) -> HeadLikelihoods:
@@ -62,9 +62,10 @@ class Evaluator:
         return self._heads.colours_on([self.picture()], heads[:, None])
 
     def unassigned(self, known: Float[Array, "n 2"], apart_m: float) -> Float[Array, "4 k"]:
-        """Return foreground points (`StereoCamera.foreground_points`) as high as people, farther than `apart_m` from tracks.
+        """Return foreground points (`StereoCamera.foreground_points`) at the height of people, farther than `apart_m` from
+        tracks.
 
-        Along the ray a point may be wherever its distance may be off: a far camera shows the points of a person about them.
+        The distance along the ray allows for the error of depth: a far camera scatters a person's points along it.
         """
         points = self.camera.foreground_points(self.picture())
         points = points[:, (points[2] > _LOW_M) & (points[2] < _HIGH_M)]
@@ -80,20 +81,20 @@ class Evaluator:
         return points[:, away.min(axis=1) > apart_m]
 
     def tables(self) -> Float[Singles, "n entries"] | None:
-        """Return how likely each colour is (`ExpectedColours.tables`); None where no colours are expected."""
+        """Return the log-likelihood of each colour (`ExpectedColours.tables`); None where none are expected."""
         return None if self.colours is None else self.colours.tables
 
     def picture(self) -> PackedPicture:
-        """Return the last picture, which shows something."""
+        """Return the last picture, which is usable."""
         if self._picture is None:
             raise RuntimeError("asked before there was a picture that shows anything")
         return self._picture
 
 
 class Evaluators:
-    """All cameras' evaluators, asked here, where pictures weigh together; answers are in the cameras' order.
+    """Evaluators of all cameras in this process, which weigh jointly; results are in the cameras' order.
 
-    taken_over: cameras whose evaluator was elsewhere and was lost.
+    taken_over: cameras whose remote evaluator was lost.
     """
 
     def __init__(self, here: Mapping[str, Evaluator], model: HeadModel, options: StereoHeadOptions) -> None:
@@ -103,12 +104,12 @@ class Evaluators:
         self._heads: dict[tuple[str, ...], StereoHeads] = {}
 
     def take(self, images: Mapping[str, DepthImage]) -> list[str]:
-        """Hand over each camera's picture; returns the cameras whose pictures show anything."""
+        """Send each camera's picture; return the cameras with a usable one."""
         shown = self._ask("take", {name: (images[name],) for name in self.here if name in images})
         return [name for name, is_shown in shown.items() if is_shown]
 
     def expect(self, names: Iterable[str], colours: ExpectedColours) -> None:
-        """Tell these cameras which colours are expected."""
+        """Set the expected colours of these cameras."""
         self._ask("expect", dict.fromkeys(names, (colours,)))
 
     def log_likelihood(self, heads: Mapping[str, Float[Singles, "4 n p"]]) -> dict[str, HeadLikelihoods]:
@@ -120,7 +121,7 @@ class Evaluators:
         return dict(zip(heads, found, strict=True))
 
     def facing(self, heads: Mapping[str, Float[Array, "4 n"]]) -> list[Float[Singles, "n directions"]]:
-        """Weigh directions of heads that are there at each camera's stamp."""
+        """Weigh directions of heads at each camera's stamp."""
         if not heads:
             return []
         together, pictures, tables = self._together(tuple(heads))
@@ -140,12 +141,12 @@ class Evaluators:
         return np.concatenate(found, axis=1)
 
     def close(self) -> None:
-        """Ask nothing any more."""
+        """Stop using the evaluators."""
 
     def _together(
         self, names: tuple[str, ...]
     ) -> tuple[StereoHeads, list[PackedPicture], Float[Singles, "n entries"] | None]:
-        """Return the likelihood by these cameras together, their pictures, and the colours that all of them expect."""
+        """Return the joint likelihood of these cameras, their pictures, and their common expected colours."""
         if names not in self._heads:
             cameras = [self.here[name].camera.camera for name in names]
             self._heads[names] = StereoHeads(cameras, self._model, self._options)

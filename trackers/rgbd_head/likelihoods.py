@@ -1,4 +1,4 @@
-"""The likelihoods and rules that weigh heads of all tracks (eq. 9: their product): pictures, the room, other heads, the walk."""
+"""Likelihoods and rules that weigh heads of all tracks (eq. 9: their product): pictures, the room, other heads, the walk."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from trackers.rgbd_head.people import People
 from trackers.vision.head_colours import HeadColours
 
 _USUAL = 0.2
-"""Share of a new picture in the log-likelihood that a person's heads usually have."""
+"""Weight of a new picture in the running mean of a head's log-likelihood."""
 _SURE = 0.6
-"""Mean resultant length of a direction from which colours are learned at it."""
+"""Mean resultant length of a direction above which colours are learned."""
 _OTHERS = 4.0
-"""Log-likelihood that a hypothesis loses in another person's head."""
+"""Penalty in log-likelihood of a hypothesis inside another person's head."""
 
 
 class Likelihoods:
-    """The cameras' evaluators, the room and the rules, asked about tracks.
+    """Cameras' evaluators, the room and the rules, for all tracks.
 
-    common: distributions of colours of faces, and of hair, among people. later_s: of each camera that is asked, how much later
-    than the frame its picture was taken [s].
+    common: distributions of colours of faces, and of hair, among people. later_s: by camera, delay of its picture after the
+    frame [s].
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class Likelihoods:
         return self._options.stereo_head.person_colour is not None
 
     def expect(self, people: People, later_s: Mapping[str, float]) -> None:
-        """Tell the cameras the colours of each track, as far as they count."""
+        """Send each track's colours to the cameras, weighted by their evidence."""
         if self.learns_colours:
             self._evaluators.expect(later_s, people.colours.expected(self._common))
 
@@ -91,14 +91,14 @@ class Likelihoods:
         return self._room.log_likelihood(state[:3].reshape(3, n * p).T).reshape(n, p)
 
     def _by_other_heads(self, state: Float[Array, "4 n p"], place: Float[Array, "n 3"]) -> Float[Array, "n p"]:
-        """Exclude hypotheses from the heads of others, which were at these places."""
+        """Penalize hypotheses inside the heads of others at their last positions."""
         x, y, z = np.square(state[:3, None] - place.T[..., None, None])
-        away_m2 = x + y + z  # of each from every head, (n, n, p)
+        away_m2 = x + y + z  # from each to every head, (n, n, p)
         away_m2[np.arange(len(place)), np.arange(len(place))] = np.inf
         return -_OTHERS * (away_m2.min(axis=0) < self._options.track_management.same_head_m**2)
 
     def facing(self, people: People, motion: Motion, later_s: Mapping[str, float]) -> Float[Array, "n g"]:
-        """Return the directions of heads after what the pictures show at their expected places, and by the walk."""
+        """Return the directions of heads updated by pictures at their expected positions, and by the walk."""
         facing = motion.facing
         log = motion.walking(np.broadcast_to(grid_of(facing.shape[1]), facing.shape))
         if self._options.stereo_head.uses_colours:
@@ -108,7 +108,7 @@ class Likelihoods:
             return LogWeights.of(np.log(facing) + log).normalised
 
     def usual(self, people: People, found: Mapping[str, HeadLikelihoods]) -> Float[Array, "n cameras"]:
-        """Return the log-likelihoods that heads usually have in each camera's pictures, after these."""
+        """Return the running means of the log-likelihoods in each camera's pictures, updated by these."""
         usual, share = people.usual.copy(), people.roster.state.weights.normalised
         for name, each in found.items():
             number, seen = self._numbers[name], share * each.seen.reshape(share.shape)
@@ -119,7 +119,7 @@ class Likelihoods:
         return usual
 
     def is_shown(self, people: People, found: Mapping[str, HeadLikelihoods]) -> Bool[Mask, "n"]:
-        """Mark the tracks whose heads the cameras that see them detect, on average."""
+        """Return a mask of the tracks whose heads are detected on average by the cameras that see them."""
         share, n_seen, shown = people.roster.state.weights.normalised, np.zeros(len(people)), np.zeros(len(people))
         for each in found.values():
             n_seen += np.einsum("np,np->n", share, each.seen.reshape(share.shape))
@@ -127,7 +127,7 @@ class Likelihoods:
         return (n_seen > 0.5) & (shown >= self._options.track_management.least_shown * n_seen)
 
     def colours(self, people: People, is_shown: Bool[Mask, "n"], name: str, later_s: float) -> HeadColours:
-        """Learn colours from one camera's look at heads that are shown and face surely somewhere."""
+        """Learn colours from one camera's view of heads that are shown with a certain direction."""
         yaw, sure = people.direction()
         person, step, colour = pixels = self._evaluators.colours_on(name, people.heads(later_s, yaw))
         person, step, colour = pixels[:, (is_shown & (sure > _SURE))[person]]

@@ -1,4 +1,4 @@
-"""Motion of heads (ours: the paper gives no model): diffusion that grows with speed and time, turns, facing along the walk."""
+"""Motion of heads (ours: the paper gives no model): diffusion growing with speed and time, turns, alignment with the walk."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from trackers.rgbd_head.people import People
 
 
 class Motion:
-    """The motion of all tracks over `dt_s`.
+    """Motion of all tracks over `dt_s`.
 
-    place: of the heads before. facing (n, directions): predicted; empty where a hypothesis has a direction of its own.
+    place: of the heads before. facing (n, directions): predicted; empty if each hypothesis has its own direction.
     """
 
     def __init__(self, people: People, dt_s: float, options: MotionOptions) -> None:
@@ -30,7 +30,7 @@ class Motion:
             self.facing = (1 - options.turned) * diffused(people.facing, self._turn) + anywhere
 
     def moved(self, state: Float[Array, "4 n p"], rng: np.random.Generator, layer: int) -> Float[Array, "4 n p"]:
-        """Move hypotheses of a layer: the first go on and spread, those of later ones spread the less about where they are."""
+        """Move hypotheses of a layer: the first layer moves and diffuses, later ones diffuse less about their positions."""
         options = self._options
         way = self._dt_s * self._people.velocity.T[..., None] if layer == 0 else 0.0
         moved = np.empty_like(state)
@@ -39,21 +39,21 @@ class Motion:
         return moved
 
     def _turned(self, yaw: Float[Array, "n p"], rng: np.random.Generator) -> Float[Array, "n p"]:
-        """Turn hypotheses, some of them anywhere."""
+        """Turn hypotheses, a share of them to random directions."""
         yaw = yaw + self._turn * rng.standard_normal(yaw.shape)
         some = rng.permutation(yaw.shape[1])[: round(self._options.turned * yaw.shape[1])]
         yaw[:, some] = rng.uniform(-np.pi, np.pi, (len(yaw), some.size))
         return yaw
 
     def walking(self, yaw: Float[Array, "n k"]) -> Float[Array, "n k"]:
-        """Return log-likelihoods of directions by where people walk."""
+        """Return log-likelihoods of directions given the direction of walking."""
         velocity = self._people.velocity[:, :2]
         heading = np.arctan2(velocity[:, 1], velocity[:, 0])
         speed = np.minimum(np.linalg.norm(velocity, axis=1), 1.0)
         return self._options.walking * speed[:, None] * np.cos(yaw - heading[:, None])
 
     def velocity(self, place: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
-        """Return velocities of heads that have come to places [m/s], a running mean."""
+        """Return the running mean velocities of heads after moving to places [m/s]."""
         before, options = self._people, self._options
         if not (options.velocity_s and self._dt_s):
             return before.velocity

@@ -1,4 +1,4 @@
-"""Options of `rgbd-head`: the paper's rules, and what we put in their place or beside them, "(ours)"."""
+"""Options of `rgbd-head`: the paper's rules, and our replacements and additions, "(ours)"."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from trackers.vision.front_end import FrontEndOptions
 
 
 class MotionOptions(Strict):
-    """Options of heads' motion from frame to frame; the paper gives no motion model, so that all of it is ours."""
+    """Options of heads' motion between frames; the paper gives no motion model, so all are ours."""
 
     still_m: float = Field(
         default=0.1, gt=0, description="diffusion of a standing person, along x and y, in a second [m per √s]"
@@ -67,7 +67,7 @@ class MotionOptions(Strict):
 
 
 class HeadTrackManagementOptions(TrackManagementOptions):
-    """Those of every tracker, and initiation where the foreground shows a person (all ours: the paper knows each start)."""
+    """Common track management options, and initiation by foreground (all ours: the paper knows each start)."""
 
     confirm_s: float = Field(default=0.28, ge=0, description=described(TrackManagementOptions, "confirm_s"))
     confirm_hits: PositiveInt = Field(default=3, description=described(TrackManagementOptions, "confirm_hits"))
@@ -99,7 +99,7 @@ class HeadTrackManagementOptions(TrackManagementOptions):
 
 
 class Start(Strict):
-    """Place of a head that is known at a time: the initial state of the paper."""
+    """Known position of a head at a time: the initial state of the paper."""
 
     at_s: float = Field(default=0.0, ge=0, description="when [s]")
     place: tuple[FiniteFloat, FiniteFloat, FiniteFloat] = Field(description="middle of the head [m]")
@@ -107,7 +107,7 @@ class Start(Strict):
 
 
 class RgbdHeadOptions(Strict):
-    """The whole system; its defaults are what works, the preset `rgbd-head-paper` is the paper's own."""
+    """Options of the whole system with our defaults; the preset `rgbd-head-paper` has the paper's."""
 
     former_names: ClassVar[Mapping[str, str]] = {
         "weights.foreground": "front_end.foreground",
@@ -168,7 +168,7 @@ class RgbdHeadOptions(Strict):
     @model_validator(mode="before")
     @classmethod
     def _of_former_switch(cls, content: Any) -> Any:
-        """Take `environment.used`, for one release."""
+        """Accept `environment.used`, for one release."""
         environment = content.get("environment") if isinstance(content, dict) else None
         if not isinstance(environment, dict) or "used" not in environment:
             return content

@@ -1,4 +1,4 @@
-"""Tracks of heads: a roster of clouds of hypotheses (x, y, z, yaw), and what is known of each person."""
+"""Tracks of heads: a roster of clouds of hypotheses (x, y, z, yaw), and each person's learned state."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from trackers.vision.head_colours import HeadColours
 
 @dataclass(frozen=True, eq=False)
 class People(Rows):
-    """n tracks, oldest first, tentative ones among them. usual: log-likelihoods that their heads usually have in each camera."""
+    """n tracks, oldest first, including tentative ones. usual: running mean log-likelihoods of their heads in each camera."""
 
     roster: Roster[Cloud]
     velocity: Float[Array, "n 3"]  # [m/s]
@@ -28,7 +28,7 @@ class People(Rows):
 
     @classmethod
     def started(cls, cloud: Cloud, ns: int, n_camera: int, n_direction: int) -> Self:
-        """Start tentative tracks of standing people, which face as the hypotheses do."""
+        """Start tentative tracks of standing people, with the directions of the hypotheses."""
         n = len(cloud)
         usual = np.full((n, n_camera), np.nan)
         facing = np.zeros((n, n_direction))
@@ -44,12 +44,12 @@ class People(Rows):
         return cloud.expectation(cloud.state[:3]).T
 
     def heads(self, later_s: float, yaw_rad: Float[Array, "n"] | float) -> Float[Array, "4 n"]:
-        """Predict heads (x, y, z [m], yaw [rad]) some time later, as they go on now."""
+        """Predict heads (x, y, z [m], yaw [rad]) some time later, at their present velocity."""
         place = self.place + later_s * self.velocity
         return np.column_stack([place, np.broadcast_to(yaw_rad, len(place))]).T
 
     def direction(self) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
-        """Return the direction of each head [rad], averaged on the circle, and how sure that is, 0 to 1."""
+        """Return the direction of each head [rad], averaged on the circle, and its certainty, 0 to 1."""
         if self.facing.shape[1]:
             return mean_direction(self.facing)
         cloud = self.roster.state
@@ -64,7 +64,7 @@ def around(
     n_heads: int,
     rng: np.random.Generator,
 ) -> Cloud:
-    """Draw hypotheses about places [m], looking anywhere where the direction is not known."""
+    """Draw hypotheses about places [m], in random directions if the yaw is unknown."""
     n = len(place)
     state = np.empty((4, n, n_heads))
     state[:3] = place.T[..., None] + spread_m * rng.standard_normal((3, n, n_heads))

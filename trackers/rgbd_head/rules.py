@@ -1,4 +1,4 @@
-"""The paper's own value of every rule of `rgbd-head`, where each comes from, and the options of its ablations."""
+"""The paper's value of every rule of `rgbd-head` with its source, and the options of its ablations."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from trackers.plain_data import deep_merge
 
 
 class PaperRule(NamedTuple):
-    """One rule of the paper's system. options: as `rgbd-head-paper` has them.
+    """One rule of the paper's system. options: as in `rgbd-head-paper`.
 
-    basis: "stated": by the paper, `source` says where; "unstated": the paper is silent, `source` says what fills it and why;
-    "empirical": the paper says that it chose a value and not which, `source` is the sweep that chose ours (development seeds
-    1500 to 1504 of both sequences).
+    basis: "stated": by the paper, at `source`; "unstated": not in the paper, `source` gives our choice and reason;
+    "empirical": chosen by the paper without stating the value, `source` is the sweep that chose ours (development seeds 1500
+    to 1504 of both sequences).
     """
 
     options: Mapping[str, Any]
@@ -71,7 +71,7 @@ PAPER_RULES: tuple[PaperRule, ...] = (
         "sequences, those of least error in Z and direction in sequence 2",
     ),
 )
-"""All rules. What is not among them is as in ours: the ellipsoid's size, region C's heights, the floor of a weight, diffusion."""
+"""All rules. Other options are as in ours: the ellipsoid's size, region C's heights, the floor of a weight, diffusion."""
 
 
 def _merged(rules: tuple[PaperRule, ...]) -> dict[str, Any]:
@@ -82,7 +82,7 @@ def _merged(rules: tuple[PaperRule, ...]) -> dict[str, Any]:
 
 
 PAPER: Mapping[str, Any] = _merged(PAPER_RULES)
-"""The options of `rgbd-head-paper`; the start is known where `start` says it, and initiated as ours is where it does not."""
+"""Options of `rgbd-head-paper`; starts given by `start` are known, others are initiated as ours."""
 
 COLOUR: Mapping[str, Any] = deep_merge(PAPER, {"stereo_head": {"depth_in_metres": None}})
 DEPTH: Mapping[str, Any] = deep_merge(PAPER, {"stereo_head": {"skin_share": None}})

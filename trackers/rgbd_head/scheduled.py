@@ -1,9 +1,9 @@
-"""Each camera's evaluator on a Dask worker of its own, as the paper's clients were on computers of their own.
+"""Evaluators of cameras on separate Dask workers, like the paper's clients on separate computers.
 
-An evaluator is an actor: a picture travels once, straight to its worker, and stays; then hypotheses and weights travel. All
-cameras are asked at once, and their answers put in the cameras' order, whichever comes first. A worker that dies or does not
-answer is taken over here for good: its camera's evaluator here has passed over all pictures but the last, which it takes
-then, and so answers with the same bits.
+An evaluator is an actor: a picture is sent once, directly to its worker, and stays there; then hypotheses and weights are
+exchanged. All cameras work at once, and their results are put in the cameras' order. A worker that dies or does not answer
+is replaced permanently by the local evaluator of its camera. That one has learned from all pictures but the last, which it
+then takes, and so gives bit-identical results.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 _ANSWER_S = 10.0
-"""A worker that takes longer to answer is dead."""
+"""Time limit of a worker's answer, after which it counts as dead."""
 _START_S = 60.0
 
 
 class ScheduledEvaluators(Evaluators):
-    """Raises InputError where nothing answers at the address, and for fewer workers than cameras."""
+    """Raises InputError without a scheduler at the address, and for fewer workers than cameras."""
 
     def __init__(
         self, here: Mapping[str, Evaluator], model: HeadModel, options: StereoHeadOptions, address: str
@@ -42,7 +42,7 @@ class ScheduledEvaluators(Evaluators):
         self._colours: ExpectedColours | None = None
         self._client = connected(address, f"tracker rgbd-head: scheduler: {address}", direct=True)
         try:
-            self._kept = _sent(self._client, self.here, address)  # what is not kept, Dask lets go
+            self._kept = _sent(self._client, self.here, address)  # Dask drops unreferenced futures
             with self._client.as_current():
                 self._actors = {name: each.result(timeout=_START_S) for name, each in self._kept.items()}
         except BaseException:
@@ -50,7 +50,7 @@ class ScheduledEvaluators(Evaluators):
             raise
 
     def take(self, images: Mapping[str, DepthImage]) -> list[str]:
-        """Do as here; keep the last picture of each camera, and pass over those before."""
+        """Send as `Evaluators` does; keep the last picture of each camera, and learn from earlier ones."""
         for name in self._actors.keys() & images.keys():
             if name in self._last:
                 self.here[name].camera.front_end.pass_over(self._last[name])
@@ -58,20 +58,20 @@ class ScheduledEvaluators(Evaluators):
         return super().take(images)
 
     def expect(self, names: Iterable[str], colours: ExpectedColours) -> None:
-        """Do as here; keep the colours for evaluators that are taken over later."""
+        """Set as `Evaluators` does; keep the colours for evaluators taken over later."""
         self._colours = colours
         super().expect(names, colours)
 
     def log_likelihood(self, heads: Mapping[str, Float[Singles, "4 n p"]]) -> dict[str, HeadLikelihoods]:
-        """Do as here, but each camera's where its picture is."""
+        """Weigh as `Evaluators` does, but each camera's on its worker."""
         return self._ask("log_likelihood", {name: (each,) for name, each in heads.items()})
 
     def facing(self, heads: Mapping[str, Float[Array, "4 n"]]) -> list[Float[Singles, "n directions"]]:
-        """Do as here, but each camera's where its picture is."""
+        """Weigh as `Evaluators` does, but each camera's on its worker."""
         return list(self._ask("facing", {name: (each,) for name, each in heads.items()}).values())
 
     def close(self) -> None:
-        """Leave the workers."""
+        """Disconnect from the workers."""
         self._client.close()
 
     def _ask(self, what: str, arguments: Mapping[str, tuple[Any, ...]]) -> dict[str, Any]:
@@ -92,7 +92,7 @@ class ScheduledEvaluators(Evaluators):
         return {name: answers[name] for name in arguments}
 
     def _take_over(self, name: str, what: str) -> None:
-        """Take a camera's evaluator over for good, with its last picture, but for one that is about to take another."""
+        """Take over a camera's evaluator permanently, with its last picture unless it is about to take another."""
         del self._actors[name]
         self.taken_over.append(name)
         last = self._last.pop(name, None)
@@ -102,14 +102,14 @@ class ScheduledEvaluators(Evaluators):
 
 
 def _sent(client: Client, here: Mapping[str, Evaluator], address: str) -> dict[str, Future]:
-    """Send the evaluators as actors, each to a worker of its own."""
+    """Send the evaluators as actors, each to its own worker."""
     workers = sorted(client.scheduler_info(n_workers=-1)["workers"])
     if len(workers) < len(here):
         raise InputError(
             f"tracker rgbd-head: scheduler: {address} has {len(workers)} workers for {len(here)} cameras; "
             "one for each is expected"
         )
-    with client.as_current():  # copied, as workers may be of this very process
+    with client.as_current():  # copied, since workers may be in this process
         return {
             name: client.submit(copy.deepcopy, each, actor=True, workers=[worker], pure=False)
             for (name, each), worker in zip(here.items(), workers, strict=False)

@@ -1,4 +1,6 @@
-"""Track management of `rgbd-head`: known starts as in the paper, else initiation by foreground, re-identification by place."""
+"""Track management of `rgbd-head`: known starts as in the paper, else initiation by foreground, re-identification by
+position.
+"""
 
 from __future__ import annotations
 
@@ -17,11 +19,11 @@ from trackers.tracking.track_manager import TrackManager
 from trackers.vision.head_outlines import ASPECTS
 
 _FAR_M_S = 1.5
-"""A head that is not shown is looked for within the way at this speed."""
+"""Speed that bounds the search for a head not shown."""
 
 
 class HeadTrackManager(TrackManager):
-    """The rules of every tracker, and the known starts still to come."""
+    """Common track management, and the known starts still to come."""
 
     def __init__(
         self, options: RgbdHeadOptions, corners: ArrayLike | None, n_camera: int, rng: np.random.Generator
@@ -32,11 +34,11 @@ class HeadTrackManager(TrackManager):
         self._last_ns = 0  # of the frame before
 
     def no_tracks(self) -> People:
-        """Return the tracks before any is initiated."""
+        """Return an empty set of tracks."""
         return self._started(np.empty((0, 3)), None, 0)
 
     def with_known_starts(self, people: People, ns: int) -> People:
-        """Add the heads whose start is known and whose time has come."""
+        """Add the heads whose known start has come."""
         due = [start for start in self._pending if start.at_s * NS_PER_S <= ns]
         self._pending = self._pending[len(due) :]
         if not due:
@@ -47,7 +49,7 @@ class HeadTrackManager(TrackManager):
         return people.joined(started.changed(roster=roster))
 
     def updated(self, people: People, is_shown: Bool[Mask, "n"], ns: int) -> People:
-        """Measure the tracks that a frame shows, confirm those shown often, delete those not shown for long."""
+        """Update the tracks shown by a frame: confirm those shown often, delete those not shown for long."""
         roster = people.roster.measured(np.flatnonzero(is_shown), ns, people.roster.state)
         before_ns, self._last_ns = self._last_ns, ns
         roster = self.confirm(roster, self.to_confirm(roster, ns, ns - before_ns))
@@ -55,7 +57,7 @@ class HeadTrackManager(TrackManager):
         return people.select(self._staying(people, ns))
 
     def initiated(self, people: People, places: Float[Array, "m 3"], ns: int) -> People:
-        """Add heads at places where the foreground shows one that no track has; lost ones are found again there."""
+        """Add heads at places of unassigned foreground; re-identify lost ones there."""
         lost = np.flatnonzero(people.roster.measured_ns != ns)
         if lost.size:
             away = distances(places[:, :2], people.place[lost, :2])
@@ -66,7 +68,7 @@ class HeadTrackManager(TrackManager):
             for k in np.flatnonzero(again):  # at most a few per frame
                 row = lost[[away[k].argmin()]]
                 state = people.roster.state.replaced(row, self._cloud(places[[k]], None))
-                # how fast they seemed to go while they were lost would take them away again
+                # the speed while lost would drive them away again
                 velocity = written(people.velocity, row, 0.0)
                 people = people.changed(roster=people.roster.changed(state=state), velocity=velocity)
             places = places[~again]
@@ -81,9 +83,9 @@ class HeadTrackManager(TrackManager):
         return People.started(self._cloud(place, yaw), ns, self._n_camera, n_direction)
 
     def _staying(self, people: People, ns: int) -> Bool[Mask, "n"]:
-        """Mark the tracks to keep: shown lately, in the area, and not in the head of an older one."""
+        """Return a mask of the tracks to keep: shown lately, in the area, and not in the head of an older one."""
         place = people.place
-        if self._options.start:  # the paper's: a head that is known to be there stays, coasting at worst
+        if self._options.start:  # the paper's: a head of known start stays, coasting if necessary
             return np.ones(len(people), np.bool_)
         stays = self.lasting(people.roster, ns) & self.inside(place[:, :2])
         if len(people) > 1:

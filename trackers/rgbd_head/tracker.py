@@ -1,9 +1,10 @@
-"""Heads in 3-D, place and direction, from stereo RGB-D cameras and a model of the room.
+"""Heads in 3-D, position and direction, from stereo RGB-D cameras and a model of the room.
 
 After T. Suzuki, S. Iwasaki, Y. Kobayashi, Y. Sato and A. Sugimoto: "Incorporating environment models for improving
-vision-based tracking of people" (Systems and Computers in Japan 38(2), 2007). A particle filter per head; every picture weighs
-every hypothesis by colours and by distances (eq. 4 to 7), the room weighs it once per frame (eq. 8), the product counts (eq. 9)
-and the expectation is the estimate. Each rule of ours in place of the paper's is an option, "(ours)" in `options`.
+vision-based tracking of people" (Systems and Computers in Japan 38(2), 2007). One particle filter per head; every picture
+weighs every hypothesis by colours and distances (eq. 4 to 7), the room weighs it once per frame (eq. 8), the weights are
+multiplied (eq. 9) and the expectation is the estimate. Each of our replacements of the paper's rules is an option, "(ours)"
+in `options`.
 
 A track's x and y are the ground under the head, not under the pelvis; its z is not estimated.
 """
@@ -43,13 +44,14 @@ from trackers.vision.plan_view import heads_in_plan
 from trackers.vision.stereo_picture import StereoCamera
 
 LEARNED = "heads"
-"""Name under which the prior's `learned` may hold another file than the shipped one (`scripts/learn-heads` makes one)."""
+"""Name under which the prior's `learned` may hold another model file than the shipped one (made by `scripts/learn-heads`).
+"""
 _LONGEST_S = 0.5
-"""However long nothing came, heads move for no longer at once."""
+"""Greatest time step of the motion after a gap."""
 _SHOWN = 64
-"""About so many hypotheses of each person are handed out for the preview."""
+"""Approximate number of hypotheses per person for the preview."""
 _SHADOWS_M = 0.4
-"""So far beside the tracked area there is floor that shadows fall on."""
+"""Distance beside the tracked area up to which shadows fall on the floor."""
 
 
 class DebugState(NamedTuple):
@@ -60,10 +62,10 @@ class DebugState(NamedTuple):
 
 
 class RgbdHead(SynchronizedTracker):
-    """Stereo cameras trigger a frame; every head is weighed by all of its pictures, each at its own stamp.
+    """Stereo cameras trigger a frame; every head is weighed by all pictures, each at its own stamp.
 
-    Raises InputError for a rig without a stereo camera, for wrong options, for pictures of another size than the rig says, and
-    for a scheduler that does not answer or has too few workers.
+    Raises InputError for a rig without a stereo camera, wrong options, pictures of another size than the rig's, and a
+    scheduler without answer or with too few workers.
     """
 
     def __init__(
@@ -99,7 +101,7 @@ class RgbdHead(SynchronizedTracker):
 
     @property
     def warnings(self) -> list[str]:
-        """Findings: what is lacking or doubtful, and cameras whose Dask worker was lost."""
+        """Missing or doubtful inputs, and cameras whose Dask worker was lost."""
         lost = [
             f"the Dask worker of {name} was lost; its pictures are weighed here" for name in self._evaluators.taken_over
         ]
@@ -107,13 +109,13 @@ class RgbdHead(SynchronizedTracker):
         return [*room, *self._calibration.warnings, *lost]
 
     def finish(self) -> list[TrackFrame]:
-        """Return the frames still held back, and leave the workers."""
+        """Return the remaining frames, and disconnect from the workers."""
         frames = super().finish()
         self._evaluators.close()
         return frames
 
     def tracks(self) -> list[Track]:
-        """Return the confirmed tracks, as of the last frame; x and y are the ground under the head."""
+        """Return the confirmed tracks of the last frame; x and y are the ground under the head."""
         people = self._people
         place, (yaw, _), shown = people.place, people.direction(), people.roster.measured_ns == self._ns
         rows = np.column_stack([place[:, :2], people.velocity[:, :2], np.full(len(place), nan), place, yaw]).tolist()
@@ -145,9 +147,9 @@ class RgbdHead(SynchronizedTracker):
             self._initiate(later_s)
 
     def _taken(self, synced: SyncedFrame) -> dict[str, float]:
-        """Hand over pictures; returns, of those that show anything, how much later than the frame each was taken [s].
+        """Send pictures; return the delay after the frame [s] of each usable one.
 
-        Oldest first: sums, and the turns in which cameras are learned from, do not depend on the order of the rig's sensors.
+        Oldest first, so that sums, and the order of learning, do not depend on the order of the rig's sensors.
         """
         images = {
             name: each
@@ -160,7 +162,7 @@ class RgbdHead(SynchronizedTracker):
         return {name: (images[name].stamp_ns - synced.ns) / NS_PER_S for name in shown}
 
     def _follow(self, dt: float, later_s: dict[str, float]) -> None:
-        """Update all tracks, `dt` later, by what the pictures show."""
+        """Update all tracks, `dt` later, by the pictures."""
         before, likelihoods, options = self._people, self._likelihoods, self.options.motion
         motion = Motion(before, dt, options)
         likelihoods.expect(before, later_s)
@@ -181,7 +183,7 @@ class RgbdHead(SynchronizedTracker):
         self._learn(later_s, found)
 
     def _learn(self, later_s: dict[str, float], found: dict[str, HeadLikelihoods]) -> None:
-        """Learn colours and calibration from one camera after another, and manage tracks by those that are shown."""
+        """Learn colours and calibration from one camera after another, and manage tracks by their detection."""
         people = self._people
         is_shown = self._likelihoods.is_shown(people, found)
         if later_s:
@@ -195,7 +197,7 @@ class RgbdHead(SynchronizedTracker):
         self._people = self._manager.updated(people, is_shown, self._ns)
 
     def _initiate(self, later_s: dict[str, float]) -> None:
-        """Initiate heads where the foreground shows a person that no track has."""
+        """Initiate heads at foreground of a person without a track."""
         people, limits = self._people, self.options.track_management
         known = people.place[people.roster.measured_ns == self._ns, :2]
         points = self._evaluators.unassigned(later_s, known, limits.start_apart_m)
@@ -206,7 +208,7 @@ class RgbdHead(SynchronizedTracker):
 
 
 def _evaluators_of(here: Mapping[str, Evaluator], model: HeadModel, options: RgbdHeadOptions) -> Evaluators:
-    """Make the evaluators that are asked: here, or on the workers of a Dask scheduler, which is loaded then alone."""
+    """Make the evaluators: in this process, or on the workers of a Dask scheduler, which is imported only then."""
     if options.scheduler is None:
         return Evaluators(here, model, options.stereo_head)
     from trackers.rgbd_head.scheduled import ScheduledEvaluators
@@ -215,7 +217,7 @@ def _evaluators_of(here: Mapping[str, Evaluator], model: HeadModel, options: Rgb
 
 
 def _stereo_cameras(rig: Rig, chosen: Sequence[str]) -> dict[str, StereoSensor]:
-    """Return the rig's stereo cameras, or those chosen; raises InputError where there is none of that name, or none at all."""
+    """Return the rig's stereo cameras, or those chosen; raises InputError for an unknown name, or without any."""
     found = {name: each for name, each in rig.sensors.items() if isinstance(each, StereoSensor)}
     if not found:
         raise InputError(
