@@ -6,7 +6,7 @@ Written by users as `rig.yaml`, resolved from a scenario's sensors by the twin, 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -236,13 +236,16 @@ class Rig(Strict):
         return dump_yaml(self.model_dump(mode="json", exclude_none=True))
 
     @classmethod
-    def load(cls, path: AnyPath) -> Rig:
-        """Load a `rig.yaml`; paths in it become absolute. Raises InputError naming every invalid field."""
+    def load(cls, path: AnyPath, complete: Callable[[Any], Any] = lambda content: content) -> Rig:
+        """Load a `rig.yaml`; paths in it become absolute. Raises InputError naming every invalid field.
+
+        complete: makes of the file's plain content that of a whole rig, by what else is known of its sensors.
+        """
         path = Path(path)
-        rig = cls.parse(read_text(path, "a rig.yaml"), str(path))
+        rig = cls.parse(read_text(path, "a rig.yaml"), str(path), complete)
         return rig.model_copy(update={"prior": rig.prior.within(path.parent)})
 
     @classmethod
-    def parse(cls, text: str, source: str) -> Rig:
-        """Parse the text of a `rig.yaml`; `source` names the text in errors (InputError)."""
-        return validate(cls, parse_yaml(text, source, "a mapping with 'sensors:'"), source)
+    def parse(cls, text: str, source: str, complete: Callable[[Any], Any] = lambda content: content) -> Rig:
+        """Parse the text of a `rig.yaml`; `source` names the text in errors (InputError); complete: as for `load`."""
+        return validate(cls, complete(parse_yaml(text, source, "a mapping with 'sensors:'")), source)

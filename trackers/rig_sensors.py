@@ -139,7 +139,9 @@ class FisheyeSensor(Strict):
     room_from_sensor: HungPose = Field(
         default=Pose(), description="pose in the room of its optical frame: x right, y down, z ahead"
     )
-    intrinsics: FisheyeIntrinsics = Field(description="how its lens projects")
+    intrinsics: FisheyeIntrinsics = Field(
+        description="how its lens projects; may be left out for a bag that has its CameraInfo"
+    )
     time_offset_s: TimeOffset = Field(
         default=0.0, description="what is added to its stamps to bring them on the rig's clock [s]"
     )
@@ -159,7 +161,9 @@ class PinholeSensor(Strict):
     room_from_sensor: HungPose = Field(
         default=Pose(), description="pose in the room of its optical frame: x right, y down, z ahead"
     )
-    intrinsics: PinholeIntrinsics = Field(description="how it projects")
+    intrinsics: PinholeIntrinsics = Field(
+        description="how it projects; may be left out for a bag that has its CameraInfo"
+    )
     time_offset_s: TimeOffset = Field(
         default=0.0, description="what is added to its stamps to bring them on the rig's clock [s]"
     )
@@ -191,7 +195,9 @@ class StereoSensor(Strict):
     room_from_sensor: HungPose = Field(
         default=Pose(), description="pose in the room of the left view's optical frame: x right, y down, z ahead"
     )
-    intrinsics: PinholeIntrinsics = Field(description="how it projects, colour and depth alike")
+    intrinsics: PinholeIntrinsics = Field(
+        description="how it projects, colour and depth alike; may be left out for a bag that has its CameraInfo"
+    )
     baseline_m: Baseline | None = Field(default=None, description="how far apart the two views are [m]; none: unknown")
     mode: DepthMode | None = Field(default=None, description="how the twin made depth; none: a real device's own way")
     time_offset_s: TimeOffset = Field(

@@ -3,28 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from trackers.arrays import Nanoseconds
 from trackers.errors import InputError
-from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation
-from trackers.rig import CameraSensor, FloorSensor, Rig, RigSensor, StereoSensor
+from trackers.observations import NS_PER_S, Image, Observation
+from trackers.rig import Rig, RigSensor, StereoSensor
 from trackers.text_file import AnyPath
 from twin.recording import topics
 from twin.recording.bag import Bag, Topic, decoded, open_bag
 from twin.recording.clock_correction import CorrectedClocks, correct_clocks
-from twin.recording.depth_images import DepthPairs, decode_depth, match_images, tolerance_ns
+from twin.recording.depth_images import DepthPairs, decode_depth, match_images
 from twin.recording.losses import Loss, crowded, missing
-from twin.recording.rig_checks import compare_lenses, motion_warnings
-from twin.recording.ros_messages import STRING, from_message, stamp_of
-from twin.recording.sensor_clock import MessageTimes, read_times, read_times_as_written
-from twin.recording.sensor_topics import MSGTYPES, SensorTopics, absent, guess_rig, sensor_topics
+from twin.recording.rig_checks import compare_lenses, motion_warnings, with_intrinsics
+from twin.recording.ros_messages import STRING, check_fits, from_message, stamp_of
+from twin.recording.sensor_clock import MessageTimes, first_frame, read_times, read_times_as_written
+from twin.recording.sensor_topics import (
+    MSGTYPES,
+    LeftOut,
+    SensorTopics,
+    absent,
+    add_told,
+    guess_rig,
+    odometry_losses,
+    poses_of,
+    sensor_topics,
+    times_of,
+)
 from twin.recording.situation_table import decode_situation
 from twin.recording.tables import TruthFrame
+from twin.recording.transforms import TRANSFORMS, Edge, Poses, TransformTree, read_poses
 from twin.recording.truth_messages import decode_people
 from twin.truth.frames import Situation
 
@@ -60,16 +72,19 @@ class Recording:
             self.is_twin = carried is not None
             self.scenario_yaml = self._text(bag, topics.SCENARIO)
             silent: list[Loss] = []
+            tree, poses = (TransformTree({}), {}) if self.is_twin else (TransformTree.read(bag), read_poses(bag))
+            source = "the rig"
             if isinstance(rig, Rig):
-                self.rig, source = rig, "the rig"
+                self.rig = rig
             elif rig is not None:
-                self.rig, source = Rig.load(rig), str(Path(rig))
+                self.rig, source = Rig.load(rig, partial(self._complete, bag, str(rig))), str(Path(rig))
             elif carried is not None:
                 source = f"{path}, topic {topics.RIG}"
                 self.rig = Rig.parse(carried, source)
             else:
-                (self.rig, silent), source = guess_rig(path, self.topics), "the rig"
+                self.rig, silent = guess_rig(path, self.topics, tree, poses, partial(first_frame, bag))
             self.sensor_topics = sensor_topics(path, self.topics, self.rig, source)
+            add_told(self.sensor_topics, tree, self.rig, source)
             times = read_times(bag, self.sensor_topics.types)
             self._check_has_messages(times)
             self.is_as_written = False
@@ -79,22 +94,39 @@ class Recording:
                 if set_back_ns:
                     self.is_as_written, times = True, written
                     silent += self._set_back(written, set_back_ns)
+                    if self.sensor_topics.told:
+                        add_told(self.sensor_topics, TransformTree.read(bag, in_file_order=True), self.rig, source)
+            times |= {key: times_of(edge, self.rig, self.sensor_topics.sensors[key]) for key, (edge, _) in self._told}
             right = self._corrected_clocks(times)
             self.ahead_s = right.ahead_s
             self.start_ns = 0 if self.is_twin else self._first_stamp_ns(right)
             self.jumps_ns = tuple(each - self.start_ns for each in right.jumps_ns)
             self.stamps_ns = {
-                topic: right.stamps_ns[self.sensor_topics.label(topic)] - self.start_ns
-                for topic in self.sensor_topics.types
+                topic: right.stamps_ns[self.sensor_topics.label(topic)] - self.start_ns for topic in times
             }
             self._times = times
             self._found = [*silent, *self.sensor_topics.losses, *right.losses, *self._absent_messages(times, bag)]
             if not self.is_twin:
                 self._found += compare_lenses(bag, self.rig, self.sensor_topics.sensors)
+                self._found += odometry_losses(self.rig, self.sensor_topics, tree, poses)
             self.logged_after_ns = self._logged_after_ns()
-            self.moving: list[str] = [] if self.is_twin else motion_warnings(bag, self.frames)
+            mounted = {*self.rig.mounted(), *self.rig.odometry()}
+            standing = {name: each for name, each in self.frames.items() if name not in mounted}
+            self.moving: list[str] = [] if self.is_twin else motion_warnings(tree, poses, standing)
             """Warnings of sensors that move, a clause each; none in a twin's bag."""
-        self._reading = _LeftOut()
+        self._reading = LeftOut()
+
+    @property
+    def _told(self) -> list[tuple[str, tuple[Edge, Poses]]]:
+        return list(self.sensor_topics.told.items())
+
+    @staticmethod
+    def _complete(bag: Bag, source: str, content: Any) -> Any:
+        """Return the content of a rig.yaml with the lenses that it leaves out."""
+        try:
+            return with_intrinsics(bag, content)
+        except InputError as error:
+            raise InputError(f"{source}: {error}") from error
 
     @property
     def observation_count(self) -> int:
@@ -130,7 +162,7 @@ class Recording:
             topic: each.stamp_ns + _offset_ns(self.rig.sensors[names[topic]]) - self.start_ns
             for topic, each in times.items()
         }
-        return list(self._decoded(SensorTopics(sensors, depths, types), stamps, _LeftOut(), as_written=False))
+        return list(self._decoded(SensorTopics(sensors, depths, types), stamps, LeftOut(), as_written=False))
 
     def observations(self, only: Collection[str] | None = None) -> Iterator[Observation]:
         """Yield the observations, of `only` these sensors if given, in order of arrival (log time), read one at a time.
@@ -138,7 +170,7 @@ class Recording:
         Messages that cannot be used are left out and counted (`losses`). Raises InputError where the bag is damaged, or most
         of a sensor's messages cannot be used.
         """
-        self._reading = _LeftOut()
+        self._reading = LeftOut()
         found = self.sensor_topics if only is None else self.sensor_topics.of(only)
         return self._decoded(found, self.stamps_ns, self._reading, as_written=self.is_as_written)
 
@@ -178,7 +210,7 @@ class Recording:
                     raise InputError(f"{self.path}: topic {topic}: {error}") from error
 
     def _decoded(
-        self, found: SensorTopics, stamps: Mapping[str, Nanoseconds], reading: _LeftOut, *, as_written: bool
+        self, found: SensorTopics, stamps: Mapping[str, Nanoseconds], reading: LeftOut, *, as_written: bool
     ) -> Iterator[Observation]:
         colours = {name: topic for topic, name in found.sensors.items()}
         pairs = {
@@ -187,10 +219,15 @@ class Recording:
             if name in colours
         }
         reading.pairs = pairs
-        numbers = dict.fromkeys(found.types, -1)
+        of_bases = {edge.topic for edge, _ in found.told.values()}
+        types = found.types | {topic: self.topics[topic].type_among(TRANSFORMS) or "" for topic in of_bases}
+        numbers = dict.fromkeys(types, -1)
         with open_bag(self.path) as bag:
-            for topic, _, data, is_ros1 in bag.encoded_messages(found.types, in_file_order=as_written):
+            for topic, _, data, is_ros1 in bag.encoded_messages(types, in_file_order=as_written):
                 number = numbers[topic] = numbers[topic] + 1
+                if topic in of_bases:
+                    yield from poses_of(found, stamps, topic, number)
+                    continue
                 stamp_ns = int(stamps[topic][number])
                 name = found.sensors.get(topic) or found.depths[topic]
                 try:
@@ -203,7 +240,7 @@ class Recording:
                         observation = from_message(message, name, kind=sensor.kind, offset_ns=offset_ns)
                         if name in pairs and isinstance(observation, Image):
                             observation = pairs[name].colour(number, observation)
-                    self._check_fits(name, observation)
+                    check_fits(name, self.rig.sensors[name], observation)
                 except InputError as error:
                     reading.leave_out(topic, stamp_ns, str(error))
                     if 2 * reading.left_out[topic] > stamps[topic].size:
@@ -212,26 +249,6 @@ class Recording:
                 if observation is not None:
                     yield observation
         reading.is_done = True
-
-    def _check_fits(self, name: str, observation: Observation | None) -> None:
-        sensor = self.rig.sensors[name]
-        if isinstance(observation, LaserScan) and not observation.ranges_m.size:
-            raise InputError(f"scan of {name!r}: has no ranges; one for each beam is expected")
-        if isinstance(observation, Image | DepthImage) and isinstance(sensor, CameraSensor):
-            height, width, _ = observation.rgb.shape
-            lens = sensor.intrinsics
-            if (width, height) != (lens.width, lens.height):
-                raise InputError(
-                    f"image is {width} x {height}; sensors.{name}.intrinsics of the rig "
-                    f"say {lens.width} x {lens.height}, the size of the images is expected there"
-                )
-        if isinstance(observation, FloorFrame) and isinstance(sensor, FloorSensor):
-            rows, columns = observation.values.shape
-            if (rows, columns) != (sensor.rows, sensor.columns):
-                raise InputError(
-                    f"frame is {rows} rows x {columns} columns; sensors.{name} of the rig says "
-                    f"{sensor.rows} x {sensor.columns}, the size of the frames is expected there"
-                )
 
     def _text(self, bag: Bag, topic: str) -> str | None:
         if topic not in self.topics or self.topics[topic].msgtype != STRING:
@@ -303,10 +320,9 @@ class Recording:
         logged_on_ns = max(bag.end_ns - max(int(each.log_ns.max()) for each in times.values() if len(each)), 0)
         to_ns = max(int(each.max()) for each in stamps) + logged_on_ns
         for topic, each in times.items():
-            label, counted = (
-                self.sensor_topics.label(topic),
-                self.topics[topic].count_of(self.sensor_topics.types[topic]),
-            )
+            label, counted = self.sensor_topics.label(topic), 0
+            if topic in self.sensor_topics.types:
+                counted = self.topics[topic].count_of(self.sensor_topics.types[topic])
             if not len(each):
                 yield absent(label, topic, "it is empty")
             elif (loss := missing(label, self.stamps_ns[topic], from_ns, to_ns)) is not None:
@@ -321,39 +337,6 @@ class Recording:
                 others = ", ".join(repr(other) for other in each.frames if other != frame)
                 what = f"are of frame {others}, the others of {frame!r}: two sensors on one topic"
                 yield Loss(label, len(each) - most, len(each), what, "a topic for each sensor is expected")
-
-
-class _LeftOut:
-    """Messages left out while observations are read, by topic."""
-
-    def __init__(self) -> None:
-        self.left_out: dict[str, int] = {}
-        self.first: dict[str, tuple[int, str]] = {}
-        self.pairs: dict[str, DepthPairs] = {}
-        self.is_done = False
-
-    def leave_out(self, topic: str, stamp_ns: int, why: str) -> None:
-        """Count a message that cannot be used."""
-        self.left_out[topic] = self.left_out.get(topic, 0) + 1
-        self.first.setdefault(topic, (stamp_ns, why))
-
-    def losses(self, found: SensorTopics, times: Mapping[str, MessageTimes]) -> list[Loss]:
-        """Return what was left out, as losses."""
-        losses = []
-        for topic, count in self.left_out.items():
-            stamp_ns, why = self.first[topic]
-            what = f"cannot be used and were left out, the first at {stamp_ns / NS_PER_S:.2f} s: {why}"
-            losses.append(Loss(found.label(topic), count, len(times[topic]), what, always=True))
-        topic_of = {name: topic for topic, name in found.sensors.items()}
-        depth_of = {name: topic for topic, name in found.depths.items()}
-        for name, each in self.pairs.items() if self.is_done else ():
-            colour, depth = times[topic_of[name]], times[depth_of[name]]
-            if (alone := len(colour) - each.paired - self.left_out.get(topic_of[name], 0)) > 0:
-                within_ms = tolerance_ns(colour.stamp_ns, depth.stamp_ns) / 1e6
-                what = f"are colour pictures without one of depth within half a period ({within_ms:.0f} ms)"
-                remedy = f"see whether {depth_of[name]} comes as often and from the same clock"
-                losses.append(Loss(name, alone, len(colour), what, remedy))
-        return losses
 
 
 def _offset_ns(sensor: RigSensor) -> int:

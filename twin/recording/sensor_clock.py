@@ -108,6 +108,14 @@ def read_times(bag: Bag, topics: Mapping[str, str]) -> dict[str, MessageTimes]:
     return {topic: each.times() for topic, each in read.items()}
 
 
+def first_frame(bag: Bag, topic: str) -> str:
+    """Return the frame_id of the first message on a topic whose header can be read; '' where there is none."""
+    for _, _, data, is_ros1 in bag.encoded_messages({topic: bag.topics[topic].msgtype}):
+        if (header := header_of(data, is_ros1)) is not None:
+            return header[1].strip("/")
+    return ""
+
+
 def header_of(data: bytes, is_ros1: bool) -> tuple[int, str] | None:
     """Read stamp [ns] and frame_id of an encoded message that begins with a header; None where they cannot be read."""
     try:

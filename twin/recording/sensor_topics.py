@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
+from trackers.arrays import Nanoseconds
 from trackers.errors import InputError
-from trackers.rig import LaserSensor, Rig, StereoSensor, normal_topic
+from trackers.observations import NS_PER_S, Odometry
+from trackers.rig import LaserSensor, OdometrySensor, Pose, Rig, RigSensor, StereoSensor, normal_topic
 from twin.recording.bag import Topic
+from twin.recording.depth_images import DepthPairs, tolerance_ns
 from twin.recording.losses import Loss
 from twin.recording.ros_messages import COMPRESSED_IMAGE, LASER_SCAN, ODOMETRY, RAW_IMAGE
+from twin.recording.sensor_clock import MessageTimes
+from twin.recording.transforms import Edge, Poses, PoseTopic, TransformTree, jumps
 
 _PICTURES = (COMPRESSED_IMAGE, RAW_IMAGE)
 MSGTYPES = {
@@ -29,20 +37,24 @@ _BACKGROUND = "/background/"
 class SensorTopics:
     """sensors, depths: the sensor of each topic, and of each topic of depth; types: of the messages that are used of it.
 
-    losses: sensors without a topic, and messages of another type on a topic.
+    losses: sensors without a topic, and messages of another type on a topic. told: poses that transforms tell of a base, by a
+    key of their own in `sensors`: the edge at whose messages they come, and the poses (n, 4, 4).
     """
 
     sensors: dict[str, str] = field(default_factory=dict)
     depths: dict[str, str] = field(default_factory=dict)
     types: dict[str, str] = field(default_factory=dict)
     losses: list[Loss] = field(default_factory=list)
+    told: dict[str, tuple[Edge, Poses]] = field(default_factory=dict)
 
     def of(self, names: Collection[str]) -> SensorTopics:
         """Return the topics of these sensors."""
         sensors, depths = (
             {topic: name for topic, name in each.items() if name in names} for each in (self.sensors, self.depths)
         )
-        return SensorTopics(sensors, depths, {topic: self.types[topic] for topic in (*sensors, *depths)})
+        types = {topic: each for topic, each in self.types.items() if topic in sensors or topic in depths}
+        told = {key: each for key, each in self.told.items() if key in sensors}
+        return SensorTopics(sensors, depths, types, told=told)
 
     def label(self, topic: str) -> str:
         """Return the topic's name in warnings: its sensor."""
@@ -56,7 +68,11 @@ def sensor_topics(path: Path, topics: Mapping[str, Topic], rig: Rig, source: str
     belongs to another sensor: it was not recorded. Else its name is taken for a typing error.
     """
     found = SensorTopics()
-    wanted = [(name, "topic", sensor.topic, MSGTYPES[sensor.kind]) for name, sensor in rig.sensors.items()]
+    wanted = [
+        (name, "topic", sensor.topic, MSGTYPES[sensor.kind])
+        for name, sensor in rig.sensors.items()
+        if not is_told(sensor)
+    ]
     wanted += [
         (name, "depth_topic", sensor.depth_topic, _PICTURES)
         for name, sensor in rig.sensors.items()
@@ -85,15 +101,40 @@ def sensor_topics(path: Path, topics: Mapping[str, Topic], rig: Rig, source: str
     return found
 
 
+def is_told(sensor: RigSensor) -> bool:
+    """Return True for odometry that transforms tell."""
+    return isinstance(sensor, OdometrySensor) and sensor.frame is not None
+
+
+def add_told(found: SensorTopics, tree: TransformTree, rig: Rig, source: str) -> None:
+    """Add the odometry that transforms tell; raises InputError where they do not, naming the field in `source`."""
+    for name, sensor in rig.odometry().items():
+        if sensor.frame is not None and sensor.base_frame is not None:
+            try:
+                edge, poses = tree.poses(sensor.frame, sensor.base_frame)
+            except InputError as error:
+                raise InputError(f"{source}: sensors.{name}.frame, base_frame: {error}") from error
+            key = f"{edge.topic}, {sensor.frame} to {sensor.base_frame}"
+            found.sensors[key] = name
+            found.told[key] = edge, poses
+
+
 def absent(sensor: str, topic: str, why: str) -> Loss:
     """Return the loss of a sensor without any message."""
     remedy = "see whether its driver ran and its topic was recorded, or take it from rig.yaml"
     return Loss(sensor, 0, 0, f"no message on {topic} ({why}): tracked without it", remedy, always=True)
 
 
-def guess_rig(path: Path, topics: Mapping[str, Topic]) -> tuple[Rig, list[Loss]]:
-    """Return a rig of the bag's one scanner at the origin, named after its topic, and scanners without a message as losses.
+def guess_rig(
+    path: Path,
+    topics: Mapping[str, Topic],
+    tree: TransformTree,
+    poses: Mapping[str, PoseTopic],
+    frame: Callable[[str], str],
+) -> tuple[Rig, list[Loss]]:
+    """Return a rig of the bag's one scanner, named after its topic, and scanners without a message as losses.
 
+    It is at the origin, or mounted on a base that moves, where the bag tells of one; `frame` tells the frame_id on a topic.
     Raises InputError for a bag with another number of scanners that have messages.
     """
     scans, images = topics_of(topics, LASER_SCAN), topics_of(topics, *_PICTURES)
@@ -101,7 +142,14 @@ def guess_rig(path: Path, topics: Mapping[str, Topic]) -> tuple[Rig, list[Loss]]
     if len(said) == 1 or len(scans) == 1:
         (topic,) = said or scans
         silent = [absent(each, each, "it is empty") for each in scans if each != topic]
-        return Rig(sensors={_name_of(topic): LaserSensor(topic=topic)}), silent
+        name = _name_of(topic)
+        base = "odometry" if name != "odometry" else "base"
+        odometry, pose, told = _guess_base(frame(topic), tree, poses)
+        if odometry is None:
+            return Rig(sensors={name: LaserSensor(topic=topic)}), silent
+        scanner = LaserSensor(topic=topic, mounted_on=base, room_from_sensor=pose)
+        silent += [Loss(name, 0, 0, told, "a rig.yaml that says where it sits is expected", always=True)] * bool(told)
+        return Rig(sensors={name: scanner, base: odometry}), silent
     if scans:
         raise InputError(
             f"{path}: has {len(scans)} LaserScan topics ({', '.join(scans)}); "
@@ -114,6 +162,41 @@ def guess_rig(path: Path, topics: Mapping[str, Topic]) -> tuple[Rig, list[Loss]]
         )
     have = ", ".join(f"{name} ({topic.msgtype})" for name, topic in sorted(topics.items())) or "none"
     raise InputError(f"{path}: has no usable topic, its topics are: {have}; a {LASER_SCAN} topic is expected")
+
+
+def _guess_base(
+    frame: str, tree: TransformTree, poses: Mapping[str, PoseTopic]
+) -> tuple[OdometrySensor | None, Pose, str]:
+    """Return the odometry of the base that moves a frame, the frame's pose on it, and what had to be assumed.
+
+    The base is the first frame above that moves against its parent; the frame that stands is one called odom (REP 105, it
+    never jumps), else the highest whose child moves. Without transforms, the only Odometry that moves.
+    """
+    try:
+        chain = tree.chain(frame)
+    except InputError:
+        chain = []
+    moving = [number for number, edge in enumerate(chain) if edge.moves]
+    if moving:
+        base = chain[moving[0]].child
+        above = chain[moving[0] : moving[-1] + 1]
+        stands = next((edge.parent for edge in above if edge.parent.split("/")[-1] == "odom"), above[-1].parent)
+        odometry = OdometrySensor(topic=above[0].topic, frame=stands, base_frame=base)
+        return odometry, _pose_on(tree, frame, base), ""
+    on_it = tree.ancestors([frame])
+    found = {topic: each for topic, each in poses.items() if each.msgtype == ODOMETRY and each.moves}
+    for topic, each in found.items():
+        if each.child in on_it:
+            return OdometrySensor(topic=topic), _pose_on(tree, frame, each.child), ""
+    if len(found) == 1 and not any(each in tree.edges for each in on_it):
+        ((topic, each),) = found.items()
+        told = f"moves with {each.child or 'the base'} of {topic}, and no transform tells where it sits on it: at its origin"
+        return OdometrySensor(topic=topic), Pose(), told
+    return None, Pose(), ""
+
+
+def _pose_on(tree: TransformTree, frame: str, base: str) -> Pose:
+    return Pose.from_transform(np.eye(4) if frame.strip("/") == base else tree.static_pose(frame, base))
 
 
 def _name_of(topic: str) -> str:
@@ -130,3 +213,74 @@ def topics_of(topics: Mapping[str, Topic], *msgtypes: str) -> list[str]:
 def _expected(usable: list[str], valid: tuple[str, ...]) -> str:
     have = ", ".join(usable) if usable else "none"
     return f"expected is a topic of {' or '.join(valid)}, of which the bag has {have}"
+
+
+class LeftOut:
+    """Messages left out while observations are read, by topic."""
+
+    def __init__(self) -> None:
+        self.left_out: dict[str, int] = {}
+        self.first: dict[str, tuple[int, str]] = {}
+        self.pairs: dict[str, DepthPairs] = {}
+        self.is_done = False
+
+    def leave_out(self, topic: str, stamp_ns: int, why: str) -> None:
+        """Count a message that cannot be used."""
+        self.left_out[topic] = self.left_out.get(topic, 0) + 1
+        self.first.setdefault(topic, (stamp_ns, why))
+
+    def losses(self, found: SensorTopics, times: Mapping[str, MessageTimes]) -> list[Loss]:
+        """Return what was left out, as losses."""
+        losses = []
+        for topic, count in self.left_out.items():
+            stamp_ns, why = self.first[topic]
+            what = f"cannot be used and were left out, the first at {stamp_ns / NS_PER_S:.2f} s: {why}"
+            losses.append(Loss(found.label(topic), count, len(times[topic]), what, always=True))
+        topic_of = {name: topic for topic, name in found.sensors.items()}
+        depth_of = {name: topic for topic, name in found.depths.items()}
+        for name, each in self.pairs.items() if self.is_done else ():
+            colour, depth = times[topic_of[name]], times[depth_of[name]]
+            if (alone := len(colour) - each.paired - self.left_out.get(topic_of[name], 0)) > 0:
+                within_ms = tolerance_ns(colour.stamp_ns, depth.stamp_ns) / 1e6
+                what = f"are colour pictures without one of depth within half a period ({within_ms:.0f} ms)"
+                remedy = f"see whether {depth_of[name]} comes as often and from the same clock"
+                losses.append(Loss(name, alone, len(colour), what, remedy))
+        return losses
+
+
+def times_of(edge: Edge, rig: Rig, name: str) -> MessageTimes:
+    """Return the times of the transforms that tell a base's poses, as of messages of their own."""
+    sensor = rig.sensors[name]
+    frame = (sensor.frame or "") if isinstance(sensor, OdometrySensor) else ""
+    is_set = np.ones(len(edge.stamps_ns), dtype=bool)
+    return MessageTimes(edge.log_ns, edge.stamps_ns, is_set, Counter({frame: len(edge.stamps_ns)}))
+
+
+def poses_of(found: SensorTopics, stamps: Mapping[str, Nanoseconds], topic: str, number: int) -> Iterator[Odometry]:
+    """Yield the poses that come with the message of this number on a topic of transforms."""
+    for key, (edge, poses) in found.told.items():
+        first, last = np.searchsorted(edge.number, (number, number + 1)) if edge.topic == topic else (0, 0)
+        for k in range(first, last):
+            yield Odometry(found.sensors[key], int(stamps[key][k]), poses[k])
+
+
+def odometry_losses(
+    rig: Rig, found: SensorTopics, tree: TransformTree, poses: Mapping[str, PoseTopic]
+) -> Iterator[Loss]:
+    """Yield what is wrong with the poses of each base: that they jump, and frames above it that have two parents."""
+    for topic, name in found.sensors.items():
+        if topic in found.told:
+            edge, told = found.told[topic]
+            yield from _jumps(name, edge.stamps_ns, told)
+            if tree.doubled:
+                what = f"transforms give a frame two parents, {', '.join(tree.doubled[:5])}: two robots or two drivers"
+                yield Loss(name, 0, 0, what, "the parent of most messages is taken", always=True)
+        elif isinstance(rig.sensors[name], OdometrySensor) and topic in poses:
+            yield from _jumps(name, poses[topic].stamps_ns, poses[topic].poses)
+
+
+def _jumps(name: str, stamps_ns: Nanoseconds, poses: Poses) -> Iterator[Loss]:
+    if (where := jumps(stamps_ns, poses)).size:
+        when = ", ".join(f"{(stamps_ns[k] - stamps_ns[0]) / NS_PER_S:.2f} s" for k in where[:5])
+        what = f"jump, further than any base drives, at {when} from the first"
+        yield Loss(name, where.size, len(poses), what, "trackers take them as they come", always=True)

@@ -25,9 +25,9 @@ from twin.recording import topics
 from twin.recording.bag import normal_type, open_bag
 from twin.recording.bag_files import McapFile
 from twin.recording.reader import Recording
-from twin.recording.rig_checks import first_transforms
 from twin.recording.ros_messages import STRING, TYPESTORE, string_message
 from twin.recording.tables import plain, track_row
+from twin.recording.transforms import TransformTree
 from twin.recording.truth_messages import MARKER_ARRAY, MarkerStyle, PeopleMarkers
 from twin.recording.writer import TF_MESSAGE, latched, transform_message
 
@@ -171,15 +171,15 @@ def _write_start(bag: McapFile, recording: Recording) -> None:
     start = {"start_stamp_ns": recording.start_ns}
     bag.write(START, log_ns, string_message(start))
     with open_bag(recording.path) as original:
-        parents = first_transforms(original)
+        tree = TransformTree.read(original)
+    parents = {child: (edge.parent, edge.parent_from_child[0]) for child, edge in tree.edges.items()}
+    mounted = recording.rig.mounted()
     roots: dict[str, np.ndarray] = {}
     for name, frames in recording.frames.items():
-        for frame in frames:
+        for frame in frames if name not in mounted else ():
             root, sensor_from_root = _to_root(frame.strip("/"), parents)
             if frame and root != topics.ROOM_FRAME and root not in roots:
-                pose, room_from_sensor = recording.rig.sensors[name].room_from_sensor, np.eye(4)
-                room_from_sensor[:3, :3], room_from_sensor[:3, 3] = pose.rotation, pose.translation
-                roots[root] = room_from_sensor @ sensor_from_root
+                roots[root] = recording.rig.sensors[name].room_from_sensor.matrix @ sensor_from_root
     if roots:
         bag.connect(topics.TF_STATIC, TF_MESSAGE, latched(depth=1))
         transforms = [transform_message(root, room_from_root) for root, room_from_root in roots.items()]

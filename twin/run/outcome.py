@@ -175,6 +175,12 @@ def early_warnings(runners: Sequence[TrackerRunner], faults: Mapping[str, Fault]
         faulty = [f"{sensor} ({', '.join(of)})" for sensor, of in names.items() if of]
         among = f"; among them with a fault, which shows in no track: {', '.join(faulty)}" if faulty else ""
         found.append(f"{each.name}: makes no use of {', '.join(unused)}{among}")
+        moved = [sensor for sensor, base in each.rig.mounted().items() if base in unused and sensor not in unused]
+        if moved:
+            found.append(
+                f"{each.name}: takes {', '.join(moved)} to stand, mounted on a base that moves: tracks are in the base's frame, "
+                "in which things that stand look like people; a tracker that uses odometry is expected"
+            )
     return found
 
 

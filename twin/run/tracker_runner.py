@@ -40,7 +40,7 @@ class TrackerRunner:
         self.tracker: Any = None
         self.failure = ""
         self._chosen = chosen
-        self._rig = rig
+        self.rig = rig
         self._file = ExitStack()
         self._fed: FedTracker | None = None
         self._writer: TrackWriter | None = None
@@ -57,11 +57,11 @@ class TrackerRunner:
 
         def made(streamed: str) -> Tracker:
             rng = stream(seed, "tracker", streamed)
-            return make_tracker(self._chosen.target, self._rig, prior, rng, self._chosen.options)
+            return make_tracker(self._chosen.target, self.rig, prior, rng, self._chosen.options)
 
         try:
             self.tracker = made(self.name)
-            faults = misreported(self.tracker, self._rig)
+            faults = misreported(self.tracker, self.rig)
         except (Exception, SystemExit) as error:
             if isinstance(error, InputError):
                 raise
@@ -73,8 +73,8 @@ class TrackerRunner:
             raise InputError("\n".join(f"--tracker {self.name}: {fault}" for fault in faults))
         if jumps_ns:
             names = (f"{self.name}/{number}" for number in count(1))
-            self.tracker = RestartedTracker(self.tracker, lambda: made(next(names)), jumps_ns, self._rig.main_sensor)
-        self._fed = FedTracker(self.tracker, self._rig)
+            self.tracker = RestartedTracker(self.tracker, lambda: made(next(names)), jumps_ns, self.rig.main_sensor)
+        self._fed = FedTracker(self.tracker, self.rig)
 
     @property
     def losses(self) -> Mapping[tuple[str, str], int]:

@@ -159,7 +159,7 @@ STANDS = {
 def test_a_sensor_that_moves_is_told(tmp_path, name):
     messages = (MOVES | STANDS)[name]
     write_ros2_bag(tmp_path / "bag", sorted([*scan_messages("/scan", STAMPS), *messages], key=lambda each: each[2]))
-    told = Recording(tmp_path / "bag").moving
+    told = Recording(tmp_path / "bag", Rig(sensors={"scan": LaserSensor(topic="/scan")})).moving
     assert [line.startswith("scan moves: by /") for line in told] == [True] * (name in MOVES)
 
 

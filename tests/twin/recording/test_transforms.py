@@ -1,0 +1,158 @@
+"""Poses of moving bases in bags: nav_msgs/Odometry, trees of transforms, and what is wrong with them."""
+
+from __future__ import annotations
+
+from math import cos, sin
+
+import numpy as np
+import pytest
+from benchmarks.bag_drill import EPOCH_NS
+from recorded import MS, scan_messages, write_ros2_bag
+from rosbags.typesys.stores.ros2_humble import tf2_msgs__msg__TFMessage as TFMessage
+
+from trackers.errors import InputError
+from trackers.observations import Odometry
+from trackers.pose import Pose
+from trackers.rig import LaserSensor, OdometrySensor, Rig
+from twin.recording.losses import lines
+from twin.recording.reader import Recording
+from twin.recording.ros_messages import encode
+from twin.recording.writer import CAMERA_INFO, TF_MESSAGE, _camera_info, transform_message
+
+STAMPS = [EPOCH_NS + k * 50 * MS for k in range(40)]
+PERIOD_NS = 50 * MS
+
+
+def at(x: float, yaw: float = 0.0, z: float = 0.0) -> np.ndarray:
+    return Pose(xyz=(x, 0.0, z), rpy=(0.0, 0.0, yaw)).matrix
+
+
+def tf(stamp_ns: int, parent: str, child: str, pose: np.ndarray, topic: str = "/tf"):
+    message = TFMessage([transform_message(child, pose, parent=parent, stamp_ns=stamp_ns)])
+    return topic, TF_MESSAGE, stamp_ns + 5 * MS, message
+
+
+def bag(folder, messages):
+    scans = [(topic, kind, log, data) for topic, kind, log, data in scan_messages("/scan", STAMPS[::2])]
+    write_ros2_bag(folder / "bag", sorted([*scans, *messages], key=lambda each: each[2]))
+    return folder / "bag"
+
+
+def driving(base: str = "base_link"):
+    """A base that goes ahead at 1 m/s while it turns, seen every other stamp in front of a scanner on a mast."""
+    moved = [tf(ns, "odom", base, at(0.05 * k, 0.02 * k)) for k, ns in enumerate(STAMPS)]
+    return [*moved, tf(STAMPS[0], base, "mast", at(0.2, z=0.5), "/tf_static")]
+
+
+def of_kind(recording, kind):
+    return [each for each in recording.observations() if isinstance(each, kind)]
+
+
+def test_a_bag_with_a_tree_mounts_its_scanner_on_what_moves(tmp_path):
+    messages = [*driving(), tf(STAMPS[0], "mast", "waist", at(0.1, 0.3), "/tf_static")]
+    messages += [tf(ns, "base_link", "wheel", at(0.0, 0.3 * k)) for k, ns in enumerate(STAMPS)]
+    messages += [tf(ns, "map", "odom", at(3.0)) for ns in STAMPS[::10]]
+    recording = Recording(bag(tmp_path, messages))
+    scanner, base = recording.rig.sensors["scan"], recording.rig.sensors["odometry"]
+    assert isinstance(scanner, LaserSensor) and isinstance(base, OdometrySensor)
+    assert (scanner.mounted_on, base.frame, base.base_frame) == ("odometry", "odom", "base_link")
+    assert np.allclose(scanner.room_from_sensor.matrix, at(0.2, z=0.5) @ at(0.1, 0.3))
+    assert recording.moving == [] and lines(recording.losses) == []
+    poses = of_kind(recording, Odometry)
+    assert [each.stamp_ns for each in poses] == [k * PERIOD_NS for k in range(40)]
+    for k, each in enumerate(poses):
+        assert np.allclose(each.frame_from_base, at(0.05 * k, 0.02 * k), atol=1e-9)
+    assert recording.observation_count == 60 and recording.counts == {"scan": 20, "odometry": 40}
+
+
+def test_a_mast_that_tilts_is_a_base(tmp_path):
+    """Between the transforms of the faster edge the slower one is interpolated."""
+    tilts = [tf(ns + 25 * MS, "base_link", "waist", at(0.0, 0.1 * sin(k), 1.0)) for k, ns in enumerate(STAMPS)]
+    tilts += [tf(ns, "base_link", "waist", at(0.0, 0.1 * cos(k), 1.0)) for k, ns in enumerate(STAMPS)]
+    moved = [tf(ns, "odom", "base_link", at(0.05 * k)) for k, ns in enumerate(STAMPS)]
+    recording = Recording(bag(tmp_path, [*tilts, *moved]))
+    base = recording.rig.sensors["odometry"]
+    assert isinstance(base, OdometrySensor) and (base.frame, base.base_frame) == ("odom", "waist")
+    first, second, *_ = (each.frame_from_base for each in of_kind(recording, Odometry)[10:])
+    assert np.allclose([first[0, 3], second[0, 3]], [0.25, 0.275], atol=1e-6)
+
+
+RIG = Rig(
+    sensors={
+        "scan": LaserSensor(topic="/scan", mounted_on="robot"),
+        "robot": OdometrySensor(topic="/tf", frame="odom", base_frame="mast"),
+    }
+)
+BROKEN = {
+    "a gap": ([*driving()[:-1], tf(STAMPS[0], "body", "mast", at(0.1))], "are in two trees, below 'odom' and 'body'"),
+    "a circle": (
+        [*driving(), tf(STAMPS[0], "mast", "odom", at(0.1))],
+        "transforms go in a circle: (mast|odom|base_link) > ",
+    ),
+    "another name": (driving("base")[:-1], "no transform names a frame 'mast'; .* base, odom"),
+    "nothing moves": (
+        [tf(STAMPS[0], "odom", "mast", at(0.1), "/tf_static")],
+        "all transforms are of /tf_static: the base never moves",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_a_tree_that_tells_no_pose_is_refused(tmp_path, name):
+    messages, said = BROKEN[name]
+    with pytest.raises(InputError, match=rf"the rig: sensors.robot.frame, base_frame: .*{said}"):
+        Recording(bag(tmp_path, messages), RIG)
+
+
+def test_odometry_that_jumps_or_stops_and_a_second_parent_are_told(tmp_path):
+    jumping = [tf(ns, "odom", "mast", at(0.05 * k + 3.0 * (k > 9))) for k, ns in enumerate(STAMPS[:14])]
+    second = [tf(ns, "other/odom", "mast", at(0.1 * k)) for k, ns in enumerate(STAMPS[:5])]
+    told = lines(Recording(bag(tmp_path, [*jumping, *second]), RIG).losses)
+    assert len(told) == 3
+    assert any("robot: 10 of 40 messages are missing" in each for each in told) or any(
+        "silent" in each for each in told
+    )
+    assert any("jump, further than any base drives, at 0.50 s" in each for each in told)
+    assert any("mast (of odom and other/odom)" in each for each in told)
+
+
+def test_messages_of_odometry_keep_their_pose(tmp_path):
+    truth = [Odometry("robot", ns, at(0.1 * k, 0.05 * k, 0.01)) for k, ns in enumerate(STAMPS)]
+    messages = [
+        ("/odom", each.msgtype, ns + MS, each.data) for ns, each in zip(STAMPS, map(encode, truth), strict=True)
+    ]
+    recording = Recording(bag(tmp_path, messages))
+    assert recording.rig.mounted() == {"scan": "odometry"}
+    for was, read in zip(truth, of_kind(recording, Odometry), strict=True):
+        assert np.allclose(was.frame_from_base, read.frame_from_base, atol=1e-12)
+    assert "no transform tells where it sits on it" in lines(recording.losses)[0]
+
+
+def test_a_rig_mounts_on_odometry_alone():
+    with pytest.raises(ValueError, match="mounted_on is 'base', which is no odometry; valid are robot"):
+        Rig(sensors={**RIG.sensors, "low": LaserSensor(topic="/low", mounted_on="base")})
+    with pytest.raises(ValueError, match="odometry alone"):
+        Rig(sensors={"robot": RIG.sensors["robot"]})
+    with pytest.raises(ValueError, match="one of frame and base_frame is missing"):
+        OdometrySensor(topic="/tf", frame="odom")
+    assert LaserSensor(topic="/scan", mounted_on="robot", room_from_sensor=Pose(xyz=(0, 0, -0.1))).mounted_on
+    assert RIG.main_sensor == "scan"
+
+
+def test_lenses_that_a_rig_leaves_out_are_those_of_the_bag(tmp_path):
+    from recorded import RIG as CAMERAS, an_image
+
+    camera = CAMERAS.cameras()["camera"]
+    image = encode(an_image(STAMPS[0]))
+    messages = [("/camera/image/compressed", image.msgtype, STAMPS[0], image.data)]
+    info = [("/camera/camera_info", CAMERA_INFO, STAMPS[0], _camera_info("camera", camera.intrinsics))]
+    rig = tmp_path / "rig.yaml"
+    rig.write_text("sensors: {camera: {kind: fisheye, topic: /camera/image/compressed}}")
+    (tmp_path / "with").mkdir()
+    (tmp_path / "without").mkdir()
+    found = Recording(bag(tmp_path / "with", [*messages, *info]), rig).rig.cameras()["camera"].intrinsics
+    assert found.model_dump(exclude={"field_of_view_rad"}) == camera.intrinsics.model_dump(
+        exclude={"field_of_view_rad"}
+    )
+    with pytest.raises(InputError, match="sensors.camera.intrinsics is missing, and the bag has no sensor_msgs"):
+        Recording(bag(tmp_path / "without", messages), rig)

@@ -1,0 +1,269 @@
+"""Transforms of a bag (`/tf`, `/tf_static`): the tree of frames, who moves in it, and a frame's pose over time.
+
+Conventions of ROS (REP 103, REP 105): a message gives the pose of a child frame in its parent's; each frame has one parent.
+Poses between two messages are interpolated: places linearly, rotations along the shortest arc (slerp).
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from math import degrees
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation, Slerp
+
+from trackers.arrays import Nanoseconds
+from trackers.errors import InputError
+from trackers.observations import NS_PER_S
+from twin.recording.bag import Bag, decoded
+from twin.recording.ros_messages import ODOMETRY, matrix_of, stamp_of
+from twin.recording.topics import TF_STATIC
+
+TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+_POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
+MOVED_M = 0.1
+TURNED_DEG = 2.0
+"""Error of odometry on a robot that stands; a person at 5 m is then off by less than the width of a body."""
+
+Poses = NDArray[np.float64]  # (n, 4, 4)
+
+
+def displacement(poses: Poses) -> tuple[float, float]:
+    """Return the largest translation [m] and rotation [deg] of poses (n, 4, 4) from the first one."""
+    away_m = np.linalg.norm(poses[:, :3, 3] - poses[0, :3, 3], axis=1)
+    turns = Rotation.from_matrix(poses[0, :3, :3].T @ poses[:, :3, :3])
+    return float(away_m.max()), degrees(float(turns.magnitude().max()))
+
+
+_FASTEST_MPS, _FASTEST_RADPS = 15.0, 20.0
+_SLACK_M, _SLACK_RAD = 0.3, 0.3
+"""No base among people is faster; the slack is for stamps that jitter."""
+
+
+def jumps(stamps_ns: Nanoseconds, poses: Poses) -> NDArray[np.intp]:
+    """Return the numbers of the poses to which a base would have had to go faster than any does."""
+    steps = np.linalg.inv(poses[:-1]) @ poses[1:]
+    passed_s = np.abs(np.diff(stamps_ns)) / NS_PER_S
+    far = np.linalg.norm(steps[:, :3, 3], axis=1) > _FASTEST_MPS * passed_s + _SLACK_M
+    turned = Rotation.from_matrix(steps[:, :3, :3]).magnitude() if len(steps) else np.zeros(0)
+    return np.flatnonzero(far | (turned > _FASTEST_RADPS * passed_s + _SLACK_RAD)) + 1
+
+
+def moves(poses: Poses) -> bool:
+    """Return True where poses leave the first one by more than the noise of odometry."""
+    moved_m, turned_deg = displacement(poses)
+    return moved_m > MOVED_M or turned_deg > TURNED_DEG
+
+
+@dataclass(frozen=True, eq=False)
+class Edge:
+    """The poses of a frame in its parent's, over time: stamps_ns, parent_from_child, and the message that brought each.
+
+    number: of the message among those of its topic, in the order read; a message may hold many transforms. log_ns: when each
+    was logged. is_static: read from `/tf_static`.
+    """
+
+    topic: str
+    parent: str
+    child: str
+    is_static: bool
+    stamps_ns: Nanoseconds
+    log_ns: Nanoseconds
+    number: NDArray[np.int64]
+    parent_from_child: Poses
+
+    @cached_property
+    def moves(self) -> bool:
+        """True where the child moves in its parent's frame."""
+        return not self.is_static and moves(self.parent_from_child)
+
+    def at(self, stamps_ns: Nanoseconds) -> Poses:
+        """Interpolate the poses (n, 4, 4) at these stamps [ns]; before the first and after the last it stays there."""
+        stamps, first = np.unique(self.stamps_ns, return_index=True)
+        poses = self.parent_from_child[first]
+        if len(stamps) == 1 or self.is_static:
+            return np.broadcast_to(poses[-1], (len(stamps_ns), 4, 4))
+        since = np.clip(stamps_ns, stamps[0], stamps[-1]) - stamps[0]
+        known = (stamps - stamps[0]).astype(float)
+        found = np.tile(np.eye(4), (len(since), 1, 1))
+        found[:, :3, :3] = Slerp(known, Rotation.from_matrix(poses[:, :3, :3]))(since).as_matrix()
+        found[:, :3, 3] = np.column_stack([np.interp(since, known, poses[:, k, 3]) for k in range(3)])
+        return found
+
+
+class TransformTree:
+    """The frames of a bag, each with the edge to its parent, by the child's name.
+
+    A frame with two parents keeps the one of most messages; `doubled` names the others.
+    """
+
+    def __init__(self, edges: Mapping[str, Edge], doubled: Iterable[str] = ()) -> None:
+        self.edges = dict(edges)
+        self.doubled = tuple(doubled)
+
+    @classmethod
+    def read(cls, bag: Bag, *, in_file_order: bool = False) -> TransformTree:
+        """Read all transforms of a bag; messages and transforms that cannot be used are left out."""
+        types = {name: kind for name, topic in bag.topics.items() if (kind := topic.type_among(TRANSFORMS)) is not None}
+        found: dict[tuple[str, str], _Growing] = {}
+        numbers = dict.fromkeys(types, -1)
+        for topic, log_ns, data, is_ros1 in bag.encoded_messages(types, in_file_order=in_file_order):
+            numbers[topic] += 1
+            try:
+                message = decoded(data, types[topic], is_ros1)
+            except InputError:
+                continue
+            for each in message.transforms:
+                parent, child = each.header.frame_id.strip("/"), each.child_frame_id.strip("/")
+                matrix = matrix_of(each.transform.translation, each.transform.rotation)
+                if np.isfinite(matrix).all() and parent != child:
+                    growing = found.setdefault((child, parent), _Growing(topic))
+                    growing.add(stamp_of(each), log_ns, numbers[topic], matrix)
+        edges: dict[str, Edge] = {}
+        doubled = []
+        for (child, parent), growing in sorted(found.items(), key=lambda item: -len(item[1].stamps)):
+            if child in edges:
+                doubled.append(f"{child} (of {edges[child].parent} and {parent})")
+            else:
+                edges[child] = growing.edge(parent, child)
+        return cls(edges, doubled)
+
+    def chain(self, frame: str) -> list[Edge]:
+        """Return the edges from a frame up to its root; raises InputError for a tree that goes in a circle there."""
+        here, passed, edges = frame.strip("/"), [frame.strip("/")], []
+        while here in self.edges:
+            edges.append(self.edges[here])
+            here = edges[-1].parent
+            if here in passed:
+                circle = " > ".join([*passed[passed.index(here) :], here])
+                raise InputError(
+                    f"transforms go in a circle: {circle}; a tree, in which no frame is above itself, is expected"
+                )
+            passed.append(here)
+        return edges
+
+    def ancestors(self, frames: Iterable[str]) -> set[str]:
+        """Return the frames and all above them; of a circle, all that are in it."""
+        found: set[str] = set()
+        for frame in frames:
+            here: str | None = frame.strip("/")
+            while here is not None and here not in found:
+                found.add(here)
+                here = self.edges[here].parent if here in self.edges else None
+        return found
+
+    def path(self, frame: str, base: str) -> tuple[list[Edge], list[Edge]]:
+        """Return the edges that lead from the base, and those that lead from the frame, up to their common ancestor.
+
+        Raises InputError for frames that are not there, not in one tree, or in a circle.
+        """
+        frame, base = frame.strip("/"), base.strip("/")
+        known = {*self.edges, *(edge.parent for edge in self.edges.values())}
+        for each in (frame, base):
+            if each not in known:
+                have = ", ".join(sorted(known)[:20]) or "none"
+                raise InputError(f"no transform names a frame {each!r}; one of those of the bag is expected: {have}")
+        above_base, above_frame = self.chain(base), self.chain(frame)
+        frames_up = [frame, *(edge.parent for edge in above_frame)]
+        reached = [base, *(edge.parent for edge in above_base)]
+        common = next((each for each in reached if each in frames_up), None)
+        if common is None:
+            raise InputError(
+                f"frames {frame!r} and {base!r} are in two trees, below {frames_up[-1]!r} and {reached[-1]!r}: the transform "
+                "between them is missing; record /tf and /tf_static whole, or name two frames of one tree"
+            )
+        return above_base[: reached.index(common)], above_frame[: frames_up.index(common)]
+
+    def static_pose(self, frame: str, base: str) -> NDArray[np.float64]:
+        """Return the pose (4, 4) of `frame` in that of `base` at first, by their path."""
+        up, down = self.path(base, frame)  # up: from the frame, down: from the base
+        base_from_frame = np.eye(4)
+        for edge in reversed(up):
+            base_from_frame = base_from_frame @ edge.parent_from_child[0]
+        for edge in down:
+            base_from_frame = np.linalg.inv(edge.parent_from_child[0]) @ base_from_frame
+        return base_from_frame
+
+    def poses(self, frame: str, base: str) -> tuple[Edge, Poses]:
+        """Return the poses (n, 4, 4) of the base in a frame, and the edge at whose stamps they are: the one of most messages.
+
+        Raises InputError as `path`, and where no transform between the two moves with time.
+        """
+        up, down = self.path(frame, base)
+        timed = [edge for edge in (*up, *down) if not edge.is_static]
+        if not timed:
+            raise InputError(
+                f"between frames {frame!r} and {base!r} all transforms are of {TF_STATIC}: the base never moves; frames with a "
+                "transform of /tf between them are expected"
+            )
+        main = max(timed, key=lambda edge: len(edge.stamps_ns))
+        whole = np.broadcast_to(np.eye(4), (len(main.stamps_ns), 4, 4))
+        for edge in reversed(up):
+            whole = whole @ edge.at(main.stamps_ns)
+        for edge in down:
+            whole = np.linalg.inv(edge.at(main.stamps_ns)) @ whole
+        return main, np.ascontiguousarray(whole)
+
+
+class _Growing:
+    def __init__(self, topic: str) -> None:
+        self.topic = topic
+        self.stamps, self.log, self.number = array("q"), array("q"), array("q")
+        self.values = array("d")
+
+    def add(self, stamp_ns: int, log_ns: int, number: int, matrix: NDArray[np.float64]) -> None:
+        self.stamps.append(stamp_ns)
+        self.log.append(log_ns)
+        self.number.append(number)
+        self.values.extend(matrix.ravel().tolist())
+
+    def edge(self, parent: str, child: str) -> Edge:
+        stamps, log, number = (np.array(each, dtype=np.int64) for each in (self.stamps, self.log, self.number))
+        poses = np.array(self.values).reshape(-1, 4, 4)
+        return Edge(self.topic, parent, child, self.topic == TF_STATIC, stamps, log, number, poses)
+
+
+def moving_edges(tree: TransformTree, frames: Iterable[str]) -> Iterator[Edge]:
+    """Yield the edges that move between these frames and their roots."""
+    above = tree.ancestors(frames)
+    yield from (edge for child, edge in tree.edges.items() if child in above and edge.moves)
+
+
+@dataclass(frozen=True, eq=False)
+class PoseTopic:
+    """Poses of a moving base on a topic: the frame that moves ('' where not said), and its poses in the one that stands."""
+
+    msgtype: str
+    child: str
+    stamps_ns: Nanoseconds
+    poses: Poses
+
+    @cached_property
+    def moves(self) -> bool:
+        """True where the base moves."""
+        return moves(self.poses)
+
+
+def read_poses(bag: Bag) -> dict[str, PoseTopic]:
+    """Read the topics of Odometry and PoseWithCovarianceStamped; messages that cannot be used are left out."""
+    valid = (ODOMETRY, _POSE)
+    types = {name: kind for name, topic in bag.topics.items() if (kind := topic.type_among(valid)) is not None}
+    found: dict[str, tuple[str, _Growing]] = {}
+    for topic, log_ns, data, is_ros1 in bag.encoded_messages(types):
+        try:
+            message = decoded(data, types[topic], is_ros1)
+        except InputError:
+            continue
+        matrix = matrix_of(message.pose.pose.position, message.pose.pose.orientation)
+        if np.isfinite(matrix).all():
+            child = getattr(message, "child_frame_id", "").strip("/")
+            found.setdefault(topic, (child, _Growing(topic)))[1].add(stamp_of(message), log_ns, 0, matrix)
+    edges = {topic: (child, growing.edge("", child)) for topic, (child, growing) in found.items()}
+    return {
+        topic: PoseTopic(types[topic], child, edge.stamps_ns, edge.parent_from_child)
+        for topic, (child, edge) in edges.items()
+    }
