@@ -27,7 +27,7 @@ from twin.recording.sensor_topics import (
     LeftOut,
     SensorTopics,
     absent,
-    add_told,
+    add_transforms,
     guess_rig,
     odometry_losses,
     poses_of,
@@ -84,7 +84,7 @@ class Recording:
             else:
                 self.rig, silent = guess_rig(path, self.topics, tree, poses, partial(first_frame, bag))
             self.sensor_topics = sensor_topics(path, self.topics, self.rig, source)
-            add_told(self.sensor_topics, tree, self.rig, source)
+            add_transforms(self.sensor_topics, tree, self.rig, source)
             times = read_times(bag, self.sensor_topics.types)
             self._check_has_messages(times)
             self.is_as_written = False
@@ -94,9 +94,13 @@ class Recording:
                 if set_back_ns:
                     self.is_as_written, times = True, written
                     silent += self._set_back(written, set_back_ns)
-                    if self.sensor_topics.told:
-                        add_told(self.sensor_topics, TransformTree.read(bag, in_file_order=True), self.rig, source)
-            times |= {key: times_of(edge, self.rig, self.sensor_topics.sensors[key]) for key, (edge, _) in self._told}
+                    if self.sensor_topics.transforms:
+                        add_transforms(
+                            self.sensor_topics, TransformTree.read(bag, in_file_order=True), self.rig, source
+                        )
+            times |= {
+                key: times_of(edge, self.rig, self.sensor_topics.sensors[key]) for key, (edge, _) in self._transforms
+            }
             right = self._corrected_clocks(times)
             self.ahead_s = right.ahead_s
             self.start_ns = 0 if self.is_twin else self._first_stamp_ns(right)
@@ -117,8 +121,8 @@ class Recording:
         self._reading = LeftOut()
 
     @property
-    def _told(self) -> list[tuple[str, tuple[Edge, Poses]]]:
-        return list(self.sensor_topics.told.items())
+    def _transforms(self) -> list[tuple[str, tuple[Edge, Poses]]]:
+        return list(self.sensor_topics.transforms.items())
 
     @staticmethod
     def _complete(bag: Bag, source: str, content: Any) -> Any:
@@ -219,7 +223,7 @@ class Recording:
             if name in colours
         }
         reading.pairs = pairs
-        of_bases = {edge.topic for edge, _ in found.told.values()}
+        of_bases = {edge.topic for edge, _ in found.transforms.values()}
         types = found.types | {topic: self.topics[topic].type_among(TRANSFORMS) or "" for topic in of_bases}
         numbers = dict.fromkeys(types, -1)
         with open_bag(self.path) as bag:

@@ -154,11 +154,11 @@ def with_intrinsics(bag: Bag, content: Any) -> Any:
             break
     filled = dict(sensors)
     for name, info in waiting.items():
-        filled[name] = sensors[name] | {"intrinsics": _told_by(infos.get(info), info, name, sensors[name])}
+        filled[name] = sensors[name] | {"intrinsics": _intrinsics_of(infos.get(info), info, name, sensors[name])}
     return content | {"sensors": filled}
 
 
-def _told_by(message: Any, info: str, name: str, sensor: Mapping[str, Any]) -> dict[str, Any]:
+def _intrinsics_of(message: Any, info: str, name: str, sensor: Mapping[str, Any]) -> dict[str, Any]:
     """Return the intrinsics that a CameraInfo tells of a camera; raises InputError where it tells none."""
     field = f"sensors.{name}.intrinsics is missing"
     if message is None:

@@ -37,7 +37,7 @@ _BACKGROUND = "/background/"
 class SensorTopics:
     """sensors, depths: the sensor of each topic, and of each topic of depth; types: of the messages that are used of it.
 
-    losses: sensors without a topic, and messages of another type on a topic. told: poses that transforms tell of a base, by a
+    losses: sensors without a topic, and messages of another type on a topic. transforms: poses that transforms tell of a base, by a
     key of their own in `sensors`: the edge at whose messages they come, and the poses (n, 4, 4).
     """
 
@@ -45,7 +45,7 @@ class SensorTopics:
     depths: dict[str, str] = field(default_factory=dict)
     types: dict[str, str] = field(default_factory=dict)
     losses: list[Loss] = field(default_factory=list)
-    told: dict[str, tuple[Edge, Poses]] = field(default_factory=dict)
+    transforms: dict[str, tuple[Edge, Poses]] = field(default_factory=dict)
 
     def of(self, names: Collection[str]) -> SensorTopics:
         """Return the topics of these sensors."""
@@ -53,8 +53,8 @@ class SensorTopics:
             {topic: name for topic, name in each.items() if name in names} for each in (self.sensors, self.depths)
         )
         types = {topic: each for topic, each in self.types.items() if topic in sensors or topic in depths}
-        told = {key: each for key, each in self.told.items() if key in sensors}
-        return SensorTopics(sensors, depths, types, told=told)
+        transforms = {key: each for key, each in self.transforms.items() if key in sensors}
+        return SensorTopics(sensors, depths, types, transforms=transforms)
 
     def label(self, topic: str) -> str:
         """Return the topic's name in warnings: its sensor."""
@@ -71,7 +71,7 @@ def sensor_topics(path: Path, topics: Mapping[str, Topic], rig: Rig, source: str
     wanted = [
         (name, "topic", sensor.topic, MSGTYPES[sensor.kind])
         for name, sensor in rig.sensors.items()
-        if not is_told(sensor)
+        if not is_of_transforms(sensor)
     ]
     wanted += [
         (name, "depth_topic", sensor.depth_topic, _PICTURES)
@@ -101,12 +101,12 @@ def sensor_topics(path: Path, topics: Mapping[str, Topic], rig: Rig, source: str
     return found
 
 
-def is_told(sensor: RigSensor) -> bool:
+def is_of_transforms(sensor: RigSensor) -> bool:
     """Return True for odometry that transforms tell."""
     return isinstance(sensor, OdometrySensor) and sensor.frame is not None
 
 
-def add_told(found: SensorTopics, tree: TransformTree, rig: Rig, source: str) -> None:
+def add_transforms(found: SensorTopics, tree: TransformTree, rig: Rig, source: str) -> None:
     """Add the odometry that transforms tell; raises InputError where they do not, naming the field in `source`."""
     for name, sensor in rig.odometry().items():
         if sensor.frame is not None and sensor.base_frame is not None:
@@ -116,7 +116,7 @@ def add_told(found: SensorTopics, tree: TransformTree, rig: Rig, source: str) ->
                 raise InputError(f"{source}: sensors.{name}.frame, base_frame: {error}") from error
             key = f"{edge.topic}, {sensor.frame} to {sensor.base_frame}"
             found.sensors[key] = name
-            found.told[key] = edge, poses
+            found.transforms[key] = edge, poses
 
 
 def absent(sensor: str, topic: str, why: str) -> Loss:
@@ -144,11 +144,13 @@ def guess_rig(
         silent = [absent(each, each, "it is empty") for each in scans if each != topic]
         name = _name_of(topic)
         base = "odometry" if name != "odometry" else "base"
-        odometry, pose, told = _guess_base(frame(topic), tree, poses)
+        odometry, pose, assumed = _guess_base(frame(topic), tree, poses)
         if odometry is None:
             return Rig(sensors={name: LaserSensor(topic=topic)}), silent
         scanner = LaserSensor(topic=topic, mounted_on=base, room_from_sensor=pose)
-        silent += [Loss(name, 0, 0, told, "a rig.yaml that says where it sits is expected", always=True)] * bool(told)
+        silent += [Loss(name, 0, 0, assumed, "a rig.yaml that says where it sits is expected", always=True)] * bool(
+            assumed
+        )
         return Rig(sensors={name: scanner, base: odometry}), silent
     if scans:
         raise InputError(
@@ -190,8 +192,8 @@ def _guess_base(
             return OdometrySensor(topic=topic), _pose_on(tree, frame, each.child), ""
     if len(found) == 1 and not any(each in tree.edges for each in on_it):
         ((topic, each),) = found.items()
-        told = f"moves with {each.child or 'the base'} of {topic}, and no transform tells where it sits on it: at its origin"
-        return OdometrySensor(topic=topic), Pose(), told
+        assumed = f"moves with {each.child or 'the base'} of {topic}, and no transform tells where it sits on it: at its origin"
+        return OdometrySensor(topic=topic), Pose(), assumed
     return None, Pose(), ""
 
 
@@ -258,7 +260,7 @@ def times_of(edge: Edge, rig: Rig, name: str) -> MessageTimes:
 
 def poses_of(found: SensorTopics, stamps: Mapping[str, Nanoseconds], topic: str, number: int) -> Iterator[Odometry]:
     """Yield the poses that come with the message of this number on a topic of transforms."""
-    for key, (edge, poses) in found.told.items():
+    for key, (edge, poses) in found.transforms.items():
         first, last = np.searchsorted(edge.number, (number, number + 1)) if edge.topic == topic else (0, 0)
         for k in range(first, last):
             yield Odometry(found.sensors[key], int(stamps[key][k]), poses[k])
@@ -269,9 +271,9 @@ def odometry_losses(
 ) -> Iterator[Loss]:
     """Yield what is wrong with the poses of each base: that they jump, and frames above it that have two parents."""
     for topic, name in found.sensors.items():
-        if topic in found.told:
-            edge, told = found.told[topic]
-            yield from _jumps(name, edge.stamps_ns, told)
+        if topic in found.transforms:
+            edge, moved = found.transforms[topic]
+            yield from _jumps(name, edge.stamps_ns, moved)
             if tree.doubled:
                 what = f"transforms give a frame two parents, {', '.join(tree.doubled[:5])}: two robots or two drivers"
                 yield Loss(name, 0, 0, what, "the parent of most messages is taken", always=True)
