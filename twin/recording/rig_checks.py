@@ -1,4 +1,4 @@
-"""What the bag itself says of a rig's sensors: lenses (CameraInfo), and motion (odometry and transforms).
+"""A rig against its bag: lenses from CameraInfo, motion from odometry and transforms.
 
 Lenses that rig.yaml leaves out are taken from there; what it contradicts is reported.
 """

@@ -37,7 +37,7 @@ _BACKGROUND = "/background/"
 class SensorTopics:
     """sensors, depths: the sensor of each topic, and of each topic of depth; types: of the messages that are used of it.
 
-    losses: sensors without a topic, and messages of another type on a topic. transforms: poses that transforms tell of a base, by a
+    losses: sensors without a topic, and messages of another type on a topic. transforms: poses of bases from there, by a
     key of their own in `sensors`: the edge at whose messages they come, and the poses (n, 4, 4).
     """
 
