@@ -1,7 +1,7 @@
-"""Trackers of people: what a user would put on a real robot; nothing here knows of the twin.
+"""Trackers of people, as used on a real robot, independent of the twin.
 
-Observations and the rig go in (`trackers.observations`, `trackers.rig`), tracks come out (`trackers.tracks`).
+Input: observations and the rig (`trackers.observations`, `trackers.rig`); output: tracks (`trackers.tracks`).
 """
 
 DISTRIBUTION = "roomtwin"
-"""Distribution that this package belongs to: others have a package of the same name, and installers overwrite it."""
+"""Distribution of this package: others have a package of the same name, and installers overwrite it."""

@@ -1,6 +1,6 @@
-"""The tracked area: a polygon on the floor, whether it is one, and what lies inside it.
+"""The tracked area: a polygon on the floor, its validity, and tests of points.
 
-Not shapely's, though as fast: who stands on the border must be judged to the bit as in the recordings there are.
+shapely, equally fast, is not used: points on the border must be judged to the bit as in existing recordings.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from trackers.pose import Coordinate
 
 _TOLERANCE_M = 1e-9
 TOLERANCE_M = 1e-6
-"""Distance from a border up to which a point lies on it [m]: numbers that users write are rounded."""
+"""Distance from a border within which a point lies on it [m], as users' numbers are rounded."""
 
 
 class Area:
@@ -32,19 +32,19 @@ class Area:
         self._margin_m = margin_m
         turned = np.array([-self._edge[1], self._edge[0]]) / np.sqrt(self._length_square)
         to_the_middle = self._start.mean(axis=1)[:, None] - self._start
-        rotation = np.sign((turned * to_the_middle).sum())  # 0: it has no inside
+        rotation = np.sign((turned * to_the_middle).sum())  # 0: no inside
         self._inward = rotation * turned.T  # (c, 2), unit vectors
         self._border = (self._inward * self._start.T).sum(axis=1)[:, None]
         self._convex = rotation != 0 and bool((self._inward @ self._start >= self._border - _TOLERANCE_M).all())
 
     def contains(self, points: Array) -> Mask:
-        """Mark points (n, 2) in the polygon or within the margin of its border, (n,)."""
+        """Return a mask (n,) of points (n, 2) in the polygon or within the margin of its border."""
         if not self._convex:
             return self._exactly(points)
-        # how far inside the nearest side's line: all that is to be asked, but in the margin and on the border
+        # distance inside the nearest side's line: sufficient except in the margin and on the border
         depth_m = np.minimum.reduce(self._inward @ points.T - self._border, axis=0)
         inside = depth_m > _TOLERANCE_M
-        if inside.all():  # as most are, most of the time
+        if inside.all():  # the usual case
             return inside
         unsure = ~inside & (depth_m >= -self._margin_m - _TOLERANCE_M)
         if unsure.any():
@@ -64,9 +64,10 @@ class Area:
 
 
 def meets_itself_at(corners: Array) -> Array | None:
-    """Return a place (2,) [m] where the polygon (k, 2) [m] crosses or touches itself; None where its edges meet at corners only.
+    """Return a place (2,) [m] where the polygon (k, 2) [m] crosses or touches itself; None where its edges meet at corners
+    only.
 
-    Corners that repeat, edges that fold back and corners all in one line count as touching.
+    Repeated corners, edges that fold back and collinear corners count as touching.
     """
     count = len(corners)
     edge = np.roll(corners, -1, axis=0) - corners
@@ -117,4 +118,4 @@ def _simple(corners: tuple[Point2, ...]) -> tuple[Point2, ...]:
 
 Point2 = tuple[Coordinate, Coordinate]
 Polygon = Annotated[tuple[Point2, ...], Field(max_length=500), AfterValidator(_simple)]
-"""Corners of a simple polygon in the room frame [m], as configuration has it."""
+"""Corners of a simple polygon in the room frame [m], as in configuration."""

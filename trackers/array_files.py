@@ -1,4 +1,4 @@
-"""Files of arrays (.npz) from anywhere: their headers are read and checked before an array is decoded, so that none is a bomb."""
+"""Untrusted files of arrays (.npz): headers are checked before an array is decoded, against decompression bombs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from trackers.text_file import AnyPath
 
 _WORDS = {"U": "text is", "iu": "whole numbers are", "u": "bytes are", "f": "numbers are", "b": "booleans are"}
 _LONGEST_HEADER = 10_000
-"""Bytes of an array's header; numpy's own limit."""
+"""Greatest length of an array's header; numpy's own limit."""
 _LONGEST_TEXT = 1000
 _MOST_NAMES = 20
 _CHUNK_BYTES = 2**20
@@ -38,24 +38,23 @@ _DAMAGED = (
     EOFError,
     KeyError,
     LookupError,
-    MemoryError,  # a header of brackets within each other
+    MemoryError,  # a header of nested brackets
     RecursionError,
-    RuntimeError,  # an encrypted file, or a way of packing that zipfile does not know
+    RuntimeError,  # an encrypted file, or a compression unknown to zipfile
     SyntaxError,
     TypeError,
     UserWarning,
     ValueError,
 )
-"""Errors that numpy and zipfile raise on a file cut or overwritten at any place."""
+"""Errors of numpy and zipfile on files cut or overwritten anywhere."""
 
 
 @dataclass(frozen=True)
 class ArraySpec:
-    """Declare what an array of a file has to be.
+    """Requirements on an array of a file.
 
-    kinds: numpy's letters of the types that it may have. shape: its sizes, where None is any number and a name one number
-    throughout the file. low, high: the range of its numbers. may_be_nan: NaN may be among them, for what is not known.
-    most: the number of values that it may have.
+    kinds: numpy's letters of permitted types. shape: sizes; None is any number, a name one number throughout the file. low,
+    high: range of its numbers. may_be_nan: NaN allowed, for unknown values. most: greatest number of values.
     """
 
     kinds: str
@@ -68,7 +67,7 @@ class ArraySpec:
 
 @dataclass(frozen=True)
 class _Header:
-    """Header of an array; `length` [bytes] of it."""
+    """Header of an array, and its `length` [bytes]."""
 
     shape: tuple[int, ...]
     fortran_order: bool
@@ -77,10 +76,10 @@ class _Header:
 
 
 def read_arrays(path: AnyPath, specs: Mapping[str, ArraySpec], expected: str) -> dict[str, AnyArray]:
-    """Read the arrays named in `specs` from an .npz; whatever else it holds is left alone.
+    """Read the arrays named in `specs` from an .npz, ignoring others.
 
-    Types, shapes and sizes are checked by the headers, before anything is decoded; ranges afterwards. Raises InputError
-    naming the file, the array, what it holds and what is expected of it, or of the file.
+    Types, shapes and sizes are checked in the headers, before decoding; ranges afterwards. Raises InputError naming the
+    file, the array, its content and what is expected.
     """
     path = Path(path)
     try:
@@ -118,7 +117,7 @@ def _header(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> _Header:
         raise ValueError(f"version {version} of an array's header")
     read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
     with warnings.catch_warnings():
-        warnings.simplefilter("error")  # numpy warns of what it can only guess
+        warnings.simplefilter("error")  # numpy warns where it guesses
         shape, fortran_order, dtype = read(start)
     header = _Header(shape, fortran_order, dtype, start.tell())
     if any(size < 0 for size in header.shape):
@@ -159,7 +158,7 @@ def _decoded(archive: zipfile.ZipFile, member: zipfile.ZipInfo, header: _Header)
     view, at = memoryview(content), 0
     with archive.open(member) as stream:
         stream.read(header.length)
-        while part := stream.read(_CHUNK_BYTES):  # to the end, where its checksum is looked at
+        while part := stream.read(_CHUNK_BYTES):  # to the end, where its checksum is verified
             view[at : at + len(part)] = part
             at += len(part)
     if at != n_byte:
@@ -169,7 +168,7 @@ def _decoded(archive: zipfile.ZipFile, member: zipfile.ZipInfo, header: _Header)
 
 
 def _check_range(name: str, array: AnyArray, spec: ArraySpec, path: Path) -> None:
-    """Raise InputError for a text that is none, and for a number that is not finite or out of range."""
+    """Raise InputError for invalid text, and for a number that is not finite or out of range."""
     if array.dtype.kind == "U":
         code = np.frombuffer(array.tobytes(), np.uint32)
         if ((code > sys.maxunicode) | ((code >= 0xD800) & (code <= 0xDFFF))).any():  # the latter: half a surrogate pair

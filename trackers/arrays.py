@@ -1,7 +1,7 @@
-"""The arrays that functions take and hand back. Their shapes stand beside them, `Float[Array, "n 2"]` (jaxtyping).
+"""Array types of arguments and results, with shapes in annotations, `Float[Array, "n 2"]` (jaxtyping).
 
-A name stands for one size throughout a call; the test run checks dtypes and shapes at every call, nothing else does.
-The aliases are written out: from numpy 2.5 on `numpy.typing.NDArray[...]` is no class, which jaxtyping asks for.
+A name is one size throughout a call; dtypes and shapes are checked in test runs only. The aliases are written out: from
+numpy 2.5 on `numpy.typing.NDArray[...]` is no class, which jaxtyping needs.
 """
 
 from typing import Any

@@ -1,4 +1,4 @@
-"""Checks of what no tracker may break, for authors of plug-ins; recordings are fed with every fault that sensors have."""
+"""Checks of the trackers' contract, for authors of plug-ins; recordings are replayed with every sensor fault."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ _SEED = 0
 def check_tracker(
     make: Make, rig: Rig, observations: Sequence[Observation], background: Sequence[Observation] = ()
 ) -> list[str]:
-    """One sentence for each thing that trackers made by `make(rig, background, rng)` break on a recording; empty: none.
+    """Return one sentence per contract violation of trackers made by `make(rig, background, rng)` on a recording.
 
-    observations: in order of arrival; some seconds with people in them tell the most. Checked: the two calls; the same
-    input gives the same tracks; inputs are left alone; stamps rise; ids are whole numbers, from 1 up, once a frame; x and y
-    are numbers, and the rest numbers or NaN; a status is one of the two; what the tracker has of `trackers.tracks.Reporting`
-    is what it should be, before and after a run, and its detections are of the rig's sensors; and it lives through
-    every fault of `CORRUPTIONS`: observations that are late, doubled, missing or of a sensor that fails. Doubles and
-    what is late are held back from all but a tracker with `takes_any_order`, as wherever trackers are fed.
+    observations: in order of arrival; a few seconds with people are best. Checked: the two calls; the same input gives the
+    same tracks; inputs stay unchanged; stamps rise; ids are whole numbers, from 1 up, once per frame; x and y are numbers,
+    and the rest numbers or NaN; valid status; the optional parts of `trackers.tracks.Reporting`, before and after a run;
+    detections are of the rig's sensors; and the tracker survives every fault of `CORRUPTIONS`: observations that are late,
+    repeated, missing or of a failing sensor. Repeated and late ones reach only a tracker with `takes_any_order`, as
+    everywhere.
     """
     violations: list[str] = []
 
@@ -129,7 +129,7 @@ def _same(first: list[np.ndarray], second: list[np.ndarray]) -> bool:
 
 
 def _middle_third(kind: type[Kind] | tuple[type[Kind], ...], change: Callable[[Kind], Kind]) -> Corruption:
-    """Corrupt the observations of a kind in the middle third; return the very recording where there are none."""
+    """Corrupt the observations of a kind in the middle third; return the same recording without any."""
 
     def corrupt(recording: Recording) -> Recording:
         n = len(recording)
@@ -143,7 +143,7 @@ def _middle_third(kind: type[Kind] | tuple[type[Kind], ...], change: Callable[[K
 
 
 def _pictures(value: int) -> Corruption:
-    """Make pictures one grey, without any depth where they have one: a covered lens, a blinding light."""
+    """Make pictures uniformly grey, without depth: a covered lens, a blinding light."""
 
     def change(picture: Image | DepthImage) -> Image | DepthImage:
         grey = np.full_like(picture.rgb, value)
@@ -163,7 +163,7 @@ def _without_sensor(recording: Recording) -> Recording:
 
 
 def _frozen(recording: Recording) -> Recording:
-    """Let each sensor repeat its last reading under new stamps from the middle on."""
+    """Repeat each sensor's last reading under new stamps from the middle on."""
     last: dict[str, Observation] = {}
     frozen = []
     for place, item in enumerate(recording):
@@ -180,7 +180,7 @@ def _with_gap(recording: Recording) -> Recording:
 
 
 def _with_late(recording: Recording) -> Recording:
-    """Let the observation at a third of the recording arrive after those of the next second."""
+    """Delay the observation at a third of the recording until after those of the next second."""
     if not recording:
         return recording
     fed = list(recording)
@@ -224,5 +224,6 @@ CORRUPTIONS: Mapping[str, Corruption] = {
     "every observation twice": lambda recording: [item for item in recording for _ in range(2)],
     "an observation that comes a second late": _with_late,
 }
-"""Fault injection: by name, what makes of a recording (in order of arrival) one with that fault, or returns the very same where
-no sensor can have it."""
+"""Fault injection: by name, a function from a recording (in order of arrival) to one with the fault, or to the same
+recording if no sensor can have it.
+"""

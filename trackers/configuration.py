@@ -1,4 +1,4 @@
-"""Typed, frozen configuration, and errors that say what would have been valid."""
+"""Typed, frozen configuration, with errors that state what would be valid."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ _SHAPES = {"tuple_type": "a list", "list_type": "a list"} | dict.fromkeys(
 _SHAPES |= {"bool_type": "true or false", "bool_parsing": "true or false", "string_type": "a text"}
 _SHAPES |= dict.fromkeys(("int_type", "int_parsing", "float_type", "float_parsing", "number_type"), "a number")
 _SHAPES |= {"finite_number": "a finite number", "int_parsing_size": f"a whole number of no more than {2**63 - 1}"}
-"""Words for what the file must hold, where pydantic names the Python type."""
+"""Words for the expected content, where pydantic names the Python type."""
 
 
 _MOST_LINES = 50
-"""Of a file with more faults than these the rest is counted."""
+"""Number of faults of a file beyond which the rest is counted."""
 _MOST_SHOWN = 200
-"""Characters of a value that an error tells."""
+"""Number of characters of a value in an error."""
 _LARGEST_NUMBER = 1_000_000_000
-"""No length, time, angle, count or weight is larger, in any unit: the bound of numbers without one of their own."""
+"""Bound of numbers without their own: no length, time, angle, count or weight is larger, in any unit."""
 
 
 def _without_conversions(schema: Any, number: Callable[[Any], Any] | None = None) -> Any:
     """Make `int`, `float` and `bool` of a pydantic schema strict and bounded.
 
-    number: the validator before a number; the keys of a mapping have their own.
+    number: the validator before a number; keys of a mapping have their own.
     """
     number = number or _number
     if isinstance(schema, list | tuple):
@@ -48,7 +48,7 @@ def _without_conversions(schema: Any, number: Callable[[Any], Any] | None = None
         return schema
     kind = schema.get("type")
     if kind == "function-before" and schema["function"]["function"] in (_number, _number_of_key):
-        return schema  # a model within this one
+        return schema  # a nested model
     if kind in ("int", "float"):
         return core_schema.no_info_before_validator_function(number, _bounded(schema))  # pyright: ignore[reportArgumentType]
     if kind == "bool":
@@ -81,7 +81,7 @@ def _number_of_key(value: Any) -> Any:
 
 
 class Typed(BaseModel):
-    """A model whose numbers are finite numbers and whose booleans are booleans: none is made of the other, or of a text."""
+    """Model whose numbers are finite numbers and whose booleans are booleans, without conversions between them or from text."""
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
@@ -90,15 +90,14 @@ class Typed(BaseModel):
 
 
 class Strict(Typed):
-    """Frozen, typed configuration that refuses unknown keys.
+    """Frozen, typed configuration that rejects unknown keys.
 
-    Where the default of a field is a model, a mapping given for it is laid over that very default, so that changing one
-    nested value leaves its siblings as the owner has them. A field with a validator of its own, a preset's name say, takes
-    the mapping as it stands.
+    If a field's default is a model, a given mapping is merged into that default, so that a nested value can be changed
+    alone. A field with its own validator, such as a preset's name, takes the mapping as given.
 
-    former_names: the current name of each field that was renamed, by its former name; with dots the path of one that has moved
-    between nested models. A former name is accepted for one release, with a warning; see `with_current_names`.
-    fixed_values: what a former option, by its path, always is today. It is accepted for one release with that very value.
+    former_names: the current name of each renamed field, by its former name; with dots the path of one moved between nested
+    models. Former names are accepted for one release, with a warning; see `with_current_names`. fixed_values: the constant
+    value of a former option, by its path, accepted with that value for one release.
     """
 
     former_names: ClassVar[Mapping[str, str]] = {}
@@ -116,7 +115,7 @@ class Strict(Typed):
 
 
 def _nested(model: type[BaseModel], given: dict[Any, Any], owner: Mapping[str, Any]) -> dict[str, Any]:
-    """Merge the mappings among `given` that stand for nested models over the owner's values, else over the defaults."""
+    """Merge the mappings among `given` for nested models over the owner's values, else over the defaults."""
     whole = {}
     for name, info in model.model_fields.items():
         change, default = given.get(name), owner.get(name, info.default)
@@ -128,7 +127,7 @@ def _nested(model: type[BaseModel], given: dict[Any, Any], owner: Mapping[str, A
 
 
 def leaves_of(options: BaseModel, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield every option below a model that holds no model itself: its path, with dots, and its value."""
+    """Yield path (dotted) and value of every option below a model that is no model itself."""
     for name in type(options).model_fields:
         value = getattr(options, name)
         if isinstance(value, BaseModel):
@@ -143,16 +142,16 @@ def described(model: type[BaseModel], field: str) -> str:
 
 
 def with_current_names(model: type[BaseModel], content: Any, source: str = "") -> Any:
-    """Return the content of a file with the former names of the model's fields, at every depth, replaced by the current ones.
+    """Return the content of a file with former names of the model's fields, at every depth, replaced by current ones.
 
-    Warn once of each former name, with its path after `source` and the current name. Call it before contents are merged: a
-    field may have its former name in one of them. Raises ValueError where a mapping has both names of a field.
+    Warn once per former name, with its path after `source` and the current name. Call it before contents are merged: only
+    one of them may use the former name. Raises ValueError where a mapping has both names of a field.
     """
     return _current([model], content, source, ())
 
 
 def checked_current_names(model: type[BaseModel], content: Any, source: str) -> Any:
-    """Return `with_current_names`; raises InputError, opening with `source`, where a mapping has both names of a field."""
+    """Return `with_current_names`; raises InputError, with the prefix `source`, where a mapping has both names of a field."""
     try:
         return with_current_names(model, content, source)
     except ValueError as error:
@@ -160,7 +159,7 @@ def checked_current_names(model: type[BaseModel], content: Any, source: str) -> 
 
 
 def current_path(model: type[BaseModel], path: Sequence[str], source: str = "") -> list[str]:
-    """Return the path of a field with former names in it replaced by the current ones; warn as `with_current_names`."""
+    """Return the path of a field with current names; warn as `with_current_names`."""
     nested: Any = None
     for name in reversed(path):
         nested = {name: nested}
@@ -200,7 +199,7 @@ def _current(kinds: Sequence[Any], content: Any, source: str, at: tuple[str, ...
 
 
 def _fixed(model: type[BaseModel]) -> dict[str, Any]:
-    """Return what former options of a model always are: its constants, and its `fixed_values`."""
+    """Return the fixed values of former options of a model: its constants, and its `fixed_values`."""
     constants = model.__class_vars__ - {"model_config", "former_names", "fixed_values"}
     values = {name: getattr(model, name) for name in constants if hasattr(model, name)}
     return values | dict(getattr(model, "fixed_values", {}))
@@ -220,7 +219,7 @@ def _lines(error: ValidationError, model: type[BaseModel], content: Any, source:
     within = Counter(fault["loc"][:depth] for fault in faults for depth in range(len(fault["loc"]) + 1))
     for fault in faults:
         if fault["type"] == "too_short" and within[fault["loc"]] > 1:
-            continue  # short only of the items that are at fault themselves
+            continue  # only the faults of the items themselves
         path = ".".join(_path(fault["loc"], content))
         message = fault["msg"].removeprefix("Value error, ")
         if fault["type"] == "extra_forbidden":
@@ -268,7 +267,7 @@ def _path(location: tuple[int | str, ...], content: Any) -> list[str]:
 
 
 def _valid_keys(model: type[BaseModel], location: tuple[int | str, ...]) -> str:
-    """'; did you mean X; valid here: ...' for an unknown key at this location."""
+    """Return '; did you mean X; valid here: ...' for an unknown key at this location."""
     models: list[Any] = [model]
     for part in location[:-1]:
         models = [inner for each in models for inner in _inner(each, part)]

@@ -1,4 +1,4 @@
-"""Feeding of trackers: observations in order of their stamps, each once, and a new tracker where a clock was set."""
+"""Feeding of trackers: observations ordered by stamp, each once, and a new tracker after a clock was set."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from trackers.tracks import (
 )
 
 MAX_WAIT_S = 0.3
-"""Time for which an observation waits for older ones [s]: two scans and a half at 10 Hz."""
+"""Greatest time that an observation waits for older ones [s]: two and a half scans at 10 Hz."""
 
 LATE = "too late: newer ones had been worked"
 TWICE = "twice under one stamp"
@@ -31,11 +31,11 @@ TWICE = "twice under one stamp"
 
 
 class StampOrder:
-    """Takes observations in order of arrival, hands them on in order of their stamps.
+    """Sorter of observations from order of arrival to order of stamps.
 
-    One is handed on when another at least `max_wait_s` newer has arrived: whatever overtook it by less comes behind it. Of
-    one stamp they leave in order of arrival. What comes when a newer one has been handed on, or comes twice, is dropped and
-    counted in `losses`, by sensor and reason. Stamps are on one clock: the decoder of messages adds the rig's time offsets.
+    An observation leaves when another at least `max_wait_s` newer has arrived; equal stamps leave in order of arrival. One
+    that arrives after a newer one has left, or twice, is dropped and counted in `losses`, by sensor and reason. Stamps are
+    on one clock: the decoder of messages adds the rig's time offsets.
     """
 
     def __init__(self, max_wait_s: float = MAX_WAIT_S) -> None:
@@ -43,17 +43,17 @@ class StampOrder:
         self._held: list[tuple[int, int, Observation]] = []  # a heap by stamp, then arrival
         self._arrived = 0
         self._newest_ns: int | None = None
-        self._left_ns: int | None = None  # the stamp of what was handed on last
-        self._known: set[tuple[int, str]] = set()  # stamps and sensors held, and those that left at the last stamp
+        self._left_ns: int | None = None  # stamp of the last one that left
+        self._known: set[tuple[int, str]] = set()  # stamps and sensors waiting, and those that left at the last stamp
         self.losses: Counter[tuple[str, str]] = Counter()
 
     @property
     def discarded(self) -> int:
-        """Number of observations that were dropped."""
+        """Number of dropped observations."""
         return self.losses.total()
 
     def add(self, observation: Observation) -> list[Observation]:
-        """Take an observation; return what may be handed on now, oldest first."""
+        """Add an observation; return those that may leave now, oldest first."""
         ns, key = observation.stamp_ns, (observation.stamp_ns, observation.sensor)
         is_late = self._left_ns is not None and ns < self._left_ns
         if is_late or key in self._known:
@@ -66,11 +66,11 @@ class StampOrder:
         return self._leave(self._newest_ns - self._max_wait_ns)
 
     def finish(self) -> list[Observation]:
-        """Return what still waits when the observations have ended, oldest first."""
+        """Return the waiting observations at the end, oldest first."""
         return self._leave(None)
 
     def _leave(self, until_ns: int | None) -> list[Observation]:
-        """Hand on what waits of stamps up to this one [ns] (None: all of it)."""
+        """Release waiting observations of stamps up to this one [ns] (None: all)."""
         leaving = []
         while self._held and (until_ns is None or self._held[0][0] <= until_ns):
             leaving.append(heapq.heappop(self._held)[2])
@@ -81,9 +81,9 @@ class StampOrder:
 
 
 class FedTracker:
-    """A tracker and what stands between it and the observations: their order, and the reading of its frames.
+    """Tracker with ordered input and checked frames.
 
-    on_worked: called after each `update` and `finish` of the tracker, for what it tells of that call.
+    on_worked: called after each `update` and `finish` of the tracker, to read its report on that call.
     """
 
     def __init__(self, tracker: Tracker, rig: Rig, on_worked: Callable[[], object] = lambda: None) -> None:
@@ -94,17 +94,17 @@ class FedTracker:
 
     @property
     def discarded(self) -> int:
-        """Observations dropped so far: too late, twice, or no more than the one before again."""
+        """Observations dropped so far: too late, twice, or repeated."""
         late = self._order.discarded if self._order is not None else 0
         return late + discarded(self.tracker)
 
     @property
     def losses(self) -> Counter[tuple[str, str]]:
-        """The same by sensor ('': not said) and reason."""
+        """Dropped observations by sensor ('': unknown) and reason."""
         return Counter(self._order.losses if self._order is not None else {}) + Counter(losses(self.tracker))
 
     def update(self, observation: Observation) -> list[TrackFrame]:
-        """Take one observation in order of arrival; the frames that are complete with it, oldest first."""
+        """Process one observation in order of arrival; return the completed frames, oldest first."""
         return self._frames([observation] if self._order is None else self._order.add(observation))
 
     def finish(self) -> list[TrackFrame]:
@@ -132,7 +132,7 @@ class FedTracker:
 
 
 def track_frames(tracker: Tracker, rig: Rig, observations: Iterable[Observation]) -> Iterator[TrackFrame]:
-    """Feed observations, in order of arrival, to a tracker and yield its frames as they are completed."""
+    """Feed observations, in order of arrival, to a tracker and yield its frames as completed."""
     fed = FedTracker(tracker, rig)
     for observation in observations:
         yield from fed.update(observation)
@@ -140,10 +140,10 @@ def track_frames(tracker: Tracker, rig: Rig, observations: Iterable[Observation]
 
 
 class RestartedTracker:
-    """A tracker until the first of `jumps_ns`, then one that `make` makes, and so on; it reports as the one at work does.
+    """Tracker that is replaced by a new one from `make` at each of `jumps_ns`, and reports as the current one.
 
-    At each stamp in `jumps_ns` [ns] the tracker hands out what it holds back and ends, as nothing it knows of people holds over
-    a clock that was set. Ids are never used again: those of a new tracker go on behind the largest reported.
+    At each stamp in `jumps_ns` [ns] the tracker returns its remaining frames and ends, as its state is invalid after a clock
+    was set. Ids are never reused: those of a new tracker follow the largest reported.
     """
 
     def __init__(self, first: Tracker, make: Callable[[], Tracker], jumps_ns: Iterable[int], main_sensor: str) -> None:
@@ -156,22 +156,22 @@ class RestartedTracker:
         self._detections_before: list[Detection] = []  # of this call, by a tracker that ended in it
 
     def __getattr__(self, name: str) -> Any:
-        """Return what else the tracker at work tells of itself (`trackers.tracks.Reporting`)."""
+        """Return other attributes of the current tracker (`trackers.tracks.Reporting`)."""
         value = getattr(self._tracker, name)
         return self._detections if name == "detections" else value
 
     @property
     def discarded(self) -> int:
-        """Observations dropped so far, by all of them."""
+        """Observations dropped so far by all trackers."""
         return self._losses_before.total() + discarded(self._tracker)
 
     @property
     def losses(self) -> Mapping[tuple[str, str], int]:
-        """The same by sensor and reason."""
+        """Dropped observations by sensor and reason."""
         return self._losses_before + Counter(losses(self._tracker))
 
     def update(self, observation: Observation) -> list[TrackFrame] | None:
-        """Take one observation; the frames it completes, behind those that a tracker which ends here had held back."""
+        """Process one observation; return the completed frames after the remaining ones of a tracker that ends here."""
         self._detections_before = []
         ended: list[TrackFrame] = []
         while self._jumps_ns and observation.stamp_ns >= self._jumps_ns[0]:
@@ -189,13 +189,13 @@ class RestartedTracker:
         return ended or None
 
     def tracks(self) -> list[Track]:
-        """Everybody that the tracker at work follows."""
+        """Return all tracks of the current tracker."""
         tracks = [replace(track, id=track.id + self._ids_above) for track in self._tracker.tracks()]
         self._largest_id = max([self._largest_id, *(track.id for track in tracks)])
         return tracks
 
     def finish(self) -> list[TrackFrame]:
-        """Return the frames that the current tracker still holds back."""
+        """Return the remaining frames of the current tracker."""
         self._detections_before = []
         return self._finished()
 
@@ -211,7 +211,7 @@ class RestartedTracker:
         return self._detections_before + self._detected()
 
     def _renumbered(self, frame: TrackFrame) -> TrackFrame:
-        """Return a frame whose ids, those of its maps too, no tracker before has used."""
+        """Return a frame with ids, also in its maps, that no earlier tracker has used."""
         tracks = tuple(replace(each, id=each.id + self._ids_above) for each in frame.tracks)
         maps = tuple(replace(each, id=each.id + self._ids_above) for each in frame.maps)
         self._largest_id = max([self._largest_id, *(each.id for each in tracks)])

@@ -1,4 +1,4 @@
-"""From the load on a force-sensing resistor to the 8-bit value of its voltage divider, and back."""
+"""Conversion between the load on a force-sensing resistor and the 8-bit value of its voltage divider."""
 
 from __future__ import annotations
 
@@ -10,20 +10,19 @@ from trackers.arrays import Array
 from trackers.configuration import Strict
 
 FULL_SCALE = 255
-"""The value of an element that has no resistance left: the whole supply voltage."""
+"""Value of an element without resistance: the whole supply voltage."""
 
 
 class ForceCurve(Strict):
-    """A force-sensing resistor below a measuring resistor's divider, digitised to 8 bits.
+    """Force-sensing resistor in a divider with a measuring resistor, digitised to 8 bits.
 
-    Its conductance grows with load^`exponent` (resistance falls as an inverse power law); the share of the supply voltage that
-    the divider shows is 1 / (1 + (half_scale_n / load)^exponent): one half where the resistance equals the measuring
-    resistor's. Below `threshold_n` the element has not turned on and reads 0; above `saturation_n` more load changes
-    nothing. All in newton on the element.
+    Its conductance grows with load^`exponent` (resistance falls as an inverse power law); the divider's share of the supply
+    voltage is 1 / (1 + (half_scale_n / load)^exponent): one half where the resistance equals the measuring resistor's. Below
+    `threshold_n` the element reads 0; above `saturation_n` it is constant. All in newton on the element.
 
     Source: Interlink Electronics, FSR integration guide (force curve with turn-on threshold, power law and saturation at a
-    pressure; voltage divider). Default: 10 kg/cm² on 14.5 cm² (the 38.1 mm square of FSR 406), so that one element holds
-    the step of a walking adult.
+    pressure; voltage divider). Default: 10 kg/cm² on 14.5 cm² (the 38.1 mm square of FSR 406), so that one element holds the
+    step of a walking adult.
     """
 
     half_scale_n: float = Field(
@@ -56,7 +55,7 @@ class ForceCurve(Strict):
     def signal(self, load_n: Array) -> Array:
         """Compute the divider's voltage in 8-bit steps, before rounding, for loads of any shape [N]."""
         held = np.minimum(load_n, self.saturation_n)
-        conductance = (held / self.half_scale_n) ** self.exponent  # in that of the measuring resistor
+        conductance = (held / self.half_scale_n) ** self.exponent  # relative to the measuring resistor's
         return np.where(load_n >= self.threshold_n, FULL_SCALE * conductance / (1 + conductance), 0.0)
 
     def values(self, load_n: Array) -> NDArray[np.uint8]:

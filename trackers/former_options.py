@@ -1,4 +1,4 @@
-"""Former names and values of options, accepted for one release with a warning that says what holds today."""
+"""Former names and values of options, accepted for one release with a warning naming the current ones."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def moved(content: dict[Any, Any], paths: Mapping[str, str], source: str, at: tu
 def without_fixed(
     content: dict[Any, Any], fixed: Mapping[str, Any], source: str, at: tuple[str, ...]
 ) -> dict[Any, Any]:
-    """Return nested mappings without the former options that have the value which is fixed today.
+    """Return nested mappings without former options that have their fixed value.
 
     fixed: that value by the option's path (dotted). Raises ValueError for an option of another value.
     """
@@ -72,7 +72,7 @@ def _warn_of_fixed_value(source: str, path: str, always: Any) -> None:
 
 
 def _taken_out(content: Any, path: Sequence[str]) -> tuple[Any, Any]:
-    """Return the value at a path below nested mappings, `_NOTHING` where there is none, and the content without it."""
+    """Return the value at a path in nested mappings, `_NOTHING` if missing, and the content without it."""
     if not isinstance(content, dict) or path[0] not in content:
         return _NOTHING, content
     rest = {key: each for key, each in content.items() if key != path[0]}

@@ -1,7 +1,7 @@
-"""Limits that catch mistakes and attacks: a size is read and compared before anything of that size is made.
+"""Limits against mistakes and attacks: sizes are compared before anything of that size is made.
 
-`--no-limits` lifts them for the process and for those that it starts. Nothing in a scenario, a room or a bag can. Every
-size that memory, disk or time bounds is refused here; what a format or OpenGL bounds is no limit of this kind.
+`--no-limits` lifts them for the process and its children; nothing in a scenario, a room or a bag can. They cover sizes
+bounded by memory, disk or time, not those bounded by a format or OpenGL.
 """
 
 from __future__ import annotations
@@ -11,32 +11,32 @@ import os
 from trackers.errors import InputError
 
 NO_LIMITS = "TWIN_NO_LIMITS"
-"""Environment variable that lifts the limits where it is set: so that workers know it too."""
+"""Environment variable that lifts the limits, also for workers."""
 
 
 def lift_limits() -> None:
-    """Let this process, and those that it starts from now on, make what is larger than the limits."""
+    """Lift the limits for this process and its later children."""
     os.environ[NO_LIMITS] = "1"
 
 
 def are_limits_lifted() -> bool:
-    """Tell whether `--no-limits` was given."""
+    """Return whether `--no-limits` was given."""
     return bool(os.environ.get(NO_LIMITS))
 
 
 def refuse_unless_lifted(said: str, valid: str) -> None:
-    """Raise InputError for what is larger than a limit, if the limits hold.
+    """Raise InputError for a size above a limit, if the limits hold.
 
-    `said` opens the sentence: file, field and what it makes; `valid` is what would be valid.
+    `said`: start of the sentence, with file, field and size; `valid`: what would be valid.
     """
     if not are_limits_lifted():
         raise InputError(f"{said}; {valid}, or --no-limits, is expected")
 
 
 def check_limit(asked: float, most: float, said: str, unit: str = "") -> None:
-    """Raise InputError where `asked` is more than `most` and the limits hold.
+    """Raise InputError where `asked` exceeds `most` and the limits hold.
 
-    `said` opens the sentence: file, field and what it makes; `unit` follows the numbers.
+    `said`: start of the sentence, with file, field and content; `unit` follows the numbers.
     """
     if asked > most:
         what = f" {unit}" if unit else ""

@@ -1,6 +1,6 @@
-"""The rules of a paper's own system as a table: what the paper states, how its silence is filled, what it calls empirical.
+"""Rules of a paper's own system as a table: stated by the paper, filled in where it is silent, or called empirical.
 
-A preset `NAME-paper` is such a table: nothing else of ours is on in it. `twin list trackers --rules NAME` prints it.
+A preset `NAME-paper` has exactly these rules. `twin list trackers --rules NAME` prints them.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ KINDS: Mapping[Kind, str] = {
 
 @dataclass(frozen=True)
 class PaperRule:
-    """One rule of a paper's system, and the options of the tracker that say it (none: the tracker knows no other rule).
+    """One rule of a paper's system, and the tracker's options for it (none: the tracker has no alternative).
 
-    where: section, equation or figure; text: of a stated rule what the paper says; of an unstated one the filling, why, and its
-    effect; of an empirical one the value and the sweep that chose it.
+    where: section, equation or figure; text: of a stated rule the paper's words; of an unstated one our choice, reason and
+    its effect; of an empirical one the value and the sweep that chose it.
     """
 
     name: str
@@ -35,7 +35,7 @@ class PaperRule:
 
 
 def options_of(rules: Iterable[PaperRule]) -> dict[str, Any]:
-    """Return the options that these rules set together. Raises ValueError where two of them set the same one."""
+    """Return the joint options of these rules. Raises ValueError where two of them set the same one."""
     options: dict[str, Any] = {}
     taken: dict[str, str] = {}
     for rule in rules:
@@ -48,7 +48,7 @@ def options_of(rules: Iterable[PaperRule]) -> dict[str, Any]:
 
 
 def option_paths(options: Mapping[str, Any], above: str = "") -> Iterator[str]:
-    """Yield the options of a mapping by their paths with dots."""
+    """Yield the dotted paths of the options of a mapping."""
     for name, value in options.items():
         if isinstance(value, Mapping):
             yield from option_paths(value, f"{above}{name}.")
@@ -57,7 +57,7 @@ def option_paths(options: Mapping[str, Any], above: str = "") -> Iterator[str]:
 
 
 def at_paths(options: Mapping[str, Any], paths: Iterable[str]) -> dict[str, Any]:
-    """Return the part of options that these paths name. Raises KeyError for a path that they have not."""
+    """Return the options at these paths. Raises KeyError for a missing path."""
     part: dict[str, Any] = {}
     for path in paths:
         value: Any = options
@@ -70,7 +70,7 @@ def at_paths(options: Mapping[str, Any], paths: Iterable[str]) -> dict[str, Any]
 
 
 def rules_markdown(title: str, rules: Iterable[PaperRule]) -> str:
-    """Return the table as Markdown, a section per kind of rule."""
+    """Return the table as Markdown, one section per kind of rule."""
     rules = list(rules)
     lines = [f"## {title}"]
     for kind, heading in KINDS.items():

@@ -1,14 +1,14 @@
-"""Read YAML and JSON of users as plain data of bounded size, and merge mappings.
+"""Read users' YAML and JSON as plain data of bounded size, and merge mappings.
 
-Mappings with text or numbers as keys, lists, texts, numbers, booleans and nothing else. What makes other readers hang,
-run out of memory or stack, or raise all kinds of exceptions is one sentence here: aliases that grow without end or hold
+Only mappings with text or numbers as keys, lists, texts, numbers and booleans. Input that makes other readers hang, run out
+of memory or stack, or raise various exceptions is reported in one sentence: aliases that grow without end or hold
 themselves, deep nesting, numbers of thousands of digits, keys that are lists, tags of other types.
 
-A bare word is what it looks like: true and false are booleans, decimal numbers are numbers, null and ~ nothing. What YAML 1.1,
-YAML 1.2 and Python read as different things is the text that it is, which no field of numbers or booleans takes: yes, no, on,
-off, 010, 0x10, 1_000, 12:30:00, dates.
+A bare word is interpreted literally: true and false are booleans, decimal numbers are numbers, null and ~ nothing. Words
+that YAML 1.1, YAML 1.2 and Python interpret differently are texts, which no field of numbers or booleans accepts: yes, no,
+on, off, 010, 0x10, 1_000, 12:30:00, dates.
 
-libyaml reads and writes where PyYAML has it, several times faster; else PyYAML's own reader and writer do.
+libyaml is used if PyYAML has it, several times faster than PyYAML's own reader and writer.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ except ImportError:  # a PyYAML built without libyaml
     from yaml.dumper import SafeDumper as _SafeDumper
 
     class _Events(Reader, Scanner, Parser):
-        """The events of a text."""
+        """Events of a text."""
 
         def __init__(self, stream: str) -> None:
             Reader.__init__(self, stream)
@@ -46,12 +46,12 @@ except ImportError:  # a PyYAML built without libyaml
 
 
 DEEPEST = 64
-"""Mappings and lists within each other."""
+"""Greatest nesting of mappings and lists."""
 _TOO_DEEP = f"more than {DEEPEST} lists and mappings in each other"
 MOST_VALUES = 1_000_000
-"""Keys, values, lists and mappings of one text, those that an alias repeats counted each time."""
+"""Greatest number of keys, values, lists and mappings of a text, counting repetitions by aliases."""
 LONGEST_NUMBER = 64
-"""Characters of a number."""
+"""Greatest length of a number, in characters."""
 
 _TAG = "tag:yaml.org,2002:"
 _NUMBERS = (f"{_TAG}int", f"{_TAG}float")
@@ -71,21 +71,21 @@ _WORDS = {
         "-+.0123456789",
     ),
 }
-"""Patterns of bare words of each type, and their first characters; asked in this order."""
-_OF_1_1 = ("merge", "value")  # '<<' and '=', which are refused
+"""Patterns of bare words of each type, and their first characters; tried in this order."""
+_OF_1_1 = ("merge", "value")  # '<<' and '=', which are rejected
 _COLOUR = re.compile(r"\s*:?\s*(#(?:[0-9a-fA-F]{3}|[0-9a-fA-F]{6}|[0-9a-fA-F]{8}))(?=[\s,\]}]|$)")
 _FLOW_COLOUR = re.compile(r"[\[{,:]" + _COLOUR.pattern)
 _QUOTED_OR_COLOUR = re.compile(
     r"""("(?:[^"\\]|\\.)*"|'(?:[^']|'')*')|(?<![^\s\[{,])(#[0-9a-fA-F]{3,8})(?=[\s,\]}]|$)"""
 )
-"""A quoted text, which stays as it is, or a bare colour."""
+"""A quoted text, left unchanged, or a bare colour."""
 
 
 _OTHER_BREAKS = re.compile("[\r\x85\u2028\u2029]")
 
 
 class _PlainResolver(Resolver):
-    """The types of bare words."""
+    """Resolver of the types of bare words."""
 
 
 _PlainResolver.yaml_implicit_resolvers = {
@@ -97,7 +97,7 @@ for _tag, (_pattern, _first) in _WORDS.items():
 
 
 class _Dumper(_SafeDumper):  # pyright: ignore[reportGeneralTypeIssues]
-    """Quotes a text that YAML 1.1 or this module would read as something else."""
+    """Dumper that quotes texts which YAML 1.1 or this module would read as something else."""
 
     def represent_text(self, text: str) -> ScalarNode:
         """Represent a text; line breaks that readers would change are escaped in double quotes."""
@@ -110,7 +110,7 @@ _Dumper.add_implicit_resolver(_tag, re.compile(rf"(?:{_pattern.pattern})\Z"), li
 
 
 class _Loader(Composer, SafeConstructor, _PlainResolver, _Events):  # pyright: ignore[reportGeneralTypeIssues]
-    """Events of a text made into plain data; depth and size are counted before anything is made of them."""
+    """Loader of plain data; depth and size are checked during composition."""
 
     def __init__(self, stream: str) -> None:
         self._lines = stream.split("\n")
@@ -120,7 +120,7 @@ class _Loader(Composer, SafeConstructor, _PlainResolver, _Events):  # pyright: i
         BaseResolver.__init__(self)
         self._depth = 0
         self._n_value = 0
-        self._n_within: dict[Node, int] = {}  # of the anchored nodes that are whole
+        self._n_within: dict[Node, int] = {}  # of the completed anchored nodes
 
     def compose_node(self, parent: Node | None, index: Any) -> Node | None:
         """Compose the node of the next events."""
@@ -174,14 +174,14 @@ class _Loader(Composer, SafeConstructor, _PlainResolver, _Events):  # pyright: i
             raise ConstructorError(None, None, f"{node.value!r} is no {kind}", node.start_mark) from error
 
     def _check_no_colour(self, mark: Any) -> None:
-        """Refuse nothing where a colour was meant: after a blank, # begins a comment."""
+        """Raise for an empty value before a colour: after a blank, # begins a comment."""
         line = self._lines[mark.line] if mark.line < len(self._lines) else ""
         found = _COLOUR.match(line[mark.column :])
         if found:
             raise ConstructorError(None, None, _no_colour(found.group(1)), mark)
 
     def construct_mapping(self, node: MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """Construct the mapping. Refuse a repeated key, which plain YAML would silently overwrite."""
+        """Construct the mapping; reject a repeated key, which plain YAML would silently overwrite."""
         seen = set()
         for key_node, value_node in node.value if isinstance(node, MappingNode) else ():
             if isinstance(value_node, ScalarNode) and value_node.value == "":
@@ -204,9 +204,9 @@ def parse_yaml(text: str, source: str, expected: str) -> dict[str, Any]:
 
 
 def parse_yaml_value(text: str, source: str) -> Any:
-    """Whatever a YAML text holds; `source` opens the sentence of the InputError for one that is none.
+    """Parse any YAML text; `source`: start of the InputError's sentence.
 
-    A text that begins with # is a text, and so is a bare colour in a list or mapping: an argument holds no comments.
+    A text, or a bare item of a list or mapping, may begin with #: an argument holds no comments.
     """
     if text.lstrip().startswith("#"):
         return text.strip()
@@ -215,7 +215,7 @@ def parse_yaml_value(text: str, source: str) -> Any:
 
 
 def dump_yaml(content: Any) -> str:
-    """Plain data as YAML, mappings in their order, which `parse_yaml` and readers of YAML 1.1 read as the same."""
+    """Format plain data as YAML in the order of mappings, read identically by `parse_yaml` and YAML 1.1 readers."""
     return yaml.dump(content, Dumper=_Dumper, sort_keys=False, allow_unicode=True)
 
 
@@ -226,13 +226,13 @@ def _loaded(text: str, source: str, expected: str, *, tells_line: bool) -> Any:
         mark = getattr(error, "problem_mark", None)
         where = f"{source}, line {mark.line + 1}" if mark is not None and tells_line else source
         problem = getattr(error, "problem", None) or str(error).splitlines()[0]
-        if problem == "exceeded maximum nesting depth":  # libyaml's own limit, of the texts that it reads ahead
+        if problem == "exceeded maximum nesting depth":  # libyaml's own limit, as it reads ahead
             problem = _TOO_DEEP
         line = text.split("\n")[mark.line - 1 if mark.line else 0] if isinstance(error, ParserError) and mark else ""
-        if swallowed := _FLOW_COLOUR.search(line):  # and what closes the list with it
+        if swallowed := _FLOW_COLOUR.search(line):  # with the bracket that closes the list
             problem = _no_colour(swallowed.group(1))
         raise InputError(f"{where}: not valid YAML ({problem}); {expected} is expected") from error
-    except UnicodeEncodeError as error:  # an argument whose bytes are no UTF-8
+    except UnicodeEncodeError as error:  # an argument that is no valid UTF-8
         raise InputError(f"{source!r}: not valid YAML (it is not UTF-8); {expected} is expected") from error
 
 
@@ -241,7 +241,7 @@ def _no_colour(colour: str) -> str:
 
 
 def _load(text: str) -> Any:
-    text.encode("utf-8")  # half a surrogate pair is refused
+    text.encode("utf-8")  # rejects half a surrogate pair
     loader = _Loader(text)
     try:
         return loader.get_single_data()
@@ -257,7 +257,7 @@ def parse_json(text: str, source: str, expected: str) -> Any:
 
     try:
         content = json.loads(text, parse_constant=refuse)
-        json.dumps(content, ensure_ascii=False).encode("utf-8")  # half a surrogate pair can be written nowhere
+        json.dumps(content, ensure_ascii=False).encode("utf-8")  # half a surrogate pair cannot be written
     except json.JSONDecodeError as error:
         raise InputError(f"{source}, line {error.lineno}: is not JSON ({error.msg}); {expected} is expected") from error
     except RecursionError as error:
@@ -274,9 +274,9 @@ def parse_json(text: str, source: str, expected: str) -> Any:
 
 
 def deep_merge(base: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
-    """Merge `change` into `base`: mappings merge at every depth, everything else is replaced.
+    """Merge `change` into `base`: mappings merge at every depth, other values are replaced.
 
-    A mapping whose `kind` differs from that in `base` has other fields and replaces it.
+    A mapping with another `kind` than in `base` replaces it, since its fields differ.
     """
     merged = dict(base)
     for key, value in change.items():

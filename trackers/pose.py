@@ -1,4 +1,4 @@
-"""A rigid transform: where something is and how it is turned."""
+"""Rigid transforms: position and orientation."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from scipy.spatial.transform import Rotation
 from trackers.configuration import Strict
 
 Coordinate = Annotated[float, Field(ge=-1e8, le=1e8, allow_inf_nan=False)]
-"""A length along an axis [m], or an angle: within what floats tell apart by less than a micrometre, on Earth and around."""
+"""Length along an axis [m], or angle: within the range in which floats resolve a micrometre."""
 
 Point3 = tuple[Coordinate, Coordinate, Coordinate]
 
 
 @lru_cache(maxsize=256)
 def _rotation(rpy: Point3) -> NDArray[np.float64]:
-    """Asked for again and again of the few sensors there are."""
+    """Return the rotation matrix; cached for the few sensors."""
     return Rotation.from_euler("xyz", rpy).as_matrix()
 
 

@@ -1,4 +1,4 @@
-"""Prior: all that a tracker may know of a room before people enter, the same live, from a recording and in a suite."""
+"""Prior: all that a tracker may know of a room before people enter, live, from a recording and in a suite."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Prior(Sequence[Observation]):
-    """Observations of the empty room, in order, and what else is known beforehand; handed to a tracker as its `background`.
+    """Observations of the empty room, in order, and other prior knowledge; a tracker's `background`.
 
-    environment: the room's walls, furniture and free space, in the room frame (None: not known). learned: files that a
-    tracker has learned beforehand, by name; they come from anywhere, so they are read in a format that runs no code (no pickle).
+    environment: the room's walls, furniture and free space, in the room frame (None: unknown). learned: files that a tracker
+    has learned beforehand, by name; untrusted, so read in a format that runs no code (no pickle).
     """
 
     background: Sequence[Observation] = ()
@@ -38,12 +38,12 @@ class Prior(Sequence[Observation]):
 
     @classmethod
     def of(cls, background: Iterable[Observation]) -> Prior:
-        """Return a prior as it is, and observations of an empty room as a prior of nothing else."""
+        """Return a prior as it is, and observations of an empty room as a prior without files."""
         return background if isinstance(background, Prior) else cls(tuple(background))
 
     @classmethod
     def read(cls, background: Iterable[Observation], files: PriorFiles, rig: Rig) -> Prior:
-        """Read the prior in `files`, whose paths are absolute and exist, for a rig.
+        """Read the prior's `files`, with absolute and existing paths, for a rig.
 
         Raises InputError for an environment that is damaged or of another room than the rig's.
         """

@@ -1,4 +1,4 @@
-"""Connections to a Dask scheduler by its address. Dask is loaded at a call, not before."""
+"""Connections to a Dask scheduler by address. Dask is imported at a call, not before."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ _EXPECTED = "the address of a running Dask scheduler, like tcp://host:8786, is e
 def connected(address: str, said: str, direct: bool = False) -> Client:
     """Connect to the Dask scheduler at this address; direct: the client talks to the workers itself.
 
-    said: what the address was given as, for the sentence. Raises InputError, within seconds, where this is no address of a
-    Dask scheduler, or where nothing listens there.
+    said: source of the address, for the error. Raises InputError, within seconds, for an invalid address or one without a
+    scheduler.
     """
     from distributed import Client
 
@@ -36,9 +36,9 @@ def _check(address: str, said: str) -> None:
     try:
         parts = urlsplit(address if "://" in address else f"tcp://{address}")
         host, port = parts.hostname, parts.port
-    except ValueError as error:  # a port that is no number, a bracket that does not close
+    except ValueError as error:  # an invalid port, or an unclosed bracket
         raise InputError(f"{said}: is no address ({error}); {_EXPECTED}") from error
-    if parts.scheme == "inproc":  # this very process
+    if parts.scheme == "inproc":  # this process
         return
     if parts.scheme not in _SCHEMES or not host or port is None:
         raise InputError(f"{said}: is no address; {_EXPECTED}")
@@ -46,7 +46,7 @@ def _check(address: str, said: str) -> None:
         with socket.create_connection((host, port), timeout=_ANSWER_S) as asked:
             if parts.scheme == "tcp" and not asked.recv(
                 1
-            ):  # Dask speaks first; its client waits for ever for what does not
+            ):  # a Dask server speaks first; the client waits forever for one that does not
                 raise ConnectionError("what listens there says nothing")
     except (OSError, UnicodeError) as error:
         raise InputError(f"{said}: nobody answers there ({error}); {_EXPECTED}") from error

@@ -1,4 +1,4 @@
-"""Simple online and realtime tracking (Bewley et al., 2016) on the ground plane: the baseline beside every other tracker."""
+"""Simple online and realtime tracking (Bewley et al., 2016) on the ground plane: the baseline of all trackers."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from trackers.tracks import Detection, Track, TrackFrame
 
 
 class SortOptions(Strict):
-    """Options of the baseline: its filter, its gates, and those of every tracker."""
+    """Options of the baseline: filter, gates, and common track management."""
 
     former_names: ClassVar = {
         "hits": "track_management.confirm_hits",
@@ -51,15 +51,14 @@ class SortOptions(Strict):
 
 @dataclass(frozen=True, eq=False)
 class KalmanTracks(Rows):
-    """n Kalman filters over (x, vx, y, vy) [m, m/s], one per track, worked together: the bits are those of `filterpy`, one by
-    one."""
+    """n Kalman filters over (x, vx, y, vy) [m, m/s], batched, bit-identical to `filterpy`."""
 
     mean: Float[Array, "n 4"]
     covariance: Float[Array, "n 4 4"]
 
     @classmethod
     def started(cls, places: Float[Array, "n 2"]) -> KalmanTracks:
-        """Return filters of people who stand at `places` [m]."""
+        """Return filters of people standing at `places` [m]."""
         mean = np.zeros((len(places), 4))
         mean[:, ::2] = places
         return cls(mean, np.tile(np.diag([0.01, 1.0] * 2), (len(places), 1, 1)))
@@ -74,12 +73,12 @@ class KalmanTracks(Rows):
         return (self.covariance[:, ::2, ::2] + np.eye(2) * measurement_m**2)[:, None]
 
     def predicted(self, F: Float[Array, "n 4 4"], Q: Float[Array, "4 4"]) -> Self:
-        """Return F x and F P Fᵀ + Q of each."""
+        """Return F x and F P Fᵀ + Q of each filter."""
         mean = (F @ self.mean[..., None])[..., 0]
         return type(self)(mean, F @ self.covariance @ F.swapaxes(1, 2) + Q)
 
     def updated(self, rows: Int[Index, "k"], positions: Float[Array, "k 2"], measurement_m: float) -> Self:
-        """Return all tracks, those at `rows` after a measured position of each [m]; the covariance in Joseph's form."""
+        """Return all tracks, with those at `rows` updated by measured positions [m]; the covariance in Joseph's form."""
         if len(rows) == 0:
             return self
         return self.replaced(rows, self.select(rows)._after(positions, measurement_m))
@@ -95,7 +94,7 @@ class KalmanTracks(Rows):
 
 
 class Sort(SynchronizedTracker):
-    """Trunks, else legs, of all scanners; a Kalman filter per person. Raises InputError for a rig without a scanner."""
+    """One Kalman filter per person on trunks, else legs, of all scanners. Raises InputError for a rig without a scanner."""
 
     Options = SortOptions
 
@@ -113,7 +112,7 @@ class Sort(SynchronizedTracker):
         self.seen = []
 
     def detections(self) -> list[Detection]:
-        """Return what the last frames showed, trunks first."""
+        """Return the detections of the last frames, trunks first."""
         return [
             each
             for ns, seen in self.seen
@@ -122,7 +121,7 @@ class Sort(SynchronizedTracker):
         ]
 
     def tracks(self) -> list[Track]:
-        """Return the tracks to report as of the last frame, in the order of their starts."""
+        """Return the tracks to report for the last frame, in the order of their starts."""
         roster = self.roster
         shown = self.manager.reported(roster, self.ns).nonzero()[0]
         measured = measured_now(roster, self.ns)
@@ -159,14 +158,14 @@ class Sort(SynchronizedTracker):
         roster = manager.confirm(roster, manager.to_confirm(roster, self.ns, self.ns - last_ns))
         roster = roster.select(manager.lasting(roster, self.ns))
         whole[columns] = False
-        for place in body[whole]:  # each keeps the next ones away
+        for place in body[whole]:  # each excludes later ones near it
             if manager.may_start(place[None], roster.state.positions)[0]:
                 new = KalmanTracks.started(place[None])
                 roster = roster.joined(Roster.started(new, self.ns))
         self.roster = roster
 
     def _predict(self, last_ns: int) -> None:
-        """Predict all filters to the frame's stamp; a track that was missed last is likelier to stop than to walk on."""
+        """Predict all filters to the frame's stamp; a track just missed is likelier to stop than to walk on."""
         dt = (self.ns - last_ns) / NS_PER_S
         F = np.stack(
             [of_both_axes(np.array([[1, dt], [0, keep]])) for keep in (np.exp(-dt / self.options.slowdown_s), 1)]

@@ -1,4 +1,4 @@
-"""Text files from users: read whole, up to a size, or refused in one sentence."""
+"""Text files from users: read completely up to a size, or rejected in one sentence."""
 
 from __future__ import annotations
 
@@ -11,17 +11,16 @@ from trackers.errors import InputError
 from trackers.limits import are_limits_lifted, refuse_unless_lifted
 
 AnyPath = str | os.PathLike[str]
-"""A path as callers may have it."""
+"""A path in any form accepted from callers."""
 
 MOST_TEXT_BYTES = 64 * 1024 * 1024
-"""A file of text larger than this is not one that people write: it is refused unread."""
+"""Size above which a text file is rejected unread, since people do not write such files."""
 
 
 def read_text(source: AnyPath, expected: str, most_bytes: int | None = MOST_TEXT_BYTES) -> str:
     """Read a UTF-8 text file. Raises InputError naming the file and its `expected` content.
 
-    No more than `most_bytes` are ever held (None: all of it) unless the limits are lifted. A device, which may never
-    end, is refused.
+    At most `most_bytes` are read (None: all) unless the limits are lifted. A device, which may never end, is rejected.
     """
     source = Path(source)
     try:
@@ -45,7 +44,7 @@ def read_text(source: AnyPath, expected: str, most_bytes: int | None = MOST_TEXT
 
 
 def is_file(path: AnyPath) -> bool:
-    """Tell whether there is a file of this path; one that no file can have (too long, a NUL in it) names none."""
+    """Return whether this file exists; False for an impossible path (too long, a NUL in it)."""
     try:
         return Path(path).is_file()
     except (OSError, ValueError):

@@ -1,4 +1,4 @@
-"""Tracks: the reports of trackers, the two calls that make a tracker, and the optional parts of one."""
+"""Tracks: the output of trackers, the tracker interface of two calls, and its optional parts."""
 
 from __future__ import annotations
 
@@ -18,10 +18,11 @@ Status = Literal["confirmed", "coasting"]
 
 
 class NanEqual:
-    """Base of a dataclass (`eq=False`) whose NaN fields say "unknown": two that are alike and know the same are equal.
+    """Base of a dataclass (`eq=False`) whose NaN fields mean "unknown": equal if all other fields are, with NaN in the same
+    ones.
 
-    NaN differs from itself; tuples, and so the comparisons that dataclasses had before Python 3.13, hide that for the same
-    object only.
+    NaN differs from itself; tuples, and so the comparisons of dataclasses before Python 3.13, hide that for the same object
+    only.
     """
 
     __slots__ = ()
@@ -33,19 +34,19 @@ class NanEqual:
         return hash((type(self), self._known()))
 
     def _known(self) -> tuple[object, ...]:
-        """Return the fields in their order, None for NaN."""
+        """Return the fields in order, None for NaN."""
         values = (getattr(self, each.name) for each in fields(self))  # pyright: ignore[reportArgumentType]
         return tuple(None if isinstance(value, float) and value != value else value for value in values)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Track(NanEqual):
-    """One person as a tracker sees them, in the room frame; NaN where the tracker does not estimate a quantity.
+    """One tracked person, in the room frame; NaN for quantities not estimated.
 
-    x, y: ground point under the pelvis [m]; z: height of the pelvis [m]; vx, vy: velocity [m/s]; head_*: centre of
-    the head [m] and its yaw [rad]; status: measured lately ("confirmed") or predicted only ("coasting"); situation: how
-    they stand to others, where the tracker tells that, in a word or two for the preview; radius95_m: radius about (x, y) that
-    holds the person with a probability of 95 % by the tracker's posterior [m].
+    x, y: ground point under the pelvis [m]; z: height of the pelvis [m]; vx, vy: velocity [m/s]; head_*: centre of the head
+    [m] and its yaw [rad]; status: measured lately ("confirmed") or only predicted ("coasting"); situation: relation to
+    others in a word or two for the preview, if known; radius95_m: radius about (x, y) that holds the person with a
+    probability of 95 % by the tracker's posterior [m].
     """
 
     id: int
@@ -65,21 +66,20 @@ class Track(NanEqual):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoreMap:
-    """A map of where in a camera's picture a person may be, for the preview."""
+    """Map of the score of a person's position in a camera's picture, for the preview."""
 
     id: int
     sensor: str
     corner: tuple[int, int]  # column and row of the map's first pixel in the picture
     score: NDArray[np.floating]  # (height, width) ≥ 0
-    patches: NDArray[np.floating]  # (k, 2) [px]: centres of what was looked at
+    patches: NDArray[np.floating]  # (k, 2) [px]: centres of the evaluated patches
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hypotheses:
-    """Places where a person, or their head, may be, some of its hypotheses for the preview.
+    """Some hypotheses of the position of a person, or their head, for the preview.
 
-    window: what of a camera's picture is looked at about their middle: left, top, width, height [px], None where it does not
-    show that.
+    window: evaluated part of a camera's picture about their middle: left, top, width, height [px], None outside it.
     """
 
     id: int
@@ -89,10 +89,10 @@ class Hypotheses:
 
 @dataclass(frozen=True, slots=True)
 class Detection:
-    """One thing that a detector took for a person or a part of one, in the room frame; NaN where it does not say.
+    """Detection of a person or a part of one, in the room frame; NaN for unknown values.
 
-    stamp_ns: that of the moment [ns]; sensors: those that saw it; role: what was seen ("waist": a trunk, "knee": legs);
-    x, y: ground point [m]; variance_m2: of the position on each axis [m²]; width_m: how wide it was seen [m].
+    stamp_ns: of the frame [ns]; sensors: those that detected it; role: what was detected ("waist": a trunk, "knee": legs);
+    x, y: ground point [m]; variance_m2: of the position on each axis [m²]; width_m: measured width [m].
     """
 
     stamp_ns: int
@@ -106,9 +106,9 @@ class Detection:
 
 @dataclass(frozen=True, slots=True)
 class TrackFrame:
-    """All tracks at one stamp of the tracker's main sensor; an empty tuple says that there is no track.
+    """All tracks at one stamp of the tracker's main sensor; an empty tuple: none.
 
-    maps: what the tracker found or thought on the way, where it tells.
+    maps: score maps and hypotheses, if provided.
     """
 
     stamp_ns: int
@@ -118,15 +118,15 @@ class TrackFrame:
 
 @runtime_checkable
 class Tracker(Protocol):
-    """Takes observations in order of their stamps, each once, and reports tracks.
+    """Tracker: takes observations in order of their stamps, each once, and reports tracks.
 
-    Built as `Class(rig, background, rng, **options)`: the rig, the observations of the empty room (may be none: then
-    the tracker learns the background as it goes), a `numpy.random.Generator` of its own. `background` is a
-    `trackers.prior.Prior`: a sequence of those observations that has the room's `environment`, or None, beside.
+    Built as `Class(rig, background, rng, **options)`: the rig, the observations of the empty room (if empty, the tracker
+    learns the background during the run), its own `numpy.random.Generator`. `background` is a `trackers.prior.Prior`: a
+    sequence of those observations with the room's `environment`, or None.
 
-    `update` may return the frames that the observation completed, oldest first (a tracker that waits for several
-    sensors of one moment completes a frame late), or None: then `tracks()` is read after each observation of
-    the rig's main sensor. What a tracker may have besides is `Reporting`.
+    `update` may return the frames that the observation completed, oldest first (a tracker that waits for several sensors
+    completes a frame late), or None: then `tracks()` is read after each observation of the rig's main sensor. Optional parts
+    are in `Reporting`.
     """
 
     def update(self, observation: Observation) -> list[TrackFrame] | None: ...
@@ -135,63 +135,62 @@ class Tracker(Protocol):
 
 
 class Reporting(Protocol):
-    """Parts that runs, replays and reports read of a tracker besides its tracks. Each is optional and has a default.
+    """Optional parts of a tracker read by runs, replays and reports, each with a default.
 
-    It is read by the functions below and nowhere else; `misreported` tells which parts are not what they should be.
+    They are read only by the functions below; `misreported` lists invalid ones.
     """
 
     takes_any_order: bool
-    """Observations are handed over as they arrive, late ones and doubles among them. Default: no, they are held back into
-    order (`trackers.feeding`), each once."""
+    """Observations are passed on as they arrive, including late and repeated ones. Default: no, they are sorted
+    (`trackers.feeding`), each once.
+    """
 
     @property
     def discarded(self) -> int:
-        """Observations that the tracker itself dropped so far, as they came too late, twice, or said
-        no more than the one before again. Default: 0."""
+        """Observations dropped by the tracker itself so far: too late, twice, or repeating the one before. Default: 0."""
         ...
 
     @property
     def losses(self) -> Mapping[tuple[str, str], int]:
-        """`discarded` by sensor and reason, a clause like 'too late'. Default: all of them, of no sensor in particular."""
+        """`discarded` by sensor and reason, a clause like 'too late'. Default: all of them, of no particular sensor."""
         ...
 
     @property
     def unused_sensors(self) -> Sequence[str]:
-        """The rig's sensors that the tracker makes no use of: shown at a run. Default: none."""
+        """Sensors of the rig that the tracker does not use, shown at a run. Default: none."""
         ...
 
     @property
     def warnings(self) -> Sequence[str]:
-        """Warnings of what the tracker lacks, or doubts, of what it was handed, in a clause each, shown at a run. Default:
-        nothing."""
+        """Warnings about missing or doubtful inputs, one clause each, shown at a run. Default: none."""
         ...
 
     @property
     def background_learned_causally(self) -> bool:
-        """The background is learned from the observations as they come, for want of an empty room. Default: no."""
+        """The background is learned from the observations of the run, without an empty room. Default: no."""
         ...
 
     def finish(self) -> list[TrackFrame]:
-        """Return the frames still held back after the last observation. Default: none."""
+        """Return the remaining frames after the last observation. Default: none."""
         ...
 
     def detections(self) -> list[Detection]:
-        """Return the detections of the frames of the last `update` or `finish`, oldest first. Default: there are none."""
+        """Return the detections in the frames of the last `update` or `finish`, oldest first. Default: none."""
         ...
 
 
 def takes_any_order(tracker: Tracker) -> bool:
-    """Tell whether the tracker takes observations as they arrive."""
+    """Return whether the tracker takes observations as they arrive."""
     return getattr(tracker, "takes_any_order", False)
 
 
 def discarded(tracker: Tracker) -> int:
-    """Observations that the tracker itself has dropped."""
+    """Return the number of observations dropped by the tracker itself."""
     return getattr(tracker, "discarded", 0)
 
 
 def losses(tracker: Tracker) -> Mapping[tuple[str, str], int]:
-    """Observations that the tracker itself has dropped, by sensor ('': not said) and reason."""
+    """Return the observations dropped by the tracker itself, by sensor ('': unknown) and reason."""
     counted: Mapping[tuple[str, str], int] | None = getattr(tracker, "losses", None)
     if counted is not None:
         return counted
@@ -205,17 +204,17 @@ def unused_sensors(tracker: Tracker) -> Sequence[str]:
 
 
 def warnings(tracker: Tracker) -> Sequence[str]:
-    """Return what the tracker lacks or doubts."""
+    """Return the tracker's warnings."""
     return getattr(tracker, "warnings", ())
 
 
 def background_learned_causally(tracker: Tracker) -> bool:
-    """Tell whether the tracker learns the background as it goes."""
+    """Return whether the tracker learns the background during the run."""
     return getattr(tracker, "background_learned_causally", False)
 
 
 def finish_of(tracker: Tracker) -> Callable[[], list[TrackFrame]] | None:
-    """Return the method that yields the frames still held back; None if the tracker has none."""
+    """Return the method that yields the remaining frames; None if the tracker has none."""
     return getattr(tracker, "finish", None)
 
 
@@ -225,7 +224,7 @@ def detections_of(tracker: Tracker) -> Callable[[], list[Detection]] | None:
 
 
 def misreported(tracker: Tracker, rig: Rig) -> list[str]:
-    """One sentence for each part of `Reporting` that the tracker has and that is not what it should be."""
+    """Return one sentence per invalid part of `Reporting` of the tracker."""
     count, unused = discarded(tracker), unused_sensors(tracker)
     listed = isinstance(unused, list | tuple) and all(isinstance(name, str) and name in rig.sensors for name in unused)
     yes_or_no = "True or False is expected"
