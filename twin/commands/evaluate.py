@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
 
 from twin.options import NoLimits
-
-if TYPE_CHECKING:
-    from trackers.arrays import Nanoseconds
 
 
 def evaluate(
@@ -40,6 +37,7 @@ def evaluate(
     from trackers.observations import NS_PER_S
     from twin.console import print_warnings
     from twin.evaluate import evaluate_with_details
+    from twin.evaluate.judged_frames import describe_judged
     from twin.recording.situation_table import read_situations
     from twin.recording.tables import MOST_TABLE_BYTES, read_tracks, read_truth
     from twin.tables.headerless import sequence_info
@@ -60,13 +58,5 @@ def evaluate(
     pairs = read_situations(situations) if situations is not None else None
     evaluation = evaluate_with_details(*tables, gate_m=gate, situations=pairs)
     print_warnings(evaluation.notes)
-    sys.stderr.write(f"twin: {_judged(evaluation.stamps_ns, tables[1].frame_stamps_ns)}\n")
+    sys.stderr.write(f"twin: {describe_judged(evaluation.stamps_ns, len(tables[1].frame_stamps_ns))}\n")
     typer.echo(json.dumps(evaluation.metrics, indent=2))
-
-
-def _judged(judged_ns: Nanoseconds, tracked_ns: Nanoseconds) -> str:
-    """Format the number of judged frames, of how many, and their time span."""
-    if not len(judged_ns):
-        return "no frame was judged"
-    first_s, last_s = judged_ns.min() / 1e9, judged_ns.max() / 1e9
-    return f"{len(judged_ns)} frames judged, {first_s:g} to {last_s:g} s; the tracks have {len(tracked_ns)}"

@@ -21,6 +21,12 @@ def track(
     set_: Set = None,
     environment: Environment = None,
     seed: Seed = None,
+    truth: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.csv", help="Table of truth (t,id,x,y suffice) to evaluate against; default: the bag's."
+        ),
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the results; default: out/<recording's name>.")] = None,
     no_video: NoVideo = False,
     bag: Annotated[
@@ -30,6 +36,7 @@ def track(
 ) -> None:
     """Track a recording: the twin's or a robot's."""
     from twin.console import print_metrics, print_paths, print_warning, progress
+    from twin.evaluate.judged_frames import describe_judged
     from twin.run.inputs import environment_change, import_from_here, typed_classes
     from twin.run.replay import track_recording
 
@@ -39,6 +46,7 @@ def track(
             recording,
             trackers=tracker or ["laser-fisheye-imm"],
             rig_path=rig,
+            truth_path=truth,
             changes=[*(set_ or []), *environment_change(environment)],
             seed=seed,
             out=out,
@@ -49,6 +57,10 @@ def track(
         )
     if result.metrics is not None:
         print_metrics(result.metrics)
+    if truth is not None:
+        for name, evaluation in result.evaluations.items():
+            judged = describe_judged(evaluation.stamps_ns, evaluation.metrics["judged"]["frames_total"])
+            sys.stderr.write(f"twin: {name}: {judged}\n")
     print_paths(result.files)
     exit_with_failures(result.failures)
 

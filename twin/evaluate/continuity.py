@@ -8,11 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
+
+import numpy as np
 
 from trackers.observations import NS_PER_S
 from twin.evaluate.clear import FrameMatches, IdSwitch
 from twin.evaluate.judged_frames import Frame
+from twin.recording.tables import TrackTable
 
 LEAVING_GRACE_NS = NS_PER_S // 2
 
@@ -112,3 +115,28 @@ def _stays(frames: Sequence[Frame], index: int, person: int) -> bool:
         if not (frame.in_area & (frame.person_ids == person)).any():
             return False
     return True
+
+
+def track_counts(tracks: TrackTable) -> dict[str, Any]:
+    """Count tracks without any truth: ids, tracks per frame, and how long tracks last.
+
+    frames; track_count; tracks_per_frame and most_per_frame (None without a frame); duration_s: median and longest, from a
+    track's first frame to its last [s] (None without a track); coasting: the share of rows that are predictions.
+    """
+    n_frame = tracks.frame_stamps_ns.size
+    per_frame = np.bincount(np.searchsorted(tracks.frame_stamps_ns, tracks.stamps_ns), minlength=n_frame)
+    _, first, of_row = np.unique(tracks.id, return_index=True, return_inverse=True)
+    last = np.zeros(first.size, dtype=np.int64)
+    np.maximum.at(last, of_row.ravel(), tracks.stamps_ns)
+    lasted_s = (last - tracks.stamps_ns[first]) / NS_PER_S
+    return {
+        "frames": n_frame,
+        "track_count": int(first.size),
+        "tracks_per_frame": float(per_frame.mean()) if n_frame else None,
+        "most_per_frame": int(per_frame.max()) if n_frame else None,
+        "duration_s": {
+            "median": float(np.median(lasted_s)) if first.size else None,
+            "longest": float(lasted_s.max()) if first.size else None,
+        },
+        "coasting": float((tracks.status == "coasting").mean()) if tracks.id.size else None,
+    }

@@ -146,6 +146,14 @@ def _frames_at(truth: TruthTable, tracks: TrackTable, stamps: NDArray[np.int64],
     return frames
 
 
+def describe_judged(judged_ns: NDArray[np.int64], n_total: int) -> str:
+    """Format the number of judged frames, of how many, and their time span."""
+    if not len(judged_ns):
+        return "no frame was judged"
+    first_s, last_s = judged_ns.min() / NS_PER_S, judged_ns.max() / NS_PER_S
+    return f"{len(judged_ns)} frames judged, {first_s:g} to {last_s:g} s; the tracks have {n_total}"
+
+
 def match_all_people(frames: Sequence[Frame], gate_m: float) -> list[FrameMatches]:
     """Match the tracks of each frame with all people, inside the area and outside (CLEAR correspondence)."""
     return match_frames([frame.pair_matrix() for frame in frames], gate_m)

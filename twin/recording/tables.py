@@ -19,6 +19,7 @@ from typing import Any, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.area import Area
 from trackers.observations import NS_PER_S
 from trackers.text_file import AnyPath
 from trackers.tracks import Track, TrackFrame
@@ -169,13 +170,14 @@ def read_truth(
     rate_field: str = "frame_rate_hz",
     *,
     mot: bool = False,
+    area: Area | None = None,
 ) -> TruthTable:
     """Read a `truth.csv` of no more than `most_bytes` (None: any size).
 
     t (or frame, with `frame_rate_hz`, which `rate_field` says), id, x and y suffice; see `read_person_rows` for the layouts. Ids
-    that are not all whole numbers from 1 on are counted from 1. Without in_area all people are inside. Columns
-    visible_<sensor> are kept by sensor, others that the contract does not name are ignored. `mot`: the file is MOT text with
-    places on the ground. Raises InputError naming file, line, column and value.
+    that are not all whole numbers from 1 on are counted from 1. Without in_area, people within `area` are inside (None: all).
+    Columns visible_<sensor> are kept by sensor, others ignored. `mot`: MOT text with places on the ground. Raises InputError
+    naming file, line, column and value.
     """
     found = read_person_rows(
         Path(path), "a truth table", most_bytes, frame_rate_hz, rate_field, "truth" if mot else None
@@ -189,7 +191,8 @@ def read_truth(
                 rows.refuse(int(row), name, "a share from 0 to 1 or an empty cell")
             visible[name.removeprefix(_VISIBLE)] = share
     numbers = {name: _numbers(rows, name) for name in _TRUTH_NUMBERS}
-    in_area = rows.flags("in_area") if "in_area" in rows.cells else np.ones(len(rows), dtype=np.bool_)
+    within = np.ones(len(rows), bool) if area is None else area.contains(np.column_stack([numbers["x"], numbers["y"]]))
+    in_area = rows.flags("in_area") if "in_area" in rows.cells else within
     return TruthTable(
         os.fspath(path),
         found.frame_stamps_ns,

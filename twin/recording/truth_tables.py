@@ -22,8 +22,11 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TextIO
+
+import numpy as np
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
@@ -31,7 +34,7 @@ from twin.recording import topics
 from twin.recording.atomic_file import open_atomic
 from twin.recording.ros_messages import string_message
 from twin.recording.situation_table import encode_situation, situation_writer
-from twin.recording.tables import Row, cell, plain, seconds_cell
+from twin.recording.tables import Row, TruthTable, cell, plain, seconds_cell
 from twin.truth.frames import Box, BoxFrame, FootTruth, PersonTruth, RayFrame, Situation, TruthDetail, TruthFrame
 
 PEOPLE_COLUMNS = ("id", "name")
@@ -159,3 +162,36 @@ def _write_rows(stream: TextIO, head: str, rows: Sequence[Row], n_column: int) -
     """Write the lines of a frame that begin with `head`; `n_column`: columns, those of the head counted as one."""
     lines = [",".join([head, *map(cell, row.values())]) + "\n" for row in rows]
     stream.write("".join(lines) or head + "," * (n_column - 1) + "\n")
+
+
+def truth_frames(table: TruthTable) -> Iterator[TruthFrame]:
+    """Yield a table's frames, in order of time: position, heading and the tracked area alone."""
+    bounds = np.searchsorted(table.stamps_ns, table.frame_stamps_ns)
+    columns = [each.tolist() for each in (table.id, table.x, table.y, table.yaw, table.in_area)]
+    people = [
+        PersonTruth(id=one, x=x, y=y, yaw=yaw, in_area=inside) for one, x, y, yaw, inside in zip(*columns, strict=True)
+    ]
+    ends = np.append(bounds[1:], len(people)).tolist()
+    for stamp_ns, first, last in zip(table.frame_stamps_ns.tolist(), bounds.tolist(), ends, strict=True):
+        yield TruthFrame(stamp_ns, tuple(people[first:last]))
+
+
+def on_clock_of(table: TruthTable, start_ns: int, duration_s: float, recording: str) -> TruthTable:
+    """Return a table on the clock of a recording that begins at the stamp `start_ns` [ns], which is t = 0 there.
+
+    t counts from the recording's start, or is the stamp itself (seconds since 1970, say). Raises InputError where the
+    table covers no part of the recording either way.
+    """
+    end_ns = round(duration_s * NS_PER_S)
+    stamps = table.frame_stamps_ns
+    if not stamps.size:
+        return table
+    for moved_ns in (0, start_ns):
+        if stamps[-1] >= moved_ns and stamps[0] <= moved_ns + end_ns:
+            moved = {"frame_stamps_ns": stamps - moved_ns, "stamps_ns": table.stamps_ns - moved_ns}
+            return replace(table, **moved) if moved_ns else table
+    by_stamp = f", or by its stamps from {start_ns / NS_PER_S:.3f} s on" if start_ns else ""
+    raise InputError(
+        f"{table.source}: t is from {stamps[0] / NS_PER_S:.3f} to {stamps[-1] / NS_PER_S:.3f} s, and {recording} goes from 0 to "
+        f"{duration_s:.3f} s{by_stamp}; t on the recording's clock is expected"
+    )

@@ -18,12 +18,13 @@ from trackers.observations import NS_PER_S
 from trackers.rig import Rig
 from twin.evaluate.calibration import WITHIN, calibration_curve
 from twin.evaluate.causes import FALSE_POSITIVES, MISSES, POSTURES, Errors
+from twin.evaluate.continuity import track_counts
 from twin.evaluate.summary import Evaluation
 from twin.recording.atomic_file import open_atomic
 from twin.recording.tables import TrackTable, TruthTable
 from twin.report.birdseye import Polygon
 from twin.report.calibration_chart import calibration_chart
-from twin.report.metrics_table import METRICS, format_judged, grouped_rows, headline_rows
+from twin.report.metrics_table import METRICS, format_judged, format_number, grouped_rows, headline_rows
 from twin.report.palette import IDENTITY_COLOURS, IdentityColours, hex_colour
 from twin.report.path_map import ScanDensity, path_map
 from twin.report.sensor_stills import RunPictures
@@ -140,6 +141,7 @@ def write_report(
         facts=facts,
         tracker_names=[tracker.name for tracker in trackers],
         groups=grouped_rows(metrics),
+        timed=any(cost.get("ms_mean") is not None for cost in facts.sensors.values()),
         judged=[format_judged(own) for own in metrics],
         sections=[
             _section(tracker, own, axis, rig, true_rig, outline, truth, scans, names, silent)
@@ -200,6 +202,7 @@ def _section(
         "map": Markup(path_map(rig, true_rig, outline, truth, tracks, evaluation, scans, colours, names, silent)),
         "n_tracks": int(ids.size),
         "tiles": [],
+        "counts": [],
         "judged": "",
         "events": [],
         "n_events_left_out": 0,
@@ -226,9 +229,24 @@ def _section(
             for event in evaluation.events[:_MOST_EVENTS]
         ]
         section["n_events_left_out"] = max(0, len(evaluation.events) - _MOST_EVENTS)
-    elif ids.size:
-        section["timeline"] = Markup(track_timeline(axis, tracks, colours))
+    else:
+        section["counts"] = _counts(tracks)
+        section["timeline"] = Markup(track_timeline(axis, tracks, colours)) if ids.size else ""
     return section
+
+
+def _counts(tracks: TrackTable) -> list[tuple[str, str, str]]:
+    """Format what tracks say without any truth: value, unit and meaning."""
+    counts = track_counts(tracks)
+    coasting = counts["coasting"]
+    return [
+        (format_number(counts["tracks_per_frame"], 2), "", "tracks per frame, mean"),
+        (format_number(counts["most_per_frame"], 0), "", "tracks per frame, most"),
+        (str(counts["track_count"]), "", "tracks in all"),
+        (format_number(counts["duration_s"]["median"], 1), "s", "length of a track, median"),
+        (format_number(counts["duration_s"]["longest"], 1), "s", "length of a track, longest"),
+        (format_number(None if coasting is None else 100 * coasting, 1), "%", "of rows are predictions (coasting)"),
+    ]
 
 
 @cache

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from trackers.area import Area
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, LaserScan, Observation
 from trackers.prior import Prior
@@ -25,9 +26,9 @@ from twin.recording.atomic_file import open_atomic
 from twin.recording.losses import documents, lines
 from twin.recording.reader import Recording
 from twin.recording.situation_table import situation_table
-from twin.recording.tables import truth_table
+from twin.recording.tables import MOST_TABLE_BYTES, TruthTable, read_truth, truth_table
 from twin.recording.track_topics import check_copy, copy_with_tracks
-from twin.recording.truth_tables import DETAIL_FILES
+from twin.recording.truth_tables import DETAIL_FILES, on_clock_of, truth_frames
 from twin.report.birdseye import Polygon
 from twin.report.page import RunFacts
 from twin.report.path_map import ScanDensity
@@ -70,6 +71,7 @@ def track_recording(
     *,
     trackers: Sequence[str],
     rig_path: AnyPath | None = None,
+    truth_path: AnyPath | None = None,
     changes: Sequence[str] = (),
     seed: int | None = None,
     out: AnyPath | None = None,
@@ -79,9 +81,10 @@ def track_recording(
     on_progress: OnProgress = lambda what, done, total: None,
     on_warning: OnWarning = lambda warning: None,
 ) -> RunResult:
-    """Track a recording into `out`: tracks, report, and metrics where the bag holds truth.
+    """Track a recording into `out`: tracks, report, and metrics where there is truth.
 
-    The default folder is out/<its name>, for the twin's out/<its run>-tracked. `changes`: overrides like
+    The default folder is out/<its name>, for the twin's out/<its run>-tracked. `truth_path`: a table of truth (t, id, x, y
+    suffice; t from the start or as stamped), taken instead of the bag's. `changes`: overrides like
     'trackers.NAME.field=value' and 'prior.environment=FILE'; `seed`: of trackers that draw at random (default: that of
     the run that wrote the bag, else 0); `report`: whether to write one; `bag_copy`: where to write a copy
     of the recording that holds the tracks too. A class (`module:Class`) is taken from `trackers` and `changes`, never from
@@ -90,6 +93,7 @@ def track_recording(
     """
     recording, rig_path, out, bag_copy = Path(recording), _path(rig_path), _path(out), _path(bag_copy)
     bag = Recording(recording, rig_path)
+    truth = _labels(Path(truth_path), bag) if truth_path is not None else None
     scenario = scenario_of(bag)
     names = list(trackers)
     chosen = chosen_trackers(bag, scenario, names, changes)
@@ -105,10 +109,11 @@ def track_recording(
         prior_files=files,
         missing=missing,
         seed=seed,
+        truth=truth,
         video=video,
         report=report,
         bag_copy=bag_copy,
-        command=_command(recording, names, rig_path, changes, seed),
+        command=_command(recording, names, rig_path, _path(truth_path), changes, seed),
         on_progress=on_progress,
         on_warning=on_warning,
     )
@@ -135,6 +140,7 @@ class _ReplayRequest:
     prior_files: PriorFiles
     missing: Sequence[str]
     seed: int
+    truth: TruthTable | None  # the user's, instead of the bag's
     video: bool
     report: bool
     bag_copy: Path | None
@@ -151,9 +157,12 @@ class _Replay:
         bag, scenario = request.bag, request.scenario
         self._title = scenario.name if scenario is not None else bag.path.stem
         self._faults = scenario.faults if scenario is not None else {}
-        self._truth_frames = list(bag.truth())
-        self._truth = truth_table(self._truth_frames, str(bag.path)) if self._truth_frames else None
-        self._situations = situation_table(bag.situations(), str(bag.path)) if bag.has_situations else None
+        self._truth = request.truth
+        self._truth_frames = list(bag.truth() if request.truth is None else truth_frames(request.truth))
+        if request.truth is None and self._truth_frames:
+            self._truth = truth_table(self._truth_frames, str(bag.path))
+        of_the_bag = bag.has_situations and request.truth is None
+        self._situations = situation_table(bag.situations(), str(bag.path)) if of_the_bag else None
         names = {number: name for number, name in enumerate(scenario.people, start=1)} if scenario else None
         outline = outline_of(scenario) if request.report or request.video else []
         scans = None if outline or not request.report else ScanDensity(bag.rig)
@@ -233,6 +242,7 @@ class _Replay:
             duration_s=duration_s,
             realtime_factor=duration_s / self._spent_s,
             versions=versions(None),
+            sensors={name: {"frames": count, "ms_mean": None} for name, count in bag.counts.items()},
             command=request.command,
             start_stamp_ns=bag.start_ns,
             notes=(
@@ -283,13 +293,29 @@ def _counted(observations: Iterable[Observation], total: int, on_progress: OnPro
         on_progress("tracking", number, total)
 
 
-def _command(recording: Path, names: Sequence[str], rig_path: Path | None, changes: Sequence[str], seed: int) -> str:
+def _labels(path: Path, bag: Recording) -> TruthTable:
+    """Read the user's table of truth, on the clock of the bag."""
+    area = Area(np.array(bag.rig.area)) if bag.rig.area is not None else None
+    table = read_truth(path, MOST_TABLE_BYTES, area=area)
+    return on_clock_of(table, bag.start_ns, bag.duration_s, str(bag.path))
+
+
+def _command(
+    recording: Path,
+    names: Sequence[str],
+    rig_path: Path | None,
+    truth_path: Path | None,
+    changes: Sequence[str],
+    seed: int,
+) -> str:
     """Return the command that tracks the recording again."""
     parts = ["twin", "track", str(recording)]
     for name in names:
         parts += ["--tracker", name]
     if rig_path is not None:
         parts += ["--rig", str(rig_path)]
+    if truth_path is not None:
+        parts += ["--truth", str(truth_path)]
     for change in changes:
         parts += ["--set", change]
     parts += ["--seed", str(seed)]

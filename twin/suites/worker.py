@@ -21,7 +21,8 @@ from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.plain_data import parse_yaml
-from twin.evaluate.summary import Evaluation, evaluate_with_details
+from twin.evaluate.continuity import track_counts
+from twin.evaluate.summary import Evaluation
 from twin.messages import OnWarning
 from twin.people.poses import PopulationMotion
 from twin.recording.bag import open_bag
@@ -228,21 +229,15 @@ def _run_recorded(case: Case, bag: RecordedInput) -> CaseResult:
     with tempfile.TemporaryDirectory(prefix="roomtwin-case-") as temporary:
         folder = Path(temporary)
         result = track_recording(
-            bag.path, trackers=[case.tracker], rig_path=bag.rig, changes=case.tracking_changes, seed=case.seed, out=folder,
-            video=False, report=case.report,
+            bag.path, trackers=[case.tracker], rig_path=bag.rig, truth_path=bag.truth, changes=case.tracking_changes,
+            seed=case.seed, out=folder, video=False, report=case.report,
         )  # fmt: skip
         name = f"tracks/{file_name(case.tracker)}.csv"
         tracks = read_tracks(folder / name)
-        frames = tracks.frame_stamps_ns.size
-        metrics: dict[str, Any] = {
-            "track_count": int(np.unique(tracks.id).size),
-            "tracks_per_frame": tracks.id.size / frames if frames else None,
-        }
+        counts = track_counts(tracks)
+        metrics: dict[str, Any] = {key: counts[key] for key in ("track_count", "tracks_per_frame")}
         evaluation = result.evaluations.get(case.tracker)
-        if bag.truth is not None:
-            evaluation = evaluate_with_details(read_truth(bag.truth), tracks)
-            metrics = evaluation.metrics | metrics
-        elif result.metrics is not None:
+        if result.metrics is not None:
             metrics = result.metrics["trackers"][case.tracker] | metrics
         files = [name, *(each for each in ("report.html", "metrics.json") if (folder / each).is_file())]
         return CaseResult(
