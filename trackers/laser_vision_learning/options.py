@@ -10,6 +10,7 @@ from pydantic import Field
 from trackers.configuration import Strict, described, leaves_of
 from trackers.laser.detection_model import DetectionOptions
 from trackers.laser.layer import KneeOptions, ScannerOptions
+from trackers.laser_vision_learning.camera_people import CameraPeopleOptions
 from trackers.laser_vision_learning.identities import IdentityOptions
 from trackers.laser_vision_learning.looks import LooksOptions
 from trackers.laser_vision_learning.reidentification import RecognitionOptions
@@ -98,6 +99,9 @@ class LaserVisionLearningOptions(Strict):
     walking: WalkingOptions = Field(default=WalkingOptions(), description="the two-feet walking model")
     points: PointOptions = Field(default=PointOptions(), description="how laser points speak of people")
     camera: bool = Field(default=True, description="a camera, where the rig has one, tells who is who; no: laser only")
+    pictures: CameraPeopleOptions = Field(
+        default=CameraPeopleOptions(), description="people in the camera's pictures, for tracks that no scanner shows"
+    )
     recognition: RecognitionOptions = Field(
         default=RecognitionOptions(), description="when looks are asked, and how much they count"
     )
@@ -122,6 +126,6 @@ class LaserVisionLearningOptions(Strict):
 
     def idle(self) -> Iterator[str]:
         """Yield the groups of options that differ from their defaults and have no effect without a camera."""
-        for group in ("recognition", "looks", "identities"):
+        for group in ("pictures", "recognition", "looks", "identities"):
             if not self.camera and getattr(self, group) != type(self).model_fields[group].default:
                 yield f"{group}: has no effect without a camera"

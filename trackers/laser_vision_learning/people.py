@@ -22,12 +22,13 @@ class People(Rows):
     serial: Int[Index, "n"]  # their number in the order of their starts; identities may change hands, these do not
     roster: Roster[Cloud]
     missing_s: Float[Array, "n"]  # for how long they should have been seen and were not, less what they were seen since
+    pictured_ns: Int[Index, "n"]  # stamp of the last moment at which a camera's detection measured them, −1 before any
 
     @classmethod
     def started(cls, state: Cloud, ns: int, first: int) -> Self:
         """Tentative tracks in `state`, first measured at stamp ns, numbered from `first` on."""
         n = len(state)
-        return cls(first + np.arange(n), Roster.started(state, ns), np.zeros(n))
+        return cls(first + np.arange(n), Roster.started(state, ns), np.zeros(n), np.full(n, -1))
 
     @property
     def cloud(self) -> Cloud:

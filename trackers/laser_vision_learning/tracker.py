@@ -14,11 +14,13 @@ from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.laser.group import ScannerGroup
 from trackers.laser.roles import scanners_by_role
+from trackers.laser_vision_learning.camera_people import CameraPeople
 from trackers.laser_vision_learning.options import LaserVisionLearningOptions
 from trackers.laser_vision_learning.reidentification import Decision, Recognition
 from trackers.laser_vision_learning.situations import Situation, situation_names
 from trackers.laser_vision_learning.walkers import Walkers
 from trackers.observations import DepthImage, Image, Observation
+from trackers.prior import Prior
 from trackers.rig import Rig
 from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
 from trackers.tracking.synced_tracker import SynchronizedTracker
@@ -38,7 +40,7 @@ class LaserVisionLearning(SynchronizedTracker):
     def __init__(
         self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
     ) -> None:
-        background = list(background)
+        background = Prior.of(background)
         self.options = validate(LaserVisionLearningOptions, options, "tracker laser-vision-learning")
         if idle := [f"tracker laser-vision-learning: {each}" for each in self.options.idle()]:
             raise InputError("\n".join(idle))
@@ -50,8 +52,12 @@ class LaserVisionLearning(SynchronizedTracker):
         self._area = None if rig.area is None else Area(rig.area, margin_m)
         self._walkers = Walkers(self._scanners, rig.area, self.options, rng or np.random.default_rng(0))
         self._camera = self._chosen_camera(rig, background) if self.options.camera else None
-        self._recognition = None
+        self._recognition = self._camera_people = None
         if self._camera is not None:
+            if self.options.pictures.detections:
+                self._camera_people = CameraPeople(
+                    self._camera, rig.cameras()[self._camera], background, rig.area, self.options.pictures
+                )
             pictures = [each for each in background if isinstance(each, Image | DepthImage)]
             self._recognition = Recognition(
                 rig.cameras()[self._camera],
@@ -127,6 +133,8 @@ class LaserVisionLearning(SynchronizedTracker):
         if self._recognition is not None:
             image = synced.observations.get(self._camera or "")
             picture = image if isinstance(image, Image | DepthImage) else None
+            if self._camera_people is not None and picture is not None:
+                walkers.people = self._camera_people.measure(walkers.people, picture, synced.ns)
             walkers.people = self._recognition.work(walkers.people, walkers.situations, picture, synced.ns)
             self._decisions += self._recognition.decisions
 

@@ -94,7 +94,8 @@ class Walkers:
 
     def _moved(self, cloud: Cloud, step_s: float, last_look_ns: int) -> Cloud:
         """The particles `step_s` later; who was not seen at the last look is likelier to stop."""
-        missed = (self.people.roster.measured_ns < last_look_ns).astype(float)
+        seen_ns = np.maximum(self.people.roster.measured_ns, self.people.pictured_ns)
+        missed = (seen_ns < last_look_ns).astype(float)
         return Cloud(self._model.move(cloud.state, step_s, missed, self.rng), cloud.weights)
 
     def _missed(self, people: People, observations: Mapping[str, Observation], elapsed_s: float) -> People:

@@ -1,0 +1,131 @@
+"""People in a camera's picture, for tracks that no scanner shows (ours).
+
+A camera above sees people whom others hide from low scanners. Its detector (`trackers.vision.person_detector`, the one of the
+vision-only baseline) looks for people in the foreground. Detections go first to tracks that a scanner shows, then to
+those that none shows, and measure the latter. A track that neither shows has lost what the detector's scores deny it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import ClassVar
+
+import numpy as np
+from jaxtyping import Float
+from numpy.typing import ArrayLike
+from pydantic import Field
+
+from trackers.arrays import Array
+from trackers.configuration import Strict
+from trackers.filters.gating import distances, mahalanobis
+from trackers.filters.particle import Cloud
+from trackers.filters.rows import written
+from trackers.laser_vision_learning.people import People
+from trackers.observations import NS_PER_S, DepthImage, Image
+from trackers.prior import Prior
+from trackers.rig import CameraSensor, placed_camera
+from trackers.tracking.association import Stage, associate
+from trackers.tracking.track_manager import measured_now
+from trackers.vision.foreground import Foreground
+from trackers.vision.person_detector import SHIPPED, SILHOUETTES, PeopleSeen, PersonDetector, PersonModel
+
+LEARNED = "people"
+"""Name under which `background.learned` may hold another model of people than the shipped one."""
+
+
+class CameraPeopleOptions(Strict):
+    """Options of the detections that measure tracks."""
+
+    detections: bool = Field(
+        default=True, description="the camera's detector of people measures tracks that no scanner shows (ours)"
+    )
+    gate: ClassVar[float] = 4.0
+    """Largest Mahalanobis distance of a track and a detection."""
+    radius_m: ClassVar[float] = 1.0
+    """And their largest distance [m]."""
+    outlier: ClassVar[float] = 1e-2
+    """Likelihood of a place far from the detection, of that in its middle; and of one at which the picture shows nobody."""
+    most_foreground: ClassVar[float] = 0.5
+    """Share of foreground above which a picture says nothing: light or lens changed."""
+
+
+class CameraPeople:
+    """The detector of people of one camera; `measure` is called with pictures in order.
+
+    background: pictures of the empty room; without any the background is learned as pictures come. area: corners (c, 2) of
+    the tracked area [m].
+    """
+
+    def __init__(
+        self, name: str, camera: CameraSensor, background: Prior, area: ArrayLike | None, options: CameraPeopleOptions
+    ) -> None:
+        self._options = options
+        empty_room = [each for each in _pictures(background) if each.sensor == name]
+        self._foreground = Foreground(camera.intrinsics, empty_room, SILHOUETTES)
+        model = PersonModel.load(background.learned.get(LEARNED, SHIPPED))
+        self._detector = PersonDetector(placed_camera(camera), area, model=model)
+        self._last: Image | DepthImage | None = None
+
+    def measure(self, people: People, image: Image | DepthImage, ns: int) -> People:
+        """Measure tracks that no scanner shows at a moment [ns] by its picture. A frozen picture measures nothing."""
+        last, self._last = self._last, image
+        if last is not None and (image.stamp_ns <= last.stamp_ns or np.array_equal(image.rgb, last.rgb)):
+            return people
+        elapsed_s = 0.0 if last is None else (image.stamp_ns - last.stamp_ns) / NS_PER_S
+        mask = self._foreground.mask(image)
+        hidden = people.roster.confirmed & ~measured_now(people.roster, ns)
+        if not hidden.any() or mask.mean() > self._options.most_foreground:
+            return people
+        # where the picture shows them, taken back or on to the moment
+        seen, late_s = self._detector.detect(mask), (image.stamp_ns - ns) / NS_PER_S
+        shift = late_s * people.velocities
+        track, found = self._matches(people, hidden, people.places + shift, seen)
+        ours = hidden[track]
+        track, found = track[ours], found[ours]
+        people = self._measured(people, track, seen, found, shift[track], ns)
+        rest = np.setdiff1d(np.flatnonzero(hidden & self._detector.places.shows(people.places + shift)), track)
+        return self._missed(people, rest, seen, shift[rest], elapsed_s)
+
+    def _matches(self, people: People, hidden: Array, places: Float[Array, "n 2"], seen: PeopleSeen) -> tuple[Array, Array]:
+        """Pair tracks and detections: tracks that a scanner shows first, then the hidden."""
+        cloud = people.cloud
+        off = cloud.state[:2] - people.places.T[:, :, None]
+        covariance = np.einsum("inp,jnp,np->nij", off, off, cloud.weights.normalised)
+        noise = seen.covariance.mean(axis=0) if len(seen) else np.eye(2)
+        apart = mahalanobis(places[:, None], covariance[:, None] + noise, seen.position)
+        vetoes = [apart > self._options.gate, distances(places, seen.position) > self._options.radius_m]
+        return associate([Stage(~hidden, [apart], vetoes), Stage(hidden, [apart], vetoes)])
+
+    def _measured(
+        self, people: People, track: Array, seen: PeopleSeen, found: Array, shift: Float[Array, "p 2"], ns: int
+    ) -> People:
+        """Weigh the particles of these tracks by a Gaussian about their detections."""
+        cloud = people.cloud.select(track)
+        off = cloud.state[:2] - (seen.position[found] - shift).T[:, :, None]
+        square = np.einsum("inp,nij,jnp->np", off, np.linalg.inv(seen.covariance[found]), off)
+        weights = cloud.weights.updated(np.log(np.exp(-0.5 * square) + self._options.outlier))
+        cloud = people.cloud.replaced(track, Cloud(cloud.state, weights))
+        return people.changed(
+            roster=people.roster.changed(state=cloud),
+            missing_s=written(people.missing_s, track, 0.0),
+            pictured_ns=written(people.pictured_ns, track, ns),
+        )
+
+    def _missed(
+        self, people: People, track: Array, seen: PeopleSeen, shift: Float[Array, "r 2"], elapsed_s: float
+    ) -> People:
+        """Weigh the particles of tracks without a detection by the detector's scores; where it sees nobody they are missing."""
+        if track.size == 0:
+            return people
+        cloud = people.cloud.select(track)
+        score = self._detector.places.read(seen.scores, (cloud.state[:2] + shift.T[:, :, None]).reshape(2, -1))
+        score = np.clip(score, self._options.outlier, 1.0).reshape(cloud.state.shape[1:])
+        weights = cloud.weights.updated(np.log(score))
+        missing_s = people.missing_s.copy()
+        missing_s[track] += elapsed_s * (1 - np.exp(weights.log_mean))
+        cloud = people.cloud.replaced(track, Cloud(cloud.state, weights))
+        return people.changed(roster=people.roster.changed(state=cloud), missing_s=missing_s)
+
+
+def _pictures(background: Iterable[object]) -> list[Image | DepthImage]:
+    return [each for each in background if isinstance(each, Image | DepthImage)]
