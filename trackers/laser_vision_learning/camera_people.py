@@ -1,8 +1,9 @@
 """People in a camera's picture, for tracks that no scanner shows (ours).
 
 A camera above sees people whom others hide from low scanners. Its detector (`trackers.vision.person_detector`, the one of the
-vision-only baseline) looks for people in the foreground. Detections go first to tracks that a scanner shows, then to
-those that none shows, and measure the latter. A track that neither shows has lost what the detector's scores deny it.
+vision-only baseline) looks for people in the foreground. Detections and tracks are paired in one
+assignment; those of tracks that no scanner shows measure them. A track that neither shows is missing the more,
+the less the detector's scores allow for it.
 """
 
 from __future__ import annotations
@@ -11,13 +12,13 @@ from collections.abc import Iterable
 from typing import ClassVar
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
 from pydantic import Field
 
-from trackers.arrays import Array
+from trackers.arrays import Array, Index, Mask
 from trackers.configuration import Strict
-from trackers.filters.gating import distances, mahalanobis
+from trackers.filters.gating import distances, mahalanobis_distances
 from trackers.filters.particle import Cloud
 from trackers.filters.rows import written
 from trackers.laser_vision_learning.people import People
@@ -43,6 +44,12 @@ class CameraPeopleOptions(Strict):
     """Largest Mahalanobis distance of a track and a detection."""
     radius_m: ClassVar[float] = 1.0
     """And their largest distance [m]."""
+    missed: ClassVar[float] = 0.1
+    """Probability that the detector shows nothing of a person in the picture."""
+    clutter_m2: ClassVar[float] = 0.01
+    """Density of detections of no track [1/m²]."""
+    claimed_m: ClassVar[float] = 0.35
+    """Distance from a track that a scanner shows within which a detection is no hidden one's: bodies do not come nearer [m]."""
     outlier: ClassVar[float] = 1e-2
     """Likelihood of a place far from the detection, of that in its middle; and of one at which the picture shows nobody."""
     most_foreground: ClassVar[float] = 0.5
@@ -86,18 +93,33 @@ class CameraPeople:
         rest = np.setdiff1d(np.flatnonzero(hidden & self._detector.places.shows(people.places + shift)), track)
         return self._missed(people, rest, seen, shift[rest], elapsed_s)
 
-    def _matches(self, people: People, hidden: Array, places: Float[Array, "n 2"], seen: PeopleSeen) -> tuple[Array, Array]:
-        """Pair tracks and detections: tracks that a scanner shows first, then the hidden."""
-        cloud = people.cloud
+    def _matches(
+        self, people: People, hidden: Bool[Mask, "n"], places: Float[Array, "n 2"], seen: PeopleSeen
+    ) -> tuple[Int[Index, "p"], Int[Index, "p"]]:
+        """Pair confirmed tracks and detections by likelihood ratios, in one assignment: one that scanners show takes its own."""
+        cloud, options = people.cloud, self._options
         off = cloud.state[:2] - people.places.T[:, :, None]
         covariance = np.einsum("inp,jnp,np->nij", off, off, cloud.weights.normalised)
         noise = seen.covariance.mean(axis=0) if len(seen) else np.eye(2)
-        apart = mahalanobis(places[:, None], covariance[:, None] + noise, seen.position)
-        vetoes = [apart > self._options.gate, distances(places, seen.position) > self._options.radius_m]
-        return associate([Stage(~hidden, [apart], vetoes), Stage(hidden, [apart], vetoes)])
+        apart, cost = mahalanobis_distances(
+            places[:, None], (covariance + noise)[:, None], seen.position, np.zeros(len(seen))
+        )
+        cost += 2 * np.log(options.clutter_m2)
+        away_m = distances(places, seen.position)
+        scanned = people.roster.confirmed & ~hidden
+        claimed = away_m[scanned].min(axis=0, initial=np.inf) < options.claimed_m
+        vetoes = [apart > options.gate, away_m > options.radius_m, hidden[:, None] & claimed]
+        unpaired = np.full(len(people), -2 * np.log(options.missed))
+        return associate([Stage(people.roster.confirmed, [cost], vetoes, unpaired)])
 
     def _measured(
-        self, people: People, track: Array, seen: PeopleSeen, found: Array, shift: Float[Array, "p 2"], ns: int
+        self,
+        people: People,
+        track: Int[Index, "p"],
+        seen: PeopleSeen,
+        found: Int[Index, "p"],
+        shift: Float[Array, "p 2"],
+        ns: int,
     ) -> People:
         """Weigh the particles of these tracks by a Gaussian about their detections."""
         cloud = people.cloud.select(track)
@@ -112,7 +134,12 @@ class CameraPeople:
         )
 
     def _missed(
-        self, people: People, track: Array, seen: PeopleSeen, shift: Float[Array, "r 2"], elapsed_s: float
+        self,
+        people: People,
+        track: Int[Index, "r"],
+        seen: PeopleSeen,
+        shift: Float[Array, "r 2"],
+        elapsed_s: float,
     ) -> People:
         """Weigh the particles of tracks without a detection by the detector's scores; where it sees nobody they are missing."""
         if track.size == 0:

@@ -7,7 +7,9 @@ group, so that trajectories are linked through the merge. Where looks are doubtf
 stays who their motion says they are; either way it is told (`Decision`).
 
 Ours: a merged group keeps a set of particles for each member, all of them at its place, rather than one for the group, since two
-scanners seldom lose a body wholly; to change identities at a split is then to exchange those of tracks.
+scanners seldom lose a body wholly; to change identities at a split is then to exchange those of tracks. A picture tells of a
+member only where a scanner or the camera shows it, alone; the decision waits for such pictures. Who is new or back beside others
+is decided on with them, as after a split.
 """
 
 from __future__ import annotations
@@ -47,7 +49,13 @@ class RecognitionOptions(Strict):
         default="missed",
         description="which of the correlated score maps draw: those that no scanner shows (ours), or all (paper, V.A)",
     )
-    within_s: float = Field(default=0.6, gt=0, description="how long a decision waits for its pictures [s] (ours)")
+    within_s: float = Field(default=2.0, gt=0, description="how long a decision waits for its pictures [s] (ours)")
+    back_after_s: float | None = Field(
+        default=0.3,
+        gt=0,
+        description="looks decide too who a track is that nothing showed for longer, or that is new, when it is seen beside "
+        "others [s]; null: at splits alone (ours)",
+    )
     spread_m: ClassVar[float] = 0.02
     """Standard deviation of particles drawn to one place [m] (ours)."""
 
@@ -71,7 +79,6 @@ class _Split:
     since_ns: int
     score: Float[Array, "q q"]  # sum over pictures
     n_score: Float[Array, "q q"]  # of how many
-    n_picture: int = 0
 
     @classmethod
     def of(cls, serial: Int[Index, "q"], ns: int) -> _Split:
@@ -82,7 +89,11 @@ class _Split:
         """Add the scores of one more picture; NaN where it says nothing."""
         scored = np.isfinite(score)
         self.score, self.n_score = self.score + np.where(scored, score, 0.0), self.n_score + scored
-        self.n_picture += 1
+
+    @property
+    def n_picture(self) -> int:
+        """Pictures that told of the body that they told of least."""
+        return int(self.n_score.max(axis=1).min())
 
     @property
     def mean(self) -> Float[Array, "q q"]:
@@ -93,7 +104,7 @@ class _Split:
         """The same without those who are no more."""
         kept = np.isin(self.serial, serial)
         both = np.ix_(kept, kept)
-        return _Split(self.serial[kept], self.since_ns, self.score[both], self.n_score[both], self.n_picture)
+        return _Split(self.serial[kept], self.since_ns, self.score[both], self.n_score[both])
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +138,7 @@ class Recognition:
         self._foreground = Foreground(camera.intrinsics, empty_room) if masked else None
         self._looks, self._serial = Looks.unknown(0, looks), np.zeros(0, np.int64)
         self._before = Situations.none(self._serial)
+        self._seen_ns = np.zeros(0, np.int64)
         self._splits: list[_Split] = []
         self.decisions: list[Decision] = []
         """Decisions of the last call of `work`."""
@@ -151,7 +163,7 @@ class Recognition:
         if image is not None and (now.interacting.any() or self._splits):
             shown = self._shown(image, people, ns)
         if shown is not None:
-            self._look(people, shown)
+            self._look(people, now, shown, ns)
             people = self._drawn(people, now, shown, ns)
         people = self._decide(people, ns)
         if shown is not None:
@@ -160,7 +172,7 @@ class Recognition:
             self._looks = self.learner.trained(
                 self._looks, shown.rgb, shown.places, now.interacting, alone, ns, self._rng, shown.foreground
             )
-        self._before = now
+        self._before, self._seen_ns = now, _seen_ns(people)
         return people
 
     def _shown(self, image: Image | DepthImage, people: People, ns: int) -> _Shown | None:
@@ -185,33 +197,46 @@ class Recognition:
         kept = np.isin(self._serial, serial)
         new = np.setdiff1d(serial, self._serial)  # numbers rise, so that who is new comes last
         self._looks = self._looks.select(kept).joined(Looks.unknown(new.size, self.learner.options))
-        self._serial = serial
+        seen_ns = np.concatenate([self._seen_ns[kept], np.zeros(new.size, np.int64)])
+        self._serial, self._seen_ns = serial, seen_ns
         left = [each.among(serial) for each in self._splits]
         self._splits = [each for each in left if each.serial.size > 1]
 
     def _note_splits(self, people: People, now: Situations, ns: int) -> None:
-        """Groups that came apart since the moment before; all who were in one are decided on together."""
-        if not self._before.confused.any():
-            return
+        """Note groups that came apart since the moment before, and who is back or new beside others.
+
+        All who were in a group, or may be taken for one who is back, are decided on together.
+        """
         before, known = self._before.of(people.serial).group, people.roster.confirmed
         apart = (before[:, None] == before) & (now.group[:, None] != now.group) & known & known[:, None]
-        if not apart.any():
+        doubtful = (before[:, None] == before) & apart.any(axis=1)[:, None]
+        if self.options.back_after_s is not None:
+            unseen = ns - self._seen_ns > nanoseconds(self.options.back_after_s)
+            doubtful |= now.interacting & (known & unseen & (_seen_ns(people) == ns))[:, None]
+        doubtful &= known & known[:, None] & ~np.eye(known.size, dtype=np.bool_)
+        if not doubtful.any():
             return
-        for label in np.unique(before[apart.any(axis=1)]).tolist():
-            members = [people.serial[(before == label) & known]]
+        label = linked(doubtful | doubtful.T)
+        for each in np.unique(label[doubtful.any(axis=1)]).tolist():
+            members = [people.serial[label == each]]
             overlap = [np.isin(each.serial, members[0]).any() for each in self._splits]
             members += [each.serial for each, with_them in zip(self._splits, overlap, strict=True) if with_them]
             self._splits = [each for each, with_them in zip(self._splits, overlap, strict=True) if not with_them]
             self._splits.append(_Split.of(np.unique(np.concatenate(members)), ns))
 
-    def _look(self, people: People, shown: _Shown) -> None:
-        """The scores of those who came apart, in one more picture."""
+    def _look(self, people: People, now: Situations, shown: _Shown, ns: int) -> None:
+        """The scores, in one more picture, of those who came apart, are where they are seen, and are there alone."""
         if not self.options.at_splits:
             return
+        alone = (_seen_ns(people) == ns) & ~now.confused.any(axis=1)
+        others = shown.places[people.roster.confirmed]
         for split in self._splits:
             rows = np.searchsorted(people.serial, split.serial)
-            score = self.learner.scores(self._looks, shown.rgb, shown.places[rows], rows, self._rng, shown.foreground)
-            split.add(score)
+            if alone[rows].any():
+                score = self.learner.scores(
+                    self._looks, shown.rgb, shown.places[rows], rows, self._rng, shown.foreground, others
+                )
+                split.add(np.where(alone[rows, None], score, np.nan))
 
     def _decide(self, people: People, ns: int) -> People:
         """Identities dealt out where enough pictures were seen, or none came for long."""
@@ -258,3 +283,8 @@ class Recognition:
         moved = state.copy()
         moved[:2] += self.options.spread_m * rng.standard_normal(moved[:2].shape)
         return moved
+
+
+def _seen_ns(people: People) -> Int[Index, "n"]:
+    """Stamps at which a scanner or the camera showed each track last."""
+    return np.maximum(people.roster.measured_ns, people.pictured_ns)

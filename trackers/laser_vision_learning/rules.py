@@ -81,6 +81,13 @@ PAPER_RULES: tuple[PaperRule, ...] = (
         "merged targets are tracked as one. Not so here: each member keeps particles at the group's place; `identity_after` "
         "judges what the split makes of them, one second after it",
     ),
+    PaperRule(
+        "persons whom no scanner shows",
+        "stated",
+        "V",
+        "images serve learned classifiers alone: no detector of people measures anybody",
+        {"pictures": {"detections": False}},
+    ),
     PaperRule("β of negative scores", "unstated", "eq. 1", "0: a patch of another is no evidence against a place"),
     PaperRule(
         "levels",
@@ -93,8 +100,8 @@ PAPER_RULES: tuple[PaperRule, ...] = (
         "pictures of a split",
         "unstated",
         "V.B, figure 9",
-        "the picture in which the targets are apart again decides",
-        {"identities": {"pictures": 1}},
+        "the first picture that shows the targets apart again decides, within 0.6 s",
+        {"identities": {"pictures": 1}, "recognition": {"within_s": 0.6, "back_after_s": None}},
     ),
     PaperRule(
         "classifiers",

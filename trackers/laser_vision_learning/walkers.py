@@ -65,9 +65,7 @@ class Walkers:
             self.people = self.people.select(np.zeros(len(self.people), bool))
         cloud = self._moved(self._filter.resampled(self.people.cloud, self.rng), step_s, last_look_ns)
         legs = self._model.legs(cloud.state)
-        # a track that nobody was seen by for a while is no surer than one that was seen all along
-        missing_s = np.where(self.people.roster.confirmed, self.people.missing_s, np.inf)
-        whose = shares(points, cloud.expectation(legs), options.points, missing_s)
+        whose = shares(points, cloud.expectation(legs), options.points, self._unscanned_s(ns))
         seen = whose.legs >= rules.detect_legs
         weights = cloud.weights.updated(log_likelihood(points, whose, legs, options.points))
         roster = self.people.roster.measured(np.flatnonzero(seen), ns, Cloud(cloud.state, weights))
@@ -97,6 +95,15 @@ class Walkers:
         seen_ns = np.maximum(self.people.roster.measured_ns, self.people.pictured_ns)
         missed = (seen_ns < last_look_ns).astype(float)
         return Cloud(self._model.move(cloud.state, step_s, missed, self.rng), cloud.weights)
+
+    def _unscanned_s(self, ns: int) -> Float[Array, "n"]:
+        """Return for how long scanners have missed each track [s], whatever a camera shows; infinite for tentative ones."""
+        people, measured_ns = self.people, self.people.roster.measured_ns
+        scanned_s = (ns - measured_ns) / NS_PER_S
+        missing_s = np.where(
+            people.pictured_ns > measured_ns, np.maximum(scanned_s, people.missing_s), people.missing_s
+        )
+        return np.where(people.roster.confirmed, missing_s, np.inf)
 
     def _missed(self, people: People, observations: Mapping[str, Observation], elapsed_s: float) -> People:
         """Whoever was not seen is likelier where nothing would show them, and missing the more, the likelier it would have."""

@@ -47,11 +47,16 @@ class Meeting:
 
     def __init__(self, n: int, **options):
         self.recognition = Recognition(
-            SENSOR, [], RecognitionOptions(**options), LOOKS, IdentityOptions(margin=0.3), np.random.default_rng(0)
+            SENSOR,
+            [],
+            RecognitionOptions(**{"within_s": 0.6} | options),
+            LOOKS,
+            IdentityOptions(margin=0.3),
+            np.random.default_rng(0),
         )
         self.ids, self.serial, self.ns, self.decisions = np.arange(1, n + 1), np.arange(n), 0, []
         nobody = Roster.started(Cloud.of(np.zeros((5, 0, 60))), 0)
-        self.people = People(np.zeros(0, int), nobody, np.zeros(0))
+        self.people = People(np.zeros(0, int), nobody, np.zeros(0), np.zeros(0, int))
 
     def frames(self, count: int, places, colours=None, interacting=True, together=(), wide_m=0.05) -> People:
         """`together`: index pairs who are merged and confused; `colours` None: no picture comes."""
@@ -69,7 +74,9 @@ class Meeting:
             roster = Roster(self.ids, Cloud.of(state), born, now_ns, many, np.ones(n, bool))
             now = Situations(self.serial, near, confused, confused, np.full((n, n), self.ns), confused)
             image = None if colours is None else picture(places, colours, self.ns)
-            self.people = self.recognition.work(People(self.serial, roster, np.zeros(n)), now, image, self.ns)
+            self.people = self.recognition.work(
+                People(self.serial, roster, np.zeros(n), np.full(n, -1)), now, image, self.ns
+            )
             self.ids = self.people.roster.id
             self.decisions += self.recognition.decisions
         return self.people

@@ -60,7 +60,7 @@ def condition(name: str, n_run: int = 4, people: float = 10.0, close: float = 2.
     ones = np.ones(n_run)
     figures = {}
     trackers = (*SYSTEMS, *PAPER_SYSTEMS.values(), BASELINE, NO_LEARNING)
-    for place, tracker in enumerate(trackers if name == "groups" else SYSTEMS):
+    for place, tracker in enumerate(trackers if name.startswith("groups") else SYSTEMS):
         figures[tracker] = {
             "failures.person_frames": 1000 * ones,
             "failures.missed": 10.0 * (place + np.arange(n_run)),
@@ -101,7 +101,9 @@ def test_the_tables_are_sums_over_runs_with_the_papers_values() -> None:
 
 
 def test_people_in_groups_have_four_columns_and_differences_paired_by_run() -> None:
-    runs = HallRuns({each: condition(each) for each in ("hall", "busy", "groups")}, None, None, ())  # pyright: ignore[reportArgumentType]
+    runs = HallRuns(
+        {each: condition(each) for each in ("hall", "busy", "groups", "groups-one-scanner")}, None, None, ()
+    )  # pyright: ignore[reportArgumentType]
     found = {(each.row, each.column): each for each in hall_results(runs) if each.where == TABLE_GROUPS}
     row = found[AFTER, "fused"]
     assert (row.paper, row.ours) == (None, pytest.approx(100))
@@ -109,6 +111,8 @@ def test_people_in_groups_have_four_columns_and_differences_paired_by_run() -> N
     assert row.baseline is not None and (row.baseline.tracker, row.baseline.value) == ("sort", pytest.approx(40))
     assert found[ACCURACY, "laser only"].paper == 73.37
     assert found[f"{AFTER}, fused over without learning", "difference"].ours == pytest.approx(70)
+    assert found[f"one scanner: {AFTER}", "fused"].ours == pytest.approx(100)
+    assert runs.changed == []
 
 
 def test_the_cost_of_a_change_of_the_hall_is_paired_by_seed() -> None:

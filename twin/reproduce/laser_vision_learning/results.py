@@ -59,8 +59,8 @@ def hall_results(hall: HallRuns) -> list[ResultRow]:
     found += _accuracies(hall.conditions[HALL], TABLE_TWO, with_paper=True)
     found += _disposals(hall.conditions[HALL], TABLE_TWO, with_paper=False)
     found += _costs(hall.conditions[HALL], TABLE_TWO)
-    if GROUPS in hall.conditions:
-        found += group_results(hall.conditions[GROUPS])
+    for condition in hall.groups:
+        found += group_results(condition)
     for condition in hall.densities:
         found += _beyond(condition, DENSITY)
     for condition in hall.changed:
@@ -90,10 +90,12 @@ def _share(condition: HallCondition, tracker: str, row: str) -> tuple[Array, Arr
 def group_results(condition: HallCondition) -> Iterator[ResultRow]:
     """Compute the table of people in groups: the paper's value, its system here, ours, and the baseline; then differences.
 
-    Differences are of shares over all runs, in points, with replicates paired by run.
+    Rows of `groups-SENSORS` have these sensors before their names. Differences are of shares over all runs, in points, with
+    replicates paired by run.
     """
     yield from _place(condition)
-    boot = _bootstrap(condition)
+    boot, sensors = _bootstrap(condition), condition.name.removeprefix(GROUPS).removeprefix("-").replace("-", " ")
+    prefix = f"{sensors}: " if sensors else ""
     replicates = {
         (tracker, row): 100 * boot.ratio(*(each[:, None] for each in _share(condition, tracker, row)))[:, 0]
         for tracker in condition.trackers
@@ -108,12 +110,13 @@ def group_results(condition: HallCondition) -> Iterator[ResultRow]:
             for name in (PAPER_SYSTEMS[tracker], BASELINE)
         ]
         ours, column = interval(values), condition.tracker_label(tracker)
-        yield ResultRow.of(TABLE_GROUPS, row, column, ours, "%", len(condition.seeds), paper, *others)
+        yield ResultRow.of(TABLE_GROUPS, prefix + row, column, ours, "%", len(condition.seeds), paper, *others)
     for name, what in ((BASELINE, BASELINE), (OTHER_BASELINE, OTHER_BASELINE), (NO_LEARNING, "without learning")):
         for row in (ACCURACY, AFTER):
             if (FUSED, row) in replicates and (name, row) in replicates:
                 gain = interval(replicates[FUSED, row] - replicates[name, row])
-                yield _result(TABLE_GROUPS, f"{row}, fused over {what}", "difference", None, gain, "%", condition)
+                name_of_row = f"{prefix}{row}, fused over {what}"
+                yield _result(TABLE_GROUPS, name_of_row, "difference", None, gain, "%", condition)
 
 
 def cost_fit(conditions: list[HallCondition], tracker: str) -> Array | None:

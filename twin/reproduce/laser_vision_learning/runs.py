@@ -1,8 +1,8 @@
 """Runs of the hall, read from the suite's results: the three systems, conditions, places, and one run in full.
 
-A condition is an entry of the suite: `busy` is table I, `hall` is table II and figure 11; `groups` holds people in groups,
-the paper's target; `people-N` is a density; `ablation` compares variants of the fused system; every other is the hall with
-one change.
+A condition is an entry of the suite: `busy` is table I, `hall` is table II and figure 11; `groups` and `groups-SENSORS` hold
+people in groups, the paper's target; `people-N` is a density; `ablation` compares variants of the fused system; every other
+is the hall with one change.
 """
 
 from __future__ import annotations
@@ -117,10 +117,17 @@ class HallRuns:
         return sorted(found, key=lambda each: int(each.name.removeprefix("people-")))
 
     @property
+    def groups(self) -> list[HallCondition]:
+        """The conditions with people in groups."""
+        return [each for each in self.conditions.values() if each.name.split("-")[0] == GROUPS]
+
+    @property
     def changed(self) -> list[HallCondition]:
         """Conditions that change the hall in one respect."""
-        others = (HALL, BUSY, GROUPS, ABLATION)
-        return [each for each in self.conditions.values() if each.name not in others and each not in self.densities]
+        others = [*self.densities, *self.groups]
+        return [
+            each for each in self.conditions.values() if each.name not in (HALL, BUSY, ABLATION) and each not in others
+        ]
 
     @property
     def ablation(self) -> HallCondition | None:
