@@ -211,8 +211,8 @@ class Recognition:
         apart = (before[:, None] == before) & (now.group[:, None] != now.group) & known & known[:, None]
         doubtful = (before[:, None] == before) & apart.any(axis=1)[:, None]
         if self.options.back_after_s is not None:
-            unseen = ns - self._seen_ns > nanoseconds(self.options.back_after_s)
-            doubtful |= now.interacting & (known & unseen & (_seen_ns(people) == ns))[:, None]
+            missed = ns - self._seen_ns > nanoseconds(self.options.back_after_s)
+            doubtful |= now.interacting & (known & missed & (_seen_ns(people) == ns))[:, None]
         doubtful &= known & known[:, None] & ~np.eye(known.size, dtype=np.bool_)
         if not doubtful.any():
             return
