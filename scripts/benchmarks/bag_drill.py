@@ -32,6 +32,8 @@ from twin.scenario import load_scenario
 
 EPOCH_NS = 1_700_000_000 * 10**9
 S, MS = 10**9, 10**6
+_LAST_NS = (2**31 - 3600) * S
+"""An hour before the seconds of a stamp end [ns]."""
 MUTANTS = 200
 _NEARLY = 0.03
 _GATE_M, _SLACK_NS = 0.5, 80 * MS
@@ -151,7 +153,7 @@ def drift(content: Content, topic: str, rng: np.random.Generator) -> str:
 
 def other_clock(content: Content, topic: str, rng: np.random.Generator) -> str:
     by_ns = round(float(rng.choice([-1, 1])) * 10 ** rng.uniform(-0.8, 9) * S)
-    by_ns = max(by_ns, -EPOCH_NS)
+    by_ns = min(max(by_ns, -EPOCH_NS), _LAST_NS - EPOCH_NS)
     for number in of(content, topic):
         content.messages[number] = content.messages[number].stamped(content.messages[number].stamp_ns + by_ns)
     return f"clock off by {by_ns / S:g} s"
