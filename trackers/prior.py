@@ -7,8 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
-from trackers.observations import Observation
-from trackers.rig import PriorFiles, Rig
+import numpy as np
+
+from trackers.errors import InputError
+from trackers.observations import Image, Observation
+from trackers.rig import PriorFiles, Rig, StereoSensor
 
 if TYPE_CHECKING:
     from trackers.environment import Environment
@@ -45,11 +48,33 @@ class Prior(Sequence[Observation]):
     def read(cls, background: Iterable[Observation], files: PriorFiles, rig: Rig) -> Prior:
         """Read the prior's `files`, with absolute and existing paths, for a rig.
 
-        Raises InputError for an environment that is damaged or of another room than the rig's.
+        Its pictures take the place of a camera's observations in `background`. Raises InputError for an environment that is
+        damaged or of another room than the rig's, and for a picture that is none or not of the camera's size.
         """
+        pictures = [_picture(name, Path(each), rig) for name, each in files.background.items()]
+        kept = [each for each in background if each.sensor not in files.background]
         environment = None
         if files.environment is not None:
             from trackers.environment import load_environment
 
             environment = load_environment(Path(files.environment), rig)
-        return cls(tuple(background), environment, {name: Path(each) for name, each in files.learned.items()})
+        return cls((*kept, *pictures), environment, {name: Path(each) for name, each in files.learned.items()})
+
+
+def _picture(name: str, path: Path, rig: Rig) -> Image:
+    """Read a picture of the empty room for the camera `name` of a rig; raises InputError, see `Prior.read`."""
+    import cv2
+
+    field, cameras = f"prior.background.{name}", rig.cameras()
+    if name not in cameras or isinstance(cameras[name], StereoSensor):
+        valid = [each for each, sensor in cameras.items() if not isinstance(sensor, StereoSensor)]
+        expected = f"one of {', '.join(valid)} is expected" if valid else "this rig has none"
+        raise InputError(f"{field}: {name!r} is no camera of the rig that takes a picture alone; {expected}")
+    pixels = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_COLOR)
+    lens = cameras[name].intrinsics
+    if pixels is None or pixels.shape[:2] != (lens.height, lens.width):
+        found = "no picture" if pixels is None else f"{pixels.shape[1]} x {pixels.shape[0]} pixels"
+        raise InputError(
+            f"{field}: {path} is {found}; a PNG or JPEG of {lens.width} x {lens.height} pixels, as the camera's, is expected"
+        )
+    return Image(name, 0, np.ascontiguousarray(pixels[..., ::-1], dtype=np.uint8))

@@ -73,14 +73,21 @@ class PriorFiles(Strict):
         default={}, description="files that trackers have learned beforehand, by the name that they ask for"
     )
 
+    background: dict[str, str] = Field(
+        default={},
+        description="pictures of the empty room (PNG or JPEG) by camera, for recordings without any; none: those recorded",
+        exclude_if=lambda pictures: not pictures,
+    )
+
     def within(self, folder: AnyPath) -> Self:
         """Return the files with absolute paths; they were named in `folder`."""
         return type(self).model_validate(files_within(self.model_dump(), folder))
 
     def paths(self) -> dict[str, Path]:
-        """Return the files by their field: 'environment', 'learned.NAME'."""
+        """Return the files by their field: 'environment', 'learned.NAME', 'background.CAMERA'."""
         environment = {} if self.environment is None else {"environment": Path(self.environment)}
-        return environment | {f"learned.{name}": Path(each) for name, each in self.learned.items()}
+        learned = {f"learned.{name}": Path(each) for name, each in self.learned.items()}
+        return environment | learned | {f"background.{name}": Path(each) for name, each in self.background.items()}
 
     def missing(self) -> dict[str, Path]:
         """Return the files, by their field, that do not exist."""
@@ -90,8 +97,9 @@ class PriorFiles(Strict):
         """Return the files but for those of these fields."""
         left_out = set(fields)
         learned = {name: each for name, each in self.learned.items() if f"learned.{name}" not in left_out}
+        pictures = {name: each for name, each in self.background.items() if f"background.{name}" not in left_out}
         environment = None if "environment" in left_out else self.environment
-        return self.model_copy(update={"environment": environment, "learned": learned})
+        return self.model_copy(update={"environment": environment, "learned": learned, "background": pictures})
 
     def check(self, source: str) -> None:
         """Raise InputError, one line per file that does not exist, naming `source` and the field."""
@@ -121,6 +129,8 @@ def files_within(content: Any, folder: AnyPath) -> Any:
 def missing_file(field: str, path: AnyPath) -> str:
     """Say in a clause that the file of a field does not exist, and what is expected."""
     expected = "one that `twin environment` wrote" if field.endswith("environment") else "what a tracker has learned"
+    if ".background." in f".{field}":
+        expected = "a picture of the empty room"
     return f"{field}: there is no file {path}; {expected} is expected"
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from box_room import box_room_cloud
@@ -11,6 +12,7 @@ from synthetic_room import empty_room, rig
 
 from trackers.environment import build_environment, save_environment
 from trackers.errors import InputError
+from trackers.observations import Image
 from trackers.presets import make_tracker
 from trackers.prior import Prior
 from trackers.rig import NO_PRIOR, LaserSensor, PriorFiles, Rig
@@ -114,3 +116,38 @@ def test_the_former_key_of_a_rig_is_still_read_and_its_new_name_told(
     path.write_text("sensors: {low: {kind: laser, topic: /scan}}\nknowledge: {environment: room.npz}\n")
     assert Rig.load(path).prior.environment == str(tmp_path / "room.npz")
     assert "knowledge: is now called 'prior'" in caplog.text
+
+
+PINHOLE = "sensors: {cam: {kind: camera, topic: /cam, intrinsics: {width: 8, height: 6, fx: 5, fy: 5, cx: 4, cy: 3}}}\n"
+
+
+def test_a_picture_of_the_empty_room_comes_with_the_rig(tmp_path: Path) -> None:
+    rgb = np.zeros((6, 8, 3), np.uint8)
+    rgb[..., 0] = 200
+    cv2.imwrite(str(tmp_path / "empty.png"), rgb[..., ::-1])
+    path = tmp_path / "rig.yaml"
+    path.write_text(PINHOLE + "prior: {background: {cam: empty.png}}\n")
+    loaded = Rig.load(path)
+    recorded = [Image("cam", 5, np.zeros((6, 8, 3), np.uint8)), Image("other", 5, rgb)]
+    prior = Prior.read(recorded, loaded.prior, loaded)
+    assert [each.sensor for each in prior] == ["other", "cam"]
+    picture = prior[1]
+    assert isinstance(picture, Image) and (picture.rgb == rgb).all()
+    assert loaded.prior.digest() != "" and loaded.prior.without(["background.cam"]) == NO_PRIOR
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "expected"),
+    [
+        ("low", b"", r"prior\.background\.low: 'low' is no camera .* one of cam is expected"),
+        ("cam", b"none", r"empty\.png is no picture; a PNG or JPEG of 8 x 6 pixels"),
+        ("cam", cv2.imencode(".png", np.zeros((3, 4, 3), np.uint8))[1].tobytes(), r"is 4 x 3 pixels; .* of 8 x 6"),
+    ],
+)
+def test_a_picture_that_cannot_be_the_camera_s_is_refused(
+    tmp_path: Path, name: str, content: bytes, expected: str
+) -> None:
+    (tmp_path / "empty.png").write_bytes(content)
+    files = PriorFiles(background={name: str(tmp_path / "empty.png")})
+    with pytest.raises(InputError, match=expected):
+        Prior.read((), files, Rig.parse(PINHOLE, "rig.yaml"))

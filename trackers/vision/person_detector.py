@@ -152,6 +152,15 @@ class MaskLevels:
 
 _LEAST_CELL_PX = 1.0
 """Least side of a cell of a detectable person."""
+_DIRECTIONS = 72
+
+
+def _sees_people(camera: PlacedCamera, cells: tuple[int, int], least_in_picture: float, away_m: float) -> bool:
+    """Return True where the picture holds enough of a person who stands so far off [m] in any direction."""
+    angle = np.linspace(-np.pi, np.pi, _DIRECTIONS, endpoint=False)
+    ring = camera.eye_m[:2] + away_m * np.column_stack([np.cos(angle), np.sin(angle)])
+    windows = person_windows(camera, ring, *cells)
+    return bool(((windows.inside.mean(axis=(1, 2)) >= least_in_picture) & (windows.cell_px >= _LEAST_CELL_PX)).any())
 
 
 class FloorPlaces:
@@ -184,6 +193,8 @@ class FloorPlaces:
         grid = self._eye + pitch_m * lattice @ self._axes.T
         away_m = np.hypot(*(grid - self._eye).T)
         near = away_m <= reach_m if area is None else Area(area, margin_m).contains(grid)
+        self.is_cut = area is None and _sees_people(camera, cells, least_in_picture, 1.02 * reach_m)
+        """True where people farther off than `reach_m` would be in the picture, and are not looked for."""
         of_grid = near.nonzero()[0]
         windows = person_windows(camera, grid[of_grid], *cells)
         share = windows.inside.mean(axis=(1, 2))
@@ -295,6 +306,15 @@ class PersonDetector:
         self._middle = np.ascontiguousarray(middle.reshape(len(index), middle[0].size if len(index) else 0))
         self._index = index.reshape(len(index), ROWS * COLUMNS)
         self._more_inputs = np.stack([windows.steepness, self.places.share_in_picture], axis=1).astype(np.float32)
+
+    def warnings(self, camera: str) -> list[str]:
+        """Return that people are not looked for as far as this camera sees them, where that is so."""
+        if not self.places.is_cut:
+            return []
+        return [
+            f"the rig has no area, and {camera} sees people farther off than {self.options.reach_m:g} m, where none is looked "
+            "for; an area in the rig, or a greater detector.reach_m, changes that"
+        ]
 
     def candidates(self, mask: Bool[Mask, "height width"]) -> tuple[Int[Index, "c"], Float32[Singles, "c inputs"]]:
         """Return the positions at which a person may stand, and the model's inputs from their windows."""

@@ -135,8 +135,12 @@ class TrackerCheck:
             except InputError as error:
                 self._tell(f"{_place(variant, file, 'prior.environment')}: {error}")
                 return None
-        learned = {name: Path(each) for name, each in files.learned.items()}
-        return Prior((), environment, learned)
+        try:
+            others = Prior.read((), files.model_copy(update={"environment": None}), rig)
+        except InputError as error:
+            self._tell(f"{_place(variant, file, 'prior.background')}: {error}")
+            return None
+        return Prior(others.background, environment, others.learned)
 
     def _tried(self, target: str, rig: Rig, scenario: Scenario, name: str, prior: Prior) -> list[tuple[str, str]]:
         options = scenario.trackers.get(name, TrackerChoice()).options

@@ -69,3 +69,10 @@ def test_a_camera_that_sees_no_place_of_the_area_finds_nobody():
     on = view.rig().model_copy(update={"area": ((50.0, 50), (51, 50), (51, 51))})
     looks = detector(on)
     assert len(looks.places) == 0 and len(looks.detect(np.ones((240, 320), np.bool_))) == 0
+
+
+def test_a_reach_that_cuts_what_the_camera_sees_is_said() -> None:
+    camera = placed_camera(view.rig().cameras()["camera"])
+    (warning,) = PersonDetector(camera, None, DetectorOptions(reach_m=3.0)).warnings("camera")
+    assert "farther off than 3 m" in warning
+    assert PersonDetector(camera, [[-2, 1], [2, 1], [0, 3]], DetectorOptions(reach_m=3.0)).warnings("camera") == []

@@ -82,6 +82,11 @@ class VisionOnly:
         self._detections: list[Detection] = []
 
     @property
+    def warnings(self) -> list[str]:
+        """That people far off are not looked for, where that is so."""
+        return self._detector.warnings(self.camera)
+
+    @property
     def discarded(self) -> int:
         """Number of pictures dropped: too late, or twice."""
         return self.losses.total()
