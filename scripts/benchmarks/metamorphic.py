@@ -28,7 +28,7 @@ from trackers.laser_fisheye_imm.tracker import LaserFisheyeImm
 from trackers.presets import PRESETS
 from trackers.tracks import TrackFrame
 from twin import Simulation
-from twin.evaluate.set_distance import ospa
+from twin.evaluate.summary import ospa
 from twin.scenario import load_scenario
 from twin.truth.frames import TruthFrame
 

@@ -47,9 +47,9 @@ def export(
     from twin.console import print_paths, print_warning
     from twin.export.coco import export_coco
     from twin.export.foxglove import export_foxglove
-    from twin.export.images import export_images
     from twin.export.kitti import export_kitti
     from twin.export.mot import export_mot
+    from twin.export.pictures import export_images
     from twin.export.rerun_file import export_rerun
     from twin.run.out_folder import whole_folder
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
 from trackers.errors import InputError
 from twin.evaluate.accuracy import PersonFrames, disposal, person_frames
@@ -18,7 +19,6 @@ from twin.evaluate.clear import FrameMatches, PairMatrix, clear, find_switches, 
 from twin.evaluate.continuity import TrackEvent, continuity, right_at_end, switch_events
 from twin.evaluate.hota import hota, hota_cap
 from twin.evaluate.judged_frames import Frame, align, match_all_people, restrict_to_area, wrap_angle
-from twin.evaluate.set_distance import gospa, ospa
 from twin.recording.situation_table import SituationTable
 from twin.recording.tables import TrackTable, TruthTable
 
@@ -209,3 +209,45 @@ def _pose_errors(judged: Sequence[Frame], matches: Sequence[FrameMatches]) -> tu
 def _mean_absolute(values: NDArray[np.float64]) -> float | None:
     known = values[~np.isnan(values)]
     return float(np.abs(known).mean()) if known.size else None
+
+
+@dataclass(frozen=True)
+class Gospa:
+    """GOSPA [m] with α = 2, and its parts [m^p]: distance = (localisation + missed + false)^(1/p)."""
+
+    distance: float
+    localisation: float
+    missed: float
+    false: float
+
+
+def ospa(distances: NDArray[np.float64], cutoff: float, order: float) -> float:
+    """Compute OSPA [m] of distances (n, m) [m] between people and tracks; 0 for two empty sets.
+
+    Schuhmacher, Vo and Vo, "A consistent metric for performance evaluation of multi-object filters", 2008.
+
+    Each distance counts `cutoff` at most, each surplus person or track `cutoff`; averaged over the larger of the two sets.
+    """
+    n, m = distances.shape
+    if max(n, m) == 0:
+        return 0.0
+    costs = np.minimum(distances, cutoff) ** order
+    total = costs[linear_sum_assignment(costs)].sum() + cutoff**order * abs(n - m)
+    return float((total / max(n, m)) ** (1 / order))
+
+
+def gospa(distances: NDArray[np.float64], cutoff: float, order: float) -> Gospa:
+    """Compute GOSPA with α = 2 of distances (n, m) [m]; not averaged.
+
+    Pairs nearer than `cutoff` cost their distance, every unpaired person and track half a cut-off, to the power of `order`.
+    Rahmathullah, García-Fernández and Svensson, "Generalized optimal sub-pattern assignment metric", 2017.
+    """
+    n, m = distances.shape
+    costs = np.minimum(distances, cutoff) ** order
+    rows, columns = linear_sum_assignment(costs)
+    paired = distances[rows, columns] < cutoff
+    n_paired = int(np.count_nonzero(paired))
+    half = cutoff**order / 2
+    localisation = float(costs[rows, columns][paired].sum())
+    missed, false = half * (n - n_paired), half * (m - n_paired)
+    return Gospa(float((localisation + missed + false) ** (1 / order)), localisation, missed, false)

@@ -1,15 +1,16 @@
 """Pictures of a recording as they are stored, the bytes of each JPEG or PNG, and the calibration of each camera.
 
 A picture's number counts those of its camera from 1 in the order in which they arrived, in every format. Bytes are copied where
-the message holds a JPEG or PNG; raw pictures become PNG, which loses nothing.
+the message holds a JPEG or PNG; raw pictures become PNG, which loses nothing. `export_images` writes a folder per camera.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import cv2
 import numpy as np
@@ -23,6 +24,7 @@ from twin.recording.bag import decoded, open_bag
 from twin.recording.colour_images import decode_raw
 from twin.recording.depth_images import PNG_FORMAT, decode_depth, encode_png
 from twin.recording.ros_messages import COMPRESSED_IMAGE
+from twin.recording.tables import seconds_cell
 
 _SUFFIXES = {b"\xff\xd8\xff": ".jpg", b"\x89PNG": ".png"}
 
@@ -152,3 +154,33 @@ def _camera_info_yaml(name: str, lens: FisheyeIntrinsics | PinholeIntrinsics) ->
             "projection_matrix": matrix(3, 4, np.hstack([lens.matrix, np.zeros((3, 1))])),
         }
     )
+
+
+def export_images(recordings: Sequence[Recorded], out: Path) -> None:
+    """Write `SEQUENCE/CAMERA/` with `NNNNNN.jpg`, `depth/NNNNNN.png` (16 bits, mm), `stamps.csv` and calibrations.
+
+    Raises InputError where no recording has a camera.
+    """
+    if not any(each.recording.rig.cameras() for each in recordings):
+        raise InputError("--format images: the recording has no camera; one with pictures is expected")
+    for recorded in recordings:
+        cameras = recorded.recording.rig.cameras()
+        with ExitStack() as stack:
+            tables = {name: _opened(stack, out / recorded.name / name) for name in cameras}
+            for name, camera in cameras.items():
+                write_calibration(out / recorded.name / name, name, camera)
+            for picture in pictures(recorded, cameras, depth=True):
+                folder = out / recorded.name / picture.camera
+                if picture.is_depth:
+                    (folder / "depth").mkdir(exist_ok=True)
+                    folder /= "depth"
+                name = picture.save(folder)
+                kind = "depth/" if picture.is_depth else ""
+                tables[picture.camera].write(f"{picture.number},{seconds_cell(picture.stamp_ns)},{kind}{name}\n")
+
+
+def _opened(stack: ExitStack, folder: Path) -> TextIO:
+    folder.mkdir(parents=True)
+    table = stack.enter_context((folder / "stamps.csv").open("w", encoding="utf-8"))
+    table.write("frame,t,file\n")
+    return table

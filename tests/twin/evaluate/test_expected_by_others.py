@@ -15,7 +15,7 @@ from trackeval_names import by_trackevals_names
 
 from twin.evaluate.clear import PairMatrix
 from twin.evaluate.hota import hota
-from twin.evaluate.set_distance import gospa, ospa
+from twin.evaluate.summary import gospa, ospa
 
 EXPECTED = json.loads(Path(__file__).with_name("expected_by_others.json").read_text())
 SAME = {"rtol": 0, "atol": 1e-12}

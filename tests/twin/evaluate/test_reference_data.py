@@ -11,7 +11,7 @@ from trackeval_names import by_trackevals_names
 
 from twin.evaluate.clear import PairMatrix, clear, identity
 from twin.evaluate.hota import hota
-from twin.evaluate.set_distance import gospa, ospa
+from twin.evaluate.summary import gospa, ospa
 
 DATA = Path(__file__).parents[3].parent / "shared" / "data" / "metrics"
 pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason=f"the reference data {DATA} is not on this machine")

@@ -6,7 +6,7 @@ from scipy.optimize import linear_sum_assignment
 
 from twin.evaluate.clear import PairMatrix, clear, find_switches, identity, match_frames
 from twin.evaluate.hota import THRESHOLDS, hota
-from twin.evaluate.set_distance import gospa, ospa
+from twin.evaluate.summary import gospa, ospa
 
 
 def matrix(persons, tracks, values) -> PairMatrix:

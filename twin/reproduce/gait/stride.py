@@ -14,8 +14,6 @@ from twin.people.gait.gait import Gait
 from twin.people.gait.gait_state import GaitState, foot_loads
 from twin.people.poses import TICK_S
 
-Flags = NDArray[np.bool_]
-
 FINE_HZ = 600.0
 """Rate of the force plates, at which loads are interpolated between the people's ticks."""
 
