@@ -1,1 +1,1 @@
-"""People in laser scans before any tracking: backgrounds, clusters, detections of one layer."""
+"""Detection of people in laser scans, before tracking: backgrounds, clusters, detections of one layer."""

@@ -1,15 +1,15 @@
-"""Background subtraction in range space: which samples of a scan stand in front of the room.
+"""Background subtraction in range space: samples of a scan in front of the room.
 
-`KnownBackground` compares with scans of the empty room. `LearnedBackground` has none and learns causally, from the past of
-the same scanner only.
+`KnownBackground` compares with scans of the empty room. `LearnedBackground` learns causally, from past scans of the same
+scanner.
 
 Samples follow ROS REP 117. A finite range within the scanner's limits is a return; +inf, or a range beyond the limit, is a
-beam that met nothing; NaN and −inf are no reading at all and teach nothing. A finite range below the limit is counted as
-met nothing: many drivers write 0 or a small error code where no light came back.
+beam without return; NaN and −inf are no reading and are ignored. A finite range below the limit counts as no return: many
+drivers write 0 or a small error code then.
 
-Both keep what they know per bearing (`BearingGrid`): scans may have any beams. A beam between two cells is in front of the room
-where it is in front of what either of them has seen, so that the edges of things do not flicker. Where no scan has looked,
-nothing is known and nothing is foreground. A scan without beams teaches nothing.
+Both keep their knowledge per bearing (`BearingGrid`): scans may have any beams. A beam between two cells is foreground if it
+is in front of the background of either, so that edges of objects do not flicker. Bearings never scanned have no background
+and no foreground. A scan without beams is ignored.
 """
 
 from __future__ import annotations
@@ -34,19 +34,19 @@ logger = logging.getLogger(__name__)
 
 _RENORMALISE_ABOVE = 1e9
 _MOST_CELLS = 25_000_000
-"""Of the table of what was learned, bearings times bins; it takes 16 bytes each."""
+"""Greatest size of the learned table, bearings times bins; it takes 16 bytes each."""
 _SCANS = 9
-"""Number of last scans that tell how far apart beams are."""
+"""Number of last scans that determine the spacing of beams."""
 _FINER, _COARSER = 0.75, 1.5
-"""Widths of beams, in cells, between which the cells serve them."""
+"""Widths of beams, in cells, between which the cells are kept."""
 _LEAST, _SHARE = 20, 0.1
-"""Number and share of beams that cannot all begin to meet people in one scan: it is the scanner that starts."""
+"""Number and share of beams that cannot all begin to meet people in one scan: the scanner has just started."""
 _UNKNOWN_SHARE = 0.02
-"""Share of a scan's beams without a background from which on it is told."""
+"""Share of a scan's beams without a background from which a warning is given."""
 
 
 class BackgroundOptions(Strict):
-    """Options of the foreground, and of a room that is learned where no empty scans are given."""
+    """Options of the foreground, and of a background learned without empty scans."""
 
     margin_m: float = Field(
         default=0.12, gt=0, description="how much nearer than the room a sample must be to be foreground [m]"
@@ -93,14 +93,14 @@ class BackgroundOptions(Strict):
 
 
 def returns(scan: LaserScan) -> tuple[Float[Array, "n_beam"], Bool[Mask, "n_beam"], Bool[Mask, "n_beam"]]:
-    """Ranges [m], which of them are returns, and which beams met nothing."""
+    """Return ranges [m], a mask of returns, and a mask of beams without return."""
     ranges = scan.ranges_m.astype(float)
-    hit = (ranges >= scan.range_min_m) & (ranges <= scan.range_max_m) & (ranges < np.inf)  # NaN is none of these
+    hit = (ranges >= scan.range_min_m) & (ranges <= scan.range_max_m) & (ranges < np.inf)  # NaN is neither
     return ranges, hit, (ranges > -np.inf) & ~hit
 
 
 class KnownBackground:
-    """The room as scans without people show it: per bearing a low quantile of the ranges, and their spread.
+    """Background from scans without people: per bearing a low quantile of the ranges, and their spread.
 
     Raises InputError for no scans, or none with a beam.
     """
@@ -112,10 +112,10 @@ class KnownBackground:
             raise InputError("background: no scans of the empty room; at least one, with beams, is expected")
         self._grid = BearingGrid.of(scans)
         covered = [self._grid.cover(scan) for scan in scans]
-        seen = np.full((len(scans), self._grid.n_row), np.nan)  # NaN where a scan did not look
+        seen = np.full((len(scans), self._grid.n_row), np.nan)  # NaN for bearings not in a scan
         for of_scan, scan, (row, beam) in zip(seen, scans, covered, strict=True):
             ranges, hit, _ = returns(scan)
-            of_scan[row] = np.where(hit, ranges, np.inf)[beam]  # nothing met counts as far away
+            of_scan[row] = np.where(hit, ranges, np.inf)[beam]  # no return counts as far away
         quantile = np.nanquantile if np.isnan(seen).any() else np.quantile
         room = quantile(seen, options.quantile, axis=0, method="lower")
         near = np.where(np.isfinite(seen), seen, np.nan)
@@ -127,7 +127,7 @@ class KnownBackground:
         self._warned = False
 
     def foreground(self, scan: LaserScan) -> Bool[Mask, "n_beam"]:
-        """Which samples stand in front of the room."""
+        """Return a mask of the samples in front of the room."""
         ranges, hit, _ = returns(scan)
         before, after = self._grid.rows(scan)
         threshold_m = self._threshold(before)
@@ -147,23 +147,22 @@ class KnownBackground:
         return hit & (ranges < threshold_m)
 
     def _threshold(self, row: Int[Index, "n_beam"]) -> Float[Array, "n_beam"]:
-        """The threshold of rows [m]; NaN where there is none."""
+        """Return the thresholds of rows [m]; NaN without one."""
         return np.where(row < 0, np.nan, self.threshold_m[row])
 
 
 class LearnedBackground:
-    """The room learned from the scans so far: no scan ahead of the present one is used.
+    """Background learned from the scans so far.
 
-    Each bearing keeps, per range bin (one more for "met nothing"), how long it has seen something there, fading over
-    `memory_s`. A nearer object hides a bin and counts neither for nor against it; a farther reading counts against it.
-    A bin is the room if it fills `static_share` of the time in which the beam came that far; or if it fills `flicker_share`
-    with short stays, the first of which is none yet (an edge that the beam meets now and then comes back, and far more
-    often than people do). A sample is foreground if its bin is not the room and if the beam has seen farther for at least
-    `open_share` of its time.
+    Each bearing stores, per range bin (and one for "no return"), the time of observation, fading over `memory_s`. A nearer
+    object hides a bin and does not count; a farther reading counts against it. A bin is background if it fills
+    `static_share` of the time in which the beam reached it, or `flicker_share` with short stays other than the first (an
+    edge met now and then recurs far more often than people). A sample is foreground if its bin is not background and the
+    beam has seen farther for at least `open_share` of its time.
 
-    Hence: what the first scan of a beam shows is taken for the room, people included, until they walk on and the beam sees
-    past them (a tenth of the time they stood there makes their place open again). A person who comes later and stands
-    still is taken for furniture after about 0.7 `memory_s`, and forgotten again as slowly.
+    Consequently the first scan of a beam is taken for background, people included, until they walk on and the beam passes
+    them (a tenth of the time they stood there). A person who arrives later and stands still becomes background after about
+    0.7 `memory_s`, and is forgotten as slowly.
     """
 
     def __init__(self, options: BackgroundOptions | None = None) -> None:
@@ -172,17 +171,19 @@ class LearnedBackground:
         self._steps_rad: deque[float] = deque(maxlen=_SCANS)
         self._met_something = False
         self._farthest_m = 0.0
-        self._seen = np.empty((0, 0))  # (n_row, n_bin + 4): seconds seen, times the weight of the scan; see `_column`
-        self._flickered = np.empty((0, 0))  # like `_seen`, with the first `flicker_s` of every stay but the first only
+        self._seen = np.empty(
+            (0, 0)
+        )  # (n_row, n_bin + 4): observed seconds, times the weight of the scan; see `_column`
+        self._flickered = np.empty((0, 0))  # like `_seen`, with the first `flicker_s` of every stay except the first
         self._total = np.empty(0)  # (n_row,)
-        self._stay_column = np.empty(0, np.intp)  # (n_row,) what each bearing saw last
-        self._stay_s = np.empty(0)  # (n_row,) and for how long by now
-        self._came_back = np.empty(0, np.bool_)  # (n_row,) and whether it had been there before
-        self._weight = 1.0  # grows with time, so that nothing has to be faded at every scan
+        self._stay_column = np.empty(0, np.intp)  # (n_row,) the last column of each bearing
+        self._stay_s = np.empty(0)  # (n_row,) and its duration so far
+        self._came_back = np.empty(0, np.bool_)  # (n_row,) and whether it had been seen before
+        self._weight = 1.0  # grows with time, which avoids fading the whole table at every scan
         self._ns: int | None = None
 
     def foreground(self, scan: LaserScan) -> Bool[Mask, "n_beam"]:
-        """Which samples stand in front of the room as known so far; the scan is then learned from."""
+        """Return a mask of the samples in front of the background so far; then learn from the scan."""
         ranges, hit, missed = returns(scan)
         if ranges.size == 0:
             return np.zeros(0, np.bool_)
@@ -200,11 +201,11 @@ class LearnedBackground:
 
     @property
     def has_started(self) -> bool:
-        """True once a scan has been learned from."""
+        """True after the first learned scan."""
         return self._grid is not None
 
     def _fitting_grid(self, scan: LaserScan, hit: Bool[Mask, "n_beam"]) -> BearingGrid:
-        """The grid, anew where the scanner starts to see only now, and where its beams are by now of another width."""
+        """Return the grid, a new one if the scanner has just started, or the width of its beams has changed."""
         self._steps_rad.append(abs(scan.angle_increment_rad))
         n_hit = int(hit.sum())
         starts = not self._met_something and n_hit >= max(_LEAST, _SHARE * hit.size)
@@ -221,14 +222,14 @@ class LearnedBackground:
         return self._grid
 
     def _keep_rows(self, row: Int[Index, "k"], n_column: int) -> None:
-        """Go on with these rows of all that was learned; with none, in tables of so many columns."""
+        """Keep these rows of all learned tables; without any, make tables of `n_column` columns."""
         self._seen = self._seen[row] if row.size else np.empty((0, n_column))
         self._flickered = self._flickered[row] if row.size else np.empty((0, n_column))
         self._total, self._stay_s = self._total[row], self._stay_s[row]
         self._stay_column, self._came_back = self._stay_column[row], self._came_back[row]
 
     def _make_rows(self, scan: LaserScan, n_row: int) -> None:
-        """Empty rows for the bearings that are new."""
+        """Add empty rows for new bearings."""
         new, n_column = n_row - self._total.size, self._seen.shape[1]
         if new == 0:
             return
@@ -241,7 +242,9 @@ class LearnedBackground:
     def _column(
         self, ranges: Float[Array, "n_beam"], hit: Bool[Mask, "n_beam"], missed: Bool[Mask, "n_beam"]
     ) -> Int[Index, "n_beam"]:
-        """Column of `_seen` for each beam: 1 + bin, so that each bin has neighbours; the last but one for nothing met."""
+        """Return the column of `_seen` for each beam: 1 + bin, so that each bin has neighbours; the last but one for no
+        return.
+        """
         column = np.ones(ranges.size, np.intp)
         column[hit] = (np.minimum(ranges[hit], self._farthest_m) / self._options.bin_m).astype(np.intp) + 1
         column[missed] = self._seen.shape[1] - 2
@@ -250,12 +253,12 @@ class LearnedBackground:
     def _in_front(
         self, row: Int[Index, "n_beam"], column: Int[Index, "n_beam"], hit: Bool[Mask, "n_beam"]
     ) -> tuple[Bool[Mask, "n_beam"], Bool[Mask, "n_beam"]]:
-        """Which rows, one a beam, have learned anything, and which samples stand in front of what theirs has."""
+        """Return masks of rows, one per beam, that have learned anything, and of samples in front of their background."""
         known = (row >= 0) & (self._total[row] > 0)
         beams = np.flatnonzero(hit & known)
         rows, here = row[beams], column[beams]
         near = _around(self._seen, rows, here)
-        # where this range fills the share of all time, it fills that of the time beyond: no need to sum
+        # a range that fills the share of all time also fills that of the time beyond: no sum is needed
         undecided = near <= self._options.static_share * self._total[rows]
         beams, rows, here, near = beams[undecided], rows[undecided], here[undecided], near[undecided]
         farther = np.arange(self._seen.shape[1]) > here[:, None] + 1
@@ -268,12 +271,12 @@ class LearnedBackground:
         return known, foreground
 
     def _learn(self, row: Int[Index, "k"], column: Int[Index, "k"], informed: Bool[Mask, "k"], ns: int) -> None:
-        """Learn at a stamp [ns] what each of these rows sees now, those that are told anything."""
+        """Learn at a stamp [ns] the present columns of these rows, as far as informed."""
         initial_s = self._options.initial_s
-        elapsed = initial_s if self._ns is None else (ns - self._ns) / NS_PER_S  # the same whatever the clock's epoch
+        elapsed = initial_s if self._ns is None else (ns - self._ns) / NS_PER_S  # independent of the clock's epoch
         if elapsed <= 0:
             return
-        # a gap is not time in which anything was seen
+        # a gap is not observed time
         elapsed = min(elapsed, initial_s)
         self._ns = ns
         self._weight *= np.exp(elapsed / self._options.memory_s)
@@ -296,7 +299,7 @@ class LearnedBackground:
 
 
 def _around(table: Float[Array, "n_row columns"], row: Int[Index, "k"], column: Int[Index, "k"]) -> Float[Array, "k"]:
-    """The table's entries at a column and its two neighbours, summed, for each of these rows."""
+    """Return the sum of the table's entries at a column and its two neighbours, for each row."""
     return table[row, column - 1] + table[row, column] + table[row, column + 1]
 
 

@@ -1,7 +1,7 @@
-"""Beams as bearings: what is known of a scanner's surroundings is kept per bearing, whatever beams a scan has.
+"""Bearings: knowledge about a scanner's surroundings is stored per bearing, whatever beams a scan has.
 
-Many scanners (LD19, YDLidar, RPLidar) change the number of their beams by a few from scan to scan and start each somewhere
-else; others turn clockwise, or all around with the seam anywhere.
+Many scanners (LD19, YDLidar, RPLidar) change the number of their beams by a few from scan to scan and start each elsewhere;
+others turn clockwise, or all around with the seam anywhere.
 """
 
 from __future__ import annotations
@@ -19,13 +19,14 @@ from trackers.observations import LaserScan
 _FINEST_RAD = 1e-6
 """Least width of a cell: 1 mm at 1 km. Finer beams share cells."""
 _ON_CELL = 0.05
-"""Distance from the middle of a cell, in cells, within which a beam is on it: what rounding and jitter of a mirror make."""
+"""Distance from the middle of a cell, in cells, within which a beam is on it, allowing for rounding and jitter of a mirror.
+"""
 _HALF = 0.5 - 1e-6
-"""Half a cell, so that a beam between two cells belongs to one of them whatever its last digit."""
+"""Half a cell, so that rounding does not decide to which cell a beam between two belongs."""
 
 
 def counter_clockwise(scan: LaserScan) -> LaserScan:
-    """The same scan with its beams in counter-clockwise order: itself, or its beams the other way around."""
+    """Return the scan with its beams in counter-clockwise order, reversed if necessary."""
     if scan.angle_increment_rad > 0:
         return scan
     last_rad = scan.angle_min_rad + max(scan.ranges_m.size - 1, 0) * scan.angle_increment_rad
@@ -35,9 +36,9 @@ def counter_clockwise(scan: LaserScan) -> LaserScan:
 
 
 def beams_of_turn(scan: LaserScan) -> int | None:
-    """Number of beams after which the scan has gone all around and the first follows the last; None for less than a turn.
+    """Return the number of beams of a full turn, after which the first follows the last; None for less than a turn.
 
-    At most one beam may be missing at the seam. Beams beyond a turn look where the first ones did.
+    At most one beam may be missing at the seam. Beams beyond a turn repeat the first bearings.
     """
     count, step = scan.ranges_m.size, abs(scan.angle_increment_rad)
     if count < 3 or (count + 1.5) * step < 2 * pi:
@@ -46,9 +47,9 @@ def beams_of_turn(scan: LaserScan) -> int | None:
 
 
 class BearingGrid:
-    """Cells of equal width around the circle, and one row of a background's table per cell that a scan covered.
+    """Cells of equal width around the circle, and one row of a background's table per covered cell.
 
-    origin_rad: the bearing of the middle of the first cell. Rows are numbered in the order in which they were covered.
+    origin_rad: the bearing of the middle of the first cell. Rows are numbered in order of coverage.
     """
 
     def __init__(self, origin_rad: float, step_rad: float) -> None:
@@ -61,9 +62,9 @@ class BearingGrid:
         self._looked_up = np.empty(0, np.intp), np.empty(0, np.intp)
 
     def rows(self, scan: LaserScan) -> tuple[Int[Index, "n_beam"], Int[Index, "n_beam"]]:
-        """Rows of the cells on either side of each beam; −1: no scan covered it. Where it is on a cell, both are that one.
+        """Return the rows of the cells on either side of each beam, −1 if not covered; equal for a beam on a cell.
 
-        Where every beam is on a cell, both are the same array.
+        If every beam is on a cell, both are the same array.
         """
         beams = (scan.angle_min_rad, scan.angle_increment_rad, scan.ranges_m.size)
         if beams != self._beams:
@@ -78,7 +79,7 @@ class BearingGrid:
         return self._looked_up
 
     def cover(self, scan: LaserScan) -> tuple[Int[Index, "k"], Int[Index, "k"]]:
-        """Rows of the cells that the scan looks at, and the beam nearest to each; cells new to the grid get new rows."""
+        """Return the rows of the cells in the scan, and the beam nearest to each; new cells get new rows."""
         count, spacing = scan.ranges_m.size, abs(scan.angle_increment_rad)
         if count == 0:
             return np.empty(0, np.intp), np.empty(0, np.intp)
@@ -103,13 +104,13 @@ class BearingGrid:
 
     @classmethod
     def of(cls, scans: Sequence[LaserScan]) -> BearingGrid:
-        """A grid whose first cells are the beams of the first scan, and as wide as the scans' beams mostly are."""
+        """Make a grid from the beams of the first scan, with the median spacing of all."""
         first = counter_clockwise(scans[0])
         steps_rad = sorted(abs(scan.angle_increment_rad) for scan in scans)
         return cls(first.angle_min_rad, steps_rad[(len(steps_rad) - 1) // 2])
 
     def resized(self, step_rad: float) -> tuple[BearingGrid, Int[Index, "n_row"]]:
-        """The same bearings in cells of another width, and of each new row the old one that it takes over."""
+        """Return the same bearings in cells of another width, and for each new row the old one it continues."""
         grid = BearingGrid(self._origin_rad, step_rad)
         place = np.arange(grid._n_cell) * (grid.step_rad / self.step_rad)
         row = self._row[np.rint(place).astype(np.intp) % self._n_cell]
@@ -119,6 +120,6 @@ class BearingGrid:
         return grid, row[known]
 
     def _place(self, bearing_rad: Float[Array, "n"]) -> Float[Array, "n"]:
-        """Bearings in cells after the origin, from −1/2 on."""
+        """Return bearings in cells after the origin, from −1/2 on."""
         half_rad = 0.5 * self.step_rad
         return ((bearing_rad - self._origin_rad + half_rad) % (2 * pi) - half_rad) / self.step_rad

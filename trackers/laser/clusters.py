@@ -1,7 +1,7 @@
 """From foreground samples to clusters: split where neighbouring samples jump, one representative point each.
 
-All in the scanner's frame (x ahead, y left), samples in order of angle. Where a scan goes all around, its first beam follows its
-last, and a cluster may lie across the seam.
+All in the scanner's frame (x ahead, y left), samples in order of angle. In a full turn the first beam follows the last, and
+a cluster may cross the seam.
 """
 
 from __future__ import annotations
@@ -51,18 +51,18 @@ class Clusters(Rows):
     middle: Float[Array, "k 2"]  # mean of the samples [m]
     width_m: Float[Array, "k"]  # from the first sample to the last
     range_m: Float[Array, "k"]  # of the middle
-    hidden_before: Bool[Mask, "k"]  # whether something nearer begins where the cluster starts: it may go on behind it
+    hidden_before: Bool[Mask, "k"]  # whether a nearer object begins where the cluster starts: it may continue behind
     hidden_after: Bool[Mask, "k"]  # likewise where it ends
 
 
 def find_clusters(
     scan: LaserScan, foreground: Bool[Mask, "n_beam"], options: ClusterOptions, min_samples: int | None = None
 ) -> Clusters:
-    """The clusters among the foreground samples of a scan; min_samples: in place of the options'.
+    """Find the clusters among the foreground samples of a scan; min_samples: overrides the options'.
 
-    Two foreground samples that follow one another are split where they lie farther apart than `jump_m` plus the spacing of
-    the beams, or where more than `max_gap_beams` beams between them looked past. (The paper compares ranges; the distance
-    between the points also holds across a lost beam.)
+    Two consecutive foreground samples are split if they are farther apart than `jump_m` plus the spacing of the beams, or if
+    more than `max_gap_beams` beams passed between them. (The paper compares ranges; the distance between the points also
+    holds across a lost beam.)
     """
     turn = beams_of_turn(scan)
     ranges, hit, missed = returns(scan)
@@ -107,7 +107,7 @@ def find_clusters(
 
 
 def padded_ranges(ranges: Float[Array, "n_beam"], turn: int | None, reach: int) -> Float[Array, "n_padded"]:
-    """Ranges with `reach` more at either end: the next ones of a full turn, or +inf beside the field of view."""
+    """Return ranges with `reach` more at either end: the next ones of a full turn, or +inf beside the field of view."""
     padded = np.full(ranges.size + 2 * reach, np.inf)
     padded[reach:-reach] = ranges
     if turn is not None:
@@ -118,9 +118,9 @@ def padded_ranges(ranges: Float[Array, "n_beam"], turn: int | None, reach: int) 
 def _from_a_gap(
     beams: Int[Index, "n"], looked_past: Int[Index, "n_beam"], max_gap_beams: int, ranges: Float[Array, "n_beam"]
 ) -> Int[Index, "n"]:
-    """The foreground beams of a full turn from one on that follows a gap, so that no cluster lies across the end.
+    """Return the foreground beams of a full turn, starting after a gap, so that no cluster crosses the end.
 
-    Without any gap, from the widest step of the range on.
+    Without a gap, starting after the largest step of the range.
     """
     between = np.diff(np.append(looked_past[beams], looked_past[beams[0]] + looked_past[-1]))
     if between.max() <= max_gap_beams:
@@ -130,7 +130,7 @@ def _from_a_gap(
 
 
 def directions(scan: LaserScan) -> Float[Array, "2 n_beam"]:
-    """The unit vectors along the beams of a scan."""
+    """Return the unit vectors along the beams of a scan."""
     return _directions(scan.angle_min_rad, scan.angle_increment_rad, scan.ranges_m.size)
 
 
@@ -141,7 +141,7 @@ def _directions(angle_min_rad: float, angle_increment_rad: float, n_beam: int) -
 
 
 def pushed_back(middle: Float[Array, "k 2"], depth_m: Float[Array, "k"] | float) -> Float[Array, "k 2"]:
-    """Points moved `depth_m` along their beam, away from the scanner (ours, not the paper's).
+    """Return points moved `depth_m` along their beam, away from the scanner (ours, not the paper's).
 
     The samples lie on the near side of a body; its axis is about half a body's depth behind their middle.
     """
@@ -150,7 +150,7 @@ def pushed_back(middle: Float[Array, "k 2"], depth_m: Float[Array, "k"] | float)
 
 
 def _width(points: Float[Array, "2 n"], starts: Int[Index, "k"], stops: Int[Index, "k"]) -> Float[Array, "k"]:
-    """From the first sample of each cluster to its last [m]."""
+    """Return the distance from the first sample of each cluster to its last [m]."""
     ends = points[:, stops - 1] - points[:, starts]
     return np.hypot(ends[0], ends[1])
 
@@ -163,9 +163,9 @@ def _hidden(
     range_m: Float[Array, "k"],
     jump_m: float,
 ) -> tuple[Bool[Mask, "k"], Bool[Mask, "k"]]:
-    """Select clusters beside something nearer, by more than a jump: one of the two beams next to an end met it.
+    """Return masks of clusters beside a nearer object, by more than a jump, in one of the two beams next to either end.
 
-    Two, because the beam that straddles an edge may report a range between the two sides.
+    Two, because a beam on an edge may report a range between both sides.
     """
     padded = padded_ranges(ranges, turn, 2)
     nearer = range_m - jump_m

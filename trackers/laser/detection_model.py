@@ -1,4 +1,4 @@
-"""Detection probability of a scan: no person stands where the beams go on behind."""
+"""Detection probability of a scan: no person stands where the beams continue behind."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from trackers.laser.bearings import beams_of_turn
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor
 
-_ACROSS = np.array([-1.0, 0.0, 1.0])  # where across a body the beams are asked
+_ACROSS = np.array([-1.0, 0.0, 1.0])  # positions across a body at which beams are tested
 
 
 class DetectionOptions(Strict):
-    """Options of how a body stands in the beams of one layer, and how surely it is detected (ours)."""
+    """Options of a body's extent in the beams of one layer, and of its detection (ours)."""
 
     detected: float = Field(
         default=0.95,
@@ -43,11 +43,11 @@ class DetectionOptions(Strict):
 
 
 class DetectionModel:
-    """A scanner's view of empty places: how probably its scans would have shown a body there.
+    """Detection probability of bodies at empty places by a scanner's scans.
 
-    least: the samples of the smallest cluster. On a width w, beams that are s apart fall w / s times or one more, at least k
-    times with the probability w / s − k + 1, clipped. A beam without a return (+inf) went on to the end of the range; one
-    without a reading (NaN) says nothing.
+    least: the samples of the smallest cluster. A width w is met by w / s beams of spacing s or one more, at least k with the
+    probability w / s − k + 1, clipped. A beam without a return (+inf) passed to the end of the range; one without a reading
+    (NaN) gives no information.
     """
 
     def __init__(self, sensor: LaserSensor, options: DetectionOptions, least: int = 1) -> None:
@@ -58,11 +58,11 @@ class DetectionModel:
     def seen(self, scan: LaserScan, points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
         """Return the probability that a body with its axis at room points would have been detected."""
         options, count = self.options, scan.ranges_m.size
-        reach_m = np.zeros(count + 2)  # beside the scan nothing is seen
+        reach_m = np.zeros(count + 2)  # beside the scan nothing is detected
         np.copyto(reach_m[1:-1], np.minimum(scan.ranges_m, scan.range_max_m), where=~np.isnan(scan.ranges_m))
         if beams_of_turn(scan) is not None:
             reach_m[0], reach_m[-1] = reach_m[-2], reach_m[1]
-        # bearings are taken from the middle beam, so that they wrap around behind it
+        # bearings relative to the middle beam wrap around behind it
         middle = scan.angle_min_rad + 0.5 * (count - 1) * scan.angle_increment_rad
         cos, sin = np.cos(middle), np.sin(middle)
         ahead_from_room = np.array([[cos, sin], [-sin, cos]]) @ self._scan_from_room

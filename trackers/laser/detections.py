@@ -13,18 +13,18 @@ from trackers.filters.rows import Rows
 
 @dataclass(frozen=True, eq=False)
 class Detections(Rows):
-    """k things that the scans of one moment show in front of the room; positions are in the room frame."""
+    """k detections in front of the room in the scans of one frame; positions are in the room frame."""
 
     position: Float[Array, "k 2"]  # of the body's or leg's axis [m]
     variance_m2: Float[Array, "k"]  # of the position on each axis, beyond the measurement noise
     n_sample: Int[Index, "k"]  # of all scanners
     width_m: Float[Array, "k"]
-    range_m: Float[Array, "k"]  # from the first scanner that sees it to the middle of the samples
+    range_m: Float[Array, "k"]  # from the first scanner that detects it to the middle of the samples
     angle: Float[Array, "k 2"]  # of the first sample and the last in that scanner's frame [rad]
-    scanner: Bool[Mask, "k s"]  # which of s scanners see it
+    scanner: Bool[Mask, "k s"]  # which of s scanners detect it
 
     def of_scanner(self, column: int, n_scanner: int) -> Detections:
-        """The same as seen by one of several scanners."""
+        """Return the detections as one of several scanners'."""
         scanner = np.zeros((len(self), n_scanner), np.bool_)
         scanner[:, column] = True
         return self.changed(scanner=scanner)

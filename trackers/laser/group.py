@@ -1,10 +1,10 @@
-"""All scanners of one role as one sensor: what each shows in front of the room, fused in the room frame.
+"""All scanners of one role as one sensor: their detections, fused in the room frame.
 
-Two scanners of a role see one body from two sides, and one sees what stands in the other's shadow. Clusters of two scanners are
-paired by optimal assignment within a gate; what one of them alone shows stays as it is.
+Two scanners of a role see one body from two sides, and one sees into the other's shadow. Clusters of two scanners are paired
+by optimal assignment within a gate; the others are kept.
 
-Simplified: the scans of one moment are taken to be of one time; two who stand one behind the other before one scanner and
-nearer than the gate to what another sees of them may be fused with each other's parts.
+Simplified: the scans of one frame are taken as simultaneous; two people behind one another before one scanner, and within
+the gate of another's view of them, may be fused with each other's parts.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ from trackers.tracks import Detection
 
 @dataclass(frozen=True, eq=False)
 class Points(Rows):
-    """k samples of one moment in front of the room, of all scanners of a role."""
+    """k samples of one frame in front of the room, of all scanners of a role."""
 
-    place: Float[Array, "k 2"]  # the axis of what the beam met, in the room frame [m]
-    width_m: Float[Array, "k"]  # how much of its width the beam covers: the spacing of the beams there
+    place: Float[Array, "k 2"]  # axis of the body or leg met, in the room frame [m]
+    width_m: Float[Array, "k"]  # width covered by the beam: the spacing of the beams there
 
 
 class ScannerGroup:
-    """The scanners of one role by name, each with its place and background; `detect` is called with moments in order.
+    """Scanners of one role by name, each with its pose and background; `detect` is called with frames in order.
 
-    empty_room: observations of the room without people; a scanner without any learns its background as it goes.
+    empty_room: observations of the room without people; a scanner without any learns its background.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class ScannerGroup:
 
     @property
     def learns_background(self) -> bool:
-        """True where a scanner came without scans of the empty room."""
+        """True with a scanner without scans of the empty room."""
         return any(layer.learns_background for layer in self.layers.values())
 
     @property
@@ -72,8 +72,8 @@ class ScannerGroup:
     def detect(self, observations: Mapping[str, Observation], weak: bool = False) -> Detections:
         """Detect people in front of the room in the group's scans among `observations`, by sensor.
 
-        Those that the first scanner sees come first, in its order; their ranges and angles are its own. weak: whether with
-        what too few samples show, of all scanners together, to be somebody new.
+        Detections by the first scanner come first, in its order, with its ranges and angles. weak: whether to include those
+        with too few samples, of all scanners together, to initiate a track.
         """
         n_scanner, scans = len(self.layers), self._scans(observations)
         together = Detections.none(n_scanner)
@@ -90,14 +90,13 @@ class ScannerGroup:
         return {name: scan for name in self.layers if isinstance(scan := observations.get(name), LaserScan)}
 
     def sufficient(self, detections: Detections) -> Bool[Mask, "k"]:
-        """Which of the group's detections enough samples show to be somebody new."""
+        """Return a mask of the detections with enough samples to initiate a track."""
         return detections.n_sample >= self._least
 
     def points(self, observations: Mapping[str, Observation]) -> Points:
-        """Every sample in front of the room of the group's scans among `observations`.
+        """Return all foreground samples of the group's scans among `observations`.
 
-        Without those at which another scanner looks past: a beam that meets half a leg and half the wall says something
-        between.
+        Without those that another scanner sees past: a beam half on a leg and half on the wall reports a range between.
         """
         scans = self._scans(observations)
         found = [Points(np.empty((0, 2)), np.empty(0))]
@@ -111,7 +110,7 @@ class ScannerGroup:
         return reduce(Points.joined, found)
 
     def to_detections(self, detections: Detections, role: Role, ns: int) -> list[Detection]:
-        """Detections of this group at a moment [ns] one by one; a whole cluster's variance is that of the measurement."""
+        """Return the detections of this group in a frame [ns]; a fully visible cluster has the measurement variance."""
         sensors = [tuple(compress(self.layers, seen)) for seen in detections.scanner.tolist()]
         variance = (MEASUREMENT_VARIANCE_M2 + detections.variance_m2).tolist()
         rows = zip(sensors, detections.position.tolist(), variance, detections.width_m.tolist(), strict=True)
@@ -128,11 +127,11 @@ class ScannerGroup:
 
 
 def fused(first: Detections, second: Detections, gate_m: float) -> Detections:
-    """The detections of other scanners together: pairs nearer than `gate_m` become one, `first`'s before `second`'s.
+    """Fuse detections of two scanners: pairs nearer than `gate_m` become one, `first`'s before `second`'s.
 
-    A pair's position is the average weighted by inverse variance, a half hidden cluster's being the greater; its variance that
-    of the average, but never less than one whole cluster's, whose errors (gait, clothes, the way to the axis) both share. Its
-    width is the larger one, its range and angles are those of `first`.
+    A pair's position is the average weighted by inverse variance, which is larger for a partly occluded cluster. Its
+    variance is that of the average, but at least one full cluster's, whose errors (gait, clothes, distance to the axis) both
+    share. Its width is the larger one, its range and angles are those of `first`.
     """
     if len(first) == 0 or len(second) == 0:
         return second if len(first) == 0 else first
@@ -159,7 +158,7 @@ def fused(first: Detections, second: Detections, gate_m: float) -> Detections:
 def scanner_groups(
     rig: Rig, empty_room: Sequence[Observation], layers: Mapping[Role, LayerOptions] | None = None
 ) -> dict[Role, ScannerGroup]:
-    """The scanners of a rig by role, waist first, with the options of each layer (None: the defaults of both).
+    """Return the scanners of a rig by role, waist first, with the options of each layer (None: the defaults of both).
 
     Raises InputError for a rig without a scanner of these roles.
     """
@@ -176,11 +175,11 @@ def people_seen(
     area: Area | None = None,
     reach_m: float = 0.7,
 ) -> tuple[Float[Array, "k 2"], Bool[Mask, "k"]]:
-    """People [m] by their trunks, else by their legs; who is surely a person and not a lone leg.
+    """Return people [m] by their trunks, else by their legs, and a mask of those surely people, not single legs.
 
-    seen: detections by role, a role only where it is scanned for; expected: where people are expected [m], who take their
-    legs first; area: where people are looked for (None: everywhere); reach_m: how far the legs may be from where somebody
-    is expected, or from a trunk, to be theirs. Where no waists are scanned, a lone leg is somebody.
+    seen: detections by role, for the scanned roles; expected: predicted people [m], who are assigned legs first; area: limit
+    of the search (None: everywhere); reach_m: greatest distance of legs from a predicted person, or from a trunk. Without
+    waist scanners a single leg counts as a person.
     """
     trunks = seen["waist"].position if "waist" in seen else np.empty((0, 2))
     legs = seen["knee"].position if "knee" in seen else np.empty((0, 2))

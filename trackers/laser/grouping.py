@@ -1,4 +1,4 @@
-"""One person, one measurement: arms go with their trunk, two legs become one person (ours; the paper is silent)."""
+"""One measurement per person: arms are merged with their trunk, two legs with one another (ours; the paper is silent)."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from trackers.arrays import Array, Index, Mask
 from trackers.filters.gating import distances, max_weight_assignment
 
 STRIDE_M = 0.8
-"""Longest distance between the two legs of a tracked person [m]: a runner's, at the height of the knees."""
+"""Greatest distance between the two legs of a tracked person [m]: a runner's, at knee height."""
 PAIR_M = 0.5
-"""Distance below which two legs that belong to no track are one person's [m]."""
+"""Distance below which two legs without a track are one person's [m]."""
 
 
 def trunks(
@@ -23,12 +23,12 @@ def trunks(
     arm_reach_m: float,
     apart_m: float,
 ) -> Bool[Mask, "k"]:
-    """Which of k clusters are trunks: the widest of every body's pieces.
+    """Return a mask of the k clusters that are trunks: the widest part of every body.
 
-    From the widest down, each cluster that is left is a trunk, and takes with it all within `apart_m`, where nobody else can
-    stand, and the narrow ones about its axis: up to `arm_reach_m` those that nothing hides, for a trunk in full view is never
-    that narrow; up to `reach_m` those that are partly `hidden`, as the far side of a trunk is that the own arm cuts in two.
-    Beyond, a narrow hidden cluster is somebody standing behind.
+    From the widest down, each remaining cluster is a trunk, and absorbs all within `apart_m`, where no other person can
+    stand, and narrow ones about its axis: up to `arm_reach_m` those in full view, as a visible trunk is never so narrow; up
+    to `reach_m` partly `hidden` ones, such as the far side of a trunk divided by its own arm. Beyond, a narrow hidden
+    cluster is a person behind.
     """
     apart, kept = distances(position, position), np.ones(len(width_m), np.bool_)
     near = (apart < np.where(hidden, reach_m, arm_reach_m)) & (width_m < satellite_width_m)
@@ -54,15 +54,15 @@ def take_legs(
 ) -> tuple[Float[Array, "n 2"], Int[Index, "n"], Bool[Mask, "k"]]:
     """Assign legs to people expected at these places [m], two to each, by least squares.
 
-    The two legs of a person are at most `reach_m` off and `stride_m` apart; one cluster may be `both_together`. A leg that no
-    person takes counts as one at the end of the reach: the likeliest where legs stand about bodies by a Gaussian. So each leg
-    goes to the nearest person, unless that one has two that are nearer. All but the nearest of each person are then assigned once
-    more, as second legs by how far they are from where the first lets them be expected, and as first ones to a person without
-    any. opposite: minus the correlation of a person's two legs about the place, below 1; 0 where both may be on one side, as a
-    sitting person's. forbidden: pairs that cannot be, however near.
+    The two legs of a person are at most `reach_m` from it and `stride_m` apart; one cluster may be `both_together`. An
+    unassigned leg costs as much as one at `reach_m`: the likeliest assignment for legs distributed as a Gaussian about
+    bodies. So each leg goes to the nearest person, unless that one has two nearer legs. All but the nearest of each person
+    are then assigned once more: as second legs by the distance from their position predicted by the first, and as first ones
+    to a person without any. opposite: minus the correlation of a person's two legs about the place, below 1; 0 if both may
+    be on one side, as of a sitting person. forbidden: impossible pairs.
 
-    Returns the position of each person, the middle of their legs, how many legs each took, 0 leaving the position as
-    expected, and which legs no person took.
+    Returns the position of each person, the middle of their legs; the number of legs of each, 0 leaving the position as
+    expected; and a mask of the unassigned legs.
     """
     n, k = len(expected), len(legs)
     position, n_leg, free = expected.copy(), np.zeros(n, np.intp), np.ones(k, np.bool_)
@@ -94,10 +94,10 @@ def take_legs(
 def pair_off(
     legs: Float[Array, "k 2"], pair_m: float, sufficient: Bool[Mask, "k"] | None = None
 ) -> tuple[Float[Array, "p 2"], Int[Index, "p"]]:
-    """People from legs that nobody expected, and how many legs each has.
+    """Return people from unassigned legs, and the number of legs of each.
 
-    Legs pair off from the closest up, at most `pair_m` apart, so that two people side by side, whose own legs are closer to
-    one another than to the neighbour's, stay two. sufficient: legs that are a person even alone (None: all).
+    Legs are paired from the closest up, at most `pair_m` apart, so that two people side by side, whose own legs are closer
+    than the neighbours', stay two. sufficient: legs that count as a person even alone (None: all).
     """
     free = np.ones(len(legs), np.bool_)
     people = []
@@ -116,9 +116,9 @@ def pair_off(
 def _pairs(
     points: Float[Array, "k 2"], limit_m: float
 ) -> tuple[Int[Index, "pairs"], Int[Index, "pairs"], Float[Array, "pairs"]]:
-    """All pairs of points nearer than `limit_m`: first, second, distance."""
+    """Return all pairs of points nearer than `limit_m`: first, second, distance."""
     apart = distances(points, points)
     first, second = (apart < limit_m).nonzero()
-    once = first < second  # each pair once, nobody with themselves
+    once = first < second  # each pair once
     first, second = first[once], second[once]
     return first, second, apart[first, second]

@@ -1,4 +1,4 @@
-"""One scanner at one height: from a scan to what it says about people, in the room frame."""
+"""One scanner at one height: from a scan to detections of people in the room frame."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from trackers.rig import LaserSensor
 Layer = TypeVar("Layer", bound="LayerOptions")
 
 _NARROW_M, _BEHIND_M, _SURE = 0.06, 0.15, 0.9
-"""Half the width of the narrowest thing looked for, and how far behind it a beam has passed it [m]; any probability."""
+"""Half the width of the narrowest object, distance behind it at which a beam has passed it [m]; a probability."""
 _SHARE_LEARNED = 0.5
-"""Share of the people seen whom a background learned from the scans leaves: all who walk, few who stand."""
+"""Detected share of people against a learned background: all who walk, few who stand."""
 _ARM_HALF_DEPTH_M = 0.04
 """Half the thickness of an arm in a sleeve [m]."""
 
@@ -88,12 +88,12 @@ class LayerOptions(Strict):
 
 
 def _of_layer(field: str) -> str:
-    """Return the description of a field of every layer, for layers with a default of their own."""
+    """Return the description of a field of every layer, for layers with another default."""
     return described(LayerOptions, field)
 
 
 class WaistOptions(LayerOptions):
-    """The scanner at waist height: one trunk a person, arms beside it."""
+    """Scanner at waist height: one trunk per person, arms beside it."""
 
     cluster: ClusterOptions = Field(
         default=ClusterOptions(jump_m=0.08, min_width_m=0.06), description=_of_layer("cluster")
@@ -106,7 +106,7 @@ class WaistOptions(LayerOptions):
 
 
 class KneeOptions(LayerOptions):
-    """The scanner at knee height: two legs a person."""
+    """Scanner at knee height: two legs per person."""
 
     cluster: ClusterOptions = Field(
         default=ClusterOptions(jump_m=0.08, jump_spacings=1.0, min_samples=2, min_width_m=0.03),
@@ -122,7 +122,7 @@ class KneeOptions(LayerOptions):
 
 
 class ScannerOptions(Strict):
-    """Options of a scanner in every tracker; the rest of a layer's parameters is fixed by its height."""
+    """Scanner options common to all trackers; a layer's other parameters depend on its height."""
 
     jump_m: float = Field(
         default=0.08, gt=0, description="distance between neighbouring samples above which a cluster is split [m]"
@@ -158,9 +158,9 @@ class ScannerOptions(Strict):
 
 
 class LaserLayer:
-    """A scanner with its place, its background and its options; `detect` is called with its scans in order.
+    """Scanner with its pose, background and options; `detect` is called with its scans in order.
 
-    empty_scans: the scanner's scans of the room without people; with none the background is learned causally.
+    empty_scans: scans of the room without people; without any, the background is learned causally.
     """
 
     def __init__(self, sensor: LaserSensor, empty_scans: Sequence[LaserScan], options: LayerOptions) -> None:
@@ -180,7 +180,7 @@ class LaserLayer:
 
     @property
     def is_learning(self) -> bool:
-        """True where the background is learned from the scanner's scans, and one has come."""
+        """True if the background is learned, and a scan has arrived."""
         return isinstance(self._background, LearnedBackground) and self._background.has_started
 
     def detect(self, scan: LaserScan) -> Detections:
@@ -189,7 +189,7 @@ class LaserLayer:
         clusters = find_clusters(scan, self._background.foreground(scan), options.cluster, self._least)
         hidden = clusters.hidden_before | clusters.hidden_after
         if self._least < options.cluster.min_samples:
-            # a beam on an edge, half on what is nearer and half on what is behind, reports a range between
+            # a beam half on an edge reports a range between it and the background
             kept = (clusters.n_sample >= options.cluster.min_samples) | ~hidden
             clusters, hidden = clusters.select(kept), hidden[kept]
         middle = self._completed(clusters)
@@ -204,7 +204,7 @@ class LaserLayer:
         )
         if options.satellite_width_m is None:
             return detections
-        # what is narrow may be an arm, which is as thick from every side, and nothing that a trunk's width is missing of
+        # a narrow cluster may be an arm, as thick from every side, not part of a trunk
         depth_m = np.where(clusters.width_m < options.satellite_width_m, _ARM_HALF_DEPTH_M, options.half_depth_m)
         kept = trunks(
             pushed_back(clusters.middle, depth_m),
@@ -218,10 +218,10 @@ class LaserLayer:
         return detections.select(kept)
 
     def points(self, scan: LaserScan) -> tuple[Float[Array, "k 2"], Float[Array, "k"]]:
-        """The samples in front of the room, each moved back to the axis of what it met, [m] in the room frame.
+        """Return the foreground samples, moved back to the axis of their object, [m] in the room frame.
 
-        And how much of a thing's width each beam covers [m]: the spacing of the beams at its range. A lone sample beside a
-        nearer one is left out: a beam on an edge, half on what is nearer and half on what is behind, reports a range between.
+        And the width covered by each beam [m]: the spacing of the beams at its range. A single sample beside a nearer one is
+        left out, as a beam half on an edge reports a range between.
         """
         scan, turn = counter_clockwise(scan), beams_of_turn(scan)
         ranges = returns(scan)[0][:turn]
@@ -237,11 +237,11 @@ class LaserLayer:
         return self._in_room(points.T), abs(scan.angle_increment_rad) * near
 
     def _half_depth_m(self, width_m: Float[Array, "k"], hidden: Bool[Mask, "k"]) -> Float[Array, "k"] | float:
-        """Return the distance from the middle of what is seen of bodies this wide to their axes.
+        """Return the distance from the visible middle of bodies of these widths to their axes.
 
-        A trunk is about an ellipse. Its half extents across the beam, p, and along it, q, keep p² + q² the same as it turns,
-        and the middle of what a scanner sees of it lies π/4 q before its axis. Where a part is `hidden` the width tells
-        nothing: half way between front and side.
+        A trunk is about an ellipse. Its half extents across the beam, p, and along it, q, keep p² + q² as it turns, and the
+        middle of its visible side lies π/4 q before its axis. For a partly `hidden` body the width is unknown: half way
+        between front and side is assumed.
         """
         front, side = self.options.half_depth_m, self.options.side_half_depth_m
         if side is None:
@@ -252,22 +252,22 @@ class LaserLayer:
         return np.where(hidden, (front + side) / 2, turned)
 
     def missed(self, scan: LaserScan, points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
-        """Return the probability that the scan shows nothing of a person at room points.
+        """Return the probability that the scan does not detect a person at room points.
 
-        Where the background is learned, somebody who stands may be taken for the room.
+        With a learned background, a standing person may be taken for the room.
         """
         share = _SHARE_LEARNED if self.learns_background else 1.0
         return 1 - share * self._free_space.seen(scan, points)
 
     def passes(self, scan: LaserScan, points: Float[Array, "2 *n"]) -> Bool[Mask, "*n"]:
-        """Select room points behind which the scan's beams go on at either side, close enough together to tell."""
+        """Return a mask of room points behind which the scan's beams continue on either side, close enough to tell."""
         apart = np.hypot(*(points - self._origin_m.reshape(2, *[1] * (points.ndim - 1)))) * abs(
             scan.angle_increment_rad
         )
         return (self._past_a_thing.seen(scan, points) >= _SURE) & (apart < _NARROW_M)
 
     def _completed(self, clusters: Clusters) -> Float[Array, "k 2"]:
-        """Middles, shifted across the beam where one side of a body is hidden behind something nearer."""
+        """Return middles, shifted across the beam if one side of a body is hidden."""
         if self.options.body_width_m is None:
             return clusters.middle
         missing = np.maximum(self.options.body_width_m - clusters.width_m, 0) / 2
@@ -276,12 +276,12 @@ class LaserLayer:
         return clusters.middle + across * (side * missing)[:, None]
 
     def _in_room(self, points: Float[Array, "k 2"]) -> Float[Array, "k 2"]:
-        """Points of the scan plane as ground points of the room [m]."""
+        """Return points of the scan plane as ground points of the room [m]."""
         return points @ self._room_from_scan + self._origin_m
 
 
 def _angles(scan: LaserScan, clusters: Clusters) -> Float[Array, "k 2"]:
-    """The bearings of the first beam of each cluster and of the last, which is the greater [rad]."""
+    """Return the bearings of the first and last beam of each cluster, in ascending order [rad]."""
     beam = np.stack([clusters.first_beam, clusters.last_beam], axis=-1).astype(np.float64)
     angle = scan.angle_min_rad + scan.angle_increment_rad * beam
     angle[clusters.last_beam < clusters.first_beam, 1] += 2 * np.pi

@@ -1,4 +1,4 @@
-"""Which scanners of a rig look at waists and which at knees."""
+"""Assignment of a rig's scanners to waist and knee height."""
 
 from __future__ import annotations
 
@@ -9,12 +9,11 @@ from trackers.rig import LaserSensor, Rig, Role
 
 
 def scanners_by_role(rig: Rig, wanted: Sequence[Role]) -> dict[Role, tuple[str, ...]]:
-    """The names of the scanners for each of the `wanted` roles that the rig can fill, waist first.
+    """Return the names of the scanners for each `wanted` role that the rig can fill, waist first.
 
-    A scanner's own `role` counts; one without is a waist scanner from 0.7 m up and a knee scanner below; at exactly 0 its
-    height is unknown, and it is taken for a knee scanner where one is wanted. Several of one role come in order of their
-    names, but the rig's main sensor first.
-    Raises InputError where no wanted role can be filled.
+    A scanner's own `role` counts; one without is a waist scanner from 0.7 m up and a knee scanner below. At exactly 0 its
+    height is unknown, and it is a knee scanner if one is wanted. Several of one role are ordered by name, but the rig's main
+    sensor comes first. Raises InputError if no wanted role can be filled.
     """
     lasers = rig.lasers()
     found: dict[Role, tuple[str, ...]] = {}

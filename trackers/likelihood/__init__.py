@@ -1,1 +1,3 @@
-"""Likelihoods, one module per kind of evidence: each has frozen options of its own and `log_likelihood`; none knows a system."""
+"""Likelihoods, one module per kind of evidence: each with its frozen options and `log_likelihood`, independent of any
+system.
+"""

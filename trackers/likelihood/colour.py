@@ -19,11 +19,11 @@ Linear = tuple[FiniteFloat, FiniteFloat]
 Share = Annotated[float, Field(ge=0, le=1)]
 
 _NOTHING = 1e-3
-"""A linear weight (eq. 5, 7) is never less: a floor of 0 would let one blocked camera kill a right hypothesis."""
+"""Floor of a linear weight (eq. 5, 7): with 0, one blocked camera would exclude a correct hypothesis."""
 
 
 class PersonColourOptions(Strict):
-    """Options of a person's own colours of face and hair, by where on the head they are (ours)."""
+    """Options of a person's own colours of face and hair, by position on the head (ours)."""
 
     power: float = Field(default=12.0, gt=0, description="what the mean logarithm over the ellipse's pixels counts")
 
@@ -36,7 +36,7 @@ class PersonColourOptions(Strict):
     ) -> Float[Singles, "n"]:
         """Return log-likelihoods of heads by the pixels in their ellipses.
 
-        steps: first entry of the step of s that each point shows; tables: how likely each colour is at each step of s
+        steps: first entry of the step of s at each point; tables: log-probability of each colour at each step of s
         (`ExpectedColours.tables`); heads: `heads_per_person` of each person in turn, for each camera in turn.
         """
         entry = pixels & (COLOURS - 1)
@@ -58,7 +58,7 @@ class SkinShareOptions(Strict):
     behind: Share = Field(default=0.05, description="ĉ of a head seen from behind, its smallest")
 
     def share(self, pixels: Int32[AnyArray, "points n"]) -> Float[Singles, "n"]:
-        """Return c̄: the share of skin among the pixels of each ellipse that are in the picture."""
+        """Return c̄: the share of skin among the pixels of each ellipse inside the picture."""
         in_picture = np.maximum(share_of(pixels, IN_PICTURE), np.float32(1 / len(pixels)))
         return np.asarray(share_of(pixels, SKIN) / in_picture, np.float32)
 
@@ -68,7 +68,7 @@ class SkinShareOptions(Strict):
         return np.asarray(share, np.float32)
 
     def log_likelihood(self, share: Float[Singles, "..."], facing: Float[Singles, "..."]) -> Float[Singles, "..."]:
-        """Return log-likelihoods of heads by their shares of skin, and by where their noses point."""
+        """Return log-likelihoods of heads by their shares of skin and directions."""
         return linear_log(np.abs(share - self.expected(facing)), self.linear)
 
 
@@ -86,10 +86,10 @@ def window_log_likelihood(
     references: Sequence[tuple[Float32[Singles, "n padded"], Int[Index, "k"]]],
     strength: float,
 ) -> Float[Array, "k"]:
-    """Add to log-likelihoods of places −λ D² (Mori et al., eq. 5) of the colours about their pixels, in every view.
+    """Add −λ D² (Mori et al., eq. 5) of the colours about positions, in every view, to their log-likelihoods.
 
-    so_far: −∞ where a place is impossible already, which is not looked at. references: for each view the roots of
-    histograms (`padded_roots`), and the number of the one that each place has. strength: λ.
+    so_far: −∞ for positions already excluded, which are skipped. references: for each view the roots of histograms
+    (`padded_roots`), and the index of each position's. strength: λ.
     """
     total = so_far.copy()
     left = ~np.isneginf(total)

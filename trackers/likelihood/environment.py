@@ -1,4 +1,4 @@
-"""Likelihood of a head's place by the room: in free space, at heights that heads have (Suzuki et al., eq. 8)."""
+"""Likelihood of a head's position by the room: in free space, at plausible heights (Suzuki et al., eq. 8)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from trackers.environment.model import Environment
 
 
 class EnvironmentLikelihoodOptions(Strict):
-    """Weights of a head's place (eq. 8), where the environment is known."""
+    """Weights of a head's position (eq. 8), if the environment is known."""
 
     above_furniture: float = Field(
         default=0.5, ge=0, le=1, description="weight over furniture, region B; over chairs, where people sit, too"
@@ -28,13 +28,13 @@ class EnvironmentLikelihoodOptions(Strict):
 
 
 class EnvironmentLikelihood:
-    """The likelihood of heads by one room; environment: None where it is not known, which says nothing."""
+    """Likelihood of heads by one room; environment: None if unknown, with no effect."""
 
     def __init__(self, environment: Environment | None, options: EnvironmentLikelihoodOptions) -> None:
         self._environment, self._options = environment, options
 
     def log_likelihood(self, places: Float[Array, "k 3"]) -> Float[Array, "k"]:
-        """Return the logarithm of the weight e (eq. 8) of heads at places [m]; 0 where the environment is not known."""
+        """Return the logarithm of the weight e (eq. 8) of heads at positions [m]; 0 for an unknown environment."""
         if self._environment is None:
             return np.zeros(len(places))
         options = self._options

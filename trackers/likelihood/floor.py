@@ -1,4 +1,4 @@
-"""Likelihood of a place by a pressure floor: the share of a cluster's load there (Mori et al., eq. 3)."""
+"""Likelihood of a position by a pressure floor: the share of a cluster's load there (Mori et al., eq. 3)."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class FloorLikelihoodOptions(Strict):
 
 @dataclass(frozen=True, eq=False)
 class FloorLikelihood:
-    """One frame's shares of the load of clusters, over the grid."""
+    """Shares of the clusters' load in one frame, over the grid."""
 
     options: FloorLikelihoodOptions
     floor: FloorSensor
@@ -40,7 +40,7 @@ class FloorLikelihood:
 
     @classmethod
     def of(cls, clusters: FloorClusters, floor: FloorSensor, options: FloorLikelihoodOptions) -> FloorLikelihood:
-        """Make the likelihood of one frame's clusters, smoothed as the options say."""
+        """Make the likelihood of one frame's clusters, smoothed by the options."""
         share = clusters.share_of_cell()
         if options.smoothing_m:
             share = ndimage.gaussian_filter(share, options.smoothing_m / floor.pitch_m, mode="constant")

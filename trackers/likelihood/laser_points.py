@@ -53,31 +53,31 @@ class PointOptions(Strict):
     leg_m: ClassVar[float] = 0.1
     """Width of a leg at the scanner's height [m]."""
     soft_m: ClassVar[float] = 0.12
-    """Standard deviation by which points are shared between two people who are near them [m]."""
+    """Standard deviation by which points are shared between two nearby people [m]."""
     most: ClassVar[int] = 32
-    """Points per person at most, the weightiest."""
+    """Greatest number of points per person, by weight."""
     new_points: ClassVar[int] = 2
-    """Points that make up a new person: a beam on an edge lies behind a known one."""
+    """Number of points of a new person: a beam on an edge may lie behind a known one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shares:
-    """Shares of the points of a frame in people."""
+    """Shares of the points of a frame among people."""
 
     share: Float[Array, "n k"]  # of each point in each person, sums over people to at most 1
-    weight: Float[Array, "k"]  # what of a leg's width each beam covers
-    legs: Float[Array, "n"]  # legs' widths of points that each person is nearest to, with no surer person there
+    weight: Float[Array, "k"]  # share of a leg's width that each beam covers
+    legs: Float[Array, "n"]  # leg widths of the points nearest to each person, without a surer person there
 
     @property
     def owner(self) -> Int[Index, "k"]:
-        """The person with the largest share of each point, −1 where it is likelier no known person's."""
+        """Index of the person with the largest share of each point, −1 if an unknown person's is larger."""
         if len(self.share) == 0:
             return np.full(self.weight.size, -1)
         return np.where(self.unknown < 0.5, self.share.argmax(axis=0), -1)
 
     @property
     def unknown(self) -> Float[Array, "k"]:
-        """The share of each point that no known person has."""
+        """Share of each point that belongs to no known person."""
         return 1 - self.share.sum(axis=0)
 
 
@@ -86,9 +86,8 @@ def shares(
 ) -> Shares:
     """Share the points among people, by their expected legs (side, x or y, person) [m].
 
-    missing_s: for how long each was not measured [s], infinite for who is not confirmed (None: all alike). Whoever is
-    missing has no share in points near a person who is missing for less: a hidden person's particles would follow
-    whoever passes.
+    missing_s: time without measurement of each [s], infinite for unconfirmed ones (None: all equal). A person has no share
+    in points near another who is missing for less: a hidden person's particles would otherwise follow passers-by.
     """
     off = points.place[:, :, None] - legs[:, None]  # (side, k, xy, n)
     square = (off**2).sum(axis=2).min(axis=0).T
@@ -118,9 +117,7 @@ def log_likelihood(
         return np.zeros(legs.shape[2:])
     chosen = np.argpartition(-weight, min(count, weight.shape[1]) - 1, axis=1)[:, :count]  # (n, k)
     weight = np.take_along_axis(weight, chosen, axis=1).astype(np.float32)
-    origin = legs[:, :, :, :1].mean(
-        axis=0
-    )  # (xy, n, 1): small numbers keep single precision exact to far below a millimetre
+    origin = legs[:, :, :, :1].mean(axis=0)  # (xy, n, 1): small numbers keep single precision far below a millimetre
     place = (points.place.T[:, chosen] - origin).astype(np.float32)  # (xy, n, k)
     near = (legs - origin).astype(np.float32)
     # d² = |leg|² + |point|² − 2 leg·point, as one product of matrices
@@ -133,7 +130,7 @@ def log_likelihood(
 
 
 def unexplained_people(points: Points, unknown: Float[Array, "k"], options: PointOptions) -> tuple[Array, Array]:
-    """Return places (m, 2) [m] that unexplained points of all scanners make up, and their legs' widths of points, (m,)."""
+    """Return positions (m, 2) [m] formed by unexplained points of all scanners, and their leg widths of points, (m,)."""
     free = unknown > 0.5
     place, weight = points.place[free], np.minimum(points.width_m[free] / options.leg_m, 1.0)
     if len(place) == 0:

@@ -30,5 +30,5 @@ class PositionLikelihood:
         return distance, -0.5 * cost
 
     def in_gate(self, state: ImmState) -> Bool[Mask, "n k"]:
-        """Select the pairs whose measurement lies in the validation region: circles about the modes (section IV)."""
+        """Return a mask of pairs whose measurement lies in the validation region: circles about the modes (section IV)."""
         return validation_region(state.positions, self.position, self.gate_m)

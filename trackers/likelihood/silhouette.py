@@ -1,4 +1,4 @@
-"""Likelihoods by the foreground of pictures: of points that should be on it, and of ellipses that it should fill."""
+"""Likelihoods by the foreground of pictures: of points expected on it, and of ellipses expected to be filled by it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from trackers.arrays import Array, Mask, Singles
 from trackers.configuration import Strict
 
 _OFF_FOREGROUND = -4.0
-"""Log-likelihood of a point off the foreground, by each camera that sees it: masks have holes."""
+"""Log-likelihood of a point off the foreground, per camera that sees it: masks have holes."""
 
 
 def point_log_likelihood(
@@ -21,11 +21,11 @@ def point_log_likelihood(
     checks: Literal["soft", "drop"],
     unlike: float,
 ) -> Float[Array, "k"]:
-    """Return log-likelihoods of points by which cameras see them, and see foreground there.
+    """Return log-likelihoods of points by the cameras that see them, and their foreground there.
 
-    checks: "drop": a point off a camera's view, or off its foreground, is impossible (Mori et al.); "soft": it is less likely.
-    unlike: the log-likelihood of colours that are unlike altogether: a point that a camera does not see counts as such, so
-    that no hypothesis flees to where no camera looks.
+    checks: "drop": a point outside a camera's view or foreground is impossible (Mori et al.); "soft": it is less likely.
+    unlike: log-likelihood of completely different colours, which also applies to points outside a camera's view, so that
+    hypotheses do not drift out of view.
     """
     off_view, off_foreground = (-np.inf, -np.inf) if checks == "drop" else (unlike, _OFF_FOREGROUND)
     by_view = np.where(seen, 0.0, off_view).sum(axis=0)
@@ -41,7 +41,7 @@ class SilhouetteOptions(Strict):
     floor: float = Field(default=0.02, gt=0, lt=1, description="a share counts at least as this")
 
     def log_likelihood(self, filled: Float[Singles, "n"], free: Float[Singles, "n"]) -> Float[Singles, "n"]:
-        """Return log-likelihoods by the share of foreground in each ellipse and that of background in the half ring."""
+        """Return log-likelihoods by the share of foreground in each ellipse and of background in the half ring."""
         floor = np.float32(self.floor)
         both = np.maximum(filled, floor) * np.maximum(free, floor)
         return np.float32(self.power) * np.log(both)

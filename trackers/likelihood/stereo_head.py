@@ -1,7 +1,7 @@
 """Likelihood of heads by pictures of stereo cameras: distances and colours in their ellipses, and silhouettes about them.
 
-It is a pure function of heads at the picture's stamp, the picture, each person's colours and the options: the same wherever it is
-worked out, and together with whichever others.
+A pure function of heads at the picture's stamp, the picture, each person's colours and the options: independent of where,
+and with which others, it is computed.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 _OF_SKIN, _IN_METRES = ("linear", "front", "behind"), ("linear", "most_m")
 _LOOKED_AT = 64
-"""Points looked at in the ellipse at the expected place of a head."""
+"""Number of points in the ellipse at the expected position of a head."""
 _NEAR_M = 0.2
-"""A pixel this far from the middle of a head may still be on it: noise and hair."""
+"""Distance from the middle of a head up to which a pixel may be on it: noise and hair."""
 
 
 class RangeOptions(Strict):
-    """Options of distances along the rays, by the precision that a distance has so far away (ours)."""
+    """Options of distances along the rays, with a precision by distance (ours)."""
 
     sigma_m: float = Field(default=0.02, gt=0, description="standard deviation of a distance close by [m]")
     sigma_per_m: float = Field(
@@ -47,13 +47,13 @@ class RangeOptions(Strict):
     power: float = Field(default=4.0, gt=0, description="what the mean over the ellipse's pixels counts")
 
     def sigma(self, range_squared: Float[NDArray, "*n"]) -> Float[NDArray, "*n"]:
-        """Return standard deviations of distances [m], by their squares [m²]."""
+        """Return standard deviations of distances [m], from their squares [m²]."""
         return self.sigma_m + self.sigma_per_m * range_squared
 
     def log_likelihood(
         self, seen_as: Outlines, disc: Float[Array, "k 2"], found_m: Float[Singles, "k n"]
     ) -> Float[Singles, "n"]:
-        """Return log-likelihoods of heads by the ranges found at points of their ellipses [m]; 0 where there are none."""
+        """Return log-likelihoods of heads by the ranges at points of their ellipses [m]; 0 without any."""
         middle = seen_as.range_m
         surface = seen_as.ahead_m(disc)
         surface += middle
@@ -78,7 +78,7 @@ class DepthInMetresOptions(Strict):
     def log_likelihood(
         self, seen_as: Outlines, disc: Float[Array, "k 2"], found_m: Float[Singles, "k n"]
     ) -> Float[Singles, "n"]:
-        """Return log-likelihoods of heads by the ranges found at points of their ellipses [m]; 0 where there are none."""
+        """Return log-likelihoods of heads by the ranges at points of their ellipses [m]; 0 without any."""
         middle = seen_as.range_m
         surface = seen_as.ahead_m(disc)
         surface += middle
@@ -95,7 +95,7 @@ class DepthInMetresOptions(Strict):
 
 
 class StereoHeadOptions(Strict):
-    """The evidence by which one picture weighs heads; null: it is left out."""
+    """Evidence by which one picture weighs heads; null: omitted."""
 
     semi_axes_m: tuple[Length, Length, Length] = Field(
         default=(0.10, 0.08, 0.125), description="semi-axes of a head: ahead, to the side, up [m]"
@@ -126,7 +126,7 @@ class StereoHeadOptions(Strict):
     @model_validator(mode="before")
     @classmethod
     def _of_former_switches(cls, content: Any) -> Any:
-        """Take the options by which evidence was switched on and off, for one release."""
+        """Accept the former switches of evidence, for one release."""
         if not isinstance(content, dict):
             return content
         content = dict(content)
@@ -158,20 +158,20 @@ class StereoHeadOptions(Strict):
 
 @dataclass(frozen=True, eq=False)
 class HeadLikelihoods:
-    """Two log-likelihoods of n heads by one picture, and which it sees; those that it does not see have 0, or no skin's.
+    """Two log-likelihoods of n heads by one picture, and which it sees; others have 0, or that without skin.
 
     colour: by colours and silhouettes; depth: by distances. p_detect: share of foreground in the ellipse times that of
-    background over it, near 1 where a head is.
+    background over it, near 1 at a head.
     """
 
     colour: Float[Singles, "n"]
     depth: Float[Singles, "n"]
-    p_detect: Float16[NDArray, "n"]  # it travels, and is precise enough
+    p_detect: Float16[NDArray, "n"]  # sent between processes, and precise enough
     seen: Bool[Mask, "n"]
 
 
 class StereoHeads:
-    """The likelihood of heads by some stereo cameras, whose pictures of a frame are worked together."""
+    """Likelihood of heads by some stereo cameras, whose pictures of a frame are evaluated together."""
 
     def __init__(self, cameras: Sequence[PlacedCamera], model: HeadModel, options: StereoHeadOptions) -> None:
         self._cameras = CameraGroup(list(cameras))
@@ -185,7 +185,7 @@ class StereoHeads:
     ) -> list[HeadLikelihoods]:
         """Weigh p heads (x, y, z [m], yaw [rad] at the picture's stamp) of each of n people, n · p in a row.
 
-        A picture and heads of each of c cameras. tables: how likely each colour is at each step of s
+        One picture and heads per camera, c in total. tables: log-probability of each colour at each step of s
         (`ExpectedColours.tables`); None: the paper's share of skin.
         """
         options = self._options
@@ -228,7 +228,7 @@ class StereoHeads:
         heads: Float[Array, "4 c n"],
         tables: Float[Singles, "n entries"] | None,
     ) -> Float[Singles, "c n directions"]:
-        """Return log-likelihoods by colour of n people's heads if they faced in each of `ASPECTS[0]` directions."""
+        """Return log-likelihoods by colour of n people's heads in each of `ASPECTS[0]` directions."""
         options = self._options
         c, n = heads.shape[1:]
         seen_as = outlines(self._cameras, heads, options.semi_axes_m)
@@ -246,7 +246,7 @@ class StereoHeads:
             entry += colour.reshape(c * n, _LOOKED_AT, 1)
             by_turn = tables.ravel().take(entry).sum(axis=1)
             log = log + options.person_colour.power / _LOOKED_AT * np.take_along_axis(by_turn, turn, axis=1)
-        seen = np.where(seen_as.seen[:, None], log, 0).astype(np.float32)  # it travels
+        seen = np.where(seen_as.seen[:, None], log, 0).astype(np.float32)  # sent between processes
         return seen.reshape(c, n, ASPECTS[0])
 
     def colours_on(self, pictures: Sequence[PackedPicture], heads: Float[Array, "4 1 n"]) -> Int[Index, "3 k"]:
@@ -270,9 +270,9 @@ class StereoHeads:
 
     @cached_property
     def _steps_turned(self) -> Int32[AnyArray, "rises points turns"]:
-        """`_steps_looked_at` by the camera's height angle, for every turn."""
+        """`_steps_looked_at` by the camera's elevation, for every turn."""
         return np.ascontiguousarray(np.moveaxis(self._steps_looked_at.reshape(_LOOKED_AT, *ASPECTS), -1, 0))
 
     def _steps(self, points: int) -> Int32[AnyArray, "points aspects"]:
-        """Return the first entry of the step of s that each of so many points of the ellipse shows in every aspect."""
+        """Return the first entry of the step of s at each of `points` points of the ellipse for every viewing direction."""
         return (self._model.share_steps.take(cells_shown(points)) * COLOURS).astype(np.int32)

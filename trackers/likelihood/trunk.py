@@ -1,4 +1,4 @@
-"""Trunks at waist height: where a body's axis is, by a cluster of a scanner."""
+"""Trunks at waist height: a body's axis from a scanner's cluster."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from trackers.likelihood.position import PositionLikelihood
 
 
 class TrunkOptions(Strict):
-    """Options of how exactly a trunk shows its person, and how far from a prediction it may be."""
+    """Options of the accuracy of trunks, and their greatest distance from a prediction."""
 
     variance_m2: float = Field(
         default=0.0015,
@@ -31,10 +31,10 @@ class TrunkOptions(Strict):
 
 
 def offset_variance_m2(trunks: Detections, options: TrunkOptions) -> Float[Array, "k"]:
-    """Return the variance on each axis of what stays of the error of k trunks [m²], see `TrunkOptions.offset_m`."""
+    """Return the variance on each axis of the persistent error of k trunks [m²], see `TrunkOptions.offset_m`."""
     return options.offset_m**2 * (1 + 1 / np.maximum(trunks.scanner.sum(axis=1), 1))
 
 
 def trunk_likelihood(trunks: Detections, options: TrunkOptions) -> PositionLikelihood:
-    """Return the likelihood of k trunks; one that is partly occluded has a variance of its own beside."""
+    """Return the likelihood of k trunks; partly occluded ones have an additional variance."""
     return PositionLikelihood(trunks.position, options.variance_m2 + trunks.variance_m2, options.gate_m)

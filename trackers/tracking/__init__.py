@@ -1,1 +1,1 @@
-"""Targets over time, whatever they are measured by: synchronized frames, roster, track management, association, appearance."""
+"""Tracks over time, independent of the measurement: synchronized frames, roster, track management, association, appearance."""

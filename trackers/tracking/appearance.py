@@ -1,4 +1,4 @@
-"""Appearance of tracks: a reference histogram each, learned from clear looks, and doubtful looks left out."""
+"""Appearance of tracks: a reference histogram each, learned from clear views, without doubtful ones."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ class Appearance(Rows):
     """The appearance memory of n tracks."""
 
     reference: Float[Array, "n bins"]  # colour histogram
-    n_look: Int[Index, "n"]  # how often the reference was learned from; 0: there is none
-    n_refused: Int[Index, "n"]  # how many looks in a row it was not learned from, as doubtful
+    n_look: Int[Index, "n"]  # number of views learned; 0: no reference
+    n_refused: Int[Index, "n"]  # number of consecutive doubtful views, not learned
 
     @classmethod
     def started(cls, reference: Float[Array, "n bins"], n_look: Int[Index, "n"]) -> Self:
-        """Of tracks that start, with a first look (n_look 1) or none (0)."""
+        """Make appearances of new tracks, with a first view (n_look 1) or none (0)."""
         return cls(reference, n_look, np.zeros(len(reference), np.int64))
 
     @property
     def known(self) -> Bool[Mask, "n"]:
-        """The tracks that have been seen clearly at least once."""
+        """Mask of tracks with at least one clear view."""
         return self.n_look > 0
 
     def learned(
@@ -39,10 +39,10 @@ class Appearance(Rows):
         patience: int,
         memory: float,
     ) -> Self:
-        """After clear looks upon those at `track`, which showed these histograms.
+        """Return the appearances after clear views with these histograms of the tracks at `track`.
 
-        A `doubtful` look, which may be of somebody else, teaches nothing; but after `patience` of them in a row it is
-        the clothes that look otherwise now, or the light. memory: the share of the old reference that is kept.
+        A `doubtful` view, possibly of another person, is not learned; but after `patience` of them in a row the clothes, or
+        the light, have changed. memory: retained share of the old reference.
         """
         refused = doubtful & (self.n_refused[track] < patience)
         n_refused = written(self.n_refused, track, np.where(refused, self.n_refused[track] + 1, 0))
@@ -56,7 +56,9 @@ class Appearance(Rows):
         )
 
     def distance(self, histograms: Float[Array, "k bins"], comparable: Bool[Mask, "k"]) -> Float[Array, "n k"] | None:
-        """χ² distance of every track and each of k looks, in [0, 1], NaN where either has no colours; None: all are."""
+        """Return the χ² distance of every track and each of k views, in [0, 1], NaN where either has no colours; None: all
+        have none.
+        """
         known = self.known
         if not known.any() or not comparable.any():
             return None

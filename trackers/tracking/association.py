@@ -1,4 +1,4 @@
-"""Association as stages: in each, some tracks and the measurements still free are paired one to one at least total cost."""
+"""Association in stages: in each, some tracks and the free measurements are paired one to one at least total cost."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from trackers.filters.gating import global_nearest_neighbour, max_weight_assignm
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """Which tracks take part; costs of the pairs, added up; a pair that any of the vetoes marks is forbidden.
+    """Participating tracks; costs of the pairs, summed; a pair in any veto mask is forbidden.
 
-    unpaired: what each track costs without a measurement; None: as many are paired as can be, whatever that costs.
+    unpaired: cost of each track without a measurement; None: as many pairs as possible, at any cost.
     """
 
     tracks: Bool[Mask, "n"]
@@ -26,9 +26,9 @@ class Stage:
 
 
 def associate(stages: Sequence[Stage]) -> tuple[Int[Index, "p"], Int[Index, "p"]]:
-    """Pairs (tracks, measurements) by the global nearest neighbour of each stage in turn.
+    """Return pairs (tracks, measurements) by the global nearest neighbour of each stage in turn.
 
-    Whoever is paired in one stage takes no part in the next. Pairs come in the order of their stages.
+    Tracks and measurements paired in one stage are excluded from later ones. Pairs are in the order of their stages.
     """
     rows, columns = np.empty(0, np.intp), np.empty(0, np.intp)
     for stage in stages:
@@ -48,7 +48,7 @@ def associate(stages: Sequence[Stage]) -> tuple[Int[Index, "p"], Int[Index, "p"]
 
 
 def left_over(n: int, taken: Int[Index, "p"]) -> Int[Index, "rest"]:
-    """The indices below n that are not `taken`."""
+    """Return the indices below n that are not `taken`."""
     is_taken = np.zeros(n, np.bool_)
     is_taken[taken] = True
     return (~is_taken).nonzero()[0]

@@ -1,9 +1,9 @@
-"""Smoothed output: frames held back for a time, so that what is known by then counts. Not what a tracker said at the time.
+"""Fixed-lag smoother: frames are delayed, so that they use later measurements too.
 
-Whoever is confirmed meanwhile is reported from their first measurement on. Places and velocities are those of a motion of
-constant acceleration, fitted to what was measured of a person so long before and after, by least squares with what people do
-as a prior: the Gaussian posterior of a linear model (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006,
-eq. 2.8). So whoever was measured before and after a gap is on the way between.
+A track confirmed meanwhile is reported from its first measurement on. Positions and velocities follow a motion of constant
+acceleration, fitted by least squares to the measurements in a window before and after, with a prior on people's motion: the
+Gaussian posterior of a linear model (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, eq. 2.8). A
+person measured before and after a gap is thus placed in between.
 """
 
 from __future__ import annotations
@@ -19,23 +19,24 @@ from trackers.observations import NS_PER_S
 from trackers.tracks import Track, TrackFrame
 
 _ACCELERATION_M_S2 = 3.0
-"""Standard deviation of what people's acceleration is beforehand, on each axis."""
+"""Prior standard deviation of people's acceleration, on each axis."""
 
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """n people, tentative ones among them, as a tracker knew them at a moment."""
+    """n tracks of a tracker in one frame, including tentative ones."""
 
     ns: int
-    serial: Int[Index, "n"]  # ascending; one a person, from the first measurement on
-    measured: Bool[Mask, "n"]  # now
-    place: Float[Array, "n 2"]  # where they were measured last [m]
-    reported: dict[int, Track]  # by id, who was reported then
+    serial: Int[Index, "n"]  # ascending; one per track, from the first measurement on
+    measured: Bool[Mask, "n"]  # in this frame
+    place: Float[Array, "n 2"]  # last measured position [m]
+    reported: dict[int, Track]  # tracks reported in this frame, by id
 
 
 class FixedLagSmoother:
-    """A tracker's frames on their way out, `delay_s` late; place_m and speed_m_s: standard deviations of a measured place, and of
-    people's speed beforehand, on each axis."""
+    """Delay of a tracker's frames by `delay_s`; place_m and speed_m_s: standard deviations of a measured position, and prior
+    one of people's speed, on each axis.
+    """
 
     def __init__(self, delay_s: float, place_m: float, speed_m_s: float) -> None:
         self._delay_ns = round(delay_s * NS_PER_S)
@@ -43,10 +44,10 @@ class FixedLagSmoother:
         self._prior = np.diag([0.0, (place_m / speed_m_s) ** 2, (place_m / _ACCELERATION_M_S2) ** 2])
         self._ids: dict[int, int] = {}
         self._kept: list[Held] = []
-        self._next = 0  # the first of those that have not left
+        self._next = 0  # index of the first frame not returned yet
 
     def add(self, held: Held, ids: Int[Index, "n"]) -> list[TrackFrame]:
-        """Take a moment in; the frames that leave now, oldest first. ids: 0 for tentative ones."""
+        """Add a frame; return those now due, oldest first. ids: 0 for tentative tracks."""
         known = ids > 0
         self._ids.update(zip(held.serial[known].tolist(), ids[known].tolist(), strict=True))
         self._kept.append(held)
@@ -57,7 +58,7 @@ class FixedLagSmoother:
         return frames
 
     def finish(self) -> list[TrackFrame]:
-        """Those still held back; nothing comes after."""
+        """Return all remaining frames."""
         return self._left(self._kept[-1].ns) if self._kept else []
 
     def _left(self, until_ns: int) -> list[TrackFrame]:
@@ -68,7 +69,7 @@ class FixedLagSmoother:
         return frames
 
     def _frame(self, now: Held) -> TrackFrame:
-        """A moment as it is known by now."""
+        """Return a frame with the knowledge of later ones."""
         window = [each for each in self._kept if abs(each.ns - now.ns) <= self._delay_ns]
         t_s = np.array([each.ns - now.ns for each in window]) / NS_PER_S
         place = np.stack([_measured_places(each, now.serial) for each in window])
@@ -86,13 +87,15 @@ class FixedLagSmoother:
         return TrackFrame(now.ns, tuple(tracks[number] for number in sorted(tracks)))
 
     def _fit(self, t_s: Float[Array, "f"], place: Float[Array, "f n 2"]) -> Float[Array, "n 5"]:
-        """x, y [m] and their rates [m/s] at t = 0, by the places that are not NaN, and the radius of 95 % [m]."""
+        """Return x, y [m] and their rates [m/s] at t = 0, fitted to the positions that are not NaN, and the radius of 95 %
+        [m].
+        """
         basis = np.stack([np.ones_like(t_s), t_s, t_s**2 / 2], axis=1)
         seen = ~np.isnan(place[..., 0])
         normal = np.einsum("fi,fj,fn->nij", basis, basis, seen.astype(float)) + self._prior
         right = np.einsum("fi,fnk->nik", basis, np.nan_to_num(place))
         fitted = np.linalg.solve(normal, right)[:, :2].reshape(-1, 4)
-        variance = np.linalg.inv(normal)[:, 0, 0]  # in those of a measured place; on each axis alike
+        variance = np.linalg.inv(normal)[:, 0, 0]  # relative to that of a measured position; equal on both axes
         return np.column_stack([fitted, self._place_m * np.sqrt(-2 * np.log(0.05) * variance)])
 
 
@@ -107,5 +110,5 @@ def _measured_places(held: Held, serial: Int[Index, "n"]) -> Float[Array, "n 2"]
 
 
 def by_id(tracks: Sequence[Track]) -> dict[int, Track]:
-    """Tracks by id."""
+    """Return tracks by id."""
     return {each.id: each for each in tracks}

@@ -1,4 +1,4 @@
-"""Roster of tracks: identities and the times that track management goes by, around any batch of states."""
+"""Roster of tracks: identities and the times used by track management, around any batch of states."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ State = TypeVar("State", bound=Batched)
 
 @dataclass(frozen=True, eq=False)
 class Roster(Rows, Generic[State]):
-    """n tracks, oldest first; tentative ones among them until they are confirmed.
+    """n tracks, oldest first, including tentative ones.
 
-    `state` is what a filter knows of them: `ImmState`, `Cloud`, or any other batch of n (`trackers.filters.rows.Batched`).
+    `state`: the filter's state, `ImmState`, `Cloud`, or any other batch of n (`trackers.filters.rows.Batched`).
     """
 
     id: Int[Index, "n"]  # 0 while tentative
@@ -30,7 +30,7 @@ class Roster(Rows, Generic[State]):
 
     @classmethod
     def started(cls, state: State, ns: int) -> Self:
-        """Tentative tracks in `state`, first measured at stamp ns."""
+        """Make tentative tracks in `state`, first measured at stamp ns."""
         n = len(state)
         return cls(
             id=np.zeros(n, np.int64),
@@ -45,11 +45,11 @@ class Roster(Rows, Generic[State]):
         return self.id.size
 
     def measured(self, track: Int[Index, "p"], ns: int, state: State) -> Self:
-        """These tracks in `state`, with those at `track` measured at stamp ns."""
+        """Return the tracks in `state`, with those at `track` measured at stamp ns."""
         n_measured = written(self.n_measured, track, self.n_measured[track] + 1)
         return self.changed(state=state, measured_ns=written(self.measured_ns, track, ns), n_measured=n_measured)
 
     def confirm(self, track: Selection, first_id: int) -> Self:
-        """These tracks with those at `track` confirmed, numbered from `first_id` on."""
+        """Return the tracks with those at `track` confirmed, numbered from `first_id` on."""
         ids = first_id + np.arange(self.id[track].size)
         return self.changed(id=written(self.id, track, ids), confirmed=written(self.confirmed, track, True))

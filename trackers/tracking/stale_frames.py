@@ -1,11 +1,11 @@
-"""Readings that say nothing: of sensors that hang, and of scanners that read nothing.
+"""Stale readings: of hanging sensors, and of scanners without data.
 
-A driver may hand out its last reading again and again, under new stamps. Readings with noise never come twice: one that is bit
-for bit the one before it says nothing new, neither where somebody is nor where nobody is: as if the sensor were silent.
+A driver may repeat its last reading under new stamps. Noisy readings never repeat bit for bit: a repetition is as
+uninformative as silence.
 
-So does a scan without beams, or with invalid ones (NaN) alone. One that meets nothing at all (+inf throughout) is a look into
-open space, where somebody would be seen, unless the scan before it met something in many beams: a room does not vanish between
-two scans, but a scanner that starts, stops or is covered reports so.
+So is a scan without beams, or with invalid ones (NaN) only. A scan without any return (+inf throughout) shows open space, in
+which a person would be detected, unless the scan before it had many returns: a room does not vanish between two scans, but a
+scanner that starts, stops or is covered reports so.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from numpy.typing import NDArray
 from trackers.observations import DepthImage, FloorFrame, Image, LaserScan, Observation, Odometry
 
 _ROWS = 8
-"""Of a picture, each so many rows are compared."""
+"""Spacing of the compared rows of a picture."""
 _LEAST = 20
-"""Readings of which each is as likely as not to differ: all of them agree by chance once in a million times.
+"""Number of readings, each equally likely to differ or not, that agree by chance once in a million times.
 
-Likewise returns, each as likely as not to be lost.
+Likewise for returns, each equally likely to be lost or not.
 """
 
 
 class StaleFrameDetector:
-    """Tells which readings say no more than the one before; asked once for each, a sensor's in order of time.
+    """Detector of readings that repeat the one before; called once for each, a sensor's in order of time.
 
-    A sensor is taken to have noise while its last two different readings differ in at least half of their values. Without
-    noise it repeats itself in all honesty where nobody moves, and is believed; so is one with hardly a return.
+    A sensor counts as noisy while its last two different readings differ in at least half of their values. One without noise
+    legitimately repeats itself when nothing moves, and is believed, as is one with few returns.
     """
 
     def __init__(self) -> None:
@@ -50,7 +50,7 @@ class StaleFrameDetector:
         return n_changed == 0 and n >= _LEAST and self._noisy.get(sensor, False)
 
     def is_blank(self, observation: Observation) -> bool:
-        """Return whether a scan has no reading, or has lost all the returns that the last one with a reading had."""
+        """Return whether a scan has no reading, or has lost all returns of the last one with a reading."""
         if not isinstance(observation, LaserScan):
             return False
         ranges = observation.ranges_m
@@ -65,7 +65,7 @@ class StaleFrameDetector:
 
 
 def _values(observation: Observation) -> NDArray:
-    """Return enough of a reading to recognise it; below 0 where the sensor measured nothing."""
+    """Return enough of a reading to identify it; below 0 without a measurement."""
     match observation:
         case LaserScan():
             return np.where(np.isfinite(observation.ranges_m), observation.ranges_m, -1.0)
@@ -73,6 +73,6 @@ def _values(observation: Observation) -> NDArray:
             return observation.rgb[::_ROWS]
         case FloorFrame():
             return observation.values
-        case Odometry():  # one that stands says the same again and again, and is believed: fewer values than _LEAST
+        case Odometry():  # one at rest repeats itself legitimately, and is believed: fewer values than _LEAST
             return observation.frame_from_base[:3]
     raise TypeError(f"no reading of a sensor: {type(observation).__name__}")

@@ -1,14 +1,14 @@
-"""Synchronized frames: what several sensors report at about the same time, gathered by a declared policy for a tracker.
+"""Synchronized frames: near-simultaneous observations of several sensors, gathered by a declared policy.
 
-A tracker declares (`SyncPolicy`) which sensors trigger a frame, which are attached to the nearest one, of which the latest value
-is handed out, and which are awaited for how long. A pair of scanners and a camera: the scanners trigger, the camera is attached.
-Cameras beside a slower pressure floor: the cameras trigger, the floor's latest value is used. Cameras alone, or a floor alone:
-they trigger. Cameras that look one after another, each picture at its own stamp: all trigger, `within_s=0`.
+A tracker declares (`SyncPolicy`) which sensors trigger a frame, which are attached to the nearest one, of which the latest
+value is used, and which are awaited for how long. Two scanners and a camera: the scanners trigger, the camera is attached.
+Cameras and a slower pressure floor: the cameras trigger, with the floor's latest value. Cameras alone, or a floor alone:
+they trigger. Cameras that trigger in turn, each picture at its own stamp: all trigger, `within_s=0`.
 
-A frame is complete when every awaited sensor has reported, and is given up waiting for when an observation at least
-`max_wait_s` newer has arrived; frames leave in order of time. So a silent sensor delays a tracker by little more than
-`max_wait_s`, never for ever. What comes too late (its frame has left) or twice is dropped and counted, and so is a reading
-that only repeats the one before (`StaleFrameDetector`); its frame leaves all the same.
+A frame is complete when every awaited sensor has reported, or when an observation at least `max_wait_s` newer has arrived;
+frames leave in order of time. So a silent sensor delays a tracker by little more than `max_wait_s`. Observations that arrive
+too late (their frame has left) or twice are dropped and counted, as are repetitions (`StaleFrameDetector`), whose frame
+leaves nevertheless.
 """
 
 from __future__ import annotations
@@ -22,26 +22,26 @@ from trackers.observations import NS_PER_S, Observation
 from trackers.tracking.stale_frames import StaleFrameDetector
 
 _GAPS = 9
-"""Number of a sensor's last gaps between observations that tell its period."""
+"""Number of a sensor's last gaps between observations that determine its period."""
 
 ALONE = "without another sensor's observation near enough in time"
 BLANK = "without any reading: no beam of the scan returns, or it has none"
 REPEATED = "bit for bit the same as the one before: the sensor or its driver hangs"
-"""Reasons for which observations are dropped, beside those of `trackers.feeding`."""
+"""Reasons for dropping observations, besides those of `trackers.feeding`."""
 
 
 @dataclass(frozen=True)
 class SyncPolicy:
-    """Policy by which observations become synchronized frames; sensors that are not named are ignored.
+    """Policy by which observations become synchronized frames; other sensors are ignored.
 
     triggers: sensors whose observations start a frame, or join one of each other's. attached: those that join the nearest
-    frame and never start one. latest: those whose newest value not after the frame is handed out with it, again and again
-    where they are slower. main: the sensor whose stamp a frame takes, else that of the first of `triggers` in it (None: that
-    one). awaited: the sensors waited for (None: all of `triggers` and `attached`); one of `latest` is awaited until its value
-    is of the frame or newer. within_s: how far from a frame an observation may be to join it (None: half of `period_s`, and
-    half of the period at which the fastest trigger is seen to report, where that is less).
+    frame and never start one. latest: those whose newest value not after the frame is used, repeatedly if they are slower.
+    main: the sensor whose stamp a frame takes, else that of the first of `triggers` in it (None: that one). awaited: the
+    sensors waited for (None: all of `triggers` and `attached`); one of `latest` is awaited until its value is of the frame
+    or newer. within_s: greatest distance of an observation from a frame it joins (None: half of `period_s`, or of the
+    observed period of the fastest trigger if shorter).
 
-    Raises ValueError where nothing triggers, a sensor is named twice, or the main or an awaited one is not named at all.
+    Raises ValueError without triggers, for a sensor named twice, and for an unnamed main or awaited one.
     """
 
     triggers: tuple[str, ...]
@@ -67,10 +67,10 @@ class SyncPolicy:
 
 @dataclass
 class SyncedFrame:
-    """The observations of one frame, by sensor, each with its own stamp.
+    """Observations of one frame, by sensor, each with its own stamp.
 
-    ns: its stamp [ns], see `SyncPolicy.main`. latest: the newest values not after it of the policy's `latest`; their own
-    stamps say how old they are. repeated: the sensors that reported, but only repeated themselves, or nothing at all.
+    ns: its stamp [ns], see `SyncPolicy.main`. latest: the newest values not after it of the policy's `latest`, with their
+    own stamps. repeated: sensors whose reports were stale or blank.
     """
 
     ns: int
@@ -85,9 +85,9 @@ class SyncedFrame:
 
 
 class FrameSynchronizer:
-    """Takes observations in order of arrival, hands back frames in order of time.
+    """Synchronizer from observations in order of arrival to frames in order of time.
 
-    Stamps are on one clock: whoever decodes messages adds the rig's time offsets.
+    Stamps are on one clock: the decoder of messages adds the rig's time offsets.
     """
 
     def __init__(self, rules: SyncPolicy) -> None:
@@ -99,20 +99,20 @@ class FrameSynchronizer:
         self._last_ns: dict[str, int] = {}
         self._gaps_ns: dict[str, deque[int]] = {name: deque(maxlen=_GAPS) for name in rules.triggers}
         self._pending: list[SyncedFrame] = []
-        self._waiting: list[Observation] = []  # those that join, while no frame is there for them
+        self._waiting: list[Observation] = []  # those to attach, without a frame yet
         self._latest: dict[str, list[Observation]] = {name: [] for name in rules.latest}  # by stamp
         self._left: SyncedFrame | None = None
         self._repeats = StaleFrameDetector()
         self.losses: Counter[tuple[str, str]] = Counter()
-        """The observations dropped, by sensor and reason: too late, twice, no frame to join, or a repetition."""
+        """Dropped observations, by sensor and reason: too late, twice, no frame to join, or a repetition."""
 
     @property
     def discarded(self) -> int:
-        """The number of observations dropped."""
+        """Number of dropped observations."""
         return self.losses.total()
 
     def add(self, observation: Observation) -> list[SyncedFrame]:
-        """The frames that are ready now that `observation` has arrived, oldest first."""
+        """Add an observation; return the frames now complete, oldest first."""
         rules, sensor, ns = self._rules, observation.sensor, observation.stamp_ns
         if sensor in rules.latest:
             self._hold(observation)
@@ -137,14 +137,14 @@ class FrameSynchronizer:
         return self._ready(ns)
 
     def finish(self) -> list[SyncedFrame]:
-        """The frames still waiting, oldest first; what found no frame to join is dropped."""
+        """Return the waiting frames, oldest first; observations without a frame are dropped."""
         frames = self._ready(max((frame.ns for frame in self._pending), default=0) + self._max_wait_ns)
         self._lose_alone(self._waiting)
         self._waiting = []
         return frames
 
     def _learn_period(self, sensor: str, ns: int) -> None:
-        """Period of frames [s], shorter where sensors report faster than declared."""
+        """Update the period of frames [s], shorter than declared if sensors report faster."""
         if self._rules.within_s is not None:
             return
         gap_ns = ns - self._last_ns.get(sensor, ns)
@@ -159,7 +159,7 @@ class FrameSynchronizer:
             return False
         if ns <= self._left.ns:
             return True
-        # it belonged to a frame that has left without it
+        # its frame has left without it
         left = self._left
         return sensor not in left.observations and sensor not in left.repeated and ns - left.ns <= self._within_ns
 
@@ -170,7 +170,7 @@ class FrameSynchronizer:
         return any(other.stamp_ns == ns for other in waiting)
 
     def _nearest(self, ns: int, without: str) -> SyncedFrame | None:
-        """The pending frame nearest to `ns`, near enough to join, that lacks the sensor."""
+        """Return the pending frame nearest to `ns`, near enough to join, without an observation of the sensor."""
         near = [
             (abs(frame.ns - ns), frame.ns, place)
             for place, frame in enumerate(self._pending)
@@ -179,9 +179,9 @@ class FrameSynchronizer:
         return self._pending[min(near)[2]] if near else None
 
     def _started(self, ns: int) -> SyncedFrame:
-        """Start a frame; it takes over what joined another for want of this one, and is nearer to it than to the others there.
+        """Start a frame; move to it the observations of another frame that are nearer to it.
 
-        Before a sensor's period is known, or where one reports late, a frame of the past may have what belongs to the next.
+        Before a sensor's period is known, or if one reports late, an earlier frame may hold them.
         """
         opened = SyncedFrame(ns)
         for other in self._pending:
@@ -199,7 +199,7 @@ class FrameSynchronizer:
         self._pending.sort(key=lambda pending: pending.ns)
 
     def _stamp(self, frame: SyncedFrame) -> None:
-        """Give a frame the stamp of its main sensor, else of the first of those that triggered it."""
+        """Set a frame's stamp to that of its main sensor, else of the first trigger in it."""
         stamped_by = next(name for name in (*self._stamped_by, *frame.observations) if name in frame.observations)
         frame.ns = frame.observations[stamped_by].stamp_ns
 
@@ -229,7 +229,7 @@ class FrameSynchronizer:
                 break
             self._pending.pop(0)
             if self._left is not None and head.ns <= self._left.ns:
-                # another took its stamp: what is left here came too late
+                # another frame took its stamp: the remaining observations are too late
                 self.losses.update((name, LATE) for name in head.observations)
                 continue
             ready.append(head)
@@ -252,7 +252,7 @@ class FrameSynchronizer:
         return sensor not in frame.observations
 
     def _leave(self, frame: SyncedFrame) -> None:
-        """Hand the frame the latest values, as it leaves, and take from it what says nothing."""
+        """Add the latest values to a leaving frame, and remove stale readings."""
         mute: dict[str, str] = {}
         for name, each in frame.observations.items():
             if self._repeats.is_blank(each):

@@ -11,41 +11,41 @@ from trackers.tracks import Hypotheses, ScoreMap, Track, TrackFrame
 
 
 class SynchronizedTracker(ABC):
-    """Base of such trackers: they declare a policy, process one frame, and have tracks. Other sensors are ignored."""
+    """Base of trackers that declare a policy, process frames, and have tracks. Other sensors are ignored."""
 
-    takes_any_order = True  # the synchronizer waits for what comes late, and drops what comes twice
+    takes_any_order = True  # the synchronizer waits for late observations and drops repeated ones
 
     def __init__(self, rules: SyncPolicy) -> None:
         self._synchronizer = FrameSynchronizer(rules)
 
     @property
     def discarded(self) -> int:
-        """Observations dropped so far: too late, twice, without a frame to join, or no more than the one before again."""
+        """Observations dropped so far: too late, twice, without a frame to join, or stale."""
         return self._synchronizer.discarded
 
     @property
     def losses(self) -> Mapping[tuple[str, str], int]:
-        """The same by sensor and reason."""
+        """Dropped observations by sensor and reason."""
         return self._synchronizer.losses
 
     def update(self, observation: Observation) -> list[TrackFrame]:
-        """Take one observation; the frames it completes, oldest first."""
+        """Process one observation; return the completed frames, oldest first."""
         return self._work_all(self._synchronizer.add(observation))
 
     def finish(self) -> list[TrackFrame]:
-        """The frames still held back when the observations have ended."""
+        """Return the remaining frames after the last observation."""
         return self._work_all(self._synchronizer.finish())
 
     @abstractmethod
     def tracks(self) -> list[Track]:
-        """Everybody, as of the moment worked last."""
+        """Return all tracks of the last frame."""
 
     @abstractmethod
     def _work(self, synced: SyncedFrame) -> None:
-        """Take the tracks on to a moment."""
+        """Update the tracks by one frame."""
 
     def _maps(self) -> tuple[ScoreMap | Hypotheses, ...]:
-        """Return the score maps or hypotheses of the last frame; none, unless a tracker has them."""
+        """Return the score maps or hypotheses of the last frame; by default none."""
         return ()
 
     def _work_all(self, synced_frames: list[SyncedFrame]) -> list[TrackFrame]:

@@ -1,6 +1,6 @@
-"""Track management: initiation, confirmation, deletion and re-identification by one set of options for every tracker.
+"""Track management: initiation, confirmation, deletion and re-identification with common options for every tracker.
 
-Times are integer nanoseconds, as stamps are, so that a rule holds or does not whatever floating-point arithmetic does.
+Times are integer nanoseconds, like stamps, so that floating-point rounding decides no rule.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from trackers.tracking.roster import Roster, State
 
 
 class TrackManagementOptions(Strict):
-    """Options that every tracker takes as `track_management`; systems have values, and rules, of their own."""
+    """Options `track_management` of every tracker; systems have their own values and additional rules."""
 
     confirm_s: float = Field(
         default=0.0,
@@ -48,7 +48,7 @@ class TrackManagementOptions(Strict):
 
 
 class ReidentificationOptions(Strict):
-    """Options of trackers that take a measurement for a track out of sight, as far as its person may have walked."""
+    """Options of re-identification, within the range that a person out of sight may have walked."""
 
     reid_m: float = Field(default=0.0, ge=0, description="distance of re-identification at once [m]")
     reid_speed_m_s: float | None = Field(
@@ -59,9 +59,9 @@ class ReidentificationOptions(Strict):
 
 
 class TrackManager:
-    """The rules by which tracks of a roster are confirmed, reported and deleted, and the ids given so far.
+    """Rules by which tracks of a roster are confirmed, reported and deleted, and the ids assigned so far.
 
-    options: a system's own; corners: (c, 2) of the rig's area [m], None: tracks are kept everywhere.
+    options: the system's; corners: (c, 2) of the rig's area [m], None: unlimited.
     """
 
     def __init__(self, options: TrackManagementOptions, corners: ArrayLike | None) -> None:
@@ -72,41 +72,41 @@ class TrackManager:
     def to_confirm(
         self, roster: Roster[State], ns: int, frame_ns: int, confirm_s: float | None = None
     ) -> Bool[Mask, "n"]:
-        """Select the tentative tracks, measured at stamp ns, that were measured long and often enough.
+        """Return a mask of the tentative tracks, measured at stamp ns, that were measured long and often enough.
 
-        frame_ns: the time that each frame stands for, so that a track first measured at this stamp was measured for so long;
-        confirm_s: in place of the option's.
+        frame_ns: duration that a frame stands for, and so that of a track first measured at this stamp; confirm_s: overrides
+        the option.
         """
         confirm_s = self._limits.confirm_s if confirm_s is None else confirm_s
         often = measured_often(roster, ns, self._limits.confirm_hits)
         return often & (ns - roster.born_ns + frame_ns > nanoseconds(confirm_s))
 
     def confirm(self, roster: Roster[State], new: Bool[Mask, "n"]) -> Roster[State]:
-        """Confirm the tracks that a mask marks, with the next ids in the order of the roster."""
+        """Confirm the tracks in a mask, with the next ids in the order of the roster."""
         if not new.any():
             return roster
         first, self._next_id = self._next_id, self._next_id + int(new.sum())
         return roster.confirm(new, first)
 
     def lasting(self, roster: Roster[State], ns: int) -> Bool[Mask, "n"]:
-        """Select the tracks that were measured recently enough to be kept at stamp ns."""
+        """Return a mask of the tracks measured recently enough to be kept at stamp ns."""
         return coasting_within(roster, ns, self._limits.coast_s, self._limits.tentative_coast_s)
 
     def reported(self, roster: Roster[State], ns: int) -> Bool[Mask, "n"]:
-        """Select the confirmed tracks that were measured recently enough to be reported at stamp ns."""
+        """Return a mask of the confirmed tracks measured recently enough to be reported at stamp ns."""
         limit_s = self._limits.report_s
         if limit_s is None:
             return roster.confirmed
         return roster.confirmed & coasting_within(roster, ns, limit_s, 0.0)
 
     def inside(self, positions: Float[Array, "n 2"]) -> Bool[Mask, "n"]:
-        """Select the positions [m] in the rig's area or its margin; all of them without an area."""
+        """Return a mask of the positions [m] in the rig's area or its margin; all without an area."""
         if self.area is None or len(positions) == 0:
             return np.ones(len(positions), np.bool_)
         return self.area.contains(positions)
 
     def may_start(self, positions: Float[Array, "k 2"], tracks: Float[Array, "n 2"]) -> Bool[Mask, "k"]:
-        """Select the positions [m] far enough from every track, and in the area, for a track to be initiated there."""
+        """Return a mask of the positions [m] far enough from every track, and in the area, to initiate a track."""
         return clear_of(positions, tracks, self._limits.start_apart_m) & self.inside(positions)
 
 
@@ -116,7 +116,9 @@ def reachable(
     positions: Float[Array, "k 2"],
     options: ReidentificationOptions,
 ) -> Bool[Mask, "n k"]:
-    """Select the pairs of a track, not measured for `coasted_ns` (n,), and a position [m] that its person may have reached."""
+    """Return a mask of pairs of a track, not measured for `coasted_ns` (n,), and a position [m] that its person may have
+    reached.
+    """
     if options.reid_speed_m_s is None:
         return np.zeros((len(last_seen), len(positions)), np.bool_)
     reach_m = options.reid_m + options.reid_speed_m_s * (coasted_ns / NS_PER_S)
@@ -129,28 +131,28 @@ def nanoseconds(seconds: Array | float) -> NDArray[np.int64] | np.int64:
 
 
 def measured_now(roster: Roster[State], ns: int) -> Bool[Mask, "n"]:
-    """Select the tracks measured at stamp ns; confirmed ones that were not are coasting."""
+    """Return a mask of the tracks measured at stamp ns; other confirmed ones are coasting."""
     return roster.measured_ns == ns
 
 
 def lasted_s(since_ns: int, ns: int, before_ns: int) -> float:
-    """Return the time [s] for which a thing first seen at `since_ns` has been seen at `ns`; 0 at first sight.
+    """Return the time [s] for which an object first seen at `since_ns` has been seen at `ns`; 0 at first sight.
 
-    Each frame stands for the time since the frame before it (`before_ns`), so that a rule by this time asks for twice as many
+    Each frame stands for the time since the frame before it (`before_ns`), so that a rule by this time needs twice as many
     frames of a sensor twice as fast, and jitter of a few milliseconds does not shift it by a whole frame.
     """
     return 0.0 if ns <= since_ns else (ns - since_ns + ns - before_ns) / NS_PER_S
 
 
 def measured_often(roster: Roster[State], ns: int, at_least: int) -> Bool[Mask, "n"]:
-    """Select the tentative tracks measured at ns, and `at_least` times in all."""
+    """Return a mask of the tentative tracks measured at ns, and `at_least` times in total."""
     return ~roster.confirmed & measured_now(roster, ns) & (roster.n_measured >= at_least)
 
 
 def coasting_within(
     roster: Roster[State], ns: int, confirmed_s: Array | float, tentative_s: Array | float
 ) -> Bool[Mask, "n"]:
-    """Select the tracks last measured no longer ago than `confirmed_s`, tentative ones than `tentative_s` [s]."""
+    """Return a mask of the tracks last measured at most `confirmed_s` ago, tentative ones `tentative_s` [s]."""
     allowed_s = np.where(roster.confirmed, confirmed_s, tentative_s)
     return ns - roster.measured_ns <= nanoseconds(allowed_s)
 
@@ -158,7 +160,7 @@ def coasting_within(
 def clear_of(
     position: Float[Array, "k 2"], bodies: Float[Array, "p 2"], clearance_m: Float[Array, "k"] | float
 ) -> Bool[Mask, "k"]:
-    """Select the positions farther than `clearance_m` from every body [m]."""
+    """Return a mask of the positions farther than `clearance_m` from every body [m]."""
     if len(bodies) == 0:
         return np.ones(len(position), np.bool_)
     return distances(position, bodies).min(axis=1) > clearance_m
