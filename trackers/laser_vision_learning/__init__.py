@@ -1,1 +1,1 @@
-"""The system of Song et al.: laser particle filters while people are apart, classifiers that learn on-line when they meet."""
+"""The system of Song et al.: laser particle filters for separate people, on-line learned classifiers when they meet."""

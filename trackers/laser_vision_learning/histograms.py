@@ -1,7 +1,7 @@
-"""Colour histograms instead of patches: what the classifiers are worth, by leaving them out.
+"""Colour histograms instead of patches: an ablation of the classifiers.
 
-A track has one histogram of its body's colours, blended from the pictures that a classifier would have learned from. A body
-looks like a track as far as their histograms are alike. There are no score maps.
+A track has one histogram of its body's colours, averaged over the pictures that would train a classifier. Similarity is that
+of histograms. There are no score maps.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from trackers.laser_vision_learning.score_maps import ScoreMaps
 from trackers.vision.histogram import chi_squared_distance, updated_reference
 
 _POINTS = 300
-"""Points of a body whose pixels are counted."""
+"""Number of a body's points whose pixels are counted."""
 
 
 def learner_of(camera: PlacedCamera, options: LooksOptions) -> Learner:
-    """Learner of appearance as the options say."""
+    """Make the learner of appearance chosen by the options."""
     return HistogramLearner(camera, options) if options.by == "histogram" else Learner(camera, options)
 
 
 class HistogramLearner(Learner):
-    """As `Learner`, by histograms."""
+    """`Learner` by histograms."""
 
     def __init__(self, camera: PlacedCamera, options: LooksOptions | None = None) -> None:
         super().__init__(camera, options)
@@ -44,7 +44,7 @@ class HistogramLearner(Learner):
         rng: np.random.Generator,
         foreground: Bool[Mask, "height width"] | None = None,
     ) -> Looks:
-        """The looks after a picture, of all who are clear and have somebody clear near."""
+        """Return the appearances updated by a picture, of clear tracks near another clear one."""
         waiting = (near & clear & clear[:, None]).any(axis=1)
         if not waiting.any():
             return looks
@@ -67,7 +67,7 @@ class HistogramLearner(Learner):
         foreground: Bool[Mask, "height width"] | None = None,
         others_m: Float[Array, "others 2"] | None = None,
     ) -> Float[Array, "q m"]:
-        """1 for histograms that are the same, −1 for such as have nothing in common; NaN for the unknown and the unseen."""
+        """Return 1 for equal histograms, −1 for disjoint ones, NaN for unknown or hidden ones."""
         histogram, seen = self._seen(rgb, positions_m, rng, others_m)
         chosen = looks.select(rows)
         alike = 1 - 2 * chi_squared_distance(histogram, chosen.reference)
@@ -82,7 +82,7 @@ class HistogramLearner(Learner):
         rng: np.random.Generator,
         foreground: Bool[Mask, "height width"] | None = None,
     ) -> ScoreMaps:
-        """Maps that say nothing."""
+        """Return uninformative maps."""
         return ScoreMaps.of(np.empty((0, 2)), np.empty((len(rows), 0)), 0.0, self.options.maps)
 
     def _seen(
@@ -92,7 +92,7 @@ class HistogramLearner(Learner):
         rng: np.random.Generator,
         others_m: Float[Array, "others 2"] | None = None,
     ) -> tuple[Float[Array, "n bins"], Bool[Mask, "n"]]:
-        """Everybody's histogram, and of whom enough is in sight."""
+        """Return all histograms, and a mask of tracks with enough pixels visible."""
         points = self.sampler.drawn(positions_m, rng, None, others_m)
         histogram = HISTOGRAM.of_windows(rgb, points.centre[:, :, None], points.shown[:, :, None])
         return histogram, points.shown.mean(axis=1) >= self.options.least_patches / self.options.patches.count

@@ -1,9 +1,8 @@
-"""Identities after a split: people that the scanners saw as one body are separate bodies again.
+"""Identities after a split: people seen as one body by the scanners are separate bodies again.
 
-What comes out of a group is given to its members one to one, so that the scores of all, summed over a few pictures, are
-highest together. How sure each is, is what the next best assignment that gives it to somebody else would lose (after Murty's
-ranking of assignments, 1968). Who is less sure than that, or has no classifier, is given by motion to a member that is left,
-and that is told.
+The bodies of a group are assigned to its members one to one with the largest total score over a few pictures. The margin of
+an identity is the loss by the best assignment that changes it (after Murty's ranking of assignments, 1968). With a smaller
+margin, or without a classifier, motion assigns one of the remaining members, and `by_looks` is False.
 """
 
 from __future__ import annotations
@@ -36,20 +35,19 @@ class IdentityOptions(Strict):
 
 @dataclass(frozen=True, eq=False)
 class Identities:
-    """Identities of q bodies that came out of a group of m."""
+    """Identities of q bodies of a group of m members."""
 
-    member: Int[Index, "q"]  # −1: nobody of the group, as more came out than went in
+    member: Int[Index, "q"]  # −1: no member, as more bodies came out than went in
     by_looks: Bool[Mask, "q"]  # else by motion
-    margin: Float[Array, "q"]  # what the next best assignment loses; 0 where looks say nothing
+    margin: Float[Array, "q"]  # loss by the next best assignment; 0 without appearance
 
 
 def decided(
     scores: Float[Array, "q m"], motion_cost: Float[Array, "q m"], options: IdentityOptions | None = None
 ) -> Identities:
-    """The identities, from the mean score of each body by each member's classifier and the cost of its motion.
+    """Return the identities by the mean score of each body by each member's classifier and the cost of its motion.
 
-    Scores are NaN where a classifier or a body is unknown: such an entry speaks neither for nor against. Costs are −log of
-    likelihoods, infinite where it cannot be.
+    Scores are NaN for an unknown classifier or body: without effect. Costs are −log of likelihoods, infinite if impossible.
     """
     options = options or IdentityOptions()
     q, m = scores.shape
@@ -57,7 +55,7 @@ def decided(
     body, member = linear_sum_assignment(said, maximize=True)
     margin = np.zeros(q)
     best = said[body, member].sum()
-    for each, of in zip(body, member, strict=True):  # few: as many as are in the group
+    for each, of in zip(body, member, strict=True):  # few: as many as in the group
         without = said.copy()
         without[each, of] = -1e6
         margin[each] = (

@@ -1,9 +1,9 @@
-"""Appearance: per track a classifier that tells patches of its own from those of the people around it.
+"""Appearance: per track a classifier that separates patches of its own from those of people around it.
 
-While somebody is near enough to others to be taken for them, and each of them can be told by the scanners, patches are cut where
-they stand: their own are positive samples, those of the others negative, and the classifier learns a frame
-(`trackers.learning.boosting`). It lives as long as its track. A frame trains no more than a few classifiers, those first that
-have waited longest, so that its cost is bounded however many people meet.
+While a person is near enough to others to be confused, and the scanners separate all of them, patches are cut at their
+positions: their own are positive samples, those of the others negative, and the classifier learns one frame
+(`trackers.learning.boosting`). It lives as long as its track. A frame trains only a few classifiers, those that have waited
+longest first, which bounds its cost.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from trackers.vision.patches import Feature, FeatureOptions, PatchDescriber, Pat
 Picture = UInt8[Bytes, "height width 3"]
 _NEVER_NS = -1
 HISTOGRAM = ColourHistogram(HistogramOptions())
-"""Of the colours of a body, where histograms are compared instead."""
+"""Histogram of a body's colours, for the ablation."""
 
 
 class LooksOptions(Strict):
@@ -65,7 +65,7 @@ class LooksOptions(Strict):
         default=5, description="classifiers that a picture trains at most, those first that have waited longest (ours)"
     )
     least_patches: ClassVar[int] = 10
-    """Patches of a body that must be in sight for it to be learned from or looked at (ours)."""
+    """Least number of visible patches of a body for learning or scoring (ours)."""
     background: NonNegativeInt = Field(
         default=20, description="patches beside a body, on nobody, that are negative samples too (ours)"
     )
@@ -79,12 +79,12 @@ class LooksOptions(Strict):
 
     @property
     def patches(self) -> PatchOptions:
-        """Options of the patches of a body."""
+        """Options of a body's patches."""
         return PatchOptions(count=self.patch_count, size_m=self.patch_m)
 
     @property
     def features(self) -> FeatureOptions:
-        """Options of what describes a patch."""
+        """Options of a patch's features."""
         return FeatureOptions(kinds=self.kinds)
 
 
@@ -94,32 +94,30 @@ class Looks(Rows):
 
     strong: StrongClassifiers
     learned_ns: Int[Index, "n"]  # stamp of the last picture learned from, −1 before any
-    reference: Float[
-        Array, "n bins"
-    ]  # colour histogram, where these are learned instead (`histograms`); else of no bins
+    reference: Float[Array, "n bins"]  # colour histogram of the ablation (`histograms`); else without bins
 
     @classmethod
     def unknown(cls, n: int, options: LooksOptions) -> Self:
-        """Of tracks that start."""
+        """Make the appearance of new tracks."""
         bins = HISTOGRAM.size if options.by == "histogram" else 0
         return cls(StrongClassifiers.untrained(n, options.boosting.trees), np.full(n, _NEVER_NS), np.zeros((n, bins)))
 
     @property
     def known(self) -> Bool[Mask, "n"]:
-        """Tracks whose classifier has learned anything, (n,)."""
+        """Mask (n,) of tracks whose classifier has learned."""
         return self.learned_ns != _NEVER_NS
 
 
 @dataclass(frozen=True, eq=False)
 class Described:
-    """Patches on n bodies as one picture shows them."""
+    """Patches on n bodies in one picture."""
 
     features: Float[Array, "n k features"]  # 0 where a patch is not `usable`
     usable: Bool[Mask, "n k"]
 
 
 class Learner:
-    """Learns looks from the pictures of one camera, and recognises them; the looks are passed in and handed back."""
+    """Learner and scorer of appearance from one camera's pictures; the appearances are passed in and returned."""
 
     def __init__(self, camera: PlacedCamera, options: LooksOptions | None = None) -> None:
         self.options = options or LooksOptions()
@@ -143,19 +141,20 @@ class Learner:
         rng: np.random.Generator,
         foreground: Bool[Mask, "height width"] | None = None,
     ) -> Looks:
-        """The looks after a picture. near: who may be taken for whom; clear: whose place can be trusted to be theirs alone.
+        """Return the appearances updated by a picture. near: pairs that may be confused; clear: tracks whose position is
+        certainly theirs alone.
 
-        Trained is who is clear and has somebody clear near; where nobody is, the picture is not looked at.
+        Trained are clear tracks near another clear one; without any, the picture is not evaluated.
         """
         confusable = near & clear & clear[:, None]
         waiting = confusable.any(axis=1).nonzero()[0]
         if waiting.size == 0:
             return looks
-        # of those who have waited as long none is always the last
+        # of those who have waited equally long, none is always last
         longest_first = np.lexsort((rng.random(waiting.size), looks.learned_ns[waiting]))
         served = np.sort(waiting[longest_first[: self.options.classifiers_a_frame]])
         pictured = (confusable[served].any(axis=0) | np.isin(np.arange(len(looks)), served)).nonzero()[0]
-        # everybody who is there may stand before somebody, and is not learned from
+        # all people present may hide others, also those not learned from
         described = self._described(rgb, positions_m, pictured, rng, foreground)
         samples, label = self._samples(
             described, np.searchsorted(pictured, served), confusable[np.ix_(served, pictured)], rng
@@ -167,7 +166,7 @@ class Learner:
             samples = np.concatenate([samples, room.features], axis=1)
             label = np.concatenate([label, np.where(room.usable, -1.0, 0.0)], axis=1)
         strong = self.boosting.learned(looks.strong.select(served[taught]), samples[taught], label[taught])
-        # who waits in vain, hidden from the camera, waits on behind the others
+        # tracks hidden from the camera queue behind the others
         return looks.changed(
             strong=looks.strong.replaced(served[taught], strong),
             learned_ns=written(looks.learned_ns, served[taught], ns),
@@ -183,10 +182,10 @@ class Learner:
         foreground: Bool[Mask, "height width"] | None = None,
         others_m: Float[Array, "others 2"] | None = None,
     ) -> Float[Array, "q m"]:
-        """Score the body at each place against each of the tracks at `rows`, from −1 to 1.
+        """Score the body at each position against each of the tracks at `rows`, from −1 to 1.
 
-        The mean over its patches of their scores. NaN where the track is unknown, or too little of the body in sight.
-        others_m: everybody who may stand before them (none: only these themselves).
+        The mean score of its patches. NaN for an unknown track, or a body with too few visible patches. others_m: all people
+        who may hide them (None: only these themselves).
         """
         drawn = self.sampler.drawn(positions_m, rng, self.options.maps.patches, others_m)
         described = self._looked_at(rgb, drawn, foreground)
@@ -210,7 +209,7 @@ class Learner:
         rng: np.random.Generator,
         foreground: Bool[Mask, "height width"] | None = None,
     ) -> ScoreMaps:
-        """The score maps of a group, whose members are expected at these places and are the tracks at `rows`."""
+        """Return the score maps of a group of tracks at `rows`, expected at these positions."""
         options, chosen = self.options.maps, looks.select(rows)
         patches = self.sampler.drawn_around(positions_m, options.reach_m, options.patches, rng)
         described = self._looked_at(rgb, patches, foreground)
@@ -220,7 +219,9 @@ class Learner:
         return ScoreMaps.of(patches.centre[usable], score, float(patches.side.mean()), options)
 
     def likelihood(self, maps: ScoreMaps) -> LogLikelihood:
-        """Of the particles of the group (components, m, p), the first two of them x and y [m], by its score maps."""
+        """Return the likelihood of the group's particles (components, m, p), the first two of them x and y [m], by its score
+        maps.
+        """
 
         def log_likelihood(state: Array) -> Array:
             places = state[:2].reshape(2, -1).T
@@ -238,7 +239,7 @@ class Learner:
         rng: np.random.Generator,
         foreground: Bool[Mask, "height width"] | None,
     ) -> Described:
-        """The patches of those at `whose`, among all who may stand before them."""
+        """Describe the patches of the people at `whose`, with all others as possible occluders."""
         everyone = self.sampler.drawn(positions_m, rng)
         return self._looked_at(rgb, everyone.select(whose), foreground)
 
@@ -260,7 +261,7 @@ class Learner:
     def _samples(
         self, described: Described, served: Int[Index, "s"], others: Bool[Mask, "s n"], rng: np.random.Generator
     ) -> tuple[Float[Array, "s k features"], Float[Array, "s k"]]:
-        """For each of those served as many patches of the others as of itself, and their labels; 0: no sample."""
+        """Return for each trained track equal numbers of the others' patches and its own, and their labels; 0: no sample."""
         usable, count = described.usable, described.usable.shape[1]
         enough = usable.sum(axis=1) >= self.options.least_patches
         own = np.where(usable & enough[:, None], 1.0, 0.0)[served]

@@ -1,4 +1,4 @@
-"""The options of `laser-vision-learning`, gathered from its parts."""
+"""Options of `laser-vision-learning`, gathered from its parts."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from trackers.tracking.track_manager import ReidentificationOptions, TrackManage
 
 
 class PointTrackManagementOptions(TrackManagementOptions, ReidentificationOptions):
-    """Those of every tracker, and how points measure a track, and how long it may be missing where no scan would show it."""
+    """Common track management options, the measurement of a track by points, and its greatest missing time."""
 
     detect_legs: float = Field(
         default=0.25, gt=0, description="least legs' widths of points by which a track is measured (ours)"
@@ -38,20 +38,20 @@ class PointTrackManagementOptions(TrackManagementOptions, ReidentificationOption
         description="what `coast_s` becomes where no scan would show the track, behind others and pillars [s] (ours)",
     )
     regained: ClassVar[float] = 0.5
-    """Missing time that one second of being measured makes good [s/s] (ours)."""
+    """Reduction of the missing time per second of being measured [s/s] (ours)."""
     report_margin_m: float = Field(
         default=0.3, ge=0, description="how far outside the area tracks are reported [m] (ours)"
     )
 
 
 class PointScannerOptions(ScannerOptions):
-    """Scanners at knee height whose single points are looked at."""
+    """Scanners at knee height whose single points are evaluated."""
 
     half_depth_m: float = Field(default=0.04, ge=0, description=described(ScannerOptions, "half_depth_m"))
 
     def parameters(self) -> KneeOptions:
         """Return the layer's parameters."""
-        # a lone point shows a leg here, so that one far away is missed no more than one near by
+        # a single point shows a leg here, so that a distant one is not missed
         return self.over(KneeOptions(free_space=DetectionOptions(half_width_m=0.25, hidden_up_to=0.5)))
 
 
@@ -64,7 +64,7 @@ _SHARED = {
 
 
 class LaserVisionLearningOptions(Strict):
-    """Every option, by part."""
+    """All options, by part."""
 
     former_names: ClassVar[Mapping[str, str]] = {
         "life.seen_legs": "track_management.detect_legs",

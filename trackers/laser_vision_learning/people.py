@@ -1,4 +1,4 @@
-"""State of every track: its particles, its record, its number."""
+"""State of every track: particles, roster entry, serial number."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from trackers.tracking.roster import Roster
 class People(Rows):
     """n tracks, oldest first."""
 
-    serial: Int[Index, "n"]  # their number in the order of their starts; identities may change hands, these do not
+    serial: Int[Index, "n"]  # number in the order of starts; unlike identities it never changes
     roster: Roster[Cloud]
     missing_s: Float[Array, "n"]  # for how long they should have been seen and were not, less what they were seen since
     pictured_ns: Int[Index, "n"]  # stamp of the last moment at which a camera's detection measured them, −1 before any
 
     @classmethod
     def started(cls, state: Cloud, ns: int, first: int) -> Self:
-        """Tentative tracks in `state`, first measured at stamp ns, numbered from `first` on."""
+        """Make tentative tracks in `state`, first measured at stamp ns, numbered from `first` on."""
         n = len(state)
         return cls(first + np.arange(n), Roster.started(state, ns), np.zeros(n), np.full(n, -1))
 
     @property
     def cloud(self) -> Cloud:
-        """Their particles."""
+        """Particles of all tracks."""
         return self.roster.state
 
     @property
@@ -47,7 +47,9 @@ class People(Rows):
         return self.cloud.expectation(np.stack([speed * np.cos(heading), speed * np.sin(heading)])).T
 
     def continued_as(self, track: Int[Index, "p"], other: Int[Index, "p"]) -> Self:
-        """These tracks with those at `track` where those at `other` are, who have turned out to be them."""
+        """Return the tracks with those at `track` moved to the states of those at `other`, which have turned out to be the
+        same.
+        """
         roster, source = self.roster, self.roster.select(other)
         roster = roster.changed(
             state=roster.state.replaced(track, source.state),

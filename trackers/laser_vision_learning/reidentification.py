@@ -1,10 +1,10 @@
-"""Learning for tracking: who is who among people who met, by classifiers that learned them while they could be told apart.
+"""Re-identification by learning: identities after people met, by classifiers that learned while they were separate.
 
-A picture is looked at while somebody interacts, and at no other time. It trains the classifiers of those who interact and stand
-alone; it draws the particles of those who are correlated to where the score maps have them (eq. 1); and when a group splits, the
-scores of all who were in it, summed over a few pictures, say who is where. Identities are then dealt out among the tracks of the
-group, so that trajectories are linked through the merge. Where looks are doubtful, untrained, or no picture comes, everybody
-stays who their motion says they are; either way it is told (`Decision`).
+Pictures are evaluated only while people interact. A picture trains the classifiers of interacting but separate people, and
+draws the particles of correlated people to the score maps (eq. 1). When a group splits, the scores of its members, summed
+over a few pictures, decide their identities, which are then exchanged among the group's tracks, so that trajectories are
+linked through the merge. With doubtful or untrained appearance, or without pictures, identities follow motion; `Decision`
+says which.
 
 Ours: a merged group keeps a set of particles for each member, all of them at its place, rather than one for the group, since two
 scanners seldom lose a body wholly; to change identities at a split is then to exchange those of tracks. A picture tells of a
@@ -39,7 +39,7 @@ from trackers.vision.foreground import Foreground
 
 
 class RecognitionOptions(Strict):
-    """Options of re-identification: when appearance is compared, and its weight against motion."""
+    """Options of re-identification: the use of appearance, and its weight against motion."""
 
     at_splits: bool = Field(
         default=True, description="looks decide who is who when a group splits; no: motion (ablation)"
@@ -57,12 +57,12 @@ class RecognitionOptions(Strict):
         "others [s]; null: at splits alone (ours)",
     )
     spread_m: ClassVar[float] = 0.02
-    """Standard deviation of particles drawn to one place [m] (ours)."""
+    """Standard deviation of particles drawn to one position [m] (ours)."""
 
 
 @dataclass(frozen=True)
 class Decision:
-    """Identities after a split: ids in the order of the tracks before and now."""
+    """Identities after a split: ids in the order of the tracks, before and after."""
 
     stamp_ns: int
     before: tuple[int, ...]
@@ -73,7 +73,7 @@ class Decision:
 
 @dataclass
 class _Split:
-    """A group that came apart, until its q members are identified."""
+    """Group that split, until its q members are identified."""
 
     serial: Int[Index, "q"]
     since_ns: int
@@ -82,11 +82,11 @@ class _Split:
 
     @classmethod
     def of(cls, serial: Int[Index, "q"], ns: int) -> _Split:
-        """One of which no picture was seen yet."""
+        """Make a split without pictures yet."""
         return cls(serial, ns, np.zeros((serial.size,) * 2), np.zeros((serial.size,) * 2))
 
     def add(self, score: Float[Array, "q q"]) -> None:
-        """Add the scores of one more picture; NaN where it says nothing."""
+        """Add the scores of one more picture; NaN without effect."""
         scored = np.isfinite(score)
         self.score, self.n_score = self.score + np.where(scored, score, 0.0), self.n_score + scored
 
@@ -97,11 +97,11 @@ class _Split:
 
     @property
     def mean(self) -> Float[Array, "q q"]:
-        """Over the pictures; NaN where none said anything."""
+        """Mean over the pictures; NaN without any."""
         return np.where(self.n_score > 0, self.score / np.maximum(self.n_score, 1), np.nan)
 
     def among(self, serial: Int[Index, "n"]) -> _Split:
-        """The same without those who are no more."""
+        """Return the split without deleted tracks."""
         kept = np.isin(self.serial, serial)
         both = np.ix_(kept, kept)
         return _Split(self.serial[kept], self.since_ns, self.score[both], self.n_score[both])
@@ -109,7 +109,7 @@ class _Split:
 
 @dataclass(frozen=True, eq=False)
 class _Shown:
-    """A picture, and the positions of all tracks as it was taken."""
+    """A picture, and the positions of all tracks at its stamp."""
 
     rgb: UInt8[Bytes, "height width 3"]
     foreground: Bool[Mask, "height width"] | None
@@ -117,7 +117,7 @@ class _Shown:
 
 
 class Recognition:
-    """Appearance, by one camera, of the tracks that scanners follow.
+    """Appearance, by one camera, of the scanners' tracks.
 
     empty_room: pictures of the room without people; without any, everything counts as foreground.
     """
@@ -143,17 +143,17 @@ class Recognition:
         self.decisions: list[Decision] = []
         """Decisions of the last call of `work`."""
         self.maps: list[tuple[Int[Index, "m"], ScoreMaps]] = []
-        """The score maps that it made, each with the numbers of the tracks whose they are."""
+        """Score maps of the last call of `work`, each with the serial numbers of its tracks."""
 
     def deciding(self, serial: Int[Index, "n"]) -> Bool[Mask, "n"]:
-        """Tracks that came out of a group and are not yet identified."""
+        """Return a mask of tracks from a split that are not yet identified."""
         waiting = [each.serial for each in self._splits]
         return np.isin(serial, np.concatenate(waiting)) if waiting else np.zeros(serial.size, np.bool_)
 
     def work(self, people: People, now: Situations, image: Image | DepthImage | None, ns: int) -> People:
-        """The people after a moment [ns] in these situations, and with its picture, if there is one.
+        """Return the tracks updated for a frame [ns] with its situations, and its picture if any.
 
-        The picture is not looked at while nobody interacts. Raises InputError for one of another size than the camera's.
+        The picture is not evaluated without interaction. Raises InputError for one of another size than the camera's.
         """
         self.decisions, self.maps = [], []
         now = now.of(people.serial)
@@ -176,7 +176,7 @@ class Recognition:
         return people
 
     def _shown(self, image: Image | DepthImage, people: People, ns: int) -> _Shown | None:
-        """The picture; None where it is the last one again, to the bit: then the camera has frozen."""
+        """Return the picture; None if it repeats the last one to the bit, from a frozen camera."""
         expected = (self._intrinsics.height, self._intrinsics.width, 3)
         if image.rgb.shape != expected:
             raise InputError(
@@ -191,11 +191,11 @@ class Recognition:
         return _Shown(image.rgb, foreground, people.places + late_s * people.velocities)
 
     def _align(self, serial: Int[Index, "n"]) -> None:
-        """Looks follow the tracks that there are."""
+        """Add appearances of new tracks, and drop those of deleted ones."""
         if np.array_equal(serial, self._serial):
             return
         kept = np.isin(self._serial, serial)
-        new = np.setdiff1d(serial, self._serial)  # numbers rise, so that who is new comes last
+        new = np.setdiff1d(serial, self._serial)  # serial numbers rise, so new ones come last
         self._looks = self._looks.select(kept).joined(Looks.unknown(new.size, self.learner.options))
         seen_ns = np.concatenate([self._seen_ns[kept], np.zeros(new.size, np.int64)])
         self._serial, self._seen_ns = serial, seen_ns
@@ -239,7 +239,7 @@ class Recognition:
                 split.add(np.where(alone[rows, None], score, np.nan))
 
     def _decide(self, people: People, ns: int) -> People:
-        """Identities dealt out where enough pictures were seen, or none came for long."""
+        """Assign identities after enough pictures, or after a long time without any."""
         waiting = []
         for split in self._splits:
             patient = self.options.at_splits and ns - split.since_ns < nanoseconds(self.options.within_s)
@@ -260,7 +260,7 @@ class Recognition:
         return people.changed(roster=people.roster.changed(id=written(ids, rows, ids[source])))
 
     def _drawn(self, people: People, now: Situations, shown: _Shown, ns: int) -> People:
-        """The particles of correlated people, of all or of the missed, drawn to where their looks are in the picture."""
+        """Draw the particles of correlated people, all or the missed ones, to the score maps of a picture."""
         known = self._looks.known & people.roster.confirmed & ~self.deciding(people.serial)
         moved = known & now.correlated.any(axis=1)
         if self.options.drawn == "missed":

@@ -1,6 +1,6 @@
 """Rules of the system of Song and others as a table: the fused system, its laser half, and the vision-only baseline.
 
-`PAPER_RULES` is the paper read plainly; its options are the preset `laser-vision-learning-paper`.
+`PAPER_RULES` follows the paper literally; its options are the preset `laser-vision-learning-paper`.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ LASER_RULES: tuple[PaperRule, ...] = (
     ),
     PaperRule("particles", "empirical", "–", "500 a person, as ours", {"particles": 500}),
 )
-"""The rules of the laser half, which is the baseline `laser-vision-learning-paper-laser` too."""
+"""Rules of the laser half, also the baseline `laser-vision-learning-paper-laser`."""
 
 PAPER_RULES: tuple[PaperRule, ...] = (
     *LASER_RULES,

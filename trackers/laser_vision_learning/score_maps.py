@@ -1,12 +1,14 @@
-"""Score maps: where in the picture a group of people shows the looks of each, and particles drawn there.
+"""Score maps of each member of a group over the picture, and particles drawn to them.
 
-The likelihood of a person k at x is Σ_i β_i exp(−‖d(x) − d_i‖² / σ²) (Song et al., eq. 1): d(x) the pixel of the middle of a body
-at x, d_i the centre of patch i, β_i its normalised score, σ from the side of a patch. As all centres are pixels, the sum
-is a picture of the β smoothed by a Gaussian of standard deviation σ / √2, which costs the same for any number of particles.
+The likelihood of a person k at x is Σ_i β_i exp(−‖d(x) − d_i‖² / σ²) (Song et al., eq. 1): d(x) the pixel of the middle of a
+body at x, d_i the centre of patch i, β_i its normalised score, σ from the side of a patch. As all centres are pixels, the
+sum is a picture of the β smoothed by a Gaussian of standard deviation σ / √2, at a cost independent of the number of
+particles.
 
-Where eq. 1 ends (ours). A score below 0 says that a patch is somebody else's, not that the person is less there than nowhere:
-negative scores count as 0, and the rest are divided by their sum. Where none is positive the map says nothing, and the
-likelihood is 1 everywhere. Else it is at least `outlier` times its mean over the map, so that no look makes a place impossible.
+Beyond eq. 1 (ours): a negative score means that a patch is another person's, not that the person is less likely there than
+elsewhere, so it counts as 0; the others are divided by their sum. Without positive scores the map is uninformative, and the
+likelihood is 1 everywhere. Otherwise it is at least `outlier` times its mean over the map, so that no score excludes a
+position.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ from trackers.configuration import Strict
 from trackers.filters.particle import Cloud, LogLikelihood, Move, ParticleFilter
 
 _REACH = 3.0
-"""Standard deviations out to which the map goes on beyond the patches."""
+"""Margin of the map beyond the patches, in standard deviations."""
 
 
 class ScoreMapOptions(Strict):
@@ -36,7 +38,7 @@ class ScoreMapOptions(Strict):
     )
     deviation: float = Field(default=1.0, gt=0, description="σ of eq. 1, in sides of a patch")
     outlier: ClassVar[float] = 0.1
-    """Least likelihood of a place, as a share of the mean over the map (ours)."""
+    """Least likelihood of a position, as a share of the mean over the map (ours)."""
     levels: NonNegativeInt = Field(
         default=3,
         description="times that particles are weighted and resampled in a picture; 0: weighted alone (ablation)",
@@ -45,11 +47,11 @@ class ScoreMapOptions(Strict):
 
 @dataclass(frozen=True, eq=False)
 class ScoreMaps:
-    """The score maps of m people, as pictures of the same part of the camera's; a map of an unknown person is 0."""
+    """Score maps of m people over the same part of the picture; 0 for an unknown person."""
 
     maps: Float[Array, "m height width"]  # the sum of eq. 1 at every pixel
     corner: Int[np.ndarray, "2"]  # u, v of the first pixel
-    informative: Bool[Mask, "m"]  # who has a map that says anything
+    informative: Bool[Mask, "m"]  # maps with any information
     centre: Float[Array, "k 2"]  # of the patches [px]
     score: Float[Array, "m k"]  # from −1 to 1
 
@@ -57,7 +59,7 @@ class ScoreMaps:
     def of(
         cls, centre: Float[Array, "k 2"], score: Float[Array, "m k"], side_px: float, options: ScoreMapOptions
     ) -> Self:
-        """From patches in the picture, scored; `side_px` is the side of a patch."""
+        """Make maps from scored patches in the picture; `side_px`: side of a patch."""
         m, k = score.shape
         if k == 0:
             return cls(np.zeros((m, 1, 1)), np.zeros(2, np.intp), np.zeros(m, bool), centre, score)
@@ -76,7 +78,7 @@ class ScoreMaps:
         return cls(2 * np.pi * deviation**2 * maps, corner, total > 0, centre, score)
 
     def log_likelihood(self, middle: Float[Array, "m p 2"], outlier: float) -> Float[Array, "m p"]:
-        """Of p places for each person, by the pixel of the middle of a body there; 0 for who has no map."""
+        """Return log-likelihoods of p positions per person, by the pixel of a body's middle there; 0 without a map."""
         m, height, width = self.maps.shape
         pixel = np.nan_to_num(np.rint(middle), nan=-1e6, posinf=1e6, neginf=-1e6).astype(np.intp) - self.corner
         within = ((pixel >= 0) & (pixel < (width, height))).all(axis=2)
@@ -95,9 +97,9 @@ def in_levels(
     rng: np.random.Generator,
     scheme: str = "systematic",
 ) -> Cloud:
-    """A cloud weighted and resampled by a likelihood, level by level, and weighted once more: it crowds where that is high.
+    """Weight and resample a cloud by a likelihood, level by level, then weight once more: it concentrates at high values.
 
-    spread: moves particles apart that resampling has made of one. Without levels they are weighted alone.
+    spread: separates particles that resampling has duplicated. Without levels particles are only weighted.
     """
     crowd = ParticleFilter(scheme, threshold=1.0)
     for _ in range(levels):

@@ -1,10 +1,9 @@
 """Situations between tracks, from laser points and tracks alone (Song et al., section III and VI).
 
-apart; interacting: nearer than 1.5 m, each may soon be taken for the other; correlated: bodies less than 0.3 m apart; merged: the
-scanners cannot separate them, since single linkage of their points joins them, or since one shows no point and another stands
-next to them. Each holds on a little beyond where it began (hysteresis), so that nobody flickers. Two are separated again, split,
-when merging has ended; whoever shares a merge with somebody is of one group, so that a group may be of three and more, and a
-part of it may go on as a group.
+apart; interacting: nearer than 1.5 m, so that they may soon be confused; correlated: bodies less than 0.3 m apart; merged:
+inseparable for the scanners, by single linkage of their points, or because one has no points next to another. Thresholds
+have hysteresis against flicker. A pair splits when its merge has ended. Pairs that share a person form one group, which may
+have more than two members, and a part of which may go on as a group.
 """
 
 from __future__ import annotations
@@ -27,47 +26,49 @@ Situation = Literal["apart", "interacting", "correlated", "merged", "split"]
 
 
 class SituationOptions(Strict):
-    """Options: when people interact, are correlated, and merge."""
+    """Options: limits for interaction, correlation and merging."""
 
     interacting_m: float = Field(
         default=1.5, gt=0, description="distance of two below which they may come to be confused"
     )
     correlated_m: float = Field(default=0.3, gt=0, description="gap between two bodies below which they are correlated")
     body_m: ClassVar[float] = 0.4
-    """Width of a body, mean over its sides [m] (ours)."""
+    """Width of a body, averaged over directions [m] (ours)."""
     link_m: ClassVar[float] = 0.4
-    """Single linkage of points that merges their people [m] (ours)."""
+    """Single linkage distance of points that merges their people [m] (ours)."""
     lateral_m: ClassVar[float] = 1.0
     """Distance to a measured track within which a track without points is merged with it [m] (ours)."""
     confused_m: ClassVar[float] = 0.4
-    """Distance below which two who are merged may have been exchanged [m] (ours)."""
+    """Distance below which two merged people may have been exchanged [m] (ours)."""
     hidden_s: ClassVar[float] = 0.08
-    """And for how long they show none [s] (ours)."""
+    """Time without points of such a track [s] (ours)."""
     hysteresis: ClassVar[float] = 1.15
-    """Distance at which interaction and correlation end, over that at which they start (ours)."""
+    """Ratio of the distances at which interaction and correlation end and start (ours)."""
     lasting_s: ClassVar[float] = 0.2
     """Time of separation after which a merge is over [s] (ours)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Situations:
-    """Relations between n tracks, each with a serial number; all symmetric, none of a track with itself."""
+    """Relations between n tracks with serial numbers; all symmetric, none of a track with itself."""
 
     serial: Int[Index, "n"]  # ascending
     interacting: Bool[Mask, "n n"]
     correlated: Bool[Mask, "n n"]
     merged: Bool[Mask, "n n"]
-    merged_ns: Int[Index, "n n"]  # stamp at which each pair was merged last
-    confused: Bool[Mask, "n n"]  # who came so close, or was hidden, while merged that motion may have exchanged them
+    merged_ns: Int[Index, "n n"]  # stamp of each pair's last merge
+    confused: Bool[
+        Mask, "n n"
+    ]  # pairs that came so close, or were hidden, while merged that motion may have exchanged them
 
     @classmethod
     def none(cls, serial: Int[Index, "n"]) -> Situations:
-        """Everybody apart."""
+        """Make situations with all tracks apart."""
         none = np.zeros((serial.size,) * 2, np.bool_)
         return cls(serial, none, none, none, np.zeros(none.shape, np.int64), none)
 
     def of(self, serial: Int[Index, "k"]) -> Situations:
-        """The same between the tracks with these numbers, some of whom may be new."""
+        """Return the situations between the tracks with these serial numbers, some possibly new."""
         if np.array_equal(serial, self.serial):
             return self
         _, here, there = np.intersect1d(serial, self.serial, assume_unique=True, return_indices=True)
@@ -82,7 +83,7 @@ class Situations:
 
     @property
     def group(self) -> Int[Index, "n"]:
-        """The number of the group of confused people that each is in; those alone have one of their own."""
+        """Number of each track's group of confusable people; single tracks have their own."""
         return linked(self.confused)
 
 
@@ -97,10 +98,10 @@ def assessed(
     ns: int,
     options: SituationOptions,
 ) -> Situations:
-    """The situations at a moment [ns], after those `before`.
+    """Return the situations in a frame [ns], after those `before`.
 
-    places: where everybody is [m]; sure: who is confirmed, others take no part; missed_s: for how long nothing of them was seen;
-    owner: whose each point is, −1: nobody's.
+    places: positions of all tracks [m]; sure: confirmed tracks, others are ignored; missed_s: time without points; owner:
+    track of each point, −1: none.
     """
     before, apart_m = before.of(serial), distances(places, places)
     apart_m[~(sure & sure[:, None]) | np.eye(sure.size, dtype=bool)] = np.inf
@@ -120,7 +121,7 @@ def assessed(
 
 
 def _joined(points: Points, owner: Int[Index, "k"], interacting: Bool[Mask, "n n"], link_m: float) -> Bool[Mask, "n n"]:
-    """Link tracks whose points touch; tracks that a chain connects are of one group (`Situations.group`)."""
+    """Link tracks whose points touch; tracks connected by a chain form one group (`Situations.group`)."""
     theirs = (owner >= 0) & np.logical_or.reduce(interacting, axis=1)[owner]
     place, whose = points.place[theirs], np.zeros((len(interacting), int(theirs.sum())), np.float32)
     whose[owner[theirs], np.arange(len(place))] = 1
@@ -129,7 +130,7 @@ def _joined(points: Points, owner: Int[Index, "k"], interacting: Bool[Mask, "n n
 
 
 def situation_names(situations: Situations, deciding: Bool[Mask, "n"]) -> list[Situation]:
-    """The situation of each person, the gravest of those with others; `deciding`: who was split and is not yet identified."""
+    """Return each track's most severe situation with others; `deciding`: split but not yet identified."""
     names: tuple[Situation, ...] = ("apart", "interacting", "correlated", "merged", "split")
     grave = np.zeros(len(situations.serial), np.intp)
     for rank, holds in enumerate((situations.interacting, situations.correlated, situations.merged), start=1):

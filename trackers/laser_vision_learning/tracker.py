@@ -1,5 +1,5 @@
-"""People followed by two low scanners and one high camera, after Song et al.: "Fusion of Laser and Vision for Multiple Targets
-Tracking via On-line Learning".
+"""People tracking with two low scanners and one high camera, after Song et al.: "Fusion of Laser and Vision for Multiple
+Targets Tracking via On-line Learning".
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from trackers.tracks import ScoreMap, Track, TrackFrame
 class LaserVisionLearning(SynchronizedTracker):
     """Tracker of people from every knee scanner of a rig (see module).
 
-    background: observations of the empty room; a scanner without any learns its background as it goes. Options are those of
+    background: observations of the empty room; a scanner without any learns its background. Options:
     `LaserVisionLearningOptions`. Raises InputError for a wrong option, and for a rig without a knee scanner.
     """
 
@@ -67,7 +67,7 @@ class LaserVisionLearning(SynchronizedTracker):
                 self.options.identities,
                 self._walkers.rng,
             )
-        # a frame at every stamp of the main sensor, whatever its rate
+        # one frame per stamp of the main sensor, at any rate
         opens = names if rig.main_sensor in names else (*names, rig.main_sensor)
         joins = () if self._camera is None or self._camera in opens else (self._camera,)
         super().__init__(SyncPolicy(opens, attached=joins, main=rig.main_sensor))
@@ -76,7 +76,7 @@ class LaserVisionLearning(SynchronizedTracker):
 
     @staticmethod
     def _chosen_camera(rig: Rig, empty_room: Sequence[Observation]) -> str | None:
-        """Choose a pinhole camera first, then a fisheye, then a stereo camera's left view; of several one that has reported."""
+        """Choose a pinhole camera, else a fisheye, else a stereo camera's left view; of several one that has reported."""
         kinds, reported = ("camera", "fisheye", "stereo"), {each.sensor for each in empty_room}
         return min(
             rig.cameras(),
@@ -86,11 +86,11 @@ class LaserVisionLearning(SynchronizedTracker):
 
     @property
     def background_learned_causally(self) -> bool:
-        """True where a scanner came without scans of the empty room."""
+        """True with a scanner without scans of the empty room."""
         return self._scanners.learns_background
 
     def tracks(self) -> list[Track]:
-        """Return the confirmed tracks in the area, as of the last frame, by id."""
+        """Return the confirmed tracks in the area of the last frame, by id."""
         people, roster = self._walkers.people, self._walkers.people.roster
         places, velocities = people.places, people.velocities
         shown = roster.confirmed & self._walkers.recently_measured
@@ -111,7 +111,7 @@ class LaserVisionLearning(SynchronizedTracker):
         ]
 
     def situations(self) -> dict[int, Situation]:
-        """Return the situation of each confirmed track by id, as of the last frame."""
+        """Return the situation of each confirmed track by id in the last frame."""
         people = self._walkers.people
         deciding = np.zeros(len(people), np.bool_)
         if self._recognition is not None:
@@ -120,7 +120,7 @@ class LaserVisionLearning(SynchronizedTracker):
         return {number: name for number, name in zip(people.roster.id.tolist(), names, strict=True) if number}
 
     def decisions(self) -> list[Decision]:
-        """Return the identities decided after splits, and their grounds, in the frames of the last `update` or `finish`."""
+        """Return the identities decided after splits, and their basis, in the frames of the last `update` or `finish`."""
         return self._decisions
 
     def _work_all(self, synced_frames: list[SyncedFrame]) -> list[TrackFrame]:

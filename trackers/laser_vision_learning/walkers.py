@@ -1,4 +1,4 @@
-"""Everybody as laser points alone show them: a particle filter a person, batched, with the two-feet walking model as proposal."""
+"""Tracks by laser points alone: one particle filter per person, batched, with the two-feet walking model as proposal."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from trackers.tracking.track_manager import TrackManager, measured_now, measured
 
 
 class Walkers:
-    """The people that the scanners of a role follow; `step` is called with moments in order.
+    """Tracks by the scanners of a role; `step` is called with frames in order.
 
-    corners: (c, 2) of the area by which they are followed [m] (None: everywhere).
+    corners: (c, 2) of the tracked area [m] (None: unlimited).
     """
 
     def __init__(
@@ -42,16 +42,16 @@ class Walkers:
         self.people = People.started(Cloud.of(np.empty((STATE_SIZE, 0, options.particles))), 0, 0)
         self.situations = Situations.none(self.people.serial)
         self._next_serial, self.ns = 0, 0
-        self._looked_ns = 0  # when a scanner looked last
+        self._looked_ns = 0  # stamp of the last scan
 
     @property
     def recently_measured(self) -> Bool[Mask, "n"]:
-        """Which tracks were missing for no longer than they are reported."""
+        """Mask of the tracks missing for less time than they are reported."""
         limit_s = self.options.track_management.report_s
         return self.people.missing_s <= (np.inf if limit_s is None else limit_s)
 
     def step(self, observations: Mapping[str, Observation], ns: int) -> None:
-        """Take everybody on to a moment [ns], and weigh them by its scans; without any they only walk on."""
+        """Move all tracks to a frame [ns], and weight them by its scans; without any they only move."""
         options, rules, last_look_ns = self.options, self.options.track_management, self._looked_ns
         step_s, elapsed_s, self.ns = (ns - self.ns) / NS_PER_S, (ns - last_look_ns) / NS_PER_S, ns
         if not observations.keys() & self._scanners.names:
@@ -86,7 +86,7 @@ class Walkers:
         self._start(*unexplained_people(points, whose.unknown, options.points))
 
     def _walk_on(self, step_s: float) -> None:
-        """Move everybody at a moment at which no scanner looked: no evidence for or against anybody."""
+        """Move all tracks in a frame without a scan, which is no evidence."""
         cloud = self._moved(self.people.cloud, step_s, self._looked_ns)
         self.people = self.people.changed(roster=self.people.roster.changed(state=cloud))
 
@@ -106,7 +106,9 @@ class Walkers:
         return np.where(people.roster.confirmed, missing_s, np.inf)
 
     def _missed(self, people: People, observations: Mapping[str, Observation], elapsed_s: float) -> People:
-        """Whoever was not seen is likelier where nothing would show them, and missing the more, the likelier it would have."""
+        """Update missed tracks: likelier where they are undetectable, with a missing time growing with their detection
+        probability.
+        """
         rules, seen = self.options.track_management, measured_now(people.roster, self.ns)
         missing_s = np.where(
             seen, np.maximum(people.missing_s - rules.regained * elapsed_s, 0), people.missing_s + elapsed_s
@@ -122,7 +124,7 @@ class Walkers:
         return people.changed(roster=roster, missing_s=missing_s)
 
     def _confirm(self) -> None:
-        """Confirm tracks measured often enough: new ones, or those of people who were out of sight near by."""
+        """Confirm tracks measured often enough: as new ones, or as missing people nearby."""
         people, roster, rules = self.people, self.people.roster, self.options.track_management
         often = measured_often(roster, self.ns, rules.confirm_early_hits)
         often |= self._manager.to_confirm(roster, self.ns, 0)
@@ -144,7 +146,7 @@ class Walkers:
         sure = people.roster.confirmed
         kept = people.missing_s <= np.where(sure, rules.coast_s, max(rules.tentative_coast_s, elapsed_s))
         if not sure.all():
-            # the younger of two who are where one is has never been anybody
+            # the younger of two tracks at one position was never a person
             kept &= sure | ~np.tril(distances(places, places) < rules.start_apart_m, -1).any(axis=1)
         kept &= self._manager.inside(places)
         if not kept.all():

@@ -40,7 +40,7 @@ class WalkingOptions(Strict):
         description="how far the legs come apart at the scanner's height, as a share of the step on the floor (ours)",
     )
     half_width_m: ClassVar[float] = 0.09
-    """Half the distance between the legs across the way [m] (ours)."""
+    """Half the lateral distance between the legs [m] (ours)."""
     acceleration_m_s2: float = Field(
         default=0.7, gt=0, description="random walk of the speed: its standard deviation after a second [m/s] (ours)"
     )
@@ -68,22 +68,22 @@ class WalkingOptions(Strict):
         description="random walk of the phase: its standard deviation after a second of walking, in strides (ours)",
     )
     speed_start_m_s: ClassVar[float] = 1.0
-    """Standard deviation of the speed of who is seen first [m/s] (ours)."""
+    """Standard deviation of a new person's speed [m/s] (ours)."""
     place_start_m: ClassVar[float] = 0.12
-    """Standard deviation of their place on each axis [m] (ours)."""
+    """Standard deviation of a new person's position on each axis [m] (ours)."""
     slowdown_s: float = Field(
         default=0.7, gt=0, description="time constant at which the speed of who is not seen fades [s] (ours)"
     )
 
 
 class WalkingModel:
-    """The model as a proposal: particles of n people move on by it, batched."""
+    """The model as a proposal, which moves particles of n people, batched."""
 
     def __init__(self, options: WalkingOptions) -> None:
         self.options = options
 
     def start(self, place: Float[Array, "n 2"], n_particle: int, rng: np.random.Generator) -> Float[Array, "5 n p"]:
-        """Particles of people first seen at `place` [m]: any heading and phase, any speed of people."""
+        """Draw particles of people first measured at `place` [m]: any heading and phase, any walking speed."""
         options, shape = self.options, (len(place), n_particle)
         state = np.empty((STATE_SIZE, *shape))
         state[:2] = place.T[..., None] + options.place_start_m * rng.standard_normal((2, *shape))
@@ -95,12 +95,14 @@ class WalkingModel:
     def move(
         self, state: Float[Array, "5 n p"], elapsed_s: float, missed: Float[Array, "n"], rng: np.random.Generator
     ) -> Float[Array, "5 n p"]:
-        """The particles `elapsed_s` later; missed: 1 for whoever was not seen last and is likelier to stop, else 0."""
+        """Return the particles `elapsed_s` later; missed: 1 for people missed by the last scan, who are likelier to stop,
+        else 0.
+        """
         options, root = self.options, np.float32(np.sqrt(elapsed_s))
         noise = rng.standard_normal(state.shape, dtype=np.float32)
         noise *= root
         _, _, heading, speed, phase = state
-        # changes in single precision, which is many times faster and exact to far below a millimetre; their sums in double
+        # changes in single precision, many times faster and exact far below a millimetre; their sums in double
         before = (speed * np.exp(-elapsed_s / options.slowdown_s * missed)[:, None]).astype(np.float32)
         after = np.abs(before + options.acceleration_m_s2 * noise[SPEED])
         mean = np.float32(0.5) * (before + after)

@@ -1,1 +1,1 @@
-"""The paper's baseline by the camera alone: a particle filter a person, fed by a detector of people."""
+"""The paper's baseline by camera: one particle filter per person, with a detector of people."""

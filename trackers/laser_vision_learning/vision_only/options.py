@@ -1,4 +1,4 @@
-"""The options of `laser-vision-learning-vision`; the paper gives no constant of its baseline, so that all are ours."""
+"""Options of `laser-vision-learning-vision`; the paper gives no constant of its baseline, so all are ours."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class AppearanceOptions(Strict):
 
 
 class DetectionTrackManagementOptions(TrackManagementOptions):
-    """Those of every tracker, and which detections initiate a track."""
+    """Common track management options, and the detections that initiate a track."""
 
     start_score: float = Field(default=0.4, ge=0, le=1, description="score from which a detection initiates a track")
     start_covered: float = Field(
@@ -88,7 +88,7 @@ class DetectionTrackManagementOptions(TrackManagementOptions):
 
 
 class VisionOnlyOptions(Strict):
-    """Every constant of the baseline by the camera alone."""
+    """All options of the baseline by camera."""
 
     former_names: ClassVar[Mapping[str, str]] = {
         **{f"life.{name}": f"association.{name}" for name in AssociationOptions.model_fields},

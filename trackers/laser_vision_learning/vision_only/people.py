@@ -21,19 +21,19 @@ from trackers.vision.histogram import ColourHistogram, HistogramOptions
 from trackers.vision.person_windows import largest_overlap, person_windows
 
 _PATIENCE = 5
-"""Views in a row that resemble another track and are not learned from."""
+"""Number of consecutive views resembling another track that are not learned."""
 
 
 @dataclass(frozen=True, eq=False)
 class People(Rows):
-    """n tracks, oldest first, tentative ones among them."""
+    """n tracks, oldest first, including tentative ones."""
 
     roster: Roster[Cloud]
     clothes: Appearance
 
     @classmethod
     def empty(cls, particles: int, bins: int) -> Self:
-        """Return no tracks, of as many particles and colour bins as others will have."""
+        """Return no tracks, with these numbers of particles and colour bins."""
         cloud = Cloud.of(np.empty((4, 0, particles)))
         return cls.started(cloud, np.empty((0, bins)), np.empty(0, np.bool_), 0)
 
@@ -73,7 +73,7 @@ class People(Rows):
 
 _ROWS, _COLUMNS = 14, 8
 _BODY = (slice(None), slice(2, 12), slice(2, 6))
-"""Cells of a window that show shirt (the upper half of them) and trousers, without arms and what is beside."""
+"""Cells of a window with shirt (the upper half) and trousers, without arms and background."""
 _HALF = (5, 4)
 _LEAST_SEEN = 0.25
 """Least share of foreground among the samples of each half."""
@@ -89,7 +89,7 @@ class Clothes:
     def looks(
         self, rgb: UInt8[Bytes, "h w 3"], mask: Mask, places_m: Float[Array, "k 2"]
     ) -> tuple[Float[Array, "k bins"], Bool[Mask, "k"], Float[Array, "k"]]:
-        """Return colours at places [m], whether enough of them is seen, and the share of each window that another covers."""
+        """Return colours at positions [m], whether enough is visible, and the share of each window that another covers."""
         windows = person_windows(self._camera, places_m, _ROWS, _COLUMNS)
         shown, k = windows.inside.copy(), len(places_m)
         at = np.rint(windows.pixels[shown]).astype(np.intp)
@@ -125,11 +125,11 @@ class WhiteAcceleration:
 
 @dataclass(frozen=True, eq=False)
 class AtDetections:
-    """Likelihood of n detected people: N(x; z, R) and a floor; fresh particles are drawn from it."""
+    """Likelihood of n detected people: N(x; z, R) plus a floor; fresh particles are drawn from it."""
 
     position: Float[Array, "n 2"]  # z [m]
     covariance: Float[Array, "n 2 2"]  # R [m²]
-    velocities: Float[Array, "2 n p"]  # that the people's particles had [m/s]; fresh ones keep them
+    velocities: Float[Array, "2 n p"]  # of the people's particles [m/s]; fresh ones keep them
     outlier: float
 
     def draw(self, count: int, rng: np.random.Generator) -> Float[Array, "4 n count"]:
@@ -147,17 +147,17 @@ class AtDetections:
 
 @dataclass(frozen=True, eq=False)
 class WithoutDetection:
-    """Likelihood of n people without a detection: by the detector's scores that no detection claims, and by colours.
+    """Likelihood of n people without a detection: by the detector's scores outside detections, and by colours.
 
-    Only scores near detected people are theirs, by 1 − exp(−d² / 2 c²) at a distance of d; a particle with colours at a
-    Bhattacharyya distance of D from its person's counts by exp(−λ D²) (Pérez et al., 2002).
+    Scores near detected people are theirs, reduced by 1 − exp(−d² / 2 c²) at a distance of d; a particle with colours at a
+    Bhattacharyya distance of D from its person's is weighted by exp(−λ D²) (Pérez et al., 2002).
     """
 
     scores: Callable[[Array], Array]  # positions (2, n, p) → (n, p)
-    looks: Callable[[Array], tuple[Array, Mask]]  # places (k, 2) → colours (k, bins), and whether they are seen, (k,)
-    taken: Float[Array, "k 2"]  # where detected people are [m]
+    looks: Callable[[Array], tuple[Array, Mask]]  # positions (k, 2) → colours (k, bins), and whether visible, (k,)
+    taken: Float[Array, "k 2"]  # positions of detected people [m]
     reference: Float[Array, "n bins"]
-    known: Bool[Mask, "n"]  # whose colours are
+    known: Bool[Mask, "n"]  # people with known colours
     options: ParticleOptions
 
     def log_likelihood(self, state: Float[Array, "4 n p"]) -> Float[Array, "n p"]:

@@ -1,14 +1,13 @@
-"""People tracking by one camera alone: the paper's baseline by vision, a detection-based particle filter a person.
+"""People tracking by one camera alone: the paper's vision baseline, one detection-based particle filter per person.
 
-After X. Song, J. Cui, H. Zha, H. Zhao: "Probabilistic detection-based particle filter for multi-target tracking" (BMVC 2008), of
-which the paper under test says no more than the name. Per picture: background subtraction; a detector learned beforehand
-judges the window of a person at every place of the floor; detections go to tracks by optimal assignment on distance and
-colours; a detected person's particles move, a share of them drawn about the detection, and are weighted by it; another's
-are weighted by the scores that no detected person has claimed and by the colours that they would show. So a person whom
-another covers in part is followed where the detector has no peak of their own.
+After X. Song, J. Cui, H. Zha, H. Zhao: "Probabilistic detection-based particle filter for multi-target tracking" (BMVC
+2008), which the paper only names. Per picture: background subtraction; a learned detector scores the window of a person at
+every position of the floor; detections are optimally assigned to tracks by distance and colours. A detected person's
+particles move, a share of them drawn about the detection, and are weighted by it. Another's are weighted by the scores
+outside detections and by colours. So a partly hidden person is tracked where the detector has no peak of its own.
 
-A picture that is foreground throughout, black or white say, tells nothing. Who leaves the area or the picture ends at once when
-not detected there: what the camera cannot see is nobody's.
+A picture that is foreground throughout is uninformative. A track outside the area or the picture is deleted at once when not
+detected, as the camera cannot see it.
 """
 
 from __future__ import annotations
@@ -49,13 +48,13 @@ LEARNED = "people"
 
 
 class VisionOnly:
-    """Tracker of people by one camera (see module). Options are those of `VisionOnlyOptions`.
+    """Tracker of people by one camera (see module). Options: `VisionOnlyOptions`.
 
-    background: pictures of the empty room; without any the background is learned as pictures come, and whoever stands still from
-    the start is found when they move. Its `learned` may hold another model of people under "people"
-    (`scripts/train-person-detector` makes one). Frames carry the pictures' stamps.
+    background: pictures of the empty room; without any the background is learned, and a person who stands still from the
+    start is detected when they move. Its `learned` may hold another model of people under "people" (made by
+    `scripts/train-person-detector`). Frames have the pictures' stamps.
 
-    Raises InputError for a wrong option, for a rig without a camera, and for a picture of another size than the rig says.
+    Raises InputError for a wrong option, for a rig without a camera, and for a picture of another size than the rig's.
     """
 
     Options = VisionOnlyOptions
@@ -92,7 +91,7 @@ class VisionOnly:
         return self.losses.total()
 
     def update(self, observation: Observation) -> list[TrackFrame]:
-        """Take one observation; the frame of a picture. Other sensors than the camera are ignored.
+        """Process one observation; return the frame of a picture. Other sensors than the camera are ignored.
 
         Raises InputError for an observation of the camera that is no picture.
         """
@@ -106,7 +105,7 @@ class VisionOnly:
         return [TrackFrame(self._ns, tuple(self.tracks()))]
 
     def tracks(self) -> list[Track]:
-        """Everyone confirmed, by id: who is detected, and for a while who is not."""
+        """Return all confirmed tracks by id, including those not detected for a while."""
         roster = self._people.roster
         shown = self._manager.reported(roster, self._ns) & self._manager.inside(self._people.positions)
         rows = shown.nonzero()[0][roster.id[shown].argsort()]
@@ -128,7 +127,7 @@ class VisionOnly:
         if mask.mean() > self.options.most_foreground:
             mask = np.zeros_like(mask)
         self._ns = ns
-        # after a gap in the pictures nobody is where they were
+        # positions are invalid after a gap in the pictures
         coast_s = self.options.track_management.coast_s
         self._people = self._people.select(coasting_within(self._people.roster, ns, coast_s, coast_s))
         seen = self._detector.detect(mask)
@@ -155,7 +154,7 @@ class VisionOnly:
     def _matches(
         self, seen: PeopleSeen, unlike: Float[Array, "n k"], elapsed_s: float
     ) -> tuple[Int[Index, "p"], Int[Index, "p"]]:
-        """Which tracks are which detections: confirmed ones first, by where they would be by now and what they wear."""
+        """Associate tracks with detections, confirmed ones first, by predicted positions and colours."""
         rules = self.options.association
         mean, covariance = self._people.expected(elapsed_s)
         noise = seen.covariance.mean(axis=0) if len(seen) else np.eye(2)
@@ -178,7 +177,7 @@ class VisionOnly:
         found: Int[Index, "p"],
         elapsed_s: float,
     ) -> None:
-        """Move and weigh everybody's particles."""
+        """Move and weight the particles of all tracks."""
         options, roster, clothes = self.options.filter, self._people.roster, self._people.clothes
         before, kept = roster.state.select(track), np.ones(track.size)
         by = AtDetections(seen.position[found], seen.covariance[found], before.state[2:], options.outlier)
@@ -217,7 +216,7 @@ class VisionOnly:
     def _start(
         self, seen: PeopleSeen, free: Int[Index, "f"], looks: Float[Array, "k bins"], clear: Bool[Mask, "k"]
     ) -> None:
-        """Start tracks at good detections that are nobody's, clear of everybody."""
+        """Start tracks at good unassigned detections, away from all tracks."""
         options = self.options.filter
         free = free[seen.score[free] >= self.options.track_management.start_score]
         free = free[self._manager.may_start(seen.position[free], self._people.positions)]
@@ -232,7 +231,7 @@ class VisionOnly:
 
 
 def _camera_of(rig: Rig, name: str | None, reported: Set[str]) -> str:
-    """Return the camera to use, one that `reported` of the empty room before one that may be silent.
+    """Return the camera to use, preferably one that `reported` of the empty room.
 
     Raises InputError where the rig has none, or none of that name.
     """
@@ -252,7 +251,7 @@ def _camera_of(rig: Rig, name: str | None, reported: Set[str]) -> str:
 
 
 def _picture(observation: Observation) -> Image | DepthImage:
-    """The observation as a picture; raises InputError for one of another kind."""
+    """Return the observation as a picture; raises InputError for one of another kind."""
     if isinstance(observation, Image | DepthImage):
         return observation
     said = f"observation of {observation.sensor!r} is a {type(observation).__name__}"
