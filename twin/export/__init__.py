@@ -1,1 +1,1 @@
-"""Recordings in other people's formats: MOTChallenge, KITTI, COCO, pictures, rerun, Foxglove."""
+"""Recordings in other formats: MOTChallenge, KITTI, COCO, pictures, rerun, Foxglove."""

@@ -64,7 +64,7 @@ def export_coco(recordings: Sequence[Recorded], out: Path, *, simulate: bool = T
 
 
 class _JsonList:
-    """A list that grows in a temporary file."""
+    """List that grows in a temporary file."""
 
     def __init__(self, stack: ExitStack) -> None:
         self._stream = stack.enter_context(tempfile.TemporaryFile("w+", encoding="utf-8"))  # noqa: SIM115

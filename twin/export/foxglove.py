@@ -1,8 +1,8 @@
-"""Foxglove: a copy of the bag with scans as PointCloud2, the tracks and the room's outline, and a layout that shows them.
+"""Foxglove: a copy of the bag with scans as PointCloud2, the tracks, the room's outline, and a layout for them.
 
-The copy holds all that the recording does; `/NAME/points` stands beside a scanner's topic, in the scanner's frame, which
-`/tf_static` places in the room. Points are x, y, z, three floats each. A point cloud is three times as large as its scan, so
-that recordings themselves are without.
+The copy holds the whole recording; `/NAME/points` is added for each scanner, in its frame, which `/tf_static` places in the
+room. Points are x, y, z, three floats each. A point cloud is three times as large as its scan, so recordings themselves have
+none.
 """
 
 from __future__ import annotations

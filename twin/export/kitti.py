@@ -38,11 +38,11 @@ from twin.truth.frames import PersonTruth
 
 _OPTICAL_FROM_BODY = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 _HEAD_M, _PELVIS_M = (0.10, 0.08, 0.12), (0.15, 0.24, 0.12)
-"""Half the extent of the head, and of the trunk about the pelvis, along, across and up [m]: an adult's."""
+"""Half the extent of an adult's head, and of the trunk about the pelvis, along, across and up [m]."""
 _STEEP = 0.02
-"""A camera looks straight down where this share of its axis, or less, is level: what is up in its picture is ahead."""
+"""Least level share of a camera's axis for it not to look straight down, where up in its picture is ahead."""
 _WAIT_NS = NS_PER_S // 2
-"""So long after a frame a scan may arrive that is nearest to it."""
+"""Time after a frame within which its nearest scan may arrive."""
 
 
 def export_kitti(recordings: Sequence[Recorded], out: Path) -> None:
@@ -59,7 +59,7 @@ def export_kitti(recordings: Sequence[Recorded], out: Path) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """The level axes in which labels are, and the pictures' lens (None: there are none)."""
+    """Level axes of the labels, and the pictures' lens (None: no pictures)."""
 
     name: str
     rotation: Array  # room_from_level
@@ -83,12 +83,12 @@ class _View:
         return cls(name, level, pose.translation, lens, optical.T @ level)
 
     def projection(self, shift_m: float = 0.0) -> Array:
-        """Return the matrix (3, 4) that projects level axes into the picture of an eye that is so far to the right [m]."""
+        """Return the matrix (3, 4) that projects level axes into the picture of an eye `shift_m` to the right [m]."""
         matrix = np.eye(3) if self.lens is None else self.lens.matrix
         return matrix @ np.column_stack([self.camera_from_level if self.lens else np.eye(3), [-shift_m, 0.0, 0.0]])
 
     def level_points(self, points: Array) -> Array:
-        """Take points (n, 3) of the room to the level axes."""
+        """Transform points (n, 3) of the room to the level axes."""
         return (points - self.eye_m) @ self.rotation
 
 
@@ -108,7 +108,7 @@ class _SequenceWriter:
         self._truth = Truth(recorded.recording.truth()) if recorded.has_truth else None
 
     def write(self) -> None:
-        """Write the sequence's files; say what is left out."""
+        """Write the sequence's files, with a warning about omissions."""
         recorded, view = self._recorded, self._view
         (self._root / "calib" / f"{self._name}.txt").write_text(self._calibration(), encoding="utf-8")
         (self._root / "velodyne" / self._name).mkdir()
@@ -138,7 +138,7 @@ class _SequenceWriter:
                     self._labels.writelines(row for row in rows if row)
 
     def _paired(self) -> Iterator[tuple[int, Singles]]:
-        """Yield each frame's stamp and points (n, 4) float32, when every scanner has told what is nearest to it."""
+        """Yield each frame's stamp and points (n, 4) float32, once every scanner's nearest scan is known."""
         waiting: deque[int] = deque()
         number, now_ns = 0, 0
         for observation in self._recorded.recording.observations():
@@ -217,7 +217,7 @@ class _SequenceWriter:
 def person_box(person: PersonTruth) -> tuple[Array, Array]:
     """Return centre of the ground face (3,) [m] in the room and size (length, width, height) [m] of the box around a person.
 
-    It is turned as the trunk, and holds pelvis and head as far as the truth tells them, down to the floor.
+    It is turned as the trunk, and holds pelvis and head as far as known, down to the floor.
     """
     ahead = np.array([np.cos(person.yaw), np.sin(person.yaw)])
     axes = np.stack([ahead, [-ahead[1], ahead[0]]])
@@ -234,7 +234,7 @@ def person_box(person: PersonTruth) -> tuple[Array, Array]:
 
 
 def _label(frame: int, person: PersonTruth, view: _View) -> str:
-    """Format a person's line; '' for one whom the picture does not show."""
+    """Format a person's line; '' outside the picture."""
     yaw = 0.0 if np.isnan(person.yaw) else person.yaw
     foot, (length, width, height) = person_box(person)
     ahead = np.array([np.cos(yaw), np.sin(yaw), 0.0])
@@ -255,7 +255,7 @@ def _label(frame: int, person: PersonTruth, view: _View) -> str:
 
 
 def _picture_box(view: _View, corners: Array) -> tuple[tuple[float, ...] | None, int]:
-    """Return the box in the picture, cut at its edges (None: not in it; −1 without pictures), and how much of it is out."""
+    """Return the box in the picture, cut at its edges (None: outside; −1 without pictures), and its truncation."""
     lens = view.lens
     if lens is None:
         return (-1.0, -1.0, -1.0, -1.0), 0

@@ -33,7 +33,7 @@ from twin.world.scene import Scene
 from twin.world.simulation import Simulation
 
 _ELSEWHERE_M = 1e-3
-"""People simulated again that are further from the bag's truth move otherwise [m]."""
+"""Deviation of simulated people from the bag's truth beyond which their motion differs [m]."""
 _SIDES = ("left", "right")
 KEYPOINTS = (
     "nose",
@@ -50,7 +50,7 @@ SKELETON = (
 )
 """COCO's edges between keypoints, counted from 1."""
 BAG_KEYPOINTS = ("head", "pelvis")
-"""Points of the body that a bag's truth tells."""
+"""Points of the body in a bag's truth."""
 BAG_SKELETON = ((1, 2),)
 
 
@@ -71,14 +71,14 @@ class Label:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class LabelledPicture:
-    """A picture and all people in it; none: nobody is."""
+    """A picture and all people in it, possibly none."""
 
     picture: Picture
     labels: tuple[Label, ...]
 
 
 class Labeller:
-    """Labels the pictures of a recording; a context manager, made by `open_labeller`."""
+    """Labeller of a recording's pictures; a context manager, made by `open_labeller`."""
 
     keypoints: tuple[str, ...] = BAG_KEYPOINTS
     skeleton: tuple[tuple[int, int], ...] = BAG_SKELETON
@@ -104,7 +104,7 @@ class Labeller:
 
 
 class BagLabeller(Labeller):
-    """Labels the pictures whose boxes the bag's truth holds."""
+    """Labeller of pictures with boxes in the bag's truth."""
 
     def __init__(self, recorded: Recorded) -> None:
         super().__init__(recorded)
@@ -122,7 +122,7 @@ class BagLabeller(Labeller):
             if person is not None:
                 points[0], points[1] = (person.head_x, person.head_y, person.head_z), (person.x, person.y, person.z)
             pixels, shown = camera.project(points)
-            # whether something stands before a point is not known: a point in the box counts as shown
+            # occlusion of a point is unknown: a point in the box counts as shown
             inside = (np.abs(pixels - (box.left + box.width / 2, box.top + box.height / 2) + 0.5) * 2).T
             seen = (inside[0] <= box.width) & (inside[1] <= box.height)
             yield Label(
@@ -134,7 +134,7 @@ class BagLabeller(Labeller):
 
 
 def boxes_in(recorded: Recorded) -> dict[tuple[str, int], tuple[Box, ...]]:
-    """Read the boxes of the bag's truth by camera and stamp [ns]: numbers alone, a few pictures a second."""
+    """Read the boxes of the bag's truth by camera and stamp [ns]."""
     recording = recorded.recording
     if topics.TRUTH_BOXES not in recording.topics:
         return {}
@@ -144,12 +144,12 @@ def boxes_in(recorded: Recorded) -> dict[tuple[str, int], tuple[Box, ...]]:
 
 
 class SimulatingLabeller(Labeller):
-    """Labels pictures by simulating the bag's scenario again."""
+    """Labeller of pictures by simulating the bag's scenario again."""
 
     keypoints, skeleton = KEYPOINTS, SKELETON
 
     def __init__(self, recorded: Recorded, simulation: Simulation, hz: float | None) -> None:
-        """`hz`: labelled pictures of each camera per second; None: those that have boxes in the bag."""
+        """`hz`: labelled pictures of each camera per second; None: those with boxes in the bag."""
         super().__init__(recorded)
         self._simulation, self._hz = simulation, hz
         self._boxed = boxes_in(recorded) if hz is None else {}
@@ -195,7 +195,7 @@ def _flagged(pixels: Array, shown: NDArray[np.bool_], seen: NDArray[np.bool_]) -
 
 
 def check_same_people(recorded: Recorded, simulation: Simulation, truth: TruthFrame | None) -> None:
-    """Raise InputError where people simulated again are not where the bag's truth has them."""
+    """Raise InputError where simulated people deviate from the bag's truth."""
     if truth is None:
         return
     pose = simulation.world.people.truth(truth.stamp_ns / NS_PER_S)
@@ -215,10 +215,9 @@ def check_same_people(recorded: Recorded, simulation: Simulation, truth: TruthFr
 
 
 def body_keypoints(scene: Scene, data: mujoco.MjData, name: str) -> Array:
-    """Return COCO's 17 keypoints of a person in the room (17, 3) [m]: joints' axes, and places on the head.
+    """Return COCO's 17 keypoints of a person in the room (17, 3) [m]: axes of joints, and points on the head.
 
-    Joints are where the body's segments turn; eyes, ears and the tip of the nose are on the skin
-    (`twin.people.body.head.skull`).
+    Eyes, ears and the tip of the nose are on the skin (`twin.people.body.head.skull`).
     """
     lengths, model = scene.appearances[name].proportions, scene.model
     head = model.site(f"{name}/head").id
@@ -244,10 +243,10 @@ def body_keypoints(scene: Scene, data: mujoco.MjData, name: str) -> Array:
 
 
 def open_labeller(stack: ExitStack, recorded: Recorded, *, simulate: bool, hz: float | None = None) -> Labeller | None:
-    """Make what labels a recording's pictures, closed with `stack`; None where the bag has no truth.
+    """Make the labeller of a recording's pictures, closed with `stack`; None if the bag has no truth.
 
-    `simulate`: by simulating its scenario again, else, or where that cannot be (a warning says why), by the bag's own truth.
-    `hz`: labelled pictures of each camera per second; None: those that have boxes in the bag.
+    `simulate`: by simulating its scenario again; else, or if impossible (with a warning), by the bag's own truth. `hz`:
+    labelled pictures of each camera per second; None: those with boxes in the bag.
     """
     if not recorded.has_truth:
         return None

@@ -44,7 +44,9 @@ _PERSON, _DISTRACTOR = 1, 8
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """Places of tracks or detections by stamp: stamps ascending (n,) [ns], ids (n,), -1 for a detection, x, y, z of the head."""
+    """Positions of tracks or detections by stamp: stamps ascending (n,) [ns], ids (n,), -1 for a detection, x, y, z of the
+    head.
+    """
 
     stamps_ns: Nanoseconds
     id: NDArray[np.int64]
@@ -52,7 +54,7 @@ class Places:
     head_z: Array
 
     def near(self, stamp_ns: int, within_ns: float) -> Places:
-        """Return those of the stamp nearest to this one, none where that is further off than `within_ns`."""
+        """Return those of the stamp nearest to this one, none if it is farther than `within_ns`."""
         place = int(np.searchsorted(self.stamps_ns, stamp_ns))
         near = [self.stamps_ns[each] for each in (place - 1, place) if 0 <= each < self.stamps_ns.size]
         best = min(near, key=lambda each: abs(int(each) - stamp_ns), default=None)
@@ -65,7 +67,7 @@ class Places:
         return Places(self.stamps_ns[rows], self.id[rows], self.xy[rows], self.head_z[rows])
 
     def boxes(self, camera: CameraSensor) -> tuple[Array, NDArray[np.bool_]]:
-        """Return boxes left, top, width, height [px] in the image, and a mask of the places that have one."""
+        """Return boxes left, top, width, height [px] in the image, and a mask of the positions that have one."""
         height = np.where(np.isnan(self.head_z), _UPRIGHT_M, self.head_z + _HEAD_TOP_M)
         corners, shown = placed_camera(camera).person_boxes(self.xy, height, _WIDE_M)
         lens = camera.intrinsics
@@ -91,7 +93,7 @@ def export_mot(recordings: Sequence[Recorded], out: Path, *, hz: float | None = 
 
 
 class _Sequence:
-    """The files of one sequence, open while its frames come."""
+    """Files of one sequence, open while its frames come."""
 
     def __init__(self, stack: ExitStack, out: Path, name: str, recorded: Recorded, *, has_truth: bool) -> None:
         self.name, self.folder = name, out / "gt" / BENCHMARK / name
@@ -111,7 +113,7 @@ class _Sequence:
         return stack.enter_context(path.open("w", encoding="utf-8"))
 
     def frame(self, stamp_ns: int) -> int:
-        """Begin the next frame; return its number."""
+        """Start the next frame; return its number."""
         self.stamps.append(stamp_ns)
         self.frames.write(f"{len(self.stamps)},{seconds_cell(stamp_ns)}\n")
         return len(self.stamps)
@@ -223,7 +225,7 @@ def _places(table: TrackTable) -> Places:
 
 
 def _detections(recorded: Recorded) -> Places:
-    """Detect people with the detector of the plain tracker; none where the rig has no scanner."""
+    """Detect people with the baseline's detector; none if the rig has no scanner."""
     rows = np.zeros((0, 3))
     if recorded.recording.rig.lasers():
         with tempfile.TemporaryFile("w+", encoding="utf-8") as table:

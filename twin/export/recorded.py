@@ -1,4 +1,4 @@
-"""Recordings to export: a bag with the people's names and the tracks of its run, its truth on demand."""
+"""Recordings to export: a bag with the people's names and the tracks of its run, with its truth on demand."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ from twin.truth.frames import TruthFrame
 
 RECORDING = "recording.mcap"
 TRACK_NUMBERS = tuple(name for name in TRACK_COLUMNS[2:] if name != "status")
-"""Columns of a table of tracks that hold numbers, after t and id."""
+"""Numeric columns of a table of tracks, after t and id."""
 _TRACKS = "/tracks/"
 _TRUTH_WITHIN_NS = NS_PER_S // 1000
-"""Truth is told at every stamp of every sensor: what is further off belongs to another stamp."""
+"""Greatest distance to a stamp of the truth, which exists at every stamp of every sensor."""
 
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """A recording, the name of its sequence in what is exported, and the tracks of its run by tracker."""
+    """Recording, the name of its exported sequence, and the tracks of its run by tracker."""
 
     name: str
     recording: Recording
@@ -46,17 +46,17 @@ class Recorded:
 
     @cached_property
     def scenario(self) -> Scenario | None:
-        """The scenario that a twin's bag carries; None in a robot's."""
+        """Scenario in a twin's bag; None in a robot's."""
         return scenario_of(self.recording)
 
     @property
     def has_truth(self) -> bool:
-        """True where the bag says where people are."""
+        """True for a bag with people's positions."""
         return topics.TRUTH_PEOPLE in self.recording.topics
 
     @property
     def person_names(self) -> dict[int, str]:
-        """The people's names by id, as the scenario has them; empty in a robot's bag."""
+        """People's names by id, from the scenario; empty in a robot's bag."""
         return {} if self.scenario is None else dict(enumerate(self.scenario.people, start=1))
 
     def stamps_ns(self, sensor: str) -> Nanoseconds:
@@ -125,16 +125,16 @@ def _table(source: str, stamps: list[int], rows: list[dict[str, Any]]) -> TrackT
 
 
 class Truth:
-    """The truth of a recording at stamps that come nearly in order: one pass over the bag, a window of it in memory."""
+    """Truth of a recording at stamps nearly in order: one pass over the bag, with a window of it in memory."""
 
     def __init__(self, frames: Iterator[TruthFrame], window_s: float = 3.0) -> None:
-        """`window_s`: how far a stamp may be behind the latest asked for [s]."""
+        """`window_s`: greatest delay of a stamp behind the latest one [s]."""
         self._frames = frames
         self._window_ns = round(window_s * NS_PER_S)
         self._held: deque[TruthFrame] = deque()
 
     def at(self, stamp_ns: int) -> TruthFrame | None:
-        """Return the truth at a stamp [ns]; None where the bag has none of it."""
+        """Return the truth at a stamp [ns]; None if the bag lacks it."""
         while not self._held or self._held[-1].stamp_ns < stamp_ns:
             frame = next(self._frames, None)
             if frame is None:

@@ -28,7 +28,7 @@ from twin.truth.frames import TruthFrame
 from twin.world.world import World
 
 _TALL_M = 1.9
-"""Things as high as this would hide the people: their edges alone are drawn [m]."""
+"""Height above which objects, which would hide the people, are drawn by their edges only [m]."""
 _UNKNOWN_HEIGHT_M, _HEAD_TOP_M = 1.7, 0.12
 _TRUTH_RADIUS_M, _TRACK_RADIUS_M = 0.22, 0.15
 _COLOURS = ((31, 119, 180), (255, 127, 14), (44, 160, 44), (214, 39, 40), (148, 103, 189))
@@ -48,7 +48,7 @@ def export_rerun(recordings: Sequence[Recorded], out: Path) -> None:
 
 
 class _RerunFile:
-    """Writes one recording as it is read."""
+    """Writer of one recording as it is read."""
 
     def __init__(self, rerun: Any, recorded: Recorded) -> None:
         self._rerun, self._recorded = rerun, recorded
@@ -102,7 +102,7 @@ class _RerunFile:
         return blueprint.Blueprint(whole, collapse_panels=True)
 
     def _room(self) -> None:
-        """Log the room's things: low ones as solids, tall ones and the tracked area by their edges."""
+        """Log the room's objects: low ones as solids, tall ones and the tracked area by their edges."""
         if self._rig.area is not None:
             corners = np.column_stack(
                 [np.array([*self._rig.area, self._rig.area[0]]), np.full(len(self._rig.area) + 1, 0.01)]
@@ -218,7 +218,7 @@ class _RerunFile:
 
 
 def _picture_path(name: str, camera: CameraSensor) -> str:
-    """Return the entity of a camera's pictures: under its lens where rerun projects as the lens does."""
+    """Return the entity of a camera's pictures: under its lens if rerun can project it."""
     return (
         f"room/sensors/{name}/lens/picture" if isinstance(camera, PinholeSensor | StereoSensor) else f"pictures/{name}"
     )

@@ -1,1 +1,1 @@
-"""Runs of scenarios and replays of recordings, and their folder of results."""
+"""Runs of scenarios, replays of recordings, and their folder of results."""

@@ -72,10 +72,10 @@ def write_detections(
 
 
 def _called(chosen: ChosenTracker, tracker: Any, call: Callable[[], object]) -> None:
-    """Call it; raises PlugInError for an exception of a plug-in, while a fault of a tracker of ours stays loud."""
+    """Call a tracker; raises PlugInError for an exception of a plug-in, but passes on that of a tracker of ours."""
     try:
         call()
-    except OSError:  # the file's, not the tracker's
+    except OSError:  # of the file, not the tracker
         raise
     except Exception as error:
         if chosen.target in PRESETS:

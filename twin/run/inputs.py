@@ -1,8 +1,8 @@
-"""Inputs of a run: the trackers asked for, and of a recording its scenario and the trackers' prior files, with overrides applied.
+"""Inputs of a run: the trackers, and of a recording its scenario and the trackers' prior files, with overrides applied.
 
-A file names no code to import. `module:Class` is taken from the command line, from Python and from installed entry points. In a
-scenario, a suite or a bag it is text that another person may have written, and importing it would run what they please. So would
-a Dask scheduler, which a tracker's option `scheduler` names: a scheduler's owner sends it code, and takes what it sends.
+A file must not name code to import. `module:Class` is accepted from the command line, from Python and from installed entry
+points. In a scenario, a suite or a bag it may be another person's text, and importing it would run their code. The same
+holds for a Dask scheduler, named by a tracker's option `scheduler`: its owner sends it code, and receives data.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from twin.scenario.load import apply_overrides, without_null
 from twin.scenario.run_size import check_size
 
 SCHEDULER = "scheduler"
-"""The option of a tracker that has a Dask scheduler asked."""
+"""Tracker option that holds a Dask scheduler address."""
 
 
 @dataclass(frozen=True)
 class TrustedClasses:
-    """Classes (`module:Class`) that may be imported, and schedulers that may be used, although a file names them."""
+    """Classes (`module:Class`) and schedulers that may be used although a file names them."""
 
     named: frozenset[str] = frozenset()
     every: bool = False
@@ -48,12 +48,12 @@ NONE_TRUSTED = TrustedClasses()
 
 _TRACKER, _SET, _ALLOW = "--tracker module:Class", "--set trackers.NAME.preset=module:Class", "--allow-plugins"
 RUN, TRACK, SUITE, STUDY = (_TRACKER, _SET, _ALLOW), (_TRACKER, _SET), (_SET, _ALLOW), (_ALLOW,)
-"""By which options each command takes a class."""
+"""Options by which each command accepts a class."""
 
 
 @dataclass(frozen=True)
 class ChosenTracker:
-    """A tracker to be made: its name, its preset or class for `make_tracker`, the options to change."""
+    """Tracker to make: its name, its preset or class for `make_tracker`, the options to change."""
 
     name: str
     target: str
@@ -61,13 +61,13 @@ class ChosenTracker:
 
 
 def typed_classes(changes: Sequence[str]) -> frozenset[str]:
-    """Return the classes that 'trackers.NAME.preset=module:Class' texts of a command line name."""
+    """Return the classes named by 'trackers.NAME.preset=module:Class' texts of a command line."""
     presets = (choice.get("preset") for choice in changed_trackers(changes).values() if isinstance(choice, dict))
     return frozenset(preset for preset in presets if isinstance(preset, str) and ":" in preset)
 
 
 def typed_schedulers(changes: Sequence[str]) -> frozenset[str]:
-    """Return the Dask schedulers that 'trackers.NAME.scheduler=ADDRESS' texts of a command line name."""
+    """Return the Dask schedulers named by 'trackers.NAME.scheduler=ADDRESS' texts of a command line."""
     addresses = (choice.get(SCHEDULER) for choice in changed_trackers(changes).values() if isinstance(choice, dict))
     return frozenset(address for address in addresses if isinstance(address, str))
 
@@ -80,13 +80,13 @@ def changed_trackers(changes: Sequence[str]) -> dict[str, Any]:
 
 
 def import_from_here(typed: Iterable[str], *, files_trusted: bool = False) -> None:
-    """Let classes be found in the current folder, as `python` lets modules, where one of these names is a class.
+    """Make classes importable from the current folder, as with `python`, if one of these names is a class.
 
-    For names typed on a command line, and with `files_trusted` (--allow-plugins) for those in files: else a file would choose
-    what is imported from its own folder.
+    For names typed on a command line, and with `files_trusted` (--allow-plugins) for those in files: otherwise a file could
+    choose imports from its own folder.
     """
     if files_trusted or any(":" in name for name in typed):
-        sys.path.append(os.getcwd())  # last: nothing that lies there takes the place of what is installed
+        sys.path.append(os.getcwd())  # last: the folder's content replaces nothing installed
 
 
 def choose(
@@ -96,11 +96,11 @@ def choose(
     trusted: TrustedClasses = NONE_TRUSTED,
     ways: Sequence[str] = RUN,
 ) -> list[ChosenTracker]:
-    """Return the trackers that the user names, as `source` (a scenario or a bag) defines them where it does.
+    """Return the trackers named by the user, as `source` (a scenario or a bag) defines them.
 
-    ways: options by which the command takes a class, for the error's sentence; a study (STUDY) gives the names itself. Raises
-    InputError for one named twice, for a definition of what does not exist or under the name of a tracker that does, and for
-    one of `names` that a definition makes a class which is not trusted. Nothing is imported for it.
+    ways: options by which the command accepts a class, for the error's sentence; a study (STUDY) gives the names itself.
+    Raises InputError for one named twice, for a definition of a missing tracker or under an existing tracker's name, and for
+    an untrusted class behind one of `names`. Nothing is imported.
     """
     if len(set(names)) < len(names):
         raise InputError(f"--tracker {' --tracker '.join(names)}: one is named twice; each name once is expected")
@@ -159,7 +159,7 @@ def not_asked(where: str, choice: TrackerChoice, ways: Sequence[str]) -> str:
 
 
 def environment_change(path: Path | None) -> list[str]:
-    """Convert `--environment FILE` to an override; raises InputError where there is no such file."""
+    """Convert `--environment FILE` to an override; raises InputError for a missing file."""
     if path is None:
         return []
     if not is_file(path):
@@ -168,7 +168,7 @@ def environment_change(path: Path | None) -> list[str]:
 
 
 def scenario_of(bag: Recording) -> Scenario | None:
-    """Read the scenario carried in a twin's bag; raises InputError for one that is none, or larger than the limits."""
+    """Read the scenario in a twin's bag; raises InputError for an invalid one, or one larger than the limits."""
     if bag.scenario_yaml is None:
         return None
     source = f"{bag.path}, topic /scenario"
@@ -182,9 +182,9 @@ def files_for(
 ) -> tuple[PriorFiles, list[str]]:
     """Return the prior files for a recording's trackers, absolute and existing, and warnings.
 
-    Those of the user's rig.yaml, else of the bag, relative to its folder, with the overrides ('prior.environment=FILE',
-    relative to the current folder) applied. A file that the bag alone names may be on another machine: a warning. Raises
-    InputError for a missing file that the user names.
+    From the user's rig.yaml, else from the bag, relative to its folder, with the overrides ('prior.environment=FILE',
+    relative to the current folder) applied. A missing file named only by the bag may be on another machine: a warning.
+    Raises InputError for a missing file named by the user.
     """
     of_the_rig = rig_path is not None and bag.rig.prior != NO_PRIOR
     named = bag.rig.prior if of_the_rig else _carried(bag, scenario).within(bag.path.parent)
@@ -216,14 +216,14 @@ def _changed(named: PriorFiles, changes: Sequence[str]) -> PriorFiles:
 def chosen_trackers(
     bag: Recording, scenario: Scenario | None, names: Sequence[str], changes: Sequence[str]
 ) -> list[ChosenTracker]:
-    """Return the trackers called `names`, as the bag's scenario defines them, with overrides; raises InputError for bad ones."""
+    """Return the trackers called `names`, as in the bag's scenario, with overrides; raises InputError for invalid ones."""
     source = "--set" if scenario is None else f"{bag.path}, topic /scenario"
     trusted = TrustedClasses(typed_classes(changes) | typed_schedulers(changes))
     return choose(names, _defined(scenario, names, changes), source, trusted, TRACK)
 
 
 def _defined(scenario: Scenario | None, names: Sequence[str], changes: Sequence[str]) -> dict[str, TrackerChoice]:
-    """Return the trackers asked for that the bag's scenario defines, with overrides."""
+    """Return the requested trackers defined by the bag's scenario, with overrides."""
     asked = {*names, *changed_trackers(changes)}
     content = {
         "trackers": {

@@ -55,7 +55,7 @@ DEFAULT_TRACKER = "laser-fisheye-imm"
 _MORE_TRUTH = ("truth_feet.csv", *DETAIL_FILES)
 
 TruthKept = Literal["all", "positions"]
-"""Parts of the truth that a run finds out and keeps."""
+"""Parts of the truth that a run computes and keeps."""
 
 
 def run_scenario(
@@ -75,14 +75,12 @@ def run_scenario(
 ) -> RunResult:
     """Simulate, record, track, evaluate and report into `out` (default out/<scenario>-<seed>).
 
-    `trackers`: names; None: those the scenario defines, else the default where the rig has what it needs (a warning says
-    where it has not); empty: none, and so no metrics and no report. `trusted`: classes that the scenario may name.
-    `truth`: "positions" keeps where people are, and works out nothing else of the truth: no share of them that sensors see, no
-    feet, boxes, beams or situations, nor the metrics that these give. `precomputed`: its people, moved before. `source`: what
-    errors about its trackers call it, its file; default: by its name.
-    `on_note`: is told what a run did that costs time and changes no result.
-    Every file appears under its name when it is whole. Raises InputError for bad input, before anything is written, and
-    PlugInError when every tracker has failed; where others are left, the result says which did.
+    `trackers`: names; None: those of the scenario, else the default if the rig suits it (else a warning); empty: none, and
+    so no metrics and no report. `trusted`: classes that the scenario may name. `truth`: "positions" keeps only people's
+    positions: no visibility, feet, boxes, beams or situations, nor their metrics. `precomputed`: precomputed motion of its
+    people. `source`: name of the trackers' file in errors; default: the scenario's name. `on_note`: receives notes on costs
+    without effect on results. Every file appears under its name when complete. Raises InputError for bad input, before
+    anything is written, and PlugInError when every tracker has failed; with others left, the result names the failed ones.
     """
     names = list(trackers) if trackers is not None else list(scenario.trackers) or [DEFAULT_TRACKER]
     folder = Path(out) if out is not None else Path("out") / f"{scenario.name}-{scenario.seed}"
@@ -104,7 +102,7 @@ def run_scenario(
 
 @dataclass(frozen=True, eq=False)
 class _RunRequest:
-    """Arguments of `run_scenario`, resolved; is_default: no tracker was asked for, so that the default may be left out."""
+    """Arguments of `run_scenario`, resolved; is_default: no tracker was requested, so the default may be left out."""
 
     scenario: Scenario
     chosen: Sequence[ChosenTracker]
@@ -119,7 +117,7 @@ class _RunRequest:
 
 
 class _LiveRun:
-    """One run of a scenario: simulation, trackers, bag and tables, which are open as long as `stack` is."""
+    """One run of a scenario: simulation, trackers, bag and tables, open until `stack` is closed."""
 
     def __init__(self, request: _RunRequest, out: OutFolder, stack: ExitStack) -> None:
         self._request, self._out = request, out
@@ -154,7 +152,7 @@ class _LiveRun:
         self._gl = self._simulation.gl_info()
 
     def record(self) -> None:
-        """Simulate to the end, write the bag and the truth, feed the trackers; note what is lost and what is warned of."""
+        """Simulate to the end, write the bag and the truth, feed the trackers; note losses and warnings."""
         request = self._request
         start = time.perf_counter()
         for delivered in self._simulation.deliveries():
@@ -175,7 +173,7 @@ class _LiveRun:
             request.on_note(note)
 
     def finish(self) -> RunResult:
-        """Write what needs the closed tables: names, scenario, metrics and report; return what the run leaves."""
+        """Write the remaining files from the closed tables: names, scenario, metrics and report; return the result."""
         folder = self._out.path
         files = {
             "recording": folder / "recording.mcap",
@@ -257,7 +255,7 @@ class _LiveRun:
         )
 
     def _opened_bag(self, stack: ExitStack) -> BagWriter:
-        """Open the bag and the tables of the truth, and pass tracks and truth on to them."""
+        """Open the bag and the tables of the truth, and connect tracks and truth to them."""
         folder, rig = self._out.path, self._simulation.rig
         place = self._place
         writer = BagWriter(
@@ -290,7 +288,7 @@ class _LiveRun:
 
 
 def _unfit(rig: Rig, prior: Prior, seed: int) -> str:
-    """Return a warning where the default tracker cannot work on this rig; empty where it can."""
+    """Return a warning if the default tracker cannot work on this rig, else an empty text."""
     try:
         make_tracker(DEFAULT_TRACKER, rig, prior, stream(seed, "tracker", DEFAULT_TRACKER))
     except InputError as error:
@@ -299,7 +297,7 @@ def _unfit(rig: Rig, prior: Prior, seed: int) -> str:
 
 
 def _names(trackers: Sequence[str], video: bool) -> list[str]:
-    """List the files that a run writes into its folder."""
+    """List the files of a run in its folder."""
     truth = ["truth.csv", "truth_people.csv", *_MORE_TRUTH]
     names = ["recording.mcap", *truth, "scenario.yaml", *(["preview.mp4"] if video else [])]
     tables = [f"tracks/{file_name(name)}.csv" for name in trackers]
@@ -307,7 +305,7 @@ def _names(trackers: Sequence[str], video: bool) -> list[str]:
 
 
 def _command(folder: Path, chosen: Sequence[ChosenTracker], request: _RunRequest) -> str:
-    """Return the command that runs the resolved scenario again, with every class of the user's in it."""
+    """Return the command that repeats the resolved scenario, with every class of the user's in it."""
     parts = ["twin", "run", str(folder / "scenario.yaml")]
     for each in chosen:
         parts += ["--tracker", each.name]

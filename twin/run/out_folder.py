@@ -1,4 +1,4 @@
-"""The folder of a run's results: one run at a time, no file of the user's touched, no file of a killed run left."""
+"""Folder of a run's results: for one run at a time, without touching users' files, or leaving those of a killed run."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from twin.recording.atomic_file import open_atomic
 
 LOCK = ".twin.lock"
 MADE = ".made-by-twin.json"
-"""Names the files that twin wrote into a folder: others are never overwritten or removed."""
+"""List of the files that twin wrote into a folder; others are never overwritten or removed."""
 
 _SUBFOLDER = "tracks"
 _LONGEST_LIST_BYTES = 1_000_000
 _WAIT_S = 0.3
-"""So long another process may still be on its way out."""
+"""Time to wait for another process about to exit."""
 
 
 class OutFolder:
@@ -34,13 +34,13 @@ class OutFolder:
         self._made = made
 
     def announce(self) -> None:
-        """Note what is about to be written, before the first file appears: a run that fails late may be run again."""
+        """Note the files to be written, before the first appears, so that a failed run can be repeated."""
         self._note(self._made | self._names)
 
     def finish(self, written: Sequence[Path], kept: Sequence[str] = ()) -> None:
-        """Note what was written, and remove files of an earlier run that this one did not write, but for `kept`.
+        """Note the written files, and remove an earlier run's files that this one did not write, except `kept`.
 
-        So no two runs mix in a folder, and no file of the user's is touched.
+        So runs do not mix in a folder, and users' files are not touched.
         """
         names = {path.relative_to(self.path).as_posix() for path in written}
         for name in self._made - names - set(kept):
@@ -54,10 +54,10 @@ class OutFolder:
 
 @contextmanager
 def out_folder(path: Path, names: Sequence[str]) -> Iterator[OutFolder]:
-    """Lock the folder as long as the block runs, for files of these names (plain, or `tracks/` and plain).
+    """Lock the folder during the block, for files of these names (plain, or `tracks/` and plain).
 
-    Half-written files of a killed run are removed. Raises InputError where another process writes there, where a file of one
-    of the names exists that twin did not write, and where the list of its files is malformed.
+    Partial files of a killed run are removed. Raises InputError where another process writes, where a file of one of the
+    names exists that twin did not write, and for a malformed list of its files.
     """
     with locked_folder(path):
         made = _read_made(path)
@@ -73,10 +73,10 @@ def out_folder(path: Path, names: Sequence[str]) -> Iterator[OutFolder]:
 
 @contextmanager
 def locked_folder(folder: Path) -> Iterator[None]:
-    """Lock the folder against every other process; a missing one is made, and removed if it stays empty.
+    """Lock the folder against other processes; a missing one is made, and removed if it stays empty.
 
-    The system frees the lock with the process, however that ends. Raises InputError where another process holds it, and where
-    the folder cannot be made.
+    The system releases the lock when the process ends in any way. Raises InputError where another process holds it, and
+    where the folder cannot be made.
     """
     missing = [each for each in (folder, *folder.parents) if not each.exists()]
     path = folder / LOCK
@@ -86,7 +86,7 @@ def locked_folder(folder: Path) -> Iterator[None]:
         lock.acquire()
     except Timeout:
         holder = ""
-        with suppress(OSError):  # its holder has gone meanwhile
+        with suppress(OSError):  # its holder has exited meanwhile
             holder = path.read_text(encoding="utf-8", errors="replace")[:200]
         raise InputError(
             f"--out {folder}: {holder or 'another process'} is writing there; another folder is expected"
@@ -96,19 +96,19 @@ def locked_folder(folder: Path) -> Iterator[None]:
             f"--out {folder}: cannot be written ({error.strerror}); a folder is expected, where there is free space"
         ) from error
     try:
-        with suppress(OSError):  # a full disk: the lock holds without a word in it
+        with suppress(OSError):  # a full disk: the lock holds without content
             path.write_text(f"process {os.getpid()} on {socket.gethostname()}", encoding="utf-8")
         yield
     finally:
-        path.unlink(missing_ok=True)  # while it is held: a process that has opened it meanwhile sees that it is deleted
+        path.unlink(missing_ok=True)  # while it is held: a process that has opened it meanwhile sees the deletion
         lock.release()
         for each in missing:
-            with suppress(OSError):  # it holds something, or never came to be
+            with suppress(OSError):  # not empty, or missing
                 each.rmdir()
 
 
 def _read_made(folder: Path) -> set[str]:
-    """Read the names in the folder's list; raises InputError for a list that twin cannot have written."""
+    """Read the names in the folder's list; raises InputError for a list not written by twin."""
     path = folder / MADE
     if not path.exists() and not path.is_symlink():
         return set()
@@ -143,7 +143,7 @@ def _is_own_name(folder: Path, name: str) -> bool:
 
 
 def _clear_leftovers(folder: Path, names: set[str]) -> None:
-    """Remove what `atomic_path`, the bag and the video leave of these files when their process is killed."""
+    """Remove partial files of these names left by a killed process (`atomic_path`, bag, video)."""
     for name in names:
         place = (folder / name).parent
         if place.is_symlink() or not place.is_dir():
@@ -160,10 +160,10 @@ def _clear_leftovers(folder: Path, names: set[str]) -> None:
 
 @contextmanager
 def whole_folder(path: Path) -> Iterator[Path]:
-    """Yield a hidden folder beside `path`, which takes that name when the block ends well; else it is removed.
+    """Yield a hidden folder beside `path`, which takes that name when the block ends normally; else it is removed.
 
-    It takes the place of a folder that this function made. Raises InputError where another folder or file stands there, and
-    where it cannot be written or the disk is full.
+    It replaces a folder made by this function. Raises InputError where another folder or file exists, and where it cannot be
+    written or the disk is full.
     """
     path = Path(os.path.abspath(path))
     if path.exists() and not (path / MADE).is_file() and not (path.is_dir() and not any(path.iterdir())):

@@ -1,4 +1,4 @@
-"""Results of a run: metrics.json, the report, and the notes and warnings in them."""
+"""Outcome of a run: metrics.json, the report, and their notes and warnings."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from twin.sensors.fault_kinds import Fault
 from twin.sensors.gl_context import GlInfo
 
 _RECORDED = {"recording": ".mcap", "truth": ".csv", "scenario": ".yaml"}
-"""Files that a run leaves before its results."""
+"""Files that a run writes before its results."""
 _SIMPLIFICATIONS = (
     "People are kinematic: the standing foot is planted and the body follows it, but no forces act on it.",
     "Laser beams are rays: a mixed pixel at an edge is drawn at random, and every surface reflects alike.",
@@ -39,17 +39,17 @@ _SIMPLIFICATIONS = (
 
 
 def simplifications(scenario: Scenario | None) -> list[str]:
-    """List the physics that the twin leaves out, for the reader of a report; scenario None: unknown."""
+    """List the twin's physical simplifications for a report; scenario None: unknown."""
     has_shadows = scenario is not None and scenario.rendering.shadows
     return [each.format(no="" if has_shadows else "no shadows, ") for each in _SIMPLIFICATIONS]
 
 
 @dataclass(frozen=True, eq=False)
 class RunResult:
-    """Results of a run: metrics (None without truth), files by name, warnings.
+    """Result of a run: metrics (None without truth), files by name, warnings.
 
-    tracker_warnings: the trackers' own among the warnings; evaluations: of each tracker, where there is truth; failures: the
-    fault of each plug-in that raised; the results are those of the other trackers.
+    tracker_warnings: those of trackers among the warnings; evaluations: of each tracker, with truth; failures: the fault of
+    each failed plug-in; the results are those of the other trackers.
     """
 
     metrics: dict[str, Any] | None
@@ -68,14 +68,14 @@ class Site:
     outline: Sequence[Polygon] = ()
     person_names: Mapping[int, str] | None = None
     scans: ScanDensity | None = None
-    true_rig: Rig | None = None  # where the sensors truly are; `rig` is what trackers get
+    true_rig: Rig | None = None  # true poses of the sensors; `rig` is the trackers'
     recording: Path | None = None  # None: the run's own
 
 
 def evaluate_trackers(
     folder: Path, runners: Sequence[TrackerRunner], truth: TruthTable | None, situations: SituationTable | None
 ) -> list[TrackerResult]:
-    """Read and evaluate the table of each tracker that has not failed, from `folder/tracks`; without truth, only read it."""
+    """Read and evaluate the table of each successful tracker, from `folder/tracks`; without truth, only read it."""
     results = []
     for each in runners:
         if each.failure:
@@ -105,9 +105,9 @@ def write_results(
     losses: Sequence[Loss] = (),
     report: bool = True,
 ) -> RunResult:
-    """Write `report.html`, if asked for, and `metrics.json` where there is truth.
+    """Write `report.html`, if requested, and `metrics.json` if there is truth.
 
-    losses: those of the recording and of the trackers; the metrics hold them all, the notes in `facts` those reported.
+    losses: those of the recording and of the trackers; the metrics hold all, the notes in `facts` the reported ones.
     """
     files = {f"tracks {each.name}": folder / "tracks" / f"{file_name(each.name)}.csv" for each in results}
     if feed.is_filmed:
@@ -146,7 +146,7 @@ def write_results(
 
 
 def _links(folder: Path, files: Mapping[str, Path], recording: Path | None) -> dict[str, str]:
-    """Return the files of a run by kind, relative to its folder, with those that it left before its results."""
+    """Return the files of a run by kind, relative to its folder, including those written before its results."""
     beside = {each: folder / f"{each}{suffix}" for each, suffix in _RECORDED.items()}
     before = {name: path for name, path in beside.items() if path.is_file()}
     found = {**before, **({"recording": recording} if recording is not None else {}), **files}
@@ -154,7 +154,7 @@ def _links(folder: Path, files: Mapping[str, Path], recording: Path | None) -> d
 
 
 def prior_notes(files: PriorFiles) -> list[str]:
-    """Format a note on the prior files that trackers got."""
+    """Format a note on the prior files given to trackers."""
     found = ", ".join(f"{field} from {path}" for field, path in files.paths().items())
     return [f"Prior files of the trackers: {found}."] if found else []
 
@@ -165,7 +165,7 @@ def tracker_warnings(runners: Sequence[TrackerRunner]) -> list[str]:
 
 
 def early_warnings(runners: Sequence[TrackerRunner], faults: Mapping[str, Fault]) -> list[str]:
-    """Return the warnings of each tracker, and the sensors it does not use: their faults show in no track."""
+    """Return the warnings of each tracker, and its unused sensors, whose faults affect no track."""
     found = tracker_warnings(runners)
     for each in runners:
         unused = unused_sensors(each.tracker)
@@ -199,8 +199,8 @@ def tracker_notes(runners: Sequence[TrackerRunner], faults: Mapping[str, Fault])
 
 
 def versions(gl: GlInfo | None) -> dict[str, str | None]:
-    """Return the versions that a result depends on besides the scenario."""
-    # numpy lists what it found of the instruction sets it can use: sin, exp and arctan differ between them.
+    """Return the versions of all that a result depends on besides the scenario."""
+    # numpy lists the available instruction sets: sin, exp and arctan differ between them.
     simd: Any = np.show_config(mode="dicts")
     return {
         "twin": version("roomtwin"),

@@ -1,4 +1,4 @@
-"""Run one tracker: feed it, time it, write its frames as they come, and report the faults of a plug-in to its author."""
+"""Runner of one tracker: feeds and times it, writes its frames, and reports a plug-in's faults to its author."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from twin.run.inputs import ChosenTracker
 from twin.streams import stream
 
 _ENOUGH_FRAMES, _OFTEN = 20, 0.2
-"""A tracker with detections in this share of this many frames, and without any track, is warned of."""
+"""Number of frames, and share of them with detections, above which a tracker without any track is warned about."""
 
 
 class TrackerRunner:
-    """A tracker, the file of its frames, and the cost of a frame.
+    """A tracker, the file of its frames, and the cost per frame.
 
-    A plug-in that raises is out from then on: `failure` says what happened, its file does not appear, and the others continue.
+    A plug-in that raises is excluded: `failure` describes the fault, its file does not appear, and the others continue.
     """
 
     def __init__(self, chosen: ChosenTracker, rig: Rig) -> None:
@@ -52,7 +52,7 @@ class TrackerRunner:
     def make(self, prior: Prior, seed: int, jumps_ns: Sequence[int] = ()) -> None:
         """Make the tracker; raises InputError for a wrong name, wrong options or a wrong class.
 
-        jumps_ns: the stamps at which a new one takes its place (`trackers.feeding`).
+        jumps_ns: stamps at which a new one replaces it (`trackers.feeding`).
         """
 
         def made(streamed: str) -> Tracker:
@@ -83,18 +83,18 @@ class TrackerRunner:
 
     @contextmanager
     def writing(self, path: Path) -> Iterator[None]:
-        """Write the frames to this file, which appears when the block ends well and the tracker has not failed."""
+        """Write the frames to this file, which appears when the block ends normally and the tracker has not failed."""
         with self._file:
             if not self.failure:
                 self._writer = self._file.enter_context(track_writer(path))
             yield
 
     def update(self, observation: Observation) -> list[TrackFrame]:
-        """Return the frames that this observation completes, written and timed; none of a tracker that has failed."""
+        """Return the completed frames after this observation, written and timed; none of a failed tracker."""
         return self._frames(lambda fed: fed.update(observation))
 
     def finish(self) -> list[TrackFrame]:
-        """Return the frames the tracker still held."""
+        """Return the remaining frames."""
         return self._frames(FedTracker.finish)
 
     def _frames(self, call: Callable[[FedTracker], list[TrackFrame]]) -> list[TrackFrame]:
@@ -110,7 +110,7 @@ class TrackerRunner:
         for frame in frames:
             try:
                 self._writer.write(frame)
-            except OSError:  # the disk's, not the tracker's
+            except OSError:  # of the disk, not the tracker
                 raise
             except Exception as error:
                 stamp_ns = getattr(frame, "stamp_ns", None)
@@ -129,7 +129,7 @@ class TrackerRunner:
 
     @property
     def warnings(self) -> list[str]:
-        """Warnings of the tracker, and one where it reports no track although it detects something in frame after frame."""
+        """Warnings of the tracker, and one if it reports no track despite detections in many frames."""
         found = list(warnings(self.tracker))
         if not self._tracked and self._n_frame >= _ENOUGH_FRAMES and self._n_with_detections >= _OFTEN * self._n_frame:
             often = f"{self._n_with_detections} of {self._n_frame} frames"
@@ -140,18 +140,18 @@ class TrackerRunner:
         return found
 
     def _note_silence(self, frames: Sequence[TrackFrame]) -> None:
-        """Count frames with detections as long as no track is reported."""
+        """Count frames with detections until a track is reported."""
         if self._tracked:
             return
         self._tracked = any(frame.tracks for frame in frames)
         detections = detections_of(self.tracker)
         self._n_frame += len(frames)
-        # those of one call belong to its frames
+        # detections of one call belong to its frames
         if detections is not None and detections():
             self._n_with_detections += len(frames)
 
     def _fail(self, error: BaseException, when: str = "") -> None:
-        """Note a plug-in's fault and drop its file; what a tracker of ours raises is our fault and stays loud."""
+        """Note a plug-in's fault and drop its file; pass on an exception of a tracker of ours."""
         if self._chosen.target in PRESETS:
             raise error
         self.failure = plug_in_fault(self._chosen, self.tracker, error, when)
@@ -193,15 +193,15 @@ def tracker_runners(
 
 
 def check_some_left(runners: Sequence[TrackerRunner]) -> None:
-    """Raise PlugInError where there were trackers and every one has failed."""
+    """Raise PlugInError if all of at least one tracker have failed."""
     if runners and all(each.failure for each in runners):
         raise PlugInError("\n".join(each.failure for each in runners))
 
 
 def plug_in_fault(chosen: ChosenTracker, tracker: Any, error: BaseException, when: str = "") -> str:
-    """Format class, method, error, the plug-in's last line that ran, and the observation that the tracker was given.
+    """Format class, method, error, the plug-in's last executed line, and the tracker's input observation.
 
-    tracker: None while it is made; when: in place of the observation, where there is none.
+    tracker: None during its making; when: replaces the observation without one.
     """
     steps = list(traceback.walk_tb(error.__traceback__))
     module = chosen.target.partition(":")[0] if tracker is None else type(tracker).__module__
@@ -219,7 +219,7 @@ def first_line(text: str) -> str:
 
 
 def _method(steps: list[tuple[FrameType, int]], tracker: Any, module: str) -> str:
-    """Return the tracker's method that was called; 'what it gave' where its result is at fault."""
+    """Return the tracker's method called; 'what it gave' for a fault of its result."""
     for frame, _ in steps:
         if tracker is None and _module(frame) == module:
             return "the import" if frame.f_code.co_name == "<module>" else f"{frame.f_code.co_name}()"
@@ -237,7 +237,7 @@ def _module(frame: FrameType) -> str:
 
 
 def _given(steps: list[tuple[FrameType, int]]) -> str:
-    """Return the observation that the tracker was given, which need not be the one that arrived last."""
+    """Return the tracker's input observation, which may differ from the one that arrived last."""
     for frame, _ in reversed(steps):
         observation = frame.f_locals.get("observation")
         if observation is not None and not _is_theirs(frame):

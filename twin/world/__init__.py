@@ -1,1 +1,1 @@
-"""Building the world from a scenario, and stepping it."""
+"""Construction of the world from a scenario, and its stepping."""

@@ -1,4 +1,4 @@
-"""Bodies compiled with the room they are in, and the pools of people who have bodies at the same time."""
+"""Bodies compiled with their room, and the pools of people who have bodies at the same time."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from twin.scenario.person import Person
 class Bodies:
     """A compiled model and the maps from its elements to people.
 
-    Arrays over people are in the order of `everybody`; of those who have no body, who are not in `names`, they hold -1.
+    Arrays over people are in the order of `everybody`, with -1 for people without a body, who are not in `names`.
     """
 
     all_names: tuple[str, ...]
@@ -44,9 +44,9 @@ class Bodies:
         ids: Mapping[str, int],
         looks: Mapping[str, BodyAppearance],
     ) -> Bodies:
-        """Compile a copy of a room with the bodies of those who have `looks`, in the order of `everybody`.
+        """Compile a copy of a room with the bodies of people in `looks`, in the order of `everybody`.
 
-        Raises InputError naming the room's file, `path`, where the whole does not compile.
+        Raises InputError naming the room's file, `path`, if it does not compile.
         """
         spec = room.copy()
         names = tuple(name for name in all_names if name in looks)
@@ -73,12 +73,12 @@ class Bodies:
 
     @property
     def there(self) -> NDArray[np.bool_]:
-        """Mask (n_people,) of the people who have bodies."""
+        """Mask (n_people,) of people with bodies."""
         return self.head_site >= 0
 
 
 def _person_of_geom(model: mujoco.MjModel, ids: Mapping[str, int]) -> NDArray[np.int16]:
-    """Find the person of each geom by the body at the root: a room's own body may be called like a person."""
+    """Find the person of each geom by its root body, since a room's own body may share a person's name."""
     owner = np.zeros(model.nbody, dtype=np.int16)
     for name, number in ids.items():
         owner[model.jnt_bodyid[model.joint(f"{name}/root").id]] = number
@@ -93,7 +93,7 @@ def _addresses(model: mujoco.MjModel, names: Sequence[str]) -> NDArray[np.intp]:
 
 
 def _points(model: mujoco.MjModel, names: Sequence[str]) -> NDArray[np.intp]:
-    """Return the sites of each person's fixed points, of which everybody has as many, (n_names, n_point)."""
+    """Return the sites of each person's fixed points, equal in number, (n_names, n_point)."""
     rows = []
     for name in names:
         numbers = (mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, f"{name}/point_{each:02d}") for each in count())
@@ -102,17 +102,16 @@ def _points(model: mujoco.MjModel, names: Sequence[str]) -> NDArray[np.intp]:
 
 
 _LEAST = 32
-"""So many who come and go are in every pool that can have them: a new pool costs what its bodies cost."""
+"""Least number of temporary people in a pool, if there are so many: a new pool costs as much as its bodies."""
 _SPARE_S = 2 * TICK_S
-"""A body is there a little before and after its path: people come and go by the ticks of their clock [s]."""
+"""Time margin of bodies around their paths, as people come and go by the ticks of their clock [s]."""
 
 
 @dataclass(frozen=True)
 class BodyPool:
-    """A pool of bodies: the people who have bodies from `from_s` until before `until_s` [s], sorted: all who are in the
-    room then.
+    """Pool of bodies: people with bodies from `from_s` until before `until_s` [s], sorted.
 
-    And all who are there in the last `HISTORY_S` before, since sensors look back.
+    Everyone in the room then or in the last `HISTORY_S` before, for sensors that look back.
     """
 
     names: tuple[str, ...]
@@ -120,17 +119,16 @@ class BodyPool:
     until_s: float
 
     def covers(self, t: float) -> bool:
-        """Return whether everybody who is in the room at time t [s] has a body."""
+        """Return whether all people in the room at time t [s] have a body."""
         return self.from_s - HISTORY_S <= t < self.until_s
 
 
 def body_pools(people: Mapping[str, Person]) -> tuple[BodyPool, ...]:
     """Plan the body pools of a scenario in order of time, the first from -inf and the last to inf.
 
-    Of those who keep recorded paths it is known when they come and go: a pool holds who is there at its beginning and as
-    many more, in the order in which they come, and lasts until the next one comes. So there are never more than about
-    twice as many bodies as people at once, and each is made a few times at most. When all others leave their scripts
-    and the crowd decide: they are in every pool.
+    The times of recorded paths are known: a pool holds the people present at its start and as many later ones, in order of
+    arrival, and ends when the next one comes. So there are never more than about twice as many bodies as people at once, and
+    each is made a few times at most. People with scripts may leave at any time: they are in every pool.
     """
     stays = {name: _stay(person.script[0]) for name, person in people.items() if _keeps_a_path(person)}
     always = [name for name in people if name not in stays]
@@ -155,6 +153,6 @@ def _keeps_a_path(person: Person) -> bool:
 
 
 def _stay(path: object) -> tuple[float, float]:
-    """Return the longest stay of somebody who keeps a path: from and to [s]."""
+    """Return the presence of a recorded path: from and to [s], the longest possible."""
     assert isinstance(path, RecordedPath)
     return path.points[0][0] - _SPARE_S, path.points[-1][0] + _SPARE_S

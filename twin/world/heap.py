@@ -1,7 +1,7 @@
-"""Memory that a run has freed, given back to the system.
+"""Release of freed memory to the system.
 
-The C library keeps what large pictures leave between small things that live on; run after run in one process that came to
-gigabytes. Nothing is lost by giving it back: it is memory that nobody holds.
+The C library keeps the space of large images between small live objects; over many runs in one process that grew to
+gigabytes.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from typing import Any
 
 
 def trim_heap() -> None:
-    """Give freed memory back to the system, where the C library is one that can (glibc)."""
+    """Return freed memory to the system, if the C library can (glibc)."""
     if (trim := _malloc_trim()) is not None:
         trim(0)
 
 
 @contextmanager
 def heap_trimmed() -> Iterator[None]:
-    """Trim the heap when the block is left."""
+    """Trim the heap at the end of the block."""
     try:
         yield
     finally:
@@ -30,5 +30,5 @@ def heap_trimmed() -> Iterator[None]:
 
 @cache
 def _malloc_trim() -> Any:
-    """Return the function of the C library; None where it has none: musl, macOS."""
+    """Return the function of the C library; None if missing: musl, macOS."""
     return getattr(ctypes.CDLL(None), "malloc_trim", None)

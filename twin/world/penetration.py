@@ -1,9 +1,9 @@
-"""Penetration of bodies into each other and into the room: the depth of every overlap of a posed world.
+"""Penetration of bodies into each other and into the room: the depth of every overlap in a posed world.
 
 Overlaps are measured between MuJoCo's own geoms (`mj_geomDistance`: exact for convex shapes), after a broad phase on
-bounding spheres for all pairs at once. Of a person the geoms of group 1 count (the body and its clothes; not eyes, ears
-and mouth), of the room everything that stands still and rises above the floor. Feet on the floor are no overlap, and
-neither is what the caller allows: the chair that somebody sits on.
+bounding spheres for all pairs at once. Of a person the geoms of group 1 count (the body and its clothes; not eyes, ears and
+mouth), of the room all static ones that rise above the floor. Feet on the floor are no overlap, nor is what the caller
+allows, such as the chair of a sitting person.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ from twin.instant.snapshot import Snapshot, SnapshotSource
 from twin.people.body.person_spec import GEOM_GROUP
 
 Allowed = Mapping[int, Collection[int]]
-"""For ids of people: the room's geoms that they may touch and press into."""
+"""For ids of people: geoms of the room that they may touch and press into."""
 
 TOLERANCE_M = 0.01
-"""Overlaps up to this depth are flesh and cloth that give way [m]."""
+"""Depth up to which flesh and cloth give way [m]."""
 LOW_M = 0.05
-"""Geoms that end below this height belong to the floor: rugs, marks, tiles, thresholds [m]."""
+"""Height below which geoms belong to the floor: rugs, marks, tiles, thresholds [m]."""
 
 _UNDER_THE_FLOOR_M = -1.0
 
 
 @dataclass(frozen=True)
 class Penetration:
-    """The deepest overlap of one person with another, or with one geom of the room, at one moment.
+    """Deepest overlap of one person with another, or with one geom of the room, at one time.
 
-    `person` and `other` are ids, `other` 0 for the room; `geom` and `other_geom` name what overlaps.
+    `person` and `other` are ids, `other` 0 for the room; `geom` and `other_geom`: names of the overlapping geoms.
     """
 
     t: float
@@ -47,7 +47,7 @@ class Penetration:
 
 
 class PenetrationCheck:
-    """The overlaps of one model's people, moment by moment; made once, as it sorts the geoms."""
+    """Overlaps of one model's people over time; made once, as it sorts the geoms."""
 
     def __init__(self, model: mujoco.MjModel, person_of_geom: NDArray[np.int16]) -> None:
         """`person_of_geom` (n_geom,): id of the person a geom belongs to, 0 for the room."""
@@ -67,10 +67,9 @@ class PenetrationCheck:
         self._walls = np.flatnonzero(still & (kind == mujoco.mjtGeom.mjGEOM_PLANE) & upright)
 
     def at(self, snapshot: Snapshot, allowed: Allowed | None = None, least_m: float = TOLERANCE_M) -> list[Penetration]:
-        """Find overlaps deeper than `least_m` [m], in the order of ids: one a pair of people, one a person and room
-        geom.
+        """Find overlaps deeper than `least_m` [m], by ids: one per pair of people, one per person and room geom.
 
-        People far below the floor are not in the room, and overlap nothing.
+        People far below the floor are not in the room.
         """
         data = snapshot.data
         place = data.geom_xpos[self._body]
@@ -107,7 +106,7 @@ class PenetrationCheck:
             offset = (place - data.geom_xpos[wall]) @ turn
             size = self.model.geom_size[wall, :2]
             adjacent = (np.abs(offset[:, :2]) < np.where(size > 0, size, np.inf)).all(axis=1)
-            # what lies behind as a whole is in the next room, not in the wall
+            # a geom wholly behind it is in the next room, not in the wall
             for first in np.flatnonzero(adjacent & (np.abs(offset[:, 2]) < reach)):
                 yield int(body[first]), int(wall)
 
@@ -122,7 +121,7 @@ def penetrations(snapshot: Snapshot, allowed: Allowed | None = None, least_m: fl
 
 @dataclass
 class PenetrationCount:
-    """Overlaps of a run: the number of moments, of those with an overlap, and the deepest overlap of each pair."""
+    """Overlaps of a run: number of times, of those with an overlap, and the deepest overlap of each pair."""
 
     samples: int = 0
     with_overlap: int = 0
@@ -134,7 +133,7 @@ class PenetrationCount:
         return max((each.depth_m for each in self.deepest.values()), default=0.0)
 
     def add(self, found: Iterable[Penetration]) -> None:
-        """Count one moment and what was found in it."""
+        """Count one time and its overlaps."""
         self.samples += 1
         any_found = False
         for each in found:
@@ -159,7 +158,7 @@ def count_penetrations(
     allowed: Callable[[float], Allowed] | None = None,
     least_m: float = TOLERANCE_M,
 ) -> PenetrationCount:
-    """Count overlaps over a simulation at `times` [s], which rise; `allowed(t)`: what may be pressed into then."""
+    """Count overlaps over a simulation at rising `times` [s]; `allowed(t)`: exceptions at that time."""
     count = PenetrationCount()
     check: PenetrationCheck | None = None
     for t in times:
@@ -176,7 +175,7 @@ def _apart(first: Array, second: Array) -> Array:
 
 
 def _top(model: Any, data: Any, geom: int) -> float:
-    """Return greatest height that a geom can reach by its bounding box [m]."""
+    """Return the greatest height of a geom by its bounding box [m]."""
     middle, half = model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:]
     turn = data.geom_xmat[geom].reshape(3, 3)
     return float(data.geom_xpos[geom, 2] + turn[2] @ middle + np.abs(turn[2]) @ half)

@@ -1,4 +1,4 @@
-"""Placement checks: a scenario's area and people fit into its room and between its furniture."""
+"""Placement checks: a scenario's area and people must fit into its room and between its furniture."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ _LOOKS_EVERY_S = 0.05
 _LOOKS_EVERY_M = 0.05
 _MOST_LOOKS = 100_000
 DOOR_REACH_M = 0.6
-"""Whoever is to leave at a door goes as near to it as people walk, at most so far from it [m]."""
+"""Greatest distance from a door at which a person leaves, as near as people walk [m]."""
 CLEARANCE_M = 0.5
-"""Least distance between the middles of two people at the start: below it their bodies overlap [m]."""
+"""Least distance between the middles of two people at the start, below which their bodies overlap [m]."""
 
 
 def check_placement(scenario: Scenario, area: Array, walkable: Array, routes: Routes) -> None:
-    """Raise InputError where the tracked area or a person leaves the walkable area, somebody starts in furniture or in
-    another, or is sent where they cannot go.
+    """Raise InputError where the tracked area or a person leaves the walkable area, a start lies in furniture or another
+    person, or a goal is unreachable.
 
     area, walkable: simple polygons (k, 2) in the room frame [m]; routes: the ways between the furniture.
     """
@@ -53,7 +53,7 @@ def check_placement(scenario: Scenario, area: Array, walkable: Array, routes: Ro
         if person.script and isinstance(person.script[0], Wander) and not strictly_within(area, here):
             raise InputError(f"{field} is not inside the area that a wanderer stays in; {_within(area)} is expected")
         if comes_at(person) > 0 or _keeps_path(person):
-            continue  # who comes later waits for a free place, and recorded paths are as they are
+            continue  # later arrivals wait for a free place, and recorded paths are fixed
         for other, there in placed.items():
             distance = float(np.linalg.norm(here - there))
             if distance < CLEARANCE_M:
@@ -65,7 +65,7 @@ def check_placement(scenario: Scenario, area: Array, walkable: Array, routes: Ro
 
 
 def check_free(place: Array, routes: Routes, field: str, clear_m: float = KEEP_FROM_FURNITURE_M) -> None:
-    """Raise InputError naming the field and the furniture where a place (2,) [m] is in, or within `clear_m` of, some."""
+    """Raise InputError naming the field and the furniture where a place (2,) [m] is within `clear_m` of some."""
     gaps = Footprints(routes.obstacles).gaps(planar(place[None]))[1][0]
     if not len(gaps) or gaps.min() >= clear_m - TOLERANCE_M:
         return
@@ -87,7 +87,7 @@ def check_way(start: Array, goal: Array, routes: Routes, field: str) -> None:
 
 
 def check_approach(furniture: Seat | Bed, places: Sequence[Array], routes: Routes, field: str) -> None:
-    """Raise InputError naming the field where nobody can come to any of the places (2,) [m] before a seat or bed."""
+    """Raise InputError naming the field where no place (2,) [m] before a seat or bed is reachable."""
     if any(routes.reachable(place) for place in places):
         return
     place, kind = places[0], "seat" if isinstance(furniture, Seat) else "bed"
@@ -129,11 +129,11 @@ def _check_person(person: Person, walkable: Array, routes: Routes, field: str) -
             case Stand() | Turn() | Bend() | Reach() | Look():
                 pass
             case _:
-                here = None  # who wanders, follows or sits goes on from somewhere else
+                here = None  # wandering, following and sitting continue from another place
 
 
 def _check_leaving(here: Array | None, to: Array, walkable: Array, routes: Routes, field: str) -> None:
-    """Raise InputError where nobody can come near to the place to leave at, from `here` (None: anywhere)."""
+    """Raise InputError where the place to leave at cannot be approached from `here` (None: anywhere)."""
     place = standing_place(to, walkable)
     if hypot(*(place - to)) > DOOR_REACH_M:
         raise InputError(
@@ -153,9 +153,9 @@ def _check_place(place: Array, walkable: Array, routes: Routes, field: str, clea
 
 
 def _check_path(points: Array, walkable: Array, routes: Routes, field: str) -> None:
-    """Raise InputError naming where a recorded path (k, 3) t, x, y, or the curve through it, is in a wall or in furniture.
+    """Raise InputError naming where a recorded path (k, 3) t, x, y, or the curve through it, is in a wall or furniture.
 
-    What lies before the start is nobody's way.
+    Rows before the start are ignored.
     """
     area = Area(walkable, TOLERANCE_M)
     curve = curve_through(points)
@@ -171,8 +171,9 @@ def _check_path(points: Array, walkable: Array, routes: Routes, field: str) -> N
 
 
 def _times_along(points: Array) -> Array:
-    """Choose the times at which a path (k, 3) t, x, y is checked from t = 0 on: the rows, and between two as often as
-    time and way ask for."""
+    """Choose the times at which a path (k, 3) t, x, y is checked from t = 0 on: the rows, and between two as densely as
+    needed.
+    """
     looks = []
     for (t, x, y), (t2, x2, y2) in pairwise(points):
         if t2 > 0:
@@ -222,7 +223,7 @@ def _script_field(person: Person, number: int) -> str:
 
 
 def _within(area: Array) -> str:
-    """Describe an area in words: a range each for a rectangle along the axes, else the corners."""
+    """Describe an area in words: a range per axis for an aligned rectangle, else the corners."""
     low, high = area.min(axis=0), area.max(axis=0)
     if len(area) == 4 and ((area == low) | (area == high)).all():
         return f"x {low[0]:g} to {high[0]:g} m, y {low[1]:g} to {high[1]:g} m"

@@ -1,4 +1,4 @@
-"""Precomputed motion of a scenario's people, with their bodies in the room, for any sensors to look at."""
+"""Precomputed motion of a scenario's people, with their bodies in the room, for any sensors."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from twin.scenario import Scenario
 from twin.world.scene import Scene, build_scene, populate
 
 LONGEST_LOOK_S = 1.0
-"""A motion goes on for so long after the scenario's end: a sweep or an exposure begun before takes less [s]."""
+"""Time by which a motion exceeds the scenario's end, for sweeps and exposures begun before [s]."""
 
 
 class PoseCache:
-    """Poses of people's geoms at the times at which scanners have looked, for scanners that look at the same times.
+    """Poses of people's geoms at the times of scans, for scanners with the same times.
 
-    A ray asks for nothing else: neither joints nor soles, cameras or lights are kept.
+    Rays need nothing else: joints, soles, cameras and lights are not kept.
     """
 
     def __init__(self, person_of_geom: NDArray[np.int16]) -> None:
@@ -30,17 +30,17 @@ class PoseCache:
         self.places: dict[float, tuple[Array, Array]] = {}
 
     def store(self, t: float, data: mujoco.MjData) -> None:
-        """Keep the poses that are those of time t [s]."""
+        """Store the present poses as those of time t [s]."""
         self.places[t] = data.geom_xpos[self._geoms].copy(), data.geom_xmat[self._geoms].copy()
 
     def restore(self, t: float, data: mujoco.MjData) -> None:
-        """Put the geoms where they are at time t [s]."""
+        """Restore the poses of time t [s]."""
         data.geom_xpos[self._geoms], data.geom_xmat[self._geoms] = self.places[t]
 
 
 @dataclass(frozen=True, eq=False)
 class PrecomputedScene:
-    """The compiled scene of a scenario as it begins, and its people's motion; for scenarios with the same people."""
+    """Compiled initial scene of a scenario, and its people's motion; for scenarios with the same people."""
 
     scene: Scene
     motion: PopulationMotion
@@ -51,7 +51,7 @@ class PrecomputedScene:
         return cls(build_scene(randomized(scenario)), motion)
 
     def scene_for(self, scenario: Scenario) -> Scene:
-        """Return the scene for one world: with a model of its own where the world changes its light."""
+        """Return the scene for one world, with its own model if the world changes its light."""
         if not scenario.lights:
             return self.scene
         return replace(self.scene, bodies=replace(self.scene.bodies, model=copy.copy(self.scene.model)))
