@@ -1,4 +1,4 @@
-"""The options of `laser-fisheye-imm`: what of the paper, and of what we added to it, may differ."""
+"""Options of `laser-fisheye-imm`: variable parts of the paper's system and of our additions."""
 
 from __future__ import annotations
 
@@ -21,20 +21,21 @@ from trackers.vision.histogram import HistogramOptions
 from trackers.vision.person_windows import TorsoOptions
 
 START_SPEED_M_S = 1.5
-"""Standard deviation of a new track's speed [m/s]; the paper does not say."""
+"""Standard deviation of a new track's speed [m/s]; not in the paper."""
 EVEN_AT = 0.37
-"""E of a shirt that is as likely the same person's as another's, so that an unknown one is neither alike nor different; measured
-in the twin. By the paper's cost it is 0."""
+"""E at which a colour is as likely the same person's as another's, used for unknown ones; measured in the twin. 0 for the
+paper's cost.
+"""
 WRONG_LOOK = 0.005
-"""Share of looks at a torso that show what hides it, so that a wrong shirt costs so much and no more; by the paper's cost 0."""
+"""Share of torso views that show an occluder, which bounds the cost of a wrong colour; 0 for the paper's cost."""
 EXPLAINED_BELOW = 2.0
-"""Mahalanobis distance up to which a track in sight explains a measurement, so that no other one is re-identified in it."""
+"""Mahalanobis distance up to which a visible track explains a measurement, which is then not re-identified."""
 TORSO_HISTOGRAM = HistogramOptions(grey_bins=0, smoothing_deg=0.0)
-"""Hue alone, as in the paper."""
+"""Hue only, as in the paper."""
 
 
 class ImmTrackManagementOptions(TrackManagementOptions, ReidentificationOptions):
-    """Those of every tracker, and rules for a background that is learned, for existence, and for what is reported."""
+    """Common track management options, and rules for learned backgrounds, existence, and reporting."""
 
     confirm_s: float = Field(
         default=0.15,
@@ -94,7 +95,7 @@ class ImmTrackManagementOptions(TrackManagementOptions, ReidentificationOptions)
 
 
 class LayerScannerOptions(ScannerOptions):
-    """Options of a scanner that every layer of this system adds."""
+    """Scanner options of every layer of this system."""
 
     min_samples: PositiveInt = Field(description="least samples of a cluster that initiates a track")
     min_width_m: float = Field(
@@ -110,7 +111,7 @@ class LayerScannerOptions(ScannerOptions):
     )
 
     def layer(self, defaults: LayerOptions, **own: Any) -> LayerOptions:
-        """Return the parameters of a layer: these, and others of its `own`, over the `defaults` of its height."""
+        """Return the parameters of a layer: these, and its `own`, over the `defaults` of its height."""
         base, names = self.over(defaults), ("hidden_variance_m2", "fuse_m")
         cluster = base.cluster.model_copy(update={"min_samples": self.min_samples, "min_width_m": self.min_width_m})
         return base.model_copy(update={"cluster": cluster, **{name: getattr(self, name) for name in names}, **own})
@@ -175,7 +176,7 @@ class KneeScannerOptions(LayerScannerOptions):
 
 
 class AppearanceOptions(Strict):
-    """Options of how shirts are learned, and how much they count."""
+    """Options of learning and weighting shirts' colours."""
 
     weight: float = Field(
         default=60.0, ge=0, description="weight w of the appearance E, in the paper's distance d = N + w E (inferred)"
@@ -208,12 +209,12 @@ _SCANNERS: Mapping[str, LayerOptions] = {"waist": WaistOptions(), "knee": KneeOp
 
 
 def _fixed(group: str, values: BaseModel, but: Collection[str]) -> dict[str, Any]:
-    """Return what the former options of a group always are, by path, but for those that still are options."""
+    """Return the constant values of a group's former options, by path, except present options."""
     return {f"{group}.{path}": value for path, value in leaves_of(values) if path not in but}
 
 
 class LaserFisheyeImmOptions(Strict):
-    """Options of the paper's system and of what we added to it; `trackers.laser_fisheye_imm.rules` switches ours off."""
+    """Options of the paper's system and of our additions; `trackers.laser_fisheye_imm.rules` switches ours off."""
 
     former_names: ClassVar[Mapping[str, str]] = {
         "period_s": "step_s",

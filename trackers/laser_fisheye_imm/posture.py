@@ -1,8 +1,8 @@
-"""Posture by the legs: who sits, and may lie down where no scan looks (ours).
+"""Posture by the legs: sitting people, who may lie down below the scans (ours).
 
-The legs of somebody upright are under the trunk, those of somebody who sits half a metre before it. Nobody leaves from a seat
-without getting up first. So whoever sat and is not seen any more, where a scan would show them upright, lies there, lower than
-scans look: the pelvis stays where it sat, and trunk and legs come up again within a body's length of it.
+The legs of an upright person are under the trunk, those of a sitting one half a metre before it. People get up before
+leaving a seat. So a sitting person who is no longer detected, where an upright one would be, is lying there below the scans:
+the pelvis stays at the seat, and trunk and legs reappear within a body's length of it.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from trackers.configuration import Strict
 from trackers.filters.rows import Rows, written
 
 _MEMORY = 0.7
-"""Share of the old average that is kept when legs and trunk are seen together."""
+"""Retained share of the average when legs and trunk are detected together."""
 
 
 class PostureOptions(Strict):
-    """Options of how the legs tell a sitting person, and what becomes of one that no scan shows."""
+    """Options of sitting by the legs, and of missed sitting people."""
 
     seated_m: float | None = Field(
         default=0.3,
@@ -32,9 +32,9 @@ class PostureOptions(Strict):
         "(ours)",
     )
     length_m: ClassVar[float] = 1.2
-    """Distance from the seat within which trunk and legs of a sitting or lying person stay, and no track is initiated [m]."""
+    """Distance from the seat within which a sitting or lying person's trunk and legs stay, and no track is initiated [m]."""
     place_m: ClassVar[float] = 0.35
-    """Standard deviation of a lying person's trunk from the seat when it comes up again [m]."""
+    """Standard deviation of a lying person's trunk from the seat on reappearing [m]."""
     lean_m: ClassVar[float] = 0.07
     """Standard deviation, on each axis, of a sitting person's trunk from the pelvis [m]."""
     lies_down_s: float = Field(
@@ -53,27 +53,29 @@ class Posture(Rows):
     """Postures of n people."""
 
     knees: Float[Array, "n 2"]  # from the trunk to the middle of the legs, on average [m]
-    seat: Float[Array, "n 2"]  # where the trunk was when they last sat [m]; NaN: they do not
-    low: Float[Array, "n"]  # how probably they are lower than scans look, if they are there
+    seat: Float[Array, "n 2"]  # last position of the trunk while sitting [m]; NaN: not sitting
+    low: Float[Array, "n"]  # probability of being below the scans, given existence
 
     @classmethod
     def upright(cls, n: int) -> Self:
-        """Of n people who have not sat yet."""
+        """Make postures of n people who have not sat yet."""
         return cls(np.zeros((n, 2)), np.full((n, 2), np.nan), np.zeros(n))
 
     @property
     def lying(self) -> Bool[Mask, "n"]:
-        """The people who probably lie, lower than scans look."""
+        """Mask of people probably lying below the scans."""
         return self.low > 0.5
 
     def seated(self, place: Float[Array, "n 2"], options: PostureOptions) -> Bool[Mask, "n"]:
-        """Select the people who sit or lie, measured last at these places [m]."""
-        return np.hypot(*(place - self.seat).T) < options.length_m  # NaN is not
+        """Return a mask of people sitting or lying, last measured at these positions [m]."""
+        return np.hypot(*(place - self.seat).T) < options.length_m  # NaN compares False
 
     def measured(
         self, track: Int[Index, "p"], trunk: Float[Array, "p 2"], legs: Float[Array, "p 2"], options: PostureOptions
     ) -> Self:
-        """After those at `track` were measured; legs: the middle of theirs [m], NaN where not seen with the trunk."""
+        """Return the postures after measurements of those at `track`; legs: their middle [m], NaN if not detected with the
+        trunk.
+        """
         low = written(self.low, track, 0.0)
         both = ~np.isnan(legs[:, 0])
         if options.seated_m is None or not both.any():
@@ -93,9 +95,9 @@ class Posture(Rows):
         elapsed_s: float,
         options: PostureOptions,
     ) -> tuple[Self, Float[Array, "n"]]:
-        """After a look, `elapsed_s` after the last one, that showed nobody of them, and how probably it would not.
+        """Return the postures, and miss probabilities, after a frame `elapsed_s` after the last one without detections.
 
-        chance: how probably the look shows nothing of them upright; free: whose seat nobody else is at.
+        chance: miss probability of upright people; free: people whose seat no other occupies.
         """
         lies_down = -np.expm1(-elapsed_s / options.lies_down_s)
         low = np.where(seated & free, self.low + (1 - self.low) * lies_down, 0.0)
