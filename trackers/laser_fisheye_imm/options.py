@@ -316,7 +316,7 @@ class LaserFisheyeImmOptions(Strict):
     )
 
     def idle(self) -> Iterator[str]:
-        """Yield the groups of options that differ from their defaults and have no effect, with the option that says so."""
+        """Yield the groups of options that differ from their defaults without effect, with the option that causes it."""
         needs: dict[str, Role] = {"waist": "waist", "knee": "knee", "legs": "knee"}
         for group, role in needs.items():
             if role not in self.layers and getattr(self, group) != type(self).model_fields[group].default:

@@ -45,7 +45,7 @@ class ParticleOptions(Strict):
 
 
 class AssociationOptions(Strict):
-    """Which detection belongs to which track."""
+    """Options of the association of detections with tracks."""
 
     gate: float = Field(default=4.0, gt=0, description="largest Mahalanobis distance of a track and a detection")
     radius_m: float = Field(default=1.2, gt=0, description="and their largest distance [m]")
