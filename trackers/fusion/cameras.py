@@ -35,6 +35,8 @@ _OWN_M = 0.45
 """Points of a stereo picture this near to an expected head are its person's [m]."""
 _BELOW_M, _LEGS_M = 0.35, 0.8
 """Points so far below that head may be this far beside it: arms and legs of a person who sits [m]."""
+_LOWER_M = 0.2
+"""A head so much lower than a known one beside it is a part of that one's body [m]."""
 _LEAST_M2 = 0.06
 """Area of foreground that shows a person in one stereo picture [m²]."""
 _TORSO = np.stack(np.meshgrid(np.linspace(-0.12, 0.12, 8), np.linspace(0.54, 0.8, 10)), axis=-1)
@@ -135,7 +137,7 @@ class Camera:
             if mine[3].sum() >= _LEAST_M2:
                 owners.append(row)
                 heads.append(head_of(mine))
-        new = heads_in_plan(points[:, ~own], _LEAST_M2, _OWN_M)
+        new = heads_in_plan(points[:, ~own], 2 * _LEAST_M2, _OWN_M)
         head = np.concatenate([np.reshape(heads, (-1, 3)), new])
         owner = np.concatenate([np.array(owners, np.intp), np.full(len(new), -1)])
         drop_m = np.maximum(1.2 - head[:, 2], 0.0)
@@ -143,12 +145,16 @@ class Camera:
         return self._looked(head[:, :2], covariance, expected, ns, owner, head)
 
     def _looked(self, position, covariance, expected: Expected, ns: int, owner, head=None) -> Look:
+        starts = (owner < 0) & clear_of(position, expected.place, _OWN_M) & self._is_apart(position, expected)
+        if head is not None and len(expected.head):  # an arm or a lap below a known head is no other's
+            below = head[:, 2] < expected.head[:, 2, None] - _LOWER_M
+            starts &= ~np.logical_or.reduce(below & (distances(expected.head[:, :2], position) < _LEGS_M), axis=0)
         return Look(
             self.names,
             self._kind,
             position,
             covariance,
-            (owner < 0) & clear_of(position, expected.place, _OWN_M) & self._is_apart(position, expected),
+            starts,
             owner,
             lambda points: self._missed(points, expected),
             shows_low=self._stereo is not None,

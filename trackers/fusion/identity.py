@@ -1,4 +1,4 @@
-"""Identities: who comes out of hiding, and who of two that met is who, by clothes, stature and weight."""
+"""Identities: tracks that come out of hiding, by clothes and by how far their people can have walked."""
 
 from __future__ import annotations
 

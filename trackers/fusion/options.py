@@ -46,14 +46,8 @@ class HeadOptions(Strict):
 
 
 class IdentityOptions(Strict):
-    """Options of identities: when they are in doubt, and what settles them."""
+    """Options of identities: what is remembered of people, and who comes out of hiding."""
 
-    met_m: float = Field(
-        default=0.7, ge=0, description="two tracks that were nearer may have been exchanged [m]; 0: none is"
-    )
-    swap_above: float = Field(
-        default=6.0, gt=0, description="log-likelihood ratio from which two tracks have been exchanged, or have not"
-    )
     memory: float = Field(default=0.8, ge=0, lt=1, description="share of the old colours that is kept by a look")
     same_below: float = Field(
         default=0.35, ge=0, le=1, description="distance of colours (χ²) up to which a track is known again"

@@ -10,7 +10,9 @@ thousandth of the cost, and the one likelihood that is none, a picture's of a he
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable
+from dataclasses import replace
 from math import nan
 from typing import Any
 
@@ -19,14 +21,16 @@ from jaxtyping import Float, Int
 
 from trackers.arrays import Array, Index
 from trackers.configuration import validate
+from trackers.errors import InputError
 from trackers.filters.imm import Imm
 from trackers.filters.negative_information import radius_containing
 from trackers.filters.rows import written
 from trackers.filters.velocity_motion import VelocityMotion
+from trackers.fusion.agreement import Agreement
 from trackers.fusion.association import explained, pairs
 from trackers.fusion.cameras import Camera, cameras_of
 from trackers.fusion.floors import Floor
-from trackers.fusion.heads import HeadWeighing, gained
+from trackers.fusion.heads import NEVER_NS, HeadWeighing, gained
 from trackers.fusion.lasers import scanners_of
 from trackers.fusion.look import Look, Source
 from trackers.fusion.options import FusionOptions
@@ -34,12 +38,16 @@ from trackers.fusion.people import People
 from trackers.fusion.track_manager import FusionTrackManager
 from trackers.observations import NS_PER_S, Observation
 from trackers.prior import Prior
-from trackers.rig import Rig
+from trackers.rig import Rig, RigSensor
 from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
 from trackers.tracking.synced_tracker import SynchronizedTracker
 from trackers.tracks import Detection, Track, TrackFrame
 from trackers.vision.head_model import SHIPPED, load_head_model
 
+logger = logging.getLogger(__name__)
+
+_DOUBTED_M = 0.5
+"""Standard deviation added to what a sensor measures that contradicts the others, at least [m]."""
 _START_SPEED_M_S = 1.0
 _LEAST_SHARE = 0.02
 _LEAN_M = 0.2
@@ -63,7 +71,16 @@ class Fusion(SynchronizedTracker):
         self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
     ) -> None:
         self.options = validate(FusionOptions, options, "tracker fusion")
-        prior, self._rig = Prior.of(background), rig
+        self.unused_sensors = [name for name, each in rig.sensors.items() if not _is_fixed(each)]
+        used = {name: each for name, each in rig.sensors.items() if _is_fixed(each)}
+        if not used:
+            raise InputError(
+                f"tracker fusion: all sensors of the rig ({', '.join(rig.sensors)}) are on a moving base; one that stays in the "
+                "room is expected"
+            )
+        main = rig.main if rig.main in used else None
+        prior, rig = Prior.of(background), rig.model_copy(update={"sensors": used, "main": main})
+        self._main = rig.main_sensor
         empty_room = list(prior)
         self._imm = Imm(VelocityMotion())
         self._manager = FusionTrackManager(self.options, rig.area, self._imm)
@@ -80,7 +97,7 @@ class Fusion(SynchronizedTracker):
             }
         self.background_learned_causally = any(each.learns_background for each in self._sources)
         super().__init__(
-            SyncPolicy(tuple(rig.sensors), main=rig.main_sensor, within_s=0.0, max_wait_s=self.options.max_wait_s)
+            SyncPolicy(tuple(rig.sensors), main=self._main, within_s=0.0, max_wait_s=self.options.max_wait_s)
         )
         self._sees_waists = bool(self._scanners) and self._scanners[0].role == "waist"
         self._n_colour = cameras[0].n_colour if cameras else 1
@@ -91,8 +108,14 @@ class Fusion(SynchronizedTracker):
         self._main_ns: list[int] = []
         self._reported_ns: int | None = None
         self._detections: list[Detection] = []
+        self._agreement = Agreement([each.names for each in self._sources])
+        self._doubted = self._agreement.doubted
+        self._doubts: dict[int, str] = {}
 
-    unused_sensors: tuple[str, ...] = ()
+    @property
+    def warnings(self) -> list[str]:
+        """Findings: sensors that have contradicted the others, each when it first did."""
+        return list(self._doubts.values())
 
     def detections(self) -> list[Detection]:
         """Return the measurements of the frames of the last `update` or `finish`, oldest first."""
@@ -130,7 +153,7 @@ class Fusion(SynchronizedTracker):
         return frames
 
     def _is_due(self, synced: SyncedFrame) -> bool:
-        main = self._rig.main_sensor
+        main = self._main
         if main in synced.observations or main in synced.repeated:
             self._main_ns = [*self._main_ns[-4:], synced.ns]
             return True
@@ -169,14 +192,19 @@ class Fusion(SynchronizedTracker):
         elapsed_s = (ns - self._looked_ns.get(number, ns - round(look.kind.lasts_s * NS_PER_S))) / NS_PER_S
         self._looked_ns[number] = ns
         share = min(elapsed_s / look.kind.lasts_s, 1.0)
-        people = self._people
+        people, doubted = self._people, bool(self._doubted[number])
+        if doubted:  # it may still show who is where, but not exactly, and neither who is new nor who is gone
+            off_m2 = max(self._agreement.offsets_m[number], _DOUBTED_M) ** 2
+            look = replace(look, covariance=look.covariance + off_m2 * np.eye(2), starts=np.zeros_like(look.starts))
         missed = self._manager.missed(people, look)
         row, column, ratio = pairs(people, look, missed)
+        self._compare(people, look, row, column, missed, share, number, ns)
         people = self._measured(people, row, column, ratio, look, number, ns)
         source = self._sources[number]
         if isinstance(source, Camera) and source.picture is not None:
             people = self._by_picture(people, source, number, ns)
-        people = self._manager.updated_missed(people, look, share, elapsed_s, ns, number)
+        if not doubted:
+            people = self._manager.updated_missed(people, look, share, elapsed_s, ns, number)
         people = self._manager.confirmed(people, ns, elapsed_s)
         taken = np.zeros(len(look.position), np.bool_)
         taken[column] = True
@@ -185,6 +213,33 @@ class Fusion(SynchronizedTracker):
         if start.any():
             people = people.joined(self._started(look.position[start], ns, number))
         self._people = people
+
+    def _compare(
+        self,
+        people: People,
+        look: Look,
+        row: Int[Index, "p"],
+        column: Int[Index, "p"],
+        missed: Float[Array, "n"],
+        share: float,
+        number: int,
+        ns: int,
+    ) -> None:
+        """Compare what a source measured with what the others did, and say once what contradicts them."""
+        agreement = self._agreement
+        agreement.age(ns)
+        sigma_m = np.sqrt(look.covariance[column].trace(axis1=1, axis2=2) / 2)
+        agreement.take(number, people, row, look.position[column], sigma_m, ns)
+        others_ns = np.delete(people.seen_ns, number, axis=1).max(axis=1, initial=NEVER_NS)
+        by_others = (ns - others_ns < _TOGETHER_S * NS_PER_S) & people.confirmed & (people.low < 0.5) & ~people.seated
+        shown = np.zeros(len(people), np.bool_)
+        shown[row] = True
+        agreement.take_shown(number, share * by_others * (1 - missed), shown)
+        self._doubted = agreement.doubted
+        for k in np.flatnonzero(self._doubted).tolist():
+            if k not in self._doubts:
+                self._doubts[k] = agreement.sentence(k)
+                logger.warning(self._doubts[k])
 
     def _measured(
         self,
@@ -269,3 +324,8 @@ class Fusion(SynchronizedTracker):
             return people
         people.seen_ns[:, number], people.seen_at[:, number] = ns, place
         return people
+
+
+def _is_fixed(sensor: RigSensor) -> bool:
+    """Tell whether a sensor stays in the room, and observes people."""
+    return sensor.kind != "odometry" and getattr(sensor, "mounted_on", None) is None

@@ -1,0 +1,182 @@
+"""One tracker on any subset of a rig: it follows people by any sensors, and says which one contradicts the rest."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+import synthetic_home
+import synthetic_meeting
+from synthetic_room import empty_room, observe, rig, straight_walk, wandering
+
+from trackers.check import CORRUPTIONS, check_tracker
+from trackers.configuration import leaves_of
+from trackers.errors import InputError
+from trackers.feeding import track_frames
+from trackers.fusion.heads import unit_points
+from trackers.presets import make_tracker
+from trackers.rig import Rig
+
+WALK = straight_walk([(-1.2, 1.2), (1.2, 2.2), (0.0, 2.8)], [(0.5, 0.0), (-0.5, 0.0), (0.0, -0.2)], 24)
+
+
+@cache
+def recording(room: str) -> tuple[Rig, list[Any], list[Any]]:
+    """Return a rig, its empty room and what it saw of people who walk."""
+    if room == "home":
+        on = synthetic_home.rig(2)
+        return on, list(synthetic_home.empty_room(on)), synthetic_home.observe(on, synthetic_home.walks(2, 24))
+    if room == "meeting":
+        on = synthetic_meeting.rig(2)
+        return (
+            on,
+            list(synthetic_meeting.empty_room(on)),
+            list(synthetic_meeting.observe(on, synthetic_meeting.walks(2, 12))),
+        )
+    if room == "crowd":
+        crowd = wandering(5, 26, np.random.default_rng(3))
+        return rig(), list(empty_room(np.random.default_rng(1))), observe(crowd, 4, images=False)
+    return rig(), list(empty_room(np.random.default_rng(1))), observe(WALK, 5)
+
+
+def subset(room: str, sensors: str) -> tuple[Rig, list[Any], list[Any]]:
+    """Return a recording as if the rig had the sensors whose names start so alone."""
+    on, empty, seen = recording(room)
+    names = [name for name in on.sensors if name.startswith(tuple(sensors.split("+")))]
+    some = on.model_copy(update={"sensors": {name: on.sensors[name] for name in names}, "main": None})
+    return some, *([each for each in items if each.sensor in names] for items in (empty, seen))
+
+
+def frames_of(on: Rig, empty: list[Any], seen: list[Any], options: dict[str, Any] | None = None) -> list[Any]:
+    """Return the frames of the tracker."""
+    return list(track_frames(make_tracker("fusion", on, empty, None, options), on, seen))
+
+
+@pytest.mark.parametrize(
+    ("room", "sensors", "n"),
+    [
+        ("laser", "waist", 3),
+        ("laser", "knee", 3),
+        ("laser", "waist+knee", 3),
+        ("laser", "waist+knee+camera", 3),
+        ("home", "floor", 2),
+        ("home", "camera", 2),
+        ("home", "camera+floor", 2),
+        ("meeting", "stereo", 2),
+    ],
+)
+def test_any_subset_of_a_rig_follows_each_person_by_one_track(room: str, sensors: str, n: int) -> None:
+    frames = frames_of(*subset(room, sensors))
+    assert {len(frame.tracks) for frame in frames[len(frames) // 2 :]} == {n}
+    assert len({track.id for frame in frames[len(frames) // 2 :] for track in frame.tracks}) == n
+
+
+def test_a_camera_shows_heads_and_scanners_alone_do_not() -> None:
+    assert all(np.isfinite(each.head_z) for each in frames_of(*subset("meeting", "stereo"))[-1].tracks)
+    assert all(np.isnan(each.head_z) for each in frames_of(*subset("laser", "waist"))[-1].tracks)
+
+
+def test_frames_go_on_at_other_sensors_stamps_while_the_main_one_is_silent() -> None:
+    on, empty, seen = subset("laser", "waist+knee")
+    start = seen[0].t
+    silent = [each for each in seen if each.sensor == "knee" or not 0.8 < each.t - start < 1.6]
+    stamps = np.array([frame.stamp_ns for frame in frames_of(on, empty, silent)]) * 1e-9
+    assert np.diff(stamps).max() < 0.35
+
+
+def test_a_scanner_that_hangs_elsewhere_is_named() -> None:
+    on, empty, seen = recording("laser")
+    pose = on.sensors["camera"].room_from_sensor
+    turned = on.sensors["camera"].model_copy(
+        update={"room_from_sensor": pose.model_copy(update={"rpy": (pose.rpy[0], pose.rpy[1], pose.rpy[2] + 0.5)})}
+    )
+    on = on.model_copy(update={"sensors": {**on.sensors, "camera": turned}})
+    tracker = make_tracker("fusion", on, empty)
+    list(track_frames(tracker, on, seen))
+    assert any("camera" in each for each in tracker.warnings)  # pyright: ignore[reportAttributeAccessIssue]
+    assert make_tracker("fusion", *recording("laser")[:2]).warnings == []  # pyright: ignore[reportAttributeAccessIssue]
+
+
+@pytest.mark.parametrize("room", ["home", "meeting"])
+def test_cameras_and_floors_keep_the_contract_through_some_faults(room: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    on, empty, seen = recording(room)
+    some = dict(list(CORRUPTIONS.items())[::3])
+    monkeypatch.setattr("trackers.check.CORRUPTIONS", some)
+    assert check_tracker(lambda *made: make_tracker("fusion", *made), on, seen[: len(seen) // 2], empty) == []
+
+
+def test_a_rig_on_a_moving_base_alone_is_refused() -> None:
+    on, _, _ = subset("laser", "waist")
+    moving = on.sensors["waist"].model_copy(update={"mounted_on": "base"})
+    with pytest.raises(InputError, match="moving base"):
+        make_tracker("fusion", on.model_copy(update={"sensors": {"waist": moving}}))
+
+
+def test_points_of_the_unit_gaussian_have_its_mean_and_covariance() -> None:
+    z = unit_points(96)
+    np.testing.assert_allclose(z.mean(axis=0), 0, atol=1e-12)
+    np.testing.assert_allclose(z.T @ z / len(z), np.eye(3), atol=1e-12)
+
+
+SEEN_ELSEWHERE = {
+    "max_wait_s": "tests/trackers/tracking/test_synced_frames.py: a sensor that is late",
+    "identity.reach_m_s": "a person who comes out of hiding",
+    "identity.same_below": "a person who comes out of hiding",
+    "track_management.area_margin_m": "a person who leaves the area",
+    "track_management.tentative_coast_s": "a person who flickers",
+    "track_management.coast_s": "a person whom nothing shows for seconds",
+    "track_management.lies_down_s": "a person who lies down",
+    "track_management.within_m": "a person whom nothing shows for seconds",
+}
+"""Options whose effect takes people that short recordings lack."""
+
+
+def said(frames: list[Any]) -> str:
+    return repr([(frame.stamp_ns, frame.tracks) for frame in frames])
+
+
+ROOMS = {"head": ("home", "camera_1"), "identity": ("home", "camera_1")}
+"""Rooms that have what an option is about; else trunks and legs do. The options of all kinds of sensors are one model."""
+
+
+@cache
+def usual(room: str, sensors: str) -> str:
+    return said(frames_of(*subset(room, sensors)))
+
+
+def test_every_option_has_an_effect() -> None:
+    options = make_tracker("fusion", *recording("laser")[:2]).options  # pyright: ignore[reportAttributeAccessIssue]
+    leaves = dict(leaves_of(options))
+    assert len(leaves) <= 60
+    tried = [
+        path
+        for path in leaves
+        if not path.startswith(("legs", "camera", "stereo", "floor")) and path not in SEEN_ELSEWHERE
+    ]
+    idle = [path for path in tried if not has_effect(path, leaves[path])]
+    assert not idle, ", ".join(idle)
+
+
+def has_effect(path: str, value: Any) -> bool:
+    """Tell whether an absurd value of an option changes tracks in a room that has what it is about."""
+    where = ROOMS.get(path.split(".")[0], ("crowd", "waist+knee"))
+    for other in (3 * (value or 0) + 1, 0.2 * (value or 0), 0.99):
+        change: Any = type(value)(other) if isinstance(value, int) else other
+        for name in reversed(path.split(".")):
+            change = {name: change}
+        try:
+            if said(frames_of(*subset(*where), change)) != usual(*where):
+                return True
+        except InputError:
+            continue
+    return False
+
+
+def test_a_late_stamp_is_worked_at_its_own_time() -> None:
+    """Knees that are stamped 40 ms after the trunks give other tracks than those stamped together, and still one a person."""
+    on, empty, seen = subset("laser", "waist+knee")
+    later = [replace(each, stamp_ns=each.stamp_ns + 40_000_000) if each.sensor == "knee" else each for each in seen]
+    assert len(frames_of(on, empty, later)[-1].tracks) == 3

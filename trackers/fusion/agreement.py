@@ -1,0 +1,121 @@
+"""Agreement of sensors: which of them shows people elsewhere, at other times or not at all where the others show them.
+
+Of every track that two sources measure within a moment the difference d of their places is kept, forgotten over some seconds.
+A source that hangs elsewhere has a mean of d, one with a wrong clock has d = v τ for people who walk at v; τ is the least
+squares' Σ v·d / Σ v². A source whose differences from most of the others are large is doubted, for as long as that lasts. With
+two sources it cannot be told which of them is wrong, and neither is doubted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from trackers.arrays import Array, Index, Mask
+from trackers.fusion.people import People
+from trackers.observations import NS_PER_S
+
+_MEMORY_S = 4.0
+"""Time constant of forgetting [s]."""
+_TOGETHER_S = 0.12
+"""Two sources measure a track within so much time [s]."""
+_OFF_M, _LATE_S, _LEAST_SHOWN = 0.2, 0.15, 0.25
+"""Offset [m], time [s] and share of the people shown from which, and below which, a source is doubted."""
+_SURE = 5.0
+"""Standard errors that a delay must exceed: errors of one sensor are alike for a while."""
+_FEWEST, _LEAST_M2_S2 = 12.0, 3.0
+"""Differences, and sum of squared speeds [m²/s²], that a doubt takes."""
+
+
+class Agreement:
+    """Keeps the differences between s sources; names: the sensors of each, for sentences."""
+
+    def __init__(self, names: Sequence[Sequence[str]]) -> None:
+        self._names, n = [" and ".join(each) for each in names], len(names)
+        self._n, self._off_m = np.zeros((n, n)), np.zeros((n, n, 2))
+        self._along, self._square = np.zeros((n, n)), np.zeros((n, n))
+        self._asked, self._shown = np.zeros(n), np.zeros(n)
+        self._sigma_m = np.zeros(n)
+        self._ns: int | None = None
+
+    def age(self, ns: int) -> None:
+        """Forget a share of all until stamp ns."""
+        elapsed_s = 0.0 if self._ns is None else max(0.0, (ns - self._ns) / NS_PER_S)
+        kept, self._ns = np.exp(-elapsed_s / _MEMORY_S), ns
+        for each in (self._n, self._off_m, self._along, self._square, self._asked, self._shown):
+            each *= kept
+
+    def take(
+        self,
+        number: int,
+        people: People,
+        row: Int[Index, "p"],
+        place: Float[Array, "p 2"],
+        sigma_m: Float[Array, "p"],
+        ns: int,
+    ) -> None:
+        """Take in where source `number` measured the tracks at `row` [m], each with a standard deviation."""
+        if not row.size:
+            return
+        self._sigma_m[number] = float(sigma_m.mean())
+        since_s = (ns - people.seen_ns[row]) / NS_PER_S  # (p, s)
+        together = (since_s < _TOGETHER_S) & (people.existence[row, None] > 0.9)
+        together &= ~(people.seated | (people.low > 0.5))[row, None]  # of whom each kind shows another part
+        together[:, number] = False
+        velocity = people.velocity[row, None]
+        off = np.where(together[..., None], place[:, None] - people.seen_at[row] - since_s[..., None] * velocity, 0.0)
+        square = np.where(together, (velocity**2).sum(axis=2), 0.0)
+        for matrix, value in (
+            (self._n, together.sum(axis=0)),
+            (self._off_m, off.sum(axis=0)),
+            (self._along, (off * velocity).sum(axis=(0, 2))),
+            (self._square, square.sum(axis=0)),
+        ):
+            sign = -1.0 if matrix is self._off_m or matrix is self._along else 1.0
+            matrix[number] += value
+            matrix[:, number] += sign * value
+
+    def take_shown(self, number: int, asked: Float[Array, "n"], shown: Bool[Mask, "n"]) -> None:
+        """Take in how probably source `number` would have shown each track that others show, and which it showed."""
+        self._asked[number] += asked.sum()
+        self._shown[number] += (asked * shown).sum()
+
+    @property
+    def offsets_m(self) -> Float[Array, "s"]:
+        """Offset of each source from most of the others [m]; 0 where fewer than two others tell."""
+        mean = np.hypot(*np.moveaxis(self._off_m / np.maximum(self._n, 1.0)[..., None], -1, 0))
+        return self._median(mean - np.maximum(self._sigma_m[:, None], self._sigma_m), self._n >= _FEWEST)
+
+    @property
+    def delays_s(self) -> Float[Array, "s"]:
+        """Time by which each source is ahead of most of the others, or behind them [s]; 0 where fewer than two others tell."""
+        known = (self._n >= _FEWEST) & (self._square >= _LEAST_M2_S2)
+        square = np.maximum(self._square, 1e-9)
+        error_s = _SURE * np.maximum(self._sigma_m[:, None], self._sigma_m) / np.sqrt(square)
+        return self._median(np.abs(self._along / square) - error_s, known)
+
+    @property
+    def doubted(self) -> Bool[Mask, "s"]:
+        """The sources that contradict most of the others."""
+        unseen = (self._asked >= _FEWEST) & (self._shown < _LEAST_SHOWN * self._asked)
+        return (self.offsets_m > _OFF_M) | (self.delays_s > _LATE_S) | unseen
+
+    def sentence(self, number: int) -> str:
+        """Return a clause that says what of a doubted source contradicts the others."""
+        name, off_m, late_s = self._names[number], self.offsets_m[number], self.delays_s[number]
+        if late_s > _LATE_S:
+            return f"{name} shows people {late_s:.1f} s off the time of the other sensors"
+        if off_m > _OFF_M:
+            return f"{name} shows people {off_m:.1f} m off where the other sensors do"
+        return f"{name} hardly shows the people whom the other sensors show"
+
+    @staticmethod
+    def _median(values: Float[Array, "s s"], known: Bool[Mask, "s s"]) -> Float[Array, "s"]:
+        """Return the lower median over the others of each source; 0 where fewer than two are known."""
+        found = np.zeros(len(values))
+        for k in np.flatnonzero(known.sum(axis=1) >= 2):
+            others = np.sort(values[k, known[k]])
+            found[k] = others[(others.size - 1) // 2]
+        return found
