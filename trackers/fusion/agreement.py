@@ -99,8 +99,8 @@ class Agreement:
     @property
     def doubted(self) -> Bool[Mask, "s"]:
         """The sources that contradict most of the others."""
-        unseen = (self._asked >= _FEWEST) & (self._shown < _LEAST_SHOWN * self._asked)
-        return (self.offsets_m > _OFF_M) | (self.delays_s > _LATE_S) | unseen
+        hardly_shows = (self._asked >= _FEWEST) & (self._shown < _LEAST_SHOWN * self._asked)
+        return (self.offsets_m > _OFF_M) | (self.delays_s > _LATE_S) | hardly_shows
 
     def sentence(self, number: int) -> str:
         """Return a clause that says what of a doubted source contradicts the others."""

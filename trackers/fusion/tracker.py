@@ -110,12 +110,12 @@ class Fusion(SynchronizedTracker):
         self._detections: list[Detection] = []
         self._agreement = Agreement([each.names for each in self._sources])
         self._doubted = self._agreement.doubted
-        self._doubts: dict[int, str] = {}
+        self._contradictions: dict[int, str] = {}
 
     @property
     def warnings(self) -> list[str]:
         """Findings: sensors that have contradicted the others, each when it first did."""
-        return list(self._doubts.values())
+        return list(self._contradictions.values())
 
     def detections(self) -> list[Detection]:
         """Return the measurements of the frames of the last `update` or `finish`, oldest first."""
@@ -237,9 +237,9 @@ class Fusion(SynchronizedTracker):
         agreement.take_shown(number, share * by_others * (1 - missed), shown)
         self._doubted = agreement.doubted
         for k in np.flatnonzero(self._doubted).tolist():
-            if k not in self._doubts:
-                self._doubts[k] = agreement.sentence(k)
-                logger.warning(self._doubts[k])
+            if k not in self._contradictions:
+                self._contradictions[k] = agreement.sentence(k)
+                logger.warning(self._contradictions[k])
 
     def _measured(
         self,

@@ -47,7 +47,7 @@ def subset(room: str, sensors: str) -> tuple[Rig, list[Any], list[Any]]:
     on, empty, seen = recording(room)
     names = [name for name in on.sensors if name.startswith(tuple(sensors.split("+")))]
     some = on.model_copy(update={"sensors": {name: on.sensors[name] for name in names}, "main": None})
-    return some, *([each for each in items if each.sensor in names] for items in (empty, seen))
+    return some, [each for each in empty if each.sensor in names], [each for each in seen if each.sensor in names]
 
 
 def frames_of(on: Rig, empty: list[Any], seen: list[Any], options: dict[str, Any] | None = None) -> list[Any]:
