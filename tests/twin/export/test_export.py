@@ -80,6 +80,73 @@ def test_mot_is_read_by_motmetrics(run: Path, tmp_path: Path) -> None:
     assert ground[:, 7:9] == pytest.approx(np.stack([truth.x[own], truth.y[own]], axis=-1), abs=1e-4)
 
 
+def _accumulated(motmetrics, truth: np.ndarray, tracks: np.ndarray, distances) -> dict[str, float]:
+    """Metrics by motmetrics of rows frame, id, ...; distances: of the rows of one frame, NaN: no pair."""
+    accumulator = motmetrics.MOTAccumulator()
+    for frame in np.union1d(truth[:, 0], tracks[:, 0]):
+        people, reported = truth[truth[:, 0] == frame], tracks[tracks[:, 0] == frame]
+        accumulator.update(people[:, 1], reported[:, 1], distances(people, reported), frameid=int(frame))
+    names = ["mota", "idf1", "num_misses", "num_false_positives", "num_switches"]
+    return motmetrics.metrics.create().compute(accumulator, metrics=names).iloc[0].to_dict()
+
+
+def test_the_ground_is_judged_alike_by_motmetrics_and_by_ourselves(run: Path, tmp_path: Path) -> None:
+    """From the exported text and from the tables of the run, within the gate of 0.5 m."""
+    motmetrics = pytest.importorskip("motmetrics")
+    out = _export(run, "mot", tmp_path / "mot")
+    files = [
+        out / "gt/roomtwin-all/run-ground/gt/gt.txt",
+        out / "trackers/roomtwin-all/sort/data/run-ground.txt",
+    ]
+    truth, tracks = (np.loadtxt(each, delimiter=",", ndmin=2) for each in files)
+
+    def gap_m(people: np.ndarray, reported: np.ndarray) -> np.ndarray:
+        gap = np.linalg.norm(people[:, None, 7:9] - reported[None, :, 7:9], axis=2)
+        return np.where(gap <= 0.5, gap, np.nan)
+
+    theirs = _accumulated(motmetrics, truth, tracks, gap_m)
+    own = json.loads((run / "metrics.json").read_text())["trackers"]["sort"]
+    read = CliRunner().invoke(app, ["evaluate", *map(str, files), "--format", "mot"])
+    assert read.exit_code == 0, read.output
+    for ours in (own, json.loads(read.stdout)):
+        assert theirs["mota"] == pytest.approx(ours["mota"]) and theirs["idf1"] == pytest.approx(ours["idf1"])
+        assert theirs["num_misses"] == ours["misses"] and theirs["num_switches"] == ours["id_switches"]
+
+
+def test_boxes_are_judged_alike_by_trackeval_and_by_motmetrics(run: Path, tmp_path: Path) -> None:
+    reason = "trackeval is not installed: it replaces the headless OpenCV, so it has an environment of its own"
+    trackeval, motmetrics = pytest.importorskip("trackeval", reason=reason), pytest.importorskip("motmetrics")
+    out, sequence = _export(run, "mot", tmp_path / "mot"), "run-fish"
+    chosen = {
+        "GT_FOLDER": str(out / "gt"), "TRACKERS_FOLDER": str(out / "trackers"), "BENCHMARK": "roomtwin", "SPLIT_TO_EVAL": "all",
+        "SEQ_INFO": {sequence: None}, "OUTPUT_FOLDER": str(tmp_path), "PRINT_CONFIG": False, "DO_PREPROC": False,
+    }  # fmt: skip
+    quiet = {"PRINT_RESULTS": False, "PRINT_CONFIG": False, "TIME_PROGRESS": False, "PLOT_CURVES": False}
+    read = trackeval.datasets.MotChallenge2DBox(
+        trackeval.datasets.MotChallenge2DBox.get_default_dataset_config() | chosen
+    )
+    evaluator = trackeval.Evaluator(trackeval.Evaluator.get_default_eval_config() | quiet)
+    found, _ = evaluator.evaluate([read], [trackeval.metrics.CLEAR(), trackeval.metrics.Identity()])
+    of_trackeval = found["MotChallenge2DBox"]["sort"][sequence]["pedestrian"]
+    truth = np.loadtxt(out / "gt/roomtwin-all" / sequence / "gt/gt.txt", delimiter=",", ndmin=2)
+    tracks = np.loadtxt(out / "trackers/roomtwin-all/sort/data" / f"{sequence}.txt", delimiter=",", ndmin=2)
+
+    def lack_of_overlap(people: np.ndarray, reported: np.ndarray) -> np.ndarray:
+        one, other = people[:, None, 2:6], reported[None, :, 2:6]
+        low = np.maximum(one[..., :2], other[..., :2])
+        high = np.minimum(one[..., :2] + one[..., 2:], other[..., :2] + other[..., 2:])
+        shared = np.prod(np.maximum(high - low, 0), axis=-1)
+        both = np.prod(one[..., 2:], axis=-1) + np.prod(other[..., 2:], axis=-1) - shared
+        return np.where(shared / both >= 0.5, 1 - shared / both, np.nan)
+
+    theirs = _accumulated(motmetrics, truth[truth[:, 6] > 0], tracks, lack_of_overlap)
+    clear = of_trackeval["CLEAR"]
+    assert clear["CLR_TP"] + clear["CLR_FN"] == np.count_nonzero(truth[:, 6] > 0) > 0
+    assert (theirs["num_misses"], theirs["num_false_positives"]) == (clear["CLR_FN"], clear["CLR_FP"])
+    assert theirs["mota"] == pytest.approx(clear["MOTA"])
+    assert theirs["idf1"] == pytest.approx(of_trackeval["Identity"]["IDF1"])
+
+
 def test_labels_of_any_picture_are_those_of_the_run(run: Path, tmp_path: Path) -> None:
     held = _export(run, "mot", tmp_path / "held")
     again = _export(run, "mot", tmp_path / "again", "--labels-hz", "5")
