@@ -150,6 +150,11 @@ PRESETS: Mapping[str, Preset] = {
         "every scanner's clusters fused, a Kalman filter per person, optimal assignment: the plain baseline",
         "Bewley, Ge, Ott, Ramos, Upcroft: Simple Online and Realtime Tracking (2016), here on the ground plane",
     ),
+    "laser-legs": Preset(
+        "trackers.laser_legs.tracker:LaserLegs",
+        "low scanners that stand or drive: a learned classifier of legs, scan matching, a map, existence by evidence",
+        "Arras, Martínez Mozos, Burgard: Using Boosted Features for the Detection of People in 2D Range Data (2007)",
+    ),
     "camera-floor-particle": Preset(
         _CAMERA_FLOOR,
         "body and head of each person in 3-D by cameras and a pressure floor, a pair of particle filters each",

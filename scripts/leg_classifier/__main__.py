@@ -1,6 +1,7 @@
 """Learn what legs look like to a low scanner, from drawn rooms of the twin; judge it on labelled scans of real ones.
 
     scripts/learn-legs [--samples FOLDER] [--seeds FIRST LAST] [--out FILE]
+    scripts/learn-legs --existence [--samples FOLDER] [--drives FIRST LAST]     # by the legs that are there
     scripts/learn-legs --judge FOLDER          # nothing is learned; FOLDER holds positive_{1,2,3}_extracted.npz
 
 The same seeds make the same file. Real scans are judged on and never learned from.
@@ -12,6 +13,7 @@ import argparse
 from pathlib import Path
 
 import numpy as np
+from leg_classifier.existence import TrackSamples, track_samples
 from leg_classifier.judge import judge
 from leg_classifier.samples import Samples, samples_of
 from numpy.typing import NDArray
@@ -20,10 +22,12 @@ from sklearn.metrics import roc_auc_score
 
 from trackers.arrays import Array
 from trackers.laser.legs.classifier import SHIPPED, Forest, LegClassifier, read_classifier, with_verdicts, write_forests
+from trackers.laser_legs.tracker import EXISTENCE
 
-SEEDS = (1000, 1119)
+SEEDS, DRIVES = (1000, 1119), (1300, 1389)
 """Seeds from 1000 to 1999 are there to be learned from."""
 _DEPTH, _TREES = 5, 80
+_TRACK_TREES = 60
 _FOLDS = 2
 _HELD_OUT = 5
 """Every so many-th seed is left out while the figures are found."""
@@ -35,13 +39,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--samples", type=Path, default=Path("out/legs"), help="kept here, and taken up")
     parser.add_argument("--seeds", type=int, nargs=2, default=SEEDS, help="the first and the last")
+    parser.add_argument("--existence", action="store_true", help="learn which tracks are people, from drives")
+    parser.add_argument("--drives", type=int, nargs=2, default=DRIVES, help="seeds of the first and the last drive")
     parser.add_argument("--out", type=Path, default=SHIPPED)
     parser.add_argument(
         "--held-out", action="store_true", help="learn twice, first without every fifth room, and judge on these"
     )
     parser.add_argument("--judge", type=Path, help="folder of labelled scans; nothing is learned")
     arguments = parser.parse_args()
-    if arguments.judge is None:
+    if arguments.existence:
+        _learn_existence(arguments.samples, range(arguments.drives[0], arguments.drives[1] + 1))
+    elif arguments.judge is None:
         arguments.samples.mkdir(parents=True, exist_ok=True)
         seeds = range(arguments.seeds[0], arguments.seeds[1] + 1)
         parts = [_kept(arguments.samples / f"{seed}.npz", seed) for seed in seeds]
@@ -54,6 +62,37 @@ def main() -> None:
         print(f"{arguments.out}: {arguments.out.stat().st_size / 1000:.0f} kB")
     else:
         judge(read_classifier(arguments.out), arguments.judge)
+
+
+def _learn_existence(folder: Path, seeds: range) -> None:
+    """Learn from tracks that no existence ends; where there is none yet, one that ends none is written first."""
+    if not EXISTENCE.is_file():
+        nothing = Forest(np.zeros((1, 1), np.intp), np.full((1, 1), _NEVER), np.full((1, 2), -4.0), 0.0)
+        write_forests({"existence": nothing}, EXISTENCE)
+    folder.mkdir(parents=True, exist_ok=True)
+    parts = [_kept_tracks(folder / f"drive-{seed}.npz", seed) for seed in seeds]
+    held = [part for place, part in enumerate(parts) if place % _HELD_OUT == 0]
+    others = [part for place, part in enumerate(parts) if place % _HELD_OUT]
+    features, is_person = _joined(held)
+    auc = roc_auc_score(is_person, _existence(others).score(features))
+    print(f"{len(parts)} drives; held-out drives: AUC of tracks {auc:.4f}")
+    write_forests({"existence": _existence(parts)}, EXISTENCE)
+
+
+def _existence(parts: list[TrackSamples]) -> Forest:
+    return _forest(*_joined(parts), balanced=False, trees=_TRACK_TREES)
+
+
+def _joined(parts: list[TrackSamples]) -> tuple[Array, NDArray[np.bool_]]:
+    return np.concatenate([part.features for part in parts]), np.concatenate([part.is_person for part in parts])
+
+
+def _kept_tracks(path: Path, seed: int) -> TrackSamples:
+    if not path.is_file():
+        print(f"drive {seed}", flush=True)
+        np.savez(path, **vars(track_samples(seed)))
+    with np.load(path) as kept:
+        return TrackSamples(**{name: kept[name] for name in kept.files})
 
 
 def _kept(path: Path, seed: int) -> Samples:
@@ -93,18 +132,18 @@ def _verdicts(alone: Forest, part: Samples) -> list[Array]:
     ]
 
 
-def _forest(features: Array, is_leg: NDArray[np.bool_]) -> Forest:
-    """Boost trees on samples weighted so that legs and the rest count alike: the odds are then a ratio of likelihoods."""
+def _forest(features: Array, is_leg: NDArray[np.bool_], *, balanced: bool = True, trees: int = _TREES) -> Forest:
+    """Boost trees; balanced: legs and the rest count alike, so that the odds are a ratio of likelihoods."""
     share = is_leg.mean()
     fitted = HistGradientBoostingClassifier(
-        max_iter=_TREES, max_depth=_DEPTH, max_leaf_nodes=16, min_samples_leaf=150, learning_rate=0.1, l2_regularization=20,
+        max_iter=trees, max_depth=_DEPTH, max_leaf_nodes=16, min_samples_leaf=150, learning_rate=0.1, l2_regularization=20,
         max_features=0.3, early_stopping=False, random_state=0,
-    ).fit(features, is_leg, np.where(is_leg, 0.5 / share, 0.5 / (1 - share)))  # fmt: skip
-    trees = [predictors[0].nodes for predictors in fitted._predictors]
-    feature = np.zeros((len(trees), 2**_DEPTH - 1), np.intp)
+    ).fit(features, is_leg, np.where(is_leg, 0.5 / share, 0.5 / (1 - share)) if balanced else None)  # fmt: skip
+    grown = [predictors[0].nodes for predictors in fitted._predictors]
+    feature = np.zeros((len(grown), 2**_DEPTH - 1), np.intp)
     threshold = np.full(feature.shape, _NEVER)
-    leaf = np.zeros((len(trees), 2**_DEPTH))
-    for tree, nodes in enumerate(trees):
+    leaf = np.zeros((len(grown), 2**_DEPTH))
+    for tree, nodes in enumerate(grown):
         _fill(nodes, 0, 0, feature[tree], threshold[tree], leaf[tree])
     return Forest(feature, threshold, leaf, float(fitted._baseline_prediction.ravel()[0]))
 

@@ -1,0 +1,66 @@
+"""Tracks of drives in drawn rooms, with the truth about each: a person's or not. Taught is the existence of `laser-legs`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from leg_classifier.drives import Drive, drives
+from numpy.typing import NDArray
+
+from trackers.arrays import Array
+from trackers.filters.gating import distances
+from trackers.laser_legs.evidence import TRACK_FEATURES
+from trackers.laser_legs.tracker import LaserLegs
+from trackers.pose import Pose
+from trackers.rig import LaserSensor, Rig
+
+_EVERY = 2
+"""Scans of which the tracks of one are taken; those between are much the same."""
+_ON_M = 0.45
+_EMPTY_SHARE = 0.25
+"""Share of drives where there is no person."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrackSamples:
+    """k tracks at some scan: their features and whether they are a person's, each person having one."""
+
+    features: Array
+    is_person: NDArray[np.bool_]
+
+
+def track_samples(seed: int) -> TrackSamples:
+    """Track the drive of a seed; every fourth has no people."""
+    features, is_person = [np.empty((0, len(TRACK_FEATURES)))], [np.empty(0, np.bool_)]
+    for place, (drive, tracker) in enumerate(tracked(seed, people=seed % round(1 / _EMPTY_SHARE) != 0)):
+        if place % _EVERY or len(tracker.roster) == 0:
+            continue
+        updated = len(tracker.features)
+        places = tracker.places()[:updated]
+        features.append(tracker.features[:updated])
+        is_person.append(_of_people(places, drive))
+    return TrackSamples(np.concatenate(features), np.concatenate(is_person))
+
+
+def tracked(seed: int, *, people: bool = True, is_driving: bool | None = None) -> Iterator[tuple[Drive, LaserLegs]]:
+    """Yield every sweep of a drive, and the tracker once it has taken it; by its rig the scanner stands where it begins."""
+    tracker = None
+    for drive in drives(seed, people=people, is_driving=is_driving):
+        if tracker is None:
+            x, y, yaw = (float(each) for each in drive.pose)
+            sensor = LaserSensor(topic="/scan", room_from_sensor=Pose(xyz=(x, y, 0.35), rpy=(0, 0, yaw)))
+            tracker = LaserLegs(Rig(sensors={"scan": sensor}), report_in="matched")
+        tracker.update(drive.scan)
+        yield drive, tracker
+
+
+def _of_people(places: Array, drive: Drive) -> NDArray[np.bool_]:
+    """Select the tracks nearest to a person, one each."""
+    found = np.zeros(len(places), np.bool_)
+    if len(places) and len(drive.places):
+        apart = distances(places, drive.places)
+        nearest = apart.argmin(axis=0)
+        found[nearest[apart.min(axis=0) < _ON_M]] = True
+    return found

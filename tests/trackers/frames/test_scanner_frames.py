@@ -1,0 +1,104 @@
+"""Poses of scanners: composed, interpolated, matched; and the memory of places."""
+
+import numpy as np
+import pytest
+from driving_room import BEAMS, drive, scan_at
+
+from trackers.frames.odometry import OdometryTrack
+from trackers.frames.planar import between, compose, inverse, placed
+from trackers.frames.scan_matching import MatchingOptions
+from trackers.frames.scan_memory import ScanMemory
+from trackers.frames.sensor_frame import SensorFrame
+from trackers.observations import NS_PER_S, LaserScan
+
+def test_poses_compose_and_come_back():
+    rng = np.random.default_rng(0)
+    first, second, point = rng.normal(0, 2, (5, 3)), rng.normal(0, 2, (5, 3)), rng.normal(0, 2, (5, 2))
+    np.testing.assert_allclose(placed(compose(first, second), point), placed(first, placed(second, point)), atol=1e-12)
+    np.testing.assert_allclose(placed(inverse(first), placed(first, point)), point, atol=1e-12)
+    np.testing.assert_allclose(compose(first, between(first, second))[:, :2], second[:, :2], atol=1e-12)
+
+
+def located(path, motions, sweep_s: float = 0.08, odometry=None, start=None):
+    frame = SensorFrame(path[0] if start is None else start, MatchingOptions())
+    found = []
+    for k, (pose, motion) in enumerate(zip(path, motions, strict=True)):
+        scan = scan_at(pose, 0.1 * k, sweep_s, motion)
+        frame.locate(scan, np.ones(BEAMS, np.bool_), None if odometry is None else odometry[k])
+        found.append(frame.pose)
+    return np.array(found), frame
+
+
+def test_scan_matching_follows_a_scanner_that_drives_and_turns_while_it_sweeps():
+    path, motions = drive()
+    found, frame = located(path, motions)
+    assert np.hypot(*(found - path)[:, :2].T).max() < 0.06
+    assert np.abs(between(path, found)[:, 2]).max() < 0.03
+    assert frame.has_moved and frame.n_untrusted == 0
+
+
+def test_a_scanner_that_stands_stays_exactly_where_the_rig_says():
+    path = np.tile([0.5, 0.5, 1.0], (20, 1))
+    found, frame = located(path, np.zeros((20, 3)))
+    np.testing.assert_array_equal(found, path)
+    assert not frame.has_moved
+
+
+def test_slipping_wheels_are_corrected_by_the_scans():
+    path, motions = drive(30)
+    slipping = path[0] + (path - path[0]) * (1.15, 1.15, 1.0)
+    found, _ = located(path, motions, odometry=slipping)
+    assert np.hypot(*(found - path)[:, :2].T).max() < 0.06
+
+
+def test_without_anything_to_match_a_pose_is_odometrys_and_has_no_trust():
+    frame = SensorFrame(np.zeros(3), MatchingOptions())
+    for k in range(5):
+        empty = LaserScan(
+            "scan", k * NS_PER_S // 10, np.full(BEAMS, np.inf, np.float32), -np.pi, 2 * np.pi / BEAMS, 0.05, 20.0
+        )
+        frame.locate(empty, np.ones(BEAMS, np.bool_), np.array([0.1 * k, 0.0, 0.0]))
+    np.testing.assert_allclose(frame.pose, [0.4, 0.0, 0.0])
+    assert frame.n_untrusted == 4
+
+
+def test_places_keep_what_earlier_scans_saw_of_them_wherever_the_scanner_is_by_then():
+    memory = ScanMemory()
+    for k, pose in enumerate(([0.0, 0.0, 0.0], [0.5, 0.0, 1.0], [1.0, -0.5, 2.0])):
+        scan = scan_at(pose, k, extra=[(2.0, 0.0, 0.1)])
+        memory.add(scan.t, np.array(pose), scan.angles_rad, scan.ranges_m.astype(float))
+    places = np.array(
+        [[1.9, 0.0], [1.5, 1.0], [4.0, 0.0], [8.0, 0.0]]
+    )  # the post, free floor, behind the post at first, outside
+    looks = memory.looks(places, np.full(4, 10.0))
+    np.testing.assert_array_equal(looks.hit > 0, [True, False, False, False])
+    np.testing.assert_array_equal(looks.free[1], 3)
+    assert looks.free[0] == looks.free[3] == 0 and 0 < looks.free[2] < 3
+    assert memory.looks(places, np.full(4, 0.5)).free[1] == 1  # only what was seen until then
+
+
+def test_odometry_is_interpolated_and_breaks_where_it_jumps_or_stops():
+    track = OdometryTrack()
+    for k in range(5):
+        pose = np.eye(4)
+        pose[0, 3] = 0.1 * k
+        track.add(k * NS_PER_S // 10, pose)
+    np.testing.assert_allclose(track.at(NS_PER_S // 20), [0.05, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(track.at(45 * NS_PER_S // 100), [0.45, 0, 0], atol=1e-12)
+    assert track.at(-1) is None and track.at(2 * NS_PER_S) is None
+    jumped = np.eye(4)
+    jumped[0, 3] = 7.0
+    track.add(NS_PER_S // 2, jumped)
+    assert not track.follows(NS_PER_S // 10, NS_PER_S // 2) and track.follows(0, 4 * NS_PER_S // 10)
+    assert track.at(NS_PER_S // 2) == pytest.approx([7.0, 0, 0])
+
+
+def test_parts_of_the_robot_are_found_once_it_has_driven_and_turned():
+    path, motions = drive(60, 0.6, 0.6)
+    frame = SensorFrame(path[0], MatchingOptions())
+    for k, pose in enumerate(path):
+        scan = scan_at(pose, 0.1 * k, 0.0)
+        scan.ranges_m[:12] = 0.25
+        frame.locate(scan, np.ones(BEAMS, np.bool_), None)
+    own = frame.own_parts(scan)
+    assert own[:12].all() and not own[12:].any() and motions.size

@@ -1,0 +1,175 @@
+"""Scan matching: the pose of a scanner by its last scans, point to line.
+
+Each point of a scan is held against the line through the nearest point of the last scans (Chen and Medioni 1991; Censi, "An ICP
+variant using a point-to-line metric", ICRA 2008), with a prior of where the scanner is by now: where odometry says, else where
+it would be had it gone on as before. Points of what moves fit badly and weigh little (Cauchy's weights). Beams are placed at
+the time at which they were taken, for the motion by the prior.
+
+The curvature of the fit says in which directions the scan holds the scanner: a corridor leaves it free along. There the prior
+decides. `trust` is the share of the points that are near a line, 0 where the scan or the last ones show too little. A pose
+without trust is odometry's; without odometry, the last one: the scanner is taken to stand.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+from pydantic import Field, PositiveInt
+from scipy.spatial import cKDTree
+
+from trackers.arrays import Array, Mask
+from trackers.configuration import Strict
+from trackers.frames.planar import between, compose, placed, turned
+
+_ROUNDS = 8
+_SETTLED = 2e-4
+"""A round that moves the pose by less ends the search [m, rad]."""
+_FEW = 12
+"""Points with a line, below which nothing is matched."""
+_NEAR_M = 0.1
+_SPAN = 2
+"""A line goes through so many points to either side."""
+
+
+class MatchingOptions(Strict):
+    """Options of scan matching."""
+
+    scans: PositiveInt = Field(default=6, description="number of last scans that a scan is matched with")
+    apart_m: float = Field(default=0.1, ge=0, description="distance after which a scan joins these [m]")
+    apart_rad: float = Field(default=0.1, ge=0, description="turn after which a scan joins these [rad]")
+    reach_m: float = Field(default=0.5, gt=0, description="how far a point may be from its line at first [m]")
+    scale_m: float = Field(default=0.03, gt=0, description="distance from its line at which a point weighs half [m]")
+    speed_m_s: float = Field(
+        default=0.5, gt=0, description="standard deviation of the change of the speed, in a second [m/s]"
+    )
+    turn_rad_s: float = Field(default=1.0, gt=0, description="that of the turn rate [rad/s]")
+    least_trust: float = Field(default=0.5, ge=0, le=1, description="trust below which a pose is not used")
+
+
+@dataclass(frozen=True)
+class Match:
+    """A pose (3,) in the fixed frame at a scan's stamp, the motion (3,) a second in the scanner's frame, and the trust in it."""
+
+    pose: Float[Array, "3"]
+    motion: Float[Array, "3"]
+    trust: float
+
+
+class ScanMatcher:
+    """The poses of one scanner, or of the base that it is mounted on, scan after scan."""
+
+    def __init__(self, start: Float[Array, "3"], options: MatchingOptions | None = None) -> None:
+        self._options = options or MatchingOptions()
+        self._pose, self._motion = np.array(start, float), np.zeros(3)
+        self._t: float | None = None
+        self._kept: deque[tuple[Array, Array, Array]] = deque(maxlen=self._options.scans)  # pose, points, normals
+        self._tree: cKDTree | None = None
+        self._lines = np.empty((0, 4))
+
+    def match(
+        self,
+        t: float,
+        points: Float[Array, "n 2"],
+        times_s: Float[Array, "n"],
+        still: Bool[Mask, "n"],
+        moved: Float[Array, "3"] | None = None,
+    ) -> Match:
+        """Match the points of a scan in the scanner's frame [m], in order of their beams, `times_s` after its stamp t [s].
+
+        still: those that may be the room's; moved: by odometry, since the scan before, in that one's frame.
+        """
+        options = self._options
+        is_first = self._t is None
+        elapsed = 0.0 if self._t is None else max(t - self._t, 0.0)
+        self._t = t
+        motion = self._motion if moved is None or elapsed == 0 else moved / elapsed
+        expected = compose(self._pose, motion * elapsed)
+        straight = deskewed(points, times_s, motion)
+        normal, has_line = _normals(straight)
+        useful = has_line & still
+        pose, trust = expected, 0.0
+        if self._tree is not None and useful.sum() >= _FEW:
+            spread = np.array([options.speed_m_s, options.speed_m_s, options.turn_rad_s]) * max(elapsed, 1e-3)
+            pose, trust = self._fit(
+                straight[useful], expected, np.maximum(spread * (1 if moved is None else 0.3), 1e-3)
+            )
+        if trust >= options.least_trust:
+            self._motion = between(self._pose, pose) / elapsed if elapsed > 0 else self._motion
+        elif moved is not None:
+            pose, self._motion = expected, motion
+        else:
+            pose, self._motion = self._pose, np.zeros(3)
+        self._pose = pose
+        if useful.sum() >= _FEW:
+            self._keep(pose, straight[useful], normal[useful], trust)
+        return Match(pose, self._motion, 1.0 if is_first else trust)
+
+    def _fit(self, points: Array, expected: Array, spread: Array) -> tuple[Array, float]:
+        """Gauss and Newton's steps over (x, y, yaw); the prior is a Gaussian about what is expected."""
+        options, pose, prior = self._options, expected.copy(), np.diag(1 / spread**2)
+        reach, noise, error = options.reach_m, options.scale_m, np.empty(0)
+        assert self._tree is not None
+        for _ in range(_ROUNDS):
+            there = placed(pose, points)
+            gap, index = self._tree.query(there, distance_upper_bound=reach)
+            found = np.isfinite(gap)
+            if found.sum() < _FEW:
+                return expected, 0.0
+            here, line = there[found], self._lines[index[found]]
+            normal = line[:, 2:]
+            error = ((here - line[:, :2]) * normal).sum(axis=1)
+            weight = 1 / (1 + (error / noise) ** 2) / noise**2
+            off = here - pose[:2]
+            by_yaw = normal[:, 1] * off[:, 0] - normal[:, 0] * off[:, 1]
+            J = np.column_stack([normal, by_yaw])
+            # a scan's errors are not independent: the points on one wall share theirs
+            H = (J.T * weight) @ J / np.sqrt(len(J)) + prior
+            step = np.linalg.solve(H, -(J.T @ (weight * error)) / np.sqrt(len(J)) - prior @ (pose - expected))
+            pose = pose + step
+            reach = max(0.6 * reach, 5 * noise)
+            if np.abs(step).max() < _SETTLED and reach <= 5 * noise:
+                break
+        trust = float((np.abs(error) < _NEAR_M).sum() / len(points))
+        return pose, trust
+
+    def _keep(self, pose: Array, points: Array, normal: Array, trust: float) -> None:
+        """Join the scan to those that the next are matched with, unless it was taken where the last of them was."""
+        options = self._options
+        if self._kept and trust >= options.least_trust:
+            apart = between(self._kept[-1][0], pose)
+            full = len(self._kept) == options.scans
+            if full and np.hypot(*apart[:2]) < options.apart_m and abs(apart[2]) < options.apart_rad:
+                return
+        elif self._kept:
+            self._kept.clear()  # lost: what was matched so far is of no use from here on
+        self._kept.append((pose, placed(pose, points), turned(pose[2], normal)))
+        self._lines = np.concatenate([np.column_stack(each[1:]) for each in self._kept])
+        self._tree = cKDTree(self._lines[:, :2], balanced_tree=False, compact_nodes=False)
+
+
+def deskewed(points: Float[Array, "n 2"], times_s: Float[Array, "n"], motion: Float[Array, "3"]) -> Float[Array, "n 2"]:
+    """Return points, each taken `times_s` after the stamp by a scanner in `motion` (a second), in its frame at the stamp [m]."""
+    if not times_s.any() or not motion.any():
+        return points
+    return placed(times_s[:, None] * motion, points)
+
+
+def _normals(points: Float[Array, "n 2"]) -> tuple[Float[Array, "n 2"], Bool[Mask, "n"]]:
+    """Fit a line to each point and its neighbours along the scan; return unit normals, and where there is a line."""
+    n = len(points)
+    if n < 2 * _SPAN + 1:
+        return np.zeros((n, 2)), np.zeros(n, np.bool_)
+    near = np.clip(np.arange(n)[:, None] + np.arange(-_SPAN, _SPAN + 1), 0, n - 1)
+    off = points[near] - points[:, None]
+    close = (off**2).sum(axis=2) < 0.04 + 0.0025 * (points**2).sum(axis=1)[:, None]
+    count = close.sum(axis=1)
+    off = np.where(close[..., None], off, 0.0)
+    off = np.where(close[..., None], off - off.sum(axis=1, keepdims=True) / count[:, None, None], 0.0)
+    xx, yy, xy = (off[..., 0] ** 2).sum(1), (off[..., 1] ** 2).sum(1), (off[..., 0] * off[..., 1]).sum(1)
+    angle = 0.5 * np.arctan2(2 * xy, xx - yy)  # of the line
+    root = np.sqrt((xx - yy) ** 2 / 4 + xy**2)
+    flat = (xx + yy) / 2 - root < 0.1 * ((xx + yy) / 2 + root)
+    return np.column_stack([-np.sin(angle), np.cos(angle)]), flat & (count >= 3)

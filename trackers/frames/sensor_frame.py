@@ -1,0 +1,116 @@
+"""The frame of one scanner, standing or driving: a pose for each scan, beams at their own time, and a memory of places."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from trackers.arrays import Array, Mask
+from trackers.frames.planar import between, compose, inverse, placed, turned
+from trackers.frames.scan_matching import Match, MatchingOptions, ScanMatcher
+from trackers.frames.scan_memory import Looks, ScanMemory
+from trackers.laser.background import returns
+from trackers.laser.clusters import directions
+from trackers.observations import LaserScan
+
+_STANDS_M, _STANDS_RAD = 0.05, 0.03
+"""A scanner that was never matched farther from its start than this stands there."""
+_LONG_AGO_S = 1e6
+_SURE = 10.0
+"""Scans of the empty room are looks before everything else, and each counts for so many."""
+_SAME_M = 0.02
+_OWN_PART_M = 1.0
+_DRIVEN_M, _TURNED_RAD = 1.0, 1.0
+"""A range that stays the same while the scanner drives and turns by so much in all is a part of the robot."""
+
+
+class SensorFrame:
+    """Poses of a scanner in a fixed frame that begins where the rig says the scanner is; scans in order of time."""
+
+    def __init__(
+        self, start: Float[Array, "3"], options: MatchingOptions, empty_scans: Sequence[LaserScan] = ()
+    ) -> None:
+        self._start, self._options = np.array(start, float), options
+        self._matcher = ScanMatcher(start, options)
+        self._memory, self._empty = ScanMemory(), ScanMemory()
+        self._own_range, self._driven = np.empty(0), np.empty((0, 2))
+        self._odometry: Array | None = None
+        self.pose = self._start
+        self.has_moved = False
+        self.n_scan = self.n_untrusted = 0
+        self._match = Match(self._start, np.zeros(3), 1.0)
+        for scan in empty_scans:
+            self._remember(self._empty, scan.t - _LONG_AGO_S, scan)
+
+    def locate(self, scan: LaserScan, still: Bool[Mask, "n_beam"], odometry: Float[Array, "3"] | None) -> None:
+        """Find the pose of a scan. still: beams that may have met the room; odometry: the scanner's pose by it at the stamp."""
+        ranges, hit, _ = returns(scan)
+        beams = (hit & ~self.own_parts(scan)).nonzero()[0]
+        points = (ranges[beams] * directions(scan)[:, beams]).T
+        moved = None if odometry is None or self._odometry is None else between(self._odometry, odometry)
+        self._odometry = odometry
+        before = self.pose
+        match = self._matcher.match(scan.t, points, self._times_s(scan)[beams], still[beams], moved)
+        self.n_scan += 1
+        if match.trust < self._options.least_trust:
+            self.n_untrusted += 1
+            if moved is None:
+                self._memory = ScanMemory()
+        off = between(self._start, match.pose)
+        self.has_moved |= bool(np.hypot(*off[:2]) > _STANDS_M or abs(off[2]) > _STANDS_RAD)
+        self._match = match if self.has_moved else Match(self._start, np.zeros(3), match.trust)
+        self.pose = self._match.pose
+        self._watch_own_parts(ranges, hit, between(before, self.pose))
+        self._remember(self._memory, scan.t, scan)
+
+    def placed(self, scan: LaserScan, points: Float[Array, "k 2"], beam: Float[Array, "k"]) -> Float[Array, "k 2"]:
+        """Return points of the scan, taken at these beams, in the fixed frame [m]."""
+        at = self._times_s(scan)[beam.astype(np.intp)][:, None] * self._match.motion
+        return placed(self.pose, placed(at, points))
+
+    def seen_from(self, points: Float[Array, "n 2"]) -> Float[Array, "n 2"]:
+        """Return points of the fixed frame in the scanner's [m]."""
+        return placed(inverse(self.pose), points)
+
+    def looks(self, places: Float[Array, "n 2"], before_s: Float[Array, "n"]) -> Looks:
+        """Count the looks before these times [s] that saw places [m] free, and something there."""
+        seen, known = self._memory.looks(places, before_s), self._empty.looks(places, before_s)
+        return Looks(seen.free + _SURE * known.free, seen.hit + _SURE * known.hit)
+
+    def own_parts(self, scan: LaserScan) -> Bool[Mask, "n_beam"]:
+        """Select the beams that meet a part of the robot."""
+        if len(self._driven) != scan.ranges_m.size:
+            return np.zeros(scan.ranges_m.size, np.bool_)
+        return (self._driven[:, 0] >= _DRIVEN_M) & (self._driven[:, 1] >= _TURNED_RAD)
+
+    def to_rig(
+        self, places: Float[Array, "n 2"], velocities: Float[Array, "n 2"], odometry: Float[Array, "3"] | None
+    ) -> tuple[Float[Array, "n 2"], Float[Array, "n 2"]]:
+        """Return places and velocities over the ground in the frame that the rig is given in."""
+        if not self.has_moved and odometry is None:
+            return places, velocities
+        rig_from_fixed = compose(self._start if odometry is None else odometry, inverse(self.pose))
+        return placed(rig_from_fixed, places), turned(rig_from_fixed[2], velocities)
+
+    def _times_s(self, scan: LaserScan) -> Float[Array, "n_beam"]:
+        """Time of each beam after the stamp; counter-clockwise scans of clockwise scanners begin with their last beam."""
+        count = scan.ranges_m.size
+        return scan.sweep_time_s * np.arange(count) / max(count - 1, 1)
+
+    def _remember(self, memory: ScanMemory, t: float, scan: LaserScan) -> None:
+        ranges, hit, missed = returns(scan)
+        reach = np.where(
+            hit & ~self.own_parts(scan), ranges, np.where(missed & (ranges >= scan.range_min_m), np.inf, np.nan)
+        )
+        memory.add(t, self.pose, scan.angles_rad, reach)
+
+    def _watch_own_parts(self, ranges: Array, hit: Mask, step: Array) -> None:
+        """Add the way driven to the beams whose range stays the same; the others begin again."""
+        if self._own_range.size != ranges.size:
+            self._own_range, self._driven = np.full(ranges.size, np.nan), np.zeros((ranges.size, 2))
+        with np.errstate(invalid="ignore"):
+            same = hit & (np.abs(ranges - self._own_range) < _SAME_M) & (ranges < _OWN_PART_M)
+        self._driven = np.where(same[:, None], self._driven + np.array([np.hypot(*step[:2]), abs(step[2])]), 0.0)
+        self._own_range = np.where(same, self._own_range, np.where(hit, ranges, np.nan))

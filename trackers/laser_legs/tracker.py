@@ -1,0 +1,302 @@
+"""The tracker: legs by a classifier, two to a person, in a fixed frame; existence by evidence in nats.
+
+Each scan of a low scanner gets a pose (`trackers.frames`). Its clusters get evidence of being legs, are assigned to predicted
+people by least squares, two to each, and start tracks where they are left over. What a track has shown so far tells how
+probably it is a person (`evidence`): it is confirmed, and reported, by that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from trackers.arrays import Array, Index, Mask
+from trackers.configuration import validate
+from trackers.filters.gating import distances, max_weight_assignment
+from trackers.filters.imm import Imm
+from trackers.filters.velocity_motion import VelocityMotion
+from trackers.frames.sensor_frame import SensorFrame
+from trackers.laser.bearings import beams_of_turn, counter_clockwise
+from trackers.laser.clusters import Clusters, pushed_back
+from trackers.laser.detection_model import DetectionModel, DetectionOptions
+from trackers.laser.grouping import PAIR_M, STRIDE_M, pair_off
+from trackers.laser.legs.classifier import read_forest, shipped
+from trackers.laser.legs.features import leg_clusters, own_samples
+from trackers.laser.roles import scanners_by_role
+from trackers.laser_legs.evidence import TRACK_FEATURES, LegTracks
+from trackers.laser_legs.options import LaserLegsOptions
+from trackers.observations import NS_PER_S, LaserScan, Observation
+from trackers.rig import LaserSensor, Rig
+from trackers.tracking.roster import Roster
+from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
+from trackers.tracking.synced_tracker import SynchronizedTracker
+from trackers.tracking.track_manager import TrackManager, measured_now
+from trackers.tracks import Detection, Track, TrackFrame
+
+EXISTENCE = Path(__file__).with_name("existence.npz")
+"""File that `scripts/learn-legs` wrote."""
+_PERIOD_S = 0.1
+_NO_PERSON = -4.0
+"""Log-odds of a new track, before its first evidence [nat]."""
+_NO_LEG = -4.0
+"""Evidence of a leg that is not seen [nat]."""
+_WIDEST_M = 0.7
+_OTHER_LEG_M2 = 0.01
+"""Variance of a person's place about a single leg [m²]."""
+_REACH_GROWS_TO_M = 1.2
+
+
+class LaserLegs(SynchronizedTracker):
+    """Tracker of people by low scanners (see module). Raises InputError for a wrong option, or a rig without a low scanner."""
+
+    Options = LaserLegsOptions
+
+    def __init__(
+        self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
+    ) -> None:
+        self.options = validate(LaserLegsOptions, options, "tracker laser-legs")
+        self._names = scanners_by_role(rig, ("knee",))["knee"]
+        sensors = {name: rig.lasers()[name] for name in self._names}
+        empty = [each for each in background if isinstance(each, LaserScan)]
+        self.frames = {
+            name: SensorFrame(_planar(sensor), self.options.matching, [scan for scan in empty if scan.sensor == name])
+            for name, sensor in sensors.items()
+        }
+        self._detection = DetectionModel(
+            LaserSensor(topic="/scan"), DetectionOptions(width_m=0.08, half_width_m=0.25, hidden_up_to=0.5)
+        )
+        self._classifier = shipped()
+        self._existence = read_forest(EXISTENCE, "existence", len(TRACK_FEATURES))
+        self.manager = TrackManager(self.options.track_management, rig.area)
+        self._imm = Imm(VelocityMotion(), measurement_covariance=np.eye(2) * self.options.measurement_m**2)
+        opens = self._names if rig.main_sensor in self._names else (*self._names, rig.main_sensor)
+        super().__init__(SyncPolicy(opens, main=rig.main_sensor))
+        self.unused_sensors = [name for name in rig.sensors if name not in self._names]
+        none = LegTracks.started(self._imm.start(np.empty((0, 2))), np.empty(0), np.zeros(2), _NO_PERSON)
+        self.roster: Roster[LegTracks] = Roster.started(none, 0)
+        self.ns = 0
+        self._predicted_ns: int | None = None
+        self._frame_ns = 0
+        self._last = self._names[0]
+        self._seen: list[Detection] = []
+        self.features = np.empty((0, len(TRACK_FEATURES)))
+        """Evidence of the tracks that the last scan found; those that it initiated follow them in the roster."""
+
+    def places(self) -> Float[Array, "n 2"]:
+        """Return where all tracks are, tentative ones too, in the matched frame [m]."""
+        return self._imm.average(self.roster.state.filter)[:2].T
+
+    @property
+    def warnings(self) -> list[str]:
+        """Scanners whose poses could not be found, and how often."""
+        return [
+            f"the pose of {name} could not be trusted in {frame.n_untrusted} of {frame.n_scan} scans: it was taken to stand, or "
+            "to be where odometry says"
+            for name, frame in self.frames.items()
+            if frame.n_untrusted > 0.02 * frame.n_scan
+        ]  # fmt: skip
+
+    def detections(self) -> list[Detection]:
+        """Return the legs of the frames of the last `update` or `finish`."""
+        return self._seen
+
+    def tracks(self) -> list[Track]:
+        """Return the tracks that exist more probably than `existence`, as of the last frame, by id."""
+        roster, state = self.roster, self.roster.state
+        shown = self.manager.reported(roster, self.ns) & (state.log_odds > _nats(self.options.least_existence))
+        average = self._imm.average(state.filter).T
+        frame = self.frames[self._last]
+        places, velocities = average[:, :2], average[:, 2:]
+        if self.options.report_in == "rig":
+            places, velocities = frame.to_rig(places, velocities, None)
+        shown &= self.manager.inside(places)
+        measured = measured_now(roster, self._frame_ns)
+        return [
+            Track(
+                int(roster.id[k]), *places[k].tolist(), *velocities[k].tolist(),
+                status="confirmed" if measured[k] else "coasting",
+            )
+            for k in sorted(shown.nonzero()[0].tolist(), key=lambda k: roster.id[k])
+        ]  # fmt: skip
+
+    def _work_all(self, synced_frames: list[SyncedFrame]) -> list[TrackFrame]:
+        self._seen = []
+        return super()._work_all(synced_frames)
+
+    def _work(self, synced: SyncedFrame) -> None:
+        self.ns = self._frame_ns = synced.ns
+        for name in self._names:
+            scan = synced.observations.get(name)
+            if isinstance(scan, LaserScan) and scan.ranges_m.size:
+                self._take(name, counter_clockwise(scan))
+        self._predict(synced.ns)
+        kept = self.manager.lasting(self.roster, synced.ns)
+        self.features = self.features[kept[: len(self.features)]]
+        self.roster = self.roster.select(kept)
+
+    def _predict(self, ns: int) -> float:
+        """Predict all tracks to a stamp; return the time since the last one [s]."""
+        elapsed = 0.0 if self._predicted_ns is None else max(ns - self._predicted_ns, 0) / NS_PER_S
+        self._predicted_ns = ns if self._predicted_ns is None else max(ns, self._predicted_ns)
+        if elapsed > 0 and len(self.roster):
+            state = self.roster.state
+            state = state.changed(filter=self._imm.predict_over(state.filter, min(elapsed, 10.0), _PERIOD_S))
+            self.roster = self.roster.changed(state=state.faded(elapsed, self.options.memory_s))
+        return elapsed
+
+    def _take(self, name: str, scan: LaserScan) -> None:
+        """Take the tracks on by a scan."""
+        options, frame = self.options, self.frames[name]
+        elapsed = self._predict(scan.stamp_ns)
+        clusters = leg_clusters(scan)
+        evidence = self._classifier.evidence(scan, clusters)
+        still = np.ones(scan.ranges_m.size, np.bool_)
+        if len(clusters):
+            beam, _ = own_samples(scan, clusters)
+            still[beam] = np.repeat(evidence <= options.start_evidence, clusters.n_sample)
+        frame.locate(scan, still, None)
+        self._last = name
+        kept = self._possible(scan, frame, clusters, evidence)
+        legs, evidence = clusters.select(kept), evidence[kept]
+        back = pushed_back(legs.middle, options.half_depth_m)
+        places = frame.placed(scan, back, ((legs.first_beam + legs.last_beam) / 2) % scan.ranges_m.size)
+        self._tell(name, scan, frame, places[evidence > options.start_evidence])
+        free = self._update(scan, frame, places, evidence, elapsed)
+        self._initiate(scan, frame, places[free], evidence[free])
+
+    def _possible(
+        self, scan: LaserScan, frame: SensorFrame, clusters: Clusters, evidence: Float[Array, "k"]
+    ) -> Bool[Mask, "k"]:
+        """Select the clusters that may be legs, parts of the robot left out."""
+        own = frame.own_parts(scan)[: beams_of_turn(scan)]
+        narrow = clusters.width_m < _WIDEST_M
+        return (evidence > self.options.least_evidence) & narrow & ~own[clusters.first_beam] & ~own[clusters.last_beam]
+
+    def _update(
+        self,
+        scan: LaserScan,
+        frame: SensorFrame,
+        places: Float[Array, "k 2"],
+        evidence: Float[Array, "k"],
+        elapsed: float,
+    ) -> Bool[Mask, "k"]:
+        """Measure the tracks by the legs; return the legs that are nobody's."""
+        options, state, ns = self.options, self.roster.state, scan.stamp_ns
+        free = np.ones(len(places), np.bool_)
+        if len(state) == 0:
+            self.features = self.features[:0]
+            return free
+        mean, covariance = self._imm.estimate(state.filter)
+        spread = np.sqrt(np.maximum(covariance[:, 0, 0] + covariance[:, 1, 1], 0.0) / 2)
+        owner = assigned(mean[:, :2], np.minimum(options.reach_m + spread, _REACH_GROWS_TO_M), places, evidence)
+        free = owner < 0
+        track, position, first, second, both = _measured(owner, places, evidence)
+        R = (
+            np.eye(2)
+            * np.where(both, options.measurement_m**2, options.measurement_m**2 + _OTHER_LEG_M2)[:, None, None]
+        )
+        filter_ = self._imm.update(state.filter, track, position, R)
+        p_detect = self._detection.seen(scan, frame.seen_from(mean[:, :2]).T)
+        state = state.changed(filter=filter_).looked(
+            track, first, second, both, p_detect, max(elapsed, 1e-3), options.memory_s
+        )
+        self.roster = self._evaluated(self.roster.measured(track, ns, state), frame, scan.t, elapsed)
+        return free
+
+    def _evaluated(self, roster: Roster[LegTracks], frame: SensorFrame, t: float, elapsed: float) -> Roster[LegTracks]:
+        """Find the existence of all tracks, and confirm those that exist."""
+        state = roster.state
+        mean, covariance = self._imm.estimate(state.filter)
+        places = mean[:, :2]
+        looks = frame.looks(places, roster.born_ns / NS_PER_S - 0.3)
+        informed = looks.free + looks.hit > 0
+        shift = np.hypot(*(places - state.born_at).T)
+        state = state.changed(
+            free=np.where(informed, looks.free, state.free), hit=np.where(informed, looks.hit, state.hit),
+            farthest=np.maximum(state.farthest, shift),
+        )  # fmt: skip
+        spread = np.sqrt(np.maximum(covariance[:, 0, 0] + covariance[:, 1, 1], 0.0) / 2)
+        self.features = state.features(
+            places, np.hypot(mean[:, 2], mean[:, 3]), spread, t - roster.born_ns / NS_PER_S, frame.pose[:2]
+        )
+        verdict = self._existence.score(self.features)
+        follow = 1.0 if self.options.existence_s == 0 else 1 - np.exp(-max(elapsed, 1e-3) / self.options.existence_s)
+        state = state.changed(log_odds=state.log_odds + follow * (verdict - state.log_odds))
+        roster = roster.changed(state=state)
+        new = self.manager.to_confirm(roster, self.ns, round(elapsed * NS_PER_S))
+        new &= state.log_odds > _nats(self.options.existence)
+        return self.manager.confirm(roster, new)
+
+    def _initiate(
+        self, scan: LaserScan, frame: SensorFrame, places: Float[Array, "k 2"], evidence: Float[Array, "k"]
+    ) -> None:
+        """Start tracks at legs that are nobody's, two to each where they are close."""
+        strong = evidence > self.options.start_evidence
+        places, evidence = places[strong], evidence[strong]
+        if len(places) == 0:
+            return
+        people, _ = pair_off(places, PAIR_M)
+        for place in people:
+            if self.manager.may_start(place[None], self.places())[0]:
+                of_place = evidence[np.hypot(*(places - place).T) <= PAIR_M]
+                state = self._imm.start(place[None], position_variance_m2=0.02, speed_variance=1.0)
+                new = LegTracks.started(state, of_place.max(initial=_NO_LEG)[None], frame.pose[:2], _NO_PERSON)
+                self.roster = self.roster.joined(Roster.started(new, scan.stamp_ns))
+
+    def _tell(self, name: str, scan: LaserScan, frame: SensorFrame, places: Float[Array, "k 2"]) -> None:
+        """Keep the legs of a scan as detections, in the frame of the reports."""
+        if self.options.report_in == "rig":
+            places, _ = frame.to_rig(places, np.zeros_like(places), None)
+        variance = self.options.measurement_m**2
+        self._seen += [Detection(self._frame_ns, (name,), "knee", x, y, variance) for x, y in places.tolist()]
+
+
+def assigned(
+    expected: Float[Array, "n 2"], reach_m: Float[Array, "n"], legs: Float[Array, "k 2"], evidence: Float[Array, "k"]
+) -> Int[Index, "k"]:
+    """Assign legs to people, two to each, by least squares; return the person of each leg, −1: nobody's.
+
+    Of two legs farther apart than a stride the one with less evidence is set free.
+    """
+    n, owner = len(expected), np.full(len(legs), -1)
+    if n == 0 or len(legs) == 0:
+        return owner
+    away = distances(expected, legs)
+    worth = reach_m[:, None] ** 2 - away**2
+    worth = np.where(worth > 0, worth + 0.01 * np.clip(evidence, -2, 5), 0.0)
+    slot, leg = max_weight_assignment(np.tile(worth, (2, 1)))
+    owner[leg] = slot % n
+    for person in np.flatnonzero(np.bincount(owner[leg], minlength=n) == 2):
+        one, other = np.flatnonzero(owner == person)
+        if np.hypot(*(legs[one] - legs[other])) > STRIDE_M:
+            owner[one if worth[person, one] < worth[person, other] else other] = -1
+    return owner
+
+
+def _measured(
+    owner: Int[Index, "k"], places: Float[Array, "k 2"], evidence: Float[Array, "k"]
+) -> tuple[Int[Index, "p"], Float[Array, "p 2"], Float[Array, "p"], Float[Array, "p"], Bool[Mask, "p"]]:
+    """Return the people with legs, their places by evidence, the better leg's evidence, the other's, and who has both."""
+    legs = np.flatnonzero(owner >= 0)
+    legs = legs[np.lexsort((-evidence[legs], owner[legs]))]
+    track, index, count = np.unique(owner[legs], return_index=True, return_counts=True)
+    both = count == 2
+    first = legs[index]
+    other = legs[np.minimum(index + 1, len(legs) - 1)] if len(legs) else legs
+    weight = 1 / (1 + np.exp(-evidence))
+    share = np.where(both, weight[other] / (weight[first] + weight[other]), 0.0)[:, None]
+    position = (1 - share) * places[first] + share * places[other]
+    return track, position, evidence[first], np.where(both, evidence[other], _NO_LEG), both
+
+
+def _nats(probability: float) -> float:
+    return float(np.log(probability / (1 - probability)))
+
+
+def _planar(sensor: LaserSensor) -> Float[Array, "3"]:
+    rotation, (x, y, _) = sensor.room_from_sensor.rotation, sensor.room_from_sensor.xyz
+    return np.array([x, y, np.arctan2(rotation[1, 0], rotation[0, 0])])
