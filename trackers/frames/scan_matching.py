@@ -30,6 +30,16 @@ _SETTLED = 2e-4
 _FEW = 12
 """Points with a line, below which nothing is matched."""
 _NEAR_M = 0.1
+_REACH_M = 0.5
+"""Distance up to which a point is held against a line at first [m]."""
+_SCALE_M = 0.03
+"""Distance from its line at which a point weighs half [m]."""
+_APART_M, _APART_RAD = 0.1, 0.1
+"""Way and turn after which a scan joins those that are matched with."""
+_SPREAD = np.array([0.5, 0.5, 1.0])
+"""Standard deviations of the change of speed and turn rate, in a second [m/s, rad/s]."""
+_BY_ODOMETRY = 0.3
+"""Share of these that is left where odometry says how the scanner moved."""
 _SPAN = 2
 """A line goes through so many points to either side."""
 
@@ -38,14 +48,6 @@ class MatchingOptions(Strict):
     """Options of scan matching."""
 
     scans: PositiveInt = Field(default=6, description="number of last scans that a scan is matched with")
-    apart_m: float = Field(default=0.1, ge=0, description="distance after which a scan joins these [m]")
-    apart_rad: float = Field(default=0.1, ge=0, description="turn after which a scan joins these [rad]")
-    reach_m: float = Field(default=0.5, gt=0, description="how far a point may be from its line at first [m]")
-    scale_m: float = Field(default=0.03, gt=0, description="distance from its line at which a point weighs half [m]")
-    speed_m_s: float = Field(
-        default=0.5, gt=0, description="standard deviation of the change of the speed, in a second [m/s]"
-    )
-    turn_rad_s: float = Field(default=1.0, gt=0, description="that of the turn rate [rad/s]")
     least_trust: float = Field(default=0.5, ge=0, le=1, description="trust below which a pose is not used")
 
 
@@ -92,10 +94,8 @@ class ScanMatcher:
         useful = has_line & still
         pose, trust = expected, 0.0
         if self._tree is not None and useful.sum() >= _FEW:
-            spread = np.array([options.speed_m_s, options.speed_m_s, options.turn_rad_s]) * max(elapsed, 1e-3)
-            pose, trust = self._fit(
-                straight[useful], expected, np.maximum(spread * (1 if moved is None else 0.3), 1e-3)
-            )
+            spread = _SPREAD * max(elapsed, 1e-3) * (1.0 if moved is None else _BY_ODOMETRY)
+            pose, trust = self._fit(straight[useful], expected, np.maximum(spread, 1e-3))
         if trust >= options.least_trust:
             self._motion = between(self._pose, pose) / elapsed if elapsed > 0 else self._motion
         elif moved is not None:
@@ -109,8 +109,8 @@ class ScanMatcher:
 
     def _fit(self, points: Array, expected: Array, spread: Array) -> tuple[Array, float]:
         """Gauss and Newton's steps over (x, y, yaw); the prior is a Gaussian about what is expected."""
-        options, pose, prior = self._options, expected.copy(), np.diag(1 / spread**2)
-        reach, noise, error = options.reach_m, options.scale_m, np.empty(0)
+        pose, prior = expected.copy(), np.diag(1 / spread**2)
+        reach, noise, error = _REACH_M, _SCALE_M, np.empty(0)
         assert self._tree is not None
         for _ in range(_ROUNDS):
             there = placed(pose, points)
@@ -141,7 +141,7 @@ class ScanMatcher:
         if self._kept and trust >= options.least_trust:
             apart = between(self._kept[-1][0], pose)
             full = len(self._kept) == options.scans
-            if full and np.hypot(*apart[:2]) < options.apart_m and abs(apart[2]) < options.apart_rad:
+            if full and np.hypot(*apart[:2]) < _APART_M and abs(apart[2]) < _APART_RAD:
                 return
         elif self._kept:
             self._kept.clear()  # lost: what was matched so far is of no use from here on

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from trackers.arrays import Array, Mask
-from trackers.frames.planar import between, compose, inverse, placed, turned
+from trackers.frames.planar import HERE, between, compose, inverse, placed, turned
 from trackers.frames.scan_matching import Match, MatchingOptions, ScanMatcher
 from trackers.frames.scan_memory import Looks, ScanMemory
 from trackers.laser.background import returns
@@ -37,6 +37,8 @@ class SensorFrame:
         self._memory, self._empty = ScanMemory(), ScanMemory()
         self._own_range, self._driven = np.empty(0), np.empty((0, 2))
         self._odometry: Array | None = None
+        self.rig_from_fixed = HERE
+        """The fixed frame in that of the rig, which drifts and jumps with odometry."""
         self.pose = self._start
         self.has_moved = False
         self.n_scan = self.n_untrusted = 0
@@ -44,12 +46,25 @@ class SensorFrame:
         for scan in empty_scans:
             self._remember(self._empty, scan.t - _LONG_AGO_S, scan)
 
-    def locate(self, scan: LaserScan, still: Bool[Mask, "n_beam"], odometry: Float[Array, "3"] | None) -> None:
-        """Find the pose of a scan. still: beams that may have met the room; odometry: the scanner's pose by it at the stamp."""
+    def locate(
+        self,
+        scan: LaserScan,
+        still: Bool[Mask, "n_beam"],
+        odometry: Float[Array, "3"] | None,
+        *,
+        follows: bool = True,
+    ) -> None:
+        """Find the pose of a scan by matching it. still: beams that may have met the room.
+
+        odometry: the scanner's pose in the rig's frame by odometry at the stamp, None without any; follows: it goes on from that
+        of the scan before, without a jump.
+        """
         ranges, hit, _ = returns(scan)
         beams = (hit & ~self.own_parts(scan)).nonzero()[0]
         points = (ranges[beams] * directions(scan)[:, beams]).T
-        moved = None if odometry is None or self._odometry is None else between(self._odometry, odometry)
+        moved = None
+        if odometry is not None and self._odometry is not None and follows:
+            moved = between(self._odometry, odometry)
         self._odometry = odometry
         before = self.pose
         match = self._matcher.match(scan.t, points, self._times_s(scan)[beams], still[beams], moved)
@@ -62,7 +77,22 @@ class SensorFrame:
         self.has_moved |= bool(np.hypot(*off[:2]) > _STANDS_M or abs(off[2]) > _STANDS_RAD)
         self._match = match if self.has_moved else Match(self._start, np.zeros(3), match.trust)
         self.pose = self._match.pose
+        if odometry is not None:
+            self.rig_from_fixed = compose(odometry, inverse(self.pose))
+        elif self.has_moved:
+            self.rig_from_fixed = compose(self._start, inverse(self.pose))
         self._watch_own_parts(ranges, hit, between(before, self.pose))
+        self._remember(self._memory, scan.t, scan)
+
+    def follow(self, scan: LaserScan, leader: SensorFrame, odometry: Float[Array, "3"]) -> None:
+        """Take the pose of a scan from that of another scanner on the same base."""
+        pose = compose(inverse(leader.rig_from_fixed), odometry)
+        self.n_scan += 1
+        self.rig_from_fixed, self.has_moved = leader.rig_from_fixed, leader.has_moved
+        before, self.pose = self.pose, pose
+        self._match = Match(pose, leader._match.motion, leader._match.trust)
+        ranges, hit, _ = returns(scan)
+        self._watch_own_parts(ranges, hit, between(before, pose))
         self._remember(self._memory, scan.t, scan)
 
     def placed(self, scan: LaserScan, points: Float[Array, "k 2"], beam: Float[Array, "k"]) -> Float[Array, "k 2"]:
@@ -86,13 +116,12 @@ class SensorFrame:
         return (self._driven[:, 0] >= _DRIVEN_M) & (self._driven[:, 1] >= _TURNED_RAD)
 
     def to_rig(
-        self, places: Float[Array, "n 2"], velocities: Float[Array, "n 2"], odometry: Float[Array, "3"] | None
+        self, places: Float[Array, "n 2"], velocities: Float[Array, "n 2"]
     ) -> tuple[Float[Array, "n 2"], Float[Array, "n 2"]]:
         """Return places and velocities over the ground in the frame that the rig is given in."""
-        if not self.has_moved and odometry is None:
+        if not self.rig_from_fixed.any():
             return places, velocities
-        rig_from_fixed = compose(self._start if odometry is None else odometry, inverse(self.pose))
-        return placed(rig_from_fixed, places), turned(rig_from_fixed[2], velocities)
+        return placed(self.rig_from_fixed, places), turned(self.rig_from_fixed[2], velocities)
 
     def _times_s(self, scan: LaserScan) -> Float[Array, "n_beam"]:
         """Time of each beam after the stamp; counter-clockwise scans of clockwise scanners begin with their last beam."""

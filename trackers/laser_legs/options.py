@@ -24,10 +24,6 @@ class LaserLegsOptions(Strict):
     reach_m: float = Field(default=0.55, gt=0, description="how far a leg may be from where its person is expected [m]")
     half_depth_m: float = Field(default=0.04, ge=0, description="how far a leg's axis lies behind its samples [m]")
     measurement_m: float = Field(default=0.1, gt=0, description="standard deviation of a measured position [m]")
-    memory_s: float = Field(default=1.0, gt=0, description="time over which a track's evidence is averaged [s]")
-    existence_s: float = Field(
-        default=0.1, ge=0, description="time constant with which existence follows the evidence [s]"
-    )
     existence: float = Field(default=0.5, gt=0, lt=1, description="existence from which on a track is confirmed")
     least_existence: float = Field(
         default=0.2, gt=0, lt=1, description="existence below which a confirmed track is not reported"

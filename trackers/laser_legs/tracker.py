@@ -19,6 +19,8 @@ from trackers.configuration import validate
 from trackers.filters.gating import distances, max_weight_assignment
 from trackers.filters.imm import Imm
 from trackers.filters.velocity_motion import VelocityMotion
+from trackers.frames.odometry import OdometryTrack
+from trackers.frames.planar import compose, planar
 from trackers.frames.sensor_frame import SensorFrame
 from trackers.laser.bearings import beams_of_turn, counter_clockwise
 from trackers.laser.clusters import Clusters, pushed_back
@@ -29,7 +31,7 @@ from trackers.laser.legs.features import leg_clusters, own_samples
 from trackers.laser.roles import scanners_by_role
 from trackers.laser_legs.evidence import TRACK_FEATURES, LegTracks
 from trackers.laser_legs.options import LaserLegsOptions
-from trackers.observations import NS_PER_S, LaserScan, Observation
+from trackers.observations import NS_PER_S, LaserScan, Observation, Odometry
 from trackers.rig import LaserSensor, Rig
 from trackers.tracking.roster import Roster
 from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
@@ -40,6 +42,10 @@ from trackers.tracks import Detection, Track, TrackFrame
 EXISTENCE = Path(__file__).with_name("existence.npz")
 """File that `scripts/learn-legs` wrote."""
 _PERIOD_S = 0.1
+MEMORY_S = 1.0
+"""Time over which a track's evidence is averaged; existence was learned with it [s]."""
+_EXISTENCE_S = 0.1
+"""Time constant with which existence follows the evidence [s]."""
 _NO_PERSON = -4.0
 """Log-odds of a new track, before its first evidence [nat]."""
 _NO_LEG = -4.0
@@ -61,11 +67,20 @@ class LaserLegs(SynchronizedTracker):
         self.options = validate(LaserLegsOptions, options, "tracker laser-legs")
         self._names = scanners_by_role(rig, ("knee",))["knee"]
         sensors = {name: rig.lasers()[name] for name in self._names}
-        empty = [each for each in background if isinstance(each, LaserScan)]
-        self.frames = {
-            name: SensorFrame(_planar(sensor), self.options.matching, [scan for scan in empty if scan.sensor == name])
-            for name, sensor in sensors.items()
+        self._mounts = {name: planar(sensor.room_from_sensor.matrix) for name, sensor in sensors.items()}
+        self._base_of = {name: base for name, base in rig.mounted().items() if name in sensors}
+        self._bases = {
+            base: (planar(rig.odometry()[base].room_from_sensor.matrix), OdometryTrack())
+            for base in self._base_of.values()
         }
+        # the room that was empty is known to scanners that stand in it
+        empty = [each for each in background if isinstance(each, LaserScan) and each.sensor not in self._base_of]
+        self.frames = {
+            name: SensorFrame(mount, self.options.matching, [scan for scan in empty if scan.sensor == name])
+            for name, mount in self._mounts.items()
+        }
+        self._located_ns: dict[str, int] = {}
+        self._leaders: dict[str, str] = {}  # of each base, the scanner that is matched
         self._detection = DetectionModel(
             LaserSensor(topic="/scan"), DetectionOptions(width_m=0.08, half_width_m=0.25, hidden_up_to=0.5)
         )
@@ -75,7 +90,7 @@ class LaserLegs(SynchronizedTracker):
         self._imm = Imm(VelocityMotion(), measurement_covariance=np.eye(2) * self.options.measurement_m**2)
         opens = self._names if rig.main_sensor in self._names else (*self._names, rig.main_sensor)
         super().__init__(SyncPolicy(opens, main=rig.main_sensor))
-        self.unused_sensors = [name for name in rig.sensors if name not in self._names]
+        self.unused_sensors = [name for name in rig.sensors if name not in self._names and name not in self._bases]
         none = LegTracks.started(self._imm.start(np.empty((0, 2))), np.empty(0), np.zeros(2), _NO_PERSON)
         self.roster: Roster[LegTracks] = Roster.started(none, 0)
         self.ns = 0
@@ -112,7 +127,7 @@ class LaserLegs(SynchronizedTracker):
         frame = self.frames[self._last]
         places, velocities = average[:, :2], average[:, 2:]
         if self.options.report_in == "rig":
-            places, velocities = frame.to_rig(places, velocities, None)
+            places, velocities = frame.to_rig(places, velocities)
         shown &= self.manager.inside(places)
         measured = measured_now(roster, self._frame_ns)
         return [
@@ -122,6 +137,14 @@ class LaserLegs(SynchronizedTracker):
             )
             for k in sorted(shown.nonzero()[0].tolist(), key=lambda k: roster.id[k])
         ]  # fmt: skip
+
+    def update(self, observation: Observation) -> list[TrackFrame]:
+        """Take one observation; poses of bases are kept until scans ask for them."""
+        if isinstance(observation, Odometry):
+            if observation.sensor in self._bases:
+                self._bases[observation.sensor][1].add(observation.stamp_ns, observation.frame_from_base)
+            return []
+        return super().update(observation)
 
     def _work_all(self, synced_frames: list[SyncedFrame]) -> list[TrackFrame]:
         self._seen = []
@@ -145,20 +168,19 @@ class LaserLegs(SynchronizedTracker):
         if elapsed > 0 and len(self.roster):
             state = self.roster.state
             state = state.changed(filter=self._imm.predict_over(state.filter, min(elapsed, 10.0), _PERIOD_S))
-            self.roster = self.roster.changed(state=state.faded(elapsed, self.options.memory_s))
+            self.roster = self.roster.changed(state=state.faded(elapsed, MEMORY_S))
         return elapsed
 
     def _take(self, name: str, scan: LaserScan) -> None:
         """Take the tracks on by a scan."""
-        options, frame = self.options, self.frames[name]
-        elapsed = self._predict(scan.stamp_ns)
+        options, elapsed = self.options, self._predict(scan.stamp_ns)
         clusters = leg_clusters(scan)
         evidence = self._classifier.evidence(scan, clusters)
         still = np.ones(scan.ranges_m.size, np.bool_)
         if len(clusters):
             beam, _ = own_samples(scan, clusters)
             still[beam] = np.repeat(evidence <= options.start_evidence, clusters.n_sample)
-        frame.locate(scan, still, None)
+        frame = self._located(name, scan, still)
         self._last = name
         kept = self._possible(scan, frame, clusters, evidence)
         legs, evidence = clusters.select(kept), evidence[kept]
@@ -167,6 +189,28 @@ class LaserLegs(SynchronizedTracker):
         self._tell(name, scan, frame, places[evidence > options.start_evidence])
         free = self._update(scan, frame, places, evidence, elapsed)
         self._initiate(scan, frame, places[free], evidence[free])
+
+    def _located(self, name: str, scan: LaserScan, still: Bool[Mask, "n_beam"]) -> SensorFrame:
+        """Return the scanner's frame with the pose of the scan; a base with several scanners is matched by one of them."""
+        frame, base = self.frames[name], self._base_of.get(name)
+        if base is None:
+            frame.locate(scan, still, None)
+            return frame
+        room_from_odometry, track = self._bases[base]
+        at = track.at(scan.stamp_ns)
+        pose = None if at is None else compose(room_from_odometry, compose(at, self._mounts[name]))
+        leader = self._leaders.get(base)
+        if leader is None and pose is not None:
+            self._leaders[base] = leader = name
+            frame = self.frames[name] = SensorFrame(pose, self.options.matching)
+        if leader in (None, name) or pose is None:
+            frame.locate(
+                scan, still, pose, follows=track.follows(self._located_ns.get(name, scan.stamp_ns), scan.stamp_ns)
+            )
+        else:
+            frame.follow(scan, self.frames[leader], pose)
+        self._located_ns[name] = scan.stamp_ns
+        return frame
 
     def _possible(
         self, scan: LaserScan, frame: SensorFrame, clusters: Clusters, evidence: Float[Array, "k"]
@@ -201,9 +245,7 @@ class LaserLegs(SynchronizedTracker):
         )
         filter_ = self._imm.update(state.filter, track, position, R)
         p_detect = self._detection.seen(scan, frame.seen_from(mean[:, :2]).T)
-        state = state.changed(filter=filter_).looked(
-            track, first, second, both, p_detect, max(elapsed, 1e-3), options.memory_s
-        )
+        state = state.changed(filter=filter_).looked(track, first, second, both, p_detect, max(elapsed, 1e-3), MEMORY_S)
         self.roster = self._evaluated(self.roster.measured(track, ns, state), frame, scan.t, elapsed)
         return free
 
@@ -224,7 +266,7 @@ class LaserLegs(SynchronizedTracker):
             places, np.hypot(mean[:, 2], mean[:, 3]), spread, t - roster.born_ns / NS_PER_S, frame.pose[:2]
         )
         verdict = self._existence.score(self.features)
-        follow = 1.0 if self.options.existence_s == 0 else 1 - np.exp(-max(elapsed, 1e-3) / self.options.existence_s)
+        follow = 1 - np.exp(-max(elapsed, 1e-3) / _EXISTENCE_S)
         state = state.changed(log_odds=state.log_odds + follow * (verdict - state.log_odds))
         roster = roster.changed(state=state)
         new = self.manager.to_confirm(roster, self.ns, round(elapsed * NS_PER_S))
@@ -250,7 +292,7 @@ class LaserLegs(SynchronizedTracker):
     def _tell(self, name: str, scan: LaserScan, frame: SensorFrame, places: Float[Array, "k 2"]) -> None:
         """Keep the legs of a scan as detections, in the frame of the reports."""
         if self.options.report_in == "rig":
-            places, _ = frame.to_rig(places, np.zeros_like(places), None)
+            places, _ = frame.to_rig(places, np.zeros_like(places))
         variance = self.options.measurement_m**2
         self._seen += [Detection(self._frame_ns, (name,), "knee", x, y, variance) for x, y in places.tolist()]
 
@@ -295,8 +337,3 @@ def _measured(
 
 def _nats(probability: float) -> float:
     return float(np.log(probability / (1 - probability)))
-
-
-def _planar(sensor: LaserSensor) -> Float[Array, "3"]:
-    rotation, (x, y, _) = sensor.room_from_sensor.rotation, sensor.room_from_sensor.xyz
-    return np.array([x, y, np.arctan2(rotation[1, 0], rotation[0, 0])])

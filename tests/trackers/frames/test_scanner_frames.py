@@ -11,6 +11,7 @@ from trackers.frames.scan_memory import ScanMemory
 from trackers.frames.sensor_frame import SensorFrame
 from trackers.observations import NS_PER_S, LaserScan
 
+
 def test_poses_compose_and_come_back():
     rng = np.random.default_rng(0)
     first, second, point = rng.normal(0, 2, (5, 3)), rng.normal(0, 2, (5, 3)), rng.normal(0, 2, (5, 2))
