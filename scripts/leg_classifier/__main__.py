@@ -21,10 +21,18 @@ from sklearn.ensemble import HistGradientBoostingClassifier
 from sklearn.metrics import roc_auc_score
 
 from trackers.arrays import Array
-from trackers.laser.legs.classifier import SHIPPED, Forest, LegClassifier, read_classifier, with_verdicts, write_forests
+from trackers.laser.legs.classifier import (
+    SHIPPED,
+    Forest,
+    LegClassifier,
+    read_classifier,
+    read_forest,
+    with_verdicts,
+    write_forests,
+)
 from trackers.laser_legs.tracker import EXISTENCE
 
-SEEDS, DRIVES = (1000, 1119), (1300, 1389)
+SEEDS, DRIVES = (1000, 1119), (1322, 1367)
 """Seeds from 1000 to 1999 are there to be learned from."""
 _DEPTH, _TREES = 5, 80
 _TRACK_TREES = 60
@@ -65,18 +73,24 @@ def main() -> None:
 
 
 def _learn_existence(folder: Path, seeds: range) -> None:
-    """Learn from tracks that no existence ends; where there is none yet, one that ends none is written first."""
-    if not EXISTENCE.is_file():
-        nothing = Forest(np.zeros((1, 1), np.intp), np.full((1, 1), _NEVER), np.full((1, 2), -4.0), 0.0)
-        write_forests({"existence": nothing}, EXISTENCE)
+    """Learn from half of the drives with tracks that are never confirmed, then from the rest with tracks that are."""
     folder.mkdir(parents=True, exist_ok=True)
-    parts = [_kept_tracks(folder / f"drive-{seed}.npz", seed) for seed in seeds]
-    held = [part for place, part in enumerate(parts) if place % _HELD_OUT == 0]
+    half = len(seeds) // 2
+    _put_existence(Forest(np.zeros((1, 1), np.intp), np.full((1, 1), _NEVER), np.full((1, 2), -4.0), 0.0))
+    parts = [_kept_tracks(folder / f"drive-{seed}.npz", seed) for seed in seeds[:half]]
+    _put_existence(_existence(parts))
+    parts += [_kept_tracks(folder / f"drive-{seed}.npz", seed) for seed in seeds[half:]]
+    features, is_person = _joined([part for place, part in enumerate(parts) if place % _HELD_OUT == 0])
     others = [part for place, part in enumerate(parts) if place % _HELD_OUT]
-    features, is_person = _joined(held)
     auc = roc_auc_score(is_person, _existence(others).score(features))
     print(f"{len(parts)} drives; held-out drives: AUC of tracks {auc:.4f}")
-    write_forests({"existence": _existence(parts)}, EXISTENCE)
+    _put_existence(_existence(parts))
+
+
+def _put_existence(forest: Forest) -> None:
+    """Write it, and have trackers read it anew."""
+    write_forests({"existence": forest}, EXISTENCE)
+    read_forest.cache_clear()
 
 
 def _existence(parts: list[TrackSamples]) -> Forest:

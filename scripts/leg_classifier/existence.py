@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from leg_classifier.drives import Drive, drives
@@ -44,14 +45,16 @@ def track_samples(seed: int) -> TrackSamples:
     return TrackSamples(np.concatenate(features), np.concatenate(is_person))
 
 
-def tracked(seed: int, *, people: bool = True, is_driving: bool | None = None) -> Iterator[tuple[Drive, LaserLegs]]:
+def tracked(
+    seed: int, *, people: bool = True, is_driving: bool | None = None, **options: Any
+) -> Iterator[tuple[Drive, LaserLegs]]:
     """Yield every sweep of a drive, and the tracker once it has taken it; by its rig the scanner stands where it begins."""
     tracker = None
     for drive in drives(seed, people=people, is_driving=is_driving):
         if tracker is None:
             x, y, yaw = (float(each) for each in drive.pose)
             sensor = LaserSensor(topic="/scan", room_from_sensor=Pose(xyz=(x, y, 0.35), rpy=(0, 0, yaw)))
-            tracker = LaserLegs(Rig(sensors={"scan": sensor}), report_in="matched")
+            tracker = LaserLegs(Rig(sensors={"scan": sensor}), **{"report_in": "matched"} | options)
         tracker.update(drive.scan)
         yield drive, tracker
 

@@ -26,7 +26,7 @@ class LaserLegsOptions(Strict):
     measurement_m: float = Field(default=0.1, gt=0, description="standard deviation of a measured position [m]")
     existence: float = Field(default=0.5, gt=0, lt=1, description="existence from which on a track is confirmed")
     least_existence: float = Field(
-        default=0.2, gt=0, lt=1, description="existence below which a confirmed track is not reported"
+        default=0.3, gt=0, lt=1, description="existence below which a confirmed track is not reported"
     )
     report_in: Literal["rig", "matched"] = Field(
         default="rig",
@@ -36,7 +36,7 @@ class LaserLegsOptions(Strict):
     matching: MatchingOptions = Field(default=MatchingOptions(), description="how scans are matched with the last ones")
     track_management: TrackManagementOptions = Field(
         default=TrackManagementOptions(
-            confirm_hits=2, coast_s=1.5, tentative_coast_s=0.5, report_s=0.5, start_apart_m=0.4
+            confirm_hits=2, coast_s=1.5, tentative_coast_s=0.5, report_s=0.3, start_apart_m=0.5
         ),
         description="when tracks are initiated, confirmed, reported and deleted",
     )

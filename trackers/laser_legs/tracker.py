@@ -236,7 +236,15 @@ class LaserLegs(SynchronizedTracker):
             return free
         mean, covariance = self._imm.estimate(state.filter)
         spread = np.sqrt(np.maximum(covariance[:, 0, 0] + covariance[:, 1, 1], 0.0) / 2)
-        owner = assigned(mean[:, :2], np.minimum(options.reach_m + spread, _REACH_GROWS_TO_M), places, evidence)
+        reach_m = np.minimum(options.reach_m + spread, _REACH_GROWS_TO_M)
+        owner = np.full(len(places), -1)
+        for group in (
+            self.roster.confirmed,
+            ~self.roster.confirmed,
+        ):  # who is known takes both legs before a newer track one
+            members, free = group.nonzero()[0], (owner < 0).nonzero()[0]
+            taken = assigned(mean[members, :2], reach_m[members], places[free], evidence[free])
+            owner[free[taken >= 0]] = members[taken[taken >= 0]]
         free = owner < 0
         track, position, first, second, both = _measured(owner, places, evidence)
         R = (

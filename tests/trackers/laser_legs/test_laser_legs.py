@@ -4,11 +4,15 @@ import numpy as np
 import pytest
 from driving_room import drive, legs_at, scan_at
 
+from trackers.configuration import leaves_of
+from trackers.errors import InputError
 from trackers.feeding import track_frames
-from trackers.frames.planar import between, placed
+from trackers.frames.planar import between, compose, inverse, placed
+from trackers.laser_legs.options import LaserLegsOptions
 from trackers.laser_legs.tracker import assigned
+from trackers.observations import NS_PER_S, Odometry
 from trackers.presets import make_tracker
-from trackers.rig import LaserSensor, Pose, Rig
+from trackers.rig import LaserSensor, OdometrySensor, Pose, Rig
 
 POSTS = [(-1.0, 1.5, 0.05), (2.5, 1.0, 0.1), (0.5, -2.0, 0.03), (3.5, -1.5, 0.2)]
 
@@ -75,3 +79,62 @@ def test_legs_go_two_to_each_person_and_a_stride_apart_at_most():
     owner = assigned(people, np.full(2, 0.55), legs, np.array([2.0, 2, 0, 2, 3, 3]))
     np.testing.assert_array_equal(owner, [0, 0, -1, -1, 1, -1])
     assert assigned(people[:0], np.empty(0), legs, np.zeros(6)).tolist() == [-1] * 6
+
+
+def with_odometry(path, motions, people, slip: float = 1.0):
+    """Frames of a scanner on a base, with odometry twice as often as scans, in a frame that begins somewhere else."""
+    mount, start = np.array([0.2, 0.1, 0.5]), np.array([3.0, -1.0, 1.2])
+    bases = compose(path, inverse(mount))
+    moved = between(bases[0], bases) * (slip, slip, 1.0)
+    odometry = compose(start, moved)
+    rig = Rig(
+        sensors={
+            "base": OdometrySensor(topic="/odom"),
+            "scan": LaserSensor(topic="/scan", mounted_on="base", room_from_sensor=Pose(xyz=(0.2, 0.1, 0.3), rpy=(0, 0, 0.5))),
+        }
+    )  # fmt: skip
+    fed = []
+    for k, (pose, motion) in enumerate(zip(path, motions, strict=True)):
+        t = 0.1 * k
+        legs = [leg for x, y, vx, vy in people for leg in legs_at((x + vx * t, y + vy * t), np.arctan2(vy, vx), t)]
+        x, y, yaw = odometry[k]
+        matrix = np.eye(4)
+        matrix[:2, :2] = [[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]
+        matrix[:2, 3] = x, y
+        fed += [Odometry("base", round(t * NS_PER_S), matrix), scan_at(pose, t, 0.05, motion, [*POSTS, *legs])]
+    tracker = make_tracker("laser-legs", rig, (), np.random.default_rng(0))
+    odometry_from_room = [compose(odometry[k], inverse(bases[k])) for k in range(len(path))]
+    return list(track_frames(tracker, rig, fed)), tracker, odometry_from_room
+
+
+@pytest.mark.parametrize("slip", [1.0, 1.1], ids=["true", "slipping"])
+def test_a_scanner_on_a_base_is_reported_in_the_frame_of_its_odometry(slip):
+    frames, tracker, odometry_from_room = with_odometry(*drive(), [WALKER], slip)
+    assert misses(frames, WALKER, lambda k, place: placed(odometry_from_room[k], place)) <= 3
+    assert tracker.unused_sensors == []
+
+
+def test_every_option_changes_the_tracks():
+    way = tuple(each[:24] for each in drive())
+    people = [WALKER, (0.2, 2.2, 0.0, 0.0)]
+    usual = repr(tracked(*way, people)[0])
+
+    def has_effect(path, value) -> bool:
+        far = [0.001 * value, 0.97, 3 * value + 0.3, 60.0] if isinstance(value, float) else []
+        for other in {str: ["matched"], int: [1, 40], float: far}[type(value)]:
+            *above, name = path.split(".")
+            given = {name: other}
+            for each in reversed(above):
+                given = {each: given}
+            try:
+                if repr(tracked(*way, people, **given)[0]) != usual:
+                    return True
+            except InputError:
+                continue
+        return False
+
+    # take a rig with an area, scans that fit badly, and people out of sight
+    times = {f"track_management.{name}" for name in ("coast_s", "tentative_coast_s", "report_s")}
+    elsewhere = {"track_management.area_margin_m", "matching.least_trust"} | times
+    tried = {path: value for path, value in leaves_of(LaserLegsOptions()) if path not in elsewhere}
+    assert [path for path, value in tried.items() if not has_effect(path, value)] == []
