@@ -1,11 +1,11 @@
-"""Association of trunks and legs with tracks, by distance and by colour; nothing is changed here.
+"""Association of trunks and legs with tracks, by distance and colour, without side effects.
 
 Costs are −2 ln of likelihood ratios (S. Blackman and R. Popoli, "Design and Analysis of Modern Tracking Systems", 1999,
-chapter 6). A measurement at z is a track's by e p(z), with e how probably the track exists and p the density of its prediction;
-or it is a new person's, or clutter, by their density λ. The track without it was not shown, by 1 − e + e m, with m how probably
-the frame would not show it (D. Mušicki, R. Evans and S. Stanković, "Integrated probabilistic data association", IEEE Trans.
-Automatic Control 39, 1994). So a hidden track is not dragged along by what others leave, and one in plain sight takes what is
-there.
+chapter 6). A measurement at z belongs to a track with e p(z), e the track's existence probability and p its predicted
+density; or to a new person or clutter, with their density λ. The track without it was missed, with 1 − e + e m, m the miss
+probability of the frame (D. Mušicki, R. Evans and S. Stanković, "Integrated probabilistic data association", IEEE Trans.
+Automatic Control 39, 1994). So a hidden track is not dragged along by leftover measurements, and a visible one takes its
+measurement.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ from trackers.tracking.association import Stage, associate, left_over
 from trackers.tracking.track_manager import nanoseconds, reachable
 
 _LEAST_MISSED, _LEAST_EXISTENCE = 1e-3, 1e-4
-"""No track is missed less often than this: the model of what is seen is no better. None is known not to exist."""
+"""Floors of miss probability, the accuracy of the detection model, and of existence probability."""
 
 
 @dataclass(frozen=True, eq=False)
 class Costs:
-    """Costs of pairs of n tracks and k measurements, and the pairs that cannot be."""
+    """Costs of pairs of n tracks and k measurements, and the impossible pairs."""
 
     mahalanobis: Float[Array, "n k"]  # N
-    pair: Float[Array, "n k"]  # −2 ln p(z) / λ; by the paper N
+    pair: Float[Array, "n k"]  # −2 ln p(z) / λ; N in the paper's system
     out_of_gate: Bool[Mask, "n k"]
 
     @classmethod
@@ -60,28 +60,28 @@ class Costs:
 
 @dataclass(frozen=True, eq=False)
 class Matches:
-    """Which track was measured where, and what was left over."""
+    """Matches of tracks with measurements, and unassigned measurements."""
 
     track: Int[Index, "p"]
     position: Float[Array, "p 2"]
     variance: Float[Array, "p"]  # of the position on each axis
-    offset_m2: Float[Array, "p"]  # of the part of it that stays while the person is seen so
-    single: Bool[Mask, "p"]  # by a single leg alone
-    trunk: Int[Index, "p"]  # the trunk, or -1 where legs were used
-    legs: Float[Array, "p 2"]  # the middle of the legs under that trunk [m], NaN where none is seen
-    existence: Float[Array, "p"]  # how probably they are still there, now that this is taken for theirs
-    new_position: Float[Array, "q 2"]  # measurements that no track took
+    offset_m2: Float[Array, "p"]  # of the persistent part of it
+    single: Bool[Mask, "p"]  # by a single leg only
+    trunk: Int[Index, "p"]  # the trunk, or -1 if legs were used
+    legs: Float[Array, "p 2"]  # the middle of the legs under that trunk [m], NaN if not detected
+    existence: Float[Array, "p"]  # probability of existence, given this measurement
+    new_position: Float[Array, "q 2"]  # unassigned measurements
     new_trunk: Int[Index, "q"]
     new_single: Bool[Mask, "q"]
 
 
 @dataclass(frozen=True, eq=False)
 class Association:
-    """The pairing of one frame: global nearest neighbour on likelihood ratios, or d = N + w E, within the validation regions.
+    """Pairing of one frame: global nearest neighbour on likelihood ratios, or d = N + w E, within the validation regions.
 
-    people: predicted to stamp ns (the frame before was at last_ns); missed: how probably the frame would not show each of them;
-    sees_waists: whether trunks are looked for, without which legs are all that shows a person; knows_room: whether the background
-    was captured, or else is learned from the scans, so that a tentative track may be a flicker of the room, and takes no legs.
+    people: predicted to stamp ns (the frame before was at last_ns); missed: miss probability of each; sees_waists: whether
+    trunks are detected, without which legs are the only evidence; knows_room: False for a background learned from the scans,
+    where a tentative track may be a flicker of the room, and gets no legs.
     """
 
     people: People
@@ -93,7 +93,7 @@ class Association:
     knows_room: bool = True
 
     def matches(self, seen: Seen) -> Matches:
-        """Associate trunks with tracks, and legs with those that no trunk shows: waist, else knee, never both."""
+        """Associate trunks with tracks, and legs with those without a trunk: waist, else knee, never both."""
         people, options, n_trunk = self.people, self.options, len(seen.trunks)
         trunks = trunk_likelihood(seen.trunks, options.trunk)
         cost = Costs.of(people, trunks, options)
@@ -106,7 +106,7 @@ class Association:
         trunk = np.concatenate([np.arange(n_trunk), np.full(n_walker, -1)])
         position = np.concatenate([seen.trunks.position, walkers.position])
         single = np.concatenate([np.zeros(n_trunk, np.bool_), walkers.n_leg == 1])
-        # in a rig that sees waists a leg alone may be anything
+        # with waist scanners a single leg may be any object
         part = single & self.sees_waists
         by_legs = walkers.likelihood(options.legs, self._leg_gate_m)
         cost = cost.joined(Costs.of(people, by_legs, options))
@@ -141,7 +141,7 @@ class Association:
         return legs.gate_m if self.sees_waists else legs.gate_alone_m
 
     def _walkers(self, seen: Seen, trunk_of: Int[Index, "n"]) -> LegPairs:
-        """Share the legs out among the trunks and the people that no trunk shows; trunk_of: the trunk of each track, or −1."""
+        """Assign the legs to the trunks and to people without a trunk; trunk_of: the trunk of each track, or −1."""
         options = self.options
         if options.legs.assignment == "nearest":
             return self._nearest(seen, trunk_of)
@@ -158,7 +158,7 @@ class Association:
         return pair_legs(seen.legs, seen.sufficient, under, hidden.positions, knees, apart_m, gate_m, options.legs)
 
     def _nearest(self, seen: Seen, trunk_of: Int[Index, "n"]) -> LegPairs:
-        """Leave out the knees nearest to tracks with a trunk (the paper, fig. 4 d); legs that are close are one person's."""
+        """Drop the knees nearest to tracks with a trunk (the paper, fig. 4 d); close legs are one person's."""
         legs = self.options.legs
         position, n_leg = pair_off(seen.legs.position, legs.pair_m)
         groups = LegPairs(position, np.full_like(n_leg, 2), np.full((len(seen.trunks), 2), np.nan))
@@ -168,14 +168,14 @@ class Association:
         return LegPairs(position[left], groups.n_leg[left], groups.under_trunk)
 
     def _explained(self, cost: Costs, colour: Float[Array, "n k"], without: Bool[Mask, "k"] | bool = False) -> Stage:
-        """Pair what predictions explain, but for the measurements `without`; colour: E, NaN where unknown."""
+        """Pair tracks with explained measurements, except those in `without`; colour: E, NaN if unknown."""
         alone, all_tracks = _unpaired(self.people, self.missed, self.options), np.ones(len(self.people), np.bool_)
         return Stage(all_tracks, [cost.pair, self._by_colour(colour)], [cost.out_of_gate | without], alone)
 
     def _re_identified(
         self, cost: Costs, colour: Float[Array, "n k"], position: Float[Array, "k 2"], part: Bool[Mask, "k"]
     ) -> Stage:
-        """Pair occluded tracks with what no prediction explains, but for what is only a `part` of a person."""
+        """Pair occluded tracks with unexplained measurements, except a `part` of a person."""
         people, rules = self.people, self.options.track_management
         hidden = people.confirmed & self._hidden() & (rules.reid_speed_m_s is not None)
         existing = hidden & people.exist(rules.exists_above)
@@ -184,9 +184,9 @@ class Association:
         return Stage(hidden, [cost.pair, self._by_colour(colour)], [cannot_be])
 
     def _by_colour(self, colour: Float[Array, "n k"]) -> Float[Array, "n k"]:
-        """Cost of a look at a shirt: −2 ln of how much likelier it is the track's own than another's, or w E as in the paper.
+        """Return the cost of a colour: −2 ln of the likelihood ratio of own and other track, or w E as in the paper.
 
-        Now and then a look shows what hides the person, so that no shirt excludes a track.
+        Some views show an occluder instead, so colour excludes no track.
         """
         weight = self.options.appearance.weight
         if self.options.clutter_density_m2 is None:
@@ -197,26 +197,26 @@ class Association:
     def _same_person(
         self, hidden: Bool[Mask, "n"], position: Float[Array, "k 2"], colour: Float[Array, "n k"]
     ) -> Bool[Mask, "n k"]:
-        """Select pairs of a `hidden` track and a measurement that it can have become meanwhile, by reach and shirt.
+        """Return a mask of pairs of a `hidden` track and a measurement of the same possible person, by reach and colour.
 
-        Its prediction says little after a while: what it can have walked since it was measured is asked instead, and the
-        shirt where one is seen. Of several that it can be, the likeliest by their predictions is taken.
+        Predictions become uninformative after a while: the reachable distance since the last measurement counts instead, and
+        the colour if known. Of several candidates, the likeliest by prediction is taken.
         """
         coasted_ns, rules = self.ns - self.people.roster.measured_ns, self.options.track_management
         can_be = reachable(self.people.measured_at, coasted_ns, position, rules) & hidden[:, None]
         return can_be & (np.isnan(colour) | (colour <= self.options.appearance.same_below))
 
     def _hidden(self) -> Bool[Mask, "n"]:
-        """Select the tracks that were not measured at the last scan either, but for lying people, who do not walk."""
+        """Return a mask of the tracks also missed by the last scan, except lying people, who do not walk."""
         measured_ns = self.people.roster.measured_ns
         hidden = (self.ns - measured_ns > nanoseconds(1.5 * self.options.step_s)) & (measured_ns < self.last_ns)
         return hidden & ~self.people.posture.lying
 
 
 def _unpaired(people: People, missed: Float[Array, "n"], options: LaserFisheyeImmOptions) -> Float[Array, "n"] | None:
-    """Return the cost of each track without a measurement, −2 ln (1 − e + e m) / e; None: all are paired that can be (paper).
+    """Return the cost of each track without a measurement, −2 ln (1 − e + e m) / e; None: as many pairs as possible (paper).
 
-    missed: m, how probably the frame would not show them.
+    missed: m, the miss probability of the frame.
     """
     if options.clutter_density_m2 is None:
         return None
@@ -227,7 +227,7 @@ def _unpaired(people: People, missed: Float[Array, "n"], options: LaserFisheyeIm
 def _existence_paired(
     existence: Float[Array, "p"], cost: Float[Array, "p"], options: LaserFisheyeImmOptions
 ) -> Float[Array, "p"]:
-    """Return the probability that tracks exist, with a measurement at that cost; 1 as in the paper."""
+    """Return the existence probability of tracks with a measurement at that cost; 1 as in the paper."""
     if options.clutter_density_m2 is None or options.track_management.survival_s is None:
         return np.ones_like(existence)
     return existence_after_detection(np.maximum(existence, _LEAST_EXISTENCE), np.exp(-0.5 * cost))

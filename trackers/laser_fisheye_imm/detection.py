@@ -1,5 +1,4 @@
-"""Detections of one frame, before any tracking: trunks with their colours, single legs; nothing is remembered here
-but backgrounds."""
+"""Detections of one frame, before tracking: trunks with their colours, single legs; stateless except for backgrounds."""
 
 from __future__ import annotations
 
@@ -30,7 +29,7 @@ class Seen:
 
     trunks: Detections
     legs: Detections
-    sufficient: Bool[Mask, "l"]  # the legs that enough samples show to be somebody new's
+    sufficient: Bool[Mask, "l"]  # the legs with enough samples to initiate a track
     windows: TorsoWindows | None
     histograms: Float[Array, "k bins"]  # of the trunks; meaningful where comparable
     comparable: Bool[Mask, "k"]
@@ -38,9 +37,9 @@ class Seen:
 
 
 class Detector:
-    """The scanners and the camera of a rig that are used, each with its place and background.
+    """Scanners and camera used of a rig, each with its pose and background.
 
-    area: where people are looked for (None: everywhere). Raises InputError for a rig without a laser scanner to use.
+    area: limit of detections (None: unlimited). Raises InputError for a rig without a usable laser scanner.
     """
 
     def __init__(
@@ -58,7 +57,7 @@ class Detector:
                 key=lambda name: (not isinstance(cameras[name], FisheyeSensor), name not in reported, name),
             )
             camera = cameras[self._camera]
-            # a torso window stands between the bearings at which the camera's own scanner saw somebody
+            # a torso window needs bearings of the scanner next to the camera
             names["waist"] = _nearest_first(names["waist"], rig, camera.room_from_sensor.translation)
             looks = options.appearance
             torso = TorsoOptions(learn_width_m=looks.learn_width_m, max_overlap=looks.max_overlap)
@@ -72,7 +71,7 @@ class Detector:
 
     @property
     def sees_waists(self) -> bool:
-        """True where there is a scanner at waist height; a camera is of use only beside one."""
+        """True with a scanner at waist height, which a camera needs."""
         return "waist" in self._groups
 
     @property
@@ -83,12 +82,12 @@ class Detector:
 
     @property
     def learns_background(self) -> bool:
-        """True where a scanner came without scans of the empty room."""
+        """True with a scanner without scans of the empty room."""
         return any(group.learns_background for group in self._groups.values())
 
     @property
     def is_learning(self) -> bool:
-        """True once such a scanner has reported; a silent one leaves the background of the others as it is."""
+        """True once such a scanner has reported; a silent one does not affect the others' background."""
         return any(group.is_learning for group in self._groups.values())
 
     def detect(self, synced: SyncedFrame) -> Seen:
@@ -121,12 +120,12 @@ class Detector:
         return detections.select(self._area.contains(detections.position))
 
     def to_detections(self, seen: Seen, ns: int) -> list[Detection]:
-        """Return the detections of a frame [ns] one by one, trunks first."""
+        """Return the detections of a frame [ns], trunks first."""
         shown: dict[Role, Detections] = {"waist": seen.trunks, "knee": seen.legs}
         return [each for role, group in self._groups.items() for each in group.to_detections(shown[role], role, ns)]
 
     def missed(self, synced: SyncedFrame, points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
-        """Return the probability that the frame's scans show no person at points [m]; outside the area there is none, 0."""
+        """Return the probability that the frame's scans miss a person at points [m]; 0 outside the area, where no person is."""
         chance = np.ones(points.shape[1:])
         if self._area is not None:
             chance[~self._area.contains(points.reshape(2, -1).T).reshape(chance.shape)] = 0
@@ -136,6 +135,6 @@ class Detector:
 
 
 def _nearest_first(names: tuple[str, ...], rig: Rig, place: Float[Array, "3"]) -> tuple[str, ...]:
-    """Scanners by their distance from a place [m], those equally far as they were."""
+    """Return scanners by distance from a position [m]; ties keep their order."""
     lasers = rig.lasers()
     return tuple(sorted(names, key=lambda name: np.linalg.norm(lasers[name].room_from_sensor.translation - place)))

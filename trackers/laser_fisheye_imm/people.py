@@ -1,4 +1,4 @@
-"""The people this tracker follows: a roster of IMM states, their clothes, and where they were measured."""
+"""Tracks of this system: a roster of IMM states, appearance, and measured positions."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ NEVER_NS = -(2**62)
 class People(Rows):
     """n tracks, oldest first."""
 
-    serial: Int[Index, "n"]  # ascending: one of their own, tentative or not
+    serial: Int[Index, "n"]  # ascending; unique, also for tentative tracks
     roster: Roster[ImmState]
     clothes: Appearance
     born_at: Float[Array, "n 2"]  # first measured position [m]
     measured_at: Float[Array, "n 2"]  # last measured position [m]
     single_ns: Int[Index, "n"]  # stamp of the last measurement by a single leg; before any: `NEVER_NS`
-    offset_m2: Float[Array, "n"]  # variance of what stays of the error of the last measurement, on each axis
+    offset_m2: Float[Array, "n"]  # variance of the persistent error of the last measurement, on each axis
     posture: Posture
-    existence: Float[Array, "n"]  # how probably they are still there
+    existence: Float[Array, "n"]  # existence probability
 
     @classmethod
     def started(
@@ -42,7 +42,7 @@ class People(Rows):
         n_look: Int[Index, "n"],
         first_serial: int = 0,
     ) -> Self:
-        """Tentative tracks first measured at `position` at stamp ns."""
+        """Make tentative tracks first measured at `position` at stamp ns."""
         clothes = Appearance.started(reference, n_look)
         serial = first_serial + np.arange(len(position))
         n, roster = len(position), Roster.started(state, ns)
@@ -61,15 +61,15 @@ class People(Rows):
 
     @property
     def positions(self) -> Float[Array, "n 2"]:
-        """Each track's position over its modes [m]."""
+        """Position of each track over its modes [m]."""
         return (self.state.mean[:2] * self.state.probability).sum(axis=1).T
 
     def exist(self, above: float) -> Bool[Mask, "n"]:
-        """Select the tracks that exist more probably than `above`."""
+        """Return a mask of the tracks with a larger existence probability than `above`."""
         return self.existence > above
 
     def in_state(self, state: ImmState) -> Self:
-        """These tracks with another state."""
+        """Return the tracks with another state."""
         return self.changed(roster=self.roster.changed(state=state))
 
     def measured(
@@ -81,9 +81,10 @@ class People(Rows):
         existence: Float[Array, "p"],
         offset_m2: Float[Array, "p"],
     ) -> Self:
-        """These tracks in `state`, with those at `track` measured at `position` at ns, and now so probably still there.
+        """Return the tracks in `state`, with those at `track` measured at `position` at ns, with new existence
+        probabilities.
 
-        offset_m2: variance of what stays of the error.
+        offset_m2: variance of the persistent error.
         """
         return self.changed(
             roster=self.roster.measured(track, ns, state),

@@ -1,7 +1,7 @@
-"""Rules of the system of Bai and Takahashi as a table, and the rules of ours that contradict or exceed the paper.
+"""Rules of the system of Bai and Takahashi as a table, and our rules that contradict or exceed the paper.
 
-`PAPER_RULES` is the paper read plainly; its options are the preset `laser-fisheye-imm-paper`, and in parts those of the paper's
-other sensor sets and of its Kalman filter. The suite `ablation` starts from it and adds one rule of ours at a time.
+`PAPER_RULES` follows the paper literally; its options are the preset `laser-fisheye-imm-paper`, and in parts those of the
+paper's other sensor sets and of its Kalman filter. The suite `ablation` starts from it and adds one rule of ours at a time.
 """
 
 from __future__ import annotations
@@ -124,14 +124,14 @@ PAPER_RULES: tuple[PaperRule, ...] = (
         {"appearance": {"weight": 10.0}},
     ),
 )
-"""The paper's full system. Options that no rule names have no effect beside these, or are of the sensors."""
+"""The paper's full system. Other options have no effect with these, or belong to the sensors."""
 
 PAPER: Mapping[str, Any] = options_of(PAPER_RULES)
 """The options of `laser-fisheye-imm-paper`."""
 
 
 def paper_options(*, waist_only: bool = False, camera: bool = True, kalman: bool = False) -> dict[str, Any]:
-    """Return the paper's options for one of its sensor sets and filters: without those that have no effect there."""
+    """Return the paper's options for one of its sensor sets and filters, without those that have no effect there."""
     idle = (("knee", "legs") if waist_only else ()) + (() if camera else ("appearance",))
     options = {name: value for name, value in PAPER.items() if name not in idle}
     if waist_only:
@@ -163,11 +163,11 @@ RULES: Mapping[str, tuple[str, ...]] = {
     "postures": ("posture.seated_m",),
     "bodies-apart": ("track_management.apart_m", "track_management.start_apart_m"),
 }
-"""Rules of ours, by the options in which ours differs from the paper read plainly."""
+"""Our rules, by the options that differ from the literal paper."""
 
 
 def without(*rules: str) -> dict[str, Any]:
-    """Return the options that put the paper's own in the place of these rules. Raises KeyError for a rule that there is not."""
+    """Return the options that replace these rules by the paper's. Raises KeyError for an unknown rule."""
     options: dict[str, Any] = {}
     for rule in rules:
         options = deep_merge(options, at_paths(PAPER, RULES[rule]))

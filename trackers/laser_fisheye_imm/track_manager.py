@@ -1,4 +1,4 @@
-"""Track management with existence: how probably a track that no scan shows is still there, and near enough to be reported."""
+"""Track management with existence: the probability that a missed track still exists, near enough to be reported."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from trackers.laser_fisheye_imm.people import People
 from trackers.tracking.track_manager import TrackManager, clear_of, measured_now, nanoseconds
 
 _AT_REST = 0.01
-"""Variance of the speed of somebody who lies [m²/s²]."""
+"""Variance of a lying person's speed [m²/s²]."""
 
 
 class ImmTrackManager(TrackManager):
-    """The rules of every tracker, those of existence and posture, and the stamp at which any scanner last looked.
+    """Common track management with rules of existence and posture, and the stamp of the last scan.
 
-    corners: (c, 2) of the area where people are [m] (None: everywhere).
+    corners: (c, 2) of the area of people [m] (None: unlimited).
     """
 
     def __init__(self, options: LaserFisheyeImmOptions, corners: ArrayLike | None, imm: Imm) -> None:
@@ -32,11 +32,11 @@ class ImmTrackManager(TrackManager):
         self._looked_ns = 0
 
     def looked(self, ns: int) -> None:
-        """Note that a scanner has looked at stamp ns."""
+        """Note a scan at stamp ns."""
         self._looked_ns = ns
 
     def confirmed(self, people: People, ns: int, knows_room: bool) -> People:
-        """Confirm tracks that were measured long enough, and have moved where only that tells them from the room."""
+        """Confirm tracks that were measured long enough, and have moved if only that distinguishes them from the room."""
         if people.confirmed.all():
             return people
         rules, learns = self._options.track_management, not knows_room
@@ -50,9 +50,9 @@ class ImmTrackManager(TrackManager):
     def update_missed_tracks(
         self, people: People, ns: int, elapsed_s: float, missed: Callable[[Float[Array, "2 *n"]], Float[Array, "*n"]]
     ) -> People:
-        """Update the tracks that a frame did not show: likelier where nothing would show them, and likelier not to exist.
+        """Update missed tracks: likelier at undetectable positions, and less likely to exist.
 
-        missed: how probably the frame, a share of a period, shows nothing of a person at room points [m].
+        missed: miss probability of the frame, a share of a period, at room points [m].
         """
         rules = self._options.track_management
         measured = measured_now(people.roster, ns)
@@ -82,10 +82,11 @@ class ImmTrackManager(TrackManager):
         return people.in_state(people.state.replaced(coasting, state)).changed(existence=existence, posture=posture)
 
     def to_report(self, people: People, ns: int) -> Bool[Mask, "n"]:
-        """Select the confirmed tracks that are measured, or whose person is probably there and near the reported place.
+        """Return a mask of the confirmed tracks that are measured, or whose person probably exists near the reported
+        position.
 
-        A coasting track is a statement about the posterior: its person exists and stands within `within_m` of the mean with
-        more than `exists_above`. One that spreads too far, in a shadow, stays for re-identification and is not reported.
+        A coasting track is reported if its person exists within `within_m` of the mean with more than `exists_above` by the
+        posterior. One that spreads too far, in a shadow, is kept for re-identification without being reported.
         """
         reported, measured = self.reported(people.roster, ns), measured_now(people.roster, ns)
         if measured.all():  # in the area, or the track would have been deleted
@@ -100,29 +101,29 @@ class ImmTrackManager(TrackManager):
         return reported & (measured | there)
 
     def remaining(self, people: People, ns: int) -> People:
-        """Delete tracks that have left the area, or that were not shown for long."""
-        # a prediction that strays out of the area is not yet a person who has left it
+        """Delete tracks that have left the area, or were missed for long."""
+        # a prediction outside the area is not yet a person who has left
         inside = self.inside(people.positions) | ~measured_now(people.roster, ns)
         return people.select(self._kept(people, ns) & inside)
 
     def before(self, people: People, last_ns: int, ns: int) -> People:
-        """Return the tracks that are still followed at the look of stamp ns, if the one before was at `last_ns`.
+        """Return the tracks kept at the frame of stamp ns, if the one before was at `last_ns`.
 
-        Time in which nothing looked is no evidence against a track; after a gap longer than `coast_s` all tracks are deleted.
+        Time without scans is no evidence against a track; after a gap longer than `coast_s` all tracks are deleted.
         """
         gap = ns - last_ns > nanoseconds(self._options.track_management.coast_s)
         return people.select(np.zeros(len(people), np.bool_)) if gap else people
 
     def _kept(self, people: People, ns: int) -> Bool[Mask, "n"]:
-        """Select the tracks followed on after a look: recently measured ones, and by the looks made those that exist longer."""
+        """Return a mask of the tracks kept after a frame: recently measured ones, and longer if they probably exist."""
         rules, roster = self._options.track_management, people.roster
         kept = self.lasting(roster, ns)
         looked = ns - self._looked_ns <= nanoseconds(rules.coast_s)
-        # without an area there is always somewhere to be, behind the walls
+        # without an area there is always room behind the walls
         if looked and rules.survival_s is not None and self.area is not None:
             kept |= roster.confirmed & self._exists(people)
         return kept
 
     def _exists(self, people: People) -> Bool[Mask, "n"]:
-        """Select the tracks whose person is probably still there."""
+        """Return a mask of the tracks that probably exist."""
         return people.exist(self._options.track_management.exists_above)

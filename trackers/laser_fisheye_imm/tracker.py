@@ -1,22 +1,20 @@
 """People tracking with a two-layer laser and a fisheye camera, after Bai and Takahashi: "Identification and Tracking Using
 Laser and Vision of Maneuvering People".
 
-Per moment: gather what the sensors report of one moment; detect trunks and legs in front of the room; predict every track
-under every motion model; associate by global nearest neighbour trunks, and legs where no trunk is seen (never both); update
-who was measured, let the others coast; end tracks; start tracks.
+Per frame: gather the sensors' observations; detect trunks and legs in front of the room; predict every track under every
+motion model; associate by global nearest neighbour trunks, and legs for tracks without a trunk (never both); update measured
+tracks, coast the others; delete tracks; start tracks.
 
-What comes twice or too late, time that goes back among it, is dropped and counted, as is what a sensor that hangs repeats;
-scans without a return, and hundreds of clusters, are worked like any other; a long gap ends everybody. Where the background
-is learned as it goes, somebody who has not moved yet is nobody.
+Late and repeated observations are dropped and counted, also after time jumps back. Empty scans and scans with hundreds of
+clusters need no special handling. A gap longer than `coast_s` terminates all tracks. With a learned background, a person is
+not detected before the first motion.
 
-Simplified: the sensors of one moment are taken to look at one time (they differ by up to half a scan period), and a scan
-to be taken at once.
+Simplified: the observations of one frame are taken as simultaneous (they differ by up to half a scan period), and a scan as
+instantaneous.
 
-Ours, not the paper's, each an option: the correction from a cluster's middle to the body's axis, the completion of half
-hidden clusters, the grouping of arms and legs, that no track starts by a leg alone, that people accelerate to whichever side,
-that a measurement is left apart where that is likelier, that beams which go on show where nobody is, that an occluded person
-is re-identified by the shirt, or in what the likeliest of the occluded can have become, and that whoever sat and is seen no
-more lies there.
+Ours, not the paper's, each an option: the correction from a cluster's middle to the body's axis, the completion of partly
+occluded clusters, the grouping of arms and legs, no track from a single leg, acceleration in any direction, rejection of
+unlikely measurements, negative information, re-identification of occluded people by colour or likelihood, and lying people.
 """
 
 from __future__ import annotations
@@ -55,14 +53,14 @@ _ISOTROPIC = np.eye(2)
 
 
 class LaserFisheyeImm(SynchronizedTracker):
-    """Tracker of people from a waist scanner, a knee scanner and a fisheye camera; does with less (see module).
+    """Tracker of people from a waist scanner, a knee scanner and a fisheye camera, or a subset (see module).
 
-    background: observations of the empty room; a scanner without any learns its background as it goes. Options are those
-    of `LaserFisheyeImmOptions`. Frames leave as soon as their moment is whole; `finish` returns those still waiting. They
-    carry the main sensor's stamp. Nothing here is random: `rng` is not used.
+    background: observations of the empty room; a scanner without any learns its background. Options:
+    `LaserFisheyeImmOptions`. Frames leave when complete, with the main sensor's stamp; `finish` returns the remaining ones.
+    Deterministic: `rng` is not used.
 
-    Raises InputError for an unknown or wrong option, for one without effect beside the others, and for a rig without a laser
-    scanner to use.
+    Raises InputError for an unknown or wrong option, for one without effect beside the others, and for a rig without a
+    usable laser scanner.
     """
 
     Options = LaserFisheyeImmOptions
@@ -93,7 +91,7 @@ class LaserFisheyeImm(SynchronizedTracker):
         self._people = self._born(np.empty((0, 2)), 0, no_colours, np.empty(0, np.bool_))
         self._smoother = self._made_to_wait()
         self._ns: int | None = None
-        self._last_ns = 0  # of the moment before
+        self._last_ns = 0  # of the frame before
         self._windows: list[tuple[int | None, Array]] = []
         self._seen: list[tuple[int, Seen]] = []
         if self.background_learned_causally:
@@ -101,22 +99,22 @@ class LaserFisheyeImm(SynchronizedTracker):
 
     @property
     def unused_sensors(self) -> list[str]:
-        """The rig's sensors that are left alone: a scanner of no wanted role, a camera without a waist scanner, a floor."""
+        """Unused sensors of the rig: a scanner of no wanted role, a camera without a waist scanner, a floor."""
         return [name for name in self._rig.sensors if name not in self._detector.sensors]
 
     @property
     def background_learned_causally(self) -> bool:
-        """True where a scanner came without scans of the empty room."""
+        """True with a scanner without scans of the empty room."""
         return self._detector.learns_background
 
     @property
     def warnings(self) -> list[str]:
-        """That output is smoothed, where it is."""
+        """Note on smoothed output, if enabled."""
         late_s = self.options.smoothed_s
         return [f"its frames leave {late_s:g} s late, smoothed by what was measured meanwhile"] if late_s else []
 
     def finish(self) -> list[TrackFrame]:
-        """The frames still held back when the observations have ended."""
+        """Return the remaining frames after the last observation."""
         frames = super().finish()
         return frames + self._smoother.finish() if self._smoother is not None else frames
 
@@ -125,7 +123,7 @@ class LaserFisheyeImm(SynchronizedTracker):
         return [each for ns, seen in self._seen for each in self._detector.to_detections(seen, ns)]
 
     def tracks(self) -> list[Track]:
-        """Everyone confirmed in the area, as of the last frame, by id; whom nothing shows for long is kept in mind alone."""
+        """Return the confirmed tracks in the area, of the last frame, by id, without those missed for long."""
         people = self._people
         if self._ns is None:
             return []
@@ -144,7 +142,7 @@ class LaserFisheyeImm(SynchronizedTracker):
         ]
 
     def torso_windows(self) -> list[tuple[int | None, Float[Array, "p 2"]]]:
-        """The torso windows of the last frame's image: whose (None: nobody's yet), and the outline in pixels."""
+        """Return the torso windows of the last frame's image: track id (None: unassigned), and the outline in pixels."""
         return self._windows
 
     def _work_all(self, synced_frames: list[SyncedFrame]) -> list[TrackFrame]:
@@ -189,7 +187,7 @@ class LaserFisheyeImm(SynchronizedTracker):
     # --- predict
 
     def _predict(self, ns: int) -> float:
-        """Everybody at stamp ns; returns the time since the last moment [s]."""
+        """Predict all tracks to stamp ns; return the time since the last frame [s]."""
         last_ns = ns if self._ns is None else self._ns
         self._ns = ns
         self._last_ns, elapsed_s = last_ns, (ns - last_ns) / NS_PER_S
@@ -201,9 +199,9 @@ class LaserFisheyeImm(SynchronizedTracker):
 
     def _update(self, matches: Matches, ns: int) -> None:
         people, track = self._people, matches.track
-        # gait and clothes last: looks that follow sooner than a step together tell what one a step would
+        # gait and clothes persist: views within one step together count as one
         last_ns, lasts_s = people.roster.measured_ns[track], np.full(track.size, self.options.step_s)
-        if not self._detector.sees_waists:  # where all that is known of a body may be the leg that stands
+        if not self._detector.sees_waists:  # without trunks, a body may show only its standing leg
             last_ns = np.where(matches.single, people.single_ns[track], last_ns)
             lasts_s[matches.single] = self.options.legs.single_leg_s
         shares = np.clip((ns - last_ns) / (lasts_s * NS_PER_S), 1e-6, 1.0)
@@ -238,12 +236,14 @@ class LaserFisheyeImm(SynchronizedTracker):
         people, sitting = self._people, self.options.posture
         exist = people.exist(self.options.track_management.exists_above)
         bodies = np.concatenate([people.positions[exist], matches.position])
-        # a single leg, or knees without a trunk where waists are scanned, within a stride of somebody are likelier theirs
+        # a single leg, or knees without a trunk despite waist scanners, within a stride of a track are likelier its own
         maybe_theirs = matches.new_single | (self._detector.sees_waists & (matches.new_trunk < 0))
         stride_m = np.where(maybe_theirs, self.options.legs.start_apart_m, 0.0)
         free = clear_of(matches.new_position, bodies, np.maximum(self.options.track_management.start_apart_m, stride_m))
         seats = people.posture.seat[people.posture.seated(people.measured_at, sitting)]
-        free &= clear_of(matches.new_position, seats, sitting.length_m)  # trunk and legs of who lies or gets up
+        free &= clear_of(
+            matches.new_position, seats, sitting.length_m
+        )  # trunk and legs of a lying person, or one getting up
         if self._detector.sees_waists and self.options.legs.pair_m > 0:
             free &= ~matches.new_single
         position, trunk = matches.new_position[free], matches.new_trunk[free]
@@ -290,7 +290,7 @@ class LaserFisheyeImm(SynchronizedTracker):
 
 
 def filter_of(options: LaserFisheyeImmOptions) -> Imm:
-    """Return the filter that follows a person: several models or one, over velocities or the paper's over heading and speed."""
+    """Return a track's filter: several models or one, over velocities or the paper's over heading and speed."""
     single = options.filter == "kalman"
     motion: Motion = HeadingMotion(KALMAN_MODELS if single else IMM_MODELS)
     if options.motion == "velocities":

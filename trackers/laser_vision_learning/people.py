@@ -21,7 +21,9 @@ class People(Rows):
 
     serial: Int[Index, "n"]  # number in the order of starts; unlike identities it never changes
     roster: Roster[Cloud]
-    missing_s: Float[Array, "n"]  # for how long they should have been seen and were not, less what they were seen since
+    missing_s: Float[
+        Array, "n"
+    ]  # time in which they should have been detected and were not, less that of detections since
     pictured_ns: Int[Index, "n"]  # stamp of the last moment at which a camera's detection measured them, −1 before any
 
     @classmethod

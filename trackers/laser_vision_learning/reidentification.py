@@ -78,7 +78,7 @@ class _Split:
     serial: Int[Index, "q"]
     since_ns: int
     score: Float[Array, "q q"]  # sum over pictures
-    n_score: Float[Array, "q q"]  # of how many
+    n_score: Float[Array, "q q"]  # number of pictures
 
     @classmethod
     def of(cls, serial: Int[Index, "q"], ns: int) -> _Split:

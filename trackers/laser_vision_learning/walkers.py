@@ -91,7 +91,7 @@ class Walkers:
         self.people = self.people.changed(roster=self.people.roster.changed(state=cloud))
 
     def _moved(self, cloud: Cloud, step_s: float, last_look_ns: int) -> Cloud:
-        """The particles `step_s` later; who was not seen at the last look is likelier to stop."""
+        """Return the particles `step_s` later; a person missed by the last scan is likelier to stop."""
         seen_ns = np.maximum(self.people.roster.measured_ns, self.people.pictured_ns)
         missed = (seen_ns < last_look_ns).astype(float)
         return Cloud(self._model.move(cloud.state, step_s, missed, self.rng), cloud.weights)
