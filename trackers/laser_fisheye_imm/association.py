@@ -79,9 +79,9 @@ class Matches:
 class Association:
     """Pairing of one frame: global nearest neighbour on likelihood ratios, or d = N + w E, within the validation regions.
 
-    people: predicted to stamp ns (the frame before was at last_ns); missed: miss probability of each; sees_waists: whether
-    trunks are detected, without which legs are the only evidence; knows_room: False for a background learned from the scans,
-    where a tentative track may be a flicker of the room, and gets no legs.
+    people: predicted to stamp ns (the frame before was at last_ns); missed: how probably the frame would not show each of them;
+    sees_waists: whether trunks are looked for, without which legs are all that shows a person; knows_room: whether the background
+    was captured, or else is learned from the scans, so that a tentative track may be a flicker of the room, and takes no legs.
     """
 
     people: People
@@ -106,7 +106,7 @@ class Association:
         trunk = np.concatenate([np.arange(n_trunk), np.full(n_walker, -1)])
         position = np.concatenate([seen.trunks.position, walkers.position])
         single = np.concatenate([np.zeros(n_trunk, np.bool_), walkers.n_leg == 1])
-        # with waist scanners a single leg may be any object
+        # in a rig that sees waists a leg alone may be anything
         part = single & self.sees_waists
         by_legs = walkers.likelihood(options.legs, self._leg_gate_m)
         cost = cost.joined(Costs.of(people, by_legs, options))
@@ -175,7 +175,7 @@ class Association:
     def _re_identified(
         self, cost: Costs, colour: Float[Array, "n k"], position: Float[Array, "k 2"], part: Bool[Mask, "k"]
     ) -> Stage:
-        """Pair occluded tracks with unexplained measurements, except a `part` of a person."""
+        """Pair occluded tracks with what no prediction explains, but for what is only a `part` of a person."""
         people, rules = self.people, self.options.track_management
         hidden = people.confirmed & self._hidden() & (rules.reid_speed_m_s is not None)
         existing = hidden & people.exist(rules.exists_above)

@@ -28,7 +28,7 @@ class People(Rows):
     born_at: Float[Array, "n 2"]  # first measured position [m]
     measured_at: Float[Array, "n 2"]  # last measured position [m]
     single_ns: Int[Index, "n"]  # stamp of the last measurement by a single leg; before any: `NEVER_NS`
-    offset_m2: Float[Array, "n"]  # variance of the persistent error of the last measurement, on each axis
+    offset_m2: Float[Array, "n"]  # variance of what stays of the error of the last measurement, on each axis
     posture: Posture
     existence: Float[Array, "n"]  # existence probability
 

@@ -236,14 +236,12 @@ class LaserFisheyeImm(SynchronizedTracker):
         people, sitting = self._people, self.options.posture
         exist = people.exist(self.options.track_management.exists_above)
         bodies = np.concatenate([people.positions[exist], matches.position])
-        # a single leg, or knees without a trunk despite waist scanners, within a stride of a track are likelier its own
+        # a single leg, or knees without a trunk where waists are scanned, within a stride of somebody are likelier theirs
         maybe_theirs = matches.new_single | (self._detector.sees_waists & (matches.new_trunk < 0))
         stride_m = np.where(maybe_theirs, self.options.legs.start_apart_m, 0.0)
         free = clear_of(matches.new_position, bodies, np.maximum(self.options.track_management.start_apart_m, stride_m))
         seats = people.posture.seat[people.posture.seated(people.measured_at, sitting)]
-        free &= clear_of(
-            matches.new_position, seats, sitting.length_m
-        )  # trunk and legs of a lying person, or one getting up
+        free &= clear_of(matches.new_position, seats, sitting.length_m)  # trunk and legs of who lies or gets up
         if self._detector.sees_waists and self.options.legs.pair_m > 0:
             free &= ~matches.new_single
         position, trunk = matches.new_position[free], matches.new_trunk[free]

@@ -225,7 +225,7 @@ class Recognition:
             self._splits.append(_Split.of(np.unique(np.concatenate(members)), ns))
 
     def _look(self, people: People, now: Situations, shown: _Shown, ns: int) -> None:
-        """The scores, in one more picture, of those who came apart, are where they are seen, and are there alone."""
+        """Add the scores in one more picture of split members that are measured and alone."""
         if not self.options.at_splits:
             return
         alone = (_seen_ns(people) == ns) & ~now.confused.any(axis=1)
