@@ -1,1 +1,1 @@
-"""Sensors of the twin: ideal readings, layers of noise and faults around them, and the schedule of their arrival."""
+"""Sensors: ideal readings, layers of noise and faults, and the schedule of arrivals."""

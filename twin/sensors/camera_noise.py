@@ -13,10 +13,10 @@ from trackers.configuration import Strict
 from trackers.observations import Image
 
 _UNIT = 16
-"""Fixed-point steps to 1, for the noise bank and for σ: their product is shifted back by 8 bits."""
+"""Fixed-point steps per unit, for the noise bank and for σ; their product is shifted back by 8 bits."""
 
 _SPARE = 1 << 18
-"""Samples of the bank beyond one frame: so many places at which a frame's noise may start."""
+"""Samples of the bank beyond one frame: the number of possible starts of a frame's noise."""
 
 
 _Gain = Annotated[float, Field(gt=0, le=8)]
@@ -26,22 +26,22 @@ WhiteBalance = tuple[_Gain, _Gain, _Gain]
 
 @dataclass(frozen=True, eq=False)
 class NoiseBank:
-    """Normal noise drawn once, of which each frame uses a stretch from a random place."""
+    """Normal noise drawn once; each frame uses a stretch from a random start."""
 
     unit_noise: NDArray[np.int16]  # (frame size + _SPARE,) standard normal, in steps of 1 / _UNIT
     sigma: NDArray[np.int16]  # (256,) σ at each grey value, in steps of 1 / _UNIT
 
 
 class CameraNoise(Strict):
-    """Exposure and temporal noise, in grey values (0 to 255), alike and independent in red, green and blue.
+    """Exposure and temporal noise, in grey values (0 to 255), equal and independent in red, green and blue.
 
-    The ideal value is scaled by `exposure_gain` (saturating); then normal noise with variance `read_sigma`² + `shot` ·
-    value is added: read noise, and photon shot noise in its normal limit (EMVA 1288, linear camera model). Rounded and
-    saturated to 8 bits, and each channel is multiplied by its gain in `white_balance` [red, green, blue], noise included,
-    as a camera balances its raw values; saturated again.
+    The ideal value is scaled by `exposure_gain` (saturating); then normal noise with variance `read_sigma`² + `shot` · value
+    is added: read noise, and photon shot noise in its normal limit (EMVA 1288, linear camera model). Values are rounded and
+    saturated to 8 bits; then each channel, noise included, is multiplied by its gain in `white_balance` [red, green, blue],
+    as a camera balances raw values, and saturated again.
 
-    Simplified: noise is drawn once for a sensor and each frame uses it from one of 2¹⁸ random places with a random
-    sign, truncated at 6 σ; no fixed pattern, no demosaicking, no gamma, no motion blur.
+    Simplified: noise is drawn once per sensor and each frame uses it from one of 2¹⁸ random starts with a random sign,
+    truncated at 6 σ; no fixed pattern, no demosaicking, no gamma, no motion blur.
     """
 
     read_sigma: float = Field(
@@ -76,7 +76,7 @@ class CameraNoise(Strict):
     def expose(
         self, rgb: NDArray[np.uint8], state: NoiseBank | None, rng: np.random.Generator
     ) -> tuple[NDArray[np.uint8], NoiseBank | None]:
-        """Apply exposure and noise to ideal pixels (height, width, 3); a new array where anything changes."""
+        """Apply exposure and noise to ideal pixels (height, width, 3); return a new array if anything changes."""
         import cv2
 
         if self.exposure_gain != 1:
@@ -119,10 +119,10 @@ CAMERA_NOISE = {
 
 
 class StereoNoise(CameraNoise):
-    """The noise of both pictures of a stereo camera, and of the disparities of one that does not match pictures.
+    """Noise of both pictures of a stereo camera, and of disparities that are not matched.
 
-    `disparity_sigma_px` is the standard deviation of the disparity in mode 'disparity-noise'. In mode 'matched' the
-    error of the disparity is what matching noisy pictures makes of it.
+    `disparity_sigma_px`: standard deviation of the disparity in mode 'disparity-noise'. In mode 'matched' the error follows
+    from matching noisy pictures.
     """
 
     disparity_sigma_px: float = Field(

@@ -1,4 +1,4 @@
-"""Check a sensor of the user's against the contract, for its author."""
+"""Contract check of a user's sensor, for its author."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def _watch(sensor: Sensor, world: SnapshotSource) -> tuple[list[Reading], list[d
     rng = np.random.default_rng(_SEED)
     state, readings, copies, faults = None, [], [], []
     for stamp_ns in _STAMPS_NS:
-        looks: list[tuple[Snapshot, dict[str, NDArray]]] = []  # each snapshot, and a copy of its state at first
+        looks: list[tuple[Snapshot, dict[str, NDArray]]] = []  # each snapshot, and a copy of its initial state
         reading, state = sensor.observe(stamp_ns, _hand_out(sensor, world, stamp_ns, looks, faults), state, rng)
         if looks:
             faults += _meddling_faults(*looks[-1])
@@ -90,7 +90,7 @@ def _hand_out(
     looks: list[tuple[Snapshot, dict[str, NDArray]]],
     faults: list[str],
 ) -> Iterator[Snapshot]:
-    """Yield the snapshots a sensor asks for, noted in `looks` and compared when the sensor asks for the next."""
+    """Yield the snapshots a sensor asks for, noted in `looks`, and check each when the next is asked for."""
     for offset in sensor.instants_s:
         snapshot = world.snapshot(stamp_ns / NS_PER_S + offset)
         looks.append((snapshot, _world_state(snapshot)))

@@ -13,20 +13,20 @@ from trackers.rig import FisheyeSensor, RigSensor
 from twin.sensors.fault_kinds import BlockedSector, DeadBeams, DeadCells, LensOcclusion
 
 _LOBES = np.arange(2, 7)
-"""Lobes of an outline on its way round: few, as of a thumb or a drop."""
+"""Numbers of lobes of an outline: few, as of a thumb or a drop."""
 
 _NO_DEPTH_ABOVE = 0.3
-"""A pixel of which more than this share is covered finds no partner in the other view."""
+"""Covered share of a pixel above which it has no match in the other view."""
 
 _SMEAR_SHARE = 0.06
 """Spread of light by a smear: standard deviation as a share of the picture's height."""
 
 _SMALL_SHARE = 4
-"""A smear is blurred at this fraction of the resolution: nothing finer is left in it."""
+"""Resolution divisor for blurring a smear, which has no finer detail."""
 
 
 class LensCover:
-    """A soft-edged cover over part of a camera's image; its outline is drawn from `rng` once."""
+    """Soft-edged cover over part of a camera's image; its outline is drawn from `rng` once."""
 
     def __init__(self, fault: LensOcclusion, rig: RigSensor, rng: np.random.Generator) -> None:
         self._fault = fault
@@ -36,7 +36,7 @@ class LensCover:
         self._cover: NDArray[np.float32] | None = None
 
     def apply(self, observation: Image | DepthImage) -> Image | DepthImage:
-        """Return the image with the cover on it; where it covers much of a pixel, no depth."""
+        """Return the image with the cover on it, without depth where it covers much of a pixel."""
         height, width, _ = observation.rgb.shape
         if self._cover is None or self._cover.shape != (height, width):
             self._cover = self.cover(width, height)
@@ -89,7 +89,7 @@ class LensCover:
 
 
 def _smeared(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Blur an image as grease or water on the lens does."""
+    """Blur an image like grease or water on the lens."""
     height, width, _ = rgb.shape
     small = cv2.resize(
         rgb, (max(1, width // _SMALL_SHARE), max(1, height // _SMALL_SHARE)), interpolation=cv2.INTER_AREA
@@ -99,7 +99,7 @@ def _smeared(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 class SectorBlock:
-    """An obstacle right before a scanner's window."""
+    """Obstacle right before a scanner's window."""
 
     def __init__(self, fault: BlockedSector) -> None:
         self._fault = fault
@@ -115,13 +115,13 @@ class SectorBlock:
 def beams_between(scan: LaserScan, bearings_deg: tuple[float, float]) -> NDArray[np.bool_]:
     """Return which beams (n_beam,) lie between two bearings [deg], both included."""
     first, last = np.deg2rad(bearings_deg)
-    slack = abs(scan.angle_increment_rad) * 1e-3  # a beam on the edge belongs to it, whatever its last digit
+    slack = abs(scan.angle_increment_rad) * 1e-3  # a beam on the edge belongs to it, despite rounding
     angles = scan.angles_rad
     return (angles >= first - slack) & (angles <= last + slack)
 
 
 class DeadBeamMask:
-    """Beams that report nothing; a share of them is drawn from `rng` once."""
+    """Beams without readings; a share of them is drawn from `rng` once."""
 
     def __init__(self, fault: DeadBeams, rng: np.random.Generator) -> None:
         self._fault = fault
@@ -145,7 +145,7 @@ class DeadBeamMask:
 
 
 class DeadCellMask:
-    """Elements of a floor that always read the same; a share of them is drawn from `rng` once."""
+    """Elements of a floor with a constant reading; a share of them is drawn from `rng` once."""
 
     def __init__(self, fault: DeadCells, rng: np.random.Generator) -> None:
         self._fault = fault

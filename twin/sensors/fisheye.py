@@ -1,4 +1,4 @@
-"""The fisheye camera: perspective faces from one scene update, remapped to the lens's picture by one table."""
+"""Fisheye camera: perspective faces of one scene update, remapped to the lens's picture by one table."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from twin.sensors.render_scene import RenderView
 from twin.sensors.sensor import Reading, State
 
 MARGIN_PX = 2.0
-"""Each face is drawn this much wider than its pixels need, so that bilinear taps stay inside it."""
+"""Margin of each face beyond its pixels, so that bilinear taps stay inside it."""
 
-# Face axes in the camera's frame (x right, y down, z ahead): forward, up. The sides hold the lens axis as their up, so
-# that the strip they need lies along the rows of the buffer.
+# Face axes in the camera's frame (x right, y down, z ahead): forward, up. The sides have the lens axis as their up, so
+# that their needed strip lies along the rows of the buffer.
 _FACES = (
     ((0, 0, 1), (0, -1, 0)),
     ((1, 0, 0), (0, 0, 1)),
@@ -37,10 +37,10 @@ _FACES = (
 
 @dataclass(frozen=True, eq=False)
 class FaceTable:
-    """The faces to draw and, for each pixel of the picture, where in their common buffer its light lies.
+    """Faces to draw, and the position of each pixel of the picture in their common buffer.
 
-    `views` are in the room frame. `column`, `row` (height, width) are places in the buffer [px], integers at pixel
-    centres, rows from the bottom up as the renderer writes them; -2 outside the lens's field.
+    `views` are in the room frame. `column`, `row` (height, width): positions in the buffer [px], integers at pixel centres,
+    rows from the bottom up as the renderer writes them; -2 outside the lens's field.
     """
 
     views: tuple[RenderView, ...]
@@ -51,10 +51,10 @@ class FaceTable:
 
 
 def build_face_table(lens: FisheyeIntrinsics, room_from_camera: NDArray[np.float64], oversampling: float) -> FaceTable:
-    """Return the faces for a camera with this rotation (3, 3) and, for each pixel, its place in them.
+    """Return the faces for a camera with this rotation (3, 3), and the position of each pixel in them.
 
-    A face has `oversampling` pixels per radian at its middle for each that the image has at most along its radius. Needs a
-    lens that `check_fisheye` accepts; raises InputError where no pixel lies in its field.
+    A face has `oversampling` pixels per radian at its middle for each of the image's finest along its radius. Needs a lens
+    that `check_fisheye` accepts; raises InputError where no pixel lies in its field.
     """
     directions = lens.pixel_rays()
     density = oversampling * _pixels_per_radian(lens)  # [px] per unit of tangent
@@ -113,7 +113,7 @@ def _nearest_face(directions: NDArray[np.float64]) -> NDArray[np.intp]:
 
 
 def _span(values: NDArray[np.float64], density: float) -> tuple[float, int]:
-    """Return a face's lower edge (tangent) and the number of pixels that hold these places with a margin."""
+    """Return a face's lower edge (tangent) and the number of pixels that contain these positions with a margin."""
     pixels = int(np.ceil((values.max() - values.min()) * density + 2 * MARGIN_PX))
     middle = (values.max() + values.min()) / 2
     return float(middle - pixels / density / 2), pixels
@@ -124,17 +124,17 @@ def _triple(vector: NDArray[np.float64]) -> tuple[float, float, float]:
 
 
 OVERSAMPLING = 1.0
-"""Pixels per radian of a face at its middle, for each of the picture's."""
+"""Pixels per radian at the middle of a face, relative to the picture's."""
 
 
 class Fisheye:
-    """An ideal Kannala–Brandt camera: sharp at every distance, instantaneous shutter, no vignetting, no scatter.
+    """Ideal Kannala–Brandt camera: sharp at every distance, instantaneous shutter, no vignetting, no scatter.
 
-    MuJoCo has no such projection, so up to five faces of a cube around the lens are drawn, only as far as the field
-    of view needs them, and remapped bilinearly. Pixels outside the field of view are black. The camera stands still.
+    MuJoCo has no such projection, so up to five faces of a cube around the lens are drawn, as far as the field of view needs
+    them, and remapped bilinearly. Pixels outside the field of view are black. The camera stands still.
 
-    `renderer` gives the renderer of the snapshots' model; it is called at the first observation, not before.
-    Raises InputError for a lens that cannot be rendered.
+    `renderer` returns the renderer of the snapshots' model; it is called at the first observation, not before. Raises
+    InputError for a lens that cannot be rendered.
     """
 
     instants_s = (0.0,)
@@ -178,7 +178,7 @@ class Fisheye:
         return Reading(Image(self.name, stamp_ns, self._faces.bend())), state
 
     def draw_faces(self, snapshot: Snapshot) -> None:
-        """Draw and read the faces, which is what a picture costs at least."""
+        """Draw and read the faces, the minimum cost of a picture."""
         renderer = self._renderer()
         if snapshot.model is not renderer.model:
             raise ValueError(f"camera {self.name!r} was given a renderer of another model than the snapshot's")
@@ -197,14 +197,14 @@ class Fisheye:
 
 
 class _Faces:
-    """The buffers of one camera, filled for each image."""
+    """Buffers of one camera, filled for each image."""
 
     def __init__(self, rig: FisheyeSensor, oversampling: float) -> None:
         table = build_face_table(rig.intrinsics, rig.room_from_sensor.rotation, oversampling)
         self.views = table.views
         self.drawn = np.zeros((table.height, table.width, 4), dtype=np.uint8)
         self._bent = np.empty((*table.column.shape, 4), dtype=np.uint8)
-        # Fixed-point places, to 1/32 px: twice as fast as floats.
+        # Fixed-point positions, to 1/32 px: twice as fast as floats.
         self._map = cv2.convertMaps(table.column, table.row, cv2.CV_16SC2)
         self.pixels = PersonPixels(self._map)
 

@@ -1,4 +1,4 @@
-"""The pressure floor: a grid of force-sensing resistors under people's feet."""
+"""Pressure floor: a grid of force-sensing resistors under people's feet."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class Floor:
         return Reading(frame, truth), state
 
     def cells_of_feet(self, feet: Feet) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
-        """Return the elements that the left and right foot of each person load, by number."""
+        """Return the indices of the elements loaded by the left and right foot of each person."""
         pressed = self._press(feet)
         cells: list[tuple[list[int], list[int]]] = [([], []) for _ in range(len(feet.present))]
         for person, foot, cell in zip(
@@ -78,7 +78,7 @@ class Floor:
     def _press(self, feet: Feet | None) -> FloorLoad:
         if feet is None:
             return self._pressed(None)
-        # truth and sensor ask for the same stamp, one after the other
+        # truth and sensor use the same stamp, one after the other
         if self._last is None or self._last[0] is not feet:
             self._last = feet, self._pressed(feet)
         return self._last[1]

@@ -16,12 +16,12 @@ from trackers.observations import FloorFrame
 Cell = tuple[NonNegativeInt, NonNegativeInt]
 
 _GAIN_LEAST = 0.2
-"""No resistor answers to less than this share of its load: a normal spread has no lower end."""
+"""Least gain of a resistor, since a normal distribution has no lower end."""
 
 
 @dataclass(frozen=True, eq=False)
 class LoadFrame(FloorFrame):
-    """An ideal frame, and what the 8 bits were made from; never leaves the twin (its message carries the values alone)."""
+    """Ideal frame with its underlying loads; never leaves the twin (its message carries the values alone)."""
 
     load_n: Array  # (rows, columns) [N]
     curve: ForceCurve
@@ -29,10 +29,10 @@ class LoadFrame(FloorFrame):
 
 @dataclass(frozen=True, eq=False)
 class FloorParts:
-    """The elements of one floor as built, (rows, columns) each: what differs from element to element and stays."""
+    """Elements of one floor as built, (rows, columns) each: their constant individual properties."""
 
-    gain: Array  # share of its load to which a resistor answers
-    fixed: NDArray[np.int16]  # what a dead or stuck element reads; -1 for one that works
+    gain: Array  # gain of each resistor
+    fixed: NDArray[np.int16]  # constant reading of a dead or stuck element; -1 for a working one
 
 
 class FloorElectronics(Strict):
@@ -107,7 +107,7 @@ class FloorElectronics(Strict):
         """Draw a floor with these tolerances from `rng`; raises ValueError as `check_cells`."""
         self.check_cells(rows, columns)
         shape = (rows, columns)
-        # All is drawn whether needed or not, so that one fault does not move another.
+        # All is drawn even if unused, so that one fault does not change another.
         spread, luck, value = (
             rng.standard_normal(shape),
             rng.random((2, *shape)),
@@ -135,7 +135,7 @@ class FloorElectronics(Strict):
         signal = observation.curve.signal(shown_n)
         if self.read_sigma > 0:
             signal = signal + self.read_sigma * rng.standard_normal(signal.shape)
-        # The converter's own ends, 0 and full scale.
+        # The converter's range, 0 to full scale.
         values = np.rint(signal).clip(0, FULL_SCALE).astype(np.uint8)
         fixed = state.parts.fixed
         values = np.where(fixed >= 0, fixed.astype(np.uint8), values)
@@ -152,7 +152,7 @@ class FloorState:
 
 @dataclass(frozen=True, eq=False)
 class BuiltElectronics:
-    """Electronics of one floor that is built already: the same elements are dead in its empty room and in its run."""
+    """Electronics of one floor already built, so that the same elements are dead in its empty room and its run."""
 
     electronics: FloorElectronics
     parts: FloorParts
@@ -176,7 +176,7 @@ def spread_to_neighbours(load_n: Array, share: float) -> Array:
     out[:-1] += quarter[1:]
     out[:, 1:] += quarter[:, :-1]
     out[:, :-1] += quarter[:, 1:]
-    # What would leave the grid stays at its edge.
+    # Load that would leave the grid stays at its edge.
     out[0] += quarter[0]
     out[-1] += quarter[-1]
     out[:, 0] += quarter[:, 0]
@@ -185,7 +185,7 @@ def spread_to_neighbours(load_n: Array, share: float) -> Array:
 
 
 def _play(load_n: Array, shown_n: Array, width: float) -> Array:
-    """Return the loads that resistors show [N] after `shown_n`: a play operator."""
+    """Return the loads shown by resistors [N] after `shown_n`: a play operator."""
     return np.clip(shown_n, load_n, load_n / (1 - width))
 
 

@@ -1,4 +1,4 @@
-"""The pressure floor's mechanics: the load of each sensing element under feet, from MuJoCo's contacts."""
+"""Mechanics of the pressure floor: the load of each sensing element under feet, from MuJoCo's contacts."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from twin.instant.snapshot import Feet, FootShapes
 from twin.sensors.floor_soles import first_sink_m, sheet_cells, sheet_start, sole_points, soles_model
 
 _STEPS = 8
-"""Steps of a burst: forces are then right to 1e-4, at the very ends of the sole to 2e-3; the centre of pressure to 0.3 mm."""
+"""Steps of a burst: forces then have errors of 1e-4, at the ends of the sole 2e-3; the centre of pressure 0.3 mm."""
 
 _GROUP = 5
-"""People in one MuJoCo model: each touch sensor looks at all contacts of its model, so that cost would grow with the square."""
+"""People per MuJoCo model: each touch sensor checks all contacts of its model, a quadratic cost."""
 
 _LIFTED_M = 0.05
 _NUDGE_M = 1e-5
@@ -49,7 +49,7 @@ class FloorLoad:
 
     @classmethod
     def nothing(cls, rows: int, columns: int, people: int) -> FloorLoad:
-        """Return the loads of a floor without feet."""
+        """Return zero loads."""
         none = np.zeros(0, dtype=np.int32)
         centre_m = np.full((people, 2, 2), np.nan)
         return cls(np.zeros((rows, columns)), none, none, none, np.zeros(0), np.zeros((people, 2)), centre_m)
@@ -80,10 +80,10 @@ class FloorPlate:
         self._groups = [_FootGroup(rows, columns, pitch_m, points[start : start + _GROUP]) for start in starts]
 
     def press(self, feet: Feet) -> FloorLoad:
-        """Return the loads that these feet (of the people of `shapes`, in the plate's frame) put on the elements.
+        """Return the loads of these feet (of the people of `shapes`, in the plate's frame) on the elements.
 
         Raises ValueError for feet of other people, loads that are negative or no numbers, and a pressure point of a loaded
-        foot ahead of the toes or behind the heel: no foot can carry there.
+        foot ahead of the toes or behind the heel.
         """
         carrying = self._check_feet(feet)
         foot_n = np.zeros((self._people, 2))
@@ -157,7 +157,7 @@ class _GroupLoad:
 
 
 class _FootGroup:
-    """The feet of a few people in one MuJoCo model, (f,) feet in all."""
+    """Feet of a few people in one MuJoCo model, (f,) feet in total."""
 
     def __init__(self, rows: int, columns: int, pitch_m: float, points: Array) -> None:
         self._grid = np.array([columns, rows])
@@ -227,7 +227,7 @@ class _FootGroup:
         raise RuntimeError(f"feet at {place[lost].tolist()} m are not felt whole by the elements under them")
 
     def _lay(self, start: NDArray[np.int64], place: Array, yaw: Array) -> None:
-        """Put the sheets and the feet where they are."""
+        """Place the sheets and the feet."""
         count, data = len(yaw), self._data
         data.mocap_pos[:count, :2] = start * self._pitch_m
         data.mocap_pos[count:, :2] = place
@@ -235,7 +235,7 @@ class _FootGroup:
         data.mocap_quat[count:, 3] = np.sin(yaw / 2)
 
     def _burst(self, load_n: Array, ahead_m: Array) -> tuple[Array, Array]:
-        """Press the feet from the same start as ever; touch (f, cells²) and the contacts' forces on the joints (f, 3)."""
+        """Press the feet from a constant start; return touch (f, cells²) and the contacts' forces on the joints (f, 3)."""
         model, data, count = self._model, self._data, len(load_n)
         data.time = 0.0
         data.qvel[:] = 0.0
@@ -247,7 +247,7 @@ class _FootGroup:
         model.opt.disableflags = flags | int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
         mujoco.mj_step(model, data, nstep=_STEPS)
         model.opt.disableflags = flags
-        # Contacts, their forces and the sites are those of the last step's start: they go together.
+        # Contacts, their forces and the sites are those at the start of the last step, and so consistent.
         mujoco.mj_sensorAcc(model, data)
         touch_n = data.sensordata.reshape(count, -1).copy()
         return touch_n, data.qfrc_constraint.reshape(count, 3).copy()

@@ -1,9 +1,8 @@
-"""Soles on a floor as a MuJoCo model: the points of a foot that touch, and the touch sensors under them.
+"""Soles on a floor as a MuJoCo model: the touching points of a foot, and the touch sensors under them.
 
-Each foot has a sheet of the floor to itself: a plane that only this foot touches, with a touch sensor for every cell that the
-foot can reach. Sheets are laid where the cells of the grid are. As the floor does not give way, feet do not act on each other
-through it, and the loads of all sheets add up to what one grid under all feet would feel. A foot needs a handful of cells,
-however many the grid has, and every newton is known by its foot.
+Each foot has its own sheet of the floor: a plane that only this foot touches, with a touch sensor for every cell within its
+reach, aligned to the grid. As the floor is rigid, feet do not act on each other through it, and the loads of all sheets add
+up to those of one grid. A foot needs few cells, however many the grid has, and every load is known by foot.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ _MASS_KG = 1.0
 _RADIUS_M = 0.01
 _ZONE_M = 0.05
 _SLACK_M = 1e-4
-"""A point may move by this much sideways [m] while its foot settles (it rolls on a sphere)."""
+"""Greatest sideways motion of a point [m] while its foot settles (it rolls on a sphere)."""
 
 # Points of a right sole: (along, across). Along: -1 is the heel, 0 under the ankle, 1 the ball, 2 the toes' tips.
 # Across: share of half the breadth at the ball, to the left, which is inwards.
@@ -43,7 +42,9 @@ POINTS = len(_POINTS)
 
 
 def sole_points(shapes: FootShapes) -> Array:
-    """Return where soles of n people touch, (n, 2, POINTS, 2), x ahead of the ankle, y to its left [m]; left foot first."""
+    """Return the touching points of soles of n people, (n, 2, POINTS, 2), x ahead of the ankle, y to its left [m]; left foot
+    first.
+    """
     along = _POINTS[:, 0]
     toes = shapes.length - shapes.heel - shapes.ball  # from the ball on
     pieces = np.stack([np.minimum(along, 0), along.clip(0, 1), np.maximum(along - 1, 0)])  # (3, POINTS)
@@ -87,7 +88,7 @@ def soles_model(points: Array, pitch_m: float, cells: int) -> mujoco.MjModel:
 
 
 def first_sink_m(model: mujoco.MjModel) -> Array:
-    """Return how deep each foot rests [m/N] when all of its points carry alike, (f,): a start near the end.
+    """Return how deep each foot rests [m/N] with equally loaded points, (f,), as a good start.
 
     From MuJoCo's soft contacts: force = impedance · stiffness · depth / regularisation (manual, "Solver parameters").
     """

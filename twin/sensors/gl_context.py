@@ -1,9 +1,9 @@
-"""OpenGL without a screen: EGL contexts, what draws in them, and what becomes of them when the process forks.
+"""OpenGL without a screen: EGL contexts, their renderers, and their fate when the process forks.
 
-A forked child has its parent's memory but only the thread that forked. Software rendering without threads of its own
-(LP_NUM_THREADS=0) is memory alone and goes on. A thread of the rasteriser, or a graphics card's driver, is lost, and waiting
-for it never ends: such a child refuses to draw. No other thread may be within OpenGL while the process forks: the locks that
-it holds there are never released in the child.
+A forked child has its parent's memory but only the forking thread. Software rendering without its own threads
+(LP_NUM_THREADS=0) is memory alone and continues. A thread of the rasteriser, or a graphics card's driver, is lost, and
+waiting for it never ends: such a child refuses to draw. No other thread may be within OpenGL during a fork: its locks are
+never released in the child.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ _state = threading.Condition()  # reentrant: a renderer may be freed by the garb
 _n_drawing = 0
 _n_forking = 0
 _own = threading.local()
-_drawn_in: int | None = None  # the process that made the first context
-_goes_on = True  # in children of that process
-_opencv_threads: list[int] = []  # before the fork that is under way
+_drawn_in: int | None = None  # process that made the first context
+_goes_on = True  # whether children of that process can draw
+_opencv_threads: list[int] = []  # before the present fork
 
 
 @contextmanager
 def no_fork() -> Iterator[None]:
-    """Hold back every fork of this process while the block runs; blocks of several threads run side by side."""
+    """Prevent every fork of this process during the block; blocks of several threads run concurrently."""
     global _n_drawing
     if getattr(_own, "drawing", False):
         yield
@@ -56,7 +56,7 @@ def no_fork() -> Iterator[None]:
 
 
 def note_context(renderer: str) -> None:
-    """Note that this process has a context now, drawn by the OpenGL of this name (GL_RENDERER)."""
+    """Note that this process has a context by the OpenGL of this name (GL_RENDERER)."""
     global _drawn_in, _goes_on
     if _drawn_in is None:
         _drawn_in = os.getpid()
@@ -64,7 +64,7 @@ def note_context(renderer: str) -> None:
 
 
 def check_process() -> None:
-    """Raise InputError in a process that was forked from one that has drawn, where drawing would hang."""
+    """Raise InputError in a process forked from one that has drawn, if drawing would hang."""
     if _drawn_in not in (None, os.getpid()) and not _goes_on:
         raise InputError(
             f"cannot render: process {os.getpid()} was forked from {_drawn_in}, which has rendered before, and this OpenGL "
@@ -74,12 +74,12 @@ def check_process() -> None:
 
 
 def is_lost(process: int, thread: int) -> bool:
-    """Return True where a context that this thread of this process made cannot be freed in the current process."""
+    """Return True if a context made by this thread of this process cannot be freed in the current one."""
     return process != os.getpid() and (thread != threading.get_ident() or not _goes_on)
 
 
 def abandon(*lost: Any) -> None:
-    """Keep what would call OpenGL when it is freed from being freed, to the end of the process."""
+    """Keep objects that would call OpenGL when freed until the end of the process."""
     for each in lost:
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(each))
 
@@ -94,8 +94,9 @@ def _before_fork() -> None:
     _state.acquire()
     _n_forking += 1
     _state.wait_for(lambda: _n_drawing == getattr(_own, "drawing", False))
-    # Mesa waits at the end of a child for a thread of the parent's, by an address that a new thread may get: a pool of
-    # OpenCV's never ends, so that the child would not either. It gets none, and the parent's is none while it forks.
+    # Mesa waits at the end of a child for a thread of the parent's, by an address that a new thread may reuse: one of
+    # OpenCV's pool never ends, and so the child would not. So the child has no such pool, and the parent none while it
+    # forks.
     cv2 = sys.modules.get("cv2")
     if _drawn_in is not None and cv2 is not None:
         _opencv_threads.append(cv2.getNumThreads())
@@ -117,7 +118,7 @@ def _after_in_child() -> None:
     _state.release()
     egl = sys.modules.get("mujoco.egl")
     if egl is not None:
-        atexit.unregister(egl._terminate_display)  # would wait for threads that the child does not have
+        atexit.unregister(egl._terminate_display)  # would wait for threads missing in the child
         if not _goes_on:
             egl.EGL_DISPLAY = None
 
@@ -134,7 +135,7 @@ _GL_RENDERER, _GL_VERSION, _GL_RGBA = 0x1F01, 0x1F02, 0x1908
 
 @dataclass(frozen=True)
 class GlInfo:
-    """The machine's OpenGL, noted with every image that is compared later."""
+    """The machine's OpenGL, noted with every image for later comparison."""
 
     renderer: str
     version: str
@@ -158,8 +159,8 @@ def make_context() -> Any:
     that survived a fork.
     """
     os.environ["MUJOCO_GL"] = "egl"
-    # No thread of the rasteriser's: the second core is worth more to encoding and tracking,
-    # one thread in turns with ours is no faster, and none is what a forked process can go on with.
+    # No thread for the rasteriser: the second core is worth more for encoding and tracking, alternating with ours is no
+    # faster, and only without one can a forked process continue.
     os.environ.setdefault("LP_NUM_THREADS", "0")
     check_process()
     try:
@@ -177,9 +178,9 @@ def make_context() -> Any:
 
 
 def make_mjr_context(model: mujoco.MjModel, context: Any, samples: int, shadow_map_px: int) -> mujoco.MjrContext:
-    """Make MuJoCo's side of a context: the model's meshes and textures, a buffer with this many samples per pixel (0: one).
+    """Make MuJoCo's part of a context: the model's meshes and textures, a buffer with this many samples per pixel (0: one).
 
-    shadow_map_px: the side of the map of a lamp's shadows (0: none, where the model would say 64 MB).
+    shadow_map_px: side of a lamp's shadow map (0: none, where the model's would take 64 MB).
     """
     quality = model.vis.quality
     own = quality.offsamples, quality.shadowsize
@@ -192,15 +193,15 @@ def make_mjr_context(model: mujoco.MjModel, context: Any, samples: int, shadow_m
     finally:
         quality.offsamples, quality.shadowsize = own
     mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, mjr)
-    # The framebuffer's own layout: reading RGB instead costs ten times as much.
+    # The framebuffer's own layout: reading RGB instead is ten times slower.
     mjr.readPixelFormat = _GL_RGBA
-    # MuJoCo draws with 0 at the far plane, where floats are dense; turning it round would cost that.
+    # MuJoCo draws with 0 at the far plane, where floats are dense; reversing it would lose that.
     mjr.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
     return mjr
 
 
 def fitted(mjr: mujoco.MjrContext | None, width: int, height: int) -> mujoco.MjrContext:
-    """Return MuJoCo's side of a context with a buffer of at least this size [px]."""
+    """Return MuJoCo's part of a context with a buffer of at least this size [px]."""
     assert mjr is not None
     if width > mjr.offWidth or height > mjr.offHeight:
         mujoco.mjr_resizeOffscreen(max(width, mjr.offWidth), max(height, mjr.offHeight), mjr)
@@ -208,7 +209,7 @@ def fitted(mjr: mujoco.MjrContext | None, width: int, height: int) -> mujoco.Mjr
 
 
 def free(context: Any, maker: tuple[int, int], *drawers: mujoco.MjrContext | None) -> None:
-    """Free a context that `maker`, a process and its thread, made, and MuJoCo's sides of it."""
+    """Free a context made by `maker`, a process and its thread, and MuJoCo's parts of it."""
     if is_lost(*maker):
         abandon(context, *drawers)
         return

@@ -99,10 +99,10 @@ class LaserNoise(Strict):
         increment_rad: float,
         rng: np.random.Generator,
     ) -> None:
-        """Move the beams that straddle an edge between the two surfaces, in place."""
+        """Move beams that straddle an edge between the two surfaces, in place."""
         with np.errstate(invalid="ignore"):  # inf - inf where neither beam returns
             jump = np.abs(ideal[1:] - ideal[:-1])
-        # A jump to +inf or NaN is no mixed pixel: only one of the two surfaces sends an echo.
+        # A jump to +inf or NaN is no mixed pixel: only one surface returns an echo.
         left = np.flatnonzero((jump > self.edge_m) & (jump < np.inf))
         if left.size == 0:
             return
@@ -110,7 +110,7 @@ class LaserNoise(Strict):
         other = np.concatenate([left + 1, left])
         edge = rng.random(left.size)  # place of the edge between the two axes, in beam spacings
         footprint = np.deg2rad(self.divergence_deg) / abs(increment_rad)  # in beam spacings
-        # Share of the footprint that lies over the edge, on the other surface.
+        # Share of the footprint on the other surface.
         share = 0.5 - np.concatenate([edge, 1 - edge]) / footprint
         mixed = (share > 0) & (rng.random(beam.size) < self.mixed_pixel)
         beam, other, share = beam[mixed], other[mixed], share[mixed]

@@ -59,7 +59,7 @@ class Effect(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class _TimedEffect:
-    """An effect, and the fault that says when it is there."""
+    """Effect, and the fault with its times."""
 
     fault: Fault
     effect: Effect
@@ -67,18 +67,18 @@ class _TimedEffect:
 
 @dataclass(frozen=True, eq=False)
 class _FaultyState:
-    """State of a faulty sensor: the sensor's own, and its last observation where it may freeze."""
+    """State of a faulty sensor: the sensor's own, and its last observation if it may freeze."""
 
     inner: State = None
     held: Observation | None = None
 
 
 class Faulty:
-    """A sensor with faults; its truth, its place on the rig and all it does outside their times are the healthy one's.
+    """Sensor with faults; its truth, its rig entry and its behaviour outside their times are the healthy one's.
 
-    An obstruction (a cover on the lens, an obstacle before the scanner) comes before the noise, what is broken in
-    it after, and a frozen one repeats all of it. The sensor goes on measuring and drawing its noise during every fault, so
-    that it is afterwards as if there had been none; the noise on what a fault changed is drawn from a stream of its own.
+    An obstruction (a cover on the lens, an obstacle before the scanner) comes before the noise, a defect after it, and
+    freezing repeats all of it. The sensor continues to measure and draw noise during a fault, so that afterwards nothing has
+    changed; the noise of changed values has its own stream.
     """
 
     def __init__(self, healthy: Sensor, faults: Mapping[str, Fault], seed: int) -> None:
@@ -158,7 +158,7 @@ class Faulty:
         sensor_state, noise_state = state if state is not None else (None, None)
         reading, sensor_state = self.healthy.ideal.observe(stamp_ns, snapshots, sensor_state, rng)
         noise = self.healthy.noise
-        # Drawn as without the fault: what noise draws may depend on what it sees.
+        # Drawn as without the fault: noise may draw by its input.
         _, noise_state = noise.corrupt(reading.observation, noise_state, rng)
         own = stream(self._seed, "fault noise", f"{self.name}/{stamp_ns}")
         observation, _ = noise.corrupt(_applied(effects, reading.observation), noise_state, own)
@@ -220,7 +220,7 @@ class TimedSensor:
         return result
 
     def _without_the_world(self, snapshots: Iterable[Snapshot]) -> Iterator[Snapshot]:
-        """Yield the snapshots; the time of moving the world to them is not the sensor's."""
+        """Yield the snapshots, excluding the time of moving the world to them."""
         start = time.perf_counter()
         for snapshot in snapshots:
             self.spent_s -= time.perf_counter() - start

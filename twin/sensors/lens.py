@@ -11,7 +11,7 @@ from trackers.configuration import Strict
 from trackers.errors import InputError
 
 MAX_FIELD_OF_VIEW_DEG = 240.0
-"""The widest fisheye that can be rendered: beyond it the side faces, seen at a slant, would grow without bound."""
+"""Widest fisheye that can be rendered: beyond, the obliquely seen side faces would grow without bound."""
 
 
 class Lens(Strict):

@@ -1,4 +1,4 @@
-"""Convert a drawing of geom numbers to a camera's image of person ids."""
+"""Conversion of a drawing of geom numbers to a camera's image of person ids."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 _FRACTION = 32
-"""cv2's fixed-point tables tell places to 1/32 px."""
+"""Fractions of a pixel in cv2's fixed-point tables."""
 
 
 class PersonPixels:
-    """Turns the numbers that `OffscreenRenderer.render` draws into id pictures, by the table that bends the camera's colours.
+    """Converter of the numbers drawn by `OffscreenRenderer.render` to id images, by the table that remaps the camera's
+    colours.
 
-    `maps`: the camera's table as `cv2.remap` takes it, fixed point, negative outside the lens's field; None where the
-    drawing is the picture, its rows from the bottom up. A pixel takes the id of the drawn pixel nearest to its place:
-    ids, unlike colours, are not mixed.
+    `maps`: the camera's table for `cv2.remap`, fixed point, negative outside the lens's field; None if the drawing is the
+    picture, its rows from the bottom up. A pixel takes the id of the nearest drawn pixel: ids, unlike colours, are not
+    mixed.
     """
 
     def __init__(self, maps: tuple[NDArray, NDArray] | None) -> None:
@@ -38,7 +39,7 @@ class PersonPixels:
 
     @cached_property
     def _nearest(self) -> tuple[NDArray[np.int16], NDArray[np.bool_]]:
-        """The drawn pixel of each of the picture's, (height, width, 2), and which have none."""
+        """Nearest drawn pixel of each of the picture's, (height, width, 2), and a mask of those without one."""
         assert self._maps is not None
         whole, fraction = self._maps
         steps = np.stack([fraction % _FRACTION, fraction // _FRACTION], axis=-1)

@@ -1,6 +1,6 @@
-"""The pinhole camera: any focal length and principal point, Brown–Conrady distortion, motion blur.
+"""Pinhole camera: any focal length and principal point, Brown–Conrady distortion, motion blur.
 
-A view is drawn for the lens; where the lens distorts, a table remaps the drawn view to the picture.
+A view is drawn for the lens; with distortion, a table remaps the drawn view to the picture.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from twin.sensors.render_scene import RenderView
 from twin.sensors.sensor import Reading, State
 
 MARGIN_PX = 2.0
-"""A distorted picture is drawn this much wider than its pixels need, so that bilinear taps stay inside."""
+"""Margin of a distorted picture's drawing, so that bilinear taps stay inside."""
 
 LARGEST_BUFFER_PX = 16_384
 
 
 @dataclass(frozen=True, eq=False)
 class PinholeView:
-    """The view drawn for a camera, and the remapping of its buffer (height, width), rows from the bottom up, to the image.
+    """View drawn for a camera, and the remapping of its buffer (height, width), rows from the bottom up, to the image.
 
-    `maps`: for each pixel its place in the buffer (fixed point, as `cv2.remap` takes it); None: pixel for pixel.
+    `maps`: position of each pixel in the buffer (fixed point, as for `cv2.remap`); None: identical.
     """
 
     view: RenderView
@@ -42,7 +42,7 @@ class PinholeView:
     maps: tuple[NDArray, NDArray] | None
 
     def picture(self, drawn: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Remap what was drawn (RGBA) to the image (height, width, 3) RGB; a new array."""
+        """Remap a drawing (RGBA) to the image (height, width, 3) RGB; a new array."""
         if self.maps is None:
             return cv2.flip(cv2.cvtColor(drawn, cv2.COLOR_RGBA2RGB), 0)  # pyright: ignore[reportReturnType]
         return cv2.cvtColor(cv2.remap(drawn, *self.maps, cv2.INTER_LINEAR), cv2.COLOR_RGBA2RGB)  # pyright: ignore[reportReturnType]
@@ -61,8 +61,8 @@ class PinholeView:
 def pinhole_view(lens: PinholeIntrinsics, pose: Pose, eye_offset_m: float = 0.0) -> PinholeView:
     """Return the view of a camera with this pose (its optical frame in the room's), `eye_offset_m` to its right.
 
-    A lens without distortion is drawn as it is, its principal point by an off-axis frustum. Another is drawn wider, with at
-    least a pixel for each of the image's. Raises InputError where that buffer would be too large.
+    An undistorted lens is drawn directly, its principal point by an off-axis frustum. Another is drawn wider, with at least
+    one pixel for each of the image's. Raises InputError where that buffer would be too large.
     """
     if not lens.is_distorted:
         left, right = (-0.5 - lens.cx) / lens.fx, (lens.width - 0.5 - lens.cx) / lens.fx
@@ -122,13 +122,13 @@ def _view(
 
 
 class Pinhole:
-    """An ideal pinhole camera: sharp at every distance, no vignetting, no scatter. The camera stands still.
+    """Ideal pinhole camera: sharp at every distance, no vignetting, no scatter. The camera stands still.
 
-    With several `instants_s`, offsets from the stamp within the exposure, the image is the mean of those at
-    each: motion blur of a global shutter. The mean is that of grey values, as the renderer's light is linear in them.
+    With several `instants_s`, offsets from the stamp within the exposure, the image is their mean: motion blur of a global
+    shutter. Grey values are averaged, as the renderer's light is linear in them.
 
-    `renderer` gives the renderer of the snapshots' model; it is called at the first observation, not before.
-    Raises InputError for a lens that cannot be rendered.
+    `renderer` returns the renderer of the snapshots' model; it is called at the first observation, not before. Raises
+    InputError for a lens that cannot be rendered.
     """
 
     def __init__(
@@ -199,7 +199,7 @@ class Pinhole:
 
 
 def checked_renderer(renderer: OffscreenRenderer, snapshot: Snapshot, camera: str) -> OffscreenRenderer:
-    """Return the renderer; raises ValueError where it draws another model than the snapshot's."""
+    """Return the renderer; raises ValueError if it draws another model than the snapshot's."""
     if snapshot.model is not renderer.model:
         raise ValueError(f"camera {camera!r} was given a renderer of another model than the snapshot's")
     return renderer

@@ -1,4 +1,4 @@
-"""Offscreen images from MuJoCo's classic OpenGL renderer on EGL: many views of one snapshot, one read."""
+"""Offscreen images by MuJoCo's classic OpenGL renderer on EGL: many views of one snapshot, one read."""
 
 from __future__ import annotations
 
@@ -40,20 +40,19 @@ from twin.sensors.render_scene import (
 from twin.sensors.still_room import StillRoom, StillRooms, covered_rectangle, lay_over
 
 _SHADOW_MAP_PX = 1024
-"""Side of a lamp's map of shadows: of a room of 5 m it shows 6 mm, and twice the side costs half as much again."""
+"""Side of a lamp's shadow map: 6 mm in a room of 5 m; twice the side takes half as long again."""
 
 
 class OffscreenRenderer:
-    """Draws one model from any eye point; for use in the thread that made it, closed when done.
+    """Renderer of one model from any viewpoint; for use in the thread that made it, closed when done.
 
-    Shadows are off unless asked for (each view draws the shadow map again: it more than doubles the cost): see
+    Shadows are off by default (each view draws the shadow map again, which more than doubles the cost): see
     `ensure_shadow_light`. So is multisampling; depth and numbers, which it would mix, are then drawn once more without.
-    Reflections and fog are off: fog follows the depth along each view's own axis and would step where views meet. What
-    each costs is measured in `scripts/bench --only switches`.
-    Sites, joints and the other decorations of MuJoCo are not drawn. Geoms outside a view are left out of it, since in
-    software the cost of a view is mostly that of its vertices.
+    Reflections and fog are off: fog follows the depth along each view's axis and would be discontinuous between views.
+    `scripts/bench --only switches` measures the costs. Sites, joints and other decorations of MuJoCo are not drawn. Geoms
+    outside a view are left out, since in software the cost of a view is mostly that of its vertices.
 
-    Raises InputError where no EGL context can be made.
+    Raises InputError without an EGL context.
     """
 
     def __init__(
@@ -67,11 +66,12 @@ class OffscreenRenderer:
         cull: bool = True,
         keep_still: bool = True,
     ) -> None:
-        """Make the context; `most_marks`: marks that an image may hold at most; `samples`: multisampling per pixel (0: none).
+        """Make the context; `most_marks`: greatest number of marks in an image; `samples`: multisampling per pixel (0:
+        none).
 
-        `static`: draw geoms that cannot move; `cull`: pass over geoms out of sight, which changes no pixel (with
-        shadows they are drawn all the same: they may throw one into the image); `keep_still`: draw what cannot move once per
-        camera, which changes no pixel (`twin.sensors.still_room`).
+        `static`: draw static geoms; `cull`: skip geoms out of sight, which changes no pixel (with shadows they are drawn, as
+        they may cast one into the image); `keep_still`: draw static geoms once per camera, which changes no pixel
+        (`twin.sensors.still_room`).
         """
         self._context: Any = None
         self._mjr: mujoco.MjrContext | None = None
@@ -98,7 +98,7 @@ class OffscreenRenderer:
         self._rooms = StillRooms()
         self.keep_still = keep_still and static
         self.pictures: Counter[str] = Counter()
-        """Pictures taken so far: `all`, and of these by the reason for it those drawn whole."""
+        """Pictures taken so far: `all`, and those drawn completely by reason."""
 
     def gl_info(self) -> GlInfo:
         """Return name and version of the OpenGL that draws."""
@@ -107,7 +107,7 @@ class OffscreenRenderer:
             return gl_info()
 
     def drawing(self) -> tuple[mujoco.MjvScene, mujoco.MjrContext]:
-        """Return the scene as it was last drawn, and its context: for bare calls of MuJoCo, to measure against."""
+        """Return the scene as last drawn, and its context, for direct calls of MuJoCo in measurements."""
         self._make_current()
         assert self._mjr is not None
         return self._scene, self._mjr
@@ -126,14 +126,14 @@ class OffscreenRenderer:
     ) -> NDArray[np.intp]:
         """Draw the views from `eye_m` (3,) into `out` (height, width, 4) RGBA, rows from the bottom up.
 
-        Of the same scene update come, where asked for, `depth` (height, width), the distance along each view's axis [m]
-        (the far plane's where nothing is), and `numbers` (height, width, 4), the number of the geom at each pixel's
-        centre as red + 256 green + 65536 blue. All that are asked for have one size; without `out` no colour is read.
+        From the same scene update come, if requested, `depth` (height, width), the distance along each view's axis [m] (the
+        far plane's without a surface), and `numbers` (height, width, 4), the number of the geom at each pixel's centre as
+        red + 256 green + 65536 blue. All have one size; without `out` no colour is read.
 
-        Returns the geom that each number stands for, -1 for none; empty without `numbers`.
+        Returns the geom of each number, -1 for none; empty without `numbers`.
 
-        `data` needs kinematics and light poses. The model's headlight, if active, shines from the eye along the
-        first view, the same for all views.
+        `data` needs kinematics and light poses. The model's headlight, if active, shines from the eye along the first view,
+        the same for all views.
         """
         self._make_current()
         sizes = {each.shape[:2] for each in (out, depth, numbers) if each is not None}
@@ -169,7 +169,7 @@ class OffscreenRenderer:
         depth: NDArray[np.float32] | None,
         kind: str = "colours",
     ) -> None:
-        """Draw a shot and read values (height, width, 4) and the depth buffer (height, width), each where it is given."""
+        """Draw a shot and read values (height, width, 4) and the depth buffer (height, width), as given."""
         room = self._still_room(context, shot, kind if values is not None else "depth")
         moving = shot.seen & shot.drawn.moves
         if room is None:
@@ -189,7 +189,7 @@ class OffscreenRenderer:
         lay_over(room, covered, values, depth)
 
     def _still_room(self, context: mujoco.MjrContext, shot: Shot, kind: str) -> StillRoom | None:
-        """Return what a shot shows of things that cannot move; None where it is drawn whole, which is counted by its reason."""
+        """Return the static part of a shot; None if it is drawn completely, which is counted by reason."""
         self.pictures["all"] += 1
         if reason := self._drawn_whole_for(context, shot):
             self.pictures[reason] += 1
@@ -206,7 +206,7 @@ class OffscreenRenderer:
         return room
 
     def _drawn_whole_for(self, context: mujoco.MjrContext, shot: Shot) -> str:
-        """Return why a shot has to be drawn whole; '' where it need not be."""
+        """Return why a shot has to be drawn completely; '' otherwise."""
         if not self.keep_still:
             return "as asked for"
         if self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW]:
@@ -218,11 +218,11 @@ class OffscreenRenderer:
         return ""
 
     def _draw(self, context: mujoco.MjrContext, shot: Shot, shown: NDArray[np.bool_], *, sky: bool = True) -> None:
-        """Draw the scene as it was last updated, of its geoms those that are `shown`, (n_view, n_scene_geom).
+        """Draw the last updated scene, only its geoms in `shown`, (n_view, n_scene_geom).
 
-        Without the sky, views that show nothing are left as they are.
+        Without the sky, views without geoms stay unchanged.
         """
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)  # the other context's may be bound
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)  # another context may be bound
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = sky
         for place, view in enumerate(shot.views):
             if sky or shown[place].any():
@@ -233,7 +233,7 @@ class OffscreenRenderer:
 
     @contextmanager
     def _numbered(self) -> Iterator[None]:
-        """Draw every geom of the scene in the colour that is its number while the block runs."""
+        """Draw every geom of the scene in the colour of its number during the block."""
         flags = self._scene.flags
         before = flags.copy()
         flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 0
@@ -257,7 +257,7 @@ class OffscreenRenderer:
         count = self._scene.ngeom
         if self._listed is None or self._listed[0] != count or not self._listed[1].updated():
             self._listed = count, SceneGeoms(self.model, self._geoms[:count])
-            self._rooms.clear()  # numbers are those of the geoms' list
+            self._rooms.clear()  # numbers follow the geoms' list
         return self._listed[1]
 
     def _seen(
@@ -305,7 +305,7 @@ class OffscreenRenderer:
 
 
 class RendererOnDemand:
-    """Makes the renderer of a model when a camera first asks for it: a run without cameras never opens EGL.
+    """Renderer of a model made when a camera first needs it: a run without cameras never opens EGL.
 
     The switches are those of `OffscreenRenderer`.
     """
@@ -327,7 +327,7 @@ class RendererOnDemand:
         return self._renderer
 
     def notes(self) -> list[str]:
-        """Tell, by the reason for it, how many pictures were drawn whole so far."""
+        """Describe, by reason, how many pictures were drawn completely so far."""
         counts = self._pictures + (self._renderer.pictures if self._renderer is not None else Counter())
         return [
             f"{count} of {counts['all']} pictures were drawn whole: {reason}"
@@ -336,7 +336,7 @@ class RendererOnDemand:
         ]
 
     def close(self) -> None:
-        """Free the renderer, if one was made."""
+        """Free the renderer, if any."""
         if self._renderer is not None:
             self._pictures += self._renderer.pictures
             self._renderer.close()

@@ -1,4 +1,4 @@
-"""The content of a rendered picture: views, marks, and the geoms of one scene update, shown and hidden per view."""
+"""Content of a rendered picture: views, marks, and the geoms of one scene update, shown and hidden per view."""
 
 from __future__ import annotations
 
@@ -66,9 +66,9 @@ class RenderView:
 
 @dataclass(frozen=True)
 class Mark:
-    """A level box that is drawn into one picture and is no part of the scene.
+    """Level box drawn into one picture, not part of the scene.
 
-    Its middle and half sizes [m], colour RGBA, 0 to 1, and by how much it is turned about z [rad].
+    Its middle and half sizes [m], colour RGBA, 0 to 1, and turn about z [rad].
     """
 
     middle: tuple[float, float, float]
@@ -79,9 +79,9 @@ class Mark:
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """The views of one picture from `eye_m` (3,), and the geoms `seen` in each, (n_view, n_scene_geom), at `data`.
+    """Views of one picture from `eye_m` (3,), and the geoms `seen` in each, (n_view, n_scene_geom), at `data`.
 
-    `size`: height and width of their buffer [px]; `has_clear_marks`: marks through which other things show are among the geoms.
+    `size`: height and width of their buffer [px]; `has_clear_marks`: whether transparent marks are among the geoms.
     """
 
     data: mujoco.MjData
@@ -98,7 +98,7 @@ IS_GEOM = int(mujoco.mjtObj.mjOBJ_GEOM)
 
 
 class SceneGeoms:
-    """The geoms of a scene as an update lists them, all of them shown at first."""
+    """Geoms of a scene as listed by an update, initially all shown."""
 
     def __init__(self, model: mujoco.MjModel, geoms: Sequence[mujoco.MjvGeom]) -> None:
         self._model, self._geoms = model, geoms
@@ -113,18 +113,18 @@ class SceneGeoms:
         self._index, self._radius = index, radius
         self._is_plane = bounded & (model.geom_type[index] == mujoco.mjtGeom.mjGEOM_PLANE)
         self.moves = np.array([geom.category for geom in geoms]) != mujoco.mjtCatBit.mjCAT_STATIC
-        """Which can move from picture to picture, marks among them, (n_geom,)."""
+        """Mask of geoms that can move between pictures, including marks, (n_geom,)."""
         self.transparent = np.array([geom.rgba[3] for geom in geoms]) < 1
-        """Through which other geoms show, (n_geom,)."""
+        """Mask of transparent geoms, (n_geom,)."""
         self._still = index[bounded & ~self.moves]
 
     def updated(self) -> bool:
-        """Show all geoms again after an update; return True where the same objects are listed."""
+        """Show all geoms again after an update; return True if the same objects are listed."""
         self._shown = np.ones(len(self._geoms), dtype=bool)
         return self._listed() == self._objects
 
     def appearance(self, data: mujoco.MjData) -> bytes:
-        """Return all that the look of geoms that cannot move depends on besides the camera: poses, colours and lights."""
+        """Return all that determines the look of static geoms besides the camera: poses, colours and lights."""
         model, head = self._model, self._model.vis.headlight
         lights = model.light_active, model.light_diffuse, model.light_ambient, model.light_specular
         shapes = model.light_type, model.light_cutoff, model.light_exponent, model.light_attenuation
@@ -134,7 +134,7 @@ class SceneGeoms:
         return b"".join(each.tobytes() for each in (*lights, *shapes, *poses, *eye, *colours))
 
     def spheres(self, data: mujoco.MjData, which: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return spheres that hold those geoms (n_geom,): middles (k, 3) and radii (k,) [m], infinite where none is known."""
+        """Return spheres around those geoms (n_geom,): middles (k, 3) and radii (k,) [m], infinite if unknown."""
         return data.geom_xpos[self._index[which]], self._radius[which]
 
     def in_sight(
@@ -149,7 +149,7 @@ class SceneGeoms:
         return (depth > -self._radius[:, None]).reshape(len(self._radius), -1, 4).all(axis=2).T
 
     def from_the_front(self, data: mujoco.MjData, eyes_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return which geoms each view's eye (n_view, 3) [m] is in front of, (n_view, n_geom): planes alone have a back.
+        """Return which geoms each view's eye (n_view, 3) [m] is in front of, (n_view, n_geom): only planes have a back.
 
         Rays pass through a plane from behind, so it is not drawn from there either.
         """
@@ -158,7 +158,7 @@ class SceneGeoms:
         return (height >= 0) | ~self._is_plane
 
     def show_only(self, shown: NDArray[np.bool_]) -> None:
-        """Hide and show those (n_geom,) whose visibility changes from one view to the next."""
+        """Hide and show the geoms (n_geom,) whose visibility changes between views."""
         for place in np.flatnonzero(self._shown != shown).tolist():
             self._geoms[place].type = self._types[place] if shown[place] else _NOTHING
         self._shown = shown
@@ -167,7 +167,7 @@ class SceneGeoms:
         return [geom.objid for geom in self._geoms]
 
     def geom_of_number(self) -> NDArray[np.intp]:
-        """Return the model's geom that each number of a drawing of numbers stands for, -1 for none."""
+        """Return the model's geom of each number in a drawing of numbers, -1 for none."""
         geom_of_number = np.full(len(self._geoms) + 1, -1, dtype=np.intp)
         for geom in self._geoms:
             if geom.objtype == IS_GEOM:
@@ -176,7 +176,7 @@ class SceneGeoms:
 
 
 def add_mark(scene: mujoco.MjvScene, geoms: Sequence[mujoco.MjvGeom], mark: Mark) -> None:
-    """Append a mark to a scene, of which `geoms` are all the places."""
+    """Append a mark to a scene, whose available slots are `geoms`."""
     place = scene.ngeom
     cos, sin = np.cos(mark.yaw_rad), np.sin(mark.yaw_rad)
     turn = np.array([cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0])
@@ -200,16 +200,16 @@ def point_cameras(cameras: Sequence[mujoco.MjvGLCamera], eye_m: NDArray[np.float
 
 
 def make_metres(model: mujoco.MjModel, depth: NDArray[np.float32]) -> None:
-    """Turn the depth buffer's values, 1 at the near plane and 0 at the far one, into distances [m], in place."""
+    """Convert the depth buffer's values, 1 at the near plane and 0 at the far one, to distances [m], in place."""
     near = model.vis.map.znear * model.stat.extent
     far = model.vis.map.zfar * model.stat.extent
     np.divide(near * far, depth.astype(np.float64) * (far - near) + near, out=depth, casting="same_kind")
 
 
 def has_open_mesh(model: mujoco.MjModel) -> bool:
-    """Return True where a mesh of the room has an edge that is not between two faces: it can be seen from inside.
+    """Return True if a mesh of the room has an edge not between two faces, and so a visible inside.
 
-    Rays meet a face from both sides; of such meshes both are to be drawn.
+    Rays meet both sides of a face; both sides of such meshes must be drawn.
     """
     of_room = (model.geom_type == mujoco.mjtGeom.mjGEOM_MESH) & (model.body_weldid[model.geom_bodyid] == 0)
     for mesh in np.unique(model.geom_dataid[of_room]).tolist():
@@ -223,10 +223,10 @@ def has_open_mesh(model: mujoco.MjModel) -> bool:
 
 
 def ensure_shadow_light(model: mujoco.MjModel) -> None:
-    """Let the steepest lamp of a model throw shadows where none does.
+    """Let the steepest lamp of a model cast shadows if none does.
 
-    Its shadows show only where shadows are drawn. In a lamp's shadow MuJoCo leaves out its ambient light too, so that a lamp
-    with any is chosen where there is no other.
+    They are drawn only with shadows enabled. In a lamp's shadow MuJoCo omits its ambient light too, so a lamp with any is
+    chosen only if there is no other.
     """
     if model.nlight and not model.light_castshadow.any():
         steepness = model.light_dir[:, 2] + 2 * model.light_ambient.any(axis=1)

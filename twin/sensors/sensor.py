@@ -1,4 +1,4 @@
-"""The contract of a sensor and of a layer of noise."""
+"""Contracts of a sensor and of a layer of noise."""
 
 from __future__ import annotations
 
@@ -14,16 +14,15 @@ from trackers.rig import RigSensor
 from twin.instant.snapshot import Snapshot
 
 State = Any
-"""State of a sensor from one observation to the next, private to it; None before the first."""
+"""State of a sensor between observations, private to it; None before the first."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """One observation, and its truth, which is never shown to a tracker.
+    """Observation and its truth, which is never given to a tracker.
 
-    A scanner's truth holds `person_of_ray` (n_beam,) int16: the id of the person that the ideal ray meets within range, 0 for
-    the room or nothing, and `range_m` (n_beam,) float32: the ideal ranges. A floor's truth is described at
-    `twin.sensors.floor.Floor`.
+    A scanner's truth holds `person_of_ray` (n_beam,) int16: id of the person met by the ideal ray within range, 0 for the
+    room or nothing, and `range_m` (n_beam,) float32: the ideal ranges. A floor's truth: see `twin.sensors.floor.Floor`.
     """
 
     observation: Observation
@@ -47,10 +46,10 @@ class Sensor(Protocol):
     def observe(
         self, stamp_ns: int, snapshots: Iterable[Snapshot], state: State, rng: np.random.Generator
     ) -> tuple[Reading, State]:
-        """Return the reading stamped `stamp_ns`, from one snapshot per instant, in order; and the state after it.
+        """Return the reading stamped `stamp_ns`, from one snapshot per instant, in order; and the new state.
 
         Each snapshot is used up before the next is taken. All randomness comes from `rng`. The arrays of a reading are its
-        own: a later observation does not change them.
+        own: later observations do not change them.
         """
         ...
 
@@ -60,7 +59,7 @@ class Sensor(Protocol):
 
 
 class Noise(Protocol):
-    """A layer that turns the ideal observation into that of a real device."""
+    """Layer that turns the ideal observation into a real device's."""
 
     def corrupt(self, observation: Any, state: State, rng: np.random.Generator) -> tuple[Observation, State]:
         """Return the noisy observation (the ideal one stays untouched), and the noise's state after it (None at first)."""

@@ -1,4 +1,4 @@
-"""The stereo RGB-D camera: two views of one snapshot, and from them the depth of each pixel."""
+"""Stereo RGB-D camera: two views of one snapshot, and the depth of each pixel from them."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ class Stereo:
         return depth_m
 
     def _measured(self, true_m: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
-        """Return the depth [m] that is reported for the true one."""
+        """Return the reported depth [m] of the true one."""
         sigma_px = self._noise.disparity_sigma_px
         if self._rig.mode == "ideal" or sigma_px == 0:
             return np.ascontiguousarray(true_m)

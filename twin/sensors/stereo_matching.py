@@ -1,4 +1,4 @@
-"""Disparities of two rectified images: OpenCV's semi-global block matching."""
+"""Disparities of two rectified images by OpenCV's semi-global block matching."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from trackers.configuration import Strict
 
 _STEPS = 16
-"""Fixed-point steps of `cv2.StereoSGBM` to a pixel."""
+"""Fixed-point steps per pixel of `cv2.StereoSGBM`."""
 
 _MODES = {"3-way": "STEREO_SGBM_MODE_SGBM_3WAY", "5-way": "STEREO_SGBM_MODE_SGBM", "8-way": "STEREO_SGBM_MODE_HH"}
 
@@ -71,7 +71,7 @@ class StereoMatcher:
     def __init__(self, matching: Matching, largest_px: float) -> None:
         import cv2
 
-        # SGBM wants a multiple of 16, and cannot place a disparity between its last two.
+        # SGBM needs a multiple of 16, and cannot find a disparity between its last two.
         self._count = 16 * max(1, int(np.ceil((largest_px + 2) / 16)))
         block = matching.block_px**2
         create: Any = cv2.StereoSGBM.create
@@ -93,7 +93,7 @@ class StereoMatcher:
         """Match each pixel of the left image (height, width, 3) RGB; return its disparity [px], 0 where there is no match."""
         import cv2
 
-        # SGBM leaves its leftmost columns out, whose far points are in both pictures: it is given columns to leave out.
+        # SGBM skips its leftmost columns, whose far points are in both pictures: additional columns are given for that.
         grey = [
             cv2.copyMakeBorder(
                 cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), 0, 0, self._count, 0, cv2.BORDER_CONSTANT, value=(0.0,)

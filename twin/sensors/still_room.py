@@ -1,8 +1,8 @@
-"""The still part of a picture: drawn once per camera and kept, so that a picture costs what moves in it.
+"""Static part of a picture: drawn once per camera and kept, so that a picture costs only its moving part.
 
-An opaque picture does not depend on the order in which its things are drawn: at each pixel the nearest one shows. So things that
-move are drawn alone, with the same camera, and laid over the kept ones where they are at least as near. Every pixel is that of
-the whole drawn at once.
+An opaque picture does not depend on the drawing order: at each pixel the nearest surface shows. So moving geoms are drawn
+alone, with the same camera, and laid over the kept ones where they are at least as near. Every pixel equals that of a
+complete drawing.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from twin.sensors.render_scene import RenderView
 
 _MOST_KEPT = 32
-"""Rooms that are kept at most, 8 bytes a pixel each: the cameras of a scenario; the one not used for longest goes first."""
+"""Greatest number of kept rooms, 8 bytes per pixel each; the least recently used is dropped."""
 _EDGE_PX = 1
-"""Rectangles are this much wider than what they hold, for rounding."""
+"""Margin of rectangles around their content, for rounding."""
 
 Rectangle = tuple[int, int, int, int]
 """Column, row, width, height in a buffer [px], rows from the bottom up."""
@@ -27,8 +27,9 @@ Rectangle = tuple[int, int, int, int]
 
 @dataclass(frozen=True, eq=False)
 class StillRoom:
-    """The picture of things that cannot move: `values` (height, width, 4), colours or numbers, none where depth alone is
-    drawn, and the depth buffer (height, width), 0 at the far plane."""
+    """Picture of static geoms: `values` (height, width, 4), colours or numbers, None for depth alone, and the depth buffer
+    (height, width), 0 at the far plane.
+    """
 
     values: NDArray[np.uint8] | None
     depth: NDArray[np.float32]
@@ -41,20 +42,20 @@ class _Kept:
 
 
 class StillRooms:
-    """The rooms kept of one model, by camera and kind of picture."""
+    """Kept rooms of one model, by camera and kind of picture."""
 
     def __init__(self) -> None:
         self._kept: OrderedDict[Hashable, _Kept] = OrderedDict()
 
     def clear(self) -> None:
-        """Forget all rooms."""
+        """Drop all rooms."""
         self._kept.clear()
 
     def find(self, camera: Hashable, appearance: bytes) -> tuple[StillRoom | None, bool]:
-        """Return the kept room of a camera, and whether to keep one: where it is asked for again, unchanged.
+        """Return the kept room of a camera, and whether to keep one: when requested again unchanged.
 
-        `appearance`: all that the still things' look depends on besides the camera, as bytes. A camera that moves and light
-        that changes are new at every picture: drawing their room apart would cost more than the whole.
+        `appearance`: all that determines the static geoms' look besides the camera, as bytes. Moving cameras and changing
+        light are new at every picture: drawing their room separately would cost more.
         """
         kept = self._kept.get(camera)
         if kept is None or kept.appearance != appearance:
@@ -67,7 +68,7 @@ class StillRooms:
         return kept.room, kept.room is None
 
     def keep(self, camera: Hashable, room: StillRoom) -> StillRoom:
-        """Keep the room of a camera that `find` has been asked for."""
+        """Keep the room of a camera last passed to `find`."""
         self._kept[camera].room = room
         return room
 
@@ -75,10 +76,10 @@ class StillRooms:
 def covered_rectangle(
     view: RenderView, eye_m: NDArray[np.float64], middle_m: NDArray[np.float64], radius_m: NDArray[np.float64]
 ) -> Rectangle:
-    """Return a rectangle of the view's pixels that holds spheres, middles (k, 3) and radii (k,) [m]; never too small.
+    """Return a rectangle of the view's pixels that contains spheres, middles (k, 3) and radii (k,) [m]; never too small.
 
-    `eye_m` (3,): the common eye of all views. Seen from the eye, a sphere within the depths z ± r and the places x ± r reaches
-    no farther than the box of these: (x + r) / (z - r) to the right.
+    `eye_m` (3,): the common eye of all views. A sphere within depths z ± r and positions x ± r reaches at most (x + r) / (z
+    - r) to the right, and likewise elsewhere.
     """
     first_column, first_row, width, height = view.viewport
     if not len(middle_m):
@@ -104,9 +105,9 @@ def lay_over(
     values: NDArray[np.uint8] | None,
     depth: NDArray[np.float32] | None,
 ) -> None:
-    """Write the room with what moves before it into `values` (height, width, 4) and `depth` (height, width), where given.
+    """Write the room and the moving geoms before it into `values` (height, width, 4) and `depth` (height, width), if given.
 
-    `covered`: rectangles with the values and the depth buffer of what moves alone.
+    `covered`: rectangles with values and depth buffer of the moving geoms alone.
     """
     if values is not None and room.values is not None:
         values[:] = room.values
