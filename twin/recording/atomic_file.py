@@ -14,10 +14,10 @@ from trackers.errors import InputError
 
 @contextmanager
 def atomic_path(path: Path) -> Iterator[Path]:
-    """Yield a hidden path in the same folder to write to; it takes the name `path` when the block ends well.
+    """Yield a hidden path in the same folder to write to; it takes the name `path` when the block ends normally.
 
-    Otherwise it is removed: an exception, Ctrl-C or a kill leaves nothing half-written under the final name and an older file
-    of that name untouched. Missing folders are made. Raises InputError where the path cannot be written or the disk is full.
+    Otherwise it is removed: after an exception, Ctrl-C or a kill an older file of that name is untouched. Missing folders
+    are made. Raises InputError where the path cannot be written or the disk is full.
     """
     partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
@@ -31,7 +31,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
         try:
             yield partial
         except OSError as error:
-            # Another OSError of the block is not about this file and stays what it is.
+            # Another OSError of the block is not about this file and passes unchanged.
             if error.errno in (errno.ENOSPC, errno.EDQUOT):
                 raise _unwritable(path, error) from error
             raise
@@ -46,9 +46,9 @@ def atomic_path(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def open_atomic(path: Path) -> Iterator[TextIO]:
-    """Open `path` for writing UTF-8 text that is there under its name when it is whole; see `atomic_path`.
+    """Open `path` for writing UTF-8 text; it appears when complete, see `atomic_path`.
 
-    Names of files that Python could not decode, as with LANG=C, are written as the bytes that they are on disk.
+    File names that Python could not decode, as with LANG=C, are written with their original bytes.
     """
     with (
         atomic_path(path) as partial,

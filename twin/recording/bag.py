@@ -1,6 +1,6 @@
 """Any ROS bag, message by message: ROS 1 `.bag`, ROS 2 folder, single `.mcap` or `.db3`.
 
-Messages come by log time, or as they were written: the two differ where the clock of the recorder was set back.
+Messages come by log time, or in file order: the two differ if the recorder's clock was set back.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, cast
 
-import apsw  # what rosbags reads sqlite3 bags with; named here for its error only
+import apsw  # rosbags reads sqlite3 bags with it; imported for its error only
 from rosbags import rosbag1, rosbag2
 from rosbags.interfaces import Connection, ConnectionExtRosbag2
 from rosbags.rosbag2.storage_mcap import McapReader
@@ -35,8 +35,8 @@ if sys.version_info >= (3, 14):
 else:
     from backports import zstd
 
-# What rosbags 0.11 raises on bags cut or overwritten at any place: its own errors, and those of the parsers, decoders
-# and assertions under it that it lets through.
+# Exceptions of rosbags 0.11 on bags cut or overwritten anywhere: its own, and those of the underlying parsers and
+# decoders.
 _BROKEN_BAG = (
     rosbag1.ReaderError,
     rosbag2.ReaderError,
@@ -58,15 +58,15 @@ _EXPECTED = "a whole ROS 1 .bag, ROS 2 bag folder, .mcap or .db3 is expected"
 
 @cache
 def _ros1_typestore() -> Typestore:
-    """Return the messages of ROS 1, whose code is made where a bag of theirs is read."""
+    """Return the messages of ROS 1, whose code is generated when first needed."""
     return get_typestore(Stores.ROS1_NOETIC)
 
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """A topic in a bag: the type of its messages in ROS 2 notation, and how many there are of all types.
+    """Topic in a bag: the type of its messages in ROS 2 notation, and their number over all types.
 
-    others: further types of messages on the topic, and how many messages there are of each.
+    others: further types of messages on the topic, with their numbers.
     """
 
     msgtype: str
@@ -80,7 +80,7 @@ class Topic:
         return self.message_count - sum(self.others.values())
 
     def type_among(self, msgtypes: Collection[str]) -> str | None:
-        """Return the one of these types with most messages on the topic; None where it has none of them."""
+        """Return the one of these types with most messages on the topic; None without any."""
         have = [each for each in (self.msgtype, *self.others) if each in msgtypes]
         return max(have, key=self.count_of, default=None)
 
@@ -101,7 +101,7 @@ class Bag:
 
     @property
     def topics(self) -> dict[str, Topic]:
-        """The topics by name, each with one slash in front; a topic of several types has the type of the first."""
+        """Topics by name, each with one slash in front; a topic of several types has the type of the first."""
         topics: dict[str, Topic] = {}
         for connection in self._reader.connections:
             name, msgtype, count = normal_topic(connection.topic), self._type(connection), connection.msgcount
@@ -122,9 +122,8 @@ class Bag:
     ) -> Iterator[tuple[str, int, bytes, bool]]:
         """Yield topic, log time [ns], encoded message and is_ros1 (encoded as ROS 1 does), in order of log time.
 
-        `topics`: the type of the messages wanted of each topic. Messages of one log time come as they were written.
-        `in_file_order`: all as they were written, for a recorder whose clock was set back. Raises InputError where the bag is
-        damaged.
+        `topics`: the wanted type of messages per topic. Messages of one log time are in file order. `in_file_order`: all in
+        file order, for a recorder whose clock was set back. Raises InputError where the bag is damaged.
         """
         connections = [
             connection
@@ -132,7 +131,7 @@ class Bag:
             if topics.get(normal_topic(connection.topic)) == self._type(connection)
         ]
         if not connections:
-            return  # rosbags takes no connections for all
+            return  # rosbags would yield all
         is_ros1 = {connection.id: self.is_ros1_encoded(connection) for connection in connections}
         with _bag_errors(self._path):
             read = as_written if in_file_order else messages_by_time
@@ -196,13 +195,13 @@ def open_bag(path: Path) -> Iterator[Bag]:
 def decode(data: bytes, msgtype: str, is_ros1: bool) -> Any:
     """Decode a message of a standard type; raises what `rosbags` does for other bytes.
 
-    The definitions in the bag are not parsed: only standard messages are used, and nothing can be broken there.
+    The definitions in the bag, which may be damaged, are not parsed: only standard messages are used.
     """
     return (_ros1_typestore().deserialize_ros1 if is_ros1 else TYPESTORE.deserialize_cdr)(data, msgtype)
 
 
 def decoded(data: bytes, msgtype: str, is_ros1: bool) -> Any:
-    """Decode as `decode` does; raises InputError for bytes that are no such message."""
+    """Decode as `decode` does; raises InputError for invalid bytes."""
     try:
         return decode(data, msgtype, is_ros1)
     except _BROKEN_BAG as error:
@@ -250,7 +249,7 @@ def messages_by_time(reader: rosbag1.Reader | rosbag2.Reader, connections: Seque
 
 
 def as_written(reader: rosbag1.Reader | rosbag2.Reader, connections: Sequence[Connection]) -> Iterator[Message]:
-    """Yield the messages of these connections in the order of the file."""
+    """Yield the messages of these connections in file order."""
     if isinstance(reader, rosbag1.Reader):
         yield from _ros1(reader, connections)
         return
@@ -263,7 +262,7 @@ def as_written(reader: rosbag1.Reader | rosbag2.Reader, connections: Sequence[Co
 
 
 def _ros1(reader: rosbag1.Reader, connections: Sequence[Connection]) -> Iterator[Message]:
-    """Read a ROS 1 bag in the order of the file: of a single connection's index the library keeps the order."""
+    """Read a ROS 1 bag in file order: the library keeps the order of a single connection's index."""
     entries = [entry for connection in connections for entry in reader.indexes[connection.id]]
     kept, first = reader.indexes, connections[0]
     reader.indexes = kept | {first.id: sorted(entries, key=lambda entry: (entry.chunk_pos, entry.offset))}
@@ -283,7 +282,7 @@ def _written_in(storage: Any, connections: Sequence[Connection]) -> Iterator[tup
 
 
 def _stored_in(storage: Any, connections: Sequence[Connection]) -> Iterator[tuple[int, int, bytes]]:
-    """Yield the same with messages as they are stored, compressed or not."""
+    """Yield the same with messages as stored, compressed or not."""
     if isinstance(storage, McapReader):
         for connection, log_time_ns, data in storage.messages_scan(connections):
             yield connection.id, log_time_ns, data

@@ -30,16 +30,16 @@ _NO_HASH = "RIHS00_" + 64 * "0"
 """Hash that ROS 2 writes for a type whose hash is not set."""
 
 _kept_qos_texts = lru_cache(maxsize=64)(lambda qos: metadata.dump_qos_v8(list(qos)))
-# The library writes out the same few QoS twice for every topic.
+# The library formats the same few QoS twice for every topic.
 writer.dump_qos_v8 = lambda qos: _kept_qos_texts(tuple(qos))  # pyright: ignore[reportPrivateImportUsage]
 
 
 class McapFile:
-    """A context manager that writes messages to `path` (a `.mcap`) as they come.
+    """Writer of messages to `path` (a `.mcap`) as they come; a context manager.
 
-    The bag grows in a hidden folder next to `path` and takes its name when the block ends well; an exception, Ctrl-C included,
-    removes it and leaves an older file of that name untouched. Raises ValueError for a path without `.mcap`, and InputError
-    where the disk is full or cannot be written.
+    The bag grows in a hidden folder next to `path` and takes its name when the block ends normally; an exception, Ctrl-C
+    included, removes it and leaves an older file of that name untouched. Raises ValueError for a path without `.mcap`, and
+    InputError where the disk is full or cannot be written.
     """
 
     def __init__(self, path: Path) -> None:
@@ -96,7 +96,7 @@ class McapFile:
         return self._writer.add_connection(topic, msgtype, msgdef=definition, rihs01=type_hash)
 
     def connect_as(self, other: Connection) -> Connection:
-        """Add a topic as another ROS 2 bag has it, whatever its type."""
+        """Add a topic with the connection of another ROS 2 bag, of any type."""
         assert self._writer is not None
         assert not isinstance(other.ext, ConnectionExtRosbag1)
         return self._writer.add_connection(
@@ -124,9 +124,9 @@ class McapFile:
             ) from error
 
     def discard(self) -> None:
-        """Remove what is left of the temporary folder."""
+        """Remove the temporary folder."""
         if self._writer is not None:
-            # What a full disk kept from being written makes closing fail again, and is not wanted any more.
+            # A full disk makes closing fail again, which no longer matters.
             with suppress(OSError):
                 self._writer.abort()
             self._writer = None
@@ -149,25 +149,25 @@ _KNOWN_ENCODINGS = (_ROS2, b"ros2idl", b"omgidl", b"")
 
 
 class BagPath(type(Path())):
-    """A path that `rosbags` may write into an SQLite URI, and whose MCAP files it takes whatever their profile is.
+    """Path that `rosbags` may write into an SQLite URI, with MCAP files of any profile.
 
-    The library opens `file:{path}?immutable=1`, in which `#`, `?` and `%` would end or change the path. And it refuses an
-    MCAP file without the profile "ros2" and schemas of other encodings than ROS 2's, though it needs neither to read
-    messages of standard types: it is shown the profile, and such schemas without their text.
+    The library opens `file:{path}?immutable=1`, in which `#`, `?` and `%` would end or change the path. It also rejects an
+    MCAP file without the profile "ros2" and schemas of other encodings than ROS 2's, though it needs neither for standard
+    messages: it is given the profile, and such schemas without their text.
     """
 
     def __format__(self, spec: str) -> str:
         return quote(str(self)) if self.suffix == ".db3" else format(str(self), spec)
 
     def open(self, *args: Any, **options: Any) -> Any:
-        """Open the file, an MCAP file for reading bytes as the library takes it."""
+        """Open the file; an MCAP file for reading bytes is adapted to the library."""
         if self.suffix == ".mcap" and (args or (options.get("mode"),))[0] == "rb":
             return _McapShown(self)
         return super().open(*args, **options)
 
 
 class _McapShown(io.BufferedReader):
-    """An MCAP file with a few of its bytes exchanged for as many others."""
+    """MCAP file with a few of its bytes replaced by as many others."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(io.FileIO(path, "rb"))
@@ -185,7 +185,7 @@ class _McapShown(io.BufferedReader):
         return data
 
     def _exchanged(self) -> list[tuple[int, bytes]]:
-        """Return the bytes to show instead, by offset in the file; none for a file that is no MCAP file or incomplete."""
+        """Return the replacement bytes by offset in the file; none for an incomplete or other file."""
         self._patches = []
         if self.read(8) != _MAGIC:
             return []
@@ -226,7 +226,9 @@ def _schema_shown(content: bytes) -> bytes | None:
     except struct.error:
         return None
     start = 6 + name_bytes
-    if content[start + 4 : start + 4 + encoding_bytes] == _ROS1:  # the texts read alike, and the names are as long
+    if (
+        content[start + 4 : start + 4 + encoding_bytes] == _ROS1
+    ):  # the texts are equally readable, and the names equally long
         return content[: start + 4] + _ROS2 + content[start + 4 + encoding_bytes :]
     if content[start + 4 : start + 4 + encoding_bytes] in _KNOWN_ENCODINGS or len(content) < start + 8:
         return None
@@ -243,7 +245,7 @@ _HEAD_BYTES = 4096
 
 
 def reason_unreadable(path: Path) -> str:
-    """Describe, as a clause, why an existing bag cannot be opened; empty where nothing is found from outside."""
+    """Describe, as a clause, why an existing bag cannot be opened; empty if no reason is found."""
     if path.is_dir():
         return _unreadable_folder(path)
     if path.suffix not in (".bag", *_STORAGES):

@@ -1,7 +1,7 @@
-"""Readers of bags with bounded decompression: the claimed sizes of compressed parts are compared with a budget first.
+"""Bag readers with bounded decompression: the claimed sizes of compressed parts are first compared with a budget.
 
-A chunk of some hundred kilobytes can unpack to gigabytes. `rosbags` unpacks any chunk and has no setting for it: these are
-its readers with the sizes checked first, and decoders that stop where a part holds more than it claims.
+A chunk of some hundred kilobytes can unpack to gigabytes. `rosbags` has no limit: these are its readers with sizes checked
+first, and decoders that stop where a part exceeds its claim.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ else:
     from backports import zstd
 
 MOST_CHUNK_BYTES = 2**27
-"""Of one chunk or message, unpacked."""
+"""Size of one chunk or message, unpacked."""
 MOST_HELD_BYTES = 2**29
-"""Of the chunks that overlap in time, which are held at once to put their messages in order."""
+"""Size of the chunks overlapping in time, held together to sort their messages."""
 MOST_BAG_BYTES = 2**28
-"""Of all chunks of a bag, where it is not large itself."""
+"""Size of all chunks of a small bag."""
 MOST_GROWTH = 100
-"""Of a large bag: so many times its own size. Scans and pictures grow two- to twentyfold."""
+"""Unpacked size of a large bag relative to its own. Scans and pictures grow two- to twentyfold."""
 _MOST_AGAIN = 20
-"""A ROS 1 bag unpacks a chunk once more wherever it overlaps with another: so often on the whole."""
+"""Total number of repeated decompressions: a ROS 1 bag unpacks a chunk again wherever it overlaps another."""
 
 _MIB = 2**20
 _MCAP_MAGIC_BYTES = 8
@@ -81,12 +81,12 @@ def unpack(make: Callable[[], Any], data: bytes, n_bytes: int) -> bytes:
     return parts[0] if len(parts) == 1 else b"".join(parts)
 
 
-# The library names the decoders of MCAP's chunks here, and hands each what the chunk claims to hold.
+# The library takes MCAP's decoders from here, and passes each the claimed size of the chunk.
 storage_mcap.DECOMPRESSORS.update(
     lz4=partial(unpack, lz4.frame.LZ4FrameDecompressor), zstd=partial(unpack, zstd.ZstdDecompressor)
 )
 _MOST_QOS_BYTES = 2**14
-"""Of a topic's offered QoS whose reading is kept; those that ROS writes have less than 1 kB."""
+"""Size up to which a topic's offered QoS is cached; ROS writes less than 1 kB."""
 _kept_qos = lru_cache(maxsize=64)(storage_mcap.get_qos)
 
 
@@ -100,7 +100,7 @@ _ROS1_DECODERS: dict[str, Callable[[], Any]] = {"bz2": bz2.BZ2Decompressor, "lz4
 
 
 class _Ros1Reader(rosbag1.Reader):
-    """A ROS 1 bag whose chunks are as large as their headers say, and no larger than the limits."""
+    """ROS 1 bag whose chunks match their headers and the limits."""
 
     def open(self) -> None:
         self._claimed: list[int] = []
@@ -134,12 +134,12 @@ class _Ros1Reader(rosbag1.Reader):
 
 
 class _McapReader(storage_mcap.McapReader):
-    """An MCAP file whose chunks are no larger than the limits, alone, together, and those held at once."""
+    """MCAP file whose chunks keep the limits, alone, together, and those held at once."""
 
     are_messages_packed = False
 
     def meta_scan(self) -> None:
-        """Look through the whole file for what its summary lacks."""
+        """Scan the whole file for content missing in its summary."""
         self._check_walked()
         super().meta_scan()
 
@@ -160,23 +160,23 @@ class _McapReader(storage_mcap.McapReader):
         yield from _checked(self, super().messages(connections, start, stop))
 
     def _check_held(self) -> None:
-        """Raise InputError where chunks that overlap in time are too large together."""
+        """Raise InputError where chunks overlapping in time are too large together."""
         spans = np.array([(each.message_start_time, each.message_end_time) for each in self.chunks], dtype=np.uint64)
         sizes = np.array([each.uncompressed_size for each in self.chunks], dtype=np.float64)
         when, change = spans.T.ravel(), np.concatenate([sizes, -sizes])
-        order = np.lexsort((-change, when))  # of one time, those that begin before those that end
+        order = np.lexsort((-change, when))  # at equal times, begins before ends
         most = float(np.cumsum(change[order]).max())
         said = f"{self.path!s}: chunks that overlap in time, which are held at once, unpack to"
         check_limit(most / _MIB, MOST_HELD_BYTES / _MIB, said, "MiB")
 
     def _check_walked(self) -> None:
-        """Raise InputError for chunks that are too large, which are found by going from record to record."""
+        """Raise InputError for too large chunks, found record by record."""
         assert self.bio is not None
         _check_chunks(self.path, list(_claimed_on_the_way(self.bio, self.data_end)))
 
 
 class _SqliteReader(Sqlite3Reader):
-    """An SQLite file whose values are no larger than the limits, and are stored and not worked out."""
+    """SQLite file whose values keep the limits, and are stored, not computed."""
 
     are_messages_packed = False
 
@@ -193,7 +193,7 @@ class _SqliteReader(Sqlite3Reader):
         assert self.dbconn is not None
         for table in ("messages", "topics"):
             for column in self.dbconn.execute(f"PRAGMA table_xinfo({table})"):
-                if column[-1]:  # hidden or generated: a file of some kilobytes makes gigabytes of it
+                if column[-1]:  # hidden or generated: a file of a few kilobytes could make gigabytes
                     raise InputError(
                         f"{self.path!s}: column {column[1]!r} of its table {table!r} is worked out from others; a table as ROS 2 "
                         "writes it is expected"
@@ -207,7 +207,7 @@ class _SqliteReader(Sqlite3Reader):
 
 
 class _FolderReader(DirectoryReader):
-    """A ROS 2 bag folder whose files and messages unpack to no more than the limits."""
+    """ROS 2 bag folder whose files and messages keep the limits when unpacked."""
 
     STORAGE_PLUGINS: Mapping[str, type[Any]] = MappingProxyType({"mcap": _McapReader, "sqlite3": _SqliteReader})
 
@@ -230,9 +230,9 @@ class _Ros2Reader(rosbag2.Reader):
 
 
 def zstd_bound(stream: BinaryIO) -> int:
-    """Return an upper bound of the bytes in zstd frames, by the heads of their blocks; nothing is decoded (RFC 8878, 3.1).
+    """Return an upper bound of the bytes in zstd frames, from the headers of their blocks, without decoding (RFC 8878, 3.1).
 
-    Errors after the last whole block are left to the decoder.
+    Errors after the last complete block are left to the decoder.
     """
     total = 0
     while len(head := stream.read(4)) == 4:
@@ -262,13 +262,13 @@ def zstd_bound(stream: BinaryIO) -> int:
 
 
 def _claimed_on_the_way(stream: BinaryIO, end: int) -> Iterator[int]:
-    """Yield the claimed sizes [bytes] of the compressed chunks of an MCAP file, going from record to record up to `end`."""
+    """Yield the claimed sizes [bytes] of the compressed chunks of an MCAP file, record by record up to `end`."""
     stream.seek(_MCAP_MAGIC_BYTES)
     while stream.tell() < end and len(head := stream.read(9)) == 9:
         op, size = head[0], struct.unpack("<Q", head[1:])[0]
         next_record = stream.tell() + size
         if next_record > end:
-            return  # the library tells of it
+            return  # reported by the library
         if op == _CHUNK and size >= 32:
             _, _, claimed, _, name_bytes = struct.unpack("<QQQII", stream.read(32))
             if name_bytes:

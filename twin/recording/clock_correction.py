@@ -1,12 +1,12 @@
-"""Compare the clocks that stamped a recording's messages with the log times, and correct what one sensor alone has wrong.
+"""Compare the stamps of a recording's messages with the log times, and correct errors of single sensors.
 
-The age of a message is its log time minus its stamp. On one clock that runs well it is the delay of the sensor and varies
-little. A clock that is set shows as a step in it, one that drifts as a slope, another clock as another level than that of the
-other sensors. A stamp that is missing (0, or that of another message) is replaced by the log time.
+The age of a message is its log time minus its stamp. With a correct common clock it is the sensor's delay and varies little.
+A clock that was set shows as a step, a drifting one as a slope, another clock as another level than the other sensors'. A
+missing stamp (0, or that of another message) is replaced by the log time.
 
-Headers are trusted where they can be. Stamps that continue regularly are right whatever the log says (a recorder that stalls,
-a bag whose log times were rewritten). A level that all sensors share needs no correction (simulated time, a robot without a
-network). Only what sensors do not share is corrected, so that a recording without fault keeps each stamp to the bit.
+Headers are trusted if possible. Regular stamps are right whatever the log says (a stalling recorder, a bag with rewritten
+log times). A level common to all sensors needs no correction (simulated time, a robot without a network). Only differences
+between sensors are corrected, so a faultless recording keeps each stamp to the bit.
 """
 
 from __future__ import annotations
@@ -22,18 +22,20 @@ from twin.recording.losses import Loss
 from twin.recording.sensor_clock import BLOCKS, REGULAR_GAPS, SIGMAS, MessageTimes, SensorClock
 
 _OTHER_CLOCK_S = 0.5
-"""Sensors whose messages are as much older than those of others are on another clock [s]: if it were a delay, no tracker
-would wait so long, so that nothing is lost by taking it for one."""
+"""Age beyond that of other sensors from which a sensor is on another clock [s]; no tracker would wait for such a delay
+anyway.
+"""
 _LINEAR = 0.2
-"""A slope whose blocks leave the line by no more than this share of its rise is a clock's; a queue that grows is not as even."""
+"""Greatest deviation of a slope's blocks from the line, as a share of its rise, for a clock; a growing queue is less even.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class CorrectedClocks:
-    """Corrected stamps of each sensor's messages [ns], in the bag's order, and what was wrong with them.
+    """Corrected stamps of each sensor's messages [ns], in the bag's order, and the faults found.
 
-    ahead_s: how far each sensor's corrected stamps are ahead of the others' logged at the same time [s]. jumps_ns: corrected
-    stamps from which on the clock of all sensors was another; tracks cannot be coasted over them.
+    ahead_s: lead of each sensor's corrected stamps over the others' logged at the same time [s]. jumps_ns: corrected stamps
+    at which the clock of all sensors was set; tracks cannot coast over them.
     """
 
     stamps_ns: dict[str, Nanoseconds]
@@ -84,7 +86,7 @@ def correct_clocks(
 
 
 def _common_jumps(clocks: Mapping[str, SensorClock], stamps: Mapping[str, Nanoseconds]) -> tuple[int, ...]:
-    """Return the stamps as they are used [ns] at which the clocks of all sensors that reported before and after were set."""
+    """Return the corrected stamps [ns] at which the clocks of all sensors that reported before and after were set."""
     found: list[tuple[int, str]] = []
     for name, clock in clocks.items():
         rows = np.flatnonzero(clock.part >= 0)
@@ -149,7 +151,7 @@ def _noise(clock: SensorClock, rows: Index) -> float:
 
 
 def _common_level(clocks: list[SensorClock], slope: float, since_ns: int) -> tuple[float, list[str]]:
-    """Return the age [ns] that most messages have, and the sensors that have it; of two as frequent, the smaller age."""
+    """Return the most frequent age [ns] of messages, and the sensors that have it; of two equally frequent ones the smaller."""
     levels = []
     for clock in clocks:
         age = clock.age(slope, since_ns)
@@ -171,7 +173,7 @@ def _common_level(clocks: list[SensorClock], slope: float, since_ns: int) -> tup
 def _levelled(
     clock: SensorClock, slope: float, since_ns: int, common: float, names: list[str], *, moves: bool
 ) -> tuple[list[Loss], Nanoseconds]:
-    """Return the losses of a clock, and its stamps with each part brought to the level of the recording."""
+    """Return the losses of a clock, and its stamps with each part shifted to the level of the recording."""
     n, stamp, age = clock.log.size, clock.stamp.copy(), clock.age(slope, since_ns)
     found: list[Loss] = []
     parts = [np.flatnonzero(clock.part == number) for number in range(clock.part.max() + 1)] if clock.tells else []

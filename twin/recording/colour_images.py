@@ -1,6 +1,6 @@
 """Colour images in messages: raw in the encodings of ROS, or compressed as JPEG and PNG.
 
-The size that an encoded image claims is read from its header and checked before an array of that size is made.
+The size claimed by an encoded image is checked in its header before an array of that size is made.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _YUV = {
     **dict.fromkeys(("yuv422_yuy2", "yuyv"), cv2.COLOR_YUV2RGB_YUY2),
 }
 _PLANES = {"nv12": cv2.COLOR_YUV2RGB_NV12, "nv21": cv2.COLOR_YUV2RGB_NV21}
-"""Brightness as in mono8, and under it half as many rows of colour, of every second pixel both ways."""
+"""Brightness as in mono8, followed by half as many rows of colour, of every second pixel in both directions."""
 CHANNELS = {
     **{"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "rgb16": 3, "bgr16": 3, "rgba16": 4, "bgra16": 4},
     **{"mono8": 1, "mono16": 1, "8UC1": 1, "8UC3": 3, "8UC4": 4, "16UC3": 3, "16UC4": 4},
@@ -34,7 +34,7 @@ CHANNELS = {
     **dict.fromkeys(_YUV, 2),
     **dict.fromkeys(_PLANES, 1),
 }
-"""Encodings of raw pictures that are read, and their channels; 8UC3 to 16UC4 are in OpenCV's order, blue first."""
+"""Supported encodings of raw pictures, and their channels; 8UC3 to 16UC4 are in OpenCV's order, blue first."""
 _DEPTH = ("16UC1", "32FC1", "64FC1")
 _BLUE_FIRST = ("bgr", "8UC", "16UC")
 
@@ -42,7 +42,7 @@ _BLUE_FIRST = ("bgr", "8UC", "16UC")
 def decode_raw(message: Any, subject: str) -> NDArray[np.uint8]:
     """Return the picture (height, width, 3), RGB, in a raw Image; of 16 bits the upper eight are kept.
 
-    Raises InputError, opening with `subject`, for an encoding that is not read and for bytes that do not fit.
+    Raises InputError, with the prefix `subject`, for an unsupported encoding and for inconsistent sizes.
     """
     encoding = message.encoding
     if encoding not in CHANNELS:
@@ -120,7 +120,7 @@ def _array(pixels: Any) -> NDArray[np.uint8]:
 
 
 MOST_PIXELS = 2**24
-"""Of one picture, as `twin.scenario.run_size` has it of a sensor's."""
+"""Greatest number of pixels of one picture, as in `twin.scenario.run_size`."""
 
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG = b"\xff\xd8"
@@ -131,7 +131,7 @@ _ALONE = {0x01, *range(0xD0, 0xD8)}
 
 
 def check_picture(data: bytes, subject: str) -> None:
-    """Raise InputError, opening with `subject`, for no JPEG or PNG, and for more pixels than a picture has."""
+    """Raise InputError, with the prefix `subject`, for no JPEG or PNG, and for too many pixels."""
     size = picture_size(data)
     if size is None:
         raise InputError(f"{subject}: {len(data)} bytes that are no image; a JPEG or PNG is expected")
@@ -139,14 +139,14 @@ def check_picture(data: bytes, subject: str) -> None:
 
 
 def check_size(width: int, height: int, subject: str) -> None:
-    """Raise InputError, opening with `subject`, for a picture without pixels, or with more than a picture has."""
+    """Raise InputError, with the prefix `subject`, for a picture without pixels, or with too many."""
     if not width or not height:
         raise InputError(f"{subject}: its header claims {width} x {height} pixels; at least one is expected")
     check_limit(float(width) * height, MOST_PIXELS, f"{subject}: its header claims {width} x {height},", "pixels")
 
 
 def picture_size(data: bytes) -> tuple[int, int] | None:
-    """Return width and height in the header of a JPEG or PNG [px], the largest of several; None where there is none."""
+    """Return width and height in the header of a JPEG or PNG [px], the largest of several; None without any."""
     if data.startswith(_PNG) and len(data) >= 24:
         return struct.unpack(">II", data[16:24])
     if not data.startswith(_JPEG):

@@ -21,13 +21,13 @@ from trackers.observations import NS_PER_S, DepthImage, Image
 from twin.recording.colour_images import check_picture, check_size, picture_size
 
 PNG_FORMAT = "16UC1; png compressed "
-"""The format that image_transport writes into a CompressedImage of depth as PNG, its space at the end included."""
+"""Format that image_transport writes into a CompressedImage of depth as PNG, with its trailing space."""
 
 _MM_PER_M = np.float32(1000)
 _MOST_MM = 65_534
-"""The largest that 16 bits hold: many devices write 65535 for none."""
+"""Greatest value in 16 bits: many devices write 65535 for no depth."""
 _FARTHEST_M = 100.0
-"""No depth camera sees as far: what does is in another unit."""
+"""Depth beyond any camera's range, which indicates another unit."""
 _HEADER_BYTES = 12
 """compressed_depth_image_transport puts its configuration before the picture: an integer, and two floats that say how metres
 (32FC1) were made 16 bits: depth = first / (value - second)."""
@@ -46,7 +46,7 @@ def encode_png(depth_m: NDArray[np.float32]) -> tuple[NDArray[np.uint8], NDArray
             f"depth from {millimetres.min() / 1e3:g} to {millimetres.max() / 1e3:g} m; 0 to {_MOST_MM / 1e3:g} m fits"
         )
     pixels = millimetres.astype(np.uint16)
-    # The lowest level: a fifth of the time of the default, for a tenth more bytes.
+    # The lowest level: a fifth of the default's time, for a tenth more bytes.
     _, png = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 1])
     return png.ravel(), _metres(pixels)
 
@@ -131,11 +131,11 @@ def _metres(pixels: NDArray[Any]) -> NDArray[np.float32]:
 
 
 _MOST_GROUPS = 11
-"""A number of 32 bits has no more groups."""
+"""Greatest number of groups of a 32-bit number."""
 
 
 def decode_rvl(data: bytes, rows: int, columns: int) -> NDArray[np.uint16]:
-    """Return the picture (rows, columns) in RVL data; raises InputError for data that hold another number of pixels."""
+    """Return the picture (rows, columns) in RVL data; raises InputError for another number of pixels."""
     numbers = _numbers(data)
     zero, values = 0, np.zeros(rows * columns, dtype=np.int64)
     place = 0  # in the picture
@@ -157,10 +157,10 @@ def decode_rvl(data: bytes, rows: int, columns: int) -> NDArray[np.uint16]:
 
 
 def _numbers(data: bytes) -> NDArray[np.int64]:
-    """Return all numbers in the data, whatever they mean; those of the padding at the end are 0."""
+    """Return all numbers in the data; those of the padding at the end are 0."""
     words = np.frombuffer(data[: len(data) // 4 * 4], dtype="<u4").astype(">u4").view(np.uint8)
     halves = np.stack([words >> 4, words & 15], axis=-1).ravel()
-    last = np.flatnonzero(halves < 8)  # the groups that no other follows
+    last = np.flatnonzero(halves < 8)  # groups without a continuation
     halves = halves[: last[-1] + 1] if last.size else halves[:0]
     starts = np.concatenate([[0], last[:-1] + 1]) if last.size else np.empty(0, np.intp)
     place = np.arange(halves.size) - np.repeat(starts, np.diff(np.append(starts, halves.size)))
@@ -171,7 +171,7 @@ def _numbers(data: bytes) -> NDArray[np.int64]:
 
 
 _UNKNOWN_GAP_NS = round(NS_PER_S / 30)
-"""For pictures that came once: the period of most devices."""
+"""For single pictures: the period of most devices."""
 _HELD = 30
 
 
@@ -185,7 +185,7 @@ def tolerance_ns(colour_ns: Nanoseconds, depth_ns: Nanoseconds) -> int:
 def match_images(colour_ns: Nanoseconds, depth_ns: Nanoseconds) -> Index:
     """Match each colour image with a depth image, by their stamps in any order; -1 for none.
 
-    A pair is mutually nearest and within `tolerance_ns`. Many devices stamp the two apart.
+    A pair is mutually nearest and within `tolerance_ns`. Many devices stamp the two differently.
     """
     found = np.full(colour_ns.size, -1, np.intp)
     if not colour_ns.size or not depth_ns.size:
@@ -213,9 +213,9 @@ def _nearest(of_ns: Nanoseconds, among_ns: Nanoseconds) -> Index:
 
 
 class DepthPairs:
-    """Joins the colour and depth pictures of one sensor as they come, in whatever order; the pair has its colour's stamp.
+    """Matcher of one sensor's colour and depth pictures in any order; the pair has its colour's stamp.
 
-    A picture whose partner is not among the next 30 that wait is left out.
+    A picture is dropped if its partner is not among the next 30 waiting ones.
     """
 
     def __init__(self, depth_of: Index) -> None:
@@ -226,7 +226,7 @@ class DepthPairs:
         self.paired = 0
 
     def colour(self, number: int, image: Image) -> DepthImage | None:
-        """Take the colour picture of this number; the pair, when its depth has come already."""
+        """Add the colour picture of this number; return the pair if its depth has arrived."""
         depth = int(self._depth_of[number])
         if depth < 0:
             return None
@@ -237,7 +237,7 @@ class DepthPairs:
         return None
 
     def depth(self, number: int, depth_m: Singles) -> DepthImage | None:
-        """Take the depth picture of this number, (height, width) [m]; the pair, when its colour has come already."""
+        """Add the depth picture of this number, (height, width) [m]; return the pair if its colour has arrived."""
         colour = self._colour_of.get(number)
         if colour is None:
             return None

@@ -1,8 +1,8 @@
 """Losses of a recording or a run: messages that do not reach the tracks, by sensor and reason, reported above a threshold.
 
-A run has one list of losses, from all that count them: the reader of a bag (malformed messages, clocks, a topic without
-messages), the schedule (missing messages), the trackers (observations that they drop). What is reported goes to stderr, to the
-report and to `metrics.json`.
+A run has one list of losses from all sources: the reader of a bag (malformed messages, clocks, a topic without messages),
+the schedule (missing messages), the trackers (dropped observations). Reported ones go to stderr, to the report and to
+`metrics.json`.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ REPORTED_ABOVE = 0.02
 """Share of a sensor's messages; losses up to it are counted only."""
 
 _GAP = 1.75
-"""A gap of so many usual ones holds messages that are missing."""
+"""Ratio of a gap to the usual one from which messages are missing."""
 _NEARLY_WHOLE = 0.2
 _MOSTLY = 0.8
 _IRREGULAR_GAP = 4.0
-"""The same in third quartiles of the gaps, for a sensor that keeps no period."""
+"""The same in third quartiles of the gaps, for a sensor without a period."""
 _CROWD = 6
 _DENSE = 1.3
-"""Two gaps that last no longer than 1.3 usual ones, six times on end, are no jitter."""
+"""Length of two gaps, in usual ones, which six times in succession is no jitter."""
 
 
 @dataclass(frozen=True, slots=True)
 class Loss:
-    """Messages of a sensor that were lost or corrected, of how many, and why, as a clause that follows 'messages'.
+    """Messages of a sensor that were lost or corrected, the total, and the reason as a clause after 'messages'.
 
-    remedy: what to do, or to type. always: reported however few there are. A total of 0 stands for what cannot be counted.
+    remedy: what to do, or to type. always: reported even if few. A total of 0 means unknown.
     """
 
     sensor: str
@@ -78,7 +78,7 @@ def lines(losses: Iterable[Loss]) -> list[str]:
 def missing(sensor: str, stamps_ns: Nanoseconds, from_ns: int, to_ns: int) -> Loss | None:
     """Estimate how many messages of a sensor are missing between two times, from the gaps between its stamps [ns].
 
-    A sensor's usual gap is the median. Returns None where none is missing, or too few messages came.
+    A sensor's usual gap is the median. Returns None if none is missing, or for too few messages.
     """
     ordered = np.unique(stamps_ns)
     gaps = np.diff(ordered)
@@ -86,7 +86,7 @@ def missing(sensor: str, stamps_ns: Nanoseconds, from_ns: int, to_ns: int) -> Lo
         return None
     usual, least = _rhythm(gaps)
     ends = np.array([ordered[0] - from_ns, to_ns - ordered[-1]], dtype=float)
-    end_least = max(3 * least, NS_PER_S / 2)  # sensors start and stop one after the other
+    end_least = max(3 * least, NS_PER_S / 2)  # sensors start and stop at different times
     all_gaps = np.concatenate([gaps[gaps > least], ends[ends > end_least]])
     count = int(np.maximum(np.rint(all_gaps / usual) - 1, 0).sum())
     if not count:
@@ -102,7 +102,7 @@ def missing(sensor: str, stamps_ns: Nanoseconds, from_ns: int, to_ns: int) -> Lo
 def _rhythm(gaps: Nanoseconds) -> tuple[float, float]:
     """Return the usual gap, and the least gap (of n gaps [ns]) that holds missing messages [ns].
 
-    Where most gaps are multiples of the short ones, these are the period, however many messages are missing.
+    If most gaps are multiples of the short ones, these are the period, however many messages are missing.
     """
     short = gaps[gaps < _GAP * np.quantile(gaps, 0.1)]
     period = float(np.median(short))
@@ -114,10 +114,10 @@ def _rhythm(gaps: Nanoseconds) -> tuple[float, float]:
 
 
 def crowded(sensor: str, stamps_ns: Nanoseconds, usual: float = 0.5) -> Loss | None:
-    """Count messages that lie twice as dense as the sensor's others; None where there are none.
+    """Count messages twice as dense as the sensor's others; None without any.
 
-    Two streams overlap there: the recorder's clock was set back, or two drivers write on one topic. `usual`: quantile of the
-    gaps that is taken for the sensor's period.
+    Two streams overlap there: the recorder's clock was set back, or two drivers publish on one topic. `usual`: quantile of
+    the gaps that is the sensor's period.
     """
     ordered = np.sort(stamps_ns)
     if ordered.size < 4 * _CROWD:
@@ -143,7 +143,7 @@ class ObservationLog:
         self._readings: dict[str, array[int]] = {}
 
     def add(self, observation: Observation) -> None:
-        """Take an observation as it arrives."""
+        """Add an observation on arrival."""
         name = observation.sensor
         self._stamps_ns.setdefault(name, array("q")).append(observation.stamp_ns)
         if isinstance(observation, LaserScan):
@@ -168,7 +168,7 @@ class ObservationLog:
         return [loss for loss in found if loss is not None]
 
     def blind(self) -> list[Loss]:
-        """Count the scans with returns in less than half as many beams as the scanner usually has."""
+        """Count the scans with returns in less than half of the scanner's usual number of beams."""
         losses = []
         for name, each in self._readings.items():
             valid = np.array(each)
@@ -200,8 +200,8 @@ def dropped_by(
 ) -> list[Loss]:
     """Convert a tracker's dropped observations, by sensor and reason (`trackers.tracks.Reporting.losses`), to losses.
 
-    totals: observations fed, by sensor. ahead_s: how far a sensor's stamps are from those of the others logged at the same
-    time [s]; a remedy for lateness.
+    totals: observations fed, by sensor. ahead_s: lead of a sensor's stamps over the others' logged at the same time [s]; it
+    gives the remedy for lateness.
     """
     found = []
     for (sensor, reason), count in losses.items():

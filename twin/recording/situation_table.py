@@ -61,15 +61,15 @@ class SituationTable:
     def frames(self, stamps_ns: NDArray[np.int64], after_s: float = 0.0) -> NDArray[np.bool_]:
         """Return which of these frames (k,) lie in each situation, (n, k): from its start up to, not at, its end.
 
-        With `after_s` the time after the end counts too: a situation that is disposed of is one without a tracking error on
-        either person during it and in the second after it.
+        With `after_s` the time after the end counts too, in which a tracking error on either person means that the situation
+        is not disposed of.
         """
         stamps_ns = np.asarray(stamps_ns)
         late_ns = self.end_ns[:, None] + round(after_s * NS_PER_S)
         return (stamps_ns >= self.start_ns[:, None]) & (stamps_ns < late_ns)
 
     def pair_frames(self, stamps_ns: NDArray[np.int64]) -> int:
-        """Count the pairs of people in such a situation over these frames, as correlated pairs are counted.
+        """Count the pairs of people in such a situation over these frames.
 
         For situations of one kind and sensor, which do not overlap.
         """
@@ -77,7 +77,7 @@ class SituationTable:
 
 
 class SituationWriter:
-    """Takes situations as they end; made by `situation_writer`."""
+    """Writer of situations as they end; made by `situation_writer`."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -90,7 +90,7 @@ class SituationWriter:
 
 @contextmanager
 def situation_writer(path: Path) -> Iterator[SituationWriter]:
-    """Open a writer of `truth_situations.csv`; the file appears when the block ends well.
+    """Open a writer of `truth_situations.csv`; the file appears when the block ends normally.
 
     Raises InputError where the file cannot be written.
     """
@@ -126,7 +126,7 @@ def read_situations(path: Path) -> SituationTable:
 
 
 def situation_table(situations: Iterable[Situation], source: str = "situations") -> SituationTable:
-    """Convert situations to the table that reading their file would give."""
+    """Convert situations to a table, as read from their file."""
     rows = list(situations)
     return SituationTable(
         source,

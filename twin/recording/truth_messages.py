@@ -34,7 +34,7 @@ from twin.tables.columns import MAX_INT64
 MARKER_ARRAY = "visualization_msgs/msg/MarkerArray"
 
 _HEAD_TOP_M = 0.12  # from the centre of the head to its top
-_UNKNOWN_HEIGHT_M = 1.7  # drawn where the truth does not tell the head's place
+_UNKNOWN_HEIGHT_M = 1.7  # drawn without a known head
 _NAME_ABOVE_M = 0.15
 _SLOTS = 7  # a person: middle of the cylinder x, y, z and its height; the name's x, y, z
 _COLORS = ((0.12, 0.47, 0.71), (1.0, 0.5, 0.05), (0.17, 0.63, 0.17), (0.84, 0.15, 0.16), (0.58, 0.4, 0.74))
@@ -77,14 +77,15 @@ def decode_people(text: str, stamp_ns: int) -> TruthFrame:
 
 
 _MOST_MARKERS = 2**31 - 1
-"""A marker's number is an int32; of larger ids two may share one."""
+"""Greatest number of a marker, an int32; larger ids may collide."""
 
 
 class PeopleMarkers:
-    """Draws truth, or tracks, as a `visualization_msgs/MarkerArray`: a cylinder and a name for each person, in the room frame.
+    """Encoder of truth, or tracks, as a `visualization_msgs/MarkerArray`: a cylinder and a name per person, in the room
+    frame.
 
-    Serializing ten markers field by field costs more than a laser scan. Only stamps, places and heights change from
-    frame to frame, so the message is serialized once for the people present, and those numbers are written into it.
+    Serializing ten markers field by field costs more than a laser scan. Only stamps, positions and heights change between
+    frames, so the message is serialized once for the people present, and those numbers are written into it.
     """
 
     def __init__(self, names: Mapping[int, str], style: MarkerStyle = TRUTH_STYLE) -> None:
@@ -124,7 +125,7 @@ class PeopleMarkers:
         return person.x, person.y, height / 2, height, name_x, name_y, height + _NAME_ABOVE_M
 
     def _layout(self, ids: tuple[int, ...], left: list[int]) -> bytes:
-        """Serialize the message with marks in place of numbers, and note their positions."""
+        """Serialize the message with placeholders for numbers, and note their positions."""
         markers = []
         for id_ in ids:
             markers += [self._cylinder(id_), self._name(id_)]
@@ -146,7 +147,7 @@ class PeopleMarkers:
 
     def _name(self, id_: int) -> Marker:
         text = self._names.get(id_, f"{self._style.id_prefix}{id_}")
-        # Of a text's scale only z, the height of its letters, counts.
+        # Of a text's scale only z, the height of its letters, has an effect.
         return _marker(
             self._style.labels, id_, Marker.TEXT_VIEW_FACING, Vector3(0.0, 0.0, 0.2), Color(1.0, 1.0, 1.0, 1.0), text
         )
@@ -166,7 +167,7 @@ def encode_outline(outlines: Sequence[NDArray[np.float64]]) -> memoryview:
     return TYPESTORE.serialize_cdr(MarkerArray([marker]), MARKER_ARRAY)  # pyright: ignore[reportArgumentType]
 
 
-# Values that no place, size, colour or string of ours can hold.
+# Values that no position, size, colour or string of ours can hold.
 _STAMP_MARK_S = 0x5EC0DE01
 _MARK = 1.2345678e200
 

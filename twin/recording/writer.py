@@ -65,13 +65,12 @@ _FOREVER = QosTime(9223372036, 854775807)  # ROS's RMW_DURATION_INFINITE
 
 
 class BagWriter(McapFile):
-    """A context manager that writes observations, backgrounds and truth to `path` (a `.mcap`) as they come.
+    """Writer of observations, backgrounds and truth to `path` (a `.mcap`) as they come; a context manager.
 
-    Memory holds one chunk (1 MiB) and an index entry for each chunk and message type, whatever the duration.
+    Memory holds one chunk (1 MiB) and an index entry per chunk and message type.
 
-    What holds for the whole bag (the rig, the scenario, `/tf_static`, the backgrounds) is logged at time 0, an
-    observation when it arrives, truth at its stamp. All methods raise InputError where the disk is full or cannot be
-    written.
+    Content for the whole bag (the rig, the scenario, `/tf_static`, the backgrounds) is logged at time 0, an observation on
+    arrival, truth at its stamp. All methods raise InputError where the disk is full or cannot be written.
     """
 
     def __init__(
