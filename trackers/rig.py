@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from trackers.area import Point2, Polygon
@@ -223,6 +225,18 @@ class Rig(Strict):
         """Return the name of the odometry on whose base a sensor moves, by sensor; those that stand are left out."""
         bases = {name: getattr(sensor, "mounted_on", None) for name, sensor in self.sensors.items()}
         return {name: base for name, base in bases.items() if base is not None}
+
+    def pose_at(self, name: str, frame_from_base: NDArray[np.float64] | None = None) -> Pose:
+        """Return the pose of a sensor in the room: where it stands, or where it is on its base at a pose (4, 4) of that.
+
+        frame_from_base: of the base in its odometry frame (`trackers.observations.Odometry`); None: that frame's origin.
+        """
+        base = self.mounted().get(name)
+        if base is None:
+            return self.sensors[name].room_from_sensor
+        moved = np.eye(4) if frame_from_base is None else frame_from_base
+        room_from_frame = self.sensors[base].room_from_sensor.matrix
+        return Pose.from_transform(room_from_frame @ moved @ self.sensors[name].room_from_sensor.matrix)
 
     @property
     def main_sensor(self) -> str:

@@ -26,8 +26,6 @@ DepthMode = Literal["matched", "ideal", "disparity-noise"]
 """Ways in which the twin makes depth: two pictures matched; the true depth; the true depth with noise on its disparity."""
 
 _IMAGE, _DEPTH = "image/compressed", "depth/compressed"
-
-
 MOST_TILT_DEG = 45.0
 """A scanner tilted further than this scans no layer of the people, neither waists nor knees."""
 WIDEST_BASELINE_M = 2.0
@@ -298,9 +296,8 @@ class FloorSensor(Strict):
 class OdometrySensor(Strict):
     """The odometry of a moving base, on which other sensors of the rig are `mounted_on`.
 
-    Its poses come from messages of their own (nav_msgs/Odometry), or from transforms (`/tf`), of which the two frames are
-    named then. `room_from_sensor` is the pose in the room of the odometry frame, that in which its poses are; by default
-    tracks leave in the odometry frame itself.
+    Its poses come from nav_msgs/Odometry, or from transforms (`/tf`), of which the two frames are named then.
+    `room_from_sensor` is the pose in the room of the odometry frame; by default tracks leave in that frame itself.
     """
 
     kind: Literal["odometry"] = Field(default="odometry", description="the kind of sensor: odometry of a moving base")
@@ -328,7 +325,7 @@ class OdometrySensor(Strict):
             raise ValueError("one of frame and base_frame is missing; both are expected with transforms, else none")
         if self.frame is not None and self.frame.strip("/") == (self.base_frame or "").strip("/"):
             raise ValueError(
-                f"frame and base_frame are both {self.frame!r}; one that stands and one that moves are expected"
+                f"frame and base_frame are both {self.frame!r}; one that stands and one that moves are valid"
             )
         return self
 

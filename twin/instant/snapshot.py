@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -80,6 +81,12 @@ class Snapshot:
     data: mujoco.MjData
     person_of_geom: NDArray[np.int16]
     feet: Feet | None = None
+    bases: Mapping[str, Array] = field(default_factory=dict)
+
+
+def base_body(name: str) -> str:
+    """Return the name in the model of a driving housing's body."""
+    return f"housing/{name}"
 
 
 class SnapshotSource(Protocol):

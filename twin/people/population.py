@@ -8,6 +8,7 @@ import numpy as np
 
 from trackers.arrays import Array, Mask
 from twin.people.body.appearance import BodyAppearance
+from twin.people.crowd.bases import MovingBases
 from twin.people.crowd.crowd import Crowd, planar
 from twin.people.crowd.ground import Ground
 from twin.people.crowd.motion_command import End
@@ -46,9 +47,11 @@ class Population(Poses):
         appearances: Mapping[str, BodyAppearance],
         measures: BodyMeasures,
         source: str,
+        bases: MovingBases | None = None,
     ) -> None:
         """`ground`: walkable floor and its obstacles; `rngs`: one generator per person; `appearances`: source of proportions
-        and mass; `measures`: of the bodies, in the order of names; `source`: description file named in errors.
+        and mass; `measures`: of the bodies, in the order of names; `source`: description file named in errors;
+        `bases`: housings that drive among them.
 
         Known starts must be apart, and a wanderer's inside the area (see `twin.world.placement`). Raises InputError when the
         area has no room for those who wander.
@@ -61,6 +64,7 @@ class Population(Poses):
         heading = np.array([first_heading(*each) for each in zip(described, position, random, strict=True)], float)
         areas = [_kept_in(person, ground) for person in described]
         self._crowd = Crowd(planar(position), heading, areas, np.zeros(count, dtype=bool), ground.obstacles)
+        self.bases = self._crowd.bases = bases
         super().__init__(self.names, appearances, measures)
         self._gait = Gait(self._skeleton, self._crowd)
         self._postures = Postures(self._measures, self._crowd.place, self._crowd.heading)
@@ -151,6 +155,8 @@ class Population(Poses):
             place, velocity = crowd.place.copy(), crowd.velocity.copy()
             place[self._recorded.numbers], velocity[self._recorded.numbers] = self._recorded.at(self._tick + 1)
             crowd.drive(place, velocity)
+        if self.bases is not None:
+            self.bases.step(t, crowd.place, crowd.velocity, crowd.present)
         gaze = self._gaze.at(t) + 0.25 * crowd.turn_rate
         crowd.step(TICK_S)
         postures.step(crowd.place, crowd.heading, TICK_S)

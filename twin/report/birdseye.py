@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.observations import LaserScan
+from trackers.observations import LaserScan, Odometry
 from trackers.rig import Pose, Rig
 from twin.report.palette import RGB
 
@@ -100,7 +100,7 @@ def floor_extent(rig: Rig, outline: Sequence[Polygon], *seen: Polygon) -> Polygo
         parts.append(np.array(rig.area, dtype=float))
     if not parts:
         parts.extend(np.percentile(points, (2, 98), axis=0) for points in seen if len(points))
-    parts.extend(sensor.room_from_sensor.translation[None, :2] for sensor in rig.sensors.values())
+    parts.extend(rig.pose_at(name).translation[None, :2] for name in rig.sensors)
     extent = np.concatenate(parts) if parts else np.zeros((1, 2))
     if np.ptp(extent, axis=0).max() < 1.0:  # a single sensor: show the metres around it
         extent = np.concatenate([extent - 3.0, extent + 3.0])
@@ -121,6 +121,19 @@ class ScannerOnFloor:
     def __init__(self, room_from_sensor: Pose) -> None:
         self._rotation = room_from_sensor.rotation[:2, :2]
         self._origin = room_from_sensor.translation[:2]
+
+    @property
+    def place(self) -> NDArray[np.float64]:
+        """Place of the scanner, (2,) [m]."""
+        return self._origin
+
+    @staticmethod
+    def of(rig: Rig, odometry: Odometry | None = None) -> dict[str, ScannerOnFloor]:
+        """Return the scanners of a rig by name: all, or those on the base of which this odometry speaks, where they are."""
+        if odometry is None:
+            return {name: ScannerOnFloor(rig.pose_at(name)) for name in rig.lasers()}
+        on_it = [name for name, base in rig.mounted().items() if base == odometry.sensor and name in rig.lasers()]
+        return {name: ScannerOnFloor(rig.pose_at(name, odometry.frame_from_base)) for name in on_it}
 
     def points(self, scan: LaserScan) -> Polygon:
         """Project the valid returns of a scan, (n, 2) [m] in the room frame."""
@@ -201,7 +214,8 @@ def paint_room(
                 cv2.LINE_AA,
                 SHIFT,
             )
-    for pose in (sensor.room_from_sensor for sensor in rig.sensors.values()):
+    moving = {*rig.mounted(), *rig.odometry()}
+    for pose in (rig.pose_at(name) for name in rig.sensors if name not in moving):
         centre = fixed_point(view.pixels(pose.translation[:2])).tolist()
         cv2.circle(canvas, centre, 5 << SHIFT, colours.sensor, -1, cv2.LINE_AA, SHIFT)
 
@@ -227,7 +241,7 @@ def _is_shell(polygon: Polygon, rig: Rig) -> bool:
     Filled, it would hide all else.
     """
     corners = np.asarray(polygon, dtype=np.float32)
-    sensors = [sensor.room_from_sensor.translation[:2] for sensor in rig.sensors.values()]
+    sensors = [rig.pose_at(name).translation[:2] for name in rig.sensors]
     inner = np.array(rig.area if rig.area is not None else sensors, dtype=float).reshape(-1, 2)
     enclosed = all(cv2.pointPolygonTest(corners, (float(x), float(y)), False) >= 0 for x, y in inner)
     return enclosed and cv2.contourArea(corners) > _SHELL_M2
@@ -264,8 +278,8 @@ def room_svg(view: FloorView, rig: Rig, outline: Sequence[Polygon], silent: Coll
         for y, metres in zip(y_px, y_lines, strict=True)
         if 14 < y < view.height_px - 18
     )
-    for name, sensor in rig.sensors.items():
-        x, y = view.pixels(sensor.room_from_sensor.translation[:2])
+    for name in rig.sensors:
+        x, y = view.pixels(rig.pose_at(name).translation[:2])
         kind, text = ("sensor silent", f"{name}: silent") if name in silent else ("sensor", name)
         parts.append(f'<circle class="{kind}" cx="{x:.1f}" cy="{y:.1f}" r="5"><title>{escape(text)}</title></circle>')
     return "".join(parts)
@@ -277,8 +291,8 @@ def sensor_names_svg(view: FloorView, rig: Rig, silent: Collection[str] = ()) ->
     `silent`: sensors without reports, which is noted.
     """
     together: list[tuple[NDArray[np.float64], list[str]]] = []
-    for name, sensor in rig.sensors.items():
-        at = view.pixels(sensor.room_from_sensor.translation[:2])
+    for name in rig.sensors:
+        at = view.pixels(rig.pose_at(name).translation[:2])
         if not view.inside(at):
             continue
         for place, names in together:

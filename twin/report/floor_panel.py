@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.observations import FloorFrame, LaserScan
+from trackers.observations import FloorFrame, LaserScan, Odometry
 from trackers.rig import FloorSensor, Rig
 from trackers.tracks import Hypotheses, ScoreMap, Track
 from twin.report.assumed_poses import assumed_poses, draw_assumed_pose
@@ -79,12 +79,16 @@ class FloorPanel:
         self._rig, self._outline = rig, outline
         self._true = true if true is not None else rig
         self._assumed_poses = [each for each in assumed_poses(rig, true) if about is None or each.name in about]
-        self._scanners = {name: ScannerOnFloor(laser.room_from_sensor) for name, laser in rig.lasers().items()}
+        self._scanners = ScannerOnFloor.of(rig)
         self._view: FloorView | None = None
         self._has_extent = bool(outline) or rig.area is not None
         self._hidden_floor = self._visible_floor = np.zeros((height_px, width_px, 3), dtype=np.uint8)
         self._mask = np.zeros((height_px, width_px), dtype=np.uint8)
         self._light = np.zeros_like(self._visible_floor)
+
+    def move(self, odometry: Odometry) -> None:
+        """Move the scanners on a base to where it is."""
+        self._scanners |= ScannerOnFloor.of(self._rig, odometry)
 
     def _paint(self, scans: Mapping[str, LaserScan]) -> FloorView:
         """Paint the static parts. A robot's bag has no room: its first scans with a return set the extent."""
@@ -129,6 +133,9 @@ class FloorPanel:
             _draw_truth(panel, view, truth, names)
         for name, scan in scans.items():
             _draw_points(panel, view.pixels(self._scanners[name].points(scan)), layers[name])
+        for name in self._rig.mounted().keys() & self._scanners.keys():
+            centre = fixed_point(view.pixels(self._scanners[name].place)).tolist()
+            cv2.circle(panel, centre, 5 << SHIFT, _VISIBLE_FLOOR.sensor, -1, cv2.LINE_AA, SHIFT)
         for track in tracks:
             tail = view.pixels(np.array(tails[track.id])[:, 1:])
             _draw_tail(panel, tail, colours[track.id])
@@ -144,7 +151,7 @@ class FloorPanel:
         write_tags(panel, tags)
 
     def _silent_tag(self, view: FloorView, name: str) -> Tag:
-        x, y = view.pixels(self._true.sensors[name].room_from_sensor.translation[:2])
+        x, y = view.pixels(self._true.pose_at(name).translation[:2])
         return Tag(f"{name} silent", float(x), float(y) + 18, SILENT_FILL, INK)
 
     def _draw_free_space(

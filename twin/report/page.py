@@ -85,7 +85,7 @@ class CauseRow:
 
 def cause_rows(errors: Errors, rig: Rig) -> list[CauseRow]:
     """Count the errors of each cause that occurred, misses first."""
-    sensors = np.array([sensor.room_from_sensor.translation[:2] for sensor in rig.sensors.values()])
+    sensors = np.array([rig.pose_at(name).translation[:2] for name in rig.sensors])
     distance_m = np.linalg.norm(errors.xy[:, None] - sensors, axis=2).min(axis=1, initial=np.inf)
     ring = np.digitize(distance_m, _FAR_M)
     rows = []

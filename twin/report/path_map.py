@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.observations import NS_PER_S, LaserScan
+from trackers.observations import NS_PER_S, LaserScan, Odometry
 from trackers.rig import Rig
 from twin.evaluate.causes import FALSE_POSITIVES, MISSES, Errors
 from twin.evaluate.summary import Evaluation
@@ -137,12 +137,16 @@ class ScanDensity:
     """
 
     def __init__(self, rig: Rig, cell_m: float = 0.02) -> None:
-        self._scanners = {name: ScannerOnFloor(laser.room_from_sensor) for name, laser in rig.lasers().items()}
+        self._rig, self._scanners = rig, ScannerOnFloor.of(rig)
         self._cell_m = cell_m
         self._cells = np.zeros(0, dtype=np.int64)
         self._counts = np.zeros(0, dtype=np.int64)
         self._buffer: list[NDArray[np.int64]] = []
         self._buffered = 0
+
+    def move(self, odometry: Odometry) -> None:
+        """Move the scanners on a base to where it is."""
+        self._scanners |= ScannerOnFloor.of(self._rig, odometry)
 
     def add(self, scan: LaserScan) -> None:
         """Count the returns of a scan of one of the rig's scanners."""

@@ -12,7 +12,7 @@ from typing import Self
 import cv2
 import numpy as np
 
-from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan
+from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Odometry
 from trackers.rig import Rig
 from trackers.tracks import Hypotheses, ScoreMap, Track
 from twin.report.birdseye import SHIFT, Polygon, fixed_point, plan_width_px
@@ -162,6 +162,10 @@ class PreviewWriter:
         )
         self._encoder.encode(self._canvas, pts)
         self.n_frames += 1
+
+    def move(self, odometry: Odometry) -> None:
+        """Move the scanners on a base to where it is."""
+        self._floor.move(odometry)
 
     def still(self, quality: int = 88) -> bytes:
         """Encode the last picture as a JPEG, for the report; raises ValueError before the first."""

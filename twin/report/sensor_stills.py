@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.observations import DepthImage, FloorFrame, Image, LaserScan, Observation
+from trackers.observations import DepthImage, FloorFrame, Image, LaserScan, Observation, Odometry
 from trackers.rig import Rig
 from trackers.tracks import TrackFrame
 from twin.report.birdseye import Polygon, plan_width_px
@@ -100,6 +100,9 @@ class SensorStills:
         tracks = self._frame.tracks
         tails = {track.id: [(self._frame.stamp_ns, track.x, track.y)] for track in tracks}
         drawn = FloorPanel(self._rig, self._outline, wide, _HIGH_PX, self._true_rig, about=[name])
+        for each in self._newest.values():
+            if isinstance(each, Odometry):
+                drawn.move(each)
         drawn.draw(panel, scans, layers, tracks, tails, self._colours, self._truth, self._names, floors)
         return panel
 

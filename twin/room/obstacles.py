@@ -204,3 +204,26 @@ def _merged(shapes: list[Array]) -> list[Array]:
             break
         else:
             return shapes
+
+
+_FAR_M = 1e6
+
+
+def edges_of(areas: Sequence[Array | None]) -> tuple[list[Obstacle], Array]:
+    """Return the edges of all areas as obstacles without an inside, and the clearance of each person (n, edges) [m].
+
+    Edges of other people's areas do not confine a person.
+    """
+    edges: list[Obstacle] = []
+    keep = np.full((len(areas), 0), -_FAR_M)
+    known: list[Array] = []
+    for area in areas:
+        if area is None or any(np.array_equal(area, other) for other in known):
+            continue
+        known.append(area)
+        edges += [Obstacle("area", np.stack(ends)) for ends in zip(area, np.roll(area, -1, axis=0), strict=True)]
+        own = np.array([each is not None and np.array_equal(each, area) for each in areas], dtype=bool)
+        keep = np.concatenate(
+            [keep, np.where(own, KEEP_FROM_EDGE_M, -_FAR_M)[:, None].repeat(len(area), axis=1)], axis=1
+        )
+    return edges, keep

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from trackers.observations import DepthImage, FloorFrame, Image, LaserScan, Observation
+from trackers.observations import DepthImage, FloorFrame, Image, LaserScan, Observation, Odometry
 from trackers.prior import Prior
 from trackers.rig import Rig
 from trackers.tracks import TrackFrame
@@ -101,10 +101,13 @@ class Preview:
         images = {name: each for name, each in newest.items() if isinstance(each, Image | DepthImage)}
         scans = {name: each for name, each in newest.items() if isinstance(each, LaserScan)}
         floors = {name: each for name, each in newest.items() if isinstance(each, FloorFrame)}
+        bases = {name: each for name, each in newest.items() if isinstance(each, Odometry)}
         truth = true_poses(self._truth_at(frame.stamp_ns))
         if self._writer is not None:
+            for each in bases.values():
+                self._writer.move(each)
             self._writer.frame(frame.stamp_ns, images, scans, frame.tracks, truth, floors, silent, frame.maps)
-        kept = self._stills is not None and self._stills.keep_best(frame, images | scans | floors, truth)
+        kept = self._stills is not None and self._stills.keep_best(frame, images | scans | floors | bases, truth)
         if kept and self._writer is not None:
             self._poster = self._writer.still()
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from trackers.area import Area
 from trackers.errors import InputError
-from trackers.observations import NS_PER_S, LaserScan, Observation
+from trackers.observations import NS_PER_S, LaserScan, Observation, Odometry
 from trackers.prior import Prior
 from trackers.rig import PriorFiles
 from trackers.text_file import AnyPath
@@ -199,6 +199,8 @@ class _Replay:
         for observation in _counted(bag.observations(), bag.observation_count, request.on_progress):
             if isinstance(observation, LaserScan) and scans is not None:
                 scans.add(observation)
+            if isinstance(observation, Odometry) and scans is not None:
+                scans.move(observation)
             while fed.preview is not None and waiting and waiting[0].stamp_ns <= observation.stamp_ns:
                 fed.preview.add_truth(waiting.popleft())
             fed.observe(observation)
@@ -273,7 +275,9 @@ def outline_of(scenario: Scenario | None) -> list[Polygon]:
     if scenario is None:
         return []
     try:
-        world = World(scenario.model_copy(update={"people": {}}))  # who walks there is no part of its plan
+        stand = {name: housing.model_copy(update={"drive": None}) for name, housing in scenario.housings.items()}
+        # who walks or drives there is no part of its plan
+        world = World(scenario.model_copy(update={"people": {}, "housings": stand}))
     except InputError:
         return []
     return room_outline(world.scene.model, world.empty_snapshot(0.0).data)

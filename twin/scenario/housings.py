@@ -3,25 +3,135 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import radians
-from typing import TYPE_CHECKING, Any, Protocol
+from math import hypot, radians
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol
 
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_validator
 
 from trackers.configuration import Strict
-from trackers.rig import Point2, Pose, Rig, RigSensor
+from trackers.rig import Name, OdometrySensor, Point2, Pose, Rig, RigSensor
 from trackers.rig_sensors import check_height, check_layer
 from twin.scenario.mount import CalibrationError, Mount, Mounted
 from twin.scenario.pressure_floor import FloorDescription
+from twin.sensors.odometry import OdometryDescription
 
 if TYPE_CHECKING:
     from twin.scenario.sensors import AnyDescription
 
 
-class Housing(Strict):
-    """A body that carries sensors: those whose `housing` it is have their mounts in its frame, x ahead, y left, z up."""
+BaseSpeed = Annotated[float, Field(gt=0, le=5, allow_inf_nan=False)]
 
-    mount: Mount = Field(description="where the housing is in the room and how it is turned")
+
+class _Drives(Strict):
+    """Limits of a drive: the base turns on the spot and goes ahead, like a differential drive (no sideways)."""
+
+    speed_m_s: BaseSpeed = Field(default=0.7, description="greatest speed [m/s]")
+    turn_rate: BaseSpeed = Field(default=1.2, description="greatest turning rate [rad/s]")
+
+
+class PathDrive(_Drives):
+    """Drive along waypoints, around furniture, and brake for people."""
+
+    kind: Literal["path"] = Field(description="the drive: along waypoints")
+    waypoints: tuple[Point2, ...] = Field(min_length=1, description="places to pass in the room frame [m]")
+    repeat: bool = Field(default=False, description="whether to start over at the first waypoint")
+
+
+class FollowDrive(_Drives):
+    """Drive behind a person, facing them, at a distance; stand while they are not in the room."""
+
+    kind: Literal["follow"] = Field(description="the drive: behind a person")
+    person: Name = Field(description="who is followed")
+    distance_m: float = Field(default=1.2, ge=0.6, le=10, description="distance that is kept from the person [m]")
+
+
+class WanderDrive(_Drives):
+    """Drive to random places of the tracked area, one after another."""
+
+    kind: Literal["wander"] = Field(description="the drive: to random places")
+
+
+Drive = Annotated[PathDrive | FollowDrive | WanderDrive, Field(discriminator="kind")]
+
+
+class BaseBody(Strict):
+    """A solid about the housing's origin, from the floor up: a cylinder of `radius_m`, or a box of `size_m`.
+
+    Rays and cameras meet it, people keep clear of it. A scanner of the housing looks through it.
+    """
+
+    radius_m: float | None = Field(default=None, gt=0.02, le=1, description="radius of a cylinder [m]; none: a box")
+    size_m: tuple[BaseSpeed, BaseSpeed] | None = Field(default=None, description="length and width of a box [m]")
+    height_m: float = Field(default=0.4, gt=0.02, le=2.5, description="height above the floor [m]")
+    colour: tuple[float, float, float] = Field(default=(0.25, 0.3, 0.35), description="red, green, blue, 0 to 1")
+
+    @model_validator(mode="after")
+    def _one_shape(self) -> BaseBody:
+        if (self.radius_m is None) == (self.size_m is None):
+            raise ValueError("one of radius_m (a cylinder) and size_m (a box) is expected")
+        return self
+
+    @property
+    def reach_m(self) -> float:
+        """Radius of the upright cylinder about the body [m]."""
+        return self.radius_m if self.radius_m is not None else hypot(*(self.size_m or (0.0, 0.0))) / 2
+
+
+class Housing(Strict):
+    """A body that carries sensors: those whose `housing` it is have their mounts in its frame, x ahead, y left, z up.
+
+    With a `drive` it moves: its scanners sweep while it does, and its odometry, named after it, is a sensor of the rig on which
+    they are mounted. `mount` is the pose from which it starts then.
+    """
+
+    mount: Mount = Field(
+        description="where the housing is in the room and how it is turned, at the start where it drives"
+    )
+    drive: Drive | None = Field(default=None, description="how it drives about the room; none: it stands")
+    body: BaseBody | None = Field(
+        default=None, description="a solid that rays, cameras and people meet; none: only sensors"
+    )
+    odometry: OdometryDescription = Field(
+        default=OdometryDescription(),
+        description="errors of the odometry of a housing that drives",
+        exclude_if=lambda odometry: odometry == OdometryDescription(),
+    )
+
+    @model_validator(mode="after")
+    def _stands_upright(self) -> Housing:
+        if self.drive is not None and (self.mount.pitch_deg or self.mount.roll_deg):
+            raise ValueError("mount: a housing that drives stands upright; pitch_deg and roll_deg of 0 are valid")
+        return self
+
+
+def driven(scenario: HasSensors) -> dict[str, Housing]:
+    """Return the housings that drive, by name."""
+    return {name: housing for name, housing in scenario.housings.items() if housing.drive is not None}
+
+
+def base_of(scenario: HasSensors, name: str) -> str | None:
+    """Return the driving housing of a sensor; None for one that stands in the room."""
+    housing = getattr(scenario.sensors[name], "housing", None)
+    return housing if housing in driven(scenario) else None
+
+
+def odometry_sensor(scenario: HasSensors, name: str) -> OdometrySensor:
+    """Return the odometry of a driving housing as a rig holds it: its frame lies where the housing starts."""
+    topic = "/odom" if len(driven(scenario)) == 1 else f"/{name}/odom"
+    return OdometrySensor(topic=topic, room_from_sensor=scenario.housings[name].mount.room_from_housing())
+
+
+def held_sensor(scenario: HasSensors, name: str) -> AnyDescription:
+    """Return the description of a sensor with its mount in the room, or in its driving housing's frame."""
+    description = scenario.sensors[name]
+    return description if base_of(scenario, name) is not None else in_the_room(scenario, name)
+
+
+def rig_sensor(scenario: HasSensors, name: str) -> RigSensor:
+    """Return a sensor as it truly is on the rig, mounted on its housing where that drives."""
+    sensor = held_sensor(scenario, name).rig_sensor(name)
+    base = base_of(scenario, name)
+    return sensor if base is None else sensor.model_copy(update={"mounted_on": base})
 
 
 class HasSensors(Protocol):
@@ -35,6 +145,8 @@ class HasSensors(Protocol):
     def room_name(self) -> str: ...
     @property
     def main_sensor(self) -> str | None: ...
+    @property
+    def people(self) -> Mapping[str, Any]: ...
 
 
 def check_on_housing(description: Any, housings: Mapping[str, Housing]) -> None:
@@ -42,6 +154,26 @@ def check_on_housing(description: Any, housings: Mapping[str, Housing]) -> None:
     if isinstance(description, Mounted) and description.housing is not None and description.housing not in housings:
         there = f"valid are {', '.join(housings)}" if housings else "there is none under housings"
         raise ValueError(f"housing: {description.housing!r} is no housing; {there}, or none for a mount in the room")
+
+
+def check_drives(scenario: HasSensors) -> None:
+    """Raise ValueError where a driving housing is called like a sensor, follows nobody, or carries what cannot drive."""
+    for name, housing in driven(scenario).items():
+        if name in scenario.sensors:
+            raise ValueError(
+                f"housings.{name}: a sensor has that name, and the rig's odometry would; another is expected"
+            )
+        if isinstance(housing.drive, FollowDrive) and housing.drive.person not in scenario.people:
+            valid = ", ".join(scenario.people) or "none, as people is empty"
+            raise ValueError(
+                f"housings.{name}.drive.person: {housing.drive.person!r} is nobody in people; valid are {valid}"
+            )
+    for name, sensor in scenario.sensors.items():
+        if base_of(scenario, name) is not None and sensor.kind != "laser":
+            raise ValueError(
+                f"sensors.{name}.housing: {getattr(sensor, 'housing', '')!r} drives, and a {sensor.kind} cannot drive yet; "
+                "lasers are valid on it"
+            )
 
 
 def in_the_room(scenario: HasSensors, name: str) -> AnyDescription:
@@ -126,9 +258,11 @@ def assumed_rig(scenario: HasSensors, area: tuple[Point2, ...]) -> Rig:
 
     area: the tracked area, a polygon in the room's frame [m].
     """
-    hung = {name: in_the_room(scenario, name) for name in scenario.sensors}
-    assumed = {name: assumed_sensor(description, description.rig_sensor(name)) for name, description in hung.items()}
-    return Rig(sensors=assumed, area=area, room=scenario.room_name, main=scenario.main_sensor)
+    assumed = {
+        name: assumed_sensor(held_sensor(scenario, name), rig_sensor(scenario, name)) for name in scenario.sensors
+    }
+    bases = {name: odometry_sensor(scenario, name) for name in driven(scenario)}
+    return Rig(sensors=assumed | bases, area=area, room=scenario.room_name, main=scenario.main_sensor)
 
 
 def _assumed_pose(description: AnyDescription, assumed: CalibrationError) -> Pose:

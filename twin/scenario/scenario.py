@@ -12,7 +12,14 @@ from trackers.area import Polygon
 from trackers.configuration import Strict, Typed
 from trackers.rig import NO_PRIOR, Name, PriorFiles
 from twin.scenario.behaviour import companions
-from twin.scenario.housings import Housing, check_assumed_sensor, check_calibration_error, check_on_housing, check_place
+from twin.scenario.housings import (
+    Housing,
+    check_assumed_sensor,
+    check_calibration_error,
+    check_drives,
+    check_on_housing,
+    check_place,
+)
 from twin.scenario.person import STEADY, Person, Randomize
 from twin.scenario.sensors import SensorDescription
 from twin.sensors.fault_kinds import FaultDescription, check_fault
@@ -191,6 +198,7 @@ class Scenario(Strict):
             _under(f"sensors.{name}.", lambda sensor=sensor: check_calibration_error(sensor))
             _under(f"sensors.{name}.", lambda name=name: check_place(self, name))
             _under(f"sensors.{name}.", lambda name=name: check_assumed_sensor(self, name))
+        check_drives(self)
         for name, fault in self.faults.items():
             _under(f"faults.{name}.", lambda fault=fault: check_fault(fault, self.sensors))
         return self

@@ -159,6 +159,7 @@ def build_sensor(
     *,
     shapes: Callable[[], FootShapes] = _no_soles,
     device: np.random.Generator | None = None,
+    mounted_on: str | None = None,
 ) -> Sensor:
     """Build the sensor with its noise; `renderer` is called when a camera takes its first picture, never for another
     sensor.
@@ -167,12 +168,14 @@ def build_sensor(
     decides what differs between two floors of the same description: which elements are dead; without it the first
     observation's generator does, anew for every series of observations (an empty room's and a run's would differ).
 
+    `mounted_on`: the driving housing of a scanner, in whose frame its mount is.
+
     Raises InputError for a lens that cannot be rendered.
     """
     from twin.sensors.floor_electronics import BuiltElectronics
     from twin.sensors.layers import Noisy
 
-    ideal = _build_ideal(name, description, renderer, shapes)
+    ideal = _build_ideal(name, description, renderer, shapes, mounted_on)
     if isinstance(description, StereoDescription):
         return ideal  # its noise is in both views before they are matched
     noise = description.electronics if isinstance(description, PinholeDescription) else description.noise
@@ -189,6 +192,7 @@ def _build_ideal(
     description: AnyDescription,
     renderer: Callable[[], OffscreenRenderer],
     shapes: Callable[[], FootShapes],
+    mounted_on: str | None,
 ) -> Sensor:
     # MuJoCo and OpenCV are imported here: reading a scenario needs neither.
     match description:
@@ -222,7 +226,7 @@ def _build_ideal(
             field_of_view_rad = radians(description.field_of_view_deg)
             return Laser(
                 name,
-                description.rig_sensor(name),
+                description.rig_sensor(name).model_copy(update={"mounted_on": mounted_on}),
                 beams=description.n_beam,
                 angle_min_rad=-field_of_view_rad / 2,
                 angle_increment_rad=field_of_view_rad / (description.n_beam - 1),

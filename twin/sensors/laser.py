@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from itertools import pairwise
 
+import mujoco
 import numpy as np
 
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor
-from twin.instant.snapshot import Snapshot
-from twin.sensors.rays import RayFan
+from twin.instant.snapshot import Snapshot, base_body
+from twin.sensors.rays import Hits, RayFan, trace_rays
 from twin.sensors.sensor import Reading, State
 
 SWEEP_STEP_S = 0.005
@@ -23,9 +24,10 @@ class Laser:
     Beams go counter-clockwise from `angle_min_rad` in steps of `angle_increment_rad` in the x-y plane of the sensor's frame (x
     ahead, y left, z up). A return nearer than `range_min_m` is NaN (invalid), none within `range_max_m` is +inf (REP 117).
     With `sweep_time_s` > 0 the first beam is taken at the stamp and the last that much later; beams are grouped so that each
-    is taken within SWEEP_STEP_S / 2 of its time. The sensor stands still.
+    is taken within SWEEP_STEP_S / 2 of its time, from where the scanner is then: it may be mounted on a housing that drives,
+    whose own body its rays pass through.
 
-    `origin_m` (3,) and `directions` (n_beam, 3) are its rays in the room frame.
+    `origin_m` (3,) and `directions` (n_beam, 3) are its rays in the room frame, or in that of its housing.
 
     Simplified: every surface reflects; glass and mirrors are walls (geoms with alpha = 0 are not seen at all).
     """
@@ -52,7 +54,7 @@ class Laser:
         self._sweep_time_s = sweep_time_s
         angles = self._angle_min_rad + self._angle_increment_rad * np.arange(beams)
         in_sensor = np.stack([np.cos(angles), np.sin(angles), np.zeros(beams)], axis=1)  # (n_beam, 3)
-        # The sensor never moves, so its rays are turned into the room's frame once.
+        # Rays of a sensor that never moves are turned into the room's frame once.
         pose = rig.room_from_sensor
         self.origin_m, self.directions = pose.translation, np.ascontiguousarray(in_sensor @ pose.rotation.T)
         self._fan = RayFan(self.origin_m, self.directions, pose.rotation[:, 2].copy(), self._range_max_m)
@@ -73,7 +75,7 @@ class Laser:
     ) -> tuple[Reading, State]:
         """Return the ideal scan; `rng` and `state` are not used."""
         for sector, snapshot in zip(self._sectors, snapshots, strict=True):
-            geom, self._distance[sector] = self._fan.trace(snapshot, sector)
+            geom, self._distance[sector] = self._trace(snapshot, sector)
             # A miss has geom -1 and takes the last geom's person here; it is cleared with the range below.
             self._person[sector] = snapshot.person_of_geom[geom]
         distance, person = self._distance, self._person
@@ -94,6 +96,27 @@ class Laser:
             sweep_time_s=self._sweep_time_s,
         )
         return Reading(scan, {"person_of_ray": person_of_ray, "range_m": ranges_m}), state
+
+    def _trace(self, snapshot: Snapshot, sector: slice) -> Hits:
+        """Return the first hits of some of the beams, from where the scanner is at that time."""
+        base = self._rig.mounted_on
+        if base is None:
+            return self._fan.trace(snapshot, sector)
+        room_from_base = snapshot.bases[base]
+        turn, pose = room_from_base[:3, :3], self._rig.room_from_sensor
+        directions = np.ascontiguousarray(self.directions[sector] @ turn.T)
+        geom, distance_m = np.empty(len(directions), dtype=np.int32), np.empty(len(directions))
+        trace_rays(
+            snapshot,
+            turn @ self.origin_m + room_from_base[:3, 3],
+            directions,
+            geom,
+            distance_m,
+            normal=turn @ pose.rotation[:, 2],
+            range_max_m=self._range_max_m,
+            body_left_out=mujoco.mj_name2id(snapshot.model, mujoco.mjtObj.mjOBJ_BODY, base_body(base)),
+        )
+        return geom, distance_m
 
     def rig_sensor(self) -> LaserSensor:
         """Return the tracker's view of the sensor: pose, topic and role."""

@@ -24,15 +24,26 @@ def trace_rays(
     normal: Array | None = None,
     left_out: Mask | None = None,
     range_max_m: float = mujoco.mjMAXVAL,
+    body_left_out: int = -1,
 ) -> None:
     """Fill the geom (n,) that each ray meets first (-1: none) and its distance (n,) [m] (-1).
 
     `origin_m` (3,) and the unit `directions` (n, 3) are in the room frame. Where all rays lie in one plane, its
     `normal` (3,) saves more than half of the cost: geoms whose bounding sphere stays clear of the plane are left out.
-    So are those of `left_out` (n_geom,): rays pass through them.
+    So are those of `left_out` (n_geom,) and of the body `body_left_out`: rays pass through them.
     """
     model, data = snapshot.model, snapshot.data
-    arguments = (directions.reshape(-1), RAY_GROUPS, True, -1, geom, distance_m, None, geom.size, range_max_m)
+    arguments = (
+        directions.reshape(-1),
+        RAY_GROUPS,
+        True,
+        body_left_out,
+        geom,
+        distance_m,
+        None,
+        geom.size,
+        range_max_m,
+    )
     if normal is not None:
         clear = np.abs((data.geom_xpos - origin_m) @ normal) > bounding_radius(model)
         left_out = clear if left_out is None else clear | left_out

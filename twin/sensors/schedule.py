@@ -24,7 +24,7 @@ class Timing(Strict):
 
     Stamps are phase_s + k / rate_hz. An observation arrives `delay_s` after its last instant (the end of a sweep), and up to
     `jitter_s` later still, drawn evenly: with jitter beyond a period, one may overtake another. It is lost with probability
-    `dropout`.
+    `dropout`. Its message is stamped `stamp_jitter_s` off, drawn normally.
     """
 
     rate_hz: float = Field(ge=0.001, le=1000, description="observations per second [Hz]")
@@ -42,6 +42,13 @@ class Timing(Strict):
     )
     dropout: float = Field(
         default=0.0, ge=0, le=1, description="probability that an observation is lost on the way, 0 to 1"
+    )
+    stamp_jitter_s: float = Field(
+        default=0.0,
+        ge=0,
+        le=1,
+        description="standard deviation of the stamp in a message about the true one [s]; 0: exact",
+        exclude_if=lambda jitter_s: jitter_s == 0,
     )
 
 
@@ -84,9 +91,15 @@ class MessageFaults:
                 late_s += fault.delay_s + fault.jitter_s * self._generator(name, stamp_ns).random()
         return round(late_s * NS_PER_S)
 
-    def reported_stamp_ns(self, stamp_ns: int) -> int:
-        """Return the stamp in the message [ns]; below 0 for a clock that is behind the start."""
+    def reported_stamp_ns(self, stamp_ns: int, jitter_s: float = 0.0) -> int:
+        """Return the stamp in the message [ns]; below 0 for a clock that is behind the start.
+
+        jitter_s: standard deviation of the stamp [s]; jitter alone takes no stamp below 0.
+        """
         reported_ns = stamp_ns
+        if jitter_s:
+            reported_ns += round(jitter_s * NS_PER_S * self._generator("stamp jitter", stamp_ns).normal())
+            reported_ns = max(reported_ns, 0)
         for fault in self._clocks:
             if fault.holds(stamp_ns):
                 gained_ns = fault.drift_ppm * _PPM * (stamp_ns - fault.from_ns)
@@ -174,7 +187,8 @@ class Schedule:
             reading, states[place] = sensor.observe(event.stamp_ns, snapshots, states[place], noise[place])
             if event.dropped:
                 continue
-            reported_ns = self._sensors[place].faults.reported_stamp_ns(event.stamp_ns)
+            scheduled = self._sensors[place]
+            reported_ns = scheduled.faults.reported_stamp_ns(event.stamp_ns, scheduled.timing.stamp_jitter_s)
             if reported_ns != event.stamp_ns:
                 reading = replace(reading, observation=replace(reading.observation, stamp_ns=reported_ns))
             delivery = Delivery(event.stamp_ns, event.arrival_ns, reading)

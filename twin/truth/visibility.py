@@ -5,7 +5,7 @@ Shares depend on rays alone, not on a renderer.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 import cv2
@@ -35,6 +35,18 @@ class SensorView:
     room_from_sensor_rotation: NDArray[np.float64]  # (3, 3)
     sees: float | Intrinsics  # a scanner's half field from its x axis [rad]; a camera's intrinsics
     range_max_m: float
+    base: str | None = None  # the driving housing in whose frame the pose is
+
+    def at(self, snapshot: Snapshot) -> SensorView:
+        """Return the view with its pose in the room at the time of a snapshot."""
+        if self.base is None:
+            return self
+        room_from_base = snapshot.bases[self.base]
+        turn = room_from_base[:3, :3]
+        place = turn @ self.room_from_sensor_xyz + room_from_base[:3, 3]
+        return replace(
+            self, room_from_sensor_xyz=place, room_from_sensor_rotation=turn @ self.room_from_sensor_rotation, base=None
+        )
 
     @property
     def is_scanner(self) -> bool:
@@ -55,7 +67,8 @@ def sensor_view(sensor: RigSensor, description: SensorDescription) -> SensorView
             return None
         case LaserDescription():
             half = np.deg2rad(description.field_of_view_deg) / 2
-            return SensorView(pose.translation, pose.rotation, half, description.range_max_m)
+            base = getattr(sensor, "mounted_on", None)
+            return SensorView(pose.translation, pose.rotation, half, description.range_max_m, base)
         case FisheyeDescription() | PinholeDescription() | StereoDescription():
             # The depth's range does not limit the image.
             return SensorView(pose.translation, pose.rotation, description.intrinsics(), np.inf)

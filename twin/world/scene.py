@@ -16,12 +16,13 @@ from trackers.errors import InputError
 from trackers.limits import check_limit
 from twin import models
 from twin.geometry.geom_hull import check_extent
-from twin.instant.snapshot import FootShapes
+from twin.instant.snapshot import FootShapes, base_body
 from twin.people.body.appearance import BodyAppearance, appearance_of
+from twin.people.crowd.bases import MovingBases
 from twin.people.crowd.ground import Ground
 from twin.people.crowd.routes import Routes
 from twin.people.population import Population
-from twin.people.poses import PopulationMotion, PrecomputedPoses
+from twin.people.poses import HISTORY_S, TICK_S, PopulationMotion, PrecomputedPoses
 from twin.people.posture.body_measures import BodyMeasures
 from twin.people.script.actor import approaches
 from twin.room.floor import check_floor_under, floor_hull, floor_of
@@ -31,11 +32,11 @@ from twin.room.obstacles import MOST_OBSTACLES, OBSTACLE_REACH_M, Obstacle, obst
 from twin.room.walkable import walkable_area
 from twin.scenario import Scenario
 from twin.scenario.behaviour import Lie, Sit
-from twin.scenario.housings import in_the_room
+from twin.scenario.housings import driven, in_the_room
 from twin.scenario.pressure_floor import FloorDescription
 from twin.streams import stream
 from twin.world.body_pool import Bodies, body_pools
-from twin.world.placement import check_approach, check_placement
+from twin.world.placement import CLEARANCE_M, check_approach, check_free, check_placement
 
 _MOST_CORNERS = 500
 """Of the walkable area: ways are looked for from each corner to every other."""
@@ -105,6 +106,7 @@ def build_scene(scenario: Scenario) -> Scene:
     appearances = {name: appearance_of(scenario.people[name], stream(scenario.seed, "looks", name)) for name in names}
     ids = {name: number for number, name in enumerate(scenario.people, start=1)}
     looks = {name: appearances[name] for name in body_pools(scenario.people)[0].names}
+    _add_bases(spec, scenario, routes)
     return Scene(
         room=spec,
         room_file=path,
@@ -117,6 +119,34 @@ def build_scene(scenario: Scenario) -> Scene:
         ids=ids,
         bodies=Bodies.in_room(spec, path, names, ids, looks),
     )
+
+
+def _add_bases(spec: mujoco.MjSpec, scenario: Scenario, routes: Routes) -> None:
+    """Add the bodies of housings that drive to a room; raises InputError for one that starts in furniture or a person."""
+    for name, housing in driven(scenario).items():
+        field = f"scenario {scenario.name!r}: housings.{name}.mount.xyz"
+        start = np.array(housing.mount.xyz[:2])
+        reach_m = housing.body.reach_m if housing.body is not None else 0.0
+        check_free(start, routes, field, reach_m)
+        for other, person in scenario.people.items():
+            if person.start is not None and np.hypot(*(start - person.start)) < reach_m + CLEARANCE_M / 2:
+                raise InputError(
+                    f"{field}: {list(start)} is where {other!r} starts; a place clear of people is expected"
+                )
+        if housing.body is None:
+            continue
+        x, y, z = housing.mount.xyz
+        body = spec.worldbody.add_body(name=base_body(name), mocap=True, pos=[x, y, z])
+        half_m, (length_m, width_m) = housing.body.height_m / 2, housing.body.size_m or (0.0, 0.0)
+        is_round = housing.body.radius_m is not None
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_CYLINDER if is_round else mujoco.mjtGeom.mjGEOM_BOX,
+            size=[housing.body.radius_m, half_m, 0.0] if is_round else [length_m / 2, width_m / 2, half_m],
+            pos=[0.0, 0.0, half_m - z],
+            rgba=[*housing.body.colour, 1.0],
+            contype=0,
+            conaffinity=0,
+        )
 
 
 def walkable_in(scenario: Scenario) -> NDArray[np.float64]:
@@ -145,7 +175,12 @@ def populate(scenario: Scenario, scene: Scene) -> Population:
     measures = BodyMeasures.in_room(scene.model, scene.appearances, scene.bodies.names)
     _check_seats(scenario, scene, measures)
     source = f"scenario {scenario.name!r}"
-    return Population(scenario.people, scene.ground, streams, scene.appearances, measures, source)
+    housings = driven(scenario)
+    bases = None
+    if housings:
+        rngs = {name: stream(scenario.seed, "housing", name) for name in housings}
+        bases = MovingBases(housings, scene.ground, scene.names, rngs, TICK_S, HISTORY_S)
+    return Population(scenario.people, scene.ground, streams, scene.appearances, measures, source, bases)
 
 
 def foot_shapes(scene: Scene) -> FootShapes:

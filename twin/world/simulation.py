@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, Observation
-from trackers.rig import Rig, StereoSensor
+from trackers.rig import OdometrySensor, Rig, StereoSensor
 from twin.instant.snapshot import FootShapes, Snapshot
 from twin.people.population import Population
 from twin.people.randomize import randomized
@@ -25,15 +25,16 @@ from twin.recording.ros_messages import Encoded, encode
 from twin.room.building import check_mount
 from twin.room.lighting import DARK_LIGHT, light_of
 from twin.scenario import Scenario
-from twin.scenario.housings import assumed_sensor, in_the_room
+from twin.scenario.housings import assumed_sensor, base_of, driven, held_sensor, odometry_sensor
 from twin.scenario.pressure_floor import FloorDescription, check_floor
 from twin.scenario.scenario import describe_late_starts
 from twin.scenario.sensors import CAMERA_KINDS, build_sensor
 from twin.sensors.floor import Floor
 from twin.sensors.gl_context import GlInfo
 from twin.sensors.layers import TimedSensor, with_faults
+from twin.sensors.odometry import BaseOdometry
 from twin.sensors.render import RendererOnDemand
-from twin.sensors.schedule import MessageFaults, Schedule, Scheduled
+from twin.sensors.schedule import MessageFaults, Schedule, Scheduled, Timing
 from twin.sensors.sensor import Reading, Sensor
 from twin.streams import stream
 from twin.truth.frames import Box, TruthDetail, TruthFrame
@@ -98,7 +99,7 @@ class Simulation:
             lambda: world.scene.model, shadows=scenario.rendering.shadows, samples=scenario.rendering.samples
         )
         self._descriptions = {
-            name: in_the_room(scenario, name)
+            name: held_sensor(scenario, name)
             for name, description in scenario.sensors.items()
             if images or description.kind not in CAMERA_KINDS
         }
@@ -112,18 +113,23 @@ class Simulation:
             name: TimedSensor(with_faults(self._healthy(name, shapes), scenario.faults, scenario.seed))
             for name in self._descriptions
         }
+        self._timing: dict[str, Timing] = dict(self._descriptions)
+        for name, housing in driven(scenario).items():
+            odometry = BaseOdometry(name, odometry_sensor(scenario, name), housing.odometry)
+            self._sensors[name], self._timing[name] = TimedSensor(odometry), housing.odometry
         area = tuple((float(x), float(y)) for x, y in self.world.scene.area)
         true = {name: sensor.rig_sensor() for name, sensor in self._sensors.items()}
         main = scenario.main_sensor if scenario.main_sensor in true else None  # a camera, where images are left out
         self.true_rig = Rig(sensors=true, area=area, room=scenario.room_name, main=main)
-        assumed = {name: assumed_sensor(self._descriptions[name], sensor) for name, sensor in true.items()}
+        assumed = true | {name: assumed_sensor(each, true[name]) for name, each in self._descriptions.items()}
         self.rig = Rig(sensors=assumed, area=area, room=scenario.room_name, main=main)
         self._check_mounts()
         self._on_truth, self._shares, self._feet = on_truth, shares, feet
         self.views = {
             name: view
             for name, sensor in self.true_rig.sensors.items()
-            if (view := sensor_view(sensor, self._descriptions[name])) is not None
+            if not isinstance(sensor, OdometrySensor)
+            and (view := sensor_view(sensor, self._descriptions[name])) is not None
         }
         self.warnings = self._warnings()
         self._floors = {
@@ -140,7 +146,7 @@ class Simulation:
         """Return a sensor with its schedule, its random stream and the faults of its messages."""
         seed = self.scenario.seed
         faults = MessageFaults(name, self.scenario.faults, seed)
-        return Scheduled(self._sensors[name], self._descriptions[name], stream(seed, "sensor", name), faults)
+        return Scheduled(self._sensors[name], self._timing[name], stream(seed, "sensor", name), faults)
 
     def __enter__(self) -> Self:
         return self
@@ -169,7 +175,10 @@ class Simulation:
         faults yet."""
         if self.scenario.background == "none":
             return
+        moving = {*self.rig.mounted(), *self.rig.odometry()}
         for name, timed in self._sensors.items():
+            if name in moving:
+                continue  # what they see of the empty room depends on where they are
             rng, state = stream(self.scenario.seed, "background", name), None
             for k in range(self.scenario.background_frames):
                 stamp_ns = round(k / self._descriptions[name].rate_hz * NS_PER_S)
@@ -213,7 +222,7 @@ class Simulation:
         looks = {}
         for name, timed in self._sensors.items():
             faults = self.scenario.faults
-            if self._descriptions[name].dropout == 1 or MessageFaults(name, faults, 0).loses_all(stamp_ns):
+            if self._timing[name].dropout == 1 or MessageFaults(name, faults, 0).loses_all(stamp_ns):
                 continue
             rng = stream(self.scenario.seed, "look", name)
             snapshots = (self.world.snapshot(stamp_ns / NS_PER_S + offset) for offset in timed.instants_s)
@@ -272,7 +281,10 @@ class Simulation:
 
     def _healthy(self, name: str, shapes: Callable[[], FootShapes]) -> Sensor:
         device = stream(self.scenario.seed, "device", name)
-        return build_sensor(name, self._descriptions[name], self._renderer, shapes=shapes, device=device)
+        base = base_of(self.scenario, name)
+        return build_sensor(
+            name, self._descriptions[name], self._renderer, shapes=shapes, device=device, mounted_on=base
+        )
 
     def _cameras(self) -> dict[str, PersonImaging]:
         """Return the cameras without their noise, by name."""
@@ -318,6 +330,8 @@ class Simulation:
         snapshot = self.world.empty_snapshot(0.0)
         for name, sensor in self.true_rig.sensors.items():
             field_name = f"scenario {self.scenario.name!r}: sensors.{name}"
+            if name in {*self.rig.mounted(), *self.rig.odometry()}:
+                continue
             description = self._descriptions[name]
             if isinstance(description, FloorDescription):
                 check_floor(description, self.world.scene.floor, field_name)

@@ -73,7 +73,7 @@ class TruthDetails:
     ) -> None:
         """`boxes_hz`: how many of a camera's pictures a second get boxes, at most; 0: none."""
         self._world = world
-        self._views = views
+        self._views = self._now = views  # as they are, and in the room at the stamp told last
         self._cameras = cameras
         self._boxes_hz = boxes_hz
         self._tell = tell
@@ -91,6 +91,7 @@ class TruthDetails:
     def people(self, frame: TruthFrame, snapshot: Snapshot) -> None:
         """Take the truth of a stamp and the world as it is then."""
         self._merge_for_the_rig()
+        self._now = {name: view.at(snapshot) for name, view in self._views.items()}
         self._present = np.array([person.id for person in frame.people], dtype=np.int16)
         self._place_m = np.array([(person.x, person.y) for person in frame.people], dtype=float).reshape(-1, 2)
         self._near = pairs_within(self._present, self._place_m, INTERACTION_M)
@@ -163,7 +164,7 @@ class TruthDetails:
             merged[first, second] = PairState("joined", apart_m)
         self._tell_all(self._situations.update("merged", sensor, stamp_ns, merged))
         ideal = replace(scan, stamp_ns=stamp_ns, ranges_m=reading.truth["range_m"])
-        self._looks[sensor] = scan_points(ideal, person_of_ray, self._views[sensor], unmet)
+        self._looks[sensor] = scan_points(ideal, person_of_ray, self._now[sensor], unmet)
         self._scanned_ns = stamp_ns
 
     def _hidden(self, sensor: str, stamp_ns: int, person_of_ray: np.ndarray) -> tuple[frozenset[int], list[Pair]]:
@@ -176,7 +177,7 @@ class TruthDetails:
         snapshot = self._world.snapshot(stamp_ns / NS_PER_S)
         rows = np.flatnonzero(np.isin(self._ids, hidden))
         points = snapshot.data.site_xpos[self._world.scene.bodies.point_site[rows]]
-        _, met = first_hits(self._views[sensor], snapshot, points, self._ids[rows])
+        _, met = first_hits(self._now[sensor], snapshot, points, self._ids[rows])
         pairs = []
         for row, seen_ids in zip(rows, met, strict=True):
             before = np.unique(seen_ids[seen_ids > 0])

@@ -9,13 +9,15 @@ import mujoco
 import numpy as np
 
 from trackers.area import Area
+from trackers.arrays import Array
 from trackers.observations import NS_PER_S
-from twin.instant.snapshot import Feet, Snapshot
+from twin.instant.snapshot import Feet, Snapshot, base_body
 from twin.people.population import Population
 from twin.people.poses import Poses
 from twin.people.randomize import randomized
 from twin.room.lighting import Lighting
 from twin.scenario import Scenario
+from twin.scenario.housings import driven
 from twin.truth.frames import FootTruth, PersonTruth, TruthFrame
 from twin.truth.visibility import SensorView, visible_share
 from twin.world.body_pool import body_pools
@@ -35,6 +37,8 @@ class World:
     def __init__(self, scenario: Scenario, precomputed: PrecomputedScene | None = None) -> None:
         """`precomputed`: the scenario's people with their bodies, as they move; None: they are made and stepped here."""
         self._scenario = scenario = randomized(scenario)
+        if driven(scenario):
+            precomputed = None  # people and bases make way for each other: both are stepped
         self.scene = precomputed.scene_for(scenario) if precomputed is not None else build_scene(scenario)
         """The scene with the bodies of those who are there or were just now; another one once others come."""
         self._pools = body_pools(scenario.people)
@@ -52,6 +56,7 @@ class World:
         self.pose_cache: PoseCache | None = None
         """Poses for rays that are kept, and taken from there: for worlds at which nothing but scanners look."""
         self._feet: Feet | None = None
+        self._bases: dict[str, Array] = {}
 
     @property
     def population(self) -> Population:
@@ -71,13 +76,14 @@ class World:
             assert bodies.there[present].all(), "whoever is in the room has a body"
             qpos[~present, 2] = _OUT_OF_THE_ROOM_M
             self.data.qpos[bodies.qpos_address[bodies.there]] = qpos[bodies.there]
+            self._place_bases(t)
             self._update_poses()
             self._lighting.apply(t)
             self._pose_time = t
             self._feet = self.people.feet(t)
             if self.pose_cache is not None:
                 self.pose_cache.store(t, self.data)
-        return Snapshot(t, self.scene.model, self.data, self.scene.person_of_geom, self._feet)
+        return Snapshot(t, self.scene.model, self.data, self.scene.person_of_geom, self._feet, self._bases)
 
     def empty_snapshot(self, t: float) -> Snapshot:
         """Pose the empty room at time t: the people are taken far below the floor.
@@ -86,10 +92,32 @@ class World:
         """
         bodies = self.scene.bodies
         self.data.qpos[bodies.qpos_address[bodies.there, 2]] = _OUT_OF_THE_ROOM_M
+        self.data.mocap_pos[self._mocap_of_bases(), 2] = _OUT_OF_THE_ROOM_M
         self._update_poses()
         self._lighting.apply(t, until_s=0.0)
         self._pose_time = None
         return Snapshot(t, self.scene.model, self.data, self.scene.person_of_geom)
+
+    def _place_bases(self, t: float) -> None:
+        """Put the bodies of housings that drive where they are at time t [s]."""
+        bases = self.people.bases if isinstance(self.people, Population) else None
+        if bases is None:
+            return
+        self._bases = bases.at(t)
+        for name, pose in self._bases.items():
+            body = mujoco.mj_name2id(self.scene.model, mujoco.mjtObj.mjOBJ_BODY, base_body(name))
+            if body >= 0:
+                mocap = self.scene.model.body_mocapid[body]
+                self.data.mocap_pos[mocap] = pose[:3, 3]
+                half = 0.5 * np.arctan2(pose[1, 0], pose[0, 0])
+                self.data.mocap_quat[mocap] = np.cos(half), 0.0, 0.0, np.sin(half)
+
+    def _mocap_of_bases(self) -> list[int]:
+        """Return the numbers of the bases' bodies among those that are moved."""
+        model = self.scene.model
+        names = driven(self._scenario)
+        bodies = (mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, base_body(name)) for name in names)
+        return [int(model.body_mocapid[body]) for body in bodies if body >= 0]
 
     def _embody(self, t: float) -> None:
         """Give bodies to those who are in the room at time t [s], in a model of their own where some have none."""
@@ -132,7 +160,7 @@ class World:
         there = pose.present
         shares = {name: np.zeros(len(there)) for name in views}
         for name, view in views.items():
-            shares[name][there] = visible_share(view, snapshot, points[there], self._ids[there])
+            shares[name][there] = visible_share(view.at(snapshot), snapshot, points[there], self._ids[there])
         feet = self._feet_truth(snapshot, floors or {}) if with_feet else [()] * len(there)
         people = [
             PersonTruth(

@@ -29,9 +29,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array, Mask
-from twin.people.crowd.motion_command import MotionCommand
+from twin.people.crowd.motion_command import Bases, MotionCommand
 from twin.people.crowd.social_force import KEEP_APART_M, arms_in, least_apart, repulsion, room_made
-from twin.room.obstacles import KEEP_FROM_EDGE_M, KEEP_FROM_FURNITURE_M, Footprints, Obstacle
+from twin.room.obstacles import KEEP_FROM_FURNITURE_M, Footprints, Obstacle, edges_of
 
 Planar = NDArray[np.complex128]
 
@@ -69,7 +69,6 @@ FOLLOWS_FROM_M_S = 0.15
 
 _PROJECTIONS = 3
 _PASSES = 1e6
-_FAR_M = 1e6
 _ROUNDING_M_S = 1e-9
 _ALL = slice(None)
 
@@ -79,7 +78,7 @@ class Crowd:
 
     `place`, `velocity`, `acceleration` (n,) complex [m, m/s, m/s²]; `heading` (n,) [rad], unwrapped; `facing` (n,) complex,
     its direction; `turn_rate` (n,) [rad/s]; `present` (n,): in the room, initially all; `driven` (n,): on a path given by
-    `drive`, initially none. The last two may be written between steps.
+    `drive`, initially none. The last two may be written between steps. `bases`: bases that drive, which are avoided.
     """
 
     def __init__(
@@ -117,7 +116,7 @@ class Crowd:
         self._hold = np.zeros(count)
         self._distance = np.full(count, np.inf)
         self._furniture = Footprints(obstacles)
-        edges, keep_from_edges = _edges(areas)
+        edges, keep_from_edges = edges_of(areas)
         self._barriers = Footprints([*obstacles, *edges])
         keep_from_furniture = np.full((count, len(obstacles)), KEEP_FROM_FURNITURE_M)
         self._clearance = np.concatenate([keep_from_furniture, keep_from_edges], axis=1)  # (n, obstacles + edges)
@@ -128,6 +127,7 @@ class Crowd:
         self._companion_m = np.full(count, KEEP_APART_M)  # least distance abreast of them [m]
         self._keeps_step = np.zeros(count, dtype=bool)
         self._numbers = np.arange(count)
+        self.bases: Bases | None = None
 
     def command(self, person: int, command: MotionCommand) -> None:
         """Give one person a new command; raises ValueError for furniture that has no obstacle."""
@@ -214,6 +214,9 @@ class Crowd:
         # people who stand stay, and people who halt by a wall come up to it
         keeps_off = going * np.minimum(length * self._heeds_walls[rows], 1.0)
         push -= from_walls.sum(axis=1) * (WALL_REPULSION_M_S2 * keeps_off)
+        to_bases = None if self.bases is None else self.bases.seen_from(place, self._braking[rows])
+        if to_bases is not None:
+            push += to_bases.push
         push *= ACCELERATION_M_S2 / np.maximum(np.abs(push), ACCELERATION_M_S2)
         velocity = (before + push * dt) * self._may_move[rows]
         normals = np.concatenate([towards, outwards], axis=1)  # (n, n + edges + obstacles)
@@ -229,6 +232,9 @@ class Crowd:
             limit[:, : len(place)] += room_made(
                 self._companions[rows][:, rows], self._keeps_step[rows], towards, before
             )
+        if to_bases is not None:
+            normals = np.concatenate([normals, to_bases.towards], axis=1, dtype=complex)
+            limit = np.concatenate([limit, to_bases.limit], axis=1)
         velocity = self._safe(velocity, normals, limit)
         after = place + velocity * dt
         if anybody_driven:
@@ -328,23 +334,3 @@ class Crowd:
 def planar(points: Array) -> Planar:
     """Return points (..., 2) as complex numbers x + iy."""
     return points[..., 0] + 1j * points[..., 1]
-
-
-def _edges(areas: Sequence[Array | None]) -> tuple[list[Obstacle], Array]:
-    """Return the edges of all areas as obstacles without an inside, and the clearance of each person (n, edges) [m].
-
-    Edges of other people's areas do not confine a person.
-    """
-    edges: list[Obstacle] = []
-    keep = np.full((len(areas), 0), -_FAR_M)
-    known: list[Array] = []
-    for area in areas:
-        if area is None or any(np.array_equal(area, other) for other in known):
-            continue
-        known.append(area)
-        edges += [Obstacle("area", np.stack(ends)) for ends in zip(area, np.roll(area, -1, axis=0), strict=True)]
-        own = np.array([each is not None and np.array_equal(each, area) for each in areas], dtype=bool)
-        keep = np.concatenate(
-            [keep, np.where(own, KEEP_FROM_EDGE_M, -_FAR_M)[:, None].repeat(len(area), axis=1)], axis=1
-        )
-    return edges, keep

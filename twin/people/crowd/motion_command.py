@@ -5,7 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf
-from typing import Literal
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.arrays import Array
 
 End = Literal["arrived", "time", "done", "taken", "blocked"]
 """Reason for which a command ended: goal reached, time over, its own condition met, goal occupied by another, or way
@@ -37,3 +42,20 @@ class MotionCommand:
     companion_m: float = inf
     keeps_step: bool = False
     done: Callable[[], bool] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class SeenBases:
+    """What n people feel of m bases: push (n,) complex [m/s²], directions (n, m) complex, and limits of approach (n, m) [m/s]."""
+
+    push: NDArray[np.complex128]
+    towards: NDArray[np.complex128]
+    limit: Array
+
+
+class Bases(Protocol):
+    """Bases that drive among people (`twin.people.crowd.bases.MovingBases`)."""
+
+    def seen_from(self, place: NDArray[np.complex128], braking: Array) -> SeenBases:
+        """Return what people at these places (n,) feel of the bases, who brake at most by `braking` (n,) [m/s²]."""
+        ...
