@@ -92,7 +92,7 @@ class MovingBases:
         return found
 
     def seen_from(self, place: Planar, braking: Array) -> SeenBases:
-        """Return what people at these places (n,) feel of the bases, who brake at most by `braking` (n,) [m/s²].
+        """Return the influence of the bases on people at these places (n,), who brake at most by `braking` (n,) [m/s²].
 
         The push of the social force model is turned a little to the right. Nobody approaches a base faster than they can still
         brake, less the base's own motion.

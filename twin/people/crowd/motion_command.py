@@ -46,7 +46,7 @@ class MotionCommand:
 
 @dataclass(frozen=True, eq=False)
 class SeenBases:
-    """What n people feel of m bases: push (n,) complex [m/s²], directions (n, m) complex, and limits of approach (n, m) [m/s]."""
+    """Influence of m bases on n people: push (n,) complex [m/s²], directions (n, m) complex, and limits of approach (n, m) [m/s]."""
 
     push: NDArray[np.complex128]
     towards: NDArray[np.complex128]
@@ -57,5 +57,5 @@ class Bases(Protocol):
     """Bases that drive among people (`twin.people.crowd.bases.MovingBases`)."""
 
     def seen_from(self, place: NDArray[np.complex128], braking: Array) -> SeenBases:
-        """Return what people at these places (n,) feel of the bases, who brake at most by `braking` (n,) [m/s²]."""
+        """Return the influence of the bases on people at these places (n,), who brake at most by `braking` (n,) [m/s²]."""
         ...
