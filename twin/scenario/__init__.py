@@ -1,4 +1,4 @@
-"""The typed description of a room, its people and its sensors."""
+"""Typed description of a room, its people and its sensors."""
 
 from twin.scenario.load import load_scenario
 from twin.scenario.scenario import Scenario, TrackerChoice

@@ -1,4 +1,4 @@
-"""The base of all actions of people: when they begin, for how long they last, and what they wait for."""
+"""Base of all actions of people: start, duration, and wait conditions."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from trackers.pose import Point3
 from trackers.rig import Name, Point2
 
 TOP_WALK_M_S = 2.5
-"""The fastest that somebody is sent walking [m/s]; from about 2.2 m/s on people run."""
+"""Greatest walking speed [m/s]; from about 2.2 m/s on people run."""
 TOP_RUN_M_S = 5.0
-"""The fastest that people of this model run [m/s]."""
+"""Greatest running speed of this model's people [m/s]."""
 JUMP_M_S = 12.0
-"""A recorded path that moves faster than this is an error of the recording [m/s]: no human runs so."""
+"""Speed above which a recorded path has an error, beyond human running [m/s]."""
 
 NEAREST_M = 0.7
-"""People who walk come no closer to each other than about this [m]."""
+"""Approximate least distance between walking people [m]."""
 
 WalkSpeed = Annotated[float, Field(gt=0, le=TOP_WALK_M_S)]
 RunSpeed = Annotated[float, Field(ge=2.0, le=TOP_RUN_M_S)]
 Spacing = Annotated[float, Field(ge=0.45, le=1.5)]
-"""Distance between people who walk together [m]; nobody comes closer than their shoulders allow."""
+"""Distance between people who walk together [m], at least what their shoulders need."""
 Share = Annotated[float, Field(ge=0, le=1)]
 Seconds = Annotated[float, Field(ge=0, le=86_400)]
 Target = Name | Point3 | Point2
-"""Somebody by name, or a place in the room frame: [x, y] on the floor or [x, y, z] [m]."""
+"""A person by name, or a place in the room frame: [x, y] on the floor or [x, y, z] [m]."""
 
 
 class WaitCondition(Strict):
-    """Something to wait for: `near` somebody or a place within `within_m`, or `person` doing (`does`) an action."""
+    """Something to wait for: `near` a person or a place within `within_m`, or `person` doing (`does`) an action."""
 
     near: Target | None = Field(
         default=None,
@@ -74,7 +74,7 @@ class LastingAction(TimedAction):
 
 
 def check_ranges(**ranges: tuple[float, float]) -> None:
-    """Raise ValueError for a range (low, high), named by its field, whose ends are out of order or negative."""
+    """Raise ValueError for a range (low, high), named by its field, that is reversed or negative."""
     for name, (low, high) in ranges.items():
         if not 0 <= low <= high:
             raise ValueError(f"{name} [{low:g}, {high:g}] is not a range; the smaller number first, none negative")

@@ -1,8 +1,8 @@
 """Behaviour of people in a scenario: a small vocabulary of actions, done one after another.
 
 A person's script is one action or a list of them. Every action may wait for a time (`at_s`) and for a condition (`when`),
-standing meanwhile; `for_s` says how long it lasts where it has no end of its own. After the last action people stand.
-Whoever sits or lies gets up by themselves before they walk, turn or stand.
+standing meanwhile; `for_s` is its duration if it has no end of its own. After the last action people stand. A sitting or
+lying person gets up before walking, turning or standing.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ from twin.scenario.action import (
 )  # fmt: skip
 
 _RecordedTime = Annotated[float, Field(ge=-1e9, le=1e9, allow_inf_nan=False)]
-"""A time of a recording [s], which may have begun years before the scenario."""
+"""Time of a recording [s], which may have begun years before the scenario."""
 
 
 class Wander(LastingAction):
     """Walk about the tracked area at random, with sudden stops, starts and turns.
 
-    The person walks to a random place after another, each stretch at a speed of its own. Stretches end after an
-    exponentially distributed time of mean `stretch_s`, or on arrival: then the person stops suddenly with
-    probability `stop_share` for a time uniform in `stop_s`, and otherwise turns at once.
+    The person walks to random places in turn, each stretch at its own speed. Stretches end after an exponentially
+    distributed time of mean `stretch_s`, or on arrival: then the person stops suddenly with probability `stop_share` for a
+    time uniform in `stop_s`, and otherwise turns at once.
     """
 
     kind: Literal["wander"] = Field(default="wander", description="the action: walk about at random")
@@ -55,7 +55,7 @@ class Wander(LastingAction):
 
 
 class Stand(LastingAction):
-    """Stand still where one is (whoever sits or lies stands up); the others walk around."""
+    """Stand still in place, getting up first if sitting or lying; others walk around the person."""
 
     kind: Literal["stand"] = Field(default="stand", description="the action: stand still")
 
@@ -63,7 +63,7 @@ class Stand(LastingAction):
 class Walk(TimedAction):
     """Walk through waypoints, around furniture and people, then stop; with `repeat`, over and over.
 
-    `face`: somebody or a place to keep facing meanwhile: so people step backwards and sideways (slowly).
+    `face`: a person or a place to keep facing meanwhile, with (slow) steps backwards and sideways.
     """
 
     kind: Literal["walk"] = Field(default="walk", description="the action: walk through waypoints")
@@ -85,7 +85,7 @@ class Run(TimedAction):
 
 
 class Turn(TimedAction):
-    """Turn on the spot: to a heading, by an angle, or towards somebody or a place; exactly one of the three."""
+    """Turn on the spot: to a heading, by an angle, or towards a person or a place; exactly one of the three."""
 
     kind: Literal["turn"] = Field(default="turn", description="the action: turn on the spot")
     to_deg: FiniteFloat | None = Field(default=None, description="heading, counter-clockwise from x [deg]")
@@ -104,7 +104,7 @@ class Turn(TimedAction):
 class Sit(LastingAction):
     """Walk to a seat of the room and sit down; the person stands up when the time is over.
 
-    `seated` (the first action only, without `start` and `heading_deg`): the person comes into being seated there.
+    `seated` (the first action only, without `start` and `heading_deg`): the person starts seated there.
     """
 
     kind: Literal["sit"] = Field(default="sit", description="the action: sit down on a seat")
@@ -122,7 +122,7 @@ class Lie(LastingAction):
 
 
 class Bend(TimedAction):
-    """Bend forward by an angle of the trunk, stay so for `for_s`, and straighten up."""
+    """Bend the trunk forward by an angle, hold it for `for_s`, and straighten up."""
 
     kind: Literal["bend"] = Field(default="bend", description="the action: bend forward")
     angle_deg: float = Field(
@@ -134,8 +134,8 @@ class Bend(TimedAction):
 class Reach(TimedAction):
     """Stretch a hand out to a point, hold it there for `for_s`, and take it back.
 
-    A point out of reach from where the person stands is reached for, not touched: walk there first. The hand goes
-    straight: a point inside or close behind something is reached through it.
+    A point out of reach is reached for, not touched: walk there first. The hand moves straight: a point inside or close
+    behind an object is reached through it.
     """
 
     kind: Literal["reach"] = Field(default="reach", description="the action: stretch a hand out to a point")
@@ -147,10 +147,9 @@ class Reach(TimedAction):
 
 
 class Look(TimedAction):
-    """Turn the head: at somebody or a place, or by an angle (left and down positive); with neither, look about freely.
+    """Turn the head: at a person or a place, or by an angle (left and down positive); with neither, look about freely.
 
-    The script goes on at once, and the head keeps turned, while the person walks too, for `for_s` (none: until the
-    next look).
+    The script continues at once, and the head stays turned, also while walking, for `for_s` (none: until the next look).
     """
 
     kind: Literal["look"] = Field(default="look", description="the action: turn the head, while the script goes on")
@@ -174,10 +173,10 @@ class Look(TimedAction):
 
 
 class Follow(LastingAction):
-    """Walk after somebody at a distance, as they go; or, with `beside`, abreast of them where there is room, else behind.
+    """Walk after a person at a distance, as they go; or, with `beside`, abreast of them where there is room, else behind.
 
-    Whoever walks beside falls behind before a wall, furniture or somebody who comes their way, and draws level again.
-    At 0.5 m the two walk shoulder to shoulder, as near as their bodies allow, with the arms between them held in.
+    A follower beside falls behind before a wall, furniture or an oncoming person, and draws level again. At 0.5 m the two
+    walk shoulder to shoulder, as near as their bodies allow, with the arms between them held in.
     """
 
     kind: Literal["follow"] = Field(default="follow", description="the action: walk after somebody")
@@ -210,7 +209,7 @@ class Follow(LastingAction):
 
 
 class Meet(TimedAction):
-    """Walk up to somebody, stand face to face for `for_s`, and part: go on with the script."""
+    """Walk up to a person, stand face to face for `for_s`, and part: continue with the script."""
 
     kind: Literal["meet"] = Field(default="meet", description="the action: walk up to somebody and stand face to face")
     person: Name = Field(description="name of the person who is met")
@@ -220,12 +219,12 @@ class Meet(TimedAction):
 
 
 class Lead(LastingAction):
-    """Lead a group about the tracked area: those who `join` the person walk with them, talk with them, and part.
+    """Lead a group about the tracked area: people who `join` walk with the person, talk with them, and part.
 
-    The group walks to a random place after another, all of it the more slowly the larger it is (Moussaïd et al. 2010,
-    figure 2). At the end of a stretch it may stop and talk in a ring. `formation` is how it walks where there is
-    room: abreast; as a V, whose middle lags behind (usual for three); or in file. Neighbours draw near to the first
-    distance of `spacing_m` for `near_s`, never closer than their shoulders allow, and keep the second for `far_s`.
+    The group walks to random places in turn, more slowly the larger it is (Moussaïd et al. 2010, figure 2). At the end of a
+    stretch it may stop and talk in a ring. `formation`, where there is room: abreast; as a V, whose middle lags behind
+    (usual for three); or in file. Neighbours draw near to the first distance of `spacing_m` for `near_s`, at least what
+    their shoulders need, and keep the second for `far_s`.
     """
 
     kind: Literal["lead"] = Field(default="lead", description="the action: lead a group of those who join")
@@ -267,9 +266,9 @@ class Lead(LastingAction):
 
 
 class Join(LastingAction):
-    """Walk up to somebody who leads a group, and go with them for `for_s`, or until they lead it no more.
+    """Walk up to the leader of a group, and go with them for `for_s`, or until they stop leading.
 
-    The person waits where they are while the other does not lead yet.
+    The person waits in place until the other leads.
     """
 
     kind: Literal["join"] = Field(default="join", description="the action: go with a group")
@@ -280,7 +279,7 @@ class Join(LastingAction):
 class RecordedPath(TimedAction):
     """Keep a recorded path: rows of t [s], x, y [m]; the person enters with its first row and leaves with its last.
 
-    Before t = 0 the person has walked already. Given as `points`, or read from `file` (see `Pedestrians`).
+    Rows may begin before t = 0. Given as `points`, or read from `file` (see `Pedestrians`).
     """
 
     kind: Literal["path"] = Field(default="path", description="the action: keep a recorded path")
@@ -307,7 +306,7 @@ class RecordedPath(TimedAction):
 
 
 class Leave(TimedAction):
-    """Walk to a place, at a door say, and be gone from there on."""
+    """Walk to a place, such as a door, and leave there."""
 
     kind: Literal["leave"] = Field(default="leave", description="the action: walk to a place and be gone")
     to: Point2 = Field(description="the place to leave at, [x, y] in the room frame [m]")
@@ -336,7 +335,7 @@ Action = Annotated[
 
 
 def endless(action: Action) -> bool:
-    """Return whether nothing after this action would ever be done."""
+    """Return whether no later action would ever begin."""
     if isinstance(action, Wander | Stand | Sit | Lie | Follow | Lead):
         return action.for_s is None
     return isinstance(action, RecordedPath | Leave) or (isinstance(action, Walk | Run) and action.repeat)

@@ -1,4 +1,4 @@
-"""Pinhole and stereo cameras as a scenario describes them."""
+"""Pinhole and stereo cameras in a scenario."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from twin.sensors.camera_noise import CAMERA_NOISE, STEREO_NOISE, CameraNoise, S
 from twin.sensors.stereo_matching import Matching
 
 DEEPEST_M = 65.0
-"""Greatest depth that a message can say: whole millimetres in 16 bits."""
+"""Greatest depth in a message: whole millimetres in 16 bits."""
 
 CameraNoiseByName = Annotated[
     CameraNoise,
@@ -38,7 +38,7 @@ _StereoNoise = Annotated[
 
 
 class Distortion(Strict):
-    """Brown–Conrady coefficients, as OpenCV and ROS (`plumb_bob`) name them; all 0: none."""
+    """Brown–Conrady coefficients, named as in OpenCV and ROS (`plumb_bob`); all 0: none."""
 
     k1: FiniteFloat = Field(
         default=0.0, description="radial coefficient of r², r the tangent of the angle from the axis"
@@ -50,8 +50,7 @@ class Distortion(Strict):
 
 
 class MotionBlur(Strict):
-    """Motion blur: the time the shutter is open from the stamp on [s], and the number of instants, evenly spaced, at
-    which light is gathered."""
+    """Motion blur: exposure time from the stamp on [s], and the number of evenly spaced instants averaged."""
 
     exposure_s: float = Field(gt=0, le=0.25, description="how long the shutter is open, from the stamp on [s]")
     instants: int = Field(
@@ -63,14 +62,14 @@ class MotionBlur(Strict):
 
 
 class PerspectiveDescription(Mounted):
-    """Common part of pinhole and stereo cameras: a place, a size and a focal length.
+    """Common part of pinhole and stereo cameras: mount, size and focal length.
 
     The mount's x axis is the optical axis. The focal length is given by one of `field_of_view_deg` (horizontal, edge to
-    edge, of the undistorted picture), `vertical_field_of_view_deg`, or `fx` [px] (and `fy`, by default `fx`). The
-    principal point `cx`, `cy` [px] is the middle of the picture unless given (pixel centres are integers).
+    edge, of the undistorted picture), `vertical_field_of_view_deg`, or `fx` [px] (and `fy`, by default `fx`). The principal
+    point `cx`, `cy` [px] is the middle of the picture by default (pixel centres are integers).
 
-    `exposure` multiplies the light that the sensor gathers and `white_balance` its channels [red, green, blue], both
-    beside those of the noise.
+    `exposure` multiplies the sensor's light and `white_balance` its channels [red, green, blue], both in addition to those
+    of the noise.
     """
 
     size: tuple[PositiveInt, PositiveInt] = Field(
@@ -144,7 +143,7 @@ class PerspectiveDescription(Mounted):
 
 
 class PinholeDescription(PerspectiveDescription):
-    """A pinhole camera, with Brown–Conrady `distortion` and, where asked for, `motion_blur`."""
+    """Pinhole camera with Brown–Conrady `distortion` and optional `motion_blur`."""
 
     kind: Literal["camera"] = Field(description="the kind of sensor: a pinhole camera")
     distortion: Distortion = Field(default=Distortion(), description="distortion of the lens, Brown–Conrady")
@@ -179,7 +178,7 @@ class PinholeDescription(PerspectiveDescription):
         return _exposed(self.noise, self)
 
     def rig_sensor(self, name: str) -> PinholeSensor:
-        """Return the camera as a rig holds it."""
+        """Return the camera as a sensor of a rig."""
         return PinholeSensor(
             topic=f"/{name}/image/compressed",
             room_from_sensor=self.mount.room_from_optical(),
@@ -232,7 +231,7 @@ class StereoDescription(PerspectiveDescription):
         return _exposed(self.noise, self)
 
     def rig_sensor(self, name: str) -> StereoSensor:
-        """Return the camera as a rig holds it."""
+        """Return the camera as a sensor of a rig."""
         return StereoSensor(
             topic=f"/{name}/image/compressed",
             depth_topic=f"/{name}/depth/compressed",

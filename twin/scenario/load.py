@@ -1,4 +1,4 @@
-"""From YAML to a checked scenario: `extends`, overrides, every error at once with its path."""
+"""From YAML to a checked scenario: `extends`, overrides, and all errors at once with their paths."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from twin.scenario.scenario import Scenario
 from twin.scenario.sensors import SensorDescription
 
 _MOST_SHOWN = 200
-"""Characters of an override that an error tells."""
+"""Greatest number of characters of an override in an error."""
 
 
 class ScenarioFile(Scenario):
@@ -104,9 +104,9 @@ def _read(path: Path, children: tuple[Path, ...]) -> dict[str, Any]:
 
 
 def _resolve(content: dict[str, Any], folder: Path, asked_by: str) -> None:
-    """Make paths of a user's room, pedestrians and prior, relative to `folder`, absolute: it then runs from anywhere.
+    """Make paths of a user's room, pedestrians and prior, relative to `folder`, absolute, so that it runs from anywhere.
 
-    asked_by: where the room was named.
+    asked_by: field that names the room.
     """
     room = content.get("room")
     if isinstance(room, str):
@@ -116,7 +116,7 @@ def _resolve(content: dict[str, Any], folder: Path, asked_by: str) -> None:
     pedestrians = content.get("pedestrians")
     if isinstance(pedestrians, dict) and isinstance(pedestrians.get("file"), str):
         path = folder / pedestrians["file"]
-        with suppress(ValueError):  # a NUL in it: reading it says so
+        with suppress(ValueError):  # a NUL in it: reading reports it
             path = path.resolve()
         pedestrians["file"] = str(path)
     if "prior" in content:
@@ -124,13 +124,13 @@ def _resolve(content: dict[str, Any], folder: Path, asked_by: str) -> None:
 
 
 def _bring_pedestrians(content: dict[str, Any], source: str) -> None:
-    """Put the people of a file of paths beside the scenario's own; the resolved scenario holds their paths itself."""
+    """Add the people of a file of paths to the scenario's own; the resolved scenario holds their paths itself."""
     if "pedestrians" not in content:
         return
     pedestrians = validate(Pedestrians, content.pop("pedestrians"), f"{source}: pedestrians")
     duration_s = content.get("duration_s")
     if not isinstance(duration_s, int | float) or not duration_s > 0:
-        return  # the scenario's own check says so
+        return  # the scenario's own check reports it
     people, warnings = people_from(pedestrians, duration_s, source)
     given = content.get("warnings", [])
     if warnings:
@@ -146,7 +146,7 @@ def _bring_pedestrians(content: dict[str, Any], source: str) -> None:
 
 
 def _without_removed(content: dict[str, Any]) -> dict[str, Any]:
-    """Return the content without entries that are null; options of trackers are the trackers' to read."""
+    """Return the content without null entries; options of trackers are left to the trackers."""
     kept = without_null(content)
     if isinstance(trackers := content.get("trackers"), dict):
         kept["trackers"] = {name: choice for name, choice in trackers.items() if choice is not None}
@@ -154,7 +154,7 @@ def _without_removed(content: dict[str, Any]) -> dict[str, Any]:
 
 
 def without_null(content: Any) -> Any:
-    """Return the content without entries that are null, at any depth of mappings."""
+    """Return the content without null entries, at any depth of mappings."""
     if isinstance(content, dict):
         return {key: without_null(value) for key, value in content.items() if value is not None}
     return content
@@ -169,7 +169,7 @@ def apply_overrides(content: dict[str, Any], overrides: Sequence[str]) -> dict[s
 
 
 def _said(override: str) -> str:
-    """Return an override as errors show it, cut to `_MOST_SHOWN` characters."""
+    """Return an override for errors, cut to `_MOST_SHOWN` characters."""
     return f"--set {override}" if len(override) <= _MOST_SHOWN else f"--set {override[:_MOST_SHOWN]}..."
 
 
@@ -205,7 +205,7 @@ def _apply(content: dict[str, Any], override: str) -> None:
 
 
 def _valued(override: str, path: list[str], part: str) -> InputError:
-    """Return the error for a path that leads into a value, a list's item."""
+    """Return the error for a path into a value that is no mapping, such as a list's item."""
     return InputError(f"{_said(override)}: {'.'.join(path)} is a value, not a mapping; it has no {part!r}")
 
 
@@ -228,9 +228,9 @@ def check_removals(
     source: str,
     at: tuple[str, ...] = (),
 ) -> None:
-    """Raise InputError where a null in `change` removes nothing from `base` and is no field that may be left out either.
+    """Raise InputError where a null in `change` removes nothing from `base` and is no optional field.
 
-    at: the path of both in the model; source: opens the sentence. A tracker's options are the tracker's to read.
+    at: the path of both in the model; source: start of the sentence. A tracker's options are left to the tracker.
     """
     if at[:1] == ("trackers",) and len(at) > 1:
         return

@@ -17,10 +17,10 @@ _HOUSING_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0,
 """A camera's optical frame (x right, y down, z ahead) in that of its housing (x ahead, y left, z up)."""
 
 _MOST_OFF_M = 1000.0
-"""A sensor is assumed no further off than this [m]."""
+"""Greatest assumed displacement of a sensor [m]."""
 
 _UPRIGHT = 1e-9
-"""Below this cosine of the pitch, yaw and roll turn about the same axis: all of it is taken as yaw."""
+"""Cosine of the pitch below which yaw and roll turn about the same axis: all of it is taken as yaw."""
 
 
 class Mount(Strict):
@@ -50,13 +50,13 @@ class Mount(Strict):
         return Pose.from_matrix(rotation, self.xyz)
 
     def carrying(self, inner: Mount) -> Mount:
-        """Return the mount in this one's own surroundings of something that hangs in this one's frame at `inner`."""
+        """Return the mount of an object that hangs in this one's frame at `inner`, in this one's surroundings."""
         outer, held = self.room_from_housing(), inner.room_from_housing()
         return mount_of(outer.rotation @ held.rotation, outer.translation + outer.rotation @ held.translation)
 
 
 def mount_of(rotation: NDArray[np.float64], xyz: NDArray[np.float64]) -> Mount:
-    """Return the mount with this rotation matrix (3, 3) and place (3,) [m]."""
+    """Return the mount with this rotation matrix (3, 3) and position (3,) [m]."""
     pitch = asin(min(1.0, max(-1.0, -rotation[2, 0])))
     if cos(pitch) > _UPRIGHT:
         yaw, roll = atan2(rotation[1, 0], rotation[0, 0]), atan2(rotation[2, 1], rotation[2, 2])
@@ -105,16 +105,16 @@ class CalibrationError(Strict):
 
     @property
     def changes_lens(self) -> bool:
-        """True if the assumed lens is another than the true one."""
+        """True if the assumed lens differs from the true one."""
         return self.focal_scale != 1 or self.principal_px != (0.0, 0.0)
 
     @property
     def changes_pose(self) -> bool:
-        """True if the assumed pose is another than the true one."""
+        """True if the assumed pose differs from the true one."""
         return any(self.xyz) or any(self.rpy_deg)
 
     def mount(self, true: Mount) -> Mount:
-        """Return the assumed mount of a sensor that hangs at this mount of the room."""
+        """Return the assumed mount of a sensor at this true mount in the room."""
         roll, pitch, yaw = self.rpy_deg
         turned = true.carrying(Mount(xyz=(0.0, 0.0, 0.0), yaw_deg=yaw, pitch_deg=pitch, roll_deg=roll))
         x, y, z = (np.array(true.xyz) + np.array(self.xyz)).tolist()
@@ -122,9 +122,9 @@ class CalibrationError(Strict):
 
 
 class Mounted(Timing):
-    """A sensor with a mount: in the room, or on a `housing` by its name, whose frame `mount` is in then.
+    """Sensor with a mount: in the room, or in the frame of a `housing`, given by name.
 
-    `calibration_error`: what its calibration says wrongly.
+    `calibration_error`: assumed minus true calibration.
     """
 
     former_names: ClassVar = {"believed": "calibration_error"}

@@ -9,7 +9,7 @@ NoiseName = Literal["off", "default", "worse"]
 
 
 def by_name(presets: dict[str, Any], otherwise: str) -> Callable[[Any], Any]:
-    """Make a step of validation that puts the preset in the place of its name."""
+    """Make a validator that replaces a preset's name by the preset."""
 
     def resolve(value: Any) -> Any:
         if value is False:

@@ -1,4 +1,4 @@
-"""Recorded paths of pedestrians, read from a file: they become people of the scenario, each with a path as script."""
+"""Recorded paths of pedestrians from a file, as people of the scenario with a path as script."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from twin.tables.columns import MAX_INT64
 from twin.tables.person_rows import check_plausibility, label_order, read_person_rows
 
 _SLOWEST_S = 10.0
-"""Rows further apart than this say nothing of how somebody walked."""
+"""Greatest gap between rows from which walking can be interpolated."""
 _FURTHEST_M = 1e6
 _GAP = 3.0
-"""A hole in a path longer than this many of the file's usual intervals is an error of the recording."""
+"""Greatest gap in a path, in the file's usual intervals, without an error."""
 
 Row = tuple[float, float, float]
 """t [s], x, y [m]."""
@@ -74,8 +74,8 @@ def people_from(
 ) -> tuple[dict[str, dict[str, Any]], list[str]]:
     """Read people as entries of a scenario's `people:`, by name, in the order of their numbers; and warnings.
 
-    Somebody with a single row has no path: they are left out, with a warning. Raises InputError naming file, line and
-    value for what is no path: gaps, repeated stamps, jumps, NaN, nobody there.
+    A person with a single row has no path and is left out, with a warning. Raises InputError naming file, line and value for
+    an invalid path: gaps, repeated stamps, jumps, NaN, or no people.
     """
     path = Path(pedestrians.file)
     paths, notes = _read(path, pedestrians.frame_rate_hz, f"{source}: pedestrians.frame_rate_hz")
@@ -115,7 +115,7 @@ def people_from(
                 "another number, start_s or duration_s is expected"
             )
         points = _in_room(rows, pedestrians, first_s)
-        # where a bag is carried, and kept out of others' way, a path does not say
+        # a path does not say where a bag is carried and kept out of others' way
         people[f"{pedestrians.prefix}{number}"] = {"bag": "none", "script": [{"kind": "path", "points": points}]}
     if not people:
         last = max(rows[-1][0] for rows in paths.values()) - first_s + pedestrians.start_s
@@ -147,7 +147,7 @@ def _warnings(path: Path, seen_once: list[str]) -> list[str]:
 
 
 def _read(path: Path, frame_rate_hz: float | None, rate_field: str) -> tuple[dict[str, list[Row]], list[str]]:
-    """Read the rows of each person in order of time, by label; and notes on what was guessed."""
+    """Read the rows of each person in order of time, by label; and notes on guesses."""
     found = read_person_rows(path, "a table of paths", MOST_TEXT_BYTES, frame_rate_hz, rate_field)
     x, y = (found.rows.numbers(name, may_be_empty=False) for name in "xy")
     for row in np.flatnonzero(np.maximum(np.abs(x), np.abs(y)) > _FURTHEST_M)[:1]:

@@ -1,4 +1,4 @@
-"""A person as a scenario describes them: looks, where and when they come in, and the script they follow."""
+"""A person in a scenario: appearance, arrival, and script."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Choice = Literal["hair_style", "shirt_pattern", "bag"]
 Extra = Literal["skirt", "coat", "cap", "glasses", "beard"]
 
 NONE = "none"
-"""Value that a scenario writes for a skirt, coat, cap or bag that is not worn."""
+"""Value for a skirt, coat, cap or bag that is not worn."""
 
 _CHOICES: tuple[Choice, ...] = ("hair_style", "shirt_pattern", "bag")
 _HEX = re.compile(r"#[0-9a-fA-F]{6}")
@@ -37,7 +37,7 @@ class Wardrobe:
     worn: dict[str, float]
 
     def check(self, garment: Garment, colour: str, *, may_be_none: bool = False) -> str:
-        """Return the colour if it is a name of this garment's or '#rrggbb'. Raises ValueError saying what is valid.
+        """Return the colour if it is a name of this garment's or '#rrggbb'. Raises ValueError naming valid ones.
 
         `may_be_none`: 'none' is valid too.
         """
@@ -49,14 +49,14 @@ class Wardrobe:
         raise ValueError(f"no {what} colour {colour!r}{_meant(colour, names)}; valid are {', '.join(names)} or {other}")
 
     def check_choice(self, choice: Choice, name: str) -> str:
-        """Return the name if it is one of this kind's. Raises ValueError saying what is valid."""
+        """Return the name if valid for this kind. Raises ValueError naming valid ones."""
         names = self.choices[choice]
         if name in names:
             return name
         raise ValueError(f"no {choice.replace('_', ' ')} {name!r}{_meant(name, names)}; valid are {', '.join(names)}")
 
     def rgb(self, garment: Garment, colour: str) -> tuple[float, float, float]:
-        """Return the colour as red, green, blue, 0 to 1. Raises ValueError saying what is valid."""
+        """Return the colour as red, green, blue, 0 to 1. Raises ValueError naming valid ones."""
         code = self.colours[garment].get(self.check(garment, colour), colour)
         red, green, blue = (int(code[place : place + 2], 16) / 255 for place in (1, 3, 5))
         return red, green, blue
@@ -89,7 +89,7 @@ def _one_of(choice: Choice) -> AfterValidator:
 
 
 def _as_list(script: Any) -> Any:
-    """Put a single action, given without brackets, into a list."""
+    """Put a single action without brackets into a list."""
     return script if isinstance(script, list | tuple) else (script,)
 
 
@@ -97,11 +97,11 @@ Script = Annotated[tuple[Action, ...], BeforeValidator(_as_list, json_schema_inp
 
 
 class Person(Strict):
-    """A person in the room; what is left out is drawn from the person's own seed.
+    """A person in the room; omitted features are drawn from the person's own seed.
 
-    Colours are names of the wardrobe or '#rrggbb'; a skirt, coat, cap or bag may be 'none'. A shirt that is named is
-    seen: it is plain unless a pattern is named, and neither coat nor bag is drawn over it. Who wears a skirt has bare
-    legs, or leggings in the colour of the trousers that are named.
+    Colours are names of the wardrobe or '#rrggbb'; a skirt, coat, cap or bag may be 'none'. A named shirt is visible: plain
+    unless a pattern is named, without a drawn coat or bag over it. With a skirt the legs are bare, or in leggings of the
+    named trousers' colour.
     """
 
     height_m: float | None = Field(default=None, ge=0.9, le=2.1, description="stature, shoes on [m]")
@@ -188,7 +188,7 @@ class Person(Strict):
 
 
 class Randomize(Strict):
-    """The range of each person's start, times and speed about their script, drawn uniformly by the scenario's seed."""
+    """Uniform ranges of each person's start, times and speed about their script, drawn by the scenario's seed."""
 
     start_m: float = Field(default=0.0, ge=0, le=2, description="most that x and y of a start, or of a path, move [m]")
     onset_s: float = Field(

@@ -1,4 +1,4 @@
-"""A pressure floor as a scenario describes it: where its grid lies, how fine it is, and how well it measures."""
+"""Pressure floor in a scenario: position and pitch of its grid, and its accuracy."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ _FloorElectronics = Annotated[
 
 
 class FloorMount(Strict):
-    """Place of a floor's grid: `xyz` [m] of the outer corner of element (0, 0) in the room frame, on the floor, z = 0.
+    """Position of a floor's grid: `xyz` [m] of the outer corner of element (0, 0) in the room frame, on the floor, z = 0.
 
-    Rows run along the room's x, turned by yaw about z; rows follow each other along y, turned likewise.
+    Rows run along the room's x, turned by yaw about z; they follow each other along y, turned likewise.
     """
 
     xyz: Point3 = Field(
@@ -85,7 +85,7 @@ class FloorDescription(Timing):
         return self
 
     def rig_sensor(self, name: str) -> FloorSensor:
-        """Return the floor as a rig holds it."""
+        """Return the floor as a sensor of a rig."""
         return FloorSensor(
             topic=f"/{name}/floor",
             room_from_sensor=self.mount.room_from_grid(),

@@ -1,4 +1,4 @@
-"""Size of a run: estimated before it starts, and refused above limits that catch mistakes."""
+"""Size of a run, estimated in advance and limited against mistakes."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ if TYPE_CHECKING:
 
 MOST_PEOPLE = 1000
 MOST_BYTES = 20e9
-"""Of a recording."""
+"""Size of a recording."""
 MOST_PIXELS = 2**24
-"""Of one picture: rendering one takes gigabytes beyond it."""
+"""Pixels of one picture: rendering more takes gigabytes."""
 MOST_HELD_BYTES = 1e9
-"""Of the pictures of the empty room, which are held in memory at once."""
+"""Size of the pictures of the empty room, held in memory together."""
 
 _HEADER_BYTES = 60.0
 _CAMERA_INFO_BYTES = 360.0
 _TRUTH_BYTES = 1800.0
-"""Of one person at one moment: in the bag under /truth, and in the tables."""
+"""Size of one person at one stamp: in the bag under /truth, and in the tables."""
 _JPEG_BYTES_PER_PIXEL = 0.25
 _DEPTH_BYTES_PER_PIXEL = 0.77
 
 
 @dataclass(frozen=True)
 class RunSize:
-    """Size of runs: seconds simulated, people, observations, and about how many bytes of recording."""
+    """Size of runs: simulated seconds, people, observations, and approximate bytes of recording."""
 
     seconds: float = 0.0
     people: int = 0
@@ -48,7 +48,7 @@ class RunSize:
 
 
 def size_of(scenario: Scenario, *, images: bool = True) -> RunSize:
-    """Estimate the size of a run from measurements of shipped scenarios: bytes within a factor of two or so."""
+    """Estimate the size of a run from measurements of shipped scenarios: bytes within a factor of about two."""
     observations, n_bytes, most_looks = 0, 0.0, 0
     for sensor in scenario.sensors.values():
         if _pixels(sensor) and not images:
@@ -63,7 +63,7 @@ def size_of(scenario: Scenario, *, images: bool = True) -> RunSize:
 
 
 def total(sizes: Iterable[RunSize]) -> RunSize:
-    """Add up the sizes of runs; of their people, the most of any."""
+    """Sum the sizes of runs, with the largest number of people."""
     sizes = list(sizes)
     return RunSize(
         sum(each.seconds for each in sizes),
@@ -74,9 +74,9 @@ def total(sizes: Iterable[RunSize]) -> RunSize:
 
 
 def check_size(scenario: Scenario, *, images: bool = True, source: str | None = None) -> None:
-    """Raise InputError for a run that would make more than anybody is likely to mean: people, bytes, pixels.
+    """Raise InputError for an implausibly large run: people, bytes, pixels.
 
-    `source`: where the scenario stands, to open the sentence; None: its name does.
+    `source`: start of the sentence; None: the scenario's name.
     """
     size = size_of(scenario, images=images)
     refuse = _refuser(source or f"scenario {scenario.name!r}")
@@ -104,7 +104,7 @@ def _refuser(source: str) -> Callable[[str, str, str], None]:
 
 
 def _pixels(sensor: AnyDescription) -> int:
-    """Count the pixels of a sensor's picture; 0 where it takes none."""
+    """Count the pixels of a sensor's picture; 0 without one."""
     if isinstance(sensor, FisheyeDescription | PinholeDescription | StereoDescription):
         lens = sensor.intrinsics()
         return lens.width * lens.height
