@@ -7,17 +7,15 @@ lying person gets up before walking, turning or standing.
 
 from __future__ import annotations
 
-from itertools import pairwise
-from math import hypot
 from typing import Annotated, Literal
 
 from pydantic import Field, FiniteFloat, model_validator
 
-from trackers.pose import Coordinate, Point3
+from trackers.pose import Point3
 from trackers.rig import Name, Point2
 from twin.scenario.action import (
-    JUMP_M_S,
     LastingAction,
+    RecordedPath,
     RunSpeed,
     Seconds,
     Share,
@@ -27,9 +25,6 @@ from twin.scenario.action import (
     WalkSpeed,
     check_ranges,
 )  # fmt: skip
-
-_RecordedTime = Annotated[float, Field(ge=-1e9, le=1e9, allow_inf_nan=False)]
-"""Time of a recording [s], which may have begun years before the scenario."""
 
 
 class Wander(LastingAction):
@@ -274,35 +269,6 @@ class Join(LastingAction):
     kind: Literal["join"] = Field(default="join", description="the action: go with a group")
     person: Name = Field(description="name of the person who leads the group")
     speed_m_s: WalkSpeed = Field(default=1.8, description="the fastest that the person walks, to draw level [m/s]")
-
-
-class RecordedPath(TimedAction):
-    """Keep a recorded path: rows of t [s], x, y [m]; the person enters with its first row and leaves with its last.
-
-    Rows may begin before t = 0. Given as `points`, or read from `file` (see `Pedestrians`).
-    """
-
-    kind: Literal["path"] = Field(default="path", description="the action: keep a recorded path")
-    points: tuple[tuple[_RecordedTime, Coordinate, Coordinate], ...] = Field(
-        min_length=2,
-        description="rows [t, x, y] in order of time: t since the start [s], x and y in the room frame [m]",
-    )
-
-    @model_validator(mode="after")
-    def _walkable(self) -> RecordedPath:
-        for number, ((t, x, y), (t2, x2, y2)) in enumerate(pairwise(self.points), start=1):
-            if t2 <= t:
-                raise ValueError(f"point {number} at {t2:g} s does not come after {t:g} s; growing times are expected")
-            speed = hypot(x2 - x, y2 - y) / (t2 - t)
-            if speed > JUMP_M_S:
-                raise ValueError(
-                    f"point {number} at {t2:g} s is a jump of {speed:.1f} m/s; at most {JUMP_M_S:g} m/s is expected"
-                )
-        if self.points[-1][0] <= 0:
-            raise ValueError(
-                f"ends at {self.points[-1][0]:g} s, before the start; a path that reaches t > 0 is expected"
-            )
-        return self
 
 
 class Leave(TimedAction):

@@ -46,7 +46,7 @@ class MotionCommand:
 
 @dataclass(frozen=True, eq=False)
 class SeenBases:
-    """Influence of m bases on n people: push (n,) complex [m/s²], directions (n, m) complex, and limits of approach (n, m) [m/s]."""
+    """Influence of m bases on n people: push (n,) [m/s²] and directions (n, m), complex; limits of approach (n, m) [m/s]."""
 
     push: NDArray[np.complex128]
     towards: NDArray[np.complex128]
