@@ -206,7 +206,7 @@ def parse_yaml(text: str, source: str, expected: str) -> dict[str, Any]:
 def parse_yaml_value(text: str, source: str) -> Any:
     """Parse any YAML text; `source`: start of the InputError's sentence.
 
-    A text, or a bare item of a list or mapping, may begin with #: an argument holds no comments.
+    A text that begins with #, or a bare colour in a list or mapping, is a text: an argument holds no comments.
     """
     if text.lstrip().startswith("#"):
         return text.strip()

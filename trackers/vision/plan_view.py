@@ -21,7 +21,7 @@ _HEAD_M = 0.25
 """Height of a head with its neck."""
 _BELOW_CROWN_M = 0.1
 _MOST = 3
-"""So many heads in one frame."""
+"""Greatest number of new heads per frame."""
 
 
 def heads_in_plan(points: Float[Array, "4 k"], least_m2: float, apart_m: float) -> Float[Array, "m 3"]:

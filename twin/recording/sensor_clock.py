@@ -137,9 +137,9 @@ def header_of(data: bytes, is_ros1: bool) -> tuple[int, str] | None:
 _AHEAD = 5
 """Number of messages ahead that separate a clock that was set from one wrong stamp."""
 REGULAR_GAPS = 3.0
-"""Gaps of up to so many usual ones are a sensor that goes on."""
+"""Greatest gap of a continuing sensor, in usual ones."""
 SIGMAS = 6.0
-"""So many standard deviations are no noise."""
+"""Number of standard deviations beyond noise."""
 _TO_SIGMA = 1.4826
 _CLOSE = 0.6
 """Stamps nearer to each other than this share of the usual gap lie over one another."""

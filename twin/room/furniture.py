@@ -1,6 +1,6 @@
 """Furniture that people use: where one sits and lies in a room, read from the sites of its MJCF file.
 
-A room says it so, whoever wrote it: a piece of furniture is a body that stands still, with its geoms in it, and holds
+By convention, a piece of furniture is a body that stands still, with its geoms in it, and holds
 
 - `<site name="seat_NAME"/>` on top of the seat, in its middle, x axis to where the sitter looks; or
 - `<site name="bed_NAME"/>` on top of the mattress, in its middle, x axis from the feet to the head.

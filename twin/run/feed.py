@@ -1,6 +1,6 @@
 """Feed observations, live or from a recording, to the trackers and to the preview video.
 
-The preview joins a tracker's frame with the newest observations and the truth of its stamp.
+The preview combines a tracker's frame with the newest observations and the truth at its stamp.
 """
 
 from __future__ import annotations
@@ -33,13 +33,14 @@ _HELD_OBSERVATIONS = 32
 _HELD_FOR_STILLS = 4
 _HELD_TRUTHS = 256
 _NEAR_NS = 50_000_000
-"""A truth this near a stamp [ns] shows where people are."""
+"""Greatest time between a stamp and the truth used for it [ns]."""
 
 
 class Preview:
-    """Holds the last observations until a tracker has worked them; films each of its frames, keeps one for the stills.
+    """Preview of a tracker's frames: holds observations until a tracker has processed them; draws each frame, keeps one for
+    the stills.
 
-    `writer`: of the film, None for none; `stills`: None for none.
+    `writer`: of the video, None for none; `stills`: None for none.
     """
 
     def __init__(self, writer: PreviewWriter | None, rig: Rig, stills: SensorStills | None = None) -> None:
@@ -59,11 +60,11 @@ class Preview:
         return self._writer is not None
 
     def pictures(self) -> RunPictures | None:
-        """Draw the stills of the report; None where none are kept."""
+        """Draw the stills of the report; None if none are kept."""
         return None if self._stills is None else self._stills.draw(self._poster)
 
     def observe(self, observation: Observation) -> None:
-        """Keep an observation for the frames to come; those with an earlier stamp are drawn first."""
+        """Add an observation for later frames; frames with an earlier stamp are drawn first."""
         while self._waiting and self._waiting[0].stamp_ns < observation.stamp_ns:
             self._draw(self._waiting.popleft())
         self._silence_monitor.add(observation)
@@ -72,17 +73,17 @@ class Preview:
         held.append(observation)
 
     def add_truth(self, truth: TruthFrame) -> None:
-        """Keep the truth of a stamp for the frames to come."""
+        """Add the truth of a stamp for later frames."""
         self._truths[truth.stamp_ns] = truth
         while len(self._truths) > _HELD_TRUTHS:
             del self._truths[next(iter(self._truths))]
 
     def draw(self, frame: TrackFrame) -> None:
-        """Draw a tracker's frame as soon as every sensor has reported up to its stamp."""
+        """Draw a tracker's frame once every sensor has reported up to its stamp."""
         self._waiting.append(frame)
 
     def finish(self) -> None:
-        """Draw the frames still waiting."""
+        """Draw the remaining frames."""
         while self._waiting:
             self._draw(self._waiting.popleft())
 
@@ -112,7 +113,7 @@ class Preview:
             self._poster = self._writer.still()
 
     def _truth_at(self, stamp_ns: int) -> TruthFrame | None:
-        """Return the truth of a stamp; the nearest one for a stamp by a wrong clock; None where none is near."""
+        """Return the truth of a stamp, or the nearest one for a stamp by a wrong clock; None if none is near."""
         if stamp_ns in self._truths or not self._truths:
             return self._truths.get(stamp_ns)
         nearest = min(self._truths, key=lambda held: abs(held - stamp_ns))
@@ -125,7 +126,7 @@ class Preview:
 
 
 def true_poses(truth: TruthFrame | None) -> TruePoses | None:
-    """Convert the truth of a stamp for drawing; None where it is not known."""
+    """Convert the truth of a stamp for drawing; None if unknown."""
     if truth is None:
         return None
     people = truth.people
@@ -137,7 +138,7 @@ def true_poses(truth: TruthFrame | None) -> TruePoses | None:
 
 
 _SLOWEST_HZ, _FASTEST_HZ = 1.0, 60.0
-"""Limits of a video's declared rate; each image is shown at its own stamp all the same."""
+"""Limits of a video's declared rate; each image is shown at its own stamp anyway."""
 
 
 class Feed:
@@ -167,7 +168,7 @@ class Feed:
         check_some_left(self.runners)
 
     def finish(self) -> None:
-        """Let the trackers process what they hold."""
+        """Let the trackers process remaining observations."""
         for place, each in enumerate(self.runners):
             self._show(place, each.finish())
         check_some_left(self.runners)
@@ -207,12 +208,10 @@ def open_feed(
 ) -> Iterator[Feed]:
     """Open trackers that write `folder/tracks/<name>.csv`, and a preview at `video_hz` images per second (None: none).
 
-    `stills`: whether to keep what the stills of a report need.
+    `stills`: whether to keep the stills of a report. `true_rig`: the sensors' true poses, drawn where the trackers' `rig`
+    differs. `jumps_ns`: stamps at which trackers restart.
 
-    `true_rig`: the sensors' true poses, drawn where `rig`, which trackers get, differs. `jumps_ns`: stamps at which trackers
-    restart.
-
-    The files appear when the block ends well, but for those of trackers that failed. Raises InputError for an unknown tracker
+    The files appear when the block ends normally, except those of failed trackers. Raises InputError for an unknown tracker
     or option.
     """
     with ExitStack() as stack:
@@ -220,7 +219,7 @@ def open_feed(
         writer = None
         place = {"outline": outline, "person_names": person_names, "true_rig": true_rig}
         if video_hz is not None:
-            from twin.report.preview import PreviewWriter  # the encoder of videos is loaded where one is made
+            from twin.report.preview import PreviewWriter  # the video encoder is imported only when needed
 
             fps = min(max(video_hz, _SLOWEST_HZ), _FASTEST_HZ)
             tracker = chosen[0].name if chosen else ""

@@ -60,9 +60,9 @@ from twin.world.world import World
 
 _RATE_PROBE = 20
 _ABOUT = "recording.json"
-"""Says of a recording what the tables of tracks do not: the stamp of t = 0, and what of it was lost."""
+"""Facts of a recording not in the tables of tracks: the stamp of t = 0, and losses."""
 _OF_THE_RUN = ("recording.mcap", "truth.csv", "truth_people.csv", "truth_feet.csv", *DETAIL_FILES, "scenario.yaml")
-"""Files that a run left in the folder, which a replay into it keeps."""
+"""Files of a run in the folder, which a replay into it keeps."""
 _EXTRA_FILES = ("metrics.json", "preview.mp4", _ABOUT)
 
 
@@ -132,7 +132,7 @@ def _path(given: AnyPath | None) -> Path | None:
 
 @dataclass(frozen=True, eq=False)
 class _ReplayRequest:
-    """Arguments of `track_recording`, resolved; missing: warnings about files that the bag alone names."""
+    """Arguments of `track_recording`, resolved; missing: warnings about files named only by the bag."""
 
     bag: Recording
     scenario: Scenario | None
@@ -150,7 +150,7 @@ class _ReplayRequest:
 
 
 class _Replay:
-    """One replay of a recording: its truth, and the results as they come."""
+    """One replay of a recording: its truth, and the results so far."""
 
     def __init__(self, request: _ReplayRequest, out: OutFolder) -> None:
         self._request, self._out = request, out
@@ -187,7 +187,7 @@ class _Replay:
         )
 
     def track(self, fed: Feed) -> None:
-        """Feed all observations, and the truth up to each; note what is lost and what is warned of."""
+        """Feed all observations, and the truth up to each; note losses and warnings."""
         request, bag, scans = self._request, self._request.bag, self._place.scans
         if request.bag_copy is not None:
             fed.on_frame = lambda name, frame: self._frames.append((name, frame))
@@ -213,7 +213,7 @@ class _Replay:
         self._spent_s = time.perf_counter() - start
 
     def finish(self, fed: Feed) -> RunResult:
-        """Evaluate and write metrics, report and the bag's copy; return what the replay leaves."""
+        """Evaluate and write metrics, report and the bag's copy; return the result."""
         request, folder = self._request, self._out.path
         facts = self._facts(fed)
         results = evaluate_trackers(folder, fed.runners, self._truth, self._situations)
@@ -265,13 +265,13 @@ class _Replay:
 
 
 def _default_folder(recording: Path, bag: Recording) -> Path:
-    """Return the default folder: every run leaves a recording.mcap, so that its folder tells them apart."""
+    """Return the default folder, named after the run's folder, since every run's bag is recording.mcap."""
     name = f"{recording.resolve().parent.name}-tracked" if bag.is_twin else recording.stem
     return Path("out") / name
 
 
 def outline_of(scenario: Scenario | None) -> list[Polygon]:
-    """Return the plan of the room of a twin's bag, convex outlines (k, 2) [m]; empty where the room is not on this machine."""
+    """Return the plan of the room of a twin's bag, convex outlines (k, 2) [m]; empty if the room is not on this machine."""
     if scenario is None:
         return []
     try:
@@ -284,7 +284,7 @@ def outline_of(scenario: Scenario | None) -> list[Polygon]:
 
 
 def _rate_hz(bag: Recording) -> float:
-    """Estimate the main sensor's rate [Hz] from its first few observations; 10 where that is not possible."""
+    """Estimate the main sensor's rate [Hz] from its first few observations; 10 if impossible."""
     main = (each.stamp_ns for each in bag.observations() if each.sensor == bag.rig.main_sensor)
     stamps = list(islice(main, _RATE_PROBE))
     gaps_ns = [later - earlier for earlier, later in pairwise(stamps) if later > earlier]

@@ -1,4 +1,4 @@
-"""The compiled scene: a room, its people attached, and which geom, joint and site belongs to whom."""
+"""Compiled scene: a room with its people attached, and the person of each geom, joint and site."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from twin.world.body_pool import Bodies, body_pools
 from twin.world.placement import CLEARANCE_M, check_approach, check_free, check_placement
 
 _MOST_CORNERS = 500
-"""Of the walkable area: ways are looked for from each corner to every other."""
+"""Greatest number of corners of the walkable area: routes connect each with every other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,10 +51,10 @@ class Scene:
     """
 
     room: mujoco.MjSpec
-    """The room without anybody."""
+    """The room without people."""
     room_file: Path
     area: NDArray[np.float64]  # (k, 2) tracked area, polygon in the room frame [m]
-    walkable: NDArray[np.float64]  # (k, 2) where a body's middle may go, as the room says or from its geometry
+    walkable: NDArray[np.float64]  # (k, 2) limit of bodies' middles, given by the room or from its geometry
     floor: NDArray[np.float64]  # (k, 2) hull of the room's floor, polygon in the room frame [m]
     ground: Ground
     names: tuple[str, ...]
@@ -69,21 +69,21 @@ class Scene:
 
     @property
     def person_of_geom(self) -> NDArray[np.int16]:
-        """The id of the person a geom belongs to, 0 for the room, (n_geom,)."""
+        """Id of each geom's person, 0 for the room, (n_geom,)."""
         return self.bodies.person_of_geom
 
     def with_bodies(self, names: Collection[str]) -> Scene:
-        """Return the same room and people, of whom these have bodies."""
+        """Return the same room and people, with bodies of these."""
         looks = {name: self.appearances[name] for name in names}
         bodies = Bodies.in_room(self.room, self.room_file, self.names, self.ids, looks)
         return replace(self, bodies=bodies)
 
 
 def build_scene(scenario: Scenario) -> Scene:
-    """Compile the scenario's room with the people in it who have bodies at first (`twin.world.body_pool`).
+    """Compile the scenario's room with the people who have bodies at first (`twin.world.body_pool`).
 
-    Raises InputError where the room reads files outside its folder, does not compile, has no floor or nowhere to walk, or
-    the area or a person does not fit into it.
+    Raises InputError for a room that reads files outside its folder, does not compile, has no floor or nowhere to walk, and
+    for an area or a person that does not fit into it.
     """
     path = models.find("rooms", scenario.room, asked_by=f"scenario {scenario.name!r}: room")
     spec = load_room(path)
@@ -191,7 +191,7 @@ def foot_shapes(scene: Scene) -> FootShapes:
 
 
 def _check_seats(scenario: Scenario, scene: Scene, measures: BodyMeasures) -> None:
-    """Raise InputError where somebody cannot come to a seat or bed that their script asks for."""
+    """Raise InputError where a seat or bed of a script is unreachable."""
     for number, name in enumerate(scene.names):
         for place, action in enumerate(scenario.people[name].script):
             if not isinstance(action, Sit | Lie) or (isinstance(action, Sit) and action.seated):
@@ -221,13 +221,13 @@ def _routes(walkable: NDArray[np.float64], obstacles: Sequence[Obstacle], source
 def _kept_routes(
     shape: tuple[int, ...], walkable: bytes, things: tuple[tuple[str, tuple[int, ...], bytes], ...]
 ) -> Routes:
-    """Return the ways in a room by its content: the runs of a worker are often in the same one."""
+    """Return the routes of a room, cached by content: a worker's runs often share one."""
     obstacles = [Obstacle(furniture, np.frombuffer(corners).reshape(of)) for furniture, of, corners in things]
     return Routes(np.frombuffer(walkable).reshape(shape), obstacles)
 
 
 def _check_furniture(scenario: Scenario, furniture: Mapping[str, Seat | Bed]) -> None:
-    """Raise InputError where a script asks for a seat or bed that the room does not have."""
+    """Raise InputError where a script names a seat or bed that the room does not have."""
     for name, person in scenario.people.items():
         for place, action in enumerate(person.script):
             match action:

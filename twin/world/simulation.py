@@ -1,4 +1,4 @@
-"""A scenario in motion: what its sensors report, in order of arrival, and the truth as the clock passes it."""
+"""A scenario in motion: the sensors' observations in order of arrival, and the truth as time passes."""
 
 from __future__ import annotations
 
@@ -48,10 +48,9 @@ from twin.world.world import World
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Delivered:
-    """An observation as its message, when it arrives [ns], and what only the twin knows of it.
+    """Observation as its message, its time of arrival [ns], and truths about it.
 
-    `observation` is what a tracker reads of the message: its stamp is on the clock that the rig says. `stamp_ns` is when
-    it was truly made, whatever its clock says.
+    `observation`: as a tracker decodes it, with a stamp on the rig's clock. `stamp_ns`: when it was truly made.
     """
 
     encoded: Encoded
@@ -140,7 +139,7 @@ class Simulation:
         self._truth_stamps = groupby(self._schedule.events(), key=attrgetter("stamp_ns"))
         self._next_truth = self._following_truth()
         self._coming: Iterator[Delivered] | None = None
-        self._over = ""  # why nothing comes any more
+        self._over = ""  # reason why it has ended
 
     def _scheduled(self, name: str) -> Scheduled:
         """Return a sensor with its schedule, its random stream and the faults of its messages."""
@@ -157,7 +156,7 @@ class Simulation:
         self.close()
 
     def close(self) -> None:
-        """Free the renderer; nothing comes any more."""
+        """Free the renderer and end the simulation."""
         self._renderer.close()
         self._over = self._over or "is closed"
         self._coming = None
@@ -167,7 +166,7 @@ class Simulation:
         return (delivered.observation for delivered in self.deliveries())
 
     def background(self) -> list[Observation]:
-        """Observe the empty room with each sensor; nothing where the scenario's background is 'none'."""
+        """Observe the empty room with each sensor; empty if the scenario's background is 'none'."""
         return [self.as_read(encoded) for encoded in self.background_messages()]
 
     def background_messages(self) -> Iterator[Encoded]:
@@ -211,14 +210,13 @@ class Simulation:
         self._over = "has come to its end"
 
     def as_read(self, encoded: Encoded) -> Observation:
-        """Return the observation as a tracker reads it off its message: on the clock that the rig says."""
+        """Return the observation as a tracker decodes its message, on the rig's clock."""
         observation = encoded.observation
         offset_ns = round(self.rig.sensors[observation.sensor].time_offset_s * NS_PER_S)
         return replace(observation, stamp_ns=observation.stamp_ns + offset_ns) if offset_ns else observation
 
     def look(self, stamp_ns: int) -> dict[str, Observation]:
-        """Return what each sensor would report at one stamp, by name, outside its schedule; nothing of one that is
-        silent then."""
+        """Return each sensor's observation at one stamp, by name, outside its schedule; without silent ones."""
         looks = {}
         for name, timed in self._sensors.items():
             faults = self.scenario.faults
@@ -242,20 +240,20 @@ class Simulation:
         return {name: each.person_image(snapshot) for name, each in found if cameras is None or name in cameras}
 
     def snapshot(self, t: float) -> Snapshot:
-        """Return the world at time t [s], after the truth of every stamp until then has been told."""
+        """Return the world at time t [s], after reporting the truth of every stamp until then."""
         self._tell_truth_until(t)
         return self.world.snapshot(t)
 
     def gl_info(self) -> GlInfo | None:
-        """Return the OpenGL that renders; None in a run without cameras."""
+        """OpenGL of the renderer; None in a run without cameras."""
         return self._renderer().gl_info() if self.rig.cameras() else None
 
     def drawing_notes(self) -> list[str]:
-        """Tell how many pictures, parts of a camera's message, were drawn whole and why; the others' rooms were kept."""
+        """Describe how many pictures, parts of a camera's message, were drawn completely and why; other rooms were cached."""
         return self._renderer.notes()
 
     def sensor_costs(self) -> dict[str, dict[str, float | int | None]]:
-        """Return by sensor, how many observations were made and what one cost [ms]."""
+        """Return by sensor the number of observations and the cost of one [ms]."""
         return {
             name: {"frames": timed.frames, "ms_mean": 1e3 * timed.spent_s / timed.frames if timed.frames else None}
             for name, timed in self._sensors.items()
@@ -275,7 +273,7 @@ class Simulation:
             self._next_truth = self._following_truth()
 
     def _following_truth(self) -> tuple[int, set[str]] | None:
-        """Return the next stamp at which a sensor looks, and the names of those that do."""
+        """Return the next stamp of any sensor, and the names of its sensors."""
         stamp_ns, events = next(self._truth_stamps, (None, ()))
         return None if stamp_ns is None else (stamp_ns, {event.sensor for event in events})
 
@@ -298,9 +296,9 @@ class Simulation:
         return details
 
     def late(self) -> list[str]:
-        """Tell who has not arrived in twice the time that the way takes, at the latest time shown.
+        """Describe people who have not arrived in twice the time that their way takes, at the latest time shown.
 
-        Nothing is known of people whose motion was computed before.
+        Unknown for precomputed people.
         """
         people = self.world.people
         return [f"people: {each}" for each in people.late()] if isinstance(people, Population) else []

@@ -1,4 +1,4 @@
-"""The truth beside that about everybody at a moment: boxes in pictures, people met by beams, situations of two people."""
+"""Detailed truth: boxes in pictures, people met by beams, situations of two people."""
 
 from __future__ import annotations
 
@@ -54,13 +54,13 @@ class InhabitedWorld(SnapshotSource, Protocol):
 
 
 class TruthDetails:
-    """Makes the details as sensors look, and hands each to `tell`: in the order of stamps, situations when they end.
+    """Maker of the details, passed to `tell` in the order of stamps, situations when they end.
 
-    It is told the truth of every stamp (`people`), then every reading taken at that stamp (`look`) as it is measured,
-    however late it arrives and whatever faults make of it; readings that nobody takes the trouble to make have no truth.
+    It gets the truth of every stamp (`people`), then every reading at that stamp (`look`) as measured, before delays and
+    faults; readings that are not made have no truth.
 
-    Simplified: of a scanner that sweeps, a hidden person is looked for at the moment of the first beam; of a camera with
-    motion blur, the box is that of the moment of the stamp.
+    Simplified: for a sweeping scanner, hidden people are those at the time of the first beam; for a camera with motion blur,
+    the box is that at the stamp.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class TruthDetails:
         boxes_hz: float,
         tell: Callable[[TruthDetail], object],
     ) -> None:
-        """`boxes_hz`: how many of a camera's pictures a second get boxes, at most; 0: none."""
+        """`boxes_hz`: greatest rate of a camera's pictures with boxes; 0: none."""
         self._world = world
         self._views = self._now = views  # as they are, and in the room at the stamp told last
         self._cameras = cameras
@@ -83,13 +83,13 @@ class TruthDetails:
         self._last_period: dict[str, int] = {}
         self._untold: list[Situation] = []
         self._looks: dict[str, ScanPoints] = {}
-        self._scanned_ns: int | None = None  # the frame of merging for the rig that is not judged yet
+        self._scanned_ns: int | None = None  # frame of merging for the rig not judged yet
         self._near: dict[Pair, float] = {}
         self._present = np.zeros(0, dtype=np.int16)
         self._place_m = np.zeros((0, 2))
 
     def people(self, frame: TruthFrame, snapshot: Snapshot) -> None:
-        """Take the truth of a stamp and the world as it is then."""
+        """Set the truth of a stamp and its world."""
         self._merge_for_the_rig()
         self._now = {name: view.at(snapshot) for name, view in self._views.items()}
         self._present = np.array([person.id for person in frame.people], dtype=np.int16)
@@ -105,23 +105,23 @@ class TruthDetails:
         self._tell_all(self._situations.update("correlated", "", frame.stamp_ns, correlated))
 
     def look(self, sensor: str, stamp_ns: int, reading: Reading) -> None:
-        """Take a reading as it was measured at a stamp, the truth of which was the last that was told."""
+        """Process a reading measured at the last stamp of the truth."""
         if "person_of_ray" in reading.truth and isinstance(reading.observation, LaserScan):
             self._scan(sensor, stamp_ns, reading, reading.observation)
         elif sensor in self._cameras and self._is_due(sensor, stamp_ns):
             self._boxes(sensor, stamp_ns)
 
     def finish(self, end_ns: int) -> None:
-        """End what still holds at the end of the run."""
+        """End all situations at the end of the run."""
         self._merge_for_the_rig()
         self._tell_all(self._situations.finish(end_ns))
 
     def _places(self) -> dict[int, np.ndarray]:
-        """Return all places at the stamp told last, (2,) [m] by id."""
+        """Return all positions at the last stamp, (2,) [m] by id."""
         return dict(zip(self._present.tolist(), self._place_m, strict=True))
 
     def _merge_for_the_rig(self) -> None:
-        """Return judge the frame in which scanners looked last, now that all have that look at its stamp."""
+        """Judge the last frame of scanners, once all of its scans are in."""
         if self._scanned_ns is None:
             return
         stamp_ns, self._scanned_ns = self._scanned_ns, None
@@ -129,7 +129,7 @@ class TruthDetails:
         self._tell_all(self._situations.update("merged_rig", "", stamp_ns, merged))
 
     def _tell_all(self, ended: list[Situation]) -> None:
-        """Tell those that have ended in the order in which they did: none while an earlier end may still be found."""
+        """Report ended situations in order of their ends, once no earlier end can come."""
         self._untold += ended
         unsure = [ns for ns in (self._situations.first_break_ns, self._scanned_ns) if ns is not None]
         settled = [each for each in self._untold if not unsure or each.end_ns <= min(unsure)]
@@ -158,7 +158,7 @@ class TruthDetails:
         merged = {pair: PairState("hidden", self._near[pair]) for pair in hidden}
         place = self._places()
         for first, second in joined_pairs(reading.truth["range_m"], person_of_ray, scan.angle_increment_rad):
-            if not {first, second} <= place.keys():  # left while the scan was being taken
+            if not {first, second} <= place.keys():  # left during the scan
                 continue
             apart_m = float(np.hypot(*(place[first] - place[second])))
             merged[first, second] = PairState("joined", apart_m)
@@ -168,8 +168,9 @@ class TruthDetails:
         self._scanned_ns = stamp_ns
 
     def _hidden(self, sensor: str, stamp_ns: int, person_of_ray: np.ndarray) -> tuple[frozenset[int], list[Pair]]:
-        """Return the people whom a scanner has in its plane and field, near somebody, and meets with no beam; and the
-        pairs near each other of whom one is so because of the other."""
+        """Return the people in a scanner's plane and field, near another, who are met by no beam; and the pairs in which one
+        hides the other.
+        """
         unmet = set(self._present.tolist()) - set(np.unique(person_of_ray).tolist())
         hidden = sorted(unmet & {id_ for pair in self._near for id_ in pair})
         if not hidden:

@@ -28,19 +28,19 @@ _OUT_OF_THE_ROOM_M = -100.0
 _SIDES: tuple[Literal["left"], Literal["right"]] = ("left", "right")
 
 CellsOfFeet = Callable[[Feet], Sequence[tuple[tuple[int, ...], tuple[int, ...]]]]
-"""Of a floor: the cells that the left and right foot of each person load."""
+"""Function of a floor: the cells loaded by the left and right foot of each person."""
 
 
 class World:
-    """A scene stepped on a clock: snapshots go forward in time and back by at most the people's short history."""
+    """Scene stepped on a clock: snapshots go forward in time, and back by at most the people's short history."""
 
     def __init__(self, scenario: Scenario, precomputed: PrecomputedScene | None = None) -> None:
-        """`precomputed`: the scenario's people with their bodies, as they move; None: they are made and stepped here."""
+        """`precomputed`: the scenario's people with bodies and motion; None: they are made and stepped here."""
         self._scenario = scenario = randomized(scenario)
         if driven(scenario):
             precomputed = None  # people and bases make way for each other: both are stepped
         self.scene = precomputed.scene_for(scenario) if precomputed is not None else build_scene(scenario)
-        """The scene with the bodies of those who are there or were just now; another one once others come."""
+        """Scene with the bodies of people present now or shortly before; replaced as others come."""
         self._pools = body_pools(scenario.people)
         self._pool = self._pools[0]
         self._area = Area(self.scene.area)
@@ -54,13 +54,13 @@ class World:
         self._ids = np.array([self.scene.ids[name] for name in self.scene.names], dtype=np.int16)
         self._pose_time: float | None = None
         self.pose_cache: PoseCache | None = None
-        """Poses for rays that are kept, and taken from there: for worlds at which nothing but scanners look."""
+        """Cached poses for rays, for worlds with scanners only."""
         self._feet: Feet | None = None
         self._bases: dict[str, Array] = {}
 
     @property
     def population(self) -> Population:
-        """The people who are stepped here; there are none in a world that was precomputed before."""
+        """People stepped here; raises in a precomputed world."""
         assert isinstance(self.people, Population), "people who move as before have no scripts"
         return self.people
 
@@ -86,9 +86,9 @@ class World:
         return Snapshot(t, self.scene.model, self.data, self.scene.person_of_geom, self._feet, self._bases)
 
     def empty_snapshot(self, t: float) -> Snapshot:
-        """Pose the empty room at time t: the people are taken far below the floor.
+        """Pose the empty room at time t: the people are moved far below the floor.
 
-        Its light is that of the scenario's start: of the changes only those at 0 s have begun.
+        Its light is that of the scenario's start, with only the changes at 0 s.
         """
         bodies = self.scene.bodies
         self.data.qpos[bodies.qpos_address[bodies.there, 2]] = _OUT_OF_THE_ROOM_M
@@ -120,7 +120,7 @@ class World:
         return [int(model.body_mocapid[body]) for body in bodies if body >= 0]
 
     def _embody(self, t: float) -> None:
-        """Give bodies to those who are in the room at time t [s], in a model of their own where some have none."""
+        """Give bodies to the people in the room at time t [s], in a new model if some have none."""
         if self._pool.covers(t):
             return
         self._pool = next(pool for pool in self._pools if t < pool.until_s)
@@ -144,11 +144,10 @@ class World:
         *,
         with_feet: bool = True,
     ) -> TruthFrame:
-        """Return the truth at a stamp: places of all people in the room, and the share of them that each sensor can
-        see.
+        """Return the truth at a stamp: positions of all people in the room, and their visibility to each sensor.
 
-        `floors`: the floor sensors that look at this stamp, each as a function that tells which cells each foot loads.
-        Without `with_feet` nothing is found out of feet.
+        `floors`: the floor sensors at this stamp, each as a function to the cells of each foot. Without `with_feet` feet are
+        omitted.
         """
         t = stamp_ns / NS_PER_S
         snapshot = self.snapshot(t)
@@ -186,7 +185,7 @@ class World:
 
     @staticmethod
     def _feet_truth(snapshot: Snapshot, floors: Mapping[str, CellsOfFeet]) -> list[tuple[FootTruth, FootTruth]]:
-        """Return both feet of everybody, in the order of the people's names."""
+        """Return both feet of all people, in the order of names."""
         feet = snapshot.feet
         assert feet is not None, "a snapshot of the room with its people has their feet"
         cells = {name: cells_of(feet) for name, cells_of in floors.items()}
