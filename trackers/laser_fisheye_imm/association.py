@@ -81,11 +81,13 @@ class Association:
 
     people: predicted to stamp ns (the frame before was at last_ns); missed: how probably the frame would not show each of them;
     sees_waists: whether trunks are looked for, without which legs are all that shows a person; knows_room: whether the background
-    was captured, or else is learned from the scans, so that a tentative track may be a flicker of the room, and takes no legs.
+    was captured, or else is learned from the scans, so that a tentative track may be a flicker of the room, and takes no legs;
+    knees: where the middle of the legs of each upright person is from the body's axis [m].
     """
 
     people: People
     missed: Float[Array, "n"]
+    knees: Float[Array, "n 2"]
     options: LaserFisheyeImmOptions
     ns: int
     last_ns: int
@@ -106,8 +108,6 @@ class Association:
         trunk = np.concatenate([np.arange(n_trunk), np.full(n_walker, -1)])
         position = np.concatenate([seen.trunks.position, walkers.position])
         single = np.concatenate([np.zeros(n_trunk, np.bool_), walkers.n_leg == 1])
-        # in a rig that sees waists a leg alone may be anything
-        part = single & self.sees_waists
         by_legs = walkers.likelihood(options.legs, self._leg_gate_m)
         cost = cost.joined(Costs.of(people, by_legs, options))
         colour = np.pad(colour, ((0, 0), (0, n_walker)), constant_values=np.nan)
@@ -115,7 +115,7 @@ class Association:
             [
                 self._explained(cost, colour, trunk < 0),
                 self._explained(cost, colour, trunk >= 0),
-                self._re_identified(cost, colour, position, part),
+                self._re_identified(cost, colour, position, single),
             ]
         )
         new = left_over(len(position), taken)
@@ -152,7 +152,7 @@ class Association:
         under[trunk_of[shown]] += people.posture.knees[shown]
         hidden = people.select(~shown)
         seated = hidden.posture.seated(hidden.measured_at, options.posture)
-        knees = np.where(seated[:, None], hidden.posture.knees, 0.0)
+        knees = np.where(seated[:, None], hidden.posture.knees, self.knees[known][~shown])
         apart_m = options.track_management.apart_m
         gate_m = self._leg_gate_m
         return pair_legs(seen.legs, seen.sufficient, under, hidden.positions, knees, apart_m, gate_m, options.legs)
@@ -175,7 +175,10 @@ class Association:
     def _re_identified(
         self, cost: Costs, colour: Float[Array, "n k"], position: Float[Array, "k 2"], part: Bool[Mask, "k"]
     ) -> Stage:
-        """Pair occluded tracks with what no prediction explains, but for what is only a `part` of a person."""
+        """Pair occluded tracks with what no prediction explains, but for what is only a `part` of a person, or of none.
+
+        What starts from a part is re-identified when it is confirmed.
+        """
         people, rules = self.people, self.options.track_management
         hidden = people.confirmed & self._hidden() & (rules.reid_speed_m_s is not None)
         existing = hidden & people.exist(rules.exists_above)

@@ -22,6 +22,8 @@ from trackers.tracks import Detection
 from trackers.vision.histogram import ColourHistogram
 from trackers.vision.person_windows import TorsoOptions, TorsoProjector, TorsoWindows
 
+_LIKELY = 0.5
+
 
 @dataclass(frozen=True, eq=False)
 class Seen:
@@ -68,6 +70,10 @@ class Detector:
             for role, layer in (("waist", options.waist), ("knee", options.knee))
             if role in names
         }
+        self._waist_scans: dict[str, Observation] = {}
+        heights = [lasers[name].room_from_sensor.translation[2] for name in names.get("knee", ())]
+        self.knee_height_m = float(np.mean(heights)) if heights else 0.0
+        """The mean height of the knee scanners above the floor [m]; 0 without one."""
 
     @property
     def sees_waists(self) -> bool:
@@ -93,6 +99,9 @@ class Detector:
     def detect(self, synced: SyncedFrame) -> Seen:
         """Detect people of the frame in the area. Raises InputError for an image of another size than the rig's."""
         trunks, legs = self._scanned(synced, "waist"), self._scanned(synced, "knee")
+        if "waist" in self._groups:
+            names = self._groups["waist"].names
+            self._waist_scans |= {name: synced.observations[name] for name in names if name in synced.observations}
         sufficient = self._groups["knee"].sufficient(legs) if "knee" in self._groups else np.empty(0, np.bool_)
         image = None if self._camera is None else synced.observations.get(self._camera)
         if self._projector is None or not isinstance(image, Image):
@@ -123,6 +132,12 @@ class Detector:
         """Return the detections of a frame [ns], trunks first."""
         shown: dict[Role, Detections] = {"waist": seen.trunks, "knee": seen.legs}
         return [each for role, group in self._groups.items() for each in group.to_detections(shown[role], role, ns)]
+
+    def waists_seen(self, points: Float[Array, "k 2"]) -> Bool[Mask, "k"]:
+        """Select the points [m] at which the last scans at waist height would rather show a person's trunk than not."""
+        if "waist" not in self._groups:
+            return np.zeros(len(points), np.bool_)
+        return self._groups["waist"].missed(self._waist_scans, points.T) < _LIKELY
 
     def missed(self, synced: SyncedFrame, points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
         """Return the probability that the frame's scans miss a person at points [m]; 0 outside the area, where no person is."""

@@ -16,6 +16,8 @@ from trackers.tracking.appearance import Appearance
 from trackers.tracking.roster import Roster
 
 NEVER_NS = -(2**62)
+_WALKS_M_S = 0.4
+"""Speed above which people walk forwards: below, it is their sway that moves a track, and tells no way [m/s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +31,7 @@ class People(Rows):
     measured_at: Float[Array, "n 2"]  # last measured position [m]
     single_ns: Int[Index, "n"]  # stamp of the last measurement by a single leg; before any: `NEVER_NS`
     offset_m2: Float[Array, "n"]  # variance of what stays of the error of the last measurement, on each axis
+    facing: Float[Array, "n 2"]  # unit vector of the way they walked last; 0 where they have not walked yet
     posture: Posture
     existence: Float[Array, "n"]  # existence probability
 
@@ -46,8 +49,10 @@ class People(Rows):
         clothes = Appearance.started(reference, n_look)
         serial = first_serial + np.arange(len(position))
         n, roster = len(position), Roster.started(state, ns)
-        never, offset_m2 = np.full(n, NEVER_NS), np.zeros(n)
-        return cls(serial, roster, clothes, position, position, never, offset_m2, Posture.upright(n), np.ones(n))
+        never, offset_m2, facing = np.full(n, NEVER_NS), np.zeros(n), np.zeros((n, 2))
+        return cls(
+            serial, roster, clothes, position, position, never, offset_m2, facing, Posture.upright(n), np.ones(n)
+        )
 
     @property
     def state(self) -> ImmState:
@@ -67,6 +72,22 @@ class People(Rows):
     def exist(self, above: float) -> Bool[Mask, "n"]:
         """Return a mask of the tracks with a larger existence probability than `above`."""
         return self.existence > above
+
+    def continued(self, old: Int[Index, "p"], new: Int[Index, "p"]) -> Self:
+        """These tracks, with those at `old` going on as those at `new`, which are no tracks of their own any more."""
+        before, after = self.select(old), self.select(new)
+        roster = after.roster.changed(id=before.roster.id, born_ns=before.roster.born_ns, confirmed=before.confirmed)
+        after = after.changed(serial=before.serial, roster=roster, clothes=before.clothes, born_at=before.born_at)
+        kept = written(np.ones(len(self), np.bool_), new, False)
+        return self.replaced(old, after).select(kept)
+
+    def turned(self, velocity: Float[Array, "2 n"]) -> Self:
+        """These tracks, facing the way of their velocity [m/s] where they walk; whoever stands faces the way they came."""
+        speed = np.hypot(*velocity)
+        walks = speed > _WALKS_M_S
+        return self.changed(
+            facing=np.where(walks[:, None], velocity.T / np.where(walks, speed, 1.0)[:, None], self.facing)
+        )
 
     def in_state(self, state: ImmState) -> Self:
         """Return the tracks with another state."""

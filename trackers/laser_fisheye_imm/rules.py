@@ -96,7 +96,11 @@ PAPER_RULES: tuple[PaperRule, ...] = (
         "II",
         "the point of a group is not said. Samples lie on a body's near side, its middle half a depth behind: 0.11 m of a trunk, "
         "0.05 m of a leg. Without, positions are 16 instead of 9 cm off",
-        {"waist": {"half_depth_m": 0.11, "side_half_depth_m": None}, "knee": {"half_depth_m": 0.05}},
+        {
+            "waist": {"half_depth_m": 0.11, "side_half_depth_m": None},
+            "knee": {"half_depth_m": 0.05},
+            "legs": {"shanks_lean": False},
+        },
     ),
     PaperRule(
         "groups of knees",
@@ -149,7 +153,7 @@ RULES: Mapping[str, tuple[str, ...]] = {
         *("knee.half_depth_m", "knee.hidden_variance_m2"),
     ),
     "arms": ("waist.arm_width_m", "waist.jump_m", "waist.min_width_m"),
-    "leg-pairs": ("legs.assignment", "legs.pair_m"),
+    "leg-pairs": ("legs.assignment", "legs.pair_m", "legs.shanks_lean"),
     "weak-legs": ("knee.weak_samples",),
     "knees-alone": ("legs.gate_alone_m", "legs.single_leg_s"),
     "measured-noise": ("trunk.variance_m2", "legs.variance_m2", "legs.single_leg_variance_m2"),

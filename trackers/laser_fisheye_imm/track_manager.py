@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
 
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Index, Mask
 from trackers.filters.imm import Imm
 from trackers.filters.negative_information import existence_after_miss, probability_within, update_missed
 from trackers.filters.rows import written
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import People
-from trackers.tracking.track_manager import TrackManager, clear_of, measured_now, nanoseconds
+from trackers.likelihood.position import PositionLikelihood
+from trackers.tracking.association import Stage, associate
+from trackers.tracking.track_manager import TrackManager, clear_of, measured_now, nanoseconds, reachable
 
 _AT_REST = 0.01
 """Variance of a lying person's speed [m²/s²]."""
@@ -45,7 +47,34 @@ class ImmTrackManager(TrackManager):
         if learns:
             moved = people.measured_at - people.born_at
             new &= np.hypot(moved[:, 0], moved[:, 1]) >= rules.confirm_moved_m
+        old, again = self._re_identified(people, new.nonzero()[0], ns)
+        new = np.delete(new, again)
+        people = people.continued(old, again)
         return people.changed(roster=self.confirm(people.roster, new))
+
+    def _re_identified(self, people: People, new: Int[Index, "k"], ns: int) -> tuple[Int[Index, "p"], Int[Index, "p"]]:
+        """Pair hidden tracks with those about to be confirmed that they can have become, the likeliest by their predictions.
+
+        A track that was measured after the other began is another person.
+        """
+        rules, nobody = self._options.track_management, np.empty(0, np.intp)
+        hidden = (
+            people.confirmed & ~measured_now(people.roster, ns) & ~people.posture.lying & self._exists(people)
+        ).nonzero()[0]
+        if new.size == 0 or hidden.size == 0:
+            return nobody, nobody
+        coasted_ns, places = ns - people.roster.measured_ns[hidden], people.positions[new]
+        can_be = reachable(people.measured_at[hidden], coasted_ns, places, rules)
+        can_be &= people.roster.measured_ns[hidden, None] < people.roster.born_ns[new]
+        clothes = people.clothes.select(new)
+        colour = people.clothes.select(hidden).distance(clothes.reference, clothes.known)
+        if colour is not None:
+            can_be &= np.isnan(colour) | (colour <= self._options.appearance.same_below)
+        variance_m2 = np.full(new.size, self._options.trunk.variance_m2)
+        measured = PositionLikelihood(places, variance_m2, self._options.trunk.gate_m)
+        cost = -2 * measured.log_likelihood(people.state.select(hidden))
+        rows, columns = associate([Stage(np.ones(hidden.size, np.bool_), [cost], [~can_be])])
+        return hidden[rows], new[columns]
 
     def update_missed_tracks(
         self, people: People, ns: int, elapsed_s: float, missed: Callable[[Float[Array, "2 *n"]], Float[Array, "*n"]]

@@ -39,6 +39,7 @@ from trackers.laser_fisheye_imm.detection import Detector, Seen
 from trackers.laser_fisheye_imm.options import START_SPEED_M_S, LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import People
 from trackers.laser_fisheye_imm.track_manager import ImmTrackManager
+from trackers.likelihood.legs import legs_ahead_m
 from trackers.observations import NS_PER_S, LaserScan, Observation
 from trackers.rig import Rig
 from trackers.tracking.fixed_lag_smoother import FixedLagSmoother, Held, by_id
@@ -174,7 +175,7 @@ class LaserFisheyeImm(SynchronizedTracker):
         state = self._people.state
         chance_missed = miss_probability(state, missed, self._imm.velocity(state))
         times = synced.ns, self._last_ns
-        at = Association(self._people, chance_missed, self.options, *times, waists, knows_room)
+        at = Association(self._people, chance_missed, self._knees(), self.options, *times, waists, knows_room)
         matches = at.matches(seen)
         self._update(matches, synced.ns)
         self._learn_colours(matches, seen)
@@ -209,7 +210,14 @@ class LaserFisheyeImm(SynchronizedTracker):
         state = self._imm.update(people.state, track, matches.position, variance[:, None, None] * _ISOTROPIC)
         posture = people.posture.measured(track, matches.position, matches.legs, self.options.posture)
         people = people.measured(track, matches.position, ns, state, matches.existence, matches.offset_m2)
+        people = people.turned(self._imm.velocity(state))
         self._people = people.changed(posture=posture, single_ns=written(people.single_ns, track[matches.single], ns))
+
+    def _knees(self) -> Float[Array, "n 2"]:
+        """Return where the legs of upright people are expected from the body's axis [m]."""
+        people, legs = self._people, self.options.legs
+        speed = np.hypot(*self._imm.velocity(people.state))
+        return people.facing * legs_ahead_m(speed, self._detector.knee_height_m, legs)[:, None]
 
     def _learn_colours(self, matches: Matches, seen: Seen) -> None:
         if seen.windows is None:
@@ -236,14 +244,15 @@ class LaserFisheyeImm(SynchronizedTracker):
         people, sitting = self._people, self.options.posture
         exist = people.exist(self.options.track_management.exists_above)
         bodies = np.concatenate([people.positions[exist], matches.position])
-        # a single leg, or knees without a trunk where waists are scanned, within a stride of somebody are likelier theirs
-        maybe_theirs = matches.new_single | (self._detector.sees_waists & (matches.new_trunk < 0))
+        # a single leg, or knees without a trunk where waists are seen, within a stride of somebody are likelier theirs
+        waist_seen = self._detector.waists_seen(matches.new_position)
+        maybe_theirs = matches.new_single | (waist_seen & (matches.new_trunk < 0))
         stride_m = np.where(maybe_theirs, self.options.legs.start_apart_m, 0.0)
         free = clear_of(matches.new_position, bodies, np.maximum(self.options.track_management.start_apart_m, stride_m))
         seats = people.posture.seat[people.posture.seated(people.measured_at, sitting)]
         free &= clear_of(matches.new_position, seats, sitting.length_m)  # trunk and legs of who lies or gets up
-        if self._detector.sees_waists and self.options.legs.pair_m > 0:
-            free &= ~matches.new_single
+        if self.options.legs.pair_m > 0:
+            free &= ~(matches.new_single & waist_seen)
         position, trunk = matches.new_position[free], matches.new_trunk[free]
         histograms = np.zeros((len(position), self._detector.histogram.size))
         by_trunk = trunk >= 0

@@ -24,6 +24,11 @@ _OPPOSITE = 0.3
 """Minus the correlation of the places of a person's two legs about the prediction, where no trunk is seen: a stride puts one
 before it and one behind, an error of the prediction both on one side. Measured in the twin."""
 
+_WALKING, _STANDING = (0.38, 0.26), (0.15, 0.05)
+"""Lean of the shanks, and the height at which they are under the body's axis [m]: measured in the twin from 0.25 to 0.45 m."""
+_WALK_M_S = 0.8
+"""Speed from which people walk at full stride [m/s]."""
+
 
 class LegOptions(Strict):
     """Options of how exactly legs show their person, and which legs are one person's."""
@@ -49,6 +54,11 @@ class LegOptions(Strict):
         ge=0,
         description="standard deviation, on each axis, of how far the middle of two legs is off the person's place as long as "
         "they are held so; it counts in the stated radius, as does all that a single leg adds [m] (ours, measured)",
+    )
+    shanks_lean: bool = Field(
+        default=True,
+        description="whether the middle of the legs is before the body's axis, on the way that the person walked last, the more "
+        "the higher the scanner looks: shanks lean forward (ours, measured)",
     )
     pair_m: float = Field(
         default=PAIR_M,
@@ -94,6 +104,14 @@ class LegPairs:
 
     def _single_m2(self, options: LegOptions) -> Float[Array, "p"]:
         return np.where(self.n_leg == 1, options.single_leg_variance_m2, 0.0)
+
+
+def legs_ahead_m(speed_m_s: Float[Array, "n"], height_m: float, options: LegOptions) -> Float[Array, "n"]:
+    """Return how far the middle of the legs of n upright people is before the body's axis [m], scanned at this height [m]."""
+    if not options.shanks_lean:
+        return np.zeros_like(speed_m_s)
+    walking, standing = (max(lean * (height_m - zero_m), 0.0) for lean, zero_m in (_WALKING, _STANDING))
+    return standing + np.minimum(speed_m_s / _WALK_M_S, 1.0) * (walking - standing)
 
 
 def pair_legs(

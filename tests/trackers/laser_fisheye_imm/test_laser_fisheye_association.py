@@ -38,7 +38,9 @@ def followed(people: People, measured_ns: np.ndarray) -> People:
 def associated(people: People, options: LaserFisheyeImmOptions, ns: int, **given) -> Association:
     """Of a moment that all but surely shows whoever was seen at the last, and hardly who was not."""
     seen_lately = ns - people.roster.measured_ns < round(1.5 * PERIOD_S * NS_PER_S)
-    return Association(people, np.where(seen_lately, 0.05, 0.9), options, ns, ns - NS_PER_S // 10, **given)
+    return Association(
+        people, np.where(seen_lately, 0.05, 0.9), np.zeros((len(people), 2)), options, ns, ns - NS_PER_S // 10, **given
+    )
 
 
 def matched(trunks: Detections, legs: Detections, **options) -> Matches:
@@ -240,7 +242,9 @@ def of_one(measured: Detections, unseen: float, existence: float = 1.0, trunk: b
     nothing = np.zeros(len(trunks), np.bool_)
     seen = Seen(trunks, legs, np.ones(len(legs), np.bool_), None, np.zeros((len(trunks), 4)), nothing, nothing)
     given = LaserFisheyeImmOptions.model_validate(options)
-    return Association(people, np.array([unseen]), given, NOW, NOW - NS_PER_S // 10).matches(seen)
+    return Association(
+        people, np.array([unseen]), np.zeros((len(people), 2)), given, NOW, NOW - NS_PER_S // 10
+    ).matches(seen)
 
 
 def test_who_stands_in_plain_sight_is_what_is_seen_there_and_who_is_hidden_stays_hidden():

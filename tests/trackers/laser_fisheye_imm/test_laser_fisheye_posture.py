@@ -31,6 +31,7 @@ class Room:
         detector = self.tracker._detector
         monkeypatch.setattr(detector, "detect", lambda moment: self.seen)
         monkeypatch.setattr(detector, "missed", lambda moment, points: np.full(points.shape[1:], UPRIGHT_UNSEEN))
+        monkeypatch.setattr(detector, "waists_seen", lambda points: np.full(len(points), detector.sees_waists))
 
     def shows(self, trunks=(), legs=(), times=1) -> list[dict[int, tuple[float, float]]]:
         """Where whom it says at each of so many moments that show the same."""
@@ -115,7 +116,7 @@ def test_a_leg_that_stands_holds_nobody_back_who_walks_on(monkeypatch):
     """Where legs are all there is to see, one that is seen alone stays behind the body for as long as it stands."""
 
     def lag_m(**legs: float) -> float:
-        room = Room(monkeypatch, rate_hz=25, waist=False, legs=legs)
+        room = Room(monkeypatch, rate_hz=25, waist=False, legs={"shanks_lean": False, **legs})
         body = -1.5 + 0.04 * np.arange(33)  # 1 m/s
         for x in body[:25]:
             room.shows(legs=[(x - 0.1, 1.9), (x + 0.1, 2.1)])
