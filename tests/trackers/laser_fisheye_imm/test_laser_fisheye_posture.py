@@ -11,6 +11,7 @@ from trackers.laser.detections import Detections
 from trackers.laser_fisheye_imm.detection import Seen
 from trackers.laser_fisheye_imm.posture import Posture, PostureOptions
 from trackers.laser_fisheye_imm.tracker import LaserFisheyeImm
+from trackers.likelihood.legs import LegOptions, legs_ahead_m
 from trackers.observations import NS_PER_S, LaserScan
 from trackers.tracking.synced_frames import SyncedFrame
 
@@ -165,3 +166,25 @@ def test_who_is_gone_in_plain_sight_holds_no_newcomer_back(room):
     told = room.shows([(SEAT[0] + 0.5, SEAT[1]), ELSEWHERE], times=4)[-1]
     assert set(told) == {2, 3}
     assert told[3] == pytest.approx((SEAT[0] + 0.5, SEAT[1]), abs=0.02)
+
+
+def test_a_hidden_track_goes_on_by_a_single_leg_once_that_is_confirmed(monkeypatch):
+    """Legs that last are the hidden person's; a leg seen once takes nobody away."""
+    room = Room(monkeypatch, waist=False)
+    monkeypatch.setattr(room.tracker._detector, "missed", lambda moment, points: np.full(points.shape[1:], 0.95))
+    room.shows(legs=[(-1.6, 2.5), (-1.4, 2.5)], times=10)
+    room.shows(times=10)
+    once = room.shows(legs=[(-0.5, 2.5)])[-1]
+    assert all(abs(x + 1.5) < 0.5 for x, _ in once.values())
+    told = room.shows(legs=[(-0.5, 2.5)], times=4)[-1]
+    assert told.keys() == {1}
+    assert told[1] == pytest.approx((-0.5, 2.5), abs=0.1)
+
+
+def test_shanks_lean_the_more_the_higher_and_the_faster():
+    speed = np.array([0.0, 0.4, 0.8, 2.0])
+    low, high = (legs_ahead_m(speed, height_m, LegOptions()) for height_m in (0.3, 0.45))
+    assert (high > low).all()
+    assert (np.diff(high) >= 0).all()
+    assert high[2] == high[3]
+    assert not legs_ahead_m(speed, 0.45, LegOptions(shanks_lean=False)).any()
