@@ -57,12 +57,12 @@ class ImmTrackManager(TrackManager):
 
         A track that was measured after the other began is another person.
         """
-        rules, nobody = self._options.track_management, np.empty(0, np.intp)
+        rules, no_track = self._options.track_management, np.empty(0, np.intp)
         hidden = (
             people.confirmed & ~measured_now(people.roster, ns) & ~people.posture.lying & self._exists(people)
         ).nonzero()[0]
         if new.size == 0 or hidden.size == 0:
-            return nobody, nobody
+            return no_track, no_track
         coasted_ns, places = ns - people.roster.measured_ns[hidden], people.positions[new]
         can_be = reachable(people.measured_at[hidden], coasted_ns, places, rules)
         can_be &= people.roster.measured_ns[hidden, None] < people.roster.born_ns[new]
