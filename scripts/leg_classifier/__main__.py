@@ -2,6 +2,7 @@
 
     scripts/learn-legs [--samples FOLDER] [--seeds FIRST LAST] [--out FILE]
     scripts/learn-legs --existence [--samples FOLDER] [--drives FIRST LAST]     # by the legs that are there
+    scripts/learn-legs --evaluate FIRST LAST   # seeds of drives; nothing is learned
     scripts/learn-legs --judge FOLDER          # nothing is learned; FOLDER holds positive_{1,2,3}_extracted.npz
 
 The same seeds make the same file. Real scans are judged on and never learned from.
@@ -13,7 +14,7 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-from leg_classifier.existence import TrackSamples, track_samples
+from leg_classifier.existence import DriveCounts, TrackSamples, counted, track_samples
 from leg_classifier.judge import judge
 from leg_classifier.samples import Samples, samples_of
 from numpy.typing import NDArray
@@ -49,13 +50,16 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs=2, default=SEEDS, help="the first and the last")
     parser.add_argument("--existence", action="store_true", help="learn which tracks are people, from drives")
     parser.add_argument("--drives", type=int, nargs=2, default=DRIVES, help="seeds of the first and the last drive")
+    parser.add_argument("--evaluate", type=int, nargs=2, help="seeds of drives to count the errors of `laser-legs` on")
     parser.add_argument("--out", type=Path, default=SHIPPED)
     parser.add_argument(
         "--held-out", action="store_true", help="learn twice, first without every fifth room, and judge on these"
     )
     parser.add_argument("--judge", type=Path, help="folder of labelled scans; nothing is learned")
     arguments = parser.parse_args()
-    if arguments.existence:
+    if arguments.evaluate:
+        _evaluate(range(arguments.evaluate[0], arguments.evaluate[1] + 1))
+    elif arguments.existence:
         _learn_existence(arguments.samples, range(arguments.drives[0], arguments.drives[1] + 1))
     elif arguments.judge is None:
         arguments.samples.mkdir(parents=True, exist_ok=True)
@@ -70,6 +74,23 @@ def main() -> None:
         print(f"{arguments.out}: {arguments.out.stat().st_size / 1000:.0f} kB")
     else:
         judge(read_classifier(arguments.out), arguments.judge)
+
+
+def _evaluate(seeds: range) -> None:
+    """Count errors among people, and where there are none."""
+    for people in (True, False):
+        counts = DriveCounts()
+        for seed in seeds:
+            counts.add(counted(seed, people=people))
+        false = f"{counts.false / counts.scans:.3f} false tracks a scan of {counts.scans}"
+        if people:
+            mota = 1 - (counts.misses + counts.false + counts.switches) / counts.people
+            print(
+                f"among people: MOTA {mota:.3f}, {counts.misses} misses and {counts.switches} switches of {counts.people}; "
+                f"{false}"
+            )
+        else:
+            print(f"where there is no person: {false}")
 
 
 def _learn_existence(folder: Path, seeds: range) -> None:

@@ -11,7 +11,7 @@ from leg_classifier.drives import Drive, drives
 from numpy.typing import NDArray
 
 from trackers.arrays import Array
-from trackers.filters.gating import distances
+from trackers.filters.gating import distances, max_weight_assignment
 from trackers.laser_legs.evidence import TRACK_FEATURES
 from trackers.laser_legs.tracker import LaserLegs
 from trackers.pose import Pose
@@ -20,6 +20,8 @@ from trackers.rig import LaserSensor, Rig
 _EVERY = 2
 """Scans of which the tracks of one are taken; those between are much the same."""
 _ON_M = 0.45
+_GATE_M = 0.5
+_LEAST_BEAMS = 3
 _EMPTY_SHARE = 0.25
 """Share of drives where there is no person."""
 
@@ -57,6 +59,47 @@ def tracked(
             tracker = LaserLegs(Rig(sensors={"scan": sensor}), **{"report_in": "matched"} | options)
         tracker.update(drive.scan)
         yield drive, tracker
+
+
+@dataclass
+class DriveCounts:
+    """CLEAR counts of a drive: people that enough beams met, and of them the missed; false tracks, identity switches, scans."""
+
+    people: int = 0
+    misses: int = 0
+    false: int = 0
+    switches: int = 0
+    scans: int = 0
+
+    def add(self, other: DriveCounts) -> None:
+        """Add those of another drive."""
+        for name, value in vars(other).items():
+            setattr(self, name, getattr(self, name) + value)
+
+
+def counted(seed: int, *, people: bool) -> DriveCounts:
+    """Count the errors of a scanner that drives, with its own poses alone; gate 0.5 m, last scan's pairs are kept.
+
+    A person that fewer than `_LEAST_BEAMS` beams meet is not owed, and a track of them is not false.
+    """
+    counts, last = DriveCounts(), dict[int, int]()
+    for drive, tracker in tracked(seed, people=people, is_driving=True):
+        tracks = tracker.tracks()
+        apart = distances(drive.places, np.array([[each.x, each.y] for each in tracks]).reshape(-1, 2))
+        kept = np.array([[last.get(int(each)) == track.id for track in tracks] for each in drive.ids]).reshape(
+            apart.shape
+        )
+        person, track = max_weight_assignment(np.where(apart < _GATE_M, _GATE_M - apart + kept, 0.0))
+        missed = drive.beams >= _LEAST_BEAMS
+        counts.people += int(missed.sum())
+        missed[person] = False
+        for one, other in zip(drive.ids[person].tolist(), [tracks[k].id for k in track], strict=True):
+            counts.switches += last.get(one, other) != other
+            last[one] = other
+        counts.misses += int(missed.sum())
+        counts.false += len(tracks) - len(track)
+        counts.scans += 1
+    return counts
 
 
 def _of_people(places: Array, drive: Drive) -> NDArray[np.bool_]:
