@@ -19,7 +19,7 @@ from trackers.filters.imm import ImmState
 from trackers.filters.rows import Rows, written
 
 TRACK_FEATURES = (
-    "legs", "second_leg", "best_leg", "both", "looks_s", "missed", "shift", "farthest", "speed", "age", "range",
+    "legs", "second_leg", "best_leg", "both", "looks_s", "missed", "farthest", "speed", "age", "range",
     "driven", "free_share", "free", "hit", "spread", "beside",
 )  # fmt: skip
 """Names of what the forest is shown of a track, in their order."""
@@ -94,7 +94,6 @@ class LegTracks(Rows):
         """Return `TRACK_FEATURES` of the tracks at these places [m]; scanner: where it is [m]."""
         looked = np.maximum(self.sums[:, 0], 1e-6)
         means = self.sums[:, 1:] / looked[:, None]
-        shift = np.hypot(*(places - self.born_at).T)
         off = places[:, None] - places
         apart = np.hypot(off[..., 0], off[..., 1])
         better = (self.log_odds > self.log_odds[:, None]) | (
@@ -102,7 +101,7 @@ class LegTracks(Rows):
         )
         beside = np.where(better, apart, _BESIDE_M).min(axis=1, initial=_BESIDE_M)
         return np.column_stack([
-            means[:, 0], means[:, 1], self.best, means[:, 2], self.sums[:, 0], self.missed, shift, self.farthest, speed,
+            means[:, 0], means[:, 1], self.best, means[:, 2], self.sums[:, 0], self.missed, self.farthest, speed,
             np.minimum(age, 10.0), np.hypot(*(places - scanner).T), np.hypot(*(self.seen_from - scanner).T),
             (self.free + 0.5) / (self.free + self.hit + 1), np.log1p(self.free), np.log1p(self.hit), spread, beside,
         ])  # fmt: skip
