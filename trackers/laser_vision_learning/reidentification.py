@@ -92,7 +92,7 @@ class _Split:
 
     @property
     def n_picture(self) -> int:
-        """Pictures that told of the body that they told of least."""
+        """Number of pictures of the body with fewest."""
         return int(self.n_score.max(axis=1).min())
 
     @property

@@ -1,4 +1,4 @@
-"""Legs at knee height: jointly assigned to the trunks above them and to people whom no trunk shows."""
+"""Legs at knee height: jointly assigned to the trunks above them and to people without a trunk."""
 
 from __future__ import annotations
 

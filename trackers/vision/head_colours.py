@@ -38,7 +38,7 @@ _MOST_PIXELS = 3000.0
 
 
 def _blur(steps: int) -> Float[Array, "m m"]:
-    """Return the smoothing matrix over so many steps; beyond the last one it repeats the last."""
+    """Return the smoothing matrix over `steps` steps, whose ends repeat the outermost."""
     blur = 0.6 * np.eye(steps) + 0.2 * (np.eye(steps, k=1) + np.eye(steps, k=-1))
     blur[[0, -1], [0, -1]] += 0.2
     return blur

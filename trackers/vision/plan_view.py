@@ -49,7 +49,7 @@ def heads_in_plan(points: Float[Array, "4 k"], least_m2: float, apart_m: float) 
 
 
 def head_of(points: Float[Array, "4 k"]) -> Float[Array, "3"]:
-    """Return the middle of the head [m] of a person whom at least one point (x, y, z [m], area [m²]) shows."""
+    """Return the middle of a person's head [m] from at least one point (x, y, z [m], area [m²])."""
     x, y, z, area = points
     order = np.argsort(z)
     crown = z[order][np.searchsorted(np.cumsum(area[order]), _CROWN * area.sum())]

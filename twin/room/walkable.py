@@ -249,7 +249,7 @@ def _closed(mask: Mask, cells: int) -> Mask:
 
 
 def _square(cells: int) -> Mask:
-    """Return a square of so many cells, or one more, so that its middle is a cell."""
+    """Return a square of `cells` cells, or one more, so that its middle is a cell."""
     return np.ones((cells | 1, cells | 1), dtype=np.uint8)
 
 

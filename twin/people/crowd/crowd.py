@@ -8,16 +8,16 @@ Three layers, for all people at once:
    the social force pedestrian model by evolutionary adjustment to video tracking data", Advances in Complex Systems 10,
    2007, "elliptical II"), weaker from behind. It is turned a little to the right, so that two who meet head on pass
    instead of pushing. Walls and furniture repel by their nearest point, as in the first paper.
-2. A guarantee that forces alone do not give: nobody approaches another, furniture, or the edge of the area, faster than
+2. A guarantee beyond forces: people approach others, furniture, and the edge of the area only as fast as
    they could still brake within the gap (within their half of it where the other is a person). So bodies never come
-   closer than `KEEP_APART_M` and `KEEP_FROM_FURNITURE_M`. Runners count on harder braking, as they do.
+   closer than `KEEP_APART_M` and `KEEP_FROM_FURNITURE_M`. Runners count on harder braking.
 3. People walk where they face: the wanted speed falls with the angle between way and heading, and the heading follows
-   with a limited turning rate; short avoiding steps go sideways. Who holds a heading steps backwards and sideways, slowly.
+   with a limited turning rate; short avoiding steps go sideways. People who hold a heading step backwards and sideways, slowly.
 
-Some may be driven: they keep a path that is given, tick by tick, feel nothing, and are avoided by the others. Some may
-be absent: they exert and feel nothing.
+Driven people keep a given path, tick by tick, feel nothing, and are avoided by the others. Absent people exert and feel
+nothing.
 
-Places and velocities on the floor are complex numbers x + iy: a turn is a product, a length an absolute value.
+Positions and velocities on the floor are complex numbers x + iy: a turn is a product, a length an absolute value.
 """
 
 from __future__ import annotations
