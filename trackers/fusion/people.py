@@ -25,6 +25,9 @@ LENGTH_M = 1.2
 _SEATED_M, _KNEES_MEMORY = 0.3, 0.7
 """Distance of the legs from the trunk, on average, from which a person sits [m]; share of the old average that is kept."""
 
+_SLOW_M_S = 0.4
+"""A person who sits is slower [m/s]."""
+
 
 @dataclass(frozen=True, eq=False)
 class People(Rows):
@@ -100,6 +103,21 @@ class People(Rows):
         """The people who sit, or have lain down where they sat."""
         return ~np.isnan(self.seat[:, 0])
 
+    @property
+    def seated_knees(self) -> Float[Array, "n 2"]:
+        """Offsets of the legs of people who sit or are sitting down [m]; 0 of walkers, whose legs swing about them."""
+        before = self.seated | (np.hypot(*self.knees.T) > _SEATED_M / 2)
+        return np.where(before[:, None], self.knees, 0.0)
+
+    @property
+    def at_rest(self) -> Bool[Mask, "n"]:
+        """The people who sit or lie: those whose legs are far from the trunk while they walk are shown wrongly."""
+        return (self.seated & (np.hypot(*self.velocity.T) < _SLOW_M_S)) | (self.low > 0.5)
+
+    def upright(self) -> Self:
+        """Return the tracks as if nobody had sat down."""
+        return self.changed(knees=np.zeros_like(self.knees), seat=np.full_like(self.seat, np.nan))
+
     def learn_knees(self, row: Int[Index, "k"], legs: Float[Array, "k 2"], both: Bool[Mask, "k"]) -> Self:
         """Learn where the legs of people at `row` are from the trunk [m]; only where both are seen may they have sat down."""
         knees = self.knees.copy()
@@ -123,7 +141,7 @@ class People(Rows):
 
     def expected(self) -> Expected:
         """Return what sources are told of the tracks."""
-        return Expected(self.positions, self.heads.mean[:, :3], self.confirmed, self.knees, self.low > 0.5)
+        return Expected(self.positions, self.heads.mean[:, :3], self.confirmed, self.seated_knees, self.low > 0.5)
 
     def learn_stature(self, row: Int[Index, "k"], memory: float) -> Self:
         """Learn the statures of people at `row`, whose heads are seen: the highest that they hold them, slowly forgotten."""

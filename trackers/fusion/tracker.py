@@ -194,8 +194,12 @@ class Fusion(SynchronizedTracker):
         share = min(elapsed_s / look.kind.lasts_s, 1.0)
         people, doubted = self._people, bool(self._doubted[number])
         if doubted:  # it may still show who is where, but not exactly, and neither who is new nor who is gone
+            feet = look.feet
             off_m2 = max(self._agreement.offsets_m[number], _DOUBTED_M) ** 2
-            look = replace(look, covariance=look.covariance + off_m2 * np.eye(2), starts=np.zeros_like(look.starts))
+            look = replace(
+                look, covariance=look.covariance + off_m2 * np.eye(2), starts=np.zeros_like(look.starts), feet=None
+            )
+            people = people if feet is None else people.upright()
         missed = self._manager.missed(people, look)
         row, column, ratio = pairs(people, look, missed)
         self._compare(people, look, row, column, missed, share, number, ns)
@@ -231,7 +235,7 @@ class Fusion(SynchronizedTracker):
         sigma_m = np.sqrt(look.covariance[column].trace(axis1=1, axis2=2) / 2)
         agreement.take(number, people, row, look.position[column], sigma_m, ns)
         others_ns = np.delete(people.seen_ns, number, axis=1).max(axis=1, initial=NEVER_NS)
-        by_others = (ns - others_ns < _TOGETHER_S * NS_PER_S) & people.confirmed & (people.low < 0.5) & ~people.seated
+        by_others = (ns - others_ns < _TOGETHER_S * NS_PER_S) & people.confirmed & ~people.at_rest
         shown = np.zeros(len(people), np.bool_)
         shown[row] = True
         agreement.take_shown(number, share * by_others * (1 - missed), shown)
@@ -261,7 +265,7 @@ class Fusion(SynchronizedTracker):
         R = R + _LEAN_M**2 * np.eye(2) * people.seated[row, None, None]
         if look.feet is not None and self._sees_waists:
             known = np.flatnonzero(ns - people.seen_ns[row, 0] <= _TOGETHER_S * NS_PER_S)
-            legs = look.position[column[known]] + people.knees[row[known]] - people.seen_at[row[known], 0]
+            legs = look.position[column[known]] + people.seated_knees[row[known]] - people.seen_at[row[known], 0]
             people = people.learn_knees(row[known], legs, look.feet[column[known]])
         state = self._imm.update(people.state, row, look.position[column], R)
         people = people.changed(roster=people.roster.measured(row, ns, state))
