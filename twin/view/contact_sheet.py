@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.errors import InputError
-from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation
-from trackers.rig import CameraSensor, RigSensor
+from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation, Odometry
+from trackers.rig import CameraSensor, OdometrySensor, RigSensor
 from twin.instant.snapshot import Snapshot
 from twin.messages import OnProgress
 from twin.report.assumed_poses import assumed_poses
@@ -77,6 +77,8 @@ def drawn_view(
         ]
         boxes = simulation.boxes(t)
         for name, sensor in simulation.rig.sensors.items():
+            if isinstance(sensor, OdometrySensor):
+                continue  # shown as the place of the scanners on its base
             what, look = f"{name}: {_what(sensor)}", looks.get(name)
             match look:
                 case None if isinstance(sensor, CameraSensor):
@@ -165,6 +167,9 @@ class Sheet:
         panel = np.zeros((self._tile_px[1], self._tile_px[0], 3), dtype=np.uint8)
         layers = {name: LAYER_COLOURS[place % len(LAYER_COLOURS)] for place, name in enumerate(rig.lasers())}
         drawn = FloorPanel(rig, self._outline, *self._tile_px, true=self._simulation.true_rig, about=[*looks, *silent])
+        for name, pose in self._snapshot.bases.items():
+            frame_from_room = np.linalg.inv(rig.sensors[name].room_from_sensor.matrix)
+            drawn.move(Odometry(name, 0, frame_from_room @ pose))
         drawn.draw(panel, scans, layers, [], {}, IdentityColours(), self._poses, self._names, floors, silent)
         return panel
 
