@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -130,9 +130,8 @@ class ScannerOptions(Strict):
     margin_m: float = Field(
         default=0.12, gt=0, description="how much nearer than the room a sample must be to be foreground [m]"
     )
-    memory_s: float = Field(
-        default=60.0, gt=0, description="time constant with which a background learned from the scans fades [s]"
-    )
+    memory_s: ClassVar[float] = 60.0
+    """Time constant with which a background learned from the scans fades [s]."""
     p_detect: float = Field(
         default=0.95,
         ge=0,

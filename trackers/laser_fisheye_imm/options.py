@@ -43,12 +43,8 @@ class ImmTrackManagementOptions(TrackManagementOptions, ReidentificationOptions)
         description=described(TrackManagementOptions, "confirm_s")
         + "; where the background is known (ours; the paper: 0.5 s)",
     )
-    confirm_learned_s: float = Field(
-        default=0.5,
-        ge=0,
-        description="a tentative track is confirmed once it was measured for longer than this, where the "
-        "background is learned from the scans [s] (the paper's)",
-    )
+    confirm_learned_s: ClassVar[float] = 0.5
+    """Time for which a tentative track is measured before it is confirmed where the background is learned [s] (the paper's)."""
     confirm_moved_m: float = Field(
         default=0.15,
         ge=0,
@@ -286,13 +282,11 @@ class LaserFisheyeImmOptions(Strict):
         "than those, and is taken where that is likelier than that the track was not shown (ours); null: a pair costs N + w E, "
         "and as many are taken as can be, as in the paper",
     )
-    step_s: float = Field(
-        default=0.1,
-        ge=0.001,
-        description="time step that process and measurement noise, changes of mode and the detection probability are for; longer "
-        "gaps are predicted in such steps, and looks that follow sooner tell together what one a step would, since gait "
-        "and clothes last (ours) [s]",
-    )
+    step_s: ClassVar[float] = 0.1
+    """Time step of process and measurement noise, of changes of mode and of the detection probability [s].
+
+    A longer gap is predicted in such steps. Frames that follow sooner have a share of one step's weight: gait and clothes last.
+    """
     max_wait_s: float = Field(
         default=0.15, ge=0, description="how long a frame waits for a sensor that has not reported [s]"
     )

@@ -37,15 +37,10 @@ class PostureOptions(Strict):
     """Standard deviation of a lying person's trunk from the seat on reappearing [m]."""
     lean_m: ClassVar[float] = 0.07
     """Standard deviation, on each axis, of a sitting person's trunk from the pelvis [m]."""
-    lies_down_s: float = Field(
-        default=10.0, gt=0, description="how long a sitting person sits on average before lying down [s] (ours)"
-    )
-    stays_s: float = Field(
-        default=600.0,
-        gt=0,
-        description="how long a sitting or lying person whom nothing shows stays on average [s], in place of "
-        "`track_management.survival_s` (ours)",
-    )
+    lies_down_s: ClassVar[float] = 10.0
+    """Mean time for which a person sits before lying down [s]."""
+    stays_s: ClassVar[float] = 600.0
+    """Mean time for which an undetected person who sits or lies stays, in place of `track_management.survival_s` [s]."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,9 +29,8 @@ class PointTrackManagementOptions(TrackManagementOptions, ReidentificationOption
     start_legs: float = Field(
         default=0.4, gt=0, description="least legs' widths of unexplained points that initiate a track (ours)"
     )
-    confirm_early_hits: int = Field(
-        default=6, ge=1, description="so many measurements confirm a track before `confirm_s` (ours)"
-    )
+    confirm_early_hits: ClassVar[int] = 6
+    """Measurements that confirm a track before `confirm_s` (ours)."""
     coast_hidden_s: float = Field(
         default=3.0,
         gt=0,

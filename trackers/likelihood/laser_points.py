@@ -47,9 +47,8 @@ class PointOptions(Strict):
         ge=0,
         description="points this near to a surer person are no other one's [m]; 0: they are shared (ours)",
     )
-    link_m: float = Field(
-        default=0.4, gt=0, description="single linkage of unexplained points, to one new person [m] (ours)"
-    )
+    link_m: ClassVar[float] = 0.4
+    """Distance by which unexplained points are linked to one new person [m] (ours)."""
     leg_m: ClassVar[float] = 0.1
     """Width of a leg at the scanner's height [m]."""
     soft_m: ClassVar[float] = 0.12
