@@ -44,10 +44,10 @@ class ImmTrackManager(TrackManager):
         rules, learns = self._options.track_management, not knows_room
         step_ns = int(nanoseconds(self._options.step_s))
         new = self.to_confirm(people.roster, ns, step_ns, rules.confirm_learned_s if learns else None)
+        old, again = self._re_identified(people, new.nonzero()[0], ns)  # who stands still may be a hidden person
         if learns:
             moved = people.measured_at - people.born_at
             new &= np.hypot(moved[:, 0], moved[:, 1]) >= rules.confirm_moved_m
-        old, again = self._re_identified(people, new.nonzero()[0], ns)
         new = np.delete(new, again)
         people = people.continued(old, again)
         return people.changed(roster=self.confirm(people.roster, new))

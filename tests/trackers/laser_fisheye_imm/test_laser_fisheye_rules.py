@@ -7,6 +7,7 @@ from pydantic import BaseModel
 
 from trackers.camera_floor_particle.rules import PAPER_RULES as FLOOR_RULES
 from trackers.configuration import validate
+from trackers.errors import InputError
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.rules import PAPER, PAPER_RULES, RULES, without
 from trackers.laser_vision_learning.rules import PAPER_RULES as LEARNING_RULES
@@ -74,7 +75,9 @@ def test_the_ablation_starts_from_the_paper_and_adds_each_rule():
     assert all(each.model_dump() | {"seeds": None, "trackers": None} in shared for each in suite.scenarios)  # one cache
 
 
-def test_the_step_of_the_noise_is_read_under_its_former_name(caplog):
-    named = validate(LaserFisheyeImmOptions, {"period_s": 0.05}, "tracker laser-imm")
-    assert named == validate(LaserFisheyeImmOptions, {"step_s": 0.05}, "tracker laser-imm")
+def test_the_step_of_the_noise_is_read_under_its_former_name_with_the_value_it_always_has(caplog):
+    named = validate(LaserFisheyeImmOptions, {"period_s": 0.1}, "tracker laser-imm")
+    assert named == LaserFisheyeImmOptions()
     assert "'step_s'" in caplog.text
+    with pytest.raises(InputError, match="step_s: is no option any more, and always 0.1"):
+        validate(LaserFisheyeImmOptions, {"period_s": 0.05}, "tracker laser-imm")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sqlite3
 from pathlib import Path
 
@@ -155,7 +156,8 @@ def test_it_leaves_results_runs_plots_strips_and_a_page(folder: Path) -> None:
     names = {path.name for path in folder.iterdir()}
     assert names == {"results.json", "runs.csv", "report.html", "suite", "strips", "figure11.svg", "densities.svg"}
     page = (folder / "report.html").read_text()
-    assert "None" not in page and "nan" not in page.replace("nano", "")
+    words = re.sub(r"base64,[A-Za-z0-9+/=]+", "", page)
+    assert "None" not in words and "nan" not in words.replace("nano", "")
     assert page.count("data:image/jpeg") == len(list((folder / "strips").iterdir())) >= 1
     assert len((folder / "runs.csv").read_text().splitlines()) == 1 + 4 * 2 * 2
 

@@ -22,6 +22,7 @@ from trackers.filters.gating import distances
 from trackers.laser.clusters import Clusters
 from trackers.laser.legs.features import NAMES, cluster_features
 from trackers.observations import LaserScan
+from trackers.text_file import AnyPath
 
 SHIPPED = Path(__file__).with_name("legs.npz")
 """File that `scripts/learn-legs` wrote."""
@@ -96,13 +97,13 @@ def shipped() -> LegClassifier:
 
 
 @cache
-def read_classifier(path: Path) -> LegClassifier:
+def read_classifier(path: AnyPath) -> LegClassifier:
     """Read a classifier. Raises InputError for a file that is none."""
     return LegClassifier(read_forest(path, "alone", len(NAMES)), read_forest(path, "among", len(NAMES) + N_ABOUT))
 
 
 @cache
-def read_forest(path: Path, name: str, n_feature: int) -> Forest:
+def read_forest(path: AnyPath, name: str, n_feature: int) -> Forest:
     """Read a forest of a file by its name in it. Raises InputError for a file without one."""
     specs = {
         f"{name}_feature": ArraySpec("iu", ("trees", "questions"), 0, n_feature - 1),
@@ -114,7 +115,7 @@ def read_forest(path: Path, name: str, n_feature: int) -> Forest:
     return Forest(feature.astype(np.intp), threshold.astype(float), leaf.astype(float), float(bias))
 
 
-def write_forests(forests: Mapping[str, Forest], path: Path) -> None:
+def write_forests(forests: Mapping[str, Forest], path: AnyPath) -> None:
     """Write forests by name, as arrays of single precision."""
     arrays = {}
     for name, forest in forests.items():
