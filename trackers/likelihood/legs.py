@@ -24,8 +24,11 @@ _OPPOSITE = 0.3
 """Minus the correlation of the places of a person's two legs about the prediction, where no trunk is seen: a stride puts one
 before it and one behind, an error of the prediction both on one side. Measured in the twin."""
 
-_WALKING, _STANDING = (0.38, 0.26), (0.15, 0.05)
-"""Lean of the shanks, and the height at which they are under the body's axis [m]: measured in the twin from 0.25 to 0.45 m."""
+_LEAN, _UPRIGHT_M = 0.43, 0.305
+"""Lean of the shanks of who walks, and the height at which they are under the body's axis [m].
+
+Measured on the twin's bodies at 0.7 to 1.5 m/s, from 0.25 to 0.45 m: knee to ankle, the mean of both legs over the gait.
+"""
 _WALK_M_S = 0.8
 """Speed from which people walk at full stride [m/s]."""
 
@@ -110,8 +113,8 @@ def legs_ahead_m(speed_m_s: Float[Array, "n"], height_m: float, options: LegOpti
     """Return how far the middle of the legs of n upright people is before the body's axis [m], scanned at this height [m]."""
     if not options.shanks_lean:
         return np.zeros_like(speed_m_s)
-    walking, standing = (max(lean * (height_m - zero_m), 0.0) for lean, zero_m in (_WALKING, _STANDING))
-    return standing + np.minimum(speed_m_s / _WALK_M_S, 1.0) * (walking - standing)
+    lean_m = max(_LEAN * (height_m - _UPRIGHT_M), 0.0)
+    return lean_m * np.minimum(speed_m_s / _WALK_M_S, 1.0)
 
 
 def pair_legs(
