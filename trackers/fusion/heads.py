@@ -22,12 +22,12 @@ from trackers.filters.gating import distances
 from trackers.filters.rows import Rows, written
 from trackers.fusion.options import HeadOptions
 from trackers.likelihood.stereo_head import StereoHeadOptions, StereoHeads
+from trackers.tracking.roster import NEVER_NS
 from trackers.vision.head_colours import HeadColours
 from trackers.vision.head_model import HeadModel
 from trackers.vision.head_outlines import ASPECTS
 from trackers.vision.stereo_picture import PackedPicture
 
-NEVER_NS = -(2**62)
 _DIRECTIONS = (np.arange(ASPECTS[0]) + 0.5) * (2 * np.pi / ASPECTS[0])
 _UPRIGHT_M, _UPRIGHT_SIGMA_M = 1.55, 0.17
 """Height of the middle of a head that nobody has seen yet [m]."""

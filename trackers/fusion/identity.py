@@ -11,7 +11,6 @@ from trackers.filters.rows import written
 from trackers.fusion.options import IdentityOptions
 from trackers.fusion.people import People
 from trackers.observations import NS_PER_S
-from trackers.vision.histogram import chi_squared_distance
 
 _HIDDEN_S = 0.2
 """A track that has not been measured for longer may be the one that comes up elsewhere [s]."""
@@ -25,8 +24,8 @@ _COLOUR = 12.0
 
 def colour_distance(first: People, second: People) -> Float[Array, "n k"]:
     """Return χ² distances of the clothes of tracks, that of an even ratio where either is not known."""
-    distance = chi_squared_distance(first.clothes.reference, second.clothes.reference)
-    return np.where(first.clothes.known[:, None] & second.clothes.known, distance, _EVEN)
+    distance = first.clothes.distance(second.clothes.reference, second.clothes.known)
+    return np.full((len(first), len(second)), _EVEN) if distance is None else np.nan_to_num(distance, nan=_EVEN)
 
 
 def reidentified(

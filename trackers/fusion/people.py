@@ -10,11 +10,11 @@ from jaxtyping import Bool, Float, Int
 
 from trackers.arrays import Array, Index, Mask
 from trackers.filters.imm import ImmState
-from trackers.filters.rows import Rows, written
-from trackers.fusion.heads import NEVER_NS, Heads
+from trackers.filters.rows import written
+from trackers.fusion.heads import Heads
 from trackers.fusion.look import Expected
 from trackers.tracking.appearance import Appearance
-from trackers.tracking.roster import Roster
+from trackers.tracking.roster import NEVER_NS, ImmTracks, Roster
 
 _USUAL_STATURE_M = 1.7
 _CROWN_M = 0.12
@@ -30,7 +30,7 @@ _SLOW_M_S = 0.4
 
 
 @dataclass(frozen=True, eq=False)
-class People(Rows):
+class People(ImmTracks):
     """n tracks, oldest first."""
 
     serial: Int[Index, "n"]  # one of its own, tentative or not
@@ -72,21 +72,6 @@ class People(Rows):
             seen_ns=np.full((n, n_source), NEVER_NS),
             seen_at=np.full((n, n_source, 2), np.nan),
         )
-
-    @property
-    def state(self) -> ImmState:
-        """The state of the filter of bodies."""
-        return self.roster.state
-
-    @property
-    def confirmed(self) -> Bool[Mask, "n"]:
-        """The confirmed tracks."""
-        return self.roster.confirmed
-
-    @property
-    def positions(self) -> Float[Array, "n 2"]:
-        """Each track's position over its modes [m]."""
-        return (self.state.mean[:2] * self.state.probability).sum(axis=1).T
 
     @property
     def velocity(self) -> Float[Array, "n 2"]:
@@ -134,10 +119,6 @@ class People(Rows):
         return (
             self.changed(knees=written(self.knees, up, 0.0), seat=written(self.seat, up, np.nan)) if up.size else self
         )
-
-    def in_state(self, state: ImmState) -> Self:
-        """Return these tracks with another state of bodies."""
-        return self.changed(roster=self.roster.changed(state=state))
 
     def expected(self) -> Expected:
         """Return what sources are told of the tracks."""

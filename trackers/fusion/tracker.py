@@ -30,7 +30,7 @@ from trackers.fusion.agreement import Agreement
 from trackers.fusion.association import explained, pairs
 from trackers.fusion.cameras import Camera, cameras_of
 from trackers.fusion.floors import Floor
-from trackers.fusion.heads import NEVER_NS, HeadWeighing, gained
+from trackers.fusion.heads import HeadWeighing, gained
 from trackers.fusion.lasers import scanners_of
 from trackers.fusion.look import Look, Source
 from trackers.fusion.options import FusionOptions
@@ -39,6 +39,7 @@ from trackers.fusion.track_manager import FusionTrackManager
 from trackers.observations import NS_PER_S, Observation
 from trackers.prior import Prior
 from trackers.rig import Rig, RigSensor
+from trackers.tracking.roster import NEVER_NS
 from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
 from trackers.tracking.synced_tracker import SynchronizedTracker
 from trackers.tracks import Detection, Track, TrackFrame

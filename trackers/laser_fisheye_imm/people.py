@@ -10,18 +10,17 @@ from jaxtyping import Bool, Float, Int
 
 from trackers.arrays import Array, Index, Mask
 from trackers.filters.imm import ImmState
-from trackers.filters.rows import Rows, written
+from trackers.filters.rows import written
 from trackers.laser_fisheye_imm.posture import Posture
 from trackers.tracking.appearance import Appearance
-from trackers.tracking.roster import Roster
+from trackers.tracking.roster import NEVER_NS, ImmTracks, Roster
 
-NEVER_NS = -(2**62)
 _WALKS_M_S = 0.4
 """Speed above which people walk forwards: below, it is their sway that moves a track, and tells no way [m/s]."""
 
 
 @dataclass(frozen=True, eq=False)
-class People(Rows):
+class People(ImmTracks):
     """n tracks, oldest first."""
 
     serial: Int[Index, "n"]  # ascending; unique, also for tentative tracks
@@ -54,21 +53,6 @@ class People(Rows):
             serial, roster, clothes, position, position, never, offset_m2, facing, Posture.upright(n), np.ones(n)
         )
 
-    @property
-    def state(self) -> ImmState:
-        """The state of the filter."""
-        return self.roster.state
-
-    @property
-    def confirmed(self) -> Bool[Mask, "n"]:
-        """The confirmed tracks."""
-        return self.roster.confirmed
-
-    @property
-    def positions(self) -> Float[Array, "n 2"]:
-        """Position of each track over its modes [m]."""
-        return (self.state.mean[:2] * self.state.probability).sum(axis=1).T
-
     def exist(self, above: float) -> Bool[Mask, "n"]:
         """Return a mask of the tracks with a larger existence probability than `above`."""
         return self.existence > above
@@ -88,10 +72,6 @@ class People(Rows):
         return self.changed(
             facing=np.where(walks[:, None], velocity.T / np.where(walks, speed, 1.0)[:, None], self.facing)
         )
-
-    def in_state(self, state: ImmState) -> Self:
-        """Return the tracks with another state."""
-        return self.changed(roster=self.roster.changed(state=state))
 
     def measured(
         self,

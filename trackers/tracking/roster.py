@@ -6,12 +6,16 @@ from dataclasses import dataclass
 from typing import Generic, Self, TypeVar
 
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 
-from trackers.arrays import Index, Mask
+from trackers.arrays import Array, Index, Mask
+from trackers.filters.imm import ImmState
 from trackers.filters.rows import Batched, Rows, Selection, written
 
 State = TypeVar("State", bound=Batched)
+
+NEVER_NS = -(2**62)
+"""Stamp of what has not happened yet [ns]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,3 +57,28 @@ class Roster(Rows, Generic[State]):
         """Return the tracks with those at `track` confirmed, numbered from `first_id` on."""
         ids = first_id + np.arange(self.id[track].size)
         return self.changed(id=written(self.id, track, ids), confirmed=written(self.confirmed, track, True))
+
+
+class ImmTracks(Rows):
+    """Base of a frozen dataclass of n tracks whose roster holds the states of an IMM filter, position and velocity."""
+
+    roster: Roster[ImmState]
+
+    @property
+    def state(self) -> ImmState:
+        """The state of the filter."""
+        return self.roster.state
+
+    @property
+    def confirmed(self) -> Bool[Mask, "n"]:
+        """The confirmed tracks."""
+        return self.roster.confirmed
+
+    @property
+    def positions(self) -> Float[Array, "n 2"]:
+        """Position of each track over its modes [m]."""
+        return (self.state.mean[:2] * self.state.probability).sum(axis=1).T
+
+    def in_state(self, state: ImmState) -> Self:
+        """Return the tracks with another state."""
+        return self.changed(roster=self.roster.changed(state=state))

@@ -7,6 +7,7 @@ simulation has no noise, delay or fault: labels are those of the picture's stamp
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -77,7 +78,7 @@ class LabelledPicture:
     labels: tuple[Label, ...]
 
 
-class Labeller:
+class Labeller(ABC):
     """Labeller of a recording's pictures; a context manager, made by `open_labeller`."""
 
     keypoints: tuple[str, ...] = BAG_KEYPOINTS
@@ -96,11 +97,13 @@ class Labeller:
                 labels = tuple(self._labels(picture, truth))
                 yield LabelledPicture(picture, labels)
 
+    @abstractmethod
     def _is_labelled(self, picture: Picture) -> bool:
-        raise NotImplementedError
+        """Return whether the truth of this picture is known."""
 
+    @abstractmethod
     def _labels(self, picture: Picture, truth: TruthFrame | None) -> Iterator[Label]:
-        raise NotImplementedError
+        """Yield the labels of the people in a picture."""
 
 
 class BagLabeller(Labeller):
