@@ -35,8 +35,8 @@ from twin.truth.frames import TruthFrame
 Truth = Mapping[int, np.ndarray]
 """Positions (n, 2) [m] of the people by stamp [ns]."""
 
-_SAMPLING = ("vision-learning", "particle", "rgbd")
-"""In the names of trackers that draw at random."""
+_SAMPLING = ("vision-learning", "particle", "rgbd", "fusion")
+"""In the names of trackers that draw at random, or weigh a picture at points spread along the room's axes."""
 NOT_INVARIANT: Mapping[tuple[str, str], tuple[str, str]] = {
     ("laser-fisheye-imm-paper", "turned by 37°, moved by 1 km"): (
         "velocities",

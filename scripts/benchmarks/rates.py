@@ -19,7 +19,7 @@ from twin.scenario import Scenario, load_scenario
 Change = Callable[[Any, int], dict[str, float]]
 """Fields of a sensor to change, by its description and number."""
 
-SEEDS = range(3200, 3204)
+SEEDS = range(3400, 3402)
 _RATES_HZ = (4.0, 5.0, 7.5, 9.0, 9.97, 12.5, 20.0, 40.0)
 _USUAL_HZ = 10.0
 _JITTER_S = 0.002

@@ -47,7 +47,7 @@ def tracked(tracker: str, known: bool):
 
 @pytest.mark.parametrize(
     ("tracker", "known"),
-    [(tracker, True) for tracker in LASERS] + [(tracker, False) for tracker in ("sort", "laser-imm")],
+    [(tracker, True) for tracker in (*LASERS, "fusion")] + [(tracker, False) for tracker in ("sort", "laser-imm")],
     ids=lambda value: value if isinstance(value, str) else "known room" if value else "learned room",
 )
 @pytest.mark.parametrize("name", IN_THE_TESTS)
@@ -76,7 +76,7 @@ def test_a_floor_and_cameras_do_not_care_either(name):
     places = synthetic_home.walks(2, 12)
     scene = Scene(home, synthetic_home.empty_room(home), synthetic_home.observe(home, places))
     restated = EXACT[name](scene)
-    for tracker in ("floor-kalman", "camera-floor-particle-floor"):
+    for tracker in ("floor-kalman", "camera-floor-particle-floor", "fusion"):
         first = scene.frames(tracker)
         assert any(frame.tracks for frame in first)
         assert deviation_m(first, restated, restated.scene.frames(tracker)) <= ROUNDING_M

@@ -82,6 +82,9 @@ class Fusion(SynchronizedTracker):
         main = rig.main if rig.main in used else None
         prior, rig = Prior.of(background), rig.model_copy(update={"sensors": used, "main": main})
         self._main = rig.main_sensor
+        # what one source shows is known to the next: in an order that neither the file's nor the names' changes
+        placed = dict(sorted(used.items(), key=lambda each: each[1].room_from_sensor.matrix.ravel().tolist()))
+        rig = rig.model_copy(update={"sensors": placed, "main": self._main})
         empty_room = list(prior)
         self._imm = Imm(VelocityMotion())
         self._manager = FusionTrackManager(self.options, rig.area, self._imm)

@@ -14,8 +14,8 @@ from trackers.filters.rows import Batched, Rows, Selection, written
 
 State = TypeVar("State", bound=Batched)
 
-NEVER_NS = -(2**62)
-"""Stamp of what has not happened yet [ns]."""
+NEVER_NS = -(2**60)
+"""Stamp of what has not happened yet [ns]: long before any clock starts, and its distance to stamps until 2225 fits int64."""
 
 
 @dataclass(frozen=True, eq=False)
