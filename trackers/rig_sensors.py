@@ -275,17 +275,6 @@ class FloorSensor(Strict):
         """The elements' middles in the room, (rows, columns, 2) x, y [m]."""
         return _centres(self.rows, self.columns, self.pitch_m, cast("Hashable", self.room_from_sensor))
 
-    def cell_at(self, places: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-        """Return the row and column of the element under each position (n, 2) [m] in the room frame (0 off the grid).
-
-        Return also the mask (n,) of positions on the grid. The inverse of `centres`.
-        """
-        pose = self.room_from_sensor
-        across, along = ((places - pose.translation[:2]) @ np.linalg.inv(pose.rotation[:2, :2]).T / self.pitch_m).T
-        inside = (across >= 0) & (across < self.columns) & (along >= 0) & (along < self.rows)
-        column, row = (np.where(inside, each, 0.0).astype(np.intp) for each in (across, along))
-        return row * self.columns + column, inside
-
     @property
     def corners(self) -> NDArray[np.float64]:
         """The grid's corners in the room, counter-clockwise from the origin, (4, 2) [m]."""

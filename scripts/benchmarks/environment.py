@@ -58,13 +58,9 @@ def _queries(environment: Environment) -> Iterator[Figure]:
         "is_free": lambda: environment.is_free(points),
         "distance_to_surface": lambda: environment.distance_to_surface(points),
         "height_under": lambda: environment.height_under(points),
-        "head_possible": lambda: environment.head_possible(points),
         "head_weight": lambda: environment.head_weight(points),
         "visible": lambda: environment.visible(camera, points),
     }
-    ways = np.random.default_rng(1).normal(size=(_POINTS, 3))
-    along = median_s(lambda: environment.range_along(camera, ways))
-    yield Figure(f"range_along {_POINTS} rays", 1e3 * along, "ms", "")
     for name, query in queries.items():
         yield Figure(f"{name} of {_POINTS} points", 1e3 * median_s(query), "ms", "<= 1")
 

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from benchmarks.figure import Figure
+from benchmarks.penetration import PenetrationCheck
 from trackers.configuration import validate
 from twin.people.script.recorded import BODIES_NEED_M
 from twin.scenario import Scenario
 from twin.scenario.behaviour import RecordedPath
 from twin.scenario.pedestrians import Pedestrians, people_from
 from twin.world.body_pool import body_pools
-from twin.world.penetration import PenetrationCheck
 from twin.world.simulation import Simulation
 from twin.world.world import World
 

@@ -83,16 +83,6 @@ class Ellipses:
         """Return points around each ellipse [px]."""
         return self.points(_circle(count))
 
-    def half_size(self) -> Float[Array, "n 2"]:
-        """Return half the width and height of each upright bounding box [px]."""
-        return np.sqrt(np.diagonal(self.shape, axis1=1, axis2=2))
-
-    def semi_axes(self) -> Float[Array, "n 2"]:
-        """Return the major and the minor semi-axis of each [px]."""
-        (xx, xy), (_, yy) = np.moveaxis(self.shape, 0, -1)
-        middle, off = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
-        return np.sqrt(np.stack([middle + off, middle - off], axis=-1))
-
 
 def outline_ellipses(intrinsics: Intrinsics, solids: Ellipsoids) -> Ellipses:
     """Project ellipsoids in a camera's own frame, one ellipse each (accuracy: see the module)."""

@@ -73,17 +73,6 @@ class PlacedCamera:
         ellipses = outline_ellipses(self.intrinsics, solids.seen_from(self.eye_m, self.rotation))
         return ellipses, self.project(solids.centre)[1] & self.intrinsics.contains(ellipses.centre)
 
-    def body_axes(self, places_m: ArrayLike, heights_m: ArrayLike) -> tuple[Float[Array, "n k 2"], Bool[Mask, "n k"]]:
-        """Return pixels of the axes of upright bodies at positions (n, 2) [m], at heights (k,) or (n, k) above the floor.
-
-        And whether the picture shows each.
-        """
-        places, heights = np.asarray(places_m, dtype=float), np.asarray(heights_m, dtype=float)
-        points = np.empty((len(places), heights.shape[-1], 3))
-        points[..., :2] = places[:, None]
-        points[..., 2] = heights
-        return self.project(points)
-
     def person_boxes(
         self, places_m: ArrayLike, height_m: ArrayLike, width_m: float
     ) -> tuple[Float[Array, "n 4"], Bool[Mask, "n"]]:

@@ -13,7 +13,7 @@ from scipy import ndimage
 from trackers.area import Area
 from trackers.arrays import Array, Bytes, Index, Mask, Singles
 from trackers.environment.grid import FREE, OCCUPIED, UNKNOWN, Grid
-from trackers.environment.sight import first_met, leaps_between, sees
+from trackers.environment.sight import leaps_between, sees
 from trackers.errors import InputError
 
 _KNOWN_SHARE = 0.8
@@ -81,25 +81,6 @@ class Environment:
         column, inside = self.grid.column(places)
         return np.where(inside, self.top_m.ravel()[column], np.nan)
 
-    def head_possible(
-        self, points: ArrayLike, *, clearance_m: float = 0.1, body_m: float = 0.0, tallest_m: float = 2.1
-    ) -> Bool[Mask, "n"]:
-        """Return a mask of points (n, 3) where the centre of a head can be.
-
-        In free space, at least `clearance_m` from every surface, at most `tallest_m` above the floor; with `body_m` > 0,
-        also with free space straight down by that length [m] (0.5 for people who sit or stand).
-        """
-        points = _points(points)
-        possible = self.is_free(points)
-        possible &= points[:, 2] <= self.floor_m + tallest_m
-        possible &= self.distance_to_surface(points) >= clearance_m
-        if body_m > 0:
-            steps = self.grid.voxel_m * np.arange(1, int(body_m / self.grid.voxel_m) + 1)
-            below = np.repeat(points[:, None], len(steps), axis=1)
-            below[..., 2] -= steps
-            possible &= ~self.is_occupied(below.reshape(-1, 3)).reshape(len(points), -1).any(axis=1)
-        return possible
-
     def head_weight(
         self,
         points: ArrayLike,
@@ -136,30 +117,6 @@ class Environment:
         if origin.shape != (3,) or not np.isfinite(origin).all() or not np.isfinite(points).all():
             raise ValueError(f"origin {origin}: one place (3,) and finite points are expected")
         return sees(self._leaps, self.grid, origin, points)
-
-    def range_along(self, origins: ArrayLike, directions: ArrayLike) -> Float[Array, "n"]:
-        """Return distances [m] from one origin (3,) or from each of (n, 3) to the first surface along directions (n, 3).
-
-        Directions may be of any length. inf where the grid ends first, for example through a door. Unknown space, and voxels
-        within 1.5 voxels of an origin, are passed. The range is that of the mean point in the first occupied voxel; a voxel
-        clipped at a corner may be missed. Raises ValueError for non-finite places and directions, and for a direction of
-        length 0.
-        """
-        origins, directions = np.asarray(origins, dtype=float), _points(directions)
-        length = np.sqrt((directions**2).sum(axis=1))
-        if origins.shape not in ((3,), directions.shape) or not np.isfinite(origins).all():
-            raise ValueError(
-                f"origins have shape {origins.shape}; one finite place (3,), or one for each direction, is expected"
-            )
-        if not (np.isfinite(length) & (length > 0)).all():
-            raise ValueError("directions hold NaN, infinity or a length of 0; ones that point somewhere are expected")
-        way = directions / length[:, None]
-        voxel = first_met(self._leaps, self.grid, origins, np.ascontiguousarray(way.T))
-        met = np.flatnonzero(voxel >= 0)
-        points = self.surface_m[np.searchsorted(self._occupied, voxel[met])]
-        ranges = np.full(len(way), np.inf)
-        ranges[met] = ((points - np.broadcast_to(origins, way.shape)[met]) * way[met]).sum(axis=1)
-        return ranges
 
     def agreement(self, points: ArrayLike, within_m: float = 0.15) -> float:
         """Return the share of measured points (n, 3) [m], for example of the empty room, on a known surface.

@@ -42,13 +42,13 @@ def sees(
 def first_met(
     leaps: Float32[Singles, "nx ny nz"],
     grid: Grid,
-    origin: Float[Array, "3"] | Float[Array, "n 3"],
+    origin: Float[Array, "3"],
     way: Float[Array, "3 n"],
     end: Float[Array, "n"] | float = np.inf,
 ) -> Int32[Voxels, "n"]:
     """Trace each line to its first occupied voxel: the flat index, −1 without one before `end`.
 
-    Lines start from one common origin or one each [m], along unit vectors `way`, up to `end` in voxels, and begin
+    Lines start from one origin [m], along unit vectors `way`, up to `end` in voxels, and begin
     _ENDS_VOXELS away. They leap as far as `leaps` (`leaps_between`) allows (Hart 1996, Sphere tracing). A line at an
     occupied voxel, or its end, stays there, so lines need not be removed after every leap.
     """

@@ -20,7 +20,7 @@ from trackers.rig import FisheyeSensor, Rig, StereoSensor
 from trackers.tracking.synced_frames import SyncedFrame
 from trackers.tracks import Detection
 from trackers.vision.histogram import ColourHistogram
-from trackers.vision.person_windows import TorsoOptions, TorsoProjector, TorsoWindows
+from trackers.vision.person_windows import TorsoOptions, TorsoProjector
 
 _LIKELY = 0.5
 
@@ -32,7 +32,6 @@ class Seen:
     trunks: Detections
     legs: Detections
     sufficient: Bool[Mask, "l"]  # the legs with enough samples to initiate a track
-    windows: TorsoWindows | None
     histograms: Float[Array, "k bins"]  # of the trunks; meaningful where comparable
     comparable: Bool[Mask, "k"]
     clear: Bool[Mask, "k"]  # may be learned from
@@ -106,7 +105,7 @@ class Detector:
         image = None if self._camera is None else synced.observations.get(self._camera)
         if self._projector is None or not isinstance(image, Image):
             nothing = np.zeros(len(trunks), np.bool_)
-            return Seen(trunks, legs, sufficient, None, np.zeros((len(trunks), self.histogram.size)), nothing, nothing)
+            return Seen(trunks, legs, sufficient, np.zeros((len(trunks), self.histogram.size)), nothing, nothing)
         expected = (self._intrinsics.height, self._intrinsics.width, 3)
         if image.rgb.shape != expected:
             raise InputError(
@@ -119,7 +118,7 @@ class Detector:
         if without:
             histograms = np.concatenate([histograms, np.zeros((without, self.histogram.size))])
         usable, clear = (np.pad(each, (0, without)) for each in (windows.usable, windows.clear))
-        return Seen(trunks, legs, sufficient, windows, histograms, usable, clear)
+        return Seen(trunks, legs, sufficient, histograms, usable, clear)
 
     def _scanned(self, synced: SyncedFrame, role: Role) -> Detections:
         group = self._groups.get(role)

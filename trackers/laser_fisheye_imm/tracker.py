@@ -93,7 +93,6 @@ class LaserFisheyeImm(SynchronizedTracker):
         self._smoother = self._made_to_wait()
         self._ns: int | None = None
         self._last_ns = 0  # of the frame before
-        self._windows: list[tuple[int | None, Array]] = []
         self._seen: list[tuple[int, Seen]] = []
         if self.background_learned_causally:
             logger.warning("no scans of the empty room: the background is learned from the scans as they come")
@@ -142,10 +141,6 @@ class LaserFisheyeImm(SynchronizedTracker):
             for number, x, y, vx, vy, radius_m, is_measured in zip(*(each.tolist() for each in columns), strict=True)
         ]
 
-    def torso_windows(self) -> list[tuple[int | None, Float[Array, "p 2"]]]:
-        """Return the torso windows of the last frame's image: track id (None: unassigned), and the outline in pixels."""
-        return self._windows
-
     def _work_all(self, synced_frames: list[SyncedFrame]) -> list[TrackFrame]:
         self._seen = []
         if self._smoother is None:
@@ -179,7 +174,6 @@ class LaserFisheyeImm(SynchronizedTracker):
         matches = at.matches(seen)
         self._update(matches, synced.ns)
         self._learn_colours(matches, seen)
-        self._note_windows(matches, seen)
         people = self._track_manager.confirmed(self._people, synced.ns, knows_room)
         people = self._track_manager.update_missed_tracks(people, synced.ns, elapsed_s, missed)
         self._people = self._track_manager.remaining(people, synced.ns)
@@ -220,8 +214,6 @@ class LaserFisheyeImm(SynchronizedTracker):
         return people.facing * legs_ahead_m(speed, self._detector.knee_height_m, legs)[:, None]
 
     def _learn_colours(self, matches: Matches, seen: Seen) -> None:
-        if seen.windows is None:
-            return
         looked = (matches.trunk >= 0).nonzero()[0]
         looked = looked[seen.clear[matches.trunk[looked]]]
         if looked.size == 0:
@@ -273,19 +265,6 @@ class LaserFisheyeImm(SynchronizedTracker):
         self._next_serial += len(position)
         n_look = has_reference.astype(np.int64)
         return People.started(state, position, ns, reference, n_look, self._next_serial - len(position))
-
-    def _note_windows(self, matches: Matches, seen: Seen) -> None:
-        self._windows = []
-        if seen.windows is None:
-            return
-        owner = {
-            int(trunk): int(self._people.roster.id[track])
-            for track, trunk in zip(matches.track, matches.trunk, strict=True)
-        }
-        self._windows = [
-            (owner.get(int(trunk)) or None, seen.windows.outline(int(trunk)))
-            for trunk in np.flatnonzero(seen.comparable)
-        ]
 
     # --- set up
 

@@ -135,15 +135,6 @@ def measured_now(roster: Roster[State], ns: int) -> Bool[Mask, "n"]:
     return roster.measured_ns == ns
 
 
-def lasted_s(since_ns: int, ns: int, before_ns: int) -> float:
-    """Return the time [s] for which an object first seen at `since_ns` has been seen at `ns`; 0 at first sight.
-
-    Each frame stands for the time since the frame before it (`before_ns`), so that a rule by this time needs twice as many
-    frames of a sensor twice as fast, and jitter of a few milliseconds does not shift it by a whole frame.
-    """
-    return 0.0 if ns <= since_ns else (ns - since_ns + ns - before_ns) / NS_PER_S
-
-
 def measured_often(roster: Roster[State], ns: int, at_least: int) -> Bool[Mask, "n"]:
     """Return a mask of the tentative tracks measured at ns, and `at_least` times in total."""
     return ~roster.confirmed & measured_now(roster, ns) & (roster.n_measured >= at_least)

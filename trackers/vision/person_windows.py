@@ -122,11 +122,6 @@ class TorsoWindows:
     usable: Bool[Mask, "k"]  # whether the window may be compared
     clear: Bool[Mask, "k"]  # usable, wide enough and not overlapped by another: may be learned from
 
-    def outline(self, index: int) -> Float[Array, "p 2"]:
-        """Return the border of one window as a polygon of pixels, for drawing."""
-        grid = self.pixels[index]
-        return np.concatenate([grid[0], grid[1:, -1], grid[-1, -2::-1], grid[-2:0:-1, 0]])
-
 
 class TorsoProjector:
     """Projector of torso windows over one scanner's detections into one camera's images."""

@@ -151,20 +151,6 @@ def scan_scenario(
     return scan_room(snapshot, where, LASER_NOISE[noise], scenario.seed, scanner, on_progress), world
 
 
-def scenario_environment(
-    scenario: Scenario,
-    stations: Sequence[Sequence[float]] = (),
-    *,
-    noise: str = "default",
-    scanner: TiltingScanner | None = None,
-    options: EnvironmentOptions | None = None,
-    on_progress: OnProgress | None = None,
-) -> Environment:
-    """Build the environment of the scenario's room from a scan; see `scan_scenario`."""
-    cloud, world = scan_scenario(scenario, stations, noise=noise, scanner=scanner, on_progress=on_progress)
-    return build_environment(cloud, room=scenario.room_name, area=world.scene.area, options=options)
-
-
 def write_environment(
     scenario: Scenario,
     stations: Sequence[Sequence[float]] = (),

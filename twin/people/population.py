@@ -102,11 +102,6 @@ class Population(Poses):
         self._record()
 
     @property
-    def in_use(self) -> dict[str, str]:
-        """Seat or bed per person that sits or lies on it, is about to, or has just left it, as of the last step."""
-        return {self.names[number]: furniture for furniture, number in self._context.taken.items()}
-
-    @property
     def doing(self) -> tuple[str, ...]:
         """Kind of action of each person as of the last step, in the order of names."""
         return tuple(self._context.doing)

@@ -7,7 +7,7 @@ Poses between two messages are interpolated: places linearly, rotations along th
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from math import degrees
@@ -225,12 +225,6 @@ class _Growing:
         stamps, log, number = (np.array(each, dtype=np.int64) for each in (self.stamps, self.log, self.number))
         poses = np.array(self.values).reshape(-1, 4, 4)
         return Edge(self.topic, parent, child, self.topic == TF_STATIC, stamps, log, number, poses)
-
-
-def moving_edges(tree: TransformTree, frames: Iterable[str]) -> Iterator[Edge]:
-    """Yield the edges that move between these frames and their roots."""
-    above = tree.ancestors(frames)
-    yield from (edge for child, edge in tree.edges.items() if child in above and edge.moves)
 
 
 @dataclass(frozen=True, eq=False)

@@ -98,7 +98,6 @@ def environment(arguments: list[str]) -> None:
     loaded.is_free(points)
     loaded.distance_to_surface(points)
     loaded.height_under(points)
-    loaded.head_possible(points)
     loaded.head_weight(points)
     loaded.visible(points[0], points)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from box_room import BOXES, CUPBOARD, ROOM, STATIONS, TABLE, box_distance, box_room_cloud, room_distance, sphere
+from box_room import BOXES, CUPBOARD, ROOM, STATIONS, TABLE, box_distance, box_room_cloud
 
 from trackers.environment import (
     FREE,
@@ -137,51 +137,6 @@ def test_visible_against_brute_force(environment, origin):
     assert not seen[far & blocked].any()
 
 
-@pytest.mark.parametrize("origin", [[-1.85, -1.35, 2.4], [0.0, 0.0, 0.9], [1.9, 1.4, 1.8]])
-def test_ranges_along_rays_end_at_the_true_boxes(environment, origin):
-    way = sphere(4.0)
-    truth = np.min([room_distance(origin, way), *(box_distance(origin, way, box) for box in BOXES)], axis=0)
-    far = truth > 0.2
-    found = environment.range_along(origin, 3.0 * way)[far]
-    assert np.isfinite(found).mean() > 0.99
-    ends = origin + found[:, None] * way[far]
-    gaps = np.min([*(gap_to(ends, box) for box in BOXES), *np.abs(ends - ROOM[0]).T, *np.abs(ends - ROOM[1]).T], axis=0)
-    assert np.median(gaps) < VOXEL_M / 2
-    assert np.quantile(gaps, 0.95) < VOXEL_M
-    # along the ray a gap is as much longer as the ray grazes the surface: from a corner most do
-    assert np.median(np.abs(found - truth[far])) < (0.01 if origin == [0.0, 0.0, 0.9] else VOXEL_M)
-
-
-def test_ranges_are_those_of_marching_in_tiny_steps(environment):
-    rng = np.random.default_rng(4)
-    origins, way = inside(ROOM, 300, inset=0.3), rng.normal(size=(300, 3))
-    way /= np.linalg.norm(way, axis=1, keepdims=True)
-    found = environment.range_along(origins, way)
-    steps = np.arange(1.5 * VOXEL_M, 6.0, 0.002)
-    places = origins[:, None] + steps[:, None] * way[:, None]
-    occupied = environment.is_occupied(places.reshape(-1, 3)).reshape(300, -1)
-    marched = np.where(occupied.any(axis=1), steps[occupied.argmax(axis=1)], np.inf)
-    assert (np.isfinite(found) == np.isfinite(marched)).mean() > 0.99
-    both = np.isfinite(found) & np.isfinite(marched)
-    # a point of a voxel is at most its diagonal farther than where the ray enters it
-    assert (np.abs(found[both] - marched[both]) <= np.sqrt(3) * VOXEL_M).mean() > 0.97
-
-
-def test_a_ray_out_of_the_grid_meets_nothing(environment):
-    out = environment.range_along([0.0, 0.0, 9.0], [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
-    assert np.isposinf(out).all()
-    assert environment.range_along([9.0, 0.0, 1.2], [[-1.0, 0.0, 0.0]]) == pytest.approx(7.0, abs=0.02)
-    assert environment.range_along(np.zeros((0, 3)), np.zeros((0, 3))).shape == (0,)
-
-
-def test_rays_that_point_nowhere_are_refused(environment):
-    for direction in ([0.0, 0.0, 0.0], [np.nan, 0.0, 1.0]):
-        with pytest.raises(ValueError, match="point somewhere"):
-            environment.range_along([0.0, 0.0, 1.0], [direction])
-    with pytest.raises(ValueError, match="one for each direction"):
-        environment.range_along(np.zeros((3, 3)), [[1.0, 0.0, 0.0]])
-
-
 def test_a_table_hides_what_is_under_it(environment):
     above = np.array([1.0, 0.0, 2.3])
     assert not environment.visible(above, [[1.0, 0.05, 0.3]]).any()
@@ -191,14 +146,6 @@ def test_a_table_hides_what_is_under_it(environment):
 def test_a_place_beyond_the_grid_is_seen_if_nothing_known_is_between(environment):
     assert not environment.visible([9.0, 0.0, 1.2], [[0.0, 0.0, 1.2]]).any(), "the wall is"
     assert environment.visible([9.0, 0.0, 9.0], [[9.0, 2.0, 1.2]]).all()
-
-
-def test_where_a_head_can_be(environment):
-    over_floor, over_table, at_wall = [0.0, 0.3, 1.6], [1.0, 0.0, 1.2], [0.0, 1.45, 1.6]
-    in_cupboard, under_roof, outside = [-1.2, 0.95, 0.5], [0.0, 0.3, 2.2], [0.0, 2.5, 1.6]
-    points = np.array([over_floor, over_table, at_wall, in_cupboard, under_roof, outside])
-    np.testing.assert_array_equal(environment.head_possible(points), [True, True, False, False, False, False])
-    np.testing.assert_array_equal(environment.head_possible(points, body_m=0.6)[:2], [True, False])
 
 
 def test_the_papers_weights(environment):
@@ -262,7 +209,7 @@ def test_every_voxel_is_one_of_three(environment):
     assert len(environment.surface_m) == (environment.state == OCCUPIED).sum()
 
 
-@pytest.mark.parametrize("query", ["is_free", "is_occupied", "distance_to_surface", "head_possible", "head_weight"])
+@pytest.mark.parametrize("query", ["is_free", "is_occupied", "distance_to_surface", "head_weight"])
 def test_not_a_number_is_no_place(environment, query):
     with pytest.raises(ValueError, match="NaN or infinity"):
         getattr(environment, query)([[0.0, np.nan, 1.0]])

@@ -94,12 +94,3 @@ def test_an_empty_floor_has_no_clusters():
 def test_a_frame_of_another_size_is_refused():
     with pytest.raises(InputError, match="frame of 'floor' has 2 x 3 elements; the rig says 6 x 9"):
         floor_clusters(frame(np.zeros((2, 3))), FLOOR)
-
-
-def test_elements_under_places_are_those_whose_middles_they_are():
-    cell, inside = FLOOR.cell_at(FLOOR.centres.reshape(-1, 2))
-    assert inside.all()
-    np.testing.assert_array_equal(cell, np.arange(ROWS * COLUMNS))
-    middle, corners = FLOOR.corners.mean(axis=0), FLOOR.corners
-    _, inside = FLOOR.cell_at(np.concatenate([middle + 0.99 * (corners - middle), middle + 1.01 * (corners - middle)]))
-    assert inside.tolist() == 4 * [True] + 4 * [False]

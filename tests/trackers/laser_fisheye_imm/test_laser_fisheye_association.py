@@ -55,7 +55,6 @@ def matched(trunks: Detections, legs: Detections, **options) -> Matches:
         trunks,
         legs,
         np.ones(len(legs), np.bool_),
-        None,
         np.zeros((count, 4)),
         np.zeros(count, np.bool_),
         np.zeros(count, np.bool_),
@@ -95,7 +94,7 @@ def test_of_several_hidden_the_likeliest_is_re_identified():
     people = People.started(state, places, 0, np.zeros((2, 4)), np.zeros(2, np.int64))
     people = followed(people, ago(0.8, 0.9))
     nothing = np.zeros(1, np.bool_)
-    seen = Seen(detections((1.3, 1.9)), detections(), np.empty(0, np.bool_), None, np.zeros((1, 4)), nothing, nothing)
+    seen = Seen(detections((1.3, 1.9)), detections(), np.empty(0, np.bool_), np.zeros((1, 4)), nothing, nothing)
     assert associated(people, LaserFisheyeImmOptions(), NOW).matches(seen).track.tolist() == [0]
 
 
@@ -113,7 +112,6 @@ def test_trunk_before_legs_however_near_as_in_the_paper():
         detections(far_trunk),
         detections(*near_legs),
         np.ones(len(near_legs), np.bool_),
-        None,
         np.zeros((1, 4)),
         nothing,
         nothing,
@@ -131,7 +129,7 @@ def test_a_shirt_decides_between_two_who_are_about_as_near():
     people = People.started(imm.start(places, np.zeros((2, 2)), 0.02, 0.1), places, 0, shirts, np.array([9, 9]))
     people = followed(people, ago(PERIOD_S, PERIOD_S))
     shown = np.ones(1, np.bool_)
-    seen = Seen(detections((0.2, 2.0)), detections(), np.empty(0, np.bool_), None, np.array([[0.9, 0.1]]), shown, shown)
+    seen = Seen(detections((0.2, 2.0)), detections(), np.empty(0, np.bool_), np.array([[0.9, 0.1]]), shown, shown)
 
     def whose(**options) -> list[int]:
         given = LaserFisheyeImmOptions.model_validate(options)
@@ -146,7 +144,7 @@ def test_another_shirt_rules_nobody_out_whom_nothing_else_explains():
     place, shown = np.array([[0.0, 2.0]]), np.ones(1, np.bool_)
     state = Imm().start(place, np.zeros((1, 2)), 0.02, 0.1)
     people = followed(People.started(state, place, 0, np.array([[1.0, 0.0]]), np.array([9])), ago(PERIOD_S))
-    seen = Seen(detections((0.1, 2.0)), detections(), np.empty(0, np.bool_), None, np.array([[0.0, 1.0]]), shown, shown)
+    seen = Seen(detections((0.1, 2.0)), detections(), np.empty(0, np.bool_), np.array([[0.0, 1.0]]), shown, shown)
 
     def whose(**options) -> list[int]:
         return associated(people, LaserFisheyeImmOptions(**options), NOW).matches(seen).track.tolist()
@@ -162,7 +160,7 @@ def test_the_own_shirt_speaks_for_somebody_beside_whose_shirt_nobody_has_seen():
     shown = np.ones(1, np.bool_)
 
     def whose(look: list[float], **options) -> list[int]:
-        seen = Seen(detections((0.3, 2.0)), detections(), np.empty(0, np.bool_), None, np.array([look]), shown, shown)
+        seen = Seen(detections((0.3, 2.0)), detections(), np.empty(0, np.bool_), np.array([look]), shown, shown)
         given = LaserFisheyeImmOptions.model_validate(options)
         return associated(people, given, NOW).matches(seen).track.tolist()
 
@@ -180,7 +178,6 @@ def test_who_comes_back_far_from_the_prediction_is_known_by_the_shirt():
             detections((1.5, 2.3)),
             detections(),
             np.empty(0, np.bool_),
-            None,
             np.array([shirt]),
             *2 * (np.ones(1, np.bool_),),
         )
@@ -200,7 +197,7 @@ def of_two_hidden(legs: Detections, **options) -> Matches:
     people = followed(people, ago(0.5, 0.5))
     nothing = np.zeros(0, np.bool_)
     firm = np.ones(len(legs), np.bool_)
-    seen = Seen(detections(), legs, firm, None, np.zeros((0, 4)), nothing, nothing)
+    seen = Seen(detections(), legs, firm, np.zeros((0, 4)), nothing, nothing)
     return associated(people, LaserFisheyeImmOptions.model_validate(options), NOW).matches(seen)
 
 
@@ -215,7 +212,7 @@ def of_somebody_new(knows_room: bool) -> Matches:
         Imm().start(place, np.zeros((1, 2)), 0.06, 0.1), place, 0, np.zeros((1, 4)), np.zeros(1, np.int64)
     )
     assert not people.confirmed.any()
-    seen = Seen(detections(), legs, np.ones(3, np.bool_), None, np.zeros((0, 4)), *[np.zeros(0, np.bool_)] * 2)
+    seen = Seen(detections(), legs, np.ones(3, np.bool_), np.zeros((0, 4)), *[np.zeros(0, np.bool_)] * 2)
     return associated(people, LaserFisheyeImmOptions(), NOW, sees_waists=False, knows_room=knows_room).matches(seen)
 
 
@@ -240,7 +237,7 @@ def of_one(measured: Detections, unseen: float, existence: float = 1.0, trunk: b
     people = people.changed(existence=np.array([existence]))
     trunks, legs = (measured, nobody) if trunk else (nobody, measured)
     nothing = np.zeros(len(trunks), np.bool_)
-    seen = Seen(trunks, legs, np.ones(len(legs), np.bool_), None, np.zeros((len(trunks), 4)), nothing, nothing)
+    seen = Seen(trunks, legs, np.ones(len(legs), np.bool_), np.zeros((len(trunks), 4)), nothing, nothing)
     given = LaserFisheyeImmOptions.model_validate(options)
     return Association(
         people, np.array([unseen]), np.zeros((len(people), 2)), given, NOW, NOW - NS_PER_S // 10
@@ -275,7 +272,7 @@ def test_who_is_likely_gone_is_not_re_identified():
     state = Imm().start(places, np.zeros((1, 2)), 0.02, 0.1)
     people = followed(People.started(state, places, 0, np.array([[0.9, 0.1]]), np.array([9])), ago(0.8))
     shown = np.ones(1, np.bool_)
-    seen = Seen(detections((1.5, 2.3)), detections(), np.empty(0, np.bool_), None, np.array([[0.8, 0.2]]), shown, shown)
+    seen = Seen(detections((1.5, 2.3)), detections(), np.empty(0, np.bool_), np.array([[0.8, 0.2]]), shown, shown)
     for existence, track in ((0.6, [0]), (0.4, [])):
         at = associated(people.changed(existence=np.array([existence])), LaserFisheyeImmOptions(), NOW)
         assert at.matches(seen).track.tolist() == track

@@ -332,14 +332,6 @@ def test_the_order_of_people_does_not_matter():
     assert permuted == frames
 
 
-def test_torso_windows_name_their_owner():
-    frames, tracker = tracked(CROSSING)
-    windows = tracker.torso_windows()
-    assert {owner for owner, _ in windows} <= {track.id for track in frames[-1].tracks} | {None}
-    assert any(owner is not None for owner, _ in windows)
-    assert all(outline.shape[1] == 2 for _, outline in windows)
-
-
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 0.0])
 def test_scans_that_show_nothing_track_nobody(value):
     given = [replace(o, ranges_m=np.full_like(o.ranges_m, value)) for o in observe(CROSSING, 1, images=False)]

@@ -41,7 +41,7 @@ class Room:
             found: Detections = detections(*trunks)
             nothing = np.zeros(len(found), np.bool_)
             histograms = np.zeros((len(found), self.tracker._detector.histogram.size))
-            self.seen = Seen(found, detections(*legs), np.ones(len(legs), np.bool_), None, histograms, nothing, nothing)
+            self.seen = Seen(found, detections(*legs), np.ones(len(legs), np.bool_), histograms, nothing, nothing)
             self.n += 1
             ns = self.n * NS_PER_S // self.rate_hz
             self.tracker._work(

@@ -1,9 +1,6 @@
 """Confirmation, deletion and re-identification, by the same options for every tracker, at any rate."""
 
-import itertools
-
 import numpy as np
-import pytest
 from hypothesis import given, strategies as st
 
 from trackers.filters.imm import ImmState
@@ -13,7 +10,6 @@ from trackers.tracking.track_manager import (
     ReidentificationOptions,
     TrackManagementOptions,
     TrackManager,
-    lasted_s,
     reachable,
 )
 
@@ -31,14 +27,6 @@ def measured_at(*frames: set[int], n: int = 2) -> Roster[ImmState]:
     for k, seen in enumerate(frames, start=1):
         roster = roster.measured(np.array(sorted(seen), np.intp), k * TENTH, states(n))
     return roster
-
-
-@pytest.mark.parametrize(("rate_hz", "frames"), [(4, 2), (5, 2), (7.5, 3), (10, 3), (20, 6), (40, 12)])
-def test_what_is_seen_for_a_time_is_seen_at_as_many_frames_as_the_rate_makes_of_it(rate_hz, frames):
-    stamps = [round(k * 1e9 / rate_hz) + jitter for k, jitter in zip(range(20), [0, 2_000_000] * 10, strict=True)]
-    lasted = [lasted_s(stamps[0], ns, before) for before, ns in itertools.pairwise(stamps)]
-    assert lasted_s(stamps[0], stamps[0], stamps[0] - 10**9) == 0
-    assert next(k for k, each in enumerate(lasted, 2) if each > 0.28) == frames
 
 
 def test_a_track_is_confirmed_by_time_and_count_only_while_it_is_measured():

@@ -30,7 +30,7 @@ def test_patches_lie_on_the_body_before_any_camera(camera: PlacedCamera) -> None
     boxes, _ = camera.person_boxes(APART, 1.7, 0.5)
     inside = (patches.centre >= boxes[:, None, :2]) & (patches.centre <= boxes[:, None, 2:])
     assert inside.all()
-    axis, _ = camera.body_axes(APART, np.array([0.15, 0.9, 1.65]))
+    axis, _ = camera.project(np.array([[[x, y, z] for z in (0.15, 0.9, 1.65)] for x, y in APART]))
     np.testing.assert_allclose(PatchSampler(camera).middles(APART), axis[:, 1])
     assert (np.ptp(patches.centre, axis=1)[:, 1] > 0.6 * (axis[:, 0] - axis[:, 2])[:, 1]).all()
 

@@ -16,9 +16,9 @@ from pydantic import BaseModel
 
 import trackers
 import twin
-from trackers.environment import load_environment, save_environment
+from trackers.environment import build_environment, load_environment, save_environment
 from trackers.rig import Rig
-from twin.environment.run import scenario_environment
+from twin.environment.run import scan_scenario
 from twin.environment.scan import TiltingScanner
 
 
@@ -98,7 +98,8 @@ def test_run_track_and_read_by_any_path(kind: str, tmp_path: Path, monkeypatch: 
 
 
 def test_environment_by_any_path(tmp_path: Path) -> None:
-    environment = scenario_environment(twin.load_scenario("pair"), scanner=TiltingScanner(beams=91, tilt_step_deg=2.0))
+    cloud, _ = scan_scenario(twin.load_scenario("pair"), scanner=TiltingScanner(beams=91, tilt_step_deg=2.0))
+    environment = build_environment(cloud)
     for kind, of in KINDS.items():
         save_environment(environment, of(tmp_path / f"{kind}.npz"))
         assert load_environment(of(tmp_path / f"{kind}.npz")).room == environment.room

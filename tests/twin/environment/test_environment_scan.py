@@ -10,7 +10,7 @@ from trackers.configuration import validate
 from trackers.environment import build_environment
 from trackers.errors import InputError
 from trackers.observations import LaserScan
-from twin.environment.run import scan_scenario, scenario_environment
+from twin.environment.run import scan_scenario
 from twin.environment.scan import TiltingScanner, chosen_stations, given_stations, scan_room
 from twin.scenario import Scenario
 from twin.sensors.laser_noise import LASER_NOISE
@@ -224,11 +224,12 @@ def test_a_scanner_that_cannot_be(fields, message):
 
 
 def test_an_environment_of_a_scenario_carries_its_room_and_area():
-    environment = scenario_environment(
+    cloud, world = scan_scenario(
         scenario("lab", area=[[-2, 0.6], [2, 0.6], [2, 2.8], [-2, 2.8]]),
         [(0.0, 1.5)],
         scanner=TiltingScanner(tilt_step_deg=1),
     )
+    environment = build_environment(cloud, room="lab", area=world.scene.area)
     assert environment.room == "lab"
     np.testing.assert_allclose(environment.area_m, [[-2, 0.6], [2, 0.6], [2, 2.8], [-2, 2.8]])
     environment.check("lab.npz", room="lab", area=environment.area_m)
@@ -236,9 +237,8 @@ def test_an_environment_of_a_scenario_carries_its_room_and_area():
 
 def test_the_background_of_a_scanner_on_the_wall_agrees_with_its_room():
     """What a tracker can do with a bag: hold the empty room's scans against the environment."""
-    environment = scenario_environment(
-        scenario("lab"), [(0.0, 1.5), (-1.5, 2.2)], scanner=TiltingScanner(tilt_step_deg=0.5)
-    )
+    cloud, _ = scan_scenario(scenario("lab"), [(0.0, 1.5), (-1.5, 2.2)], scanner=TiltingScanner(tilt_step_deg=0.5))
+    environment = build_environment(cloud)
     angles = np.deg2rad(np.arange(0, 180, 0.5))
     origin = np.array([0.0, 0.0, 0.8])
     directions = np.stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))], axis=-1)

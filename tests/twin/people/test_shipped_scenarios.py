@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from benchmarks.penetration import count_penetrations
 
 from twin import models
 from twin.people.script.recorded import close_calls
 from twin.room.furniture import Bed, Seat
 from twin.scenario import load_scenario
-from twin.world.penetration import count_penetrations
 from twin.world.world import World
 
 pytestmark = pytest.mark.slow
@@ -22,7 +22,7 @@ def using(world: World) -> dict[int, list[int]]:
     """The geoms that people press into who sit or lie, or are about to, by their ids."""
     ids, names = world.scene.ids, world.population.names
     held: dict[int, list[int]] = {}
-    for name, furniture in world.population.in_use.items():
+    for name, furniture in world.population._context.taken.items():
         thing = world.scene.ground.furniture[furniture]
         assert isinstance(thing, Seat | Bed)
         held[ids[name]] = sorted(thing.geoms)

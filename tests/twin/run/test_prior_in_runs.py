@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from command_line import Ended, twin
 
-from trackers.environment import load_environment, save_environment
+from trackers.environment import build_environment, load_environment, save_environment
 from trackers.errors import InputError
-from twin.environment.run import scenario_environment
+from twin.environment.run import scan_scenario
 from twin.environment.scan import TiltingScanner
 from twin.run.inputs import TrustedClasses
 from twin.run.live import run_scenario
@@ -68,7 +68,8 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A coarse environment of the lab."""
     scanner = TiltingScanner(tilt_step_deg=1.0)
     path = tmp_path_factory.mktemp("environment") / "lab.npz"
-    save_environment(scenario_environment(load_scenario("lab-five-people"), noise="off", scanner=scanner), path)
+    cloud, world = scan_scenario(load_scenario("lab-five-people"), noise="off", scanner=scanner)
+    save_environment(build_environment(cloud, room="lab", area=world.scene.area), path)
     return path
 
 

@@ -90,7 +90,8 @@ def test_a_label_says_who_what_and_when():
 
 
 def test_the_shipped_people_do_not_pass_through_anything():
-    from twin.world.penetration import count_penetrations
+    from benchmarks.penetration import count_penetrations
+
     from twin.world.world import World
 
     for name, step in (("everyday", 0.2), ("plaza-runners", 0.2)):

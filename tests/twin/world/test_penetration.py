@@ -9,10 +9,10 @@ os.environ.setdefault("MUJOCO_GL", "egl")
 import mujoco
 import numpy as np
 import pytest
+from benchmarks.penetration import PenetrationCheck, PenetrationCount, count_penetrations, penetrations
 
 from twin.instant.snapshot import Snapshot
 from twin.scenario.load import load_scenario
-from twin.world.penetration import PenetrationCheck, PenetrationCount, count_penetrations, penetrations
 from twin.world.world import World
 
 ROOM = """<mujoco><worldbody>

@@ -29,7 +29,6 @@ class Proportions:
     hip_height: float
     shoulder_height: float
     chin_height: float
-    eye_height: float
     upper_arm: float
     forearm: float
     hand: float

@@ -185,11 +185,6 @@ class Crowd:
         """Return a mask (n,) of the people who want to walk and hardly move."""
         return (np.abs(self.velocity) < 0.12 * self._going) & self.present & ~self.driven
 
-    def heading_error(self) -> Array:
-        """Return the remaining turn to the held headings (n,) [rad], 0 without one."""
-        error = (self._hold - self.heading + np.pi) % (2 * np.pi) - np.pi
-        return np.where(self._holds, error, 0.0)
-
     def step(self, dt: float) -> None:
         """Move all people present by dt [s]."""
         rows: Any = _ALL if np.count_nonzero(self.present) == len(self.present) else np.flatnonzero(self.present)

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from benchmarks.penetration import count_penetrations
 
 from trackers.configuration import validate
 from twin.scenario import Scenario
-from twin.world.penetration import count_penetrations
 from twin.world.world import World
 
 START = {"start": [-3.2, 1.7], "heading_deg": 0}

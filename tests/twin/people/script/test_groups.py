@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from benchmarks.penetration import count_penetrations
 
 from trackers.configuration import validate
 from trackers.errors import InputError
 from twin.scenario import Scenario
-from twin.world.penetration import count_penetrations
 from twin.world.world import World
 
 LASER = {"kind": "laser", "role": "waist", "rate_hz": 10, "mount": {"xyz": [0, 0.5, 0.9], "yaw_deg": 90}}
