@@ -60,6 +60,13 @@ def test_the_same_readings_give_the_same_tracks(name, tracker, known):
     assert deviation_m(first, restated, restated.scene.frames(tracker)) <= ROUNDING_M
 
 
+@pytest.mark.parametrize("name", ["clockwise scanners", "clock of 2200", "other order"])
+def test_legs_are_the_same_however_the_scans_are_told(name):
+    first, _ = tracked("laser-legs", True)
+    restated = EXACT[name](lasers(True))
+    assert deviation_m(first, restated, restated.scene.frames("laser-legs")) <= ROUNDING_M
+
+
 @pytest.mark.parametrize("tracker", LASERS)
 @pytest.mark.parametrize("name", CLOSE)
 def test_fewer_or_more_readings_give_tracks_as_good(name, tracker):

@@ -12,6 +12,7 @@ from trackers.frames.planar import HERE, between, compose, inverse, placed, turn
 from trackers.frames.scan_matching import Match, MatchingOptions, ScanMatcher
 from trackers.frames.scan_memory import Looks, ScanMemory
 from trackers.laser.background import returns
+from trackers.laser.bearings import counter_clockwise
 from trackers.laser.clusters import directions
 from trackers.observations import LaserScan
 
@@ -44,7 +45,7 @@ class SensorFrame:
         self.n_scan = self.n_untrusted = 0
         self._match = Match(self._start, np.zeros(3), 1.0)
         for scan in empty_scans:
-            self._remember(self._empty, scan.t - _LONG_AGO_S, scan)
+            self._remember(self._empty, scan.t - _LONG_AGO_S, counter_clockwise(scan))
 
     def locate(
         self,

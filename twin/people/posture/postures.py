@@ -317,10 +317,15 @@ class Postures:
         goal = self._lying_pose if self._aim[person] == _LIES else self._seated
         return goal[:3, person].copy(), float(goal[3, person])
 
+    def stands_near(self, person: int, place: complex, yaw: float) -> bool:
+        """Return whether a person stands near enough to a place x + iy [m], facing yaw [rad], to sit down from there."""
+        turn = (yaw - float(self._heading[person]) + np.pi) % (2 * np.pi) - np.pi
+        return bool(abs(complex(self._place[person]) - place) <= _NEAR_M and abs(turn) <= _NEAR_RAD)
+
     def _take(self, person: int, seated: SeatedPose) -> None:
         here, faces = complex(self._place[person]), float(self._heading[person])
         turn = (seated.yaw - faces + np.pi) % (2 * np.pi) - np.pi
-        near = abs(here - seated.standing_place) <= _NEAR_M and abs(turn) <= _NEAR_RAD
+        near = self.stands_near(person, seated.standing_place, seated.yaw)
         self._must(
             person, near, f"sit down from {here:.2f} m facing {faces:.2f} rad",
             f"stands near {seated.standing_place:.2f} m facing {seated.yaw:.2f} rad",

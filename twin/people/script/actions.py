@@ -151,11 +151,14 @@ def _go_and_take(actor: Actor, name: str) -> Commands:
     approach = actor.approach(furniture)
     place, heading = approach.stands_at, approach.heading
     turns_at = float(approach.turns_round_at[0]), float(approach.turns_round_at[1])
-    yield from walk_to(actor, turns_at, 1.0, halt=True, exactly=True, what=name)
-    yield from _turn_to(actor, heading)
     near = frozenset({furniture.furniture})
-    yield MotionCommand(place, _STEPS_BACK_M_S, actor.t + _STEPS_BACK_FOR_S, 0.03, True, heading, near)
-    yield MotionCommand(None, until=actor.t + _STANDS_FOR_S, heading=heading, near=near, immovable=True)
+    while True:  # again after somebody stood in the way of the steps back
+        yield from walk_to(actor, turns_at, 1.0, halt=True, exactly=True, what=name)
+        yield from _turn_to(actor, heading)
+        yield MotionCommand(place, _STEPS_BACK_M_S, actor.t + _STEPS_BACK_FOR_S, 0.03, True, heading, near)
+        yield MotionCommand(None, until=actor.t + _STANDS_FOR_S, heading=heading, near=near, immovable=True)
+        if context.postures.stands_near(number, complex(*place), heading):
+            return
 
 
 def _settled(actor: Actor, for_s: float | None, part: Part) -> Commands:
