@@ -8,7 +8,7 @@ they trigger. Cameras that trigger in turn, each picture at its own stamp: all t
 A frame is complete when every awaited sensor has reported, or when an observation at least `max_wait_s` newer has arrived;
 frames leave in order of time. So a silent sensor delays a tracker by little more than `max_wait_s`. Observations that arrive
 too late (their frame has left) or twice are dropped and counted, as are repetitions (`StaleFrameDetector`), whose frame
-leaves nevertheless.
+leaves nevertheless, unless the sensor is not yet due for a new reading: a driver may publish each scan twice.
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ from trackers.tracking.stale_frames import StaleFrameDetector
 
 _GAPS = 9
 """Number of a sensor's last gaps between observations that determine its period."""
+_DUE = 0.75
+"""Share of a sensor's period after which a new reading is due."""
 
 ALONE = "without another sensor's observation near enough in time"
 BLANK = "without any reading: no beam of the scan returns, or it has none"
@@ -103,6 +105,8 @@ class FrameSynchronizer:
         self._latest: dict[str, list[Observation]] = {name: [] for name in rules.latest}  # by stamp
         self._left: SyncedFrame | None = None
         self._repeats = StaleFrameDetector()
+        self._read_ns: dict[str, int] = {}  # stamp of each sensor's last reading that was no repetition
+        self._renewed_ns: dict[str, deque[int]] = {}  # its last gaps between such readings
         self.losses: Counter[tuple[str, str]] = Counter()
         """Dropped observations, by sensor and reason: too late, twice, no frame to join, or a repetition."""
 
@@ -232,8 +236,8 @@ class FrameSynchronizer:
                 # another frame took its stamp: the remaining observations are too late
                 self.losses.update((name, LATE) for name in head.observations)
                 continue
-            ready.append(head)
-            self._leave(head)
+            if self._leave(head):
+                ready.append(head)
         # a frame that these could join may start until then
         oldest_ns = newest_ns - max(self._max_wait_ns, self._within_ns + 1)
         kept = [observation for observation in self._waiting if observation.stamp_ns > oldest_ns]
@@ -251,14 +255,18 @@ class FrameSynchronizer:
             return not self._latest[sensor] or self._latest[sensor][-1].stamp_ns < frame.ns
         return sensor not in frame.observations
 
-    def _leave(self, frame: SyncedFrame) -> None:
-        """Add the latest values to a leaving frame, and remove stale readings."""
+    def _leave(self, frame: SyncedFrame) -> bool:
+        """Add the latest values to a leaving frame, and remove stale readings; return False if no sensor was due."""
         mute: dict[str, str] = {}
+        is_due = not frame.observations
         for name, each in frame.observations.items():
             if self._repeats.is_blank(each):
                 mute[name] = BLANK
             elif self._repeats.repeats(each):
                 mute[name] = REPEATED
+            is_due |= mute.get(name) != REPEATED or self._is_due(name, each.stamp_ns)
+            if mute.get(name) != REPEATED:
+                self._learn_renewal(name, each.stamp_ns)
         for name, reason in mute.items():
             self.losses[name, reason] += 1
             del frame.observations[name]
@@ -268,6 +276,17 @@ class FrameSynchronizer:
             name: values[0] for name, values in self._latest.items() if values and values[0].stamp_ns <= frame.ns
         }
         self._left = frame
+        return is_due
+
+    def _learn_renewal(self, sensor: str, ns: int) -> None:
+        if sensor in self._read_ns:
+            self._renewed_ns.setdefault(sensor, deque(maxlen=_GAPS)).append(ns - self._read_ns[sensor])
+        self._read_ns[sensor] = ns
+
+    def _is_due(self, sensor: str, ns: int) -> bool:
+        """Return whether a sensor's usual gap between new readings has passed since its last one."""
+        gaps = self._renewed_ns.get(sensor)
+        return not gaps or ns - self._read_ns[sensor] >= _DUE * median_low(gaps)
 
     def _forget_latest_before(self, ns: int) -> None:
         """Keep of every sensor of `latest` the newest value up to `ns`, and the later ones."""

@@ -2,16 +2,16 @@
 
 The age of a message is its log time minus its stamp. With a correct common clock it is the sensor's delay and varies little.
 A clock that was set shows as a step, a drifting one as a slope, another clock as another level than the other sensors'. A
-missing stamp (0, or that of another message) is replaced by the log time.
+missing stamp (0, that of another message, or one in no rhythm) is replaced by the log time.
 
 Headers are trusted if possible. Regular stamps are right whatever the log says (a stalling recorder, a bag with rewritten
 log times). A level common to all sensors needs no correction (simulated time, a robot without a network). Only differences
-between sensors are corrected, so a faultless recording keeps each stamp to the bit.
+between sensors are corrected, so a faultless recording keeps each stamp to the bit; another pace of all is told.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +25,10 @@ _OTHER_CLOCK_S = 0.5
 """Age beyond that of other sensors from which a sensor is on another clock [s]; no tracker would wait for such a delay
 anyway.
 """
+_PACE = 0.05
+"""Greatest deviation of the pace of all stamps from that of the log times that is no other pace."""
+_SIMULATED_S = 1e8
+"""Latest stamp of a clock that counts from a start and not from 1970: three years [s]."""
 _LINEAR = 0.2
 """Greatest deviation of a slope's blocks from the line, as a share of its rise, for a clock; a growing queue is less even.
 """
@@ -72,6 +76,8 @@ def correct_clocks(
         if clock.main.size and clock.tells:
             age = (clock.log - used).astype(float) - slope * (clock.log - since_ns)
             ahead_s[name] = (common - float(np.median(age[clock.main]))) / NS_PER_S
+    if not keeps_stamps and (pace := _other_pace(list(clocks.values()))) is not None:
+        losses.append(pace)
     jumps_ns = () if keeps_stamps else _common_jumps(clocks, stamps)
     if jumps_ns:
         first_ns = min(int(each.min()) for each in stamps.values())
@@ -107,6 +113,22 @@ def _common_jumps(clocks: Mapping[str, SensorClock], stamps: Mapping[str, Nanose
         if here <= {name for _, name in group}:
             jumps.append(at_ns)
     return tuple(jumps)
+
+
+def _other_pace(clocks: Sequence[SensorClock]) -> Loss | None:
+    """Return as a loss that the stamps of all sensors pass faster or slower than the log times; None where they agree.
+
+    A bag that was played at another speed and recorded again is so, and one of a driver that mistakes the unit. Simulated time,
+    which counts from a start, has its own pace.
+    """
+    paces = [each.logged_per_stamp for each in clocks if each.has_pace and each.stamp[0] > _SIMULATED_S * NS_PER_S]
+    logged_s = max((int(np.ptp(clock.log)) for clock in clocks), default=0) / NS_PER_S
+    if not paces or min(abs(each - 1) for each in paces) <= _PACE or logged_s < 1:
+        return None
+    pace = float(np.median(paces))
+    what = f"stamps pass {1 / pace:.3g} s in each second of the log times: they are used as they are"
+    remedy = "right for a bag that was played at another speed and recorded again; else people have other speeds"
+    return Loss("all sensors", 0, 0, what, remedy, always=True)
 
 
 def _common_slope(clocks: list[SensorClock]) -> float:
@@ -213,7 +235,7 @@ def _levelled(
     by_log = np.rint(clock.log - level - slope * (clock.log - since_ns)).astype(np.int64)
     _replace(clock.unset, stamp, by_log)
     if clock.unset.any():
-        what = "have no stamp of their own (0, unreadable, or that of another message)"
+        what = "have no stamp of their own (0, unreadable, that of another message, or in no rhythm)"
         found.append(Loss(clock.name, int(clock.unset.sum()), n, what, _BY_LOG, always=True))
     alone = (clock.part < 0) & ~clock.unset
     if alone.any():

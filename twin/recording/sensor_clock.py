@@ -140,6 +140,8 @@ REGULAR_GAPS = 3.0
 """Greatest gap of a continuing sensor, in usual ones."""
 SIGMAS = 6.0
 """Number of standard deviations beyond noise."""
+_REGULAR = 0.9
+"""Least share of the gaps between log times near the median for a regular log."""
 _TO_SIGMA = 1.4826
 _CLOSE = 0.6
 """Stamps nearer to each other than this share of the usual gap lie over one another."""
@@ -159,12 +161,15 @@ class SensorClock:
             unset = unset | zero
         if 2 * np.count_nonzero(unset) > unset.size:
             unset = np.ones_like(unset)
+        self.logged_per_stamp = self._logged_per_stamp(~unset)
+        if self._has_no_rhythm(~unset):
+            unset = np.ones_like(unset)
         self.unset = unset
         self.step_ns = 0.0
         self.set = np.flatnonzero(~unset)
         self.part = np.full(self.log.size, -1)  # (n,) number of the part; -1: no stamp, or one far from all others
         self.usual_ns = _usual_gap(self.stamp[self.set])
-        self.tells = self.set.size > 0 and self._log_goes_along()
+        self.tells = self.set.size > 0 and 0.5 <= self.logged_per_stamp <= 2.0
         self.timed_by = "the log times"
         if self.set.size and not self.tells and (unwound := self._unwound()) is not None:
             self.log, self.tells, self.timed_by = unwound, True, "its own rhythm, as the log times do not tell"
@@ -182,15 +187,38 @@ class SensorClock:
         numbers = self.part[self.part >= 0]
         return np.flatnonzero(self.part == np.bincount(numbers).argmax()) if numbers.size else np.empty(0, np.intp)
 
-    def _log_goes_along(self) -> bool:
-        """Return True where log times pass about as fast as stamps; else they were written at another time."""
-        log, stamp = self.log[self.set], self.stamp[self.set]
+    def _logged_per_stamp(self, is_set: Mask) -> float:
+        """Return how long the log passes in a second of the stamps [s]; far from 1 where it was written at another time."""
+        log, stamp = self.log[is_set], self.stamp[is_set]
         if log.size < 3:
-            return True
+            return 1.0
         step = max(1, log.size // BLOCKS)
         passed = stamp[step:] - stamp[:-step]
         logged = (log[step:] - log[:-step])[passed != 0]
-        return logged.size > 0 and 0.5 <= float(np.median(logged / passed[passed != 0])) <= 2.0
+        return float(np.median(logged / passed[passed != 0])) if logged.size else 0.0
+
+    def _has_no_rhythm(self, is_set: Mask) -> bool:
+        """Return True where most stamps leave the rhythm in which messages were regularly logged.
+
+        No clock does so: the nanoseconds hold another unit, or something else.
+        """
+        if np.count_nonzero(is_set) <= BLOCKS:
+            return False
+        logged = np.diff(self.log[is_set]).astype(float)
+        usual = float(np.median(logged))
+        is_regular = (logged >= 0.5 * usual) & (logged <= 2 * usual) & (logged > 0)
+        return bool(np.mean(is_regular) >= _REGULAR) and self._share_along(is_set) < 0.5
+
+    def _share_along(self, is_set: Mask) -> float:
+        """Return the share of gaps between stamps that are, at the common pace, about as long as those between log times."""
+        logged, passed = (np.diff(each[is_set]).astype(float) for each in (self.log, self.stamp))
+        share = passed[logged > 0] * self.logged_per_stamp / logged[logged > 0]
+        return float(np.mean((share >= 0.5) & (share <= 2))) if share.size else 0.0
+
+    @property
+    def has_pace(self) -> bool:
+        """True where there are enough stamps, and most go along with the log times at one pace."""
+        return self.set.size >= 2 * BLOCKS and self._share_along(~self.unset) > 0.5
 
     def _unwound(self) -> Nanoseconds | None:
         """Return times that go on in the order of the messages where stamps fall back for good; None where none do."""

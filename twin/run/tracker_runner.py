@@ -46,7 +46,7 @@ class TrackerRunner:
         self._writer: TrackWriter | None = None
         self._pending_ms = 0.0
         self._frame_ms: list[float] = []
-        self._tracked = False
+        self._tracked = self._is_finished = False
         self._n_frame = self._n_with_detections = 0
 
     def make(self, prior: Prior, seed: int, jumps_ns: Sequence[int] = ()) -> None:
@@ -95,6 +95,7 @@ class TrackerRunner:
 
     def finish(self) -> list[TrackFrame]:
         """Return the remaining frames."""
+        self._is_finished = True
         return self._frames(FedTracker.finish)
 
     def _frames(self, call: Callable[[FedTracker], list[TrackFrame]]) -> list[TrackFrame]:
@@ -131,6 +132,8 @@ class TrackerRunner:
     def warnings(self) -> list[str]:
         """Warnings of the tracker, and one if it reports no track despite detections in many frames."""
         found = list(warnings(self.tracker))
+        if self._is_finished and not self._tracked and self._n_with_detections and self._n_frame < _ENOUGH_FRAMES:
+            found.append(f"reports no track of what it detects: too few frames, {self._n_frame}")
         if not self._tracked and self._n_frame >= _ENOUGH_FRAMES and self._n_with_detections >= _OFTEN * self._n_frame:
             often = f"{self._n_with_detections} of {self._n_frame} frames"
             found = [

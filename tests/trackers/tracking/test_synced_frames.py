@@ -248,6 +248,18 @@ def test_an_awaited_floor_is_waited_for_and_no_longer_than_said():
     assert (moment.t, moment.latest["floor"].t) == (1.05, 1.0)
 
 
+@pytest.mark.parametrize("times", [2, 3])
+def test_scans_that_a_driver_publishes_again_make_no_frames(times):
+    rng = np.random.default_rng(0)
+    ranges_m = rng.normal(3.0, 0.01, (40, 100)).astype(np.float32)
+    stream = [
+        LaserScan("waist", 10**8 * k // times, ranges_m[k // times], 0.0, 0.01, 0.1, 9.0) for k in range(40 * times)
+    ]
+    gather = FrameSynchronizer(SyncPolicy(triggers=("waist",)))
+    frames = [frame for each in stream for frame in gather.add(each)] + gather.finish()
+    assert [frame.ns for frame in frames if frame.ns > 6 * 10**8] == [10**8 * k for k in range(7, 40)]
+
+
 def test_values_are_held_in_bounded_memory_while_no_moment_opens():
     gather = FrameSynchronizer(BESIDE_A_FLOOR)
     left(gather, *[("floor", 0.1 * k) for k in range(1000)])

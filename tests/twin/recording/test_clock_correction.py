@@ -74,6 +74,7 @@ WRONG: dict[str, Said] = {
     "no stamp": lambda k: 0,
     "one stamp for all": lambda k: EPOCH_NS - 77 * NS_PER_S,
     "whole seconds": lambda k: true(k) // NS_PER_S * NS_PER_S,
+    "microseconds as nanoseconds": lambda k: true(k) - true(k) % NS_PER_S + true(k) % NS_PER_S // 1000,
     "one stamp far ahead": lambda k: true(k) + NS_PER_DAY * (k == 33),
 }
 
@@ -115,6 +116,16 @@ def test_a_clock_that_drifts_is_set_right(tmp_path, ppm):
     (line,) = lines(recording.losses)
     assert line.startswith(f"knee: {N} of {N} messages were stamped by a clock that ")
     assert f"{'gains' if ppm > 0 else 'loses'} {abs(ppm) / 1000:.3g} ms per second" in line
+
+
+@pytest.mark.parametrize("pace", [0.01, 0.25, 1, 1.5, 40])
+def test_another_pace_of_all_stamps_than_of_the_log_is_told_and_they_are_kept(tmp_path, pace):
+    def said(k: int) -> int:
+        return EPOCH_NS + round(pace * REGULAR[k])
+
+    recording = Recording(a_bag(tmp_path, said, said), RIG)
+    assert stamps_of(recording)["knee"] == [round(pace * ns) for ns in REGULAR]
+    assert [f"pass {pace:.3g} s" in line for line in lines(recording.losses)] == [True] * (pace != 1)
 
 
 LOST_LOGS: dict[str, Said] = {"all the same": lambda k: EPOCH_NS, "written later": lambda k: EPOCH_NS + k * MS}
