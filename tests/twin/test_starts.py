@@ -61,6 +61,25 @@ def test_check_says_what_a_tracker_breaks(here: Path) -> None:
     assert "has not both update(observation) and tracks()" in _twin("check", "--tracker", "broken_one:Mine", code=1)
 
 
+@pytest.mark.parametrize("kind", ["room", "scenario", "suite", "study"])
+def test_check_knows_the_kind_of_a_file(here: Path, kind: str) -> None:
+    out = {"room": "mine.xml", "scenario": "mine"}.get(kind, "mine.yaml")
+    _twin("new", kind, "--out", out)
+    file = "mine/scenario.yaml" if kind == "scenario" else out
+    assert _twin("check", file).startswith(f"{file}: a valid {kind}; ")
+    Path(file).write_text(Path(file).read_text().replace("<worldbody>", "<world>").replace("name:", "nam:", 1))
+    assert isinstance(CliRunner().invoke(app, ["check", file]).exception, InputError)
+
+
+def test_check_of_a_rig(here: Path) -> None:
+    sensor = "sensors: {low: {kind: laser, topic: /scan, room_from_sensor: {xyz: [0, 0, HEIGHT], rpy: [0, 0, 0]}}}"
+    Path("rig.yaml").write_text(sensor.replace("HEIGHT", "0.4"))
+    assert _twin("check", "rig.yaml") == "rig.yaml: a valid rig; sensors: low\n"
+    for wrong in (sensor.replace("HEIGHT", "low"), "unrelated: 1", "- 1"):
+        Path("rig.yaml").write_text(wrong)
+        assert isinstance(CliRunner().invoke(app, ["check", "rig.yaml"]).exception, InputError)
+
+
 def test_check_of_a_sensor(here: Path) -> None:
     Path("own_sensor.py").write_text(
         "from twin.scenario import load_scenario\n"
@@ -89,7 +108,9 @@ def test_new_suite_and_study_are_ones(here: Path) -> None:
         (["new", "room", "--out", "room.yaml"], "ending in .xml"),
         (["view", "lab", "--at", "3"], "lab is a room"),
         (["list", "robots"], "valid are scenarios, rooms"),
-        (["check", "--tracker", "a:B", "--sensor", "c:d"], "one of the two"),
+        (["check", "--tracker", "a:B", "--sensor", "c:d"], "one of the three"),
+        (["check", "nothing"], "no such file or name"),
+        (["check", "own:make"], "No module named 'own'"),
     ],
 )
 def test_what_cannot_be_is_refused(here: Path, arguments: list[str], said: str) -> None:

@@ -1,4 +1,4 @@
-"""`twin list`, `twin schema` and `twin check`: contents, JSON schemas, and a check of this machine."""
+"""`twin list`, `twin schema`, `twin check`: contents, JSON schemas, checks of files, trackers, sensors and this machine."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from importlib.metadata import version
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -110,6 +111,14 @@ def schema(
 
 
 def check(
+    subject: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[FILE|NAME]",
+            help="A scenario, room, suite, study or rig, as a file or by its shipped name; a tracker or a sensor as "
+            "module:name. Default: this machine.",
+        ),
+    ] = None,
     tracker: Annotated[
         str | None, typer.Option(metavar="NAME", help="Check a tracker instead: a preset or module:Class.")
     ] = None,
@@ -119,18 +128,27 @@ def check(
             metavar="MODULE:MAKE", help="Check a sensor instead: what MAKE() returns, before five people in the lab."
         ),
     ] = None,
+    allow_plugins: Annotated[
+        bool, typer.Option("--allow-plugins", help="Run the classes (module:Class) that a suite or a study names.")
+    ] = False,
 ) -> None:
-    """Check that this machine can render: renderer, versions, frame time; or that a tracker or a sensor keeps its contract."""
+    """Check a file without running it, the contract of a tracker or a sensor, or that this machine renders."""
     from trackers.errors import InputError
     from twin.run.inputs import import_from_here
 
-    if tracker is not None and sensor is not None:
-        raise InputError("--tracker, --sensor: one of the two is expected")
+    if sum(each is not None for each in (subject, tracker, sensor)) > 1:
+        raise InputError("FILE, --tracker, --sensor: one of the three is expected")
+    import_from_here([subject or "", tracker or "", sensor or ""], files_trusted=allow_plugins)
+    if subject is not None:
+        kind = kind_of(subject)
+        if kind not in ("tracker", "sensor"):
+            typer.echo(printable(f"{subject}: {checked_file(kind, subject, allow_plugins)}"))
+            return
+        tracker, sensor = (subject, None) if kind == "tracker" else (None, subject)
     if tracker is None and sensor is None:
         for line in check_machine():
             typer.echo(line)
         return
-    import_from_here([tracker or "", sensor or ""])
     name = tracker or sensor or ""
     faults = check_own_tracker(name) if tracker is not None else check_own_sensor(name)
     for fault in faults:
@@ -138,6 +156,90 @@ def check(
     if faults:
         raise typer.Exit(EXIT_FELL_SHORT)
     typer.echo(f"{name}: keeps the contract of a {'tracker' if tracker is not None else 'sensor'}")
+
+
+def kind_of(subject: str) -> str:
+    """Return the kind of a file or name: scenario, room, suite, study, rig, tracker or sensor.
+
+    A YAML file is of the kind that knows most of its fields and misses fewest of its own. Raises InputError for none.
+    """
+    from importlib import import_module
+
+    from trackers.errors import InputError
+    from trackers.plain_data import parse_yaml
+    from trackers.presets import available
+    from trackers.rig import Rig
+    from trackers.text_file import read_text
+    from twin import models
+    from twin.scenario.load import ScenarioFile
+    from twin.studies.spec import Study
+    from twin.suites.spec import Suite
+
+    valid = "the path of a .yaml or .xml file, a shipped name (see `twin list`) or module:name is expected"
+    for kind, names in [
+        *((part[:-1], models.names(part)) for part in ("scenarios", "rooms")),
+        ("tracker", available()),
+    ]:
+        if subject in names:
+            return kind
+    for kind, part in (("suite", "suites"), ("study", "studies")):
+        if subject in models.names(part):
+            return kind
+    if Path(subject).suffix == ".xml":
+        return "room"
+    if Path(subject).suffix in (".yaml", ".yml"):
+        content = parse_yaml(read_text(Path(subject), "a scenario, suite, study or rig"), subject, "fields by name")
+        scores = {}
+        for kind, described in (("scenario", ScenarioFile), ("suite", Suite), ("study", Study), ("rig", Rig)):
+            required = {name for name, field in described.model_fields.items() if field.is_required()}
+            missing = set() if kind == "scenario" and "extends" in content else required - set(content)
+            scores[kind] = len(set(content) & set(described.model_fields)) - len(missing)
+        best = max(scores, key=lambda kind: scores[kind])
+        if scores[best] <= 0:
+            raise InputError(f"{subject}: is no scenario, suite, study or rig; `twin schema KIND` describes the fields")
+        return best
+    module, colon, name = subject.partition(":")
+    if not colon:
+        raise InputError(f"{subject}: there is no such file or name; {valid}")
+    try:
+        made = getattr(import_module(module), name)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise InputError(f"{subject}: {error}; {valid}") from error
+    return "tracker" if isinstance(made, type) and hasattr(made, "update") else "sensor"
+
+
+def checked_file(kind: str, name: str, allow_plugins: bool = False) -> str:
+    """Load a file with all that it names, build its room, and return one line about it. Raises InputError naming each fault."""
+    from trackers.rig import Rig
+    from twin.run.inputs import TrustedClasses
+    from twin.scenario import load_scenario
+    from twin.scenario.run_size import check_size
+    from twin.studies.preflight import prepare
+    from twin.suites.expansion import expand
+    from twin.suites.spec import load_suite
+    from twin.view.room_sheet import empty_world
+    from twin.world.world import World
+
+    trusted = TrustedClasses(every=allow_plugins)
+    match kind:
+        case "scenario":
+            scenario = load_scenario(name)
+            check_size(scenario)
+            World(scenario)
+            about = f"people: {len(scenario.people)}, sensors: {', '.join(scenario.sensors)}, {scenario.duration_s:g} s"
+        case "room":
+            scene = empty_world(name).scene
+            seats = ", ".join(scene.ground.furniture) or "none"
+            about = f"seats and beds: {seats}"
+        case "suite":
+            suite, path = load_suite(name)
+            about = f"cases: {len(expand(suite, path, trusted=trusted, limits=True))}"
+        case "study":
+            study = prepare(name, trusted=trusted)
+            about = f"devices: {', '.join(study.study.devices)}"
+        case _:
+            about = f"sensors: {', '.join(Rig.load(name).sensors)}"
+    return f"a valid {kind}; {about}"
 
 
 def check_own_tracker(name: str) -> list[str]:
@@ -170,7 +272,13 @@ def check_own_sensor(name: str) -> list[str]:
         raise InputError(
             f"--sensor {name}: {error}; MODULE:MAKE, a callable that returns a sensor, is expected"
         ) from error
-    return check_sensor(make(), World(load_scenario("lab-five-people")))
+    try:
+        made = make()
+    except TypeError as error:
+        raise InputError(
+            f"--sensor {name}: {error}; a callable without arguments that returns a sensor is expected"
+        ) from error
+    return check_sensor(made, World(load_scenario("lab-five-people")))
 
 
 def check_machine() -> Iterator[str]:

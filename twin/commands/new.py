@@ -61,7 +61,7 @@ def room(out: Annotated[Path, typer.Option(metavar="FILE.xml", help="File to wri
     _write("room", ROOM, out, ".xml")
 
 
-@app.command(epilog="Example: twin new tracker --out mine.py; twin check --tracker mine:Mine")
+@app.command(epilog="Example: twin new tracker --out mine.py; twin check mine:Mine")
 def tracker(out: Annotated[Path, typer.Option(metavar="FILE.py", help="File to write.")] = Path("mine.py")) -> None:
     """Write a tracker of 40 lines: clusters of one scanner, each taken for the nearest track."""
     _write("tracker", TRACKER, out, ".py")

@@ -92,7 +92,7 @@ search: {{method: exact, limit_s: 30}}
 TRACKER = '''\
 """A tracker of your own: clusters of one scanner, each taken for the nearest track.
 
-Check it: twin check --tracker {module}:Mine
+Check it: twin check {module}:Mine
 Run it:   twin run lab-five-people --tracker {module}:Mine --no-images
 """
 

@@ -140,12 +140,20 @@
     const box = canvas.getBoundingClientRect(), ratio = canvas.width / box.width;
     return [(event.clientX - box.left) * ratio, (event.clientY - box.top) * ratio];
   };
-  canvas.addEventListener("pointerdown", (event) => {
-    const [u, v] = at(event), reach = 14 * (window.devicePixelRatio || 1);
+  const heldAt = (event, isFinger) => { // what a pointer takes hold of: the arrow of the chosen sensor, a sensor, nothing
+    const [u, v] = at(event);
+    const reach = (isFinger ? 24 : 14) * (window.devicePixelRatio || 1);
     const near = (point) => Math.hypot(point[0] - u, point[1] - v) < reach;
-    const turned = near(tipOf(chosen)) ? chosen : null, held = [...sensors].reverse().find((each) => near(toPixel(each.xyz)));
-    if (!turned && !held) return;
-    drag = held && !turned ? { sensor: held, turns: false } : { sensor: turned, turns: true };
+    if (near(tipOf(chosen))) return { sensor: chosen, turns: true };
+    const held = [...sensors].reverse().find((each) => near(toPixel(each.xyz)));
+    return held ? { sensor: held, turns: false } : null;
+  };
+  canvas.addEventListener("touchstart", (event) => { // a finger beside the sensors scrolls the page
+    if (event.touches.length === 1 && heldAt(event.touches[0], true)) event.preventDefault();
+  }, { passive: false });
+  canvas.addEventListener("pointerdown", (event) => {
+    drag = heldAt(event, event.pointerType === "touch");
+    if (!drag) return;
     chosen = drag.sensor; canvas.setPointerCapture(event.pointerId); update([]);
   });
   canvas.addEventListener("pointermove", (event) => {
@@ -155,7 +163,9 @@
     else { sensor.xyz[0] = Math.round(x * 100) / 100; sensor.xyz[1] = Math.round(y * 100) / 100; }
     update([sensor], true);
   });
-  canvas.addEventListener("pointerup", () => { if (drag) { const { sensor } = drag; drag = null; update([sensor]); } });
+  for (const end of ["pointerup", "pointercancel"]) {
+    canvas.addEventListener(end, () => { if (drag) { const { sensor } = drag; drag = null; update([sensor]); } });
+  }
   const setters = {
     x: (value) => { chosen.xyz[0] = value; }, y: (value) => { chosen.xyz[1] = value; }, z: (value) => { chosen.xyz[2] = value; },
     yaw: (value) => { chosen.yaw_deg = value; }, pitch: (value) => { chosen.pitch_deg = value; }, roll: (value) => { chosen.roll_deg = value; },

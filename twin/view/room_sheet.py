@@ -38,16 +38,20 @@ def write_room(name: str, path: Path) -> list[str]:
     Raises InputError for an invalid room, and a file that cannot be written.
     """
     check_picture_name(path)
-    file = models.find("rooms", name)
+    file, world = models.find("rooms", name), empty_world(name)
+    picture, plan = _picture(world), _plan(world, file.name)
+    write_png(path, tile_pictures([picture, plan], 2, _BACKDROP))
+    return _hints(world.scene.model, file)
+
+
+def empty_world(name: str) -> World:
+    """Build a room, shipped or a user's file, without people and sensors. Raises InputError for an invalid room."""
     fields: dict[str, Any] = {
         field: each.get_default(call_default_factory=True) for field, each in Scenario.model_fields.items()
     }
     fields |= {"name": Path(name).stem, "room": name, "duration_s": 1.0, "people": {}, "sensors": {}}
     scenario = Scenario.model_construct(None, **fields)  # a scenario without sensors is invalid
-    world = World(scenario)
-    picture, plan = _picture(world), _plan(world, file.name)
-    write_png(path, tile_pictures([picture, plan], 2, _BACKDROP))
-    return _hints(world.scene.model, file)
+    return World(scenario)
 
 
 def _hints(model: mujoco.MjModel, file: Path) -> list[str]:
