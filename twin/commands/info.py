@@ -200,7 +200,8 @@ def kind_of(subject: str) -> str:
         return best
     module, colon, name = subject.partition(":")
     if not colon:
-        raise InputError(f"{subject}: there is no such file or name; {valid}")
+        what = "no file that is known here" if Path(subject).exists() else "there is no such file or name"
+        raise InputError(f"{subject}: {what}; {valid}")
     try:
         made = getattr(import_module(module), name)
     except (ImportError, AttributeError, ValueError) as error:
