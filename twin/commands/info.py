@@ -176,14 +176,15 @@ def kind_of(subject: str) -> str:
     from twin.suites.spec import Suite
 
     valid = "the path of a .yaml or .xml file, a shipped name (see `twin list`) or module:name is expected"
-    for kind, names in [
-        *((part[:-1], models.names(part)) for part in ("scenarios", "rooms")),
-        ("tracker", available()),
-    ]:
+    known = {
+        "scenario": models.names("scenarios"),
+        "room": models.names("rooms"),
+        "tracker": available(),
+        "suite": models.names("suites"),
+        "study": models.names("studies"),
+    }
+    for kind, names in known.items():
         if subject in names:
-            return kind
-    for kind, part in (("suite", "suites"), ("study", "studies")):
-        if subject in models.names(part):
             return kind
     if Path(subject).suffix == ".xml":
         return "room"
