@@ -1,14 +1,28 @@
-"""Scanners that drive, or stand, among people and clutter in drawn rooms: scans, odometry, and where people truly are."""
+"""Scanners that drive, or stand, among people and clutter in drawn rooms: scans, odometry, and where people truly are.
+
+Stepping people costs most, so that several robots, each with its own scanner, way and clutter, scan the same people.
+"""
 
 from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from leg_classifier.samples import DURATION_S, Scanner, clutter_at, drawn_world, nearest, of_legs, places_in, scanned
+from leg_classifier.samples import (
+    Scanner,
+    clutter_at,
+    drawn_trousers_m,
+    drawn_world,
+    nearest,
+    of_legs,
+    people_in,
+    places_in,
+    scanned,
+    worn_by,
+)
 from numpy.typing import NDArray
 
 from trackers.arrays import Array
@@ -16,64 +30,74 @@ from trackers.frames.planar import between, compose
 from trackers.observations import LaserScan
 from twin.instant.snapshot import Snapshot
 from twin.streams import stream
+from twin.world.precomputed import PoseCache
 
-_STANDS = 0.25
-"""Share of scanners that do not drive."""
+ROBOTS = 3
+"""Robots in each room."""
+DRIVE_S = 12.0
+_STANDS, _NO_PERSON = 0.25, 0.25
+"""Share of scanners that do not drive, and of those that nobody is near."""
 _SECTORS = 6
 """Parts of a sweep, each from where the scanner is by then."""
 _CLEAR_M = 0.3
 
 
 @dataclass(frozen=True, eq=False)
-class Drive:
-    """A sweep of a drive: the scan, the scanner's pose (3,) at its stamp and by odometry, and people's places (p, 2) by id."""
+class Sweep:
+    """One sweep of a drive: the scan, the scanner's pose (3,) at its stamp and by odometry, and people's places (p, 2) by id."""
 
     scan: LaserScan
+    leg: NDArray[np.int16]  # that each beam met: 2 id, 2 id + 1 for the right one; 0: none
     pose: Array
     odometry: Array
     ids: NDArray[np.int16]
     places: Array
-    beams: NDArray[np.intp]  # (p,) that met each of them
+
+    @property
+    def beams(self) -> NDArray[np.intp]:
+        """Number of beams (p,) that met each of the people."""
+        return np.bincount(self.leg // 2, minlength=int(self.ids.max(initial=0)) + 1)[self.ids]
 
 
-def drives(seed: int, *, people: bool = True, is_driving: bool | None = None) -> Iterator[Drive]:
-    """Yield the sweeps of a drive of `DURATION_S`; without people the room is empty."""
-    rng = stream(seed, "leg drive", "")
+def drives(seed: int, *, people: bool | None = None, is_driving: bool | None = None) -> Iterator[list[Sweep]]:
+    """Yield the drive of each robot in the room of a seed; people, is_driving: drawn where they are None."""
+    rng = stream(seed, "leg drives", "")
     with tempfile.TemporaryDirectory() as folder:
-        world, area, is_wide = drawn_world(seed, Path(folder), rng)
-    clutter = clutter_at(area, is_wide, rng)
-    scanner = Scanner.drawn(rng)
-    rate_hz, sweep_share = rng.uniform(7, 20), rng.uniform(0.5, 0.9)
-    empty = world.empty_snapshot(0.0)
-    poses = _way(empty, clutter, area, scanner.height_m, rng)
-    if not (rng.random() >= _STANDS if is_driving is None else is_driving):
-        poses = np.tile(poses[:1], (len(poses), 1))
+        world, area, is_wide = drawn_world(seed, Path(folder), rng, DRIVE_S)
+    rate_hz = rng.uniform(7, 20)
+    times = np.arange(0.3, DRIVE_S - 0.2, 1 / rate_hz)
+    world.pose_cache = PoseCache(world.scene.person_of_geom)
+    moments = [people_in(of_legs(world.snapshot(float(t)))) for t in times]
+    legs_at = np.concatenate([legs for _, _, legs in moments])
+    trousers_m = drawn_trousers_m(rng)
+    for robot in range(ROBOTS):
+        own = stream(seed, "leg drive", str(robot))
+        there = own.random() >= _NO_PERSON if people is None else people
+        drive = own.random() >= _STANDS if is_driving is None else is_driving
+        clutter = clutter_at(area, is_wide, own, legs_at if there else None)
+        scanner = Scanner.drawn(own)
+        poses = _way(world.empty_snapshot(0.0), clutter, area, scanner.height_m, own)
+        poses = poses if drive else np.tile(poses[:1], (len(poses), 1))
+        sweep_s = own.uniform(0.5, 0.9) / rate_hz
+        odometry = list(_odometry(np.stack([_at(poses, t) for t in times]), own))
+        empty, sweeps = of_legs(world.empty_snapshot(0.0)), []
+        for k, t in enumerate(times.tolist()):
+            snapshot = replace(world.snapshot(t), person_of_geom=empty.person_of_geom) if there else empty
+            scenes = (snapshot, clutter, worn_by(snapshot, trousers_m)) if there else (snapshot, clutter)
+            sectors = np.stack([_at(poses, t + sweep_s * (each + 0.5) / _SECTORS) for each in range(_SECTORS)])
+            scan, leg = scanned(scenes, scanner, sectors, own, round(t * 1e9), sweep_s)
+            ids, places, _ = moments[k] if there else (np.empty(0, np.int16), np.empty((0, 2)), None)
+            sweeps.append(Sweep(scan, leg, _at(poses, t), odometry[k], ids, places))
+        yield sweeps
+
+
+def _odometry(poses: Array, rng: np.random.Generator) -> Iterator[Array]:
+    """Yield the poses as wheels tell them: wrong in scale and turn, and noisy."""
     drift = rng.normal(0, 0.03, 3) * (1, 0.3, 1)
-    odometry, before = poses[0], poses[0]
-    for t in np.arange(0.3, DURATION_S - 0.2, 1 / rate_hz):
-        snapshot = of_legs(world.snapshot(float(t)) if people else world.empty_snapshot(float(t)))
-        pose = _at(poses, t)
-        step = between(before, pose)
-        odometry = compose(
-            odometry, step * (1 + drift) + rng.normal(0, 0.02, 3) * np.abs(step) + [0, 0, drift[1] * step[0]]
-        )
-        before = pose
-        sweep_s = sweep_share / rate_hz
-        sector_poses = np.stack([_at(poses, t + sweep_s * (k + 0.5) / _SECTORS) for k in range(_SECTORS)])
-        scan, leg = scanned(snapshot, clutter, scanner, sector_poses, rng, round(t * 1e9), sweep_s)
-        ids, places = _people(snapshot) if people else (np.empty(0, np.int16), np.empty((0, 2)))
-        met = np.bincount(leg // 2, minlength=int(ids.max(initial=0)) + 1)[ids]
-        yield Drive(scan, pose, odometry, ids, places, met)
-
-
-def _people(snapshot: Snapshot) -> tuple[NDArray[np.int16], Array]:
-    """Return who is there, and the middle of their two shanks: the place under the pelvis to a few centimetres."""
-    model, owner = snapshot.model, snapshot.person_of_geom
-    shank = np.array([model.geom(geom).name.endswith("_shank") for geom in range(model.ngeom)])
-    there = shank & (owner > 0) & (snapshot.data.geom_xpos[:, 2] > -1)
-    ids = np.unique(owner[there] // 2)
-    places = [snapshot.data.geom_xpos[there & (owner // 2 == each), :2].mean(axis=0) for each in ids]
-    return ids, np.reshape(places, (-1, 2))
+    told = poses[0]
+    for step in between(poses[np.maximum(np.arange(len(poses)) - 1, 0)], poses):
+        told = compose(told, step * (1 + drift) + rng.normal(0, 0.02, 3) * np.abs(step) + [0, 0, drift[1] * step[0]])
+        yield told
 
 
 def _at(poses: Array, t: float) -> Array:
@@ -91,7 +115,7 @@ def _way(empty: Snapshot, clutter: Snapshot, area: Array, height_m: float, rng: 
     yaw = rng.uniform(-np.pi, np.pi)
     poses = [np.array([*here, yaw])]
     aim = None
-    while len(poses) < DURATION_S / 0.05 + 20:
+    while len(poses) < DRIVE_S / 0.05 + 20:
         if aim is None:
             drawn = places[rng.permutation(len(places))]
             aim = next((each for each in drawn if _is_free(empty, clutter, here, each, height_m)), None)

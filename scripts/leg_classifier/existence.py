@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from leg_classifier.drives import Drive, drives
+from leg_classifier.drives import Sweep, drives
 from numpy.typing import NDArray
 
 from trackers.arrays import Array
 from trackers.filters.gating import distances, max_weight_assignment
+from trackers.frames.planar import compose, inverse, placed
 from trackers.laser_legs.evidence import TRACK_FEATURES
 from trackers.laser_legs.tracker import LaserLegs
 from trackers.pose import Pose
@@ -22,8 +23,6 @@ _EVERY = 2
 _ON_M = 0.45
 _GATE_M = 0.5
 _LEAST_BEAMS = 3
-_EMPTY_SHARE = 0.25
-"""Share of drives where there is no person."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,30 +34,42 @@ class TrackSamples:
 
 
 def track_samples(seed: int) -> TrackSamples:
-    """Track the drive of a seed; every fourth has no people."""
+    """Track the drives in the room of a seed."""
     features, is_person = [np.empty((0, len(TRACK_FEATURES)))], [np.empty(0, np.bool_)]
-    for place, (drive, tracker) in enumerate(tracked(seed, people=seed % round(1 / _EMPTY_SHARE) != 0)):
-        if place % _EVERY or len(tracker.roster) == 0:
-            continue
-        updated = len(tracker.features)
-        places = tracker.places()[:updated]
-        features.append(tracker.features[:updated])
-        is_person.append(_of_people(places, drive))
+    for robot in tracked(seed):
+        for place, (sweep, tracker) in enumerate(robot):
+            if place % _EVERY or len(tracker.roster) == 0:
+                continue
+            updated = len(tracker.features)
+            features.append(tracker.features[:updated])
+            is_person.append(_of_people(in_room(tracker, sweep, tracker.places()[:updated]), sweep))
     return TrackSamples(np.concatenate(features), np.concatenate(is_person))
 
 
 def tracked(
-    seed: int, *, people: bool = True, is_driving: bool | None = None, **options: Any
-) -> Iterator[tuple[Drive, LaserLegs]]:
-    """Yield every sweep of a drive, and the tracker once it has taken it; by its rig the scanner stands where it begins."""
-    tracker = None
-    for drive in drives(seed, people=people, is_driving=is_driving):
-        if tracker is None:
-            x, y, yaw = (float(each) for each in drive.pose)
-            sensor = LaserSensor(topic="/scan", room_from_sensor=Pose(xyz=(x, y, 0.35), rpy=(0, 0, yaw)))
-            tracker = LaserLegs(Rig(sensors={"scan": sensor}), **{"report_in": "matched"} | options)
-        tracker.update(drive.scan)
-        yield drive, tracker
+    seed: int, *, people: bool | None = None, is_driving: bool | None = None, **options: Any
+) -> Iterator[Iterator[tuple[Sweep, LaserLegs]]]:
+    """Yield each robot's sweeps, and the tracker once it has taken them; by its rig the scanner stands where it begins."""
+    for sweeps in drives(seed, people=people, is_driving=is_driving):
+        x, y, yaw = (float(each) for each in sweeps[0].pose)
+        sensor = LaserSensor(topic="/scan", room_from_sensor=Pose(xyz=(x, y, 0.35), rpy=(0, 0, yaw)))
+        tracker = LaserLegs(Rig(sensors={"scan": sensor}), **{"report_in": "matched"} | options)
+        yield _taken(sweeps, tracker)
+
+
+def _taken(sweeps: list[Sweep], tracker: LaserLegs) -> Iterator[tuple[Sweep, LaserLegs]]:
+    for sweep in sweeps:
+        tracker.update(sweep.scan)
+        yield sweep, tracker
+
+
+def in_room(tracker: LaserLegs, sweep: Sweep, places: Array) -> Array:
+    """Return places (n, 2) of the matched frame in the room's [m], by where the scanner truly is.
+
+    What a tracker says is compared about the scanner, as labels of real recordings are: where a scan shows no walls, the
+    matched frame cannot be known.
+    """
+    return placed(compose(sweep.pose, inverse(tracker.frames["scan"].pose)), places)
 
 
 @dataclass
@@ -78,35 +89,41 @@ class DriveCounts:
 
 
 def counted(seed: int, *, people: bool) -> DriveCounts:
-    """Count the errors of a scanner that drives, with its own poses alone; gate 0.5 m, last scan's pairs are kept.
+    """Count the errors of scanners that drive, by scans alone; gate 0.5 m, last scan's pairs are kept.
 
     A person that fewer than `_LEAST_BEAMS` beams meet is not owed, and a track of them is not false.
     """
-    counts, last = DriveCounts(), dict[int, int]()
-    for drive, tracker in tracked(seed, people=people, is_driving=True):
-        tracks = tracker.tracks()
-        apart = distances(drive.places, np.array([[each.x, each.y] for each in tracks]).reshape(-1, 2))
-        kept = np.array([[last.get(int(each)) == track.id for track in tracks] for each in drive.ids]).reshape(
-            apart.shape
-        )
-        person, track = max_weight_assignment(np.where(apart < _GATE_M, _GATE_M - apart + kept, 0.0))
-        missed = drive.beams >= _LEAST_BEAMS
-        counts.people += int(missed.sum())
-        missed[person] = False
-        for one, other in zip(drive.ids[person].tolist(), [tracks[k].id for k in track], strict=True):
-            counts.switches += last.get(one, other) != other
-            last[one] = other
-        counts.misses += int(missed.sum())
-        counts.false += len(tracks) - len(track)
-        counts.scans += 1
+    counts = DriveCounts()
+    for robot in tracked(seed, people=people, is_driving=True):
+        last: dict[int, int] = {}
+        for sweep, tracker in robot:
+            _count(counts, last, sweep, tracker)
     return counts
 
 
-def _of_people(places: Array, drive: Drive) -> NDArray[np.bool_]:
+def _count(counts: DriveCounts, last: dict[int, int], sweep: Sweep, tracker: LaserLegs) -> None:
+    """Add the errors of one sweep; last: the track that each person had."""
+    tracks = tracker.tracks()
+    places = in_room(tracker, sweep, np.array([[each.x, each.y] for each in tracks]).reshape(-1, 2))
+    apart = distances(sweep.places, places)
+    kept = np.array([[last.get(int(each)) == track.id for track in tracks] for each in sweep.ids]).reshape(apart.shape)
+    person, track = max_weight_assignment(np.where(apart < _GATE_M, _GATE_M - apart + kept, 0.0))
+    missed = sweep.beams >= _LEAST_BEAMS
+    counts.people += int(missed.sum())
+    missed[person] = False
+    for one, other in zip(sweep.ids[person].tolist(), [tracks[k].id for k in track], strict=True):
+        counts.switches += last.get(one, other) != other
+        last[one] = other
+    counts.misses += int(missed.sum())
+    counts.false += len(tracks) - len(track)
+    counts.scans += 1
+
+
+def _of_people(places: Array, sweep: Sweep) -> NDArray[np.bool_]:
     """Select the tracks nearest to a person, one each."""
     found = np.zeros(len(places), np.bool_)
-    if len(places) and len(drive.places):
-        apart = distances(places, drive.places)
+    if len(places) and len(sweep.places):
+        apart = distances(places, sweep.places)
         nearest = apart.argmin(axis=0)
         found[nearest[apart.min(axis=0) < _ON_M]] = True
     return found

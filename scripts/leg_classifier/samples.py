@@ -14,6 +14,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from trackers.area import Area
 from trackers.arrays import Array
@@ -36,12 +37,12 @@ _APART_M = 0.12
 """Clutter that comes nearer to a person is left out of that moment [m]."""
 _LOW_M = 0.8
 """Below this people's geoms are legs [m]."""
-_MOST_PEOPLE = 64
+MOST_PEOPLE = 64
 _LOOSE, _TROUSERS_M = 0.6, (0.05, 0.095)
 """Share of people in wide trousers, and their radius about the shank [m]."""
 _STEEP = 2.0
 """Slope of a surface along the beam, by that across it, from which on echoes are lost: 63°."""
-_HEIGHT_M = (0.18, 0.55)
+_HEIGHT_M = (0.18, 0.62)
 _LEAST_M = 0.03
 _UNSEEN_GROUP = 5
 """Group of geoms that rays pass."""
@@ -49,7 +50,7 @@ _LEAST_EXTENT_M = 0.04
 """Width of what is seen of a leg, below which it is a splinter [m]."""
 _EDGE_M = 0.1
 """Larger steps of the range are edges."""
-_KINDS = ("pole", "pair", "post", "bin", "trunk", "bush", "table", "wall", "trolley")
+_KINDS = ("pole", "pair", "post", "bin", "trunk", "bush", "table", "chairs", "star", "plant", "wall", "trolley")
 _TRIES = 40
 
 
@@ -68,14 +69,15 @@ def samples_of(seed: int) -> Samples:
     rng = stream(seed, "leg samples", "")
     with tempfile.TemporaryDirectory() as folder:
         world, area, is_wide = drawn_world(seed, Path(folder), rng)
-    trousers_m = np.where(rng.random(_MOST_PEOPLE) < _LOOSE, rng.uniform(*_TROUSERS_M, _MOST_PEOPLE), 0.0)
+    trousers_m = drawn_trousers_m(rng)
     features, is_leg, middle, number = [], [], [], []
     for t in np.linspace(0.5, DURATION_S - 0.5, MOMENTS):
         snapshot = of_legs(world.snapshot(float(t)))
-        clutter = clutter_at(area, is_wide, rng, snapshot, trousers_m)
+        clutter = clutter_at(area, is_wide, rng, people_in(snapshot)[2])
+        worn = worn_by(snapshot, trousers_m)
         for place in places_in(area, PLACES, rng):
             pose = np.array([[*place, rng.uniform(-np.pi, np.pi)]])
-            scan, leg = scanned(snapshot, clutter, Scanner.drawn(rng), pose, rng)
+            scan, leg = scanned((snapshot, clutter, worn), Scanner.drawn(rng), pose, rng)
             clusters = leg_clusters(scan)
             if len(clusters) == 0:
                 continue
@@ -102,6 +104,11 @@ def whole_legs(scan: LaserScan, clusters: Clusters, leg: NDArray[np.int16]) -> N
     return (main > 0) & (own > 0.5 * clusters.n_sample) & (own >= 0.5 * whole) & (extent >= _LEAST_EXTENT_M)
 
 
+def drawn_trousers_m(rng: np.random.Generator) -> Array:
+    """Draw the radius of the trousers of each person about the shank [m], 0: tight ones, as the twin's are."""
+    return np.where(rng.random(MOST_PEOPLE) < _LOOSE, rng.uniform(*_TROUSERS_M, MOST_PEOPLE), 0.0)
+
+
 def of_legs(snapshot: Snapshot) -> Snapshot:
     """Return the snapshot with the number of the leg in place of the person's: 2 id, and 2 id + 1 for the right one."""
     model, person = snapshot.model, snapshot.person_of_geom
@@ -109,7 +116,30 @@ def of_legs(snapshot: Snapshot) -> Snapshot:
     return replace(snapshot, person_of_geom=np.where(person > 0, 2 * person + right, 0).astype(np.int16))
 
 
-def drawn_world(seed: int, folder: Path, rng: np.random.Generator) -> tuple[World, Array, bool]:
+def people_in(snapshot: Snapshot) -> tuple[NDArray[np.int16], Array, Array]:
+    """Return who is in a snapshot `of_legs`, the middles (p, 2) of their shanks, and their low geoms (g, 2) [m].
+
+    The middle of both shanks is the place under the pelvis to a few centimetres.
+    """
+    owner, place = snapshot.person_of_geom, snapshot.data.geom_xpos
+    there = _shanks(snapshot) & (place[:, 2] > -1)
+    ids = np.unique(owner[there] // 2)
+    middles = [place[there & (owner // 2 == each), :2].mean(axis=0) for each in ids]
+    low = (owner > 0) & (place[:, 2] > 0) & (place[:, 2] < _LOW_M)
+    return ids, np.reshape(middles, (-1, 2)), place[low, :2].copy()
+
+
+def _shanks(snapshot: Snapshot) -> NDArray[np.bool_]:
+    """Select the shanks of people, (n_geom,)."""
+    found = np.zeros(snapshot.model.ngeom, np.bool_)
+    for geom in np.flatnonzero(snapshot.person_of_geom > 0):
+        found[geom] = snapshot.model.geom(geom).name.endswith("_shank")
+    return found
+
+
+def drawn_world(
+    seed: int, folder: Path, rng: np.random.Generator, duration_s: float = DURATION_S
+) -> tuple[World, Array, bool]:
     """Return a drawn room with people, the corners of where they walk, and whether it is as wide as a yard."""
     kept: list[str] = []
 
@@ -125,7 +155,7 @@ def drawn_world(seed: int, folder: Path, rng: np.random.Generator) -> tuple[Worl
     activities = {"wander": 4, "walk": 4, "stand": 3, "look": 0.5, "run": 0.3, "sit": 0.5}
     content = draw_scene(
         {
-            "name": "legs", "seed": seed, "duration_s": DURATION_S, "room": room | wide if is_wide else room,
+            "name": "legs", "seed": seed, "duration_s": duration_s, "room": room | wide if is_wide else room,
             "people": {"kind": "drawn", "count": [2, 12], "activities": activities, "arriving": 0, "leaving": 0},
             "sensors": {"laser": {"kind": "laser", "rate_hz": 1, "mount": {"xyz": [0, 0, 0.4]}}},
             "background": "none",
@@ -138,57 +168,36 @@ def drawn_world(seed: int, folder: Path, rng: np.random.Generator) -> tuple[Worl
     return World(validate(Scenario, content, f"seed {seed}")), area, is_wide
 
 
-def clutter_at(
-    area: Array,
-    is_wide: bool,
-    rng: np.random.Generator,
-    snapshot: Snapshot | None = None,
-    trousers_m: Array | None = None,
-) -> Snapshot:
-    """Draw clutter into the area, and trousers about the people of a snapshot, as a scene of their own.
-
-    Clutter that people stand in at that moment is left out.
-    """
-    clutter = list(_clutter(area, is_wide, rng))
-    if snapshot is None or trousers_m is None:
-        return _compiled(clutter, [])
-    alone = _compiled(clutter, [])
-    group = np.where(_at_people(snapshot, alone), _UNSEEN_GROUP, 0)
-    scene = _compiled(clutter, list(_trousers(snapshot, trousers_m)))
-    scene.model.geom_group[: len(group)] = group
+def clutter_at(area: Array, is_wide: bool, rng: np.random.Generator, people: Array | None = None) -> Snapshot:
+    """Draw clutter into the area as a scene of its own; pieces that people (n, 2) come near to [m] are left out."""
+    scene = _compiled([geom for geom in _clutter(area, is_wide, rng)], [])
+    if people is not None and len(people) and scene.model.ngeom:
+        away, _ = cKDTree(people).query(scene.data.geom_xpos[:, :2])
+        scene.model.geom_group[away < _APART_M + np.hypot(*scene.model.geom_size[:, :2].T)] = _UNSEEN_GROUP
     return scene
 
 
-def _compiled(clutter: list[str], worn: list[tuple[int, str]]) -> Snapshot:
-    geoms = [*clutter, *(geom for _, geom in worn)]
+def worn_by(snapshot: Snapshot, radius_m: Array) -> Snapshot:
+    """Dress the people of a snapshot `of_legs` in trousers, a cylinder about each shank, as a scene of its own."""
+    data, quat, worn = snapshot.data, np.empty(4), []
+    for geom in np.flatnonzero(_shanks(snapshot)):
+        leg = int(snapshot.person_of_geom[geom])
+        if radius_m[leg // 2] > 0:
+            mujoco.mju_mat2Quat(quat, data.geom_xmat[geom])
+            pos, turn = (" ".join(f"{each:.4f}" for each in values) for values in (data.geom_xpos[geom], quat))
+            worn.append(
+                (leg, f'<geom type="cylinder" size="{radius_m[leg // 2]:.3f} 0.22" pos="{pos}" quat="{turn}"/>')
+            )
+    return _compiled([geom for _, geom in worn], [leg for leg, _ in worn])
+
+
+def _compiled(geoms: list[str], leg: list[int]) -> Snapshot:
     model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{' '.join(geoms)}</worldbody></mujoco>")
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     person = np.zeros(model.ngeom, np.int16)
-    if worn:
-        person[-len(worn) :] = [each for each, _ in worn]
+    person[: len(leg)] = leg
     return Snapshot(0.0, model, data, person)
-
-
-def _trousers(snapshot: Snapshot, radius_m: Array) -> Iterator[tuple[int, str]]:
-    """Dress people in wide trousers, a cylinder about each shank; radius 0: in tight ones, as the twin's are."""
-    model, data, quat = snapshot.model, snapshot.data, np.empty(4)
-    for geom in np.flatnonzero(snapshot.person_of_geom > 0):
-        leg = int(snapshot.person_of_geom[geom])
-        if model.geom(geom).name.endswith("_shank") and radius_m[leg // 2] > 0:
-            mujoco.mju_mat2Quat(quat, data.geom_xmat[geom])
-            pos, turn = (" ".join(f"{each:.4f}" for each in values) for values in (data.geom_xpos[geom], quat))
-            yield leg, f'<geom type="cylinder" size="{radius_m[leg // 2]:.3f} 0.22" pos="{pos}" quat="{turn}"/>'
-
-
-def _at_people(snapshot: Snapshot, clutter: Snapshot) -> NDArray[np.bool_]:
-    """Select the pieces of clutter that people stand in: scanners do not see these."""
-    people = snapshot.data.geom_xpos[snapshot.person_of_geom > 0]
-    people = people[(people[:, 2] > 0) & (people[:, 2] < _LOW_M)]
-    if len(people) == 0 or clutter.model.ngeom == 0:
-        return np.zeros(clutter.model.ngeom, np.bool_)
-    apart = np.hypot(*(clutter.data.geom_xpos[:, None, :2] - people[:, :2]).transpose(2, 0, 1)).min(axis=1)
-    return apart < _APART_M + np.hypot(*clutter.model.geom_size[:, :2].T)
 
 
 def places_in(area: Array, count: int, rng: np.random.Generator) -> Array:
@@ -198,7 +207,7 @@ def places_in(area: Array, count: int, rng: np.random.Generator) -> Array:
 
 
 def _clutter(area: Array, is_wide: bool, rng: np.random.Generator) -> Iterator[str]:
-    """Draw poles, pairs of them, posts, bins, trunks, bushes, legs of tables, walls and trolleys, as MJCF."""
+    """Draw poles, pairs of them, posts, bins, trunks, bushes, plants, legs of tables and chairs, walls and trolleys, as MJCF."""
     size = np.prod(area.max(axis=0) - area.min(axis=0))
     count = int(rng.uniform(0, 0.12 if is_wide else 0.25) * size)
     geom = '<geom type="{}" size="{}" pos="{:.3f} {:.3f} {:.3f}" euler="0 0 {:.1f}"/>'
@@ -211,7 +220,7 @@ def _clutter(area: Array, is_wide: bool, rng: np.random.Generator) -> Iterator[s
             case "pair":
                 apart, radius = rng.uniform(0.2, 0.9), rng.uniform(0.015, 0.08)
                 for side in (-1, 1):
-                    off = side * apart / 2 * np.array([np.cos(turn), np.sin(turn)])
+                    off = side * apart / 2 * _ahead(turn)
                     yield geom.format("cylinder", f"{radius:.3f} 0.6", x + off[0], y + off[1], 0.6, 0)
             case "post":
                 yield geom.format("box", "{:.3f} {:.3f} 1".format(*rng.uniform(0.015, 0.15, 2)), x, y, 1, yaw)
@@ -229,16 +238,45 @@ def _clutter(area: Array, is_wide: bool, rng: np.random.Generator) -> Iterator[s
                 form = "cylinder" if rng.random() < 0.5 else "box"
                 shape = f"{thick:.3f} 0.4" if form == "cylinder" else f"{thick:.3f} {thick:.3f} 0.4"
                 for corner in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
-                    off = np.array(corner) * half
-                    across = (
-                        off[0] * np.cos(turn) - off[1] * np.sin(turn),
-                        off[0] * np.sin(turn) + off[1] * np.cos(turn),
-                    )
-                    yield geom.format(form, shape, x + across[0], y + across[1], 0.4, np.degrees(turn))
+                    off = _turned(np.array(corner) * half, turn)
+                    yield geom.format(form, shape, x + off[0], y + off[1], 0.4, np.degrees(turn))
+            case "chairs":  # in a row, as people leave them
+                half, thick, form = (
+                    rng.uniform(0.16, 0.25, 2),
+                    rng.uniform(0.008, 0.02),
+                    rng.choice(["cylinder", "box"]),
+                )
+                shape = f"{thick:.3f} 0.25" if form == "cylinder" else f"{thick:.3f} {thick:.3f} 0.25"
+                for chair in range(int(rng.integers(1, 5))):
+                    about = np.array([x, y]) + rng.normal(0, 0.05, 2) + chair * rng.uniform(0.5, 0.8) * _ahead(turn)
+                    for corner in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
+                        off = _turned(np.array(corner) * half, turn + rng.normal(0, 0.05))
+                        yield geom.format(form, shape, *(about + off), 0.25, np.degrees(turn))
+            case "star":  # the foot of a swivel chair, and its column
+                yield geom.format("cylinder", f"{rng.uniform(0.02, 0.035):.3f} 0.25", x, y, 0.3, 0)
+                reach = rng.uniform(0.22, 0.33)
+                for spoke in range(5):
+                    off = _turned(np.array([reach, 0.0]), turn + spoke * 2 * np.pi / 5)
+                    yield geom.format("sphere", f"{rng.uniform(0.02, 0.05):.3f}", x + off[0], y + off[1], 0.12, 0)
+            case "plant":  # stalks from a pot
+                yield geom.format(
+                    "cylinder", f"{rng.uniform(0.1, 0.22):.3f} {rng.uniform(0.08, 0.2):.3f}", x, y, 0.1, 0
+                )
+                for _ in range(int(rng.integers(2, 9))):
+                    off = rng.normal(0, 0.1, 2)
+                    yield geom.format("cylinder", f"{rng.uniform(0.005, 0.03):.3f} 0.5", x + off[0], y + off[1], 0.5, 0)
             case "wall":
                 yield geom.format("box", f"{rng.uniform(0.2, 1.5):.3f} {rng.uniform(0.02, 0.2):.3f} 1", x, y, 1, yaw)
             case _:
                 yield geom.format("box", "{:.3f} {:.3f} 0.45".format(*rng.uniform(0.15, 0.5, 2)), x, y, 0.55, yaw)
+
+
+def _ahead(turn: float) -> Array:
+    return np.array([np.cos(turn), np.sin(turn)])
+
+
+def _turned(off: Array, turn: float) -> Array:
+    return off[0] * _ahead(turn) + off[1] * _ahead(turn + np.pi / 2)
 
 
 @dataclass(frozen=True)
@@ -276,8 +314,7 @@ class Scanner:
 
 
 def scanned(
-    snapshot: Snapshot,
-    clutter: Snapshot,
+    scenes: tuple[Snapshot, ...],
     scanner: Scanner,
     poses: Array,
     rng: np.random.Generator,
@@ -297,7 +334,7 @@ def scanned(
         ahead, left = scanner.tilt
         normal = np.array([left * np.sin(yaw) - ahead * np.cos(yaw), -ahead * np.sin(yaw) - left * np.cos(yaw), 1.0])
         normal /= np.linalg.norm(normal)
-        distance[beams], person[beams] = nearest((snapshot, clutter), origin, rays, scanner.range_max_m, normal)
+        distance[beams], person[beams] = nearest(scenes, origin, rays, scanner.range_max_m, normal)
     distance[distance < _LEAST_M] = np.inf
     person[~np.isfinite(distance)] = 0
     ideal = LaserScan(
@@ -307,9 +344,9 @@ def scanned(
 
 
 def nearest(
-    scenes: tuple[Snapshot, Snapshot], origin: Array, rays: Array, range_max_m: float, normal: Array | None = None
+    scenes: tuple[Snapshot, ...], origin: Array, rays: Array, range_max_m: float, normal: Array | None = None
 ) -> tuple[Array, NDArray[np.int16]]:
-    """Return how far rays (n, 3) come in two scenes at once [m], infinite for nothing met, and the leg that they meet, 0: none.
+    """Return how far rays (n, 3) come in several scenes [m], infinite for nothing met, and the leg that they meet, 0: none.
 
     normal: of the plane that they lie in.
     """
