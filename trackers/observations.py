@@ -37,7 +37,8 @@ class LaserScan(_Stamped):
     """One sweep of a planar scanner, in the scanner's frame: x ahead, y left, z up, angles counter-clockwise from x.
 
     `ranges_m` follows ROS REP 117: a finite value is a return, +inf no return within range, NaN an invalid reading.
-    `sweep_time_s` is the time from the first beam (taken at the stamp) to the last; 0 for an instantaneous scan.
+    `sweep_time_s` is the time from the first beam (taken at the stamp) to the last; 0 for an instantaneous scan. Negative: the
+    last beam was taken at the stamp, and the first so much later.
     `range_max_m` may be infinite, as some drivers have it: the scanner names no limit.
 
     Beams may differ from scan to scan in number and bearing, and go clockwise (a negative increment). A scan without beams, or

@@ -60,7 +60,10 @@ def test_the_same_readings_give_the_same_tracks(name, tracker, known):
     assert deviation_m(first, restated, restated.scene.frames(tracker)) <= ROUNDING_M
 
 
-@pytest.mark.parametrize("name", ["clockwise scanners", "clock of 2200", "other order"])
+@pytest.mark.parametrize(
+    "name",
+    ["turned by 37°, moved by 1 km", "mirrored", "sensors upside down", "clockwise scanners", "clock of 2200", "other order"],
+)
 def test_legs_are_the_same_however_the_scans_are_told(name):
     first, _ = tracked("laser-legs", True)
     restated = EXACT[name](lasers(True))

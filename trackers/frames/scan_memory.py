@@ -16,6 +16,8 @@ from trackers.arrays import Array
 from trackers.frames.planar import inverse, placed
 
 _BINS = 720
+_HALF = 0.5 + 1e-6
+"""Half a beam, and a little: a bin in the middle of two beams sees both, however they are rounded."""
 _RECENT, _RECENT_S = 24, 0.25
 _OLD, _OLD_S = 36, 2.0
 _PASSED_M = 0.25
@@ -78,10 +80,10 @@ class ScanMemory:
     def _put(self, row: int, t: float, pose: Array, bearings: Array, reach: Array) -> None:
         self._t[row], self._view[row] = t, inverse(pose)
         if bearings.size > 1:
-            # each bin takes the beam nearest to its middle; bins beyond the beams say nothing
+            # each bin takes the beam nearest to its middle, the shorter of two; bins beyond the beams say nothing
             middle = np.arange(_BINS) * (2 * np.pi / _BINS)
             step = (bearings[-1] - bearings[0]) / (bearings.size - 1)
             beam = ((middle - bearings[0] + 0.5 * step) % (2 * np.pi) - 0.5 * step) / step
-            index = np.rint(beam).astype(np.intp)
-            inside = index < bearings.size
-            self._range[row] = np.where(inside, reach[np.minimum(index, bearings.size - 1)], np.nan)
+            near = np.stack([np.ceil(beam - _HALF), np.floor(beam + _HALF)]).astype(np.intp)
+            inside = (near >= 0) & (near < bearings.size)
+            self._range[row] = np.fmin.reduce(np.where(inside, reach[np.clip(near, 0, bearings.size - 1)], np.nan))

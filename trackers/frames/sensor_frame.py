@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Shaped
 
-from trackers.arrays import Array, Mask
+from trackers.arrays import AnyArray, Array, Mask
 from trackers.frames.planar import HERE, between, compose, inverse, placed, turned
 from trackers.frames.scan_matching import Match, MatchingOptions, ScanMatcher
 from trackers.frames.scan_memory import Looks, ScanMemory
 from trackers.laser.background import returns
-from trackers.laser.bearings import counter_clockwise
 from trackers.laser.clusters import directions
 from trackers.observations import LaserScan
 
@@ -28,7 +27,10 @@ _DRIVEN_M, _TURNED_RAD = 1.0, 1.0
 
 
 class SensorFrame:
-    """Poses of a scanner in a fixed frame that begins where the rig says the scanner is; scans in order of time."""
+    """Poses of a scanner in a fixed frame that begins where the rig says the scanner is; scans in order of time.
+
+    Scans are as `trackers.laser.bearings.seen_from_above` returns them.
+    """
 
     def __init__(
         self, start: Float[Array, "3"], options: MatchingOptions, empty_scans: Sequence[LaserScan] = ()
@@ -45,7 +47,7 @@ class SensorFrame:
         self.n_scan = self.n_untrusted = 0
         self._match = Match(self._start, np.zeros(3), 1.0)
         for scan in empty_scans:
-            self._remember(self._empty, scan.t - _LONG_AGO_S, counter_clockwise(scan))
+            self._remember(self._empty, scan.t - _LONG_AGO_S, scan)
 
     def locate(
         self,
@@ -68,7 +70,7 @@ class SensorFrame:
             moved = between(self._odometry, odometry)
         self._odometry = odometry
         before = self.pose
-        match = self._matcher.match(scan.t, points, self._times_s(scan)[beams], still[beams], moved)
+        match = self._matcher.match(scan.t, points, self._times_s(scan, beams), still[beams], moved)
         self.n_scan += 1
         if match.trust < self._options.least_trust:
             self.n_untrusted += 1
@@ -98,7 +100,7 @@ class SensorFrame:
 
     def placed(self, scan: LaserScan, points: Float[Array, "k 2"], beam: Float[Array, "k"]) -> Float[Array, "k 2"]:
         """Return points of the scan, taken at these beams, in the fixed frame [m]."""
-        at = self._times_s(scan)[beam.astype(np.intp)][:, None] * self._match.motion
+        at = self._times_s(scan, beam)[:, None] * self._match.motion
         return placed(self.pose, placed(at, points))
 
     def seen_from(self, points: Float[Array, "n 2"]) -> Float[Array, "n 2"]:
@@ -124,10 +126,10 @@ class SensorFrame:
             return places, velocities
         return placed(self.rig_from_fixed, places), turned(self.rig_from_fixed[2], velocities)
 
-    def _times_s(self, scan: LaserScan) -> Float[Array, "n_beam"]:
-        """Time of each beam after the stamp; counter-clockwise scans of clockwise scanners begin with their last beam."""
-        count = scan.ranges_m.size
-        return scan.sweep_time_s * np.arange(count) / max(count - 1, 1)
+    def _times_s(self, scan: LaserScan, beam: Shaped[AnyArray, "k"]) -> Float[Array, "k"]:
+        """Return the time of beams, or of places between two, after the stamp [s]."""
+        first_s = max(-scan.sweep_time_s, 0.0)
+        return first_s + scan.sweep_time_s * beam / max(scan.ranges_m.size - 1, 1)
 
     def _remember(self, memory: ScanMemory, t: float, scan: LaserScan) -> None:
         ranges, hit, missed = returns(scan)

@@ -26,13 +26,24 @@ _HALF = 0.5 - 1e-6
 
 
 def counter_clockwise(scan: LaserScan) -> LaserScan:
-    """Return the scan with its beams in counter-clockwise order, reversed if necessary."""
+    """Return the scan with its beams in counter-clockwise order, reversed if necessary; a reversed sweep is negative."""
     if scan.angle_increment_rad > 0:
         return scan
     last_rad = scan.angle_min_rad + max(scan.ranges_m.size - 1, 0) * scan.angle_increment_rad
     return replace(
-        scan, ranges_m=scan.ranges_m[::-1], angle_min_rad=last_rad, angle_increment_rad=-scan.angle_increment_rad
+        scan,
+        ranges_m=scan.ranges_m[::-1],
+        angle_min_rad=last_rad,
+        angle_increment_rad=-scan.angle_increment_rad,
+        sweep_time_s=-scan.sweep_time_s,
     )
+
+
+def seen_from_above(scan: LaserScan, *, is_upside_down: bool) -> LaserScan:
+    """Return the scan in counter-clockwise order as seen from above, by a scanner with the same x axis that stands upright."""
+    if is_upside_down:
+        scan = replace(scan, angle_min_rad=-scan.angle_min_rad, angle_increment_rad=-scan.angle_increment_rad)
+    return counter_clockwise(scan)
 
 
 def beams_of_turn(scan: LaserScan) -> int | None:

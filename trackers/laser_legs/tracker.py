@@ -22,7 +22,7 @@ from trackers.filters.velocity_motion import VelocityMotion
 from trackers.frames.odometry import OdometryTrack
 from trackers.frames.planar import compose, planar
 from trackers.frames.sensor_frame import SensorFrame
-from trackers.laser.bearings import beams_of_turn, counter_clockwise
+from trackers.laser.bearings import beams_of_turn, seen_from_above
 from trackers.laser.clusters import Clusters, pushed_back
 from trackers.laser.detection_model import DetectionModel, DetectionOptions
 from trackers.laser.grouping import PAIR_M, STRIDE_M, pair_off
@@ -68,13 +68,18 @@ class LaserLegs(SynchronizedTracker):
         self._names = scanners_by_role(rig, ("knee",))["knee"]
         sensors = {name: rig.lasers()[name] for name in self._names}
         self._mounts = {name: planar(sensor.room_from_sensor.matrix) for name, sensor in sensors.items()}
+        self._is_upside_down = {name: bool(each.room_from_sensor.rotation[2, 2] < 0) for name, each in sensors.items()}
         self._base_of = {name: base for name, base in rig.mounted().items() if name in sensors}
         self._bases = {
             base: (planar(rig.odometry()[base].room_from_sensor.matrix), OdometryTrack())
             for base in self._base_of.values()
         }
         # the room that was empty is known to scanners that stand in it
-        empty = [each for each in background if isinstance(each, LaserScan) and each.sensor not in self._base_of]
+        empty = [
+            seen_from_above(each, is_upside_down=self._is_upside_down[each.sensor])
+            for each in background
+            if isinstance(each, LaserScan) and each.sensor in sensors and each.sensor not in self._base_of
+        ]
         self.frames = {
             name: SensorFrame(mount, self.options.matching, [scan for scan in empty if scan.sensor == name])
             for name, mount in self._mounts.items()
@@ -155,7 +160,7 @@ class LaserLegs(SynchronizedTracker):
         for name in self._names:
             scan = synced.observations.get(name)
             if isinstance(scan, LaserScan) and scan.ranges_m.size:
-                self._take(name, counter_clockwise(scan))
+                self._take(name, seen_from_above(scan, is_upside_down=self._is_upside_down[name]))
         self._predict(synced.ns)
         kept = self.manager.lasting(self.roster, synced.ns)
         self.features = self.features[kept[: len(self.features)]]
@@ -185,7 +190,9 @@ class LaserLegs(SynchronizedTracker):
         kept = self._possible(scan, frame, clusters, evidence)
         legs, evidence = clusters.select(kept), evidence[kept]
         back = pushed_back(legs.middle, options.half_depth_m)
-        places = frame.placed(scan, back, ((legs.first_beam + legs.last_beam) / 2) % scan.ranges_m.size)
+        count = scan.ranges_m.size
+        across_seam = count * (legs.last_beam < legs.first_beam)
+        places = frame.placed(scan, back, (legs.first_beam + legs.last_beam + across_seam) / 2 % count)
         self._tell(name, scan, frame, places[evidence > options.start_evidence])
         free = self._update(scan, frame, places, evidence, elapsed)
         self._initiate(scan, frame, places[free], evidence[free])

@@ -1,5 +1,7 @@
 """People by their legs, from a scanner that stands and from one that drives."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from driving_room import drive, legs_at, scan_at
@@ -71,6 +73,32 @@ def test_a_rig_that_says_the_scanner_stands_has_its_reports_about_the_scanner():
         return placed(start, placed(between(path[k], np.zeros(3)), np.asarray(place)))
 
     assert misses(frames, WALKER, about_the_scanner) <= 3
+
+
+@pytest.mark.parametrize("stands_upright", [True, False], ids=["clockwise", "upside down"])
+def test_a_clockwise_scanner_that_drives_places_each_beam_at_its_own_time(stands_upright):
+    path, motions = (each[:30] for each in drive())
+    x, y, yaw = path[0]
+    scans = []
+    for k, (pose, motion) in enumerate(zip(path, motions, strict=True)):
+        place = np.array(WALKER[:2]) + 0.1 * k * np.array(WALKER[2:])
+        legs = legs_at(place, np.arctan2(WALKER[3], WALKER[2]), 0.1 * k)
+        scans.append(scan_at(pose, 0.1 * k, 0.09, motion, [*POSTS, *legs]))
+    tracks = {}
+    for side in (1, -1):  # the room, and as in a mirror
+        roll = 0.0 if side == 1 or stands_upright else np.pi
+        pose = Pose(xyz=(x, side * y, 0.3), rpy=(roll, 0, side * yaw))
+        rig = Rig(sensors={"scan": LaserSensor(topic="/scan", room_from_sensor=pose)})
+        turn = side if stands_upright else 1
+        told = [
+            replace(each, angle_min_rad=turn * each.angle_min_rad, angle_increment_rad=turn * each.angle_increment_rad)
+            for each in scans
+        ]
+        tracker = make_tracker("laser-legs", rig, (), np.random.default_rng(0), {"report_in": "matched"})
+        frames = track_frames(tracker, rig, told)
+        tracks[side] = [(frame.stamp_ns, each.id, each.x, side * each.y) for frame in frames for each in frame.tracks]
+    assert len(tracks[1]) > 10
+    np.testing.assert_allclose(tracks[1], tracks[-1], atol=1e-6)
 
 
 def test_legs_go_two_to_each_person_and_a_stride_apart_at_most():

@@ -93,7 +93,7 @@ def _own(
     major, minor = np.sqrt(np.maximum((aa + cc) / 2 + root, 0)), np.sqrt(np.maximum((aa + cc) / 2 - root, 0))
     slant = np.abs(0.5 * np.arctan2(2 * ac, cc - aa))  # 0: across the beam
     last = starts + n - 1
-    middle_along = np.where(n > 2, along[starts + n // 2], 0.0)
+    middle_along = np.where(n > 2, (along[starts + (n - 1) // 2] + along[starts + n // 2]) / 2, 0.0)
     bulge = (along[starts] + along[last]) / 2 - middle_along  # ends behind the middle: round
     radius, circularity = _circle(along, across, of, starts, n)
 
@@ -116,7 +116,7 @@ def _own(
     thickness = np.maximum.reduceat(along, starts) - np.minimum.reduceat(along, starts)
     return np.column_stack([
         clusters.range_m, spacing, np.minimum(n, 30), n * spacing, width, np.sqrt(aa), np.sqrt(cc),
-        minor / np.maximum(major, 1e-3), slant, thickness, bulge, radius, circularity, length, np.sqrt(squares / n_step),
+        np.round(minor / np.maximum(major, 1e-3), 6), slant, thickness, bulge, radius, circularity, length, np.sqrt(squares / n_step),
         turn, np.clip(curvature, -30, 30), inscribed, inscribed_spread,
     ])  # fmt: skip
 
@@ -143,7 +143,8 @@ def _circle(
     a, c = (az * cc - cz * ac) / determinant / 2, (cz * aa - az * ac) / determinant / 2
     radius = np.sqrt(z + a**2 + c**2)
     error = mean((square - z[of] - 2 * along * a[of] - 2 * across * c[of]) ** 2)
-    return np.clip(np.sign(a) * radius, -1, 1), np.sqrt(error) / (2 * np.maximum(radius, 0.01))
+    # two samples lie on circles to either side
+    return np.clip(np.sign(np.round(a, 9)) * radius, -1, 1), np.sqrt(error) / (2 * np.maximum(radius, 0.01))
 
 
 def _inscribed(
