@@ -53,7 +53,8 @@ def tracked(
     for sweeps in drives(seed, people=people, is_driving=is_driving):
         x, y, yaw = (float(each) for each in sweeps[0].pose)
         sensor = LaserSensor(topic="/scan", room_from_sensor=Pose(xyz=(x, y, 0.35), rpy=(0, 0, yaw)))
-        tracker = LaserLegs(Rig(sensors={"scan": sensor}), **{"report_in": "matched"} | options)
+        given: dict[str, Any] = {"report_in": "matched", **options}
+        tracker = LaserLegs(Rig(sensors={"scan": sensor}), **given)
         yield _taken(sweeps, tracker)
 
 

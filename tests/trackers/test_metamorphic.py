@@ -62,7 +62,14 @@ def test_the_same_readings_give_the_same_tracks(name, tracker, known):
 
 @pytest.mark.parametrize(
     "name",
-    ["turned by 37°, moved by 1 km", "mirrored", "sensors upside down", "clockwise scanners", "clock of 2200", "other order"],
+    [
+        "turned by 37°, moved by 1 km",
+        "mirrored",
+        "sensors upside down",
+        "clockwise scanners",
+        "clock of 2200",
+        "other order",
+    ],
 )
 def test_legs_are_the_same_however_the_scans_are_told(name):
     first, _ = tracked("laser-legs", True)

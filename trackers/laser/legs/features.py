@@ -91,6 +91,7 @@ def _own(
     aa, ac, cc = mean(along**2), mean(along * across), mean(across**2)
     root = np.sqrt((aa - cc) ** 2 / 4 + ac**2)
     major, minor = np.sqrt(np.maximum((aa + cc) / 2 + root, 0)), np.sqrt(np.maximum((aa + cc) / 2 - root, 0))
+    linearity = np.round(minor / np.maximum(major, 1e-3), 6)  # of two samples: nought, however rounded
     slant = np.abs(0.5 * np.arctan2(2 * ac, cc - aa))  # 0: across the beam
     last = starts + n - 1
     middle_along = np.where(n > 2, (along[starts + (n - 1) // 2] + along[starts + n // 2]) / 2, 0.0)
@@ -116,7 +117,7 @@ def _own(
     thickness = np.maximum.reduceat(along, starts) - np.minimum.reduceat(along, starts)
     return np.column_stack([
         clusters.range_m, spacing, np.minimum(n, 30), n * spacing, width, np.sqrt(aa), np.sqrt(cc),
-        np.round(minor / np.maximum(major, 1e-3), 6), slant, thickness, bulge, radius, circularity, length, np.sqrt(squares / n_step),
+        linearity, slant, thickness, bulge, radius, circularity, length, np.sqrt(squares / n_step),
         turn, np.clip(curvature, -30, 30), inscribed, inscribed_spread,
     ])  # fmt: skip
 
