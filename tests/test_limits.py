@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from trackers import limits
+from trackers import text_file
 from trackers.errors import InputError
 from trackers.plain_data import parse_yaml
 from trackers.text_file import read_text
@@ -61,23 +61,23 @@ def test_every_budget_is_refused_by_the_rule() -> None:
     wrong = [
         f"{path.relative_to(ROOT)}: {bound}" for path, bound, asked in found if not asked and bound not in NO_BUDGETS
     ]
-    assert not wrong, f"refused without trackers.limits: {wrong}"
+    assert not wrong, f"refused without trackers.text_file: {wrong}"
     unused = set(NO_BUDGETS) - {bound for _, bound, asked in found if not asked}
     assert not unused, f"named here, found nowhere: {unused}"
 
 
 def test_only_the_rule_says_how_limits_are_lifted() -> None:
     said = {path.relative_to(ROOT).as_posix() for path in MODULES if "--no-limits" in path.read_text(encoding="utf-8")}
-    assert said == {"trackers/limits.py", "trackers/plain_data.py", "twin/options.py"}
+    assert said == {"trackers/text_file.py", "trackers/plain_data.py", "twin/options.py"}
 
 
 def test_the_rule_is_lifted_by_the_variable_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    limits.check_limit(3, 3, "it holds")
+    text_file.check_limit(3, 3, "it holds")
     with pytest.raises(InputError, match="^it holds 4 things; at most 3, or --no-limits, is expected$"):
-        limits.check_limit(4, 3, "it holds", "things")
-    monkeypatch.setenv(limits.NO_LIMITS, "1")
-    limits.check_limit(4, 3, "it holds", "things")
-    limits.refuse_unless_lifted("it is large", "less")
+        text_file.check_limit(4, 3, "it holds", "things")
+    monkeypatch.setenv(text_file.NO_LIMITS, "1")
+    text_file.check_limit(4, 3, "it holds", "things")
+    text_file.refuse_unless_lifted("it is large", "less")
 
 
 def test_texts_are_lifted_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -88,6 +88,6 @@ def test_texts_are_lifted_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     for read in (lambda: read_text(path, "a text", 1000), lambda: parse_yaml(many, "a.yaml", "numbers")):
         with pytest.raises(InputError, match="--no-limits"):
             read()
-    monkeypatch.setenv(limits.NO_LIMITS, "1")
+    monkeypatch.setenv(text_file.NO_LIMITS, "1")
     assert len(read_text(path, "a text", 1000)) == 2000
     assert parse_yaml(many, "a.yaml", "numbers") == {"a": [1, 2, 3, 4, 5, 6]}

@@ -19,8 +19,7 @@ import numpy as np
 
 from trackers.arrays import AnyArray
 from trackers.errors import InputError
-from trackers.limits import check_limit
-from trackers.text_file import AnyPath
+from trackers.text_file import AnyPath, check_limit
 
 _WORDS = {"U": "text is", "iu": "whole numbers are", "u": "bytes are", "f": "numbers are", "b": "booleans are"}
 _LONGEST_HEADER = 10_000

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, PositiveInt, StringConstraints, ValidationInfo, model_validator
 
-from trackers.cameras.fisheye import FisheyeIntrinsics
-from trackers.cameras.pinhole import PinholeIntrinsics
+from trackers.cameras.intrinsics import FisheyeIntrinsics, PinholeIntrinsics
 from trackers.cameras.placed import PlacedCamera
 from trackers.configuration import Strict
 from trackers.force_curve import ForceCurve

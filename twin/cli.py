@@ -12,24 +12,24 @@ from typing import Annotated, Any
 
 import typer
 
-from twin.commands.environment import environment
-from twin.commands.evaluate import evaluate
-from twin.commands.exit_codes import (
+from twin.commands.export import export
+from twin.commands.info import check, list_, schema
+from twin.commands.memory import (
     EXIT_BAD_INPUT,
     EXIT_CLOSED_PIPE,
     EXIT_DONE,
     EXIT_FELL_SHORT,
     EXIT_INTERRUPTED,
     EXIT_OUR_FAULT,
+    check_memory,
+    describe_lack_of_memory,
     raise_on_signals,
+    run_in_child,
 )
-from twin.commands.export import export
-from twin.commands.info import check, list_, schema
-from twin.commands.memory import check_memory, describe_lack_of_memory, run_in_child
 from twin.commands.new import app as new
 from twin.commands.reproduce import reproduce
-from twin.commands.run import render, run
-from twin.commands.track import detections, track
+from twin.commands.run import environment, render, run
+from twin.commands.track import detections, evaluate, track
 from twin.commands.view import view
 from twin.messages import printable
 from twin.studies.command import app as studies

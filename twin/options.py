@@ -10,7 +10,7 @@ import typer
 
 def _lift_limits(is_asked: bool) -> bool:
     """Lift the limits of this process and its workers for --no-limits."""
-    from trackers.limits import lift_limits
+    from trackers.text_file import lift_limits
 
     if is_asked:
         lift_limits()

@@ -17,8 +17,6 @@ _BY_FILE = {
             "disturbance_variances(_A) / _B",
             "disturbance_variances(_A)",
         ),
-    ],
-    "trackers/filters/velocity_motion.py": [
         ("standing taken for walking", "", "VelocityModel(0.0, 1.0)", "VelocityModel(1.0, 1.0)"),
         (
             "place and speed spread apart",
@@ -183,8 +181,6 @@ _BY_FILE = {
         ("a bag is the nearest person's", "pair_legs", "_A[_B:] = _C", "_A[_B:] = False"),
         ("one leg is the middle of two", "pair_legs", "_A[:_B, None] == 2", "_A[:_B, None] >= 1"),
         ("a single leg taken for a pair", "LegPairs.likelihood", "self.n_leg == 1", "self.n_leg == 2"),
-    ],
-    "trackers/likelihood/position.py": [
         ("likelihood of a wider Gaussian", "PositionLikelihood.evaluated", "-0.5 * _A", "-0.25 * _A"),
     ],
     "trackers/laser_fisheye_imm/detection.py": [
@@ -324,10 +320,8 @@ _BY_FILE = {
             "[_A * np.sin(_B), _A * np.cos(_B)]",
         ),
     ],
-    "trackers/cameras/fisheye.py": [
+    "trackers/cameras/intrinsics.py": [
         ("half the field of view for the whole", "FisheyeIntrinsics.project", "_A / 2", "_A"),
-    ],
-    "trackers/cameras/pinhole.py": [
         (
             "tangential terms exchanged",
             "PinholeIntrinsics._bend",
@@ -337,8 +331,6 @@ _BY_FILE = {
     ],
     "trackers/cameras/placed.py": [
         ("rotation transposed", "PlacedCamera.rays", "_A.T", "_A"),
-    ],
-    "trackers/cameras/ellipse.py": [
         ("turned the wrong way", "Ellipsoids.upright", "_A - _B", "_B - _A"),
     ],
     "trackers/floor/clusters.py": [
@@ -391,8 +383,6 @@ _BY_FILE = {
     "twin/sensors/laser.py": [
         ("rotation transposed", "Laser.__init__", "_A.T", "_A"),
         ("sweep twice as slow", "Laser._split_sweep", "_A * (_B + _C - 1) / 2", "_A * (_B + _C - 1)"),
-    ],
-    "twin/sensors/laser_noise.py": [
         ("degrees for radians", "LaserNoise._mix", "np.deg2rad(_A)", "_A"),
         (
             "noise twice as large",
@@ -404,10 +394,8 @@ _BY_FILE = {
     "twin/sensors/camera_noise.py": [
         ("read noise not squared", "CameraNoise._draw_bank", "_A ** 2", "_A"),
     ],
-    "twin/sensors/lens.py": [
-        ("half a pixel off", "Lens.intrinsics", "((_A - 1) / 2, (_B - 1) / 2)", "(_A / 2, _B / 2)"),
-    ],
     "twin/sensors/fisheye.py": [
+        ("half a pixel off", "Lens.intrinsics", "((_A - 1) / 2, (_B - 1) / 2)", "(_A / 2, _B / 2)"),
         ("blue for red", "_Faces.bend", "cv2.COLOR_RGBA2RGB", "cv2.COLOR_RGBA2BGR"),
     ],
     "twin/sensors/schedule.py": [
@@ -426,7 +414,7 @@ _BY_FILE = {
         ("axes exchanged", "LensCover.cover", "_A[0]", "_A[1]"),
         ("last beam left out", "DeadBeamMask._which", "_A[-1] + 1", "_A[-1]"),
     ],
-    "twin/sensors/floor_electronics.py": [
+    "twin/sensors/floor.py": [
         ("crosstalk twice as large", "spread_to_neighbours", "_A / 4", "_A / 2"),
     ],
     "twin/sensors/floor_plate.py": [

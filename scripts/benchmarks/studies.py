@@ -29,8 +29,8 @@ from twin.suites.cache_keys import whole_code
 from twin.suites.expansion import expand
 from twin.suites.spec import Suite, SuiteScenario
 from twin.suites.worker import CaseWork, run_case
-from twin.world.precomputed import PrecomputedScene, precompute_motion
 from twin.world.scene import build_scene
+from twin.world.world import PrecomputedScene, precompute_motion
 
 _HALL = ["duration_s=25", "sensors.camera=null"]
 _LAB = {"duration_s": 10, "sensors.fisheye": None}

@@ -21,10 +21,9 @@ from twin.suites.cache import RecordingCache, cache_limit_bytes
 from twin.suites.cache_keys import whole_code
 from twin.suites.cluster import ENVIRONMENT, Workers, open_cluster
 from twin.suites.comparison import Comparison, compare, describe_change
-from twin.suites.dask_runner import run_on
+from twin.suites.dask_runner import ProgressListener, run_on
 from twin.suites.expansion import expand
 from twin.suites.gate import read_results
-from twin.suites.progress import ProgressListener
 from twin.suites.run import run_suite, tolerances_of
 from twin.suites.spec import Suite, SuiteScenario, load_suite
 from twin.suites.store_files import read_store

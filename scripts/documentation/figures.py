@@ -90,7 +90,7 @@ def _run_suite(source: Mapping[str, Any], folder: Path, jobs: int | None) -> Non
     from twin.models import cache_folder
     from twin.suites.cache import RecordingCache, cache_limit_bytes
     from twin.suites.cluster import Workers
-    from twin.suites.progress import suite_progress
+    from twin.suites.dask_runner import suite_progress
     from twin.suites.run import run_suite
     from twin.suites.spec import load_suite
 

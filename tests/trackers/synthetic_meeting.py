@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from synthetic_home import corner
 
-from trackers.cameras.pinhole import PinholeIntrinsics
+from trackers.cameras.intrinsics import PinholeIntrinsics
 from trackers.observations import NS_PER_S, DepthImage, Observation
 from trackers.rig import Rig, StereoSensor, placed_camera
 

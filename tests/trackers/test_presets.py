@@ -12,8 +12,7 @@ from synthetic_room import rig
 
 import trackers.presets
 from trackers.errors import InputError
-from trackers.filters.motion import KALMAN_MODELS, HeadingMotion
-from trackers.filters.velocity_motion import AGILE, VelocityMotion
+from trackers.filters.motion import AGILE, KALMAN_MODELS, HeadingMotion, VelocityMotion
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.tracker import LaserFisheyeImm, filter_of
 from trackers.presets import PRESETS, available, make_tracker

@@ -12,8 +12,7 @@ from trackers.camera_floor_particle.loads import Loads
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions, ExclusionOptions, MotionOptions
 from trackers.camera_floor_particle.people import People
 from trackers.filters.particle import Cloud, LikelihoodStage, ParticleFilter, cascade
-from trackers.likelihood.colour import window_log_likelihood
-from trackers.likelihood.silhouette import point_log_likelihood
+from trackers.likelihood.colour import point_log_likelihood, window_log_likelihood
 from trackers.vision.views import Views, padded_roots
 
 _GRID_M = 0.02

@@ -12,10 +12,8 @@ from trackers.camera_floor_particle.options import CameraFloorParticleOptions
 from trackers.camera_floor_particle.pan import aligned, learned, looks, pan_bin, turned, whole
 from trackers.camera_floor_particle.people import PAN_BINS, People
 from trackers.filters.circular import circular_mean, drawn
-from trackers.filters.particle import Cloud, LikelihoodStage, cascade
-from trackers.filters.proposal import MixtureProposal
-from trackers.likelihood.colour import window_log_likelihood
-from trackers.likelihood.silhouette import point_log_likelihood
+from trackers.filters.particle import Cloud, LikelihoodStage, MixtureProposal, cascade
+from trackers.likelihood.colour import point_log_likelihood, window_log_likelihood
 from trackers.vision.views import BINS, Views, padded_roots
 
 _CROWN_M = np.array([[0.0], [0.0], [0.15]])

@@ -24,7 +24,7 @@ from trackers.environment.grid import (
 from trackers.environment.model import Environment
 from trackers.environment.planes import find_ceiling, find_floor, find_walls
 from trackers.errors import InputError
-from trackers.limits import refuse_unless_lifted
+from trackers.text_file import refuse_unless_lifted
 
 _FEWEST_POINTS = 1000
 _STRAY = 0.0005

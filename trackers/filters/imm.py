@@ -30,10 +30,10 @@ from trackers.filters.motion import (
     MEASUREMENT_VARIANCE_M2,
     HeadingMotion,
     MotionModel,
+    VelocityMotion,
     transition_matrix,
 )
 from trackers.filters.rows import Selection
-from trackers.filters.velocity_motion import VelocityMotion
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,9 +23,9 @@ from trackers.arrays import Array, Index
 from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.filters.imm import Imm
+from trackers.filters.motion import VelocityMotion
 from trackers.filters.negative_information import radius_containing
 from trackers.filters.rows import written
-from trackers.filters.velocity_motion import VelocityMotion
 from trackers.fusion.agreement import Agreement
 from trackers.fusion.association import explained, pairs
 from trackers.fusion.cameras import Camera, cameras_of

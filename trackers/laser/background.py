@@ -27,8 +27,8 @@ from trackers.arrays import Array, Index, Mask
 from trackers.configuration import Strict
 from trackers.errors import InputError
 from trackers.laser.bearings import BearingGrid
-from trackers.limits import refuse_unless_lifted
 from trackers.observations import NS_PER_S, LaserScan
+from trackers.text_file import refuse_unless_lifted
 
 logger = logging.getLogger(__name__)
 

@@ -22,9 +22,7 @@ from trackers.laser.grouping import pair_off
 from trackers.laser_fisheye_imm.detection import Seen
 from trackers.laser_fisheye_imm.options import EVEN_AT, EXPLAINED_BELOW, WRONG_LOOK, LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import People
-from trackers.likelihood.legs import LegPairs, pair_legs
-from trackers.likelihood.position import PositionLikelihood
-from trackers.likelihood.trunk import offset_variance_m2, trunk_likelihood
+from trackers.likelihood.legs import LegPairs, PositionLikelihood, offset_variance_m2, pair_legs, trunk_likelihood
 from trackers.tracking.association import Stage, associate, left_over
 from trackers.tracking.track_manager import nanoseconds, reachable
 

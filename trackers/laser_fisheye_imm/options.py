@@ -8,14 +8,12 @@ from typing import Any, ClassVar, Literal
 from pydantic import BaseModel, Field, PositiveInt
 
 from trackers.configuration import Strict, described, leaves_of
-from trackers.filters.motion import IMM_MODELS, MODE_STAYS, SINGLE_TURN
-from trackers.filters.velocity_motion import AGILE, VelocityMotion
+from trackers.filters.motion import AGILE, IMM_MODELS, MODE_STAYS, SINGLE_TURN, VelocityMotion
 from trackers.laser.grouping import STRIDE_M
 from trackers.laser.layer import KneeOptions, LayerOptions, ScannerOptions, WaistOptions
 from trackers.laser.roles import Role
 from trackers.laser_fisheye_imm.posture import PostureOptions
-from trackers.likelihood.legs import BOTH_LEGS_M, LegOptions
-from trackers.likelihood.trunk import TrunkOptions
+from trackers.likelihood.legs import BOTH_LEGS_M, LegOptions, TrunkOptions
 from trackers.tracking.track_manager import ReidentificationOptions, TrackManagementOptions
 from trackers.vision.histogram import HistogramOptions
 from trackers.vision.person_windows import TorsoOptions

@@ -30,10 +30,9 @@ from trackers.arrays import Array, Mask
 from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.filters.imm import Imm, Motion
-from trackers.filters.motion import IMM_MODELS, KALMAN_MODELS, HeadingMotion
+from trackers.filters.motion import AGILE, IMM_MODELS, KALMAN_MODELS, HeadingMotion, VelocityMotion
 from trackers.filters.negative_information import miss_probability, radius_containing
 from trackers.filters.rows import written
-from trackers.filters.velocity_motion import AGILE, VelocityMotion
 from trackers.laser_fisheye_imm.association import Association, Matches
 from trackers.laser_fisheye_imm.detection import Detector, Seen
 from trackers.laser_fisheye_imm.options import START_SPEED_M_S, LaserFisheyeImmOptions

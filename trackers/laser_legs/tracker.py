@@ -18,7 +18,7 @@ from trackers.arrays import Array, Index, Mask
 from trackers.configuration import validate
 from trackers.filters.gating import distances, max_weight_assignment
 from trackers.filters.imm import Imm
-from trackers.filters.velocity_motion import VelocityMotion
+from trackers.filters.motion import VelocityMotion
 from trackers.frames.odometry import OdometryTrack
 from trackers.frames.planar import compose, planar
 from trackers.frames.sensor_frame import SensorFrame

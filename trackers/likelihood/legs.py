@@ -1,4 +1,8 @@
-"""Legs at knee height: jointly assigned to the trunks above them and to people without a trunk."""
+"""Likelihoods of trunks at waist height and of legs at knee height, about the positions that the modes of a filter predict.
+
+A trunk is a body's axis from a scanner's cluster. Legs are jointly assigned to the trunks above them and to people without a
+trunk.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +15,34 @@ from pydantic import Field
 
 from trackers.arrays import Array, Index, Mask
 from trackers.configuration import Strict
-from trackers.filters.gating import distances
+from trackers.filters.gating import distances, mahalanobis_distances, validation_region
+from trackers.filters.imm import ImmState
 from trackers.laser.detections import Detections
 from trackers.laser.grouping import PAIR_M, STRIDE_M, pair_off, take_legs
-from trackers.likelihood.position import PositionLikelihood
+
+
+@dataclass(frozen=True, eq=False)
+class PositionLikelihood:
+    """k measured positions, each with a variance on each axis, and the radius of their validation regions."""
+
+    position: Float[Array, "k 2"]  # [m]
+    variance_m2: Float[Array, "k"]
+    gate_m: float
+
+    def log_likelihood(self, state: ImmState) -> Float[Array, "n k"]:
+        """Return ln p of each measurement [ln 1/m²] about the likeliest mode of each of n predicted tracks."""
+        return self.evaluated(state)[1]
+
+    def evaluated(self, state: ImmState) -> tuple[Float[Array, "n k"], Float[Array, "n k"]]:
+        """Return N, the smallest Mahalanobis distance over the modes (Bai and Takahashi, eq. 5), and `log_likelihood`."""
+        covariance = state.covariance[:2, :2].T
+        distance, cost = mahalanobis_distances(state.positions, covariance, self.position, self.variance_m2)
+        return distance, -0.5 * cost
+
+    def in_gate(self, state: ImmState) -> Bool[Mask, "n k"]:
+        """Return a mask of pairs whose measurement lies in the validation region: circles about the modes (section IV)."""
+        return validation_region(state.positions, self.position, self.gate_m)
+
 
 BOTH_LEGS_M = 0.18
 """Width above which a cluster is both legs, side by side [m]: twice a leg, measured in the twin."""
@@ -153,3 +181,31 @@ def pair_legs(
         np.concatenate([n_leg[n_trunk:][taking], n_leg_of_new]),
         under,
     )
+
+
+class TrunkOptions(Strict):
+    """Options of the accuracy of trunks, and their greatest distance from a prediction."""
+
+    variance_m2: float = Field(
+        default=0.0015,
+        gt=0,
+        description="variance of the place of a trunk in full view, on each axis [m²] (ours, measured; the paper: 0.01)",
+    )
+    offset_m: float = Field(
+        default=0.03,
+        ge=0,
+        description="standard deviation, on each axis, of how far a trunk is off the person's place as long as it is held so, "
+        "and as much again, by its depth, arms and clothes, as long as it is seen from one side. Scanners on several sides "
+        "average the latter out, measurements neither, so that they count in the stated radius [m] (ours, measured)",
+    )
+    gate_m: float = Field(default=1.0, gt=0, description="radius of the validation region of trunks [m] (the paper's)")
+
+
+def offset_variance_m2(trunks: Detections, options: TrunkOptions) -> Float[Array, "k"]:
+    """Return the variance on each axis of the persistent error of k trunks [m²], see `TrunkOptions.offset_m`."""
+    return options.offset_m**2 * (1 + 1 / np.maximum(trunks.scanner.sum(axis=1), 1))
+
+
+def trunk_likelihood(trunks: Detections, options: TrunkOptions) -> PositionLikelihood:
+    """Return the likelihood of k trunks; partly occluded ones have an additional variance."""
+    return PositionLikelihood(trunks.position, options.variance_m2 + trunks.variance_m2, options.gate_m)

@@ -20,8 +20,7 @@ from trackers.arrays import AnyArray, Array, Index, Mask, Singles
 from trackers.cameras.placed import CameraGroup, PlacedCamera
 from trackers.configuration import Strict
 from trackers.former_options import warn_of_former_name
-from trackers.likelihood.colour import Linear, PersonColourOptions, SkinShareOptions, linear_log
-from trackers.likelihood.silhouette import SilhouetteOptions
+from trackers.likelihood.colour import Linear, PersonColourOptions, SilhouetteOptions, SkinShareOptions, linear_log
 from trackers.vision.head_colours import COLOURS, SHARES
 from trackers.vision.head_model import HeadModel
 from trackers.vision.head_outlines import ASPECTS, Outlines, cells_shown, inner_points, outlines, ring_points

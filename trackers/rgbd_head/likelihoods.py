@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from trackers.arrays import Array, Mask
 from trackers.filters.circular import grid_of
 from trackers.filters.particle import LogWeights
-from trackers.likelihood.environment import EnvironmentLikelihood
+from trackers.likelihood.floor import EnvironmentLikelihood
 from trackers.likelihood.stereo_head import HeadLikelihoods
 from trackers.rgbd_head.evaluators import Evaluators
 from trackers.rgbd_head.motion import Motion

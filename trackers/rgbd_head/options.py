@@ -9,7 +9,7 @@ from pydantic import Field, FiniteFloat, PositiveInt, model_validator
 
 from trackers.configuration import Strict, described
 from trackers.former_options import warn_of_former_name
-from trackers.likelihood.environment import EnvironmentLikelihoodOptions
+from trackers.likelihood.floor import EnvironmentLikelihoodOptions
 from trackers.likelihood.stereo_head import StereoHeadOptions
 from trackers.tracking.track_manager import TrackManagementOptions
 from trackers.vision.foreground import ForegroundOptions

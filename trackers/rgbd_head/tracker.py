@@ -23,7 +23,7 @@ from trackers.arrays import Array
 from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.filters.particle import ParticleFilter
-from trackers.likelihood.environment import EnvironmentLikelihood, EnvironmentLikelihoodOptions
+from trackers.likelihood.floor import EnvironmentLikelihood, EnvironmentLikelihoodOptions
 from trackers.likelihood.stereo_head import HeadLikelihoods
 from trackers.observations import NS_PER_S, DepthImage, Observation
 from trackers.prior import Prior

@@ -4,7 +4,7 @@ A head is an upright ellipsoid. In the frame of its camera's ray to it (right, d
 root L: the ellipsoid is L times the unit ball. A point (x, y) of the unit disc meets the near surface at L (x, y, −√(1 − x²
 − y²)), and the outline is the disc under the upper left of L: an ellipse, as all rays to the head are nearly parallel.
 Projecting the middle and the ends of both axes puts it into the picture of any lens: to 1.5 % of its longer semi-axis from 1
-m on (`trackers.cameras.ellipse` is exact for a pinhole, but slower).
+m on (`trackers.cameras.placed` is exact for a pinhole, but slower).
 
 Arrays have the heads last: numpy is fastest along long rows.
 """

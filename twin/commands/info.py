@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from twin.commands.exit_codes import EXIT_FELL_SHORT
+from twin.commands.memory import EXIT_FELL_SHORT
 from twin.messages import printable
 
 _PARTS = "scenarios", "rooms", "trackers", "sensors", "suites", "studies", "faults"

@@ -1,4 +1,4 @@
-"""`twin new`: write a commented template of anything, or a random scene as plain files."""
+"""`twin new`: write a commented template of anything, which runs as it is, or a random scene as plain files."""
 
 from __future__ import annotations
 
@@ -7,8 +7,146 @@ from typing import Annotated
 
 import typer
 
-from twin.commands.starts import ROOM, SCENARIO, STUDY, SUITE, TRACKER
 from twin.options import Seed, Set
+
+SCENARIO = """\
+# A scenario of your own; `twin schema > scenario.schema.json` gives editors completion. Run it: twin run {file}
+name: {name}
+room: lab                       # a shipped room (see `twin list`), or the path of an MJCF file, relative to this one
+duration_s: 20
+people:                         # what is left out, height and clothes say, is drawn from the seed
+  ann: {{height_m: 1.68, shirt: pink, script: {{kind: wander}}}}
+  bob:
+    start: [-1.5, 1.0]          # metres in the room frame
+    script:
+      - {{kind: walk, waypoints: [[1.5, 2.0], [-1.5, 1.0]]}}
+      - {{kind: stand, for_s: 3}}
+      - {{kind: wander}}
+sensors:
+  waist: {{kind: laser, role: waist, rate_hz: 10, mount: {{xyz: [0, 0, 0.95], yaw_deg: 90}}}}
+  knee: {{kind: laser, role: knee, rate_hz: 10, mount: {{xyz: [0, 0, 0.45], yaw_deg: 90}}}}
+"""
+
+ROOM = """\
+<!--
+  A room of your own: 6 m x 4 m, 2.6 m high, with a door, a desk and a chair. Look at it: twin view {file}
+  Lengths are in metres, z is up, the floor is at z = 0. Every element of MJCF that is modelled: docs/mjcf.md.
+-->
+<mujoco model="{name}">
+  <compiler angle="degree"/>
+  <asset>
+    <material name="plaster" rgba="0.85 0.84 0.80 1"/>
+    <material name="oak" rgba="0.60 0.45 0.30 1"/>
+    <material name="cloth" rgba="0.25 0.35 0.50 1"/>
+    <material name="carpet" rgba="0.45 0.47 0.50 1"/>
+  </asset>
+  <worldbody>
+    <!-- Lamps; without any a room gets two. -->
+    <light pos="-1.5 0 2.5" dir="0 0 -1" cutoff="80" exponent="1" diffuse="0.8 0.8 0.8"/>
+    <light pos="1.5 0 2.5" dir="0 0 -1" cutoff="80" exponent="1" diffuse="0.8 0.8 0.8"/>
+    <!-- Boxes by their middle (pos) and half their size. What reaches from 0.5 m or less to 1.8 m or more is a wall. -->
+    <geom name="floor" type="box" pos="0 0 -0.05" size="3.1 2.1 0.05" material="carpet"/>
+    <geom name="west" type="box" pos="-3.05 0 1.3" size="0.05 2 1.3" material="plaster"/>
+    <geom name="east" type="box" pos="3.05 0 1.3" size="0.05 2 1.3" material="plaster"/>
+    <geom name="north" type="box" pos="0 2.05 1.3" size="3.1 0.05 1.3" material="plaster"/>
+    <!-- The south wall has a gap of 0.9 m: a door. -->
+    <geom name="south_west" type="box" pos="-0.55 -2.05 1.3" size="2.55 0.05 1.3" material="plaster"/>
+    <geom name="south_east" type="box" pos="3 -2.05 1.3" size="0.1 0.05 1.3" material="plaster"/>
+    <geom name="lintel" type="box" pos="2.45 -2.05 2.35" size="0.45 0.05 0.25" material="plaster"/>
+    <geom name="desk" type="box" pos="-2.5 1.2 0.37" size="0.4 0.7 0.37" material="oak"/>
+    <!-- A seat: a body whose site seat_NAME says where one sits; its x axis is where one faces. -->
+    <body name="chair" pos="-1.7 1.2 0" euler="0 0 180">
+      <geom type="box" pos="0 0 0.22" size="0.22 0.22 0.22" material="cloth"/>
+      <site name="seat_desk" pos="0 0 0.44"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+SUITE = """\
+# A suite of your own: scenarios x seeds x trackers. Run it: twin suite run {file}
+# As a gate: twin suite run {file} --baseline baseline.json --update-baseline once, then without --update-baseline.
+# `twin schema suite > suite.schema.json` gives editors completion.
+name: {name}
+seeds: 2                        # how many from 0 on; or a list, or {{from: 1000, count: 20}}
+trackers: [sort, laser-imm]     # names of `twin list trackers`, or module:Class with --allow-plugins
+reference: sort                 # the others are compared with it, paired by seed
+reports: false                  # true: a page for each case
+scenarios:
+  - scenario: lab-five-people   # a shipped scenario, or the path of a file, relative to this one
+    set: {{duration_s: 8, sensors.fisheye: null}}
+    require: {{sort: {{mota: ">= 0.5"}}}}       # exit code 1 where it is not reached
+# Bags are cases too, the twin's or a robot's:
+# recordings:
+#   - {{recording: bags/*.mcap, rig: rig.yaml, truth: truth.csv}}
+"""
+
+STUDY = """\
+# A study of your own: where should the sensors go, how many? Run it: twin study run {file}
+# What they see as they stand: twin study coverage lab-five-people. `twin schema study` gives editors completion.
+name: {name}
+scenarios: [{{scenario: lab-five-people}}]
+devices:
+  scanner:
+    sensors: [waist]            # sensors of the scenario that are moved
+    walls: {{height_m: [0.95, 0.95], off_m: 0.1, every_m: 1.0}}   # places to try: along the walls
+    aim: area                   # where they look: to the tracked area
+    count: [1, 2]               # how many
+    price: 1000
+objectives: [{{kind: coverage}}, {{kind: price}}]
+coverage: {{seeds: [0], samples: 20}}
+search: {{method: exact, limit_s: 30}}
+"""
+
+TRACKER = '''\
+"""A tracker of your own: clusters of one scanner, each taken for the nearest track.
+
+Check it: twin check {module}:Mine
+Run it:   twin run lab-five-people --tracker {module}:Mine --no-images
+"""
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+from trackers.laser.layer import LaserLayer, WaistOptions
+from trackers.tracks import Track
+
+_FARTHEST_M = 0.5  # from a track to the cluster that continues it
+_COAST_S = 0.5  # so long a track lives without one
+
+
+class Mine:
+    """Made for each run with the rig, observations of the empty room, and a random generator; options by --set."""
+
+    def __init__(self, rig, background, rng, **options):
+        self.main = rig.main_sensor
+        empty_room = [scan for scan in background if scan.sensor == self.main]
+        self.layer = LaserLayer(rig.sensors[self.main], empty_room, WaistOptions())
+        self.people = {{}}  # by id: place (2,) [m] in the room, and when it was last seen [s]
+        self.latest_id = 0
+
+    def update(self, observation):
+        """Take the next observation; they come in order of their stamps."""
+        if observation.sensor != self.main:
+            return
+        found = self.layer.detect(observation).position  # (n, 2) [m]
+        ids = list(self.people)
+        places = np.array([self.people[number][0] for number in ids]).reshape(-1, 2)
+        distance = np.linalg.norm(places[:, None] - found[None], axis=-1)  # (tracks, clusters)
+        taken = set()
+        for row, column in zip(*linear_sum_assignment(distance), strict=True):
+            if distance[row, column] < _FARTHEST_M:
+                self.people[ids[row]] = found[column], observation.t
+                taken.add(column)
+        for column in set(range(len(found))) - taken:
+            self.latest_id += 1
+            self.people[self.latest_id] = found[column], observation.t
+        self.people = {{k: each for k, each in self.people.items() if observation.t - each[1] <= _COAST_S}}
+
+    def tracks(self):
+        """Return the tracks after the latest observation of the main sensor."""
+        return [Track(number, float(x), float(y)) for number, ((x, y), _) in self.people.items()]
+'''
+
 
 app = typer.Typer(
     help="Write a commented start of your own: room, scenario, tracker, suite, study; or a scene drawn at random.",

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from trackers.errors import InputError
-from twin.evaluate.accuracy import PersonFrames, disposal, person_frames
-from twin.evaluate.calibration import within_radius
+from twin.evaluate.accuracy import PersonFrames, disposal, person_frames, within_radius
 from twin.evaluate.causes import Errors, errors_by_cause
 from twin.evaluate.clear import FrameMatches, PairMatrix, clear, find_switches, identity, match_frames
 from twin.evaluate.continuity import TrackEvent, continuity, right_at_end, switch_events

@@ -35,7 +35,7 @@ from twin.export.labels import Label, Labeller, open_labeller
 from twin.export.pictures import Picture, pictures
 from twin.export.recorded import Recorded, frame_rate_hz
 from twin.recording.tables import TrackTable, seconds_cell
-from twin.run.detections import write_detections
+from twin.run.tracker_runner import write_detections
 
 BENCHMARK = "roomtwin-all"
 _HEAD_TOP_M, _UPRIGHT_M, _WIDE_M = 0.12, 1.7, 0.5

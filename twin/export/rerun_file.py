@@ -22,7 +22,7 @@ from trackers.rig import CameraSensor, FloorSensor, PinholeSensor, Rig, StereoSe
 from twin.export.labels import boxes_in
 from twin.export.pictures import Picture, pictures
 from twin.export.recorded import Recorded
-from twin.geometry.geom_hull import hull_points
+from twin.geometry.polygon import hull_points
 from twin.recording.tables import TrackTable
 from twin.truth.frames import TruthFrame
 from twin.world.world import World

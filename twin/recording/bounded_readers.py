@@ -29,7 +29,7 @@ from rosbags.rosbag2.reader import DirectoryReader
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from trackers.errors import InputError
-from trackers.limits import are_limits_lifted, check_limit, refuse_unless_lifted
+from trackers.text_file import are_limits_lifted, check_limit, refuse_unless_lifted
 
 if sys.version_info >= (3, 14):
     from compression import zstd

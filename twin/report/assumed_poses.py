@@ -13,8 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from trackers.rig import CameraSensor, FloorSensor, Rig, RigSensor
 from twin.report.birdseye import SHIFT, FloorView, dashes, fixed_point, svg_path
-from twin.report.lettering import BOLD, TAG_PX, Tag, text_width
-from twin.report.palette import RGB
+from twin.report.palette import BOLD, RGB, TAG_PX, Tag, text_width
 
 Piece = tuple[NDArray[np.float64], NDArray[np.float64]]
 """The two ends (2,) of a line [px]."""

@@ -15,8 +15,7 @@ from trackers.rig import CameraSensor, placed_camera
 from trackers.tracks import Hypotheses, ScoreMap, Track
 from twin.report.birdseye import SHIFT, fixed_point
 from twin.report.floor_panel import BACKDROP, DARK_INK, INK, QUIET, SILENT_FILL, dashed_loop, track_tag
-from twin.report.lettering import Tag, write, write_tags
-from twin.report.palette import IdentityColours
+from twin.report.palette import IdentityColours, Tag, write, write_tags
 
 TORSO_LOW_M, TORSO_HIGH_M, TORSO_WIDTH_M = 1.0, 1.4, 0.45
 """Torso window drawn around a track, for a person of 1.7 m: heights above the floor, width."""

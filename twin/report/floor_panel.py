@@ -24,8 +24,7 @@ from twin.report.birdseye import (
     floor_extent,
     paint_room,
 )
-from twin.report.lettering import Tag, write, write_tags
-from twin.report.palette import RGB, IdentityColours
+from twin.report.palette import RGB, IdentityColours, Tag, write, write_tags
 
 BACKDROP: RGB = (17, 20, 26)
 INK: RGB = (232, 236, 242)

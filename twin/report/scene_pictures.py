@@ -17,9 +17,8 @@ from trackers.errors import InputError
 from twin.people.body.appearance import BodyAppearance
 from twin.people.body.person_spec import NQ_PERSON, person_spec
 from twin.recording.atomic_file import atomic_path
-from twin.report.lettering import write
-from twin.report.palette import RGB
-from twin.room.lighting import ENOUGH_LIGHT, MOST_LAMPS, light_of
+from twin.report.palette import RGB, write
+from twin.room.mjcf import ENOUGH_LIGHT, MOST_LAMPS, light_of
 from twin.sensors.render import OffscreenRenderer
 from twin.sensors.render_scene import Mark, RenderView
 

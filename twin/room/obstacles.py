@@ -17,9 +17,8 @@ from scipy.spatial import ConvexHull
 from trackers.area import Area
 from trackers.arrays import Array, Mask
 from trackers.errors import InputError
-from trackers.limits import check_limit
-from twin.geometry.geom_hull import hull_points
-from twin.geometry.polygon import TOLERANCE_M, gap_between, polygon_area
+from trackers.text_file import check_limit
+from twin.geometry.polygon import TOLERANCE_M, gap_between, hull_points, polygon_area
 
 Planar = NDArray[np.complex128]
 

@@ -20,8 +20,7 @@ from trackers.tracks import TrackFrame
 from twin.recording.losses import Loss, ObservationLog, dropped_by
 from twin.report.birdseye import Polygon
 from twin.report.floor_panel import TruePoses
-from twin.report.sensor_stills import RunPictures, SensorStills
-from twin.report.silent_sensors import SilenceMonitor
+from twin.report.sensor_stills import RunPictures, SensorStills, SilenceMonitor
 from twin.run.inputs import ChosenTracker
 from twin.run.tracker_runner import TrackerRunner, check_some_left, tracker_runners
 from twin.truth.frames import TruthFrame

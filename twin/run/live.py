@@ -47,9 +47,8 @@ from twin.scenario.load import dump_scenario
 from twin.scenario.scenario import describe_conditions
 from twin.streams import stream
 from twin.truth.frames import TruthDetail, TruthFrame
-from twin.world.heap import heap_trimmed
-from twin.world.precomputed import PrecomputedScene
 from twin.world.simulation import Simulation
+from twin.world.world import PrecomputedScene, heap_trimmed
 
 DEFAULT_TRACKER = "laser-fisheye-imm"
 _MORE_TRUTH = ("truth_feet.csv", *DETAIL_FILES)

@@ -55,8 +55,7 @@ from twin.run.outcome import (
 )
 from twin.run.tracker_runner import file_name
 from twin.scenario import Scenario
-from twin.world.heap import heap_trimmed
-from twin.world.world import World
+from twin.world.world import World, heap_trimmed
 
 _RATE_PROBE = 20
 _ABOUT = "recording.json"

@@ -13,10 +13,9 @@ from trackers.cameras.intrinsics import LARGEST_SIDE_PX
 from trackers.configuration import Strict
 from trackers.rig import DepthMode, PinholeSensor, StereoSensor
 from trackers.rig_sensors import Baseline
-from twin.scenario.mount import Mounted
-from twin.scenario.noise_presets import NoiseName, by_name
+from twin.scenario.mount import Mounted, NoiseName, by_name
 from twin.sensors.camera_noise import CAMERA_NOISE, STEREO_NOISE, CameraNoise, StereoNoise, WhiteBalance
-from twin.sensors.stereo_matching import Matching
+from twin.sensors.stereo import Matching
 
 DEEPEST_M = 65.0
 """Greatest depth in a message: whole millimetres in 16 bits."""

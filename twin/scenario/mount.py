@@ -1,9 +1,10 @@
-"""Mounts of sensors: true and assumed, in the room or on a housing that carries several."""
+"""Mounts of sensors: true and assumed, in the room or on a housing that carries several; and noise models by name."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import asin, atan2, cos, degrees, radians
-from typing import ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -136,3 +137,21 @@ class Mounted(Timing):
     calibration_error: CalibrationError | None = Field(
         default=None, description="what the calibration says wrongly of the sensor; none: nothing"
     )
+
+
+NoiseName = Literal["off", "default", "worse"]
+
+
+def by_name(presets: dict[str, Any], otherwise: str) -> Callable[[Any], Any]:
+    """Make a validator that replaces a preset's name by the preset."""
+
+    def resolve(value: Any) -> Any:
+        if value is False:
+            value = "off"  # YAML reads an unquoted off as false
+        if not isinstance(value, str):
+            return value
+        if value not in presets:
+            raise ValueError(f"no preset of this name; valid are {', '.join(presets)} or {otherwise}")
+        return presets[value]
+
+    return resolve

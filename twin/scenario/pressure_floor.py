@@ -16,9 +16,8 @@ from trackers.pose import Coordinate, Point3, Pose
 from trackers.rig import FloorSensor
 from trackers.rig_sensors import Pitch, check_cells
 from twin.geometry.polygon import leaves_at
-from twin.scenario.mount import CalibrationError
-from twin.scenario.noise_presets import NoiseName, by_name
-from twin.sensors.floor_electronics import FLOOR_ELECTRONICS, FloorElectronics
+from twin.scenario.mount import CalibrationError, NoiseName, by_name
+from twin.sensors.floor import FLOOR_ELECTRONICS, FloorElectronics
 from twin.sensors.schedule import Timing
 
 _FloorElectronics = Annotated[

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import ceil
 from typing import TYPE_CHECKING
 
-from trackers.limits import refuse_unless_lifted
+from trackers.text_file import refuse_unless_lifted
 from twin.scenario.cameras import PinholeDescription, StereoDescription
 from twin.scenario.pressure_floor import FloorDescription
 from twin.scenario.sensors import AnyDescription, FisheyeDescription

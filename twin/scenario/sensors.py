@@ -13,12 +13,11 @@ from trackers.cameras import FisheyeIntrinsics
 from trackers.cameras.intrinsics import LARGEST_SIDE_PX
 from trackers.rig import FisheyeSensor, LaserSensor, Role
 from twin.scenario.cameras import CameraNoiseByName, PinholeDescription, StereoDescription
-from twin.scenario.mount import Mounted
-from twin.scenario.noise_presets import NoiseName, by_name
+from twin.scenario.mount import Mounted, NoiseName, by_name
 from twin.scenario.pressure_floor import FloorDescription
 from twin.sensors.camera_noise import CAMERA_NOISE
-from twin.sensors.laser_noise import LASER_NOISE, LaserNoise
-from twin.sensors.lens import LENSES, Lens
+from twin.sensors.fisheye import LENSES, Lens
+from twin.sensors.laser import LASER_NOISE, LaserNoise
 
 if TYPE_CHECKING:
     from twin.instant.snapshot import FootShapes
@@ -172,7 +171,7 @@ def build_sensor(
 
     Raises InputError for a lens that cannot be rendered.
     """
-    from twin.sensors.floor_electronics import BuiltElectronics
+    from twin.sensors.floor import BuiltElectronics
     from twin.sensors.layers import Noisy
 
     ideal = _build_ideal(name, description, renderer, shapes, mounted_on)

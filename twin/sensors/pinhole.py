@@ -18,9 +18,8 @@ from trackers.errors import InputError
 from trackers.observations import Image
 from trackers.rig import PinholeSensor, Pose
 from twin.instant.snapshot import Snapshot
-from twin.sensors.person_pixels import PersonPixels
 from twin.sensors.render import OffscreenRenderer
-from twin.sensors.render_scene import RenderView
+from twin.sensors.render_scene import PersonPixels, RenderView
 from twin.sensors.sensor import Reading, State
 
 MARGIN_PX = 2.0

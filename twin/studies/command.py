@@ -84,7 +84,7 @@ def coverage(
     from trackers.configuration import warn_of_former_name
     from twin.console import print_paths
     from twin.scenario import load_scenario
-    from twin.studies.baseline_coverage import print_coverage, write_coverage
+    from twin.studies.run import print_coverage, write_coverage
 
     if former_samples is not None:
         warn_of_former_name("", "--moments", "--samples")

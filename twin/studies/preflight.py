@@ -19,8 +19,7 @@ from twin.streams import stream
 from twin.studies.apply_placement import apply_placement
 from twin.studies.candidate_set import CandidateSet
 from twin.studies.spec import Study, StudyScenario, load_study, scenario_key
-from twin.suites.overrides import format_overrides
-from twin.suites.preflight import warnings_silenced
+from twin.suites.preflight import format_overrides, warnings_silenced
 from twin.world.scene import Scene, build_scene
 
 

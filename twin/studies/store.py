@@ -19,9 +19,8 @@ from twin.run.out_folder import locked_folder
 from twin.studies.worker import EvaluationTask, evaluate_task
 from twin.suites.cache_keys import Provenance, digest_of, whole_code
 from twin.suites.cluster import Workers
-from twin.suites.dask_runner import RunTasks, open_workers
+from twin.suites.dask_runner import ProgressListener, RunTasks, open_workers
 from twin.suites.metrics import check_ranges
-from twin.suites.progress import ProgressListener
 from twin.suites.store_files import rerun_warning
 from twin.suites.tasks import State, Task, TaskListener, TaskResult
 

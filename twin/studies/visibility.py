@@ -24,8 +24,7 @@ from twin.scenario.sensors import LaserDescription
 from twin.sensors.rays import RayFan, trace_rays
 from twin.studies.spec import Coverage
 from twin.truth.visibility import SensorView, first_hits, sensor_view
-from twin.world.precomputed import PrecomputedScene
-from twin.world.world import World
+from twin.world.world import PrecomputedScene, World
 
 _TRUNK_M, _LEGS_M, _TRUNK_FROM_M = 0.35, 0.2, 0.7
 """Width of a standing body where a scan meets it: of the trunk, and of two legs below that height [m]."""

@@ -26,8 +26,8 @@ from twin.suites.metrics import flatten_metrics
 from twin.suites.worker import cached_motion
 from twin.truth.frames import Situation, TruthDetail, TruthFrame
 from twin.world.body_pool import body_pools
-from twin.world.precomputed import PoseCache, PrecomputedScene
 from twin.world.simulation import Simulation
+from twin.world.world import PoseCache, PrecomputedScene
 
 DETAILED = ("disposal.", "errors.")
 """Metrics that need more truth than people's positions."""

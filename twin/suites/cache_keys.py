@@ -28,7 +28,7 @@ _PACKAGES = {"twin": Path(twin.__file__).parent, "trackers": Path(trackers.__fil
 _SIMULATING = ("twin.world.simulation", "twin.recording.writer")
 """Code that makes a recording; `twin.run.live` only connects the two."""
 
-_MOVING = ("twin.world.precomputed",)
+_MOVING = ("twin.world.world",)
 """Code that moves people, independent of sensors."""
 
 _LIBRARIES = ("mujoco", "numpy", "scipy", "opencv-python-headless", "rosbags")

@@ -13,8 +13,8 @@ from pathlib import Path
 from pydantic import JsonValue
 
 from trackers.errors import InputError
-from trackers.limits import refuse_unless_lifted
 from trackers.rig import NO_PRIOR, PriorFiles
+from trackers.text_file import refuse_unless_lifted
 from twin.models import is_kept_room
 from twin.recording.reader import Recording
 from twin.recording.tables import read_truth
@@ -25,8 +25,7 @@ from twin.scenario.load import dump_scenario
 from twin.scenario.run_size import RunSize, check_size, size_of
 from twin.scenario.scenario import Scenario, TrackerChoice
 from twin.suites.cache_keys import Provenance, digest_of, people_key, provenance_of, recording_key, room_digest
-from twin.suites.overrides import Variant, format_overrides, variants
-from twin.suites.preflight import TrackerCheck
+from twin.suites.preflight import TrackerCheck, Variant, format_overrides, variants
 from twin.suites.spec import Overrides, Suite, find_scenario
 
 MOST_CASES = 5000

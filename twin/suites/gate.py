@@ -25,10 +25,10 @@ from twin.run.inputs import NONE_TRUSTED, TrustedClasses
 from twin.suites.cache import RecordingCache, cache_limit_bytes
 from twin.suites.cluster import Workers
 from twin.suites.comparison import Comparison, compare
+from twin.suites.dask_runner import suite_progress
 from twin.suites.exports import write_junit, write_summary
 from twin.suites.metrics import GATED, GATED_SENSOR_METRICS, allowed_by_default
 from twin.suites.page import write_comparison_page, write_page
-from twin.suites.progress import suite_progress
 from twin.suites.results import Group, GroupKey, RequirementCheck, Results, check_requirements, collect_results
 from twin.suites.run import run_suite, tolerances_of
 from twin.suites.spec import Suite, load_suite

@@ -14,24 +14,28 @@ from typing import Any
 from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup
 
-from twin.evaluate.calibration import WITHIN, calibration_curve
+from twin.evaluate.accuracy import WITHIN, calibration_curve
 from twin.recording.atomic_file import open_atomic
-from twin.report.calibration_chart import calibration_chart
+from twin.report.page import calibration_chart
 from twin.report.palette import IDENTITY_COLOURS, hex_colour
-from twin.suites.charts import colour_of, marker, scale_of, small_multiple
 from twin.suites.comparison import Change, Comparison, case_page, incident_link, significance
+from twin.suites.filmstrip import colour_of, marker, scale_of, small_multiple
 from twin.suites.metrics import HEADLINE_METRICS, METRICS, SHOWN, format_metric, metric_named
 from twin.suites.permutation_test import ALPHA
-from twin.suites.reference import (
+from twin.suites.results import (
     BEHIND_HOTA,
     REFERENCE_METRICS,
+    Group,
+    GroupKey,
     PairedCase,
     ReferenceDifference,
+    RequirementCheck,
+    Results,
     differences_by_scenario,
     differences_from,
+    mean_over_seeds,
     worst_cases,
 )
-from twin.suites.results import Group, GroupKey, RequirementCheck, Results, mean_over_seeds
 from twin.suites.store import ResultStore
 
 

@@ -18,13 +18,11 @@ from twin.scenario.run_size import total
 from twin.suites.cache import RecordingCache
 from twin.suites.cache_keys import whole_code
 from twin.suites.cluster import Workers
-from twin.suites.dask_runner import RunTasks, open_workers
+from twin.suites.dask_runner import ProgressListener, RunTasks, open_workers
 from twin.suites.expansion import Case, check_case_count, expand
 from twin.suites.filmstrip import FilmstripWork, draw_filmstrip
 from twin.suites.metrics import allowed_by_default, flatten_metrics
-from twin.suites.progress import ProgressListener
-from twin.suites.reference import worst_cases
-from twin.suites.results import collect_results
+from twin.suites.results import collect_results, worst_cases
 from twin.suites.spec import Suite, Tolerance
 from twin.suites.store import ResultStore
 from twin.suites.store_files import open_store

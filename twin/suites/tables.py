@@ -13,19 +13,17 @@ from twin.messages import printable
 from twin.report.metrics_table import format_number
 from twin.suites.comparison import Change, Comparison, incident_link, significance
 from twin.suites.metrics import HEADLINE_METRICS, METRICS, format_metric, metric_named
-from twin.suites.reference import (
+from twin.suites.results import (
     BEHIND_HOTA,
     REFERENCE_METRICS,
-    ReferenceDifference,
-    differences_by_scenario,
-    differences_from,
-)
-from twin.suites.results import (
     Group,
     GroupKey,
     MeanOverSeeds,
+    ReferenceDifference,
     RequirementCheck,
     Results,
+    differences_by_scenario,
+    differences_from,
     mean_over_seeds,
 )
 from twin.suites.store import ResultStore

@@ -37,7 +37,7 @@ from twin.sensors.render import OffscreenRenderer
 from twin.suites.cache import RecordingCache, digests_of
 from twin.suites.cache_keys import people_key, recording_key, whole_code
 from twin.suites.expansion import NO_CAMERA, Case, RecordedInput
-from twin.world.precomputed import PrecomputedScene, precompute_motion
+from twin.world.world import PrecomputedScene, precompute_motion
 
 RECORDING, TRUTH = "recording.mcap", "truth.csv"
 

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from trackers.text_file import read_text
-from twin.tables.columns import CsvColumns, columns_of
-from twin.tables.dialect import Cells
+from twin.tables.columns import Cells, CsvColumns, columns_of
 
 HEIGHT_SPREAD_M = 0.6
 """Range of heads, pelvises or floors: a column that varies less may be a height [m]."""

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
-from twin.tables.columns import CsvColumns, columns_of
-from twin.tables.dialect import Cells, read_cells
+from twin.tables.columns import Cells, CsvColumns, columns_of, read_cells
 from twin.tables.headerless import EXPECTED_COLUMNS, HEIGHT_SPREAD_M, is_number, mot_columns, name_columns
 
 _NAMES = {

@@ -17,11 +17,20 @@ from twin.instant.snapshot import Snapshot
 from twin.messages import OnProgress
 from twin.report.assumed_poses import assumed_poses
 from twin.report.floor_panel import BACKDROP, INK, FloorPanel, TruePoses
-from twin.report.lettering import BOLD, Tag, text_width, write, write_tags
-from twin.report.palette import IDENTITY_COLOURS, LAYER_COLOURS, RGB, IdentityColours
+from twin.report.palette import (
+    BOLD,
+    IDENTITY_COLOURS,
+    LAYER_COLOURS,
+    RGB,
+    IdentityColours,
+    Tag,
+    text_width,
+    write,
+    write_tags,
+)
 from twin.report.scene_pictures import DARK_NOTE, check_picture_name, render_picture, tile_pictures, write_png
 from twin.room.building import room_outline
-from twin.room.lighting import ENOUGH_LIGHT, light_of
+from twin.room.mjcf import ENOUGH_LIGHT, light_of
 from twin.run.feed import true_poses
 from twin.scenario import Scenario, load_scenario
 from twin.sensors.render import OffscreenRenderer

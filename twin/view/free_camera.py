@@ -12,8 +12,7 @@ from trackers.area import Area
 from trackers.arrays import Array
 from trackers.errors import InputError
 from twin.instant.snapshot import Snapshot
-from twin.report.lettering import Tag
-from twin.report.palette import RGB
+from twin.report.palette import RGB, Tag
 from twin.report.scene_pictures import axes_towards
 from twin.room.building import check_mount
 from twin.sensors.rays import trace_rays

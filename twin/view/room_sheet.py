@@ -17,7 +17,7 @@ from twin.report.palette import LAYER_COLOURS
 from twin.report.scene_pictures import check_picture_name, render_picture, tile_pictures, write_png
 from twin.room.building import room_outline
 from twin.room.furniture import Bed, furniture_of
-from twin.room.lighting import DARK_LIGHT, ENOUGH_LIGHT, light_of
+from twin.room.mjcf import DARK_LIGHT, ENOUGH_LIGHT, light_of
 from twin.scenario import Scenario
 from twin.sensors.render import OffscreenRenderer
 from twin.view.free_camera import CameraSpace, overview

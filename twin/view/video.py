@@ -14,15 +14,14 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S, FloorFrame, LaserScan, Observation
 from trackers.rig import FloorSensor, Rig
 from twin.instant.snapshot import Snapshot
-from twin.people.randomize import randomized
+from twin.people.population import randomized
 from twin.report.floor_panel import PRESSED, FloorPanel
-from twin.report.lettering import write, write_tags
-from twin.report.palette import LAYER_COLOURS, IdentityColours
+from twin.report.palette import LAYER_COLOURS, IdentityColours, write, write_tags
+from twin.report.preview import TIME_BASE, VideoFile
 from twin.report.scene_pictures import DARK_NOTE, axes_towards, render_picture
-from twin.report.silent_sensors import SilenceMonitor
-from twin.report.video_file import TIME_BASE, VideoFile
+from twin.report.sensor_stills import SilenceMonitor
 from twin.room.building import room_outline
-from twin.room.lighting import ENOUGH_LIGHT, light_of
+from twin.room.mjcf import ENOUGH_LIGHT, light_of
 from twin.run.feed import true_poses
 from twin.scenario import Scenario
 from twin.sensors.render import RendererOnDemand

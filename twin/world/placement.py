@@ -15,8 +15,7 @@ from twin.geometry.polygon import TOLERANCE_M, leaves_at, strictly_within
 from twin.people.crowd.crowd import planar
 from twin.people.crowd.ground import nearest_free, standing_place
 from twin.people.crowd.routes import CLOSE_M, Routes
-from twin.people.script.arrivals import comes_at, known_start
-from twin.people.script.recorded import curve_through
+from twin.people.script.recorded import comes_at, curve_through, known_start
 from twin.room.furniture import Bed, Seat
 from twin.room.obstacles import KEEP_FROM_FURNITURE_M, Footprints
 from twin.scenario import Scenario

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from trackers.area import check_polygon
 from trackers.errors import InputError
-from trackers.limits import check_limit
+from trackers.text_file import check_limit
 from twin import models
-from twin.geometry.geom_hull import check_extent
+from twin.geometry.polygon import check_extent
 from twin.instant.snapshot import FootShapes, base_body
 from twin.people.body.appearance import BodyAppearance, appearance_of
 from twin.people.crowd.bases import MovingBases

@@ -17,13 +17,11 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S, Observation
 from trackers.rig import OdometrySensor, Rig, StereoSensor
 from twin.instant.snapshot import FootShapes, Snapshot
-from twin.people.population import Population
-from twin.people.randomize import randomized
-from twin.people.script.arrivals import describe_late_actions
-from twin.people.script.recorded import close_calls, describe_close_calls
+from twin.people.population import Population, randomized
+from twin.people.script.recorded import close_calls, describe_close_calls, describe_late_actions
 from twin.recording.ros_messages import Encoded, encode
 from twin.room.building import check_mount
-from twin.room.lighting import DARK_LIGHT, light_of
+from twin.room.mjcf import DARK_LIGHT, light_of
 from twin.scenario import Scenario
 from twin.scenario.housings import assumed_sensor, base_of, driven, held_sensor, odometry_sensor
 from twin.scenario.pressure_floor import FloorDescription, check_floor
@@ -39,11 +37,9 @@ from twin.sensors.sensor import Reading, Sensor
 from twin.streams import stream
 from twin.truth.frames import Box, TruthDetail, TruthFrame
 from twin.truth.visibility import PersonImaging, person_boxes, sees_any_of, sensor_view
-from twin.world.heap import trim_heap
-from twin.world.precomputed import PrecomputedScene
 from twin.world.scene import foot_shapes
 from twin.world.truth_details import TruthDetails
-from twin.world.world import World
+from twin.world.world import PrecomputedScene, World, trim_heap
 
 
 @dataclass(frozen=True, eq=False, slots=True)

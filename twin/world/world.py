@@ -1,28 +1,84 @@
-"""The world: the scene at any time of the run, and the truth about it."""
+"""The world: the scene at any time of the run, and the truth about it; and what serves many worlds in one process.
+
+Motion of people is computed once for scenarios that share it. The C library keeps the space of large images between small
+live objects; over many runs in one process that grew to gigabytes, so freed memory is returned to the system.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Literal
+import copy
+import ctypes
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any, Literal
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from trackers.area import Area
 from trackers.arrays import Array
 from trackers.observations import NS_PER_S
 from twin.instant.snapshot import Feet, Snapshot, base_body
-from twin.people.population import Population
-from twin.people.poses import Poses
-from twin.people.randomize import randomized
-from twin.room.lighting import Lighting
+from twin.people.population import Population, randomized
+from twin.people.poses import PopulationMotion, Poses
+from twin.room.mjcf import Lighting
 from twin.scenario import Scenario
 from twin.scenario.housings import driven
 from twin.truth.frames import FootTruth, PersonTruth, TruthFrame
 from twin.truth.visibility import SensorView, visible_share
 from twin.world.body_pool import body_pools
-from twin.world.precomputed import PoseCache, PrecomputedScene
-from twin.world.scene import build_scene, populate, precomputed_poses
+from twin.world.scene import Scene, build_scene, populate, precomputed_poses
+
+LONGEST_LOOK_S = 1.0
+"""Time by which a motion exceeds the scenario's end, for sweeps and exposures begun before [s]."""
+
+
+class PoseCache:
+    """Poses of people's geoms at the times of scans, for scanners with the same times.
+
+    Rays need nothing else: joints, soles, cameras and lights are not kept.
+    """
+
+    def __init__(self, person_of_geom: NDArray[np.int16]) -> None:
+        self._geoms = np.flatnonzero(person_of_geom > 0)
+        self.places: dict[float, tuple[Array, Array]] = {}
+
+    def store(self, t: float, data: mujoco.MjData) -> None:
+        """Store the present poses as those of time t [s]."""
+        self.places[t] = data.geom_xpos[self._geoms].copy(), data.geom_xmat[self._geoms].copy()
+
+    def restore(self, t: float, data: mujoco.MjData) -> None:
+        """Restore the poses of time t [s]."""
+        data.geom_xpos[self._geoms], data.geom_xmat[self._geoms] = self.places[t]
+
+
+@dataclass(frozen=True, eq=False)
+class PrecomputedScene:
+    """Compiled initial scene of a scenario, and its people's motion; for scenarios with the same people."""
+
+    scene: Scene
+    motion: PopulationMotion
+
+    @classmethod
+    def of(cls, scenario: Scenario, motion: PopulationMotion) -> PrecomputedScene:
+        """Build the scene of the scenario's people. Raises InputError as `build_scene` does."""
+        return cls(build_scene(randomized(scenario)), motion)
+
+    def scene_for(self, scenario: Scenario) -> Scene:
+        """Return the scene for one world, with its own model if the world changes its light."""
+        if not scenario.lights:
+            return self.scene
+        return replace(self.scene, bodies=replace(self.scene.bodies, model=copy.copy(self.scene.model)))
+
+
+def precompute_motion(scenario: Scenario) -> PopulationMotion:
+    """Step a scenario's people to its end and return their motion. Raises InputError as `build_scene` does."""
+    scenario = randomized(scenario)
+    return populate(scenario, build_scene(scenario)).motion(scenario.duration_s + LONGEST_LOOK_S)
+
 
 _OUT_OF_THE_ROOM_M = -100.0
 _SIDES: tuple[Literal["left"], Literal["right"]] = ("left", "right")
@@ -198,3 +254,24 @@ class World:
             return FootTruth(_SIDES[side], *numbers[person][side][: None if carries else 5], cells=loaded)
 
         return [(foot(person, 0), foot(person, 1)) for person in range(len(numbers))]
+
+
+def trim_heap() -> None:
+    """Return freed memory to the system, if the C library can (glibc)."""
+    if (trim := _malloc_trim()) is not None:
+        trim(0)
+
+
+@contextmanager
+def heap_trimmed() -> Iterator[None]:
+    """Trim the heap at the end of the block."""
+    try:
+        yield
+    finally:
+        trim_heap()
+
+
+@cache
+def _malloc_trim() -> Any:
+    """Return the function of the C library; None if missing: musl, macOS."""
+    return getattr(ctypes.CDLL(None), "malloc_trim", None)

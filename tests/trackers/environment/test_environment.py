@@ -15,7 +15,7 @@ from trackers.environment import (
     build_environment,
 )
 from trackers.errors import InputError
-from trackers.limits import NO_LIMITS
+from trackers.text_file import NO_LIMITS
 
 VOXEL_M = 0.05
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings, strategies as st
 from scipy import stats
 
 from trackers.filters.imm import Imm, ImmState
-from trackers.filters.motion import KALMAN_MODELS, SPEED, HeadingMotion
+from trackers.filters.motion import KALMAN_MODELS, SPEED, HeadingMotion, VelocityMotion
 from trackers.filters.negative_information import (
     existence_after_detection,
     existence_after_miss,
@@ -16,7 +16,6 @@ from trackers.filters.negative_information import (
     probability_within,
     update_missed,
 )
-from trackers.filters.velocity_motion import VelocityMotion
 
 ALONG_X = np.array([[1.0], [0.0]])
 

@@ -9,8 +9,7 @@ from hypothesis import given, strategies as st
 from trackers.errors import InputError
 from trackers.filters.circular import circular_mean
 from trackers.filters.negative_information import update_missed_particles
-from trackers.filters.particle import Cloud, ParticleFilter, cascade
-from trackers.filters.proposal import MixtureProposal
+from trackers.filters.particle import Cloud, MixtureProposal, ParticleFilter, cascade
 
 STEP_M, FRESH_M = 0.5, 2.0
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from trackers.filters.imm import Imm
-from trackers.filters.motion import IMM_MODELS, HeadingMotion, MotionModel
-from trackers.filters.velocity_motion import STANDS, VelocityModel, VelocityMotion
+from trackers.filters.motion import IMM_MODELS, STANDS, HeadingMotion, MotionModel, VelocityModel, VelocityMotion
 
 PERIOD_S = 0.1
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from sklearn.tree import DecisionTreeClassifier
 
+from trackers.learning.boosting import ScikitLearnTrees
 from trackers.learning.cart import Grown, SortedSamples, Trees
-from trackers.learning.scikit_learn import ScikitLearnTrees
 
 
 def draw(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from trackers.environment import load_environment
 from trackers.errors import InputError
-from twin.commands.environment import environment
+from twin.commands.run import environment
 
 pytestmark = pytest.mark.slow
 

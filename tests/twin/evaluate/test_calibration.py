@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from trackers.filters.imm import Imm, ImmState
+from trackers.filters.motion import AGILE, VelocityMotion
 from trackers.filters.negative_information import probability_within, radius_containing
-from trackers.filters.velocity_motion import AGILE, VelocityMotion
 from trackers.laser.detections import Detections
-from trackers.likelihood.trunk import TrunkOptions, offset_variance_m2
+from trackers.likelihood.legs import TrunkOptions, offset_variance_m2
 from trackers.tracks import Track, TrackFrame
 from twin.evaluate import evaluate_tracks
-from twin.evaluate.calibration import calibration_curve
+from twin.evaluate.accuracy import calibration_curve
 from twin.recording.tables import read_tracks, track_table, track_writer, truth_table
-from twin.report.calibration_chart import calibration_chart
+from twin.report.page import calibration_chart
 from twin.truth.frames import PersonTruth, TruthFrame
 
 SIGMA_M = 0.08

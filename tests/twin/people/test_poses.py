@@ -6,8 +6,7 @@ import numpy as np
 
 from twin.people.gait.gait_state import FLOOR_ROWS, ROWS, GaitState
 from twin.people.poses import TICK_S, PoseHistory
-from twin.people.posture.minimum_jerk import minimum_jerk
-from twin.people.posture.posture_rows import OFF_FEET, POSTURE_ROWS, support
+from twin.people.posture.posture_rows import OFF_FEET, POSTURE_ROWS, minimum_jerk, support
 
 
 def test_who_gets_up_never_weighs_less_than_nothing():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from trackers.errors import InputError
-from twin.people.randomize import randomized
+from twin.people.population import randomized
 from twin.scenario import load_scenario
 from twin.scenario.behaviour import RecordedPath, Walk
 from twin.scenario.load import dump_scenario

@@ -18,7 +18,7 @@ from rosbags.rosbag2.storage_mcap import McapWriter
 from rosbags.typesys import Stores, get_typestore
 
 from trackers.errors import InputError
-from trackers.limits import NO_LIMITS
+from trackers.text_file import NO_LIMITS
 from twin.recording import bounded_readers
 from twin.recording.bag import open_bag
 from twin.recording.bounded_readers import zstd, zstd_bound

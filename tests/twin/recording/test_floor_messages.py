@@ -15,7 +15,7 @@ from trackers.rig import FloorSensor, LaserSensor, Pose, Rig
 from twin.recording.reader import Recording
 from twin.recording.ros_messages import RAW_IMAGE, TYPESTORE, decode, encode, from_message, time_message
 from twin.recording.writer import BagWriter
-from twin.sensors.floor_electronics import LoadFrame
+from twin.sensors.floor import LoadFrame
 
 RIG = Rig(
     sensors={

@@ -141,7 +141,7 @@ def test_unwritable_place_is_named(tmp_path: Path, synthetic: SyntheticRun) -> N
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
 def test_full_disk_is_named(tmp_path: Path, synthetic: SyntheticRun, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("twin.report.video_file.partial_path", lambda path: Path("/dev/full"))
+    monkeypatch.setattr("twin.report.preview.partial_path", lambda path: Path("/dev/full"))
     monkeypatch.setattr(Path, "unlink", lambda self, missing_ok=False: None)
     with pytest.raises(InputError, match="No space left on device"):
         write(tmp_path / "v.mp4", synthetic)

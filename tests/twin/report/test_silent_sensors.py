@@ -12,7 +12,7 @@ import pytest
 from trackers.observations import NS_PER_S, LaserScan
 from twin.report.floor_panel import SILENT_FILL
 from twin.report.preview import PreviewWriter
-from twin.report.silent_sensors import SilenceMonitor
+from twin.report.sensor_stills import SilenceMonitor
 from twin.run.feed import Preview
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from twin.reproduce.bootstrap import Bootstrap, band, interval
+from twin.reproduce.results import Bootstrap, band, interval
 
 
 def test_the_runs_as_they_are_come_first():

@@ -11,7 +11,7 @@ import pytest
 
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
 from trackers.camera_floor_particle.tracker import DebugState
-from trackers.cameras.pinhole import PinholeIntrinsics
+from trackers.cameras.intrinsics import PinholeIntrinsics
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, FloorFrame
 from trackers.pose import Pose

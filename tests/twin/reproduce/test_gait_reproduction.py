@@ -12,8 +12,17 @@ import pytest
 
 from trackers.errors import InputError
 from twin.commands.reproduce import reproduce
-from twin.reproduce.gait.comparison import PERSON_SECTION, RUNNING, SUBJECT_SECTION, WALKING, statures
-from twin.reproduce.gait.published import SUBJECT_FILE, read_subject, walking_cadence, walking_step_m
+from twin.reproduce.gait.comparison import (
+    PERSON_SECTION,
+    RUNNING,
+    SUBJECT_FILE,
+    SUBJECT_SECTION,
+    WALKING,
+    read_subject,
+    statures,
+    walking_cadence,
+    walking_step_m,
+)
 from twin.reproduce.gait.stride import (
     STANCE_POINTS,
     humps,

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 
-from twin.reproduce.bootstrap import Interval
-from twin.reproduce.page import template
+from twin.reproduce.registry import template
 from twin.reproduce.results import (
+    Interval,
     ResultRow,
     SystemValue,
     format_rows,

@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from trackers.cameras.pinhole import PinholeIntrinsics
+from trackers.cameras.intrinsics import PinholeIntrinsics
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.pose import Pose
 from trackers.rig import Rig, StereoSensor
 from twin.reproduce.results import pivot_rows
 from twin.reproduce.rgbd_head.figures import errors_svg
-from twin.reproduce.rgbd_head.head_errors import head_errors, spread_cm
 from twin.reproduce.rgbd_head.reproduction import check_suite
 from twin.reproduce.rgbd_head.results import (
     ABLATION,
@@ -26,7 +25,9 @@ from twin.reproduce.rgbd_head.results import (
     TIME,
     WHERE,
     HeadCondition,
+    head_errors,
     results_of,
+    spread_cm,
 )
 from twin.suites.spec import load_suite
 

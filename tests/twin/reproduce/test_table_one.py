@@ -8,8 +8,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from twin.reproduce.bootstrap import POISSON_ZERO_UPPER, Bootstrap
-from twin.reproduce.incidents import round_robin
 from twin.reproduce.laser_fisheye_imm.plots import _spread
 from twin.reproduce.laser_fisheye_imm.runs import COLUMNS, FULL, IMM, KALMAN, LabCondition, LongOcclusion
 from twin.reproduce.laser_fisheye_imm.table_one import (
@@ -26,6 +24,8 @@ from twin.reproduce.laser_fisheye_imm.table_one import (
     statements,
     system_value,
 )
+from twin.reproduce.results import POISSON_ZERO_UPPER, Bootstrap
+from twin.reproduce.suite_runs import round_robin
 
 N = 8
 NONE = np.zeros(N)

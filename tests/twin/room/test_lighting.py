@@ -11,7 +11,7 @@ from made_rooms import room_of, scenario_in
 
 from trackers.errors import InputError
 from twin.report.scene_pictures import fill_light
-from twin.room.lighting import Lighting, light_of
+from twin.room.mjcf import Lighting, light_of
 from twin.scenario import load_scenario
 from twin.scenario.scenario import LightChange
 from twin.view.contact_sheet import drawn_view

@@ -25,7 +25,7 @@ from twin.run.inputs import TrustedClasses
 from twin.studies.run import run_study, write_results
 from twin.suites.cache import RecordingCache
 from twin.suites.cluster import Workers
-from twin.suites.progress import ProgressListener
+from twin.suites.dask_runner import ProgressListener
 from twin.suites.run import run_suite
 from twin.suites.spec import load_suite
 

@@ -8,7 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from trackers.errors import InputError
-from twin.people.script.arrivals import describe_late_actions
+from twin.people.script.recorded import describe_late_actions
 from twin.scenario import load_scenario
 from twin.scenario.action import WaitCondition
 from twin.scenario.behaviour import Look, RecordedPath, Turn, endless

@@ -11,7 +11,7 @@ from trackers.errors import InputError
 from trackers.rig import FloorSensor
 from twin.scenario.pressure_floor import FloorDescription, check_floor
 from twin.scenario.sensors import SensorDescription
-from twin.sensors.floor_electronics import FLOOR_ELECTRONICS, FloorElectronics
+from twin.sensors.floor import FLOOR_ELECTRONICS, FloorElectronics
 
 
 class Sensors(Strict):

@@ -9,7 +9,7 @@ from hypothesis.extra.numpy import arrays
 
 from trackers.force_curve import ForceCurve
 from trackers.observations import FloorFrame
-from twin.sensors.floor_electronics import (
+from twin.sensors.floor import (
     FLOOR_ELECTRONICS,
     BuiltElectronics,
     FloorElectronics,

@@ -6,8 +6,7 @@ import pytest
 
 from trackers.cameras import FisheyeIntrinsics
 from trackers.errors import InputError
-from twin.sensors.fisheye import MARGIN_PX, build_face_table
-from twin.sensors.lens import LENSES, Lens, check_fisheye
+from twin.sensors.fisheye import LENSES, MARGIN_PX, Lens, build_face_table, check_fisheye
 
 CAMERAS = {
     "equidistant": LENSES["equidistant_185"].intrinsics(),

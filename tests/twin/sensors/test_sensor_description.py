@@ -13,8 +13,8 @@ from trackers.rig import FisheyeSensor, LaserSensor
 from twin.scenario.mount import Mount
 from twin.scenario.sensors import FisheyeDescription, LaserDescription, SensorDescription
 from twin.sensors.camera_noise import CAMERA_NOISE
-from twin.sensors.laser_noise import LASER_NOISE, LaserNoise
-from twin.sensors.lens import LENSES
+from twin.sensors.fisheye import LENSES
+from twin.sensors.laser import LASER_NOISE, LaserNoise
 
 
 class Sensors(Strict):

@@ -20,7 +20,7 @@ from twin.studies.visibility import (
     visited_cells,
 )
 from twin.world.body_pool import body_pools
-from twin.world.precomputed import PrecomputedScene, precompute_motion
+from twin.world.world import PrecomputedScene, precompute_motion
 
 COVERAGE = Coverage(beams=6, px_per_m=60, target="head", heights_m=(1.0, 1.6))
 

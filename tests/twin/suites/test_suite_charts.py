@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from twin.suites.charts import colour_of, marker
+from twin.suites.filmstrip import colour_of, marker
 
 
 def test_trackers_are_told_apart_when_the_colours_come_round_again() -> None:

@@ -19,7 +19,7 @@ from twin import cli
 from twin.suites import run as suite_run
 from twin.suites.cache import RecordingCache
 from twin.suites.cluster import Workers
-from twin.suites.progress import ProgressListener
+from twin.suites.dask_runner import ProgressListener
 from twin.suites.run import run_suite
 from twin.suites.spec import load_suite
 from twin.suites.tasks import State

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from trackers.errors import InputError
-from twin.suites.reference import differences_by_scenario, differences_from, worst_cases
-from twin.suites.results import Group, GroupKey, Results
+from twin.suites.results import Group, GroupKey, Results, differences_by_scenario, differences_from, worst_cases
 from twin.suites.spec import Suite, load_suite
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from twin.world import heap
-from twin.world.heap import heap_trimmed, trim_heap
+from twin.world import world
+from twin.world.world import heap_trimmed, trim_heap
 
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="resident memory is read from /proc")
 MIB = 2**20
@@ -20,7 +20,7 @@ def resident_mib() -> float:
 
 
 def test_memory_between_things_that_live_on_is_given_back() -> None:
-    if heap._malloc_trim() is None:
+    if world._malloc_trim() is None:
         pytest.skip("the C library has no malloc_trim")
     kept = []
 
@@ -41,5 +41,5 @@ def test_memory_between_things_that_live_on_is_given_back() -> None:
 
 
 def test_a_library_that_cannot_trim_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(heap, "_malloc_trim", lambda: None)
+    monkeypatch.setattr(world, "_malloc_trim", lambda: None)
     trim_heap()

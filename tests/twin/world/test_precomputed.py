@@ -13,8 +13,8 @@ from twin.people.poses import PopulationMotion
 from twin.scenario import Scenario, load_scenario
 from twin.streams import stream
 from twin.truth.frames import TruthFrame
-from twin.world.precomputed import PrecomputedScene, precompute_motion
 from twin.world.simulation import Simulation
+from twin.world.world import PrecomputedScene, precompute_motion
 
 pytestmark = pytest.mark.slow
 

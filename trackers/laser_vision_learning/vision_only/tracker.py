@@ -24,8 +24,7 @@ from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.feeding import LATE
 from trackers.filters.gating import distances, mahalanobis
-from trackers.filters.particle import Cloud, ParticleFilter
-from trackers.filters.proposal import MixtureProposal
+from trackers.filters.particle import Cloud, MixtureProposal, ParticleFilter
 from trackers.laser_vision_learning.vision_only.options import VisionOnlyOptions
 from trackers.laser_vision_learning.vision_only.people import (
     AtDetections,

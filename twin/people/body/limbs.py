@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from twin.people.body import clothes
+from twin.people.body import appearance
 from twin.people.body.proportions import Proportions
 from twin.people.body.surfaces import Array, Surface, cord, ellipsoid, limb, loft, rings
 
@@ -160,7 +160,7 @@ class Girths:
 
     def short_sleeve(self) -> Surface:
         """Make a short sleeve; in the upper arm's frame."""
-        return clothes.sleeve(0.58 * self.lengths.upper_arm, 0.054 * self.girth, 0.055 * self.girth)
+        return appearance.sleeve(0.58 * self.lengths.upper_arm, 0.054 * self.girth, 0.055 * self.girth)
 
     def bare_upper_arm(self) -> Surface:
         """Make the bare part of the upper arm below a short sleeve; in the upper arm's frame."""
@@ -211,7 +211,7 @@ class Girths:
 
     def bell(self, sign: int, hem: float, flare: float, grow: float) -> Surface:
         """Make half of a skirt or of a coat's tail; in the frame of the left (sign 1) or right (-1) thigh."""
-        return clothes.bell(
+        return appearance.bell(
             sign,
             self.lengths.thigh,
             self.lengths.hip_joint_width / 2,

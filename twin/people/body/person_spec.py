@@ -15,9 +15,8 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from twin.people.body import clothes, head, limbs
-from twin.people.body.appearance import BodyAppearance
-from twin.people.body.clothes import TILE_M, coat_front, printed, tile
+from twin.people.body import appearance, head, limbs
+from twin.people.body.appearance import TILE_M, BodyAppearance, coat_front, printed, tile
 from twin.people.body.proportions import Proportions
 from twin.people.body.surfaces import Surface
 
@@ -253,10 +252,10 @@ class _Body:
         cloth = "skin" if bare else "trousers"
         self._geom(thigh, f"{side}_thigh", cloth, lambda: shape.thigh(slim))
         if looks.skirt is not None:
-            self._geom(thigh, f"{side}_skirt", "skirt", lambda: shape.bell(sign, clothes.SKIRT_HEM, 0.16, 0.004))
+            self._geom(thigh, f"{side}_skirt", "skirt", lambda: shape.bell(sign, appearance.SKIRT_HEM, 0.16, 0.004))
         if looks.coat is not None:
             self._geom(
-                thigh, f"{side}_tail", "coat", lambda: shape.bell(sign, clothes.COAT_HEM, 0.20, self.outside + 0.006)
+                thigh, f"{side}_tail", "coat", lambda: shape.bell(sign, appearance.COAT_HEM, 0.20, self.outside + 0.006)
             )
         self._point(thigh, (0, 0, -0.35 * lengths.thigh), (0, 0, -0.7 * lengths.thigh))
         shank = self._segment(thigh, f"{side}_shank", (0, 0, -lengths.thigh), joints[3:4])
@@ -273,15 +272,15 @@ class _Body:
         match looks.bag:
             case "backpack":
                 back = shape.back(self.outside)
-                self._geom(trunk, "bag", "bag", lambda: clothes.backpack(shape.trunk_length, back, k))
-                strap = clothes.over_the_shoulder(shape.strap_path(self.outside), k, 1)
+                self._geom(trunk, "bag", "bag", lambda: appearance.backpack(shape.trunk_length, back, k))
+                strap = appearance.over_the_shoulder(shape.strap_path(self.outside), k, 1)
                 self._geom(trunk, "straps", "bag", lambda: strap + strap.mirrored(), TRIM_GROUP)
             case "shoulder":
                 behind = shape.hip_depth(self.outside) + 0.045 * k
-                bag = clothes.shoulder_bag(k).moved((-behind, -0.055 * k, 0.015 * looks.height_m))
+                bag = appearance.shoulder_bag(k).moved((-behind, -0.055 * k, 0.015 * looks.height_m))
                 self._geom(pelvis, "bag", "bag", lambda: bag)
                 self._geom(trunk, "straps", "bag", lambda: shape.sash(self.outside), TRIM_GROUP)
             case "handbag":
                 fist = (0.004, -0.022 * k, -(self.lengths.forearm + 0.55 * self.lengths.hand))
                 forearm = self.spec.body("right_forearm")
-                self._geom(forearm, "bag", "bag", lambda: clothes.handbag(k).moved(fist))
+                self._geom(forearm, "bag", "bag", lambda: appearance.handbag(k).moved(fist))

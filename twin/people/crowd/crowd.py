@@ -29,8 +29,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array, Mask
-from twin.people.crowd.motion_command import Bases, MotionCommand
-from twin.people.crowd.social_force import KEEP_APART_M, arms_in, least_apart, repulsion, room_made
+from twin.people.crowd.motion_command import (
+    KEEP_APART_M,
+    Bases,
+    MotionCommand,
+    arms_in,
+    least_apart,
+    repulsion,
+    room_made,
+)
 from twin.room.obstacles import KEEP_FROM_FURNITURE_M, Footprints, Obstacle, edges_of
 
 Planar = NDArray[np.complex128]

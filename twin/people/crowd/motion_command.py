@@ -1,4 +1,10 @@
-"""Command to one person's body on the floor, valid until the next: go, stand, turn."""
+"""Command to one person's body on the floor, valid until the next: go, stand, turn; and repulsion between people.
+
+The repulsion is the social force model in a form that looks ahead: A. Johansson, D. Helbing and P. Shukla, "Specification of
+the social force pedestrian model by evolutionary adjustment to video tracking data", Advances in Complex Systems 10, 2007:
+"elliptical II", with their weight by the angle of sight. The parameters are ours: short and strong, for people close
+together in a room, and turned slightly to the right.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +16,7 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.arrays import Array
+from trackers.arrays import Array, Mask
 
 End = Literal["arrived", "time", "done", "taken", "blocked"]
 """Reason for which a command ended: goal reached, time over, its own condition met, goal occupied by another, or way
@@ -59,3 +65,82 @@ class Bases(Protocol):
     def seen_from(self, place: NDArray[np.complex128], braking: Array) -> SeenBases:
         """Return the influence of the bases on people at these places (n,), who brake at most by `braking` (n,) [m/s²]."""
         ...
+
+
+Planar = NDArray[np.complex128]
+
+REPULSION_M_S2 = 5.0
+"""Repulsion between two people at the least distance [m/s²]."""
+LOOK_AHEAD_S = 0.5
+"""Horizon of relative motion in the repulsion [s]."""
+REPULSION_RANGE_M = 0.18
+"""Distance over which the repulsion falls by 1/e [m]."""
+SIGHT_FROM_BEHIND = 0.3
+"""Relative repulsion by a person straight behind."""
+STANDING_SHARE = 0.25
+"""Relative repulsion on a person who stops, so that passers-by do not push them about."""
+PASS_ON_THE_RIGHT_RAD = 0.5
+"""Clockwise turn of the repulsion, so that two who meet head on pass [rad]."""
+ARMS_IN_FROM_M, ARMS_IN_AT_M = 0.75, 0.58
+"""Distances of a companion at which the arm on that side begins to be held in, and hangs straight down [m]."""
+FOOT_M = 0.25
+"""Length of a foot with its shoe [m]."""
+KEEP_APART_M = 0.65
+"""Least distance between the middles of two people [m]: room for both people's feet and swinging arms."""
+
+_PASS = np.exp(1j * PASS_ON_THE_RIGHT_RAD)
+
+
+def repulsion(
+    between: Planar, distance: Array, towards: Planar, velocity: Planar, facing: Planar, going: Array, self_far: Array
+) -> Planar:
+    """Return the social force (n,) [m/s²] of the others on each.
+
+    between (n, n): from each to each [m], towards its direction and distance (n, n) its length; velocity (n,) [m/s], facing
+    (n,) unit; going (n,): 1 walks, 0 stands; self_far (n, n): a great length on the diagonal [m].
+    """
+    drift = (velocity - velocity[:, None]) * LOOK_AHEAD_S
+    soon = between + drift
+    soon_distance = np.abs(soon) + self_far
+    both = distance + soon_distance
+    axis = 0.5 * np.sqrt(np.maximum(both * both - np.abs(drift) ** 2, 1e-6))
+    direction = 0.5 * (towards + soon / np.maximum(soon_distance, 1e-6))
+    ahead = (towards * facing.conj()[:, None]).real
+    weight = 0.5 * (1 + SIGHT_FROM_BEHIND) + 0.5 * (1 - SIGHT_FROM_BEHIND) * ahead
+    force = np.exp((axis - KEEP_APART_M) * (-1.0 / REPULSION_RANGE_M)) * (0.5 * both / axis) * weight
+    away = (force * direction).sum(axis=1)
+    return away * (STANDING_SHARE + (1 - STANDING_SHARE) * going) * (-REPULSION_M_S2 * _PASS)
+
+
+def least_apart(companions: Mask, companion_m: Array, keeps_step: Mask, towards: Planar, facing: Planar) -> Array:
+    """Return the least distance (n, n) [m] between people, less for companions abreast.
+
+    companions (n, n): pairs who walk together; companion_m (n,): least distance abreast [m]; keeps_step (n,): people who
+    count on companions to walk on; towards (n, n): unit, from each to each; facing (n,): unit. Before and behind each other
+    companions keep the usual distance, and those who keep step a foot's length more, to spare the feet.
+    """
+    closer = np.where(companions, KEEP_APART_M - companion_m[:, None], 0.0)
+    lateral = (towards * facing.conj()[:, None]).imag ** 2
+    lateral = np.minimum(lateral, lateral.T)
+    apart = KEEP_APART_M - np.maximum(closer, closer.T) * lateral
+    if not np.count_nonzero(keeps_step):
+        return apart
+    return apart + FOOT_M * (1.0 - lateral) * (companions & keeps_step[:, None])
+
+
+def room_made(companions: Mask, keeps_step: Mask, towards: Planar, velocity: Planar) -> Array:
+    """Return the speed (n, n) [m/s] at which companions walk away ahead of those who keep step; 0 for all others.
+
+    Arguments as in `least_apart`; velocity (n,) [m/s].
+    """
+    return np.maximum((towards.conj() * velocity).real, 0.0) * (companions & keeps_step[:, None])
+
+
+def arms_in(together: Mask, seen: Planar) -> Array:
+    """Return the fraction by which each person holds in the left and the right arm, (2, n): 0 as when alone, 1 straight
+    down.
+
+    together (n, n): pairs who walk together, either way; seen (n, n): from each to each, ahead + left i [m].
+    """
+    near = np.clip((ARMS_IN_FROM_M - np.abs(seen)) / (ARMS_IN_FROM_M - ARMS_IN_AT_M), 0.0, 1.0) * together
+    return np.stack([(near * (seen.imag > 0)).max(axis=1), (near * (seen.imag <= 0)).max(axis=1)])

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array
-from twin.people.body.kinematics import leg_angles
 from twin.people.body.person_spec import JOINT_PLACE, LEG, NQ_PERSON, SIDES
-from twin.people.body.proportions import Skeleton
+from twin.people.body.proportions import Skeleton, leg_angles
 
 Planar = NDArray[np.complex128]
 

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array
-from twin.people.body.kinematics import direction, turned
-from twin.people.posture.minimum_jerk import PEAK_RATE, MinimumJerkProfile, minimum_jerk
-from twin.people.posture.posture_rows import LOOK, LOOK_TO, SPINE_YAW
+from twin.people.body.proportions import direction, turned
+from twin.people.posture.posture_rows import LOOK, LOOK_TO, PEAK_RATE, SPINE_YAW, MinimumJerkProfile, minimum_jerk
 
 NECK_YAW_MOST_RAD = 1.396
 """Greatest turn of the head on the trunk, to either side (80 degrees)."""

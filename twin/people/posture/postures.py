@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array
-from twin.people.body.kinematics import about_y, about_z, turned
+from twin.people.body.proportions import about_y, about_z, turned
 from twin.people.posture.body_measures import BodyMeasures
 from twin.people.posture.gaze import GazeControl
-from twin.people.posture.minimum_jerk import MinimumJerkProfile
+from twin.people.posture.overlay import BACK_PER_BEND_M, BACK_PER_DROP, PELVIS_SHARE, help_of_trunk
 from twin.people.posture.posture_rows import (
     ARMS_PITCH,
     BACK,
@@ -34,10 +34,10 @@ from twin.people.posture.posture_rows import (
     SPINE_ROLL,
     SPINE_YAW,
     CentreOfMass,
+    MinimumJerkProfile,
     faced,
     hips_up,
 )
-from twin.people.posture.reach import BACK_PER_BEND_M, BACK_PER_DROP, PELVIS_SHARE, help_of_trunk
 from twin.people.posture.resting import (
     GET_UP_S,
     LIE_DOWN_S,

@@ -8,7 +8,6 @@ import numpy as np
 
 from trackers.arrays import Array
 from twin.people.posture.body_measures import SEATED_PELVIS_RAD, SEATED_SPINE_RAD, BodyMeasures
-from twin.people.posture.minimum_jerk import minimum_jerk
 from twin.people.posture.posture_rows import (
     ANKLE,
     ARMS_FLAT,
@@ -28,6 +27,7 @@ from twin.people.posture.posture_rows import (
     PROP,
     REST,
     SPINE_PITCH,
+    minimum_jerk,
 )
 from twin.room.furniture import Bed, Seat
 

@@ -15,9 +15,8 @@ from twin.people.crowd.ground import standing_place
 from twin.people.crowd.motion_command import MotionCommand
 from twin.people.posture.postures import Part
 from twin.people.script.actor import Actor, Going
-from twin.people.script.companions import follow, meet
 from twin.people.script.groups import join, lead
-from twin.people.script.walking import LOOKS_AGAIN_S, Commands, walk, walk_to, wander
+from twin.people.script.walking import LOOKS_AGAIN_S, Commands, follow, meet, walk, walk_to, wander
 from twin.room.furniture import Bed, Seat
 from twin.scenario.action import WaitCondition
 from twin.scenario.behaviour import (

@@ -16,8 +16,7 @@ from scipy.optimize import linear_sum_assignment
 from trackers.area import Area
 from twin.people.crowd.motion_command import MotionCommand
 from twin.people.script.actor import Actor, Group
-from twin.people.script.companions import has_room, shoulders_m
-from twin.people.script.walking import Commands
+from twin.people.script.walking import Commands, has_room, shoulders_m
 from twin.scenario.behaviour import Join, Lead, Look
 
 _COMMANDS_EVERY_S = 0.1

@@ -39,8 +39,17 @@ from twin.reproduce.camera_floor_particle.results import (
     results_of,
     tracker_label,
 )
-from twin.reproduce.page import INK, QUIET, plot_style, to_svg, write_page, write_plots
-from twin.reproduce.registry import OnProgress, Outputs, Request
+from twin.reproduce.registry import (
+    INK,
+    QUIET,
+    OnProgress,
+    Outputs,
+    Request,
+    plot_style,
+    to_svg,
+    write_page,
+    write_plots,
+)
 from twin.reproduce.results import ResultRow, format_rows, pivot_rows, write_results
 from twin.reproduce.suite_runs import SuiteRuns, case_tracks, case_truth, load_seeded_suite, read_runs, run_conditions
 from twin.suites.cluster import Workers

@@ -15,8 +15,7 @@ from trackers.observations import NS_PER_S, Image
 from trackers.vision.front_end import FrontEndOptions, front_ends
 from trackers.vision.views import CameraViews
 from twin.recording.reader import Recording
-from twin.reproduce.bootstrap import Bootstrap, Interval, interval
-from twin.reproduce.results import ResultRow, SystemValue
+from twin.reproduce.results import Bootstrap, Interval, ResultRow, SystemValue, interval
 from twin.reproduce.suite_runs import SuiteRuns, case_recording, number_or_nan
 from twin.streams import stream
 from twin.suites.cache import RecordingCache

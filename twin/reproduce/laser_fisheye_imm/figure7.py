@@ -22,9 +22,8 @@ from trackers.arrays import Array
 from trackers.filters.imm import Imm, ImmState, kalman
 from trackers.filters.motion import HEADING, MEASUREMENT_VARIANCE_M2, SPEED, MotionModel, propagate
 from trackers.filters.particle import Cloud, ParticleFilter
-from twin.reproduce.bootstrap import Bootstrap, interval
 from twin.reproduce.laser_fisheye_imm.walk import PERIOD_S, ManeuveringWalk
-from twin.reproduce.results import ResultRow
+from twin.reproduce.results import Bootstrap, ResultRow, interval
 from twin.streams import stream
 
 FIRST_SCAN = 2

@@ -20,8 +20,7 @@ from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.observations import NS_PER_S
 from twin.evaluate import Evaluation, evaluate_with_details, long_occlusions
 from twin.recording.tables import TrackTable, TruthTable
-from twin.reproduce.incidents import CaseIncident
-from twin.reproduce.suite_runs import SuiteRuns, case_tracks, case_truth, number_or_nan
+from twin.reproduce.suite_runs import CaseIncident, SuiteRuns, case_tracks, case_truth, number_or_nan
 from twin.scenario import Scenario
 from twin.suites.expansion import Case
 from twin.suites.spec import Suite

@@ -15,7 +15,6 @@ from typing import Literal
 import numpy as np
 
 from trackers.arrays import Array
-from twin.reproduce.bootstrap import Bootstrap, Interval, interval
 from twin.reproduce.laser_fisheye_imm.runs import (
     COAST_S,
     COLUMNS,
@@ -27,7 +26,7 @@ from twin.reproduce.laser_fisheye_imm.runs import (
     LabCondition,
     LabRuns,
 )
-from twin.reproduce.results import ResultRow, SystemValue
+from twin.reproduce.results import Bootstrap, Interval, ResultRow, SystemValue, interval
 from twin.streams import stream
 
 TABLE_ONE, PAIRED, BEYOND, DENSITY = "table I", "table I, paired", "beyond the paper", "beyond the paper, density"

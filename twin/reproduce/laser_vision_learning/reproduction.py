@@ -14,7 +14,6 @@ import numpy as np
 from trackers.observations import NS_PER_S
 from twin.evaluate.accuracy import AFTER_S
 from twin.recording.atomic_file import open_atomic
-from twin.reproduce.incidents import CaseIncident, FilmStrip, draw_film_strips, write_film_strips
 from twin.reproduce.laser_vision_learning.plots import densities_svg, figure11_svg
 from twin.reproduce.laser_vision_learning.results import (
     ABLATION,
@@ -37,10 +36,18 @@ from twin.reproduce.laser_vision_learning.runs import (
     read_hall,
 )
 from twin.reproduce.laser_vision_learning.splits import CHOICE, SEED, compare_choices
-from twin.reproduce.page import write_page, write_plots
-from twin.reproduce.registry import OnProgress, Outputs, Request
+from twin.reproduce.registry import OnProgress, Outputs, Request, write_page, write_plots
 from twin.reproduce.results import ResultRow, format_rows, write_results
-from twin.reproduce.suite_runs import load_seeded_suite, read_runs, run_conditions, warn_of_failure
+from twin.reproduce.suite_runs import (
+    CaseIncident,
+    FilmStrip,
+    draw_film_strips,
+    load_seeded_suite,
+    read_runs,
+    run_conditions,
+    warn_of_failure,
+    write_film_strips,
+)
 from twin.suites.cluster import Workers
 from twin.suites.worker import Incident, resolved_scenario
 

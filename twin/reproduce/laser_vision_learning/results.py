@@ -10,7 +10,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from trackers.arrays import Array
-from twin.reproduce.bootstrap import Bootstrap, Interval, interval
 from twin.reproduce.laser_vision_learning.runs import (
     BASELINE,
     BUSY,
@@ -26,7 +25,7 @@ from twin.reproduce.laser_vision_learning.runs import (
     HallCondition,
     HallRuns,
 )
-from twin.reproduce.results import ResultRow, SystemValue
+from twin.reproduce.results import Bootstrap, Interval, ResultRow, SystemValue, interval
 from twin.streams import stream
 
 PLACE, TABLE_ONE, TABLE_TWO = "the place", "table I", "table II"

@@ -28,8 +28,7 @@ from twin.messages import OnProgress
 from twin.recording.reader import Recording
 from twin.recording.situation_table import situation_table
 from twin.recording.tables import truth_table
-from twin.reproduce.bootstrap import Bootstrap, interval
-from twin.reproduce.results import ResultRow
+from twin.reproduce.results import Bootstrap, ResultRow, interval
 from twin.scenario import load_scenario
 from twin.scenario.load import dump_scenario
 from twin.streams import stream

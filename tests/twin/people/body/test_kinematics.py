@@ -7,8 +7,8 @@ import numpy as np
 from hypothesis import given, settings, strategies as st
 
 from twin.people.body.appearance import appearance_of
-from twin.people.body.kinematics import leg_angles
 from twin.people.body.person_spec import JOINT_PLACE, LEG, person_spec
+from twin.people.body.proportions import leg_angles
 from twin.scenario.person import Person
 
 LOOKS = appearance_of(Person(height_m=1.8), np.random.default_rng(0))

@@ -10,8 +10,8 @@ import mujoco
 import numpy as np
 
 from twin.people.body.appearance import appearance_of
-from twin.people.body.kinematics import leg_angles
 from twin.people.body.person_spec import JOINT_PLACE, LEG, NQ_PERSON, SIDES, person_spec
+from twin.people.body.proportions import leg_angles
 from twin.people.posture.body_measures import BodyMeasures
 from twin.people.posture.overlay import overlay_postures
 from twin.people.posture.postures import Postures
