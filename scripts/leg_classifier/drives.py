@@ -30,7 +30,7 @@ from trackers.frames.planar import between, compose
 from trackers.observations import LaserScan
 from twin.instant.snapshot import Snapshot
 from twin.streams import stream
-from twin.world.precomputed import PoseCache
+from twin.world.world import PoseCache
 
 ROBOTS = 3
 """Robots in each room."""
