@@ -148,6 +148,9 @@ class DrawnSensors(Strict):
         default=(180.0, 270.0), min_length=1, description="fields of view of scanners [deg]"
     )
     range_m: Range = Field(default=(8.0, 30.0), description="longest range of a scanner [m], 2 to 100")
+    robots: Count = Field(
+        default=(0, 0), description="number of robots that wander about, each with a low scanner and odometry"
+    )
     fisheyes: Count = Field(
         default=(0, 0), description="number of fisheye cameras, at head height on a wall or under the ceiling"
     )
@@ -172,12 +175,15 @@ class DrawnSensors(Strict):
     @model_validator(mode="after")
     def _possible(self) -> DrawnSensors:
         for name, (low, high) in (
-            ("scanners", (0, 12)), ("fisheyes", (0, 12)), ("cameras", (0, 12)), ("stereos", (0, 12)),
+            ("scanners", (0, 12)), ("robots", (0, 4)), ("fisheyes", (0, 12)), ("cameras", (0, 12)), ("stereos", (0, 12)),
             ("scanner_hz", (1, 100)), ("camera_hz", (1, 60)), ("range_m", (2, 100)),
         ):  # fmt: skip
             bounds = getattr(self, name)
             if not low <= bounds[0] <= bounds[1] <= high:
                 raise ValueError(f"{name} {list(bounds)} is not drawn; {low:g} to {high:g} is valid")
-        if self.scanners[0] + self.fisheyes[0] + self.cameras[0] + self.stereos[0] == 0 and self.floor < 1:
-            raise ValueError("scanners, fisheyes, cameras and stereos may all be 0; at least one sensor is expected")
+        least = sum(getattr(self, kind)[0] for kind in ("scanners", "robots", "fisheyes", "cameras", "stereos"))
+        if least == 0 and self.floor < 1:
+            raise ValueError(
+                "scanners, robots, fisheyes, cameras and stereos may all be 0; at least one sensor is expected"
+            )
         return self

@@ -6,6 +6,9 @@ import hashlib
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from trackers.configuration import validate
 from trackers.errors import InputError
 from twin.drawn.distributions import DrawnPeople, DrawnRoom, DrawnSensors
@@ -46,11 +49,11 @@ def draw_scene(content: dict[str, Any], source: str, keep_room: Callable[[str, s
         drawn["people"] = draw_people(people, building, float(duration_s), seed)
     if _asks(content, "sensors"):
         sensors = validate(DrawnSensors, content["sensors"], f"{source}: sensors")
-        rig = draw_sensors(sensors, building, float(duration_s), seed)
-        drawn["sensors"] = rig["sensors"]
-        if "faults" in rig:
-            own = content.get("faults")
-            drawn["faults"] = rig["faults"] | (own if isinstance(own, dict) else {})
+        rig = draw_sensors(sensors, building, float(duration_s), seed, _starts(drawn.get("people")))
+        drawn["sensors"] = rig.pop("sensors")
+        for field, entries in rig.items():
+            own = content.get(field)
+            drawn[field] = entries | (own if isinstance(own, dict) else {})
     return drawn
 
 
@@ -59,6 +62,16 @@ def _building(options: DrawnRoom, seed: int, source: str) -> DrawnBuilding:
         return draw_building(options, seed, "drawn")
     except ValueError as error:
         raise InputError(f"{source}: room: {error}") from error
+
+
+def _starts(people: Any) -> NDArray[np.float64]:
+    """Return where people start (n, 2) [m], those whose start is given."""
+    each = people.values() if isinstance(people, dict) else ()
+    found = [person["start"] for person in each if isinstance(person, dict) and "start" in person]
+    try:
+        return np.array(found, float).reshape(-1, 2)
+    except (TypeError, ValueError):
+        return np.empty((0, 2))  # the scenario's own check reports it
 
 
 def _asks(content: dict[str, Any], field: str) -> bool:

@@ -16,10 +16,14 @@ _OFF_WALL_M = 0.06
 _CLEAR_M = 0.6
 """Floor before a scanner without furniture [m]."""
 _TRIES = 60
+_APART_M = 0.6
+"""Distance from a person's start to the body of a robot [m]."""
 
 
-def draw_sensors(options: DrawnSensors, building: DrawnBuilding, duration_s: float, seed: int) -> dict[str, Any]:
-    """Draw the entries `sensors` and `faults` of a scenario."""
+def draw_sensors(
+    options: DrawnSensors, building: DrawnBuilding, duration_s: float, seed: int, starts: Array
+) -> dict[str, Any]:
+    """Draw the entries `sensors`, `housings` and `faults` of a scenario; starts (n, 2): of people, in the room frame [m]."""
     seed = options.seed if options.seed is not None else seed
     rng = stream(seed, "drawn sensors", "")
     draws = _RigDraws(options, building, rng)
@@ -34,6 +38,15 @@ def draw_sensors(options: DrawnSensors, building: DrawnBuilding, duration_s: flo
             sensors[f"{kind}_{number}"] = draw()
     if rng.random() < options.floor:
         sensors["floor"] = draws.floor()
+    housings = {}
+    own = stream(seed, "drawn robots", "")
+    for number in range(1, int(own.integers(options.robots[0], options.robots[1] + 1)) + 1):
+        housing = _robot(options, building, own, starts)
+        if housing is None:
+            break  # no floor is free
+        housings[f"robot_{number}"] = housing
+        starts = np.vstack([starts, housing["mount"]["xyz"][:2]])
+        sensors[f"robot_{number}_scanner"] = _robot_scanner(options, own) | {"housing": f"robot_{number}"}
     faults = {}
     for name in sensors:
         if rng.random() < options.faults:
@@ -45,7 +58,53 @@ def draw_sensors(options: DrawnSensors, building: DrawnBuilding, duration_s: flo
                 "from_s": round(float(start), 1),
                 "to_s": round(float(start + rng.uniform(0.1, 0.3) * duration_s), 1),
             }
-    return {"sensors": sensors} | ({"faults": faults} if faults else {})
+    others = {"housings": housings, "faults": faults}
+    return {"sensors": sensors} | {name: entries for name, entries in others.items() if entries}
+
+
+def _robot(
+    options: DrawnSensors, building: DrawnBuilding, rng: np.random.Generator, starts: Array
+) -> dict[str, Any] | None:
+    """Draw a round robot that wanders, on free floor away from all starts (n, 2) [m]; None where there is none."""
+    radius = float(rng.uniform(0.15, 0.25))
+    for place in building.to_room(building.space.draw(_TRIES, rng)):
+        if np.hypot(*(np.reshape(starts, (-1, 2)) - place).T).min(initial=np.inf) > _APART_M + radius:
+            break
+    else:
+        return None
+    return {
+        "mount": {"xyz": [*place, 0.0], "yaw_deg": round(float(rng.uniform(-180, 180)), 1)},
+        "drive": {
+            "kind": "wander",
+            "speed_m_s": round(float(rng.uniform(0.3, 1.0)), 2),
+            "turn_rate": round(float(rng.uniform(0.6, 1.5)), 2),
+        },
+        "body": {"radius_m": round(radius, 2), "height_m": round(float(rng.uniform(0.12, 0.3)), 2)},
+        "odometry": {
+            "drift": round(float(rng.uniform(0.0, 0.03)), 3),
+            "noise": round(float(rng.uniform(0.0, 0.02)), 3),
+            "slip": round(float(rng.choice([0.0, 0.02])), 2),
+        },
+    }
+
+
+def _robot_scanner(options: DrawnSensors, rng: np.random.Generator) -> dict[str, Any]:
+    """Draw the scanner of a robot, at knee height or below, that sweeps for most of its period."""
+    rate = round(float(rng.uniform(*options.scanner_hz)), 1)
+    return {
+        "kind": "laser",
+        "role": "knee",
+        "rate_hz": rate,
+        "field_of_view_deg": float(rng.choice(options.field_of_view_deg)),
+        "resolution_deg": float(rng.choice(options.resolution_deg)),
+        "range_max_m": round(float(rng.uniform(*options.range_m)), 1),
+        "sweep_time_s": round(float(rng.uniform(0.5, 0.9)) / rate, 4),
+        "mount": {
+            "xyz": [round(float(rng.uniform(0.0, 0.1)), 2), 0.0, round(float(rng.uniform(0.2, 0.45)), 2)],
+            "yaw_deg": round(float(rng.uniform(-10, 10)), 1),
+        },
+        "noise": str(rng.choice(list(options.noise))),
+    }
 
 
 class _RigDraws:

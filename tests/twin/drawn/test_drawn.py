@@ -30,7 +30,8 @@ MIXED = {
     "room": {"kind": "drawn", "turned_deg": [-180, 180], "rooms": [1, 5], "furniture_per_m2": [0.05, 0.2]},
     "people": {"kind": "drawn", "count": [1, 20], "in_groups": 0.6, "arriving": 0.4, "leaving": 0.4},
     "sensors": {
-        "kind": "drawn", "scanners": [0, 4], "fisheyes": [0, 1], "cameras": [0, 2], "stereos": [1, 2], "floor": 0.5,
+        "kind": "drawn", "scanners": [0, 4], "robots": [0, 2], "fisheyes": [0, 1], "cameras": [0, 2], "stereos": [1, 2],
+        "floor": 0.5,
         "noise": ["off", "default", "worse"], "faults": 0.3,
     },
 }  # fmt: skip
@@ -68,6 +69,19 @@ def test_whatever_is_drawn_is_a_scenario_that_can_begin(seed: int, tmp_path: Pat
     scenario = validate(Scenario, content | {"room": str(room)}, "drawn")
     World(scenario)  # people's places and ways, seats and mounts are checked here
     assert {sensor.kind for sensor in scenario.sensors.values()} <= {"laser", "fisheye", "camera", "stereo", "floor"}
+
+
+def test_robots_stand_apart_from_people_and_leave_all_else_as_it_was() -> None:
+    content, _ = drawn(1003)
+    with_robots, _ = drawn(1003, sensors={"robots": [3, 3]})
+    robots = with_robots.pop("housings")
+    assert len(robots) == 3
+    scanners = {name: with_robots["sensors"].pop(f"{name}_scanner") for name in robots}
+    assert with_robots == content
+    assert all(each["housing"] == name for name, each in scanners.items())
+    places = np.array([each["mount"]["xyz"][:2] for each in robots.values()])
+    starts = np.array([each["start"] for each in content["people"].values()])
+    assert np.hypot(*(places[:, None] - starts).T).min() > 0.7
 
 
 @settings(max_examples=25, deadline=None)
