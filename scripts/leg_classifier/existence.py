@@ -70,7 +70,7 @@ def in_room(tracker: LaserLegs, sweep: Sweep, places: Array) -> Array:
     What a tracker says is compared about the scanner, as labels of real recordings are: where a scan shows no walls, the
     matched frame cannot be known.
     """
-    return placed(compose(sweep.pose, inverse(tracker.frames["scan"].pose)), places)
+    return placed(compose(sweep.pose, inverse(tracker.scanners.of["scan"].pose)), places)
 
 
 @dataclass

@@ -25,6 +25,7 @@ class OdometryTrack:
     def __init__(self) -> None:
         self._ns: list[int] = []
         self._poses: list[Array] = []
+        self._up: list[Array] = []  # heights that the base's axes point at
         self._breaks: list[int] = []  # stamps from which on poses do not follow from those before
 
     def add(self, ns: int, frame_from_base: Float[Array, "4 4"]) -> None:
@@ -43,8 +44,9 @@ class OdometryTrack:
                 self._breaks.append(ns)
         self._ns.append(ns)
         self._poses.append(pose)
+        self._up.append(frame_from_base[2, :3].copy())
         if len(self._ns) > _KEPT:
-            del self._ns[:-_KEPT], self._poses[:-_KEPT]
+            del self._ns[:-_KEPT], self._poses[:-_KEPT], self._up[:-_KEPT]
             self._breaks = [each for each in self._breaks if each >= self._ns[0]]
 
     def at(self, ns: int) -> Float[Array, "3"] | None:
@@ -63,6 +65,12 @@ class OdometryTrack:
             return self._poses[place - 1].copy() if ns - first <= _AHEAD_NS else None
         share = (ns - first) / (last - first)
         return compose(self._poses[place - 1], share * between(self._poses[place - 1], self._poses[place]))
+
+    def tilt(self, ns: int, axis: Float[Array, "3"]) -> float:
+        """Return the larger angle, of the poses before and after a stamp [ns], of an axis of the base to the vertical [rad]."""
+        place = bisect_right(self._ns, ns)
+        near = self._up[max(place - 1, 0) : place + 1]
+        return float(np.arccos(min([1.0, *(abs(float(up @ axis)) for up in near)])))
 
     def follows(self, before_ns: int, ns: int) -> bool:
         """Tell whether poses at two stamps [ns] follow from each other: no jump and no gap lies between."""

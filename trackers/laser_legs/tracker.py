@@ -19,10 +19,9 @@ from trackers.configuration import validate
 from trackers.filters.gating import distances, max_weight_assignment
 from trackers.filters.imm import Imm
 from trackers.filters.motion import VelocityMotion
-from trackers.frames.odometry import OdometryTrack
-from trackers.frames.planar import compose, planar
+from trackers.frames.rig_frames import RigFrames
 from trackers.frames.sensor_frame import SensorFrame
-from trackers.laser.bearings import beams_of_turn, seen_from_above
+from trackers.laser.bearings import beams_of_turn
 from trackers.laser.clusters import Clusters, pushed_back
 from trackers.laser.detection_model import DetectionModel, DetectionOptions
 from trackers.laser.grouping import PAIR_M, STRIDE_M, pair_off
@@ -66,26 +65,7 @@ class LaserLegs(SynchronizedTracker):
     ) -> None:
         self.options = validate(LaserLegsOptions, options, "tracker laser-legs")
         self._names = scanners_by_role(rig, ("knee",))["knee"]
-        sensors = {name: rig.lasers()[name] for name in self._names}
-        self._mounts = {name: planar(sensor.room_from_sensor.matrix) for name, sensor in sensors.items()}
-        self._is_upside_down = {name: bool(each.room_from_sensor.rotation[2, 2] < 0) for name, each in sensors.items()}
-        self._base_of = {name: base for name, base in rig.mounted().items() if name in sensors}
-        self._bases = {
-            base: (planar(rig.odometry()[base].room_from_sensor.matrix), OdometryTrack())
-            for base in self._base_of.values()
-        }
-        # the room that was empty is known to scanners that stand in it
-        empty = [
-            seen_from_above(each, is_upside_down=self._is_upside_down[each.sensor])
-            for each in background
-            if isinstance(each, LaserScan) and each.sensor in sensors and each.sensor not in self._base_of
-        ]
-        self.frames = {
-            name: SensorFrame(mount, self.options.matching, [scan for scan in empty if scan.sensor == name])
-            for name, mount in self._mounts.items()
-        }
-        self._located_ns: dict[str, int] = {}
-        self._leaders: dict[str, str] = {}  # of each base, the scanner that is matched
+        self.scanners = RigFrames(rig, self._names, self.options.matching, background)
         self._detection = DetectionModel(
             LaserSensor(topic="/scan"), DetectionOptions(width_m=0.08, half_width_m=0.25, hidden_up_to=0.5)
         )
@@ -95,13 +75,14 @@ class LaserLegs(SynchronizedTracker):
         self._imm = Imm(VelocityMotion(), measurement_covariance=np.eye(2) * self.options.measurement_m**2)
         opens = self._names if rig.main_sensor in self._names else (*self._names, rig.main_sensor)
         super().__init__(SyncPolicy(opens, main=rig.main_sensor))
-        self.unused_sensors = [name for name in rig.sensors if name not in self._names and name not in self._bases]
+        self.unused_sensors = [
+            name for name in rig.sensors if name not in self._names and name not in self.scanners.bases
+        ]
         none = LegTracks.started(self._imm.start(np.empty((0, 2))), np.empty(0), np.zeros(2), _NO_PERSON)
         self.roster: Roster[LegTracks] = Roster.started(none, 0)
         self.ns = 0
         self._predicted_ns: int | None = None
         self._frame_ns = 0
-        self._last = self._names[0]
         self._seen: list[Detection] = []
         self.features = np.empty((0, len(TRACK_FEATURES)))
         """Evidence of the tracks that the last scan found; those that it initiated follow them in the roster."""
@@ -112,13 +93,8 @@ class LaserLegs(SynchronizedTracker):
 
     @property
     def warnings(self) -> list[str]:
-        """Scanners whose poses could not be found, and how often."""
-        return [
-            f"the pose of {name} could not be trusted in {frame.n_untrusted} of {frame.n_scan} scans: it was taken to stand, or "
-            "to be where odometry says"
-            for name, frame in self.frames.items()
-            if frame.n_untrusted > 0.02 * frame.n_scan
-        ]  # fmt: skip
+        """Scanners whose poses could not be found, or that were tilted, and how often."""
+        return self.scanners.warnings
 
     def detections(self) -> list[Detection]:
         """Return the legs of the frames of the last `update` or `finish`."""
@@ -129,7 +105,7 @@ class LaserLegs(SynchronizedTracker):
         roster, state = self.roster, self.roster.state
         shown = self.manager.reported(roster, self.ns) & (state.log_odds > _nats(self.options.least_existence))
         average = self._imm.average(state.filter).T
-        frame = self.frames[self._last]
+        frame = self.scanners.reporter
         places, velocities = average[:, :2], average[:, 2:]
         if self.options.report_in == "rig":
             places, velocities = frame.to_rig(places, velocities)
@@ -146,8 +122,7 @@ class LaserLegs(SynchronizedTracker):
     def update(self, observation: Observation) -> list[TrackFrame]:
         """Take one observation; poses of bases are kept until scans ask for them."""
         if isinstance(observation, Odometry):
-            if observation.sensor in self._bases:
-                self._bases[observation.sensor][1].add(observation.stamp_ns, observation.frame_from_base)
+            self.scanners.add(observation)
             return []
         return super().update(observation)
 
@@ -159,8 +134,8 @@ class LaserLegs(SynchronizedTracker):
         self.ns = self._frame_ns = synced.ns
         for name in self._names:
             scan = synced.observations.get(name)
-            if isinstance(scan, LaserScan) and scan.ranges_m.size:
-                self._take(name, seen_from_above(scan, is_upside_down=self._is_upside_down[name]))
+            if isinstance(scan, LaserScan) and scan.ranges_m.size and not self.scanners.is_tilted(scan):
+                self._take(name, self.scanners.upright(scan))
         self._predict(synced.ns)
         kept = self.manager.lasting(self.roster, synced.ns)
         self.features = self.features[kept[: len(self.features)]]
@@ -185,39 +160,16 @@ class LaserLegs(SynchronizedTracker):
         if len(clusters):
             beam, _ = own_samples(scan, clusters)
             still[beam] = np.repeat(evidence <= options.start_evidence, clusters.n_sample)
-        frame = self._located(name, scan, still)
-        self._last = name
+        frame = self.scanners.located(scan, still)
         kept = self._possible(scan, frame, clusters, evidence)
         legs, evidence = clusters.select(kept), evidence[kept]
         back = pushed_back(legs.middle, options.half_depth_m)
         count = scan.ranges_m.size
         across_seam = count * (legs.last_beam < legs.first_beam)
         places = frame.placed(scan, back, (legs.first_beam + legs.last_beam + across_seam) / 2 % count)
-        self._tell(name, scan, frame, places[evidence > options.start_evidence])
+        self._tell(name, places[evidence > options.start_evidence])
         free = self._update(scan, frame, places, evidence, elapsed)
         self._initiate(scan, frame, places[free], evidence[free])
-
-    def _located(self, name: str, scan: LaserScan, still: Bool[Mask, "n_beam"]) -> SensorFrame:
-        """Return the scanner's frame with the pose of the scan; a base with several scanners is matched by one of them."""
-        frame, base = self.frames[name], self._base_of.get(name)
-        if base is None:
-            frame.locate(scan, still, None)
-            return frame
-        room_from_odometry, track = self._bases[base]
-        at = track.at(scan.stamp_ns)
-        pose = None if at is None else compose(room_from_odometry, compose(at, self._mounts[name]))
-        leader = self._leaders.get(base)
-        if leader is None and pose is not None:
-            self._leaders[base] = leader = name
-            frame = self.frames[name] = SensorFrame(pose, self.options.matching)
-        if leader in (None, name) or pose is None:
-            frame.locate(
-                scan, still, pose, follows=track.follows(self._located_ns.get(name, scan.stamp_ns), scan.stamp_ns)
-            )
-        else:
-            frame.follow(scan, self.frames[leader], pose)
-        self._located_ns[name] = scan.stamp_ns
-        return frame
 
     def _possible(
         self, scan: LaserScan, frame: SensorFrame, clusters: Clusters, evidence: Float[Array, "k"]
@@ -304,10 +256,10 @@ class LaserLegs(SynchronizedTracker):
                 new = LegTracks.started(state, of_place.max(initial=_NO_LEG)[None], frame.pose[:2], _NO_PERSON)
                 self.roster = self.roster.joined(Roster.started(new, scan.stamp_ns))
 
-    def _tell(self, name: str, scan: LaserScan, frame: SensorFrame, places: Float[Array, "k 2"]) -> None:
+    def _tell(self, name: str, places: Float[Array, "k 2"]) -> None:
         """Keep the legs of a scan as detections, in the frame of the reports."""
         if self.options.report_in == "rig":
-            places, _ = frame.to_rig(places, np.zeros_like(places))
+            places, _ = self.scanners.reporter.to_rig(places, np.zeros_like(places))
         variance = self.options.measurement_m**2
         self._seen += [Detection(self._frame_ns, (name,), "knee", x, y, variance) for x, y in places.tolist()]
 

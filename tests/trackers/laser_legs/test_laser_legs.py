@@ -142,6 +142,53 @@ def test_a_scanner_on_a_base_is_reported_in_the_frame_of_its_odometry(slip):
     assert tracker.unused_sensors == []
 
 
+def matrix_of(pose, pitch: float = 0.0) -> np.ndarray:
+    return Pose(xyz=(float(pose[0]), float(pose[1]), 0.0), rpy=(0.0, pitch, float(pose[2]))).matrix
+
+
+def test_two_robots_tell_of_one_person_in_one_frame():
+    paths = [drive()[0], drive(turn=-0.4)[0] + [1.0, 0.0, 0.0]]
+    motions = [drive()[1], drive(turn=-0.4)[1]]
+    sensors = {}
+    for k, path in enumerate(paths):
+        x, y, yaw = path[0].tolist()
+        sensors[f"base_{k}"] = OdometrySensor(topic=f"/odom_{k}", room_from_sensor=Pose(xyz=(x, y, 0), rpy=(0, 0, yaw)))
+        sensors[f"scan_{k}"] = LaserSensor(
+            topic=f"/scan_{k}", mounted_on=f"base_{k}", room_from_sensor=Pose(xyz=(0, 0, 0.3))
+        )
+    rig, fed = Rig(sensors=sensors), []
+    for step in range(len(paths[0])):
+        for k, path in enumerate(paths):
+            t = 0.1 * step + 0.04 * k
+            legs = legs_at((WALKER[0] + WALKER[2] * t, WALKER[1] + WALKER[3] * t), np.arctan2(WALKER[3], WALKER[2]), t)
+            odometry = between(path[0], path[step]) * (1.1 - 0.2 * k, 1.0, 1.0)
+            scan = scan_at(path[step], t, 0.05, motions[k][step], [*POSTS, *legs])
+            fed += [Odometry(f"base_{k}", scan.stamp_ns, matrix_of(odometry)), replace(scan, sensor=f"scan_{k}")]
+    tracker = make_tracker("laser-legs", rig, (), np.random.default_rng(0))
+    frames = [frame for frame in track_frames(tracker, rig, fed) if frame.stamp_ns % (NS_PER_S // 10) == 0]
+    first = compose(paths[0][0], between(paths[0][0], paths[0]) * (1.1, 1.0, 1.0))
+    reported = compose(first, inverse(paths[0]))  # by the odometry of the first robot
+    assert misses(frames, WALKER, lambda k, place: placed(reported[k], place)) <= 4
+    assert max(len(frame.tracks) for frame in frames[20:]) == 1
+
+
+def test_scans_of_a_tilting_mast_are_left_out_and_told():
+    path, motions = drive()
+    rig = Rig(
+        sensors={
+            "mast": OdometrySensor(topic="/odom", room_from_sensor=Pose()),
+            "scan": LaserSensor(topic="/scan", mounted_on="mast", room_from_sensor=Pose(xyz=(0, 0, 0.3))),
+        }
+    )  # fmt: skip
+    fed = []
+    for k, (pose, motion) in enumerate(zip(path, motions, strict=True)):
+        scan = scan_at(pose, 0.1 * k, 0.05, motion, POSTS)
+        fed += [Odometry("mast", scan.stamp_ns, matrix_of(pose, 0.3 * (20 <= k < 30))), scan]
+    tracker = make_tracker("laser-legs", rig, (), np.random.default_rng(0))
+    assert len(list(track_frames(tracker, rig, fed))) == len(path)
+    assert tracker.warnings == ["scan was tilted by more than 10° in 10 scans: they were left out"]
+
+
 def test_every_option_changes_the_tracks():
     way = tuple(each[:24] for each in drive())
     people = [WALKER, (0.2, 2.2, 0.0, 0.0)]
