@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from trackers.area import Point2, Polygon
+from trackers.area import Point2, Polygon, Pose
 from trackers.configuration import Strict, validate
 from trackers.errors import InputError
 from trackers.plain_data import dump_yaml, parse_yaml
-from trackers.pose import Pose
 from trackers.rig_sensors import (
     CameraSensor,
     DepthMode,

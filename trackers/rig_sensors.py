@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, PositiveInt, StringConstraints, ValidationInfo, model_validator
 
+from trackers.area import Pose
 from trackers.cameras.intrinsics import FisheyeIntrinsics, PinholeIntrinsics
 from trackers.cameras.placed import PlacedCamera
 from trackers.configuration import Strict
 from trackers.force_curve import ForceCurve
-from trackers.pose import Pose
 
 Role = Literal["waist", "knee"]
 

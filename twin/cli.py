@@ -12,6 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
+from twin.commands.batch import reproduce, study_app, suite_app
 from twin.commands.export import export
 from twin.commands.info import check, list_, schema
 from twin.commands.memory import (
@@ -27,13 +28,10 @@ from twin.commands.memory import (
     run_in_child,
 )
 from twin.commands.new import app as new
-from twin.commands.reproduce import reproduce
 from twin.commands.run import environment, render, run
 from twin.commands.track import detections, evaluate, track
 from twin.commands.view import view
 from twin.messages import printable
-from twin.studies.command import app as studies
-from twin.suites.command import app as suites
 
 app = typer.Typer(
     name="twin",
@@ -72,8 +70,8 @@ app.command(name="list", epilog="Example: twin list rooms; twin list trackers --
 app.command(epilog="Example: twin schema > scenario.schema.json")(schema)
 app.command(epilog="Example: twin check office.yaml; twin check my_lab:Mine; twin check")(check)
 app.add_typer(new, name="new")
-app.add_typer(suites, name="suite")
-app.add_typer(studies, name="study")
+app.add_typer(suite_app, name="suite")
+app.add_typer(study_app, name="study")
 app.command(epilog="Example: twin environment home-three-people --out out/home.npz")(environment)
 app.command(epilog="Example: twin reproduce laser-fisheye-imm --seeds 10 --jobs 2")(reproduce)
 app.command(

@@ -8,12 +8,12 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from benchmarks.figure import Figure
+from trackers.area import Pose
 from trackers.cameras import PinholeIntrinsics, PlacedCamera
 from trackers.filters.particle import Cloud
 from trackers.laser_vision_learning.looks import Learner, Looks, LooksOptions
 from trackers.laser_vision_learning.score_maps import in_levels
 from trackers.learning.boosting import BoostingOptions, OnlineBoosting
-from trackers.pose import Pose
 
 _PATCHES, _FEATURES, _SCORED = 80, 20, 200
 _ROUNDS = 60

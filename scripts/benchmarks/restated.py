@@ -14,9 +14,9 @@ from statistics import median
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from trackers.area import Pose
 from trackers.feeding import track_frames
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation
-from trackers.pose import Pose
 from trackers.presets import make_tracker
 from trackers.rig import FloorSensor, LaserSensor, Rig, RigSensor
 from trackers.tracks import Track, TrackFrame

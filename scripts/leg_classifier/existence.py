@@ -10,12 +10,12 @@ import numpy as np
 from leg_classifier.drives import Sweep, drives
 from numpy.typing import NDArray
 
+from trackers.area import Pose
 from trackers.arrays import Array
 from trackers.filters.gating import distances, max_weight_assignment
 from trackers.frames.planar import compose, inverse, placed
 from trackers.laser_legs.evidence import TRACK_FEATURES
 from trackers.laser_legs.tracker import LaserLegs
-from trackers.pose import Pose
 from trackers.rig import LaserSensor, Rig
 
 _EVERY = 2

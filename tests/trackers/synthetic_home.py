@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.area import Pose
 from trackers.cameras.intrinsics import PinholeIntrinsics
 from trackers.observations import NS_PER_S, FloorFrame, Image, Observation
-from trackers.pose import Pose
 from trackers.rig import FloorSensor, PinholeSensor, Rig, placed_camera
 
 PERIOD_S = 0.1

@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.area import Pose
 from trackers.arrays import Array
 from trackers.cameras import Ellipsoids, FisheyeIntrinsics, PinholeIntrinsics
 from trackers.observations import NS_PER_S, Image
-from trackers.pose import Pose
 from trackers.rig import FisheyeSensor, PinholeSensor, Rig, placed_camera
 
 AREA = ((-4.0, -3.0), (4.0, -3.0), (4.0, 3.0), (-4.0, 3.0))

@@ -17,9 +17,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 
+from trackers.area import Pose
 from trackers.arrays import Array, Floats, Mask
 from trackers.cameras.intrinsics import Intrinsics, PinholeIntrinsics
-from trackers.pose import Pose
 
 _ON_OUTLINE = 8
 

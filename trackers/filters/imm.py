@@ -268,6 +268,6 @@ def _check_measurement_covariance(R: Array) -> None:
         )
 
 
-def kalman(models: tuple[MotionModel] = KALMAN_MODELS, measurement_covariance: Array | None = None) -> Imm:
+def kalman(models: tuple[MotionModel] = KALMAN_MODELS) -> Imm:
     """Make an extended Kalman filter batched over tracks, by default the paper's: model 3 with Q = diag(300, 300)."""
-    return Imm(HeadingMotion(models), measurement_covariance=measurement_covariance)
+    return Imm(HeadingMotion(models))

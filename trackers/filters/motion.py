@@ -65,12 +65,12 @@ MEASUREMENT_VARIANCE_M2 = 0.01
 """Variance of a measured position on each axis, R = diag(0.01, 0.01) m² (paper, section III)."""
 
 
-def transition_matrix(n_mode: int, stays: float = MODE_STAYS) -> Float[Array, "{n_mode} {n_mode}"]:
-    """Return mode transition probabilities per step, row: from, column: to; `stays` on the diagonal."""
+def transition_matrix(n_mode: int) -> Float[Array, "{n_mode} {n_mode}"]:
+    """Return mode transition probabilities per step, row: from, column: to; `MODE_STAYS` on the diagonal."""
     if n_mode == 1:
         return np.ones((1, 1))
-    matrix = np.full((n_mode, n_mode), (1 - stays) / (n_mode - 1))
-    np.fill_diagonal(matrix, stays)
+    matrix = np.full((n_mode, n_mode), (1 - MODE_STAYS) / (n_mode - 1))
+    np.fill_diagonal(matrix, MODE_STAYS)
     return matrix
 
 

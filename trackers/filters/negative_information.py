@@ -29,16 +29,17 @@ _MOMENTS = np.concatenate([np.ones((1, _Z.shape[1])), _Z, _PRODUCTS]).T  # (k, 6
 _NO_INFORMATION = np.array([0.0, 0, 1, 0, 1])[:, None, None]
 _LEAST_VARIANCE_M2 = 1e-12
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
+_LEAST = 1e-3
 _TAILS = 6.0  # standard deviations beyond which the density is negligible
 
 
 def update_missed(
-    state: ImmState, missed: Callable[[Array], Array], along: Float[Array, "2 n"], least: float = 1e-3
+    state: ImmState, missed: Callable[[Array], Array], along: Float[Array, "2 n"]
 ) -> tuple[ImmState, Float[Array, "n"]]:
     """Update n tracks that a scan did not detect; return them and the probability of the miss.
 
     missed: the miss probability (m, n, k) of a target at positions (2, m, n, k) [m]. A mode whose miss probability is below
-    `least` stays unchanged: then the detection model is wrong. along: the direction of motion of each target, of any length,
+    `_LEAST` stays unchanged: then the detection model is wrong. along: the direction of motion of each target, of any length,
     in the room frame.
     """
     P = state.covariance  # (s, s, m, n)
@@ -46,9 +47,9 @@ def update_missed(
     points, l_uu, l_vu, l_vv = _places(state, u, v)
     sums = ((_DENSITY * missed(points)) @ _MOMENTS).transpose(2, 0, 1)  # (6, m, n)
     chance = sums[0]
-    possible = chance > least
+    possible = chance > _LEAST
     mean_u, mean_v, uu, uv, vv = np.where(possible, sums[1:] / np.where(possible, chance, 1.0), _NO_INFORMATION)
-    chance = np.where(possible, chance, least)
+    chance = np.where(possible, chance, _LEAST)
     uv = uv - mean_u * mean_v
     change = np.array([[uu - mean_u**2 - 1, uv], [uv, vv - mean_v**2 - 1]])
     # effect of a standard deviation of position on the state: P Hᵀ L⁻ᵀ

@@ -13,7 +13,7 @@ from twin.messages import OnWarning
 from twin.options import NoLimits, Rig
 
 if TYPE_CHECKING:
-    from twin.export.recorded import Recorded
+    from twin.export.pictures import Recorded
 
 Format = Literal["mot", "kitti", "coco", "images", "rerun", "foxglove"]
 
@@ -81,7 +81,7 @@ def export(
 
 def _recordings(stack: ExitStack, source: str, rig: Path | None, on_warning: OnWarning) -> tuple[str, list[Recorded]]:
     """Open the recordings of the source and return its name; a suite's stay in the cache while `stack` is open."""
-    from twin.export.recorded import open_recorded
+    from twin.export.pictures import open_recorded
 
     path = Path(source)
     is_results = (path / "results.sqlite").is_file()

@@ -176,13 +176,13 @@ def given_stations(places: Sequence[tuple[float, float, float]], scene: Scene, s
     return np.array(places, dtype=float).reshape(-1, 3)
 
 
-def chosen_stations(scene: Scene, snapshot: Snapshot, height_m: float = HEIGHT_M) -> Array:
+def chosen_stations(scene: Scene, snapshot: Snapshot) -> Array:
     """Choose up to eight free places (s, 3) [m] for the tripod, each adding the most visible cells.
 
     Candidates over the walkable area are compared by a coarse scan (next best view, Connolly 1985, by greedy cover). Raises
     InputError without room for a tripod.
     """
-    places = _candidates(scene, snapshot, height_m)
+    places = _candidates(scene, snapshot, HEIGHT_M)
     seen = [_cells_seen(snapshot, place) for place in places]
     chosen: list[int] = []
     covered: set[int] = set()

@@ -68,18 +68,16 @@ def evaluate_with_details(
     gate_m: float = DEFAULT_GATE_M,
     situations: SituationTable | None = None,
     unused: Collection[str] = (),
-    *,
-    interpolate: bool = True,
 ) -> Evaluation:
     """Evaluate one tracker; return its metrics and their details. Raises as `evaluate_tracks`.
 
     `situations` of the run: disposal (`twin.evaluate.accuracy`) is None without. `unused`: sensors that the tracker does not
-    use; causes of misses depend on it (`twin.evaluate.causes`). `interpolate`: see `judged_frames.align`. Errors of heads
+    use; causes of misses depend on it (`twin.evaluate.causes`). Errors of heads
     and of the pelvis's height are means of absolute differences over the matches in which truth and track both have a value.
     OSPA (c = 1 m, p = 1) and GOSPA (c = 1 m, p = 2, α = 2) are means over frames. `judged` holds the n of the metrics.
     """
     _check_gate(gate_m)
-    aligned = align(truth, tracks, interpolate=interpolate)
+    aligned = align(truth, tracks)
     frames = aligned.frames
     all_people = match_all_people(frames, gate_m)
     judged = restrict_to_area(frames, all_people)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from twin.export.labels import Label, Labeller, open_labeller
-from twin.export.recorded import Recorded
+from twin.export.pictures import Recorded
 
 _COPIED_BYTES = 1 << 20
 

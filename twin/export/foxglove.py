@@ -21,7 +21,7 @@ from rosbags.typesys.stores.ros2_humble import (
 
 from trackers.observations import LaserScan
 from trackers.tracks import Track, TrackFrame
-from twin.export.recorded import TRACK_NUMBERS, Recorded
+from twin.export.pictures import TRACK_NUMBERS, Recorded
 from twin.recording import topics
 from twin.recording.bag_files import McapFile
 from twin.recording.reader import Recording

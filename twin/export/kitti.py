@@ -31,8 +31,7 @@ from trackers.arrays import Array, Singles
 from trackers.cameras import PinholeIntrinsics
 from trackers.observations import NS_PER_S, DepthImage, Image, LaserScan
 from trackers.rig import PinholeSensor, Rig, RigSensor, StereoSensor
-from twin.export.pictures import png_of
-from twin.export.recorded import Recorded, Truth
+from twin.export.pictures import Recorded, Truth, png_of
 from twin.recording.tables import seconds_cell
 from twin.truth.frames import PersonTruth
 

@@ -22,8 +22,7 @@ from trackers.arrays import Array
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.rig import CameraSensor, placed_camera
-from twin.export.pictures import Picture, pictures
-from twin.export.recorded import Recorded, Truth
+from twin.export.pictures import Picture, Recorded, Truth, pictures
 from twin.people.body.head import EYES
 from twin.recording import topics
 from twin.recording.bag import open_bag

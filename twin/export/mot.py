@@ -32,8 +32,7 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.rig import CameraSensor, placed_camera
 from twin.export.labels import Label, Labeller, open_labeller
-from twin.export.pictures import Picture, pictures
-from twin.export.recorded import Recorded, frame_rate_hz
+from twin.export.pictures import Picture, Recorded, frame_rate_hz, pictures
 from twin.recording.tables import TrackTable, seconds_cell
 from twin.run.tracker_runner import write_detections
 

@@ -97,18 +97,20 @@ def run_conditions(
     return cache
 
 
+_FEWEST_RUNS = 2  # an interval over runs needs two
+
+
 def read_runs(
     suite: Suite,
     path: Path,
     folder: Path,
     cache: RecordingCache,
     trackers: Collection[str] | None = None,
-    fewest: int = 2,
 ) -> SuiteRuns:
     """Read the results of `run_conditions` in `folder`. A run counts if all of `trackers` (None: all of its condition's) are
     done.
 
-    Raises InputError where a condition has fewer than `fewest` such runs.
+    Raises InputError where a condition has fewer than two such runs.
     """
     by_condition: dict[str, dict[int, dict[str, Case]]] = {}
     for case in expand(suite, path):
@@ -124,10 +126,10 @@ def read_runs(
         whole[name] = {
             seed: cases for seed, cases in by_seed.items() if all(cases[each].id in done for each in wanted_trackers)
         }
-        if len(whole[name]) < fewest:
+        if len(whole[name]) < _FEWEST_RUNS:
             raise InputError(
                 f"{folder}: {name} has {len(whole[name])} runs in which all of {', '.join(wanted_trackers)} are done; "
-                f"{fewest} or more are expected, and --resume does the rest"
+                f"{_FEWEST_RUNS} or more are expected, and --resume does the rest"
             )
     return SuiteRuns(whole, metrics, incidents, cache, folder, tuple(each for each in wanted if each not in done))
 

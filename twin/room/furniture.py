@@ -72,14 +72,11 @@ class Bed:
         """Height of the mattress' top above the floor [m]."""
         return float(self.place[2])
 
-    def bedside(self, gap_m: float, along_m: float = 0.0) -> Array:
-        """Return places on the floor (2, 2), left and right of the bed, `gap_m` [m] off its edges.
-
-        `along_m`: offset from the middle towards the head [m].
-        """
-        ahead, left = _direction(self.yaw), _direction(self.yaw + np.pi / 2)
+    def bedside(self, gap_m: float) -> Array:
+        """Return places on the floor (2, 2), left and right of the bed's middle, `gap_m` [m] off its edges."""
+        left = _direction(self.yaw + np.pi / 2)
         off = (self.to_edge_m + gap_m) * [1.0, -1.0]
-        return self.place[:2] + along_m * ahead + off[:, None] * left
+        return self.place[:2] + off[:, None] * left
 
 
 def furniture_of(model: mujoco.MjModel, source: str = "room") -> dict[str, Seat | Bed]:

@@ -32,6 +32,7 @@ KEEP_FROM_FURNITURE_M = 0.35
 OBSTACLE_REACH_M = KEEP_FROM_FURNITURE_M - KEEP_FROM_EDGE_M
 """Distance from an area within which an obstacle affects people who stay in it [m]."""
 _THIN_M = 1e-3
+_SIDES = 12
 _OCTAGON = np.array([[np.cos(angle), np.sin(angle)] for angle in np.arange(8) * np.pi / 4])
 MOST_OBSTACLES = 500
 """Greatest number of footprints for routes: memory grows with its square."""
@@ -145,10 +146,10 @@ class Footprints:
         return towards, distance
 
 
-def inflated(corners: Array, margin_m: float, sides: int = 12) -> Array:
-    """Return the convex polygon (k, 2) grown by a margin [m], with corners cut by a polygon of `sides` about the circle."""
-    angle = 2 * np.pi * (np.arange(sides) + 0.5) / sides
-    disc = margin_m / np.cos(np.pi / sides) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+def inflated(corners: Array, margin_m: float) -> Array:
+    """Return the convex polygon (k, 2) grown by a margin [m], with corners cut by a polygon of 12 sides about the circle."""
+    angle = 2 * np.pi * (np.arange(_SIDES) + 0.5) / _SIDES
+    disc = margin_m / np.cos(np.pi / _SIDES) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     return _hull((corners[:, None] + disc).reshape(-1, 2))
 
 

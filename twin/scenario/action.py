@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from trackers.area import Coordinate, Point3
 from trackers.configuration import Strict
-from trackers.pose import Coordinate, Point3
 from trackers.rig import Name, Point2
 
 TOP_WALK_M_S = 2.5

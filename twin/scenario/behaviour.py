@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, FiniteFloat, model_validator
 
-from trackers.pose import Point3
+from trackers.area import Point3
 from trackers.rig import Name, Point2
 from twin.scenario.action import (
     LastingAction,

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, FiniteFloat, model_validator
 
+from trackers.area import Coordinate, Point3, Pose
 from trackers.configuration import Strict
-from trackers.pose import Coordinate, Point3, Pose
 from twin.sensors.schedule import Timing
 
 _HOUSING_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, PositiveInt, model_validator
 
+from trackers.area import Coordinate, Point3, Pose
 from trackers.configuration import Strict
 from trackers.errors import InputError
 from trackers.force_curve import ForceCurve
-from trackers.pose import Coordinate, Point3, Pose
 from trackers.rig import FloorSensor
 from trackers.rig_sensors import Pitch, check_cells
 from twin.geometry.polygon import leaves_at

@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field, FiniteFloat, model_validator
 
+from trackers.area import Point3
 from trackers.configuration import Strict
-from trackers.pose import Point3
 from trackers.rig import Point2
 from twin.suites.spec import Overrides, OwnName, Text
 

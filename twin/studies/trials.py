@@ -56,19 +56,15 @@ class Trial:
         ]
         return np.array(rows, dtype=float) @ weight / weight.sum()
 
-    def value(
-        self, objective: Objective, scenarios: Sequence[StudyScenario], seeds: Sequence[int] | None = None
-    ) -> float:
-        """Return the value of an objective over all evaluated seeds, or some."""
+    def value(self, objective: Objective, scenarios: Sequence[StudyScenario]) -> float:
+        """Return the value of an objective over all evaluated seeds."""
         if objective.kind == "price":
             return self.price
         if objective.kind == "coverage":
             found = self.coverage if objective.form == "share" else self.coverage_worst
             assert found is not None
             return found
-        return aggregate(
-            self.values_by_seed(objective, scenarios, seeds if seeds is not None else self.seeds), objective
-        )
+        return aggregate(self.values_by_seed(objective, scenarios, self.seeds), objective)
 
 
 def aggregate(values: Array, objective: Objective) -> float:

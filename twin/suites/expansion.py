@@ -326,9 +326,12 @@ def _own_settings(variant: Variant) -> str:
     return ", ".join(_short(text) for text in format_overrides(variant.own))
 
 
-def _short(text: str, longest: int = 60) -> str:
+_LONGEST = 60
+
+
+def _short(text: str) -> str:
     text = text.replace('"', "")
-    return text if len(text) <= longest else text[: longest - 1] + "…"
+    return text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
 
 
 def _title(label: str, variant: str) -> str:

@@ -280,11 +280,11 @@ def differences_by_scenario(results: Results, reference: str) -> dict[tuple[str,
     }
 
 
-def worst_cases(results: Results, reference: str, n: int = N_WORST) -> list[PairedCase]:
-    """Return the n cases whose HOTA is furthest below the reference's, the worst first; only cases that are below."""
+def worst_cases(results: Results, reference: str) -> list[PairedCase]:
+    """Return the `N_WORST` cases whose HOTA is furthest below the reference's, the worst first; only cases that are below."""
     lost = [(case.difference("hota"), case) for case in _paired(results.groups, reference)]
     behind = [(change, case) for change, case in lost if change is not None and change < 0]
-    return [case for _, case in sorted(behind, key=lambda each: each[0])[:n]]
+    return [case for _, case in sorted(behind, key=lambda each: each[0])[:N_WORST]]
 
 
 def _others(results: Results, reference: str) -> list[str]:

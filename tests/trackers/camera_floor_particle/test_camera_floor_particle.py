@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from synthetic_home import LOAD, PERIOD_S, empty_room, observe, rig, walks
 
-from trackers.area import Area
+from trackers.area import Area, Pose
 from trackers.camera_floor_particle.body import BodyFilter, excluded, smoothed
 from trackers.camera_floor_particle.loads import FloorFrontEnd
 from trackers.camera_floor_particle.options import (
@@ -26,7 +26,6 @@ from trackers.errors import InputError
 from trackers.feeding import track_frames
 from trackers.filters.circular import diffused, drawn
 from trackers.observations import NS_PER_S, FloorFrame, Image
-from trackers.pose import Pose
 from trackers.presets import make_tracker
 from trackers.rig import placed_camera
 from trackers.tracks import TrackFrame, warnings

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from trackers.area import Pose
 from trackers.cameras import (
     CameraGroup,
     Ellipses,
@@ -15,7 +16,6 @@ from trackers.cameras import (
     PinholeIntrinsics,
     PlacedCamera,
 )
-from trackers.pose import Pose
 from trackers.rig import PinholeSensor, StereoSensor, placed_camera
 
 PICTURE = {"width": 320, "height": 240, "fx": 250.0, "fy": 260.0, "cx": 150.0, "cy": 125.0}

@@ -57,7 +57,7 @@ def walk(rng, n, turn=0.12):
 UNEVEN = np.array([[0.9, 0.08, 0.02], [0.3, 0.7, 0.0], [0.1, 0.3, 0.6]])
 
 
-@pytest.mark.parametrize("transition", [transition_matrix(3, 0.9), UNEVEN], ids=["even", "uneven"])
+@pytest.mark.parametrize("transition", [transition_matrix(3), UNEVEN], ids=["even", "uneven"])
 def test_equals_filterpy_over_200_steps_with_coasting(transition):
     imm = Imm(transition=transition)
     rng = np.random.default_rng(5)

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from hypothesis.extra.numpy import arrays
 
+from trackers.area import Pose
 from trackers.errors import InputError
 from trackers.floor.clusters import FloorClusterOptions, floor_clusters
 from trackers.observations import FloorFrame
-from trackers.pose import Pose
 from trackers.rig import FloorSensor
 
 ROWS, COLUMNS = 6, 9

@@ -8,13 +8,13 @@ import cv2
 import numpy as np
 import pytest
 
+from trackers.area import Pose
 from trackers.cameras import PinholeIntrinsics, PlacedCamera
 from trackers.filters.particle import Cloud
 from trackers.laser_vision_learning.histograms import learner_of
 from trackers.laser_vision_learning.looks import Learner, Looks, LooksOptions
 from trackers.laser_vision_learning.score_maps import in_levels
 from trackers.learning.boosting import BoostingOptions
-from trackers.pose import Pose
 
 CAMERA = PlacedCamera(
     PinholeIntrinsics(width=320, height=240, fx=250, fy=250, cx=159.5, cy=119.5),

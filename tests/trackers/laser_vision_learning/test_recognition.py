@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from trackers.area import Pose
 from trackers.cameras import PinholeIntrinsics
 from trackers.errors import InputError
 from trackers.filters.particle import Cloud
@@ -17,7 +18,6 @@ from trackers.laser_vision_learning.situations import Situations
 from trackers.laser_vision_learning.walking import SPEED
 from trackers.learning.boosting import BoostingOptions
 from trackers.observations import NS_PER_S, Image
-from trackers.pose import Pose
 from trackers.rig import PinholeSensor, placed_camera
 from trackers.tracking.roster import Roster
 

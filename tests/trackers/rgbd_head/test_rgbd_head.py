@@ -11,13 +11,13 @@ from hypothesis import given, settings, strategies as st
 from scipy.spatial.transform import Rotation
 from synthetic_meeting import HEAD_M, LENS, empty_room, met, observe, rig, walks
 
+from trackers.area import Pose
 from trackers.cameras import CameraGroup, Ellipsoids, PlacedCamera
 from trackers.environment import Environment
 from trackers.errors import InputError
 from trackers.feeding import track_frames
 from trackers.likelihood.stereo_head import StereoHeadOptions, StereoHeads
 from trackers.observations import NS_PER_S, DepthImage
-from trackers.pose import Pose
 from trackers.presets import PRESETS, make_tracker
 from trackers.rgbd_head.calibration import CalibrationCheck, is_turned
 from trackers.rgbd_head.evaluators import Evaluator

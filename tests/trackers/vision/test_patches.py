@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
+from trackers.area import Pose
 from trackers.cameras import FisheyeIntrinsics, PinholeIntrinsics, PlacedCamera
-from trackers.pose import Pose
 from trackers.vision.patches import FeatureOptions, PatchDescriber, PatchOptions, PatchSampler
 
 LOOKING_DOWN = Pose(xyz=(0.0, -6.0, 6.0), rpy=(-2.2, 0.0, 0.0))

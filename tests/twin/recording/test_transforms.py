@@ -10,9 +10,9 @@ from benchmarks.bag_drill import EPOCH_NS
 from recorded import MS, scan_messages, write_ros2_bag
 from rosbags.typesys.stores.ros2_humble import tf2_msgs__msg__TFMessage as TFMessage
 
+from trackers.area import Pose
 from trackers.errors import InputError
 from trackers.observations import Odometry
-from trackers.pose import Pose
 from trackers.rig import LaserSensor, OdometrySensor, Rig
 from twin.recording.losses import lines
 from twin.recording.reader import Recording

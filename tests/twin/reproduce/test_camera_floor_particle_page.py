@@ -9,12 +9,12 @@ import cv2
 import numpy as np
 import pytest
 
+from trackers.area import Pose
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
 from trackers.camera_floor_particle.tracker import DebugState
 from trackers.cameras.intrinsics import PinholeIntrinsics
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, FloorFrame
-from trackers.pose import Pose
 from trackers.rig import FloorSensor, PinholeSensor, Rig, placed_camera
 from trackers.tracks import Hypotheses, Track, TrackFrame
 from trackers.vision.colour_bins import hsv_of

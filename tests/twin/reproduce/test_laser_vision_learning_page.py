@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from trackers.errors import InputError
-from twin.commands.reproduce import reproduce
+from twin.commands.batch import reproduce
 from twin.reproduce.laser_vision_learning.results import (
     ACCURACY,
     AFTER,

@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from trackers.errors import InputError
-from twin.commands.reproduce import reproduce
+from twin.commands.batch import reproduce
 from twin.reproduce.laser_fisheye_imm.figure7 import (
     FILTERS,
     IMM,

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from trackers.area import Pose
 from trackers.cameras.intrinsics import PinholeIntrinsics
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
-from trackers.pose import Pose
 from trackers.rig import Rig, StereoSensor
 from twin.reproduce.results import pivot_rows
 from twin.reproduce.rgbd_head.figures import errors_svg

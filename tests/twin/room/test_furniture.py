@@ -45,7 +45,6 @@ def test_a_bed():
     assert abs(bed.yaw) == pytest.approx(np.pi)
     np.testing.assert_allclose(bed.to_edge_m, [0.5, 0.4])
     np.testing.assert_allclose(bed.bedside(0.3), [[-1.0, -0.75], [-1.0, 0.75]], atol=1e-9)
-    np.testing.assert_allclose(bed.bedside(0.3, 0.5)[0], [-1.5, -0.75], atol=1e-9)
 
 
 def test_a_lamp_over_the_seat_is_not_its_front():

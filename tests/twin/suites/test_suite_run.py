@@ -20,10 +20,10 @@ from synthetic_cases import result_of
 from typer.testing import CliRunner
 
 from trackers.errors import InputError
+from twin.commands.batch import suite_app as app
 from twin.suites import run as suite_run, store_files
 from twin.suites.cache import RecordingCache
 from twin.suites.cluster import Workers
-from twin.suites.command import app
 from twin.suites.page import write_page
 from twin.suites.results import collect_results
 from twin.suites.run import run_suite

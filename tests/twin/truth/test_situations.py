@@ -13,8 +13,8 @@ from interactions import interactions_of
 from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.spatial.distance import pdist
 
+from trackers.area import Pose
 from trackers.observations import LaserScan
-from trackers.pose import Pose
 from twin.recording.tables import truth_table
 from twin.truth.frames import PersonTruth, Situation, TruthFrame
 from twin.truth.situations import (

@@ -145,8 +145,8 @@ class HeadShape:
         """Chin to crown [m]."""
         return self.crown - self.chin
 
-    def ring(self, grow: Array | float = 0.0, sections: Array = _SECTIONS, sides: int = _SIDES) -> Array:
-        """Make rings of the skin (m, sides, 3), moved outwards by `grow` [m]."""
+    def ring(self, grow: Array | float = 0.0, sections: Array = _SECTIONS) -> Array:
+        """Make rings of the skin (m, _SIDES, 3), moved outwards by `grow` [m]."""
         share, front, back, half = sections.T
         middle = 0.5 * (front + back) * self.length
         plain = np.column_stack(
@@ -158,7 +158,7 @@ class HeadShape:
                 half * self.breadth,
             ]
         )
-        skin = rings(plain, sides, square=2.25)
+        skin = rings(plain, _SIDES, square=2.25)
         if np.isscalar(grow) and grow == 0.0:
             return skin
         centre = np.array([0.0, 0.0, self.chin + 0.55 * self.height])

@@ -243,11 +243,11 @@ def hand(lengths: Proportions, k: float) -> Surface:
     )
 
 
-def _sole_rings(rows: Array, sides: int = 12) -> Array:
-    """Make upright rings (m, sides, 3) along x, flat below and round above, from rows (m, 4): x, half breadth, top, sole
+def _sole_rings(rows: Array) -> Array:
+    """Make upright rings (m, 12, 3) along x, flat below and round above, from rows (m, 4): x, half breadth, top, sole
     [m].
     """
-    angle = -np.pi + 2 * np.pi * (np.arange(sides) + 0.5) / sides
+    angle = -np.pi + 2 * np.pi * (np.arange(12) + 0.5) / 12
     c, s = np.cos(angle), np.sin(angle) / np.sin(angle).max()
     across = np.sign(c) * np.abs(c) ** 0.62
     x, half, top, sole = rows.T

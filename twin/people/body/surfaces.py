@@ -128,9 +128,7 @@ def _faces(count: int, sides: int, places: int) -> NDArray[np.intp]:
     return faces
 
 
-def limb(
-    stations: Sequence[tuple[float, ...]], sides: int = 12, round_low: bool = True, round_high: bool = True
-) -> Surface:
+def limb(stations: Sequence[tuple[float, ...]], sides: int = 12, round_low: bool = True) -> Surface:
     """Make a rounded limb along z: stations (z, half depth, half breadth, x = 0, y = 0) [m] from low to high.
 
     A round end is half an ellipsoid about its station: the next segment, turning about the same point, leaves no gap.
@@ -141,7 +139,7 @@ def limb(
     tilt = np.deg2rad([68.0, 35.0])
     low = [[x[0], y[0], z[0] - np.sin(t) * a[0], a[0] * np.cos(t), b[0] * np.cos(t)] for t in tilt]
     high = [[x[-1], y[-1], z[-1] + np.sin(t) * a[-1], a[-1] * np.cos(t), b[-1] * np.cos(t)] for t in tilt[::-1]]
-    return loft(rings((low if round_low else []) + rows + (high if round_high else []), sides))
+    return loft(rings((low if round_low else []) + rows + high, sides))
 
 
 def ellipsoid(middle: ArrayLike, size: ArrayLike, sides: int = 10) -> Surface:
@@ -152,7 +150,7 @@ def ellipsoid(middle: ArrayLike, size: ArrayLike, sides: int = 10) -> Surface:
     return loft(rings([[x, y, z + c * np.sin(t), a * np.cos(t), b * np.cos(t)] for t in tilt], sides))
 
 
-def cord(path: ArrayLike, radius: float, sides: int = 6) -> Surface:
+def cord(path: ArrayLike, radius: float) -> Surface:
     """Make a strap of this radius [m] along a path (m, 3) [m]."""
     path = np.asarray(path, dtype=float)
     way = np.gradient(path, axis=0)
@@ -160,7 +158,7 @@ def cord(path: ArrayLike, radius: float, sides: int = 6) -> Surface:
     first = np.cross(way, [0.3, 0.2, 0.93])
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     second = np.cross(way, first)
-    angle = around(sides)
+    angle = around(6)
     ring = path[:, None] + radius * (
         np.cos(angle)[None, :, None] * first[:, None] + np.sin(angle)[None, :, None] * second[:, None]
     )

@@ -27,10 +27,9 @@ def free_places(
     obstacles: Sequence[Obstacle],
     count: int,
     rng: np.random.Generator,
-    clear_m: float = KEEP_FROM_FURNITURE_M,
     source: str = "area",
 ) -> Array:
-    """Draw places (count, 2) [m], uniform in the polygon `area` (k, 2) at least `clear_m` from all obstacles.
+    """Draw places (count, 2) [m], uniform in the polygon `area` (k, 2) at least `KEEP_FROM_FURNITURE_M` from all obstacles.
 
     Raises InputError, naming `source`, where almost none of the area is free.
     """
@@ -42,10 +41,10 @@ def free_places(
         places = rng.uniform(low, high, (2 * count, 2))
         places = places[inside.contains(places)]
         if len(obstacles):
-            places = places[footprints.gaps(planar(places))[1].min(axis=1) >= clear_m]
+            places = places[footprints.gaps(planar(places))[1].min(axis=1) >= KEEP_FROM_FURNITURE_M]
         found = np.concatenate([found, places])
     raise InputError(
-        f"{source}: furniture leaves no place to stand; some floor {clear_m:g} m clear of everything is expected"
+        f"{source}: furniture leaves no place to stand; some floor {KEEP_FROM_FURNITURE_M:g} m clear of everything is expected"
     )
 
 

@@ -31,27 +31,24 @@ _CUTS_FROM = 1e-4
 class Routes:
     """Routes between places in one room for one body breadth, inside `area` and around `obstacles`."""
 
-    def __init__(
-        self, area: Array, obstacles: Sequence[Obstacle], radius_m: float = ROUTE_RADIUS_M, edge_m: float = _EDGE_M
-    ) -> None:
-        """`area` (k, 2) [m]: the polygon of routes, `edge_m` off its edges and `radius_m` off the obstacles.
+    def __init__(self, area: Array, obstacles: Sequence[Obstacle]) -> None:
+        """`area` (k, 2) [m]: the polygon of routes, `_EDGE_M` off its edges and `ROUTE_RADIUS_M` off the obstacles.
 
         Raises InputError where the area is too narrow for its margin.
         """
         self._open = not len(obstacles) and _is_convex(area)
-        inner = inset(area, edge_m)
+        inner = inset(area, _EDGE_M)
         if inner is None:
-            raise InputError(f"is too narrow to walk in; more than {2 * edge_m:g} m between its edges is expected")
+            raise InputError(f"is too narrow to walk in; more than {2 * _EDGE_M:g} m between its edges is expected")
         self.area, self.obstacles = area, tuple(obstacles)
-        self._radius = radius_m
         self._furniture = [each.furniture for each in obstacles]
         self._inner = inner
         self._in_area, self._well_in_area = Area(area, TOLERANCE_M), Area(inner, TOLERANCE_M)
-        self._wide = _Convex([inflated(each.corners, radius_m) for each in obstacles])
-        close_m = min(CLOSE_M, radius_m) * np.cos(np.pi / 12)  # so that corners are no farther off either
+        self._wide = _Convex([inflated(each.corners, ROUTE_RADIUS_M) for each in obstacles])
+        close_m = min(CLOSE_M, ROUTE_RADIUS_M) * np.cos(np.pi / 12)  # so that corners are no farther off either
         self._close = _Convex([inflated(each.corners, close_m) for each in obstacles])
         # slightly outside of the polygons, so that ways along their sides touch none
-        corners = [inner, *(inflated(each.corners, radius_m + _CLEAR_M) for each in obstacles)]
+        corners = [inner, *(inflated(each.corners, ROUTE_RADIUS_M + _CLEAR_M) for each in obstacles)]
         nodes = np.concatenate(corners)
         free = Area(inner, _CLEAR_M).contains(nodes) & ~self._wide.contains(nodes).any(axis=1)
         self._nodes = nodes[free]

@@ -100,10 +100,8 @@ class CloseCall:
     apart_m: float
 
 
-def close_calls(
-    people: Mapping[str, Person], until_s: float = np.inf, within_m: float = BODIES_NEED_M
-) -> list[CloseCall]:
-    """Find the closest approach of each pair of recorded paths closer than `within_m` before `until_s`, ordered by time."""
+def close_calls(people: Mapping[str, Person], until_s: float = np.inf) -> list[CloseCall]:
+    """Find the closest approach of each pair of recorded paths closer than `BODIES_NEED_M` before `until_s`, ordered by time."""
     names = sorted(
         name for name, person in people.items() if person.script and isinstance(person.script[0], RecordedPath)
     )
@@ -116,7 +114,7 @@ def close_calls(
             continue
         place = paths.at(tick)[0][there]
         apart = np.abs(place[:, None] - place)
-        for one, other in zip(*np.nonzero(np.triu(apart < within_m, 1)), strict=True):
+        for one, other in zip(*np.nonzero(np.triu(apart < BODIES_NEED_M, 1)), strict=True):
             pair = int(there[one]), int(there[other])
             if apart[one, other] < found.get(pair, (np.inf, 0.0))[0]:
                 found[pair] = float(apart[one, other]), tick * _LOOKS_EVERY_S

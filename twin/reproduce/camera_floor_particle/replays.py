@@ -120,15 +120,18 @@ def frame_picture(case: Case, cache: RecordingCache, t_s: float) -> bytes:
         return draw_debug_state(tracker.debug_state(), frames[-1], bag.rig, floors, _poses(entry / TRUTH, t_s))
 
 
-def closest_pair_s(truth: TruthTable, fewest_s: float = 1.5) -> float:
+_START_S = 1.5
+
+
+def closest_pair_s(truth: TruthTable) -> float:
     """Find the time of the least distance between two people, after the start [s]."""
-    best, at = np.inf, fewest_s
+    best, at = np.inf, _START_S
     for stamp in np.unique(truth.stamps_ns)[::4]:
         now = truth.stamps_ns == stamp
         places = np.column_stack([truth.x[now], truth.y[now]])
         places = places[~np.isnan(places).any(axis=1)]
         away = np.linalg.norm(places[:, None] - places, axis=-1) + 9.0 * np.eye(len(places))
-        if stamp >= fewest_s * 1e9 and away.size and away.min() < best:
+        if stamp >= _START_S * 1e9 and away.size and away.min() < best:
             best, at = away.min(), stamp / 1e9
     return float(at)
 

@@ -176,7 +176,10 @@ def heads_svg(errors: Sequence[HeadErrorsOverTime]) -> str:
         return to_svg(figure)
 
 
-def head_errors_since_detection(truth: TruthTable, tracks: TrackTable, gate_m: float = 0.5) -> HeadErrorsOverTime:
+_GATE_M = 0.5
+
+
+def head_errors_since_detection(truth: TruthTable, tracks: TrackTable) -> HeadErrorsOverTime:
     """Compute errors of heads matched within the gate, and the time since each track's first row."""
     since, off = [], []
     began = {number: tracks.stamps_ns[tracks.id == number].min() for number in np.unique(tracks.id).tolist()}
@@ -188,7 +191,7 @@ def head_errors_since_detection(truth: TruthTable, tracks: TrackTable, gate_m: f
         away = np.hypot(tracks.x[rows, None] - truth.x[there], tracks.y[rows, None] - truth.y[there])
         nearest = away.argmin(axis=1)
         for row, person, distance in zip(rows, there[nearest], away.min(axis=1), strict=True):
-            if distance < gate_m and not np.isnan(tracks.head_x[row]):
+            if distance < _GATE_M and not np.isnan(tracks.head_x[row]):
                 since.append((stamp - began[int(tracks.id[row])]) / NS_PER_S)
                 off.append([getattr(tracks, f"head_{k}")[row] - getattr(truth, f"head_{k}")[person] for k in "xyz"])
     return np.array(since, float), np.array(off, float).reshape(-1, 3)

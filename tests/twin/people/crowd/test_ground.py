@@ -15,13 +15,13 @@ TABLE = Obstacle("table", np.array([[1.0, 1.0], [2.5, 1.0], [2.5, 2.0], [1.0, 2.
 
 
 def test_places_are_free_and_fill_the_rest():
-    places = free_places(ROOM, [TABLE], 500, np.random.default_rng(1), 0.3)
+    places = free_places(ROOM, [TABLE], 500, np.random.default_rng(1))
     assert places.shape == (500, 2)
     assert Area(ROOM).contains(places).all()
     assert Footprints([TABLE]).gaps(places[:, 0] + 1j * places[:, 1])[1].min() >= 0.3
     for corner in ROOM:
         assert np.linalg.norm(places - corner, axis=1).min() < 0.4
-    np.testing.assert_array_equal(places, free_places(ROOM, [TABLE], 500, np.random.default_rng(1), 0.3))
+    np.testing.assert_array_equal(places, free_places(ROOM, [TABLE], 500, np.random.default_rng(1)))
 
 
 def test_no_obstacles_is_the_whole_area():
