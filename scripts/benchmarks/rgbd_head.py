@@ -17,8 +17,7 @@ from trackers.presets import make_tracker
 from trackers.prior import Prior
 from trackers.rig import Rig, StereoSensor
 from trackers.vision.front_end import CameraFrontEnd, FrontEndOptions
-from trackers.vision.head_colours import HeadColours
-from trackers.vision.head_model import load_head_model
+from trackers.vision.head_colours import HeadColours, load_head_model
 from trackers.vision.stereo_picture import StereoCamera
 from twin import Simulation, load_scenario
 

@@ -18,8 +18,7 @@ from head_looks.samples import PAINT, Head, heads
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from trackers.vision.head_colours import COLOURS, STEPS
-from trackers.vision.head_model import HUES, SATURATIONS, SHIPPED
+from trackers.vision.head_colours import COLOURS, HUES, SATURATIONS, SHIPPED, STEPS
 from trackers.vision.head_outlines import CELLS
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario

@@ -24,7 +24,7 @@ from trackers.environment import (
 )
 from trackers.errors import InputError
 from trackers.text_file import NO_LIMITS
-from trackers.vision.head_model import SHIPPED as HEADS, load_head_model
+from trackers.vision.head_colours import SHIPPED as HEADS, load_head_model
 from trackers.vision.person_detector import SHIPPED as PEOPLE, PersonModel
 
 LOADERS: dict[str, Callable[[Path], Any]] = {

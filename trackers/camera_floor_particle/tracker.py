@@ -23,8 +23,7 @@ from trackers.rig import Rig
 from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
 from trackers.tracking.synced_tracker import SynchronizedTracker
 from trackers.tracks import Hypotheses, Track
-from trackers.vision.calibration_monitor import CalibrationMonitor, silhouette_offsets
-from trackers.vision.front_end import front_ends
+from trackers.vision.front_end import CalibrationMonitor, front_ends, silhouette_offsets
 from trackers.vision.views import CameraViews, Views
 
 _OFF_M = 0.04

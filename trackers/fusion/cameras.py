@@ -22,8 +22,7 @@ from trackers.vision.foreground import Foreground
 from trackers.vision.front_end import CameraFrontEnd, FrontEndOptions, PreparedPicture
 from trackers.vision.histogram import ColourHistogram
 from trackers.vision.person_detector import SILHOUETTES, PersonDetector
-from trackers.vision.plan_view import head_of, heads_in_plan
-from trackers.vision.stereo_picture import PackedPicture, StereoCamera, packed_without_depth
+from trackers.vision.stereo_picture import PackedPicture, StereoCamera, head_of, heads_in_plan, packed_without_depth
 
 _CHEST_M, _CROWN_M, _SHADOW_M = 1.1, 1.65, 0.25
 """Heights of a chest and of a crown, and how near to another's axis a line of sight is hidden [m]."""

@@ -23,8 +23,7 @@ from trackers.filters.rows import Rows, written
 from trackers.fusion.options import HeadOptions
 from trackers.likelihood.stereo_head import StereoHeadOptions, StereoHeads
 from trackers.tracking.roster import NEVER_NS
-from trackers.vision.head_colours import HeadColours
-from trackers.vision.head_model import HeadModel
+from trackers.vision.head_colours import HeadColours, HeadModel
 from trackers.vision.head_outlines import ASPECTS
 from trackers.vision.stereo_picture import PackedPicture
 

@@ -43,7 +43,7 @@ from trackers.tracking.roster import NEVER_NS
 from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
 from trackers.tracking.synced_tracker import SynchronizedTracker
 from trackers.tracks import Detection, Track, TrackFrame
-from trackers.vision.head_model import SHIPPED, load_head_model
+from trackers.vision.head_colours import SHIPPED, load_head_model
 
 logger = logging.getLogger(__name__)
 

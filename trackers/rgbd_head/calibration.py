@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from trackers.arrays import Array, Mask, Singles
 from trackers.cameras.placed import PlacedCamera
 from trackers.environment.model import Environment
-from trackers.vision.calibration_monitor import CalibrationMonitor, silhouette_offsets
+from trackers.vision.front_end import CalibrationMonitor, silhouette_offsets
 from trackers.vision.stereo_picture import StereoCamera
 
 TURNS_DEG = (5.0, 9.0)

@@ -16,8 +16,7 @@ from trackers.arrays import Array, Index, Singles
 from trackers.likelihood.stereo_head import HeadLikelihoods, RangeOptions, StereoHeadOptions, StereoHeads
 from trackers.observations import DepthImage
 from trackers.rgbd_head.calibration import head_offsets
-from trackers.vision.head_colours import ExpectedColours
-from trackers.vision.head_model import HeadModel
+from trackers.vision.head_colours import ExpectedColours, HeadModel
 from trackers.vision.stereo_picture import PackedPicture, StereoCamera
 
 _LOW_M, _HIGH_M = 0.4, 2.2

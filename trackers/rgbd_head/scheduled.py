@@ -20,8 +20,7 @@ from trackers.likelihood.stereo_head import HeadLikelihoods, StereoHeadOptions
 from trackers.observations import DepthImage
 from trackers.rgbd_head.evaluators import Evaluator, Evaluators
 from trackers.scheduler import connected
-from trackers.vision.head_colours import ExpectedColours
-from trackers.vision.head_model import HeadModel
+from trackers.vision.head_colours import ExpectedColours, HeadModel
 
 if TYPE_CHECKING:
     from distributed import Client, Future

@@ -39,9 +39,8 @@ from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
 from trackers.tracking.synced_tracker import SynchronizedTracker
 from trackers.tracks import Hypotheses, Track, TrackFrame
 from trackers.vision.front_end import front_ends
-from trackers.vision.head_model import SHIPPED, HeadModel, load_head_model
-from trackers.vision.plan_view import heads_in_plan
-from trackers.vision.stereo_picture import StereoCamera
+from trackers.vision.head_colours import SHIPPED, HeadModel, load_head_model
+from trackers.vision.stereo_picture import StereoCamera, heads_in_plan
 
 LEARNED = "heads"
 """Name under which the prior's `learned` may hold another model file than the shipped one (made by `scripts/learn-heads`).

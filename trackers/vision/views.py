@@ -19,7 +19,7 @@ from trackers.configuration import Strict, warn_of_former_name
 from trackers.observations import DepthImage, Image, Observation
 from trackers.vision.colour_bins import BinnedPicture, BinnedSamples, Hsv, HueSaturationValueBins
 from trackers.vision.front_end import CameraFrontEnd
-from trackers.vision.head_model import LIT_SKIN
+from trackers.vision.head_colours import LIT_SKIN
 
 BINS = HueSaturationValueBins()
 """Bins of the colours of windows."""

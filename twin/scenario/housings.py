@@ -12,7 +12,7 @@ from trackers.configuration import Strict
 from trackers.rig import Name, OdometrySensor, Point2, Pose, Rig, RigSensor
 from trackers.rig_sensors import check_height, check_layer
 from twin.scenario.mount import CalibrationError, Mount, Mounted
-from twin.scenario.pressure_floor import FloorDescription
+from twin.scenario.sensors import FloorDescription
 from twin.sensors.odometry import OdometryDescription
 
 if TYPE_CHECKING:

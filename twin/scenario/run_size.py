@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 from trackers.text_file import refuse_unless_lifted
 from twin.scenario.cameras import PinholeDescription, StereoDescription
-from twin.scenario.pressure_floor import FloorDescription
-from twin.scenario.sensors import AnyDescription, FisheyeDescription
+from twin.scenario.sensors import AnyDescription, FisheyeDescription, FloorDescription
 
 if TYPE_CHECKING:
     from twin.scenario.scenario import Scenario

@@ -15,7 +15,7 @@ from twin.recording.atomic_file import open_atomic
 from twin.scenario import Scenario
 from twin.scenario.housings import check_place, in_the_room
 from twin.scenario.mount import Mount, mount_of
-from twin.scenario.pressure_floor import FloorDescription
+from twin.scenario.sensors import FloorDescription
 from twin.studies.candidate_set import CandidatePose
 from twin.studies.devices import Device, DeviceKind
 from twin.studies.spec import Study

@@ -14,8 +14,7 @@ from twin.room.building import Building
 from twin.scenario import Scenario
 from twin.scenario.housings import in_the_room
 from twin.scenario.mount import Mount, mount_of
-from twin.scenario.pressure_floor import FloorDescription, check_floor
-from twin.scenario.sensors import CAMERA_KINDS
+from twin.scenario.sensors import CAMERA_KINDS, FloorDescription, check_floor
 from twin.studies.devices import Device, steps
 from twin.studies.spec import Study
 from twin.world.scene import Scene

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from trackers.arrays import Array
 from trackers.errors import InputError
 from twin.scenario import Scenario
-from twin.scenario.pressure_floor import FloorDescription
+from twin.scenario.sensors import FloorDescription
 from twin.studies.apply_placement import apply_placement
 from twin.studies.candidate_set import BASELINE, CandidatePose, CandidateSet, Placement
 from twin.studies.spec import Coverage, Study

@@ -14,7 +14,7 @@ from twin.models import MODELS
 from twin.recording.atomic_file import open_atomic
 from twin.reproduce.registry import data_uri
 from twin.scenario import Scenario
-from twin.scenario.pressure_floor import FloorDescription
+from twin.scenario.sensors import FloorDescription
 from twin.studies.candidate_poses import first_sensor
 from twin.studies.candidate_set import BASELINE
 from twin.studies.devices import Device

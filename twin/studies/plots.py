@@ -16,8 +16,7 @@ from twin.reproduce.registry import INK, QUIET, SHADE, plot_style, to_svg
 from twin.room.building import Building, room_outline
 from twin.scenario import Scenario
 from twin.scenario.housings import in_the_room
-from twin.scenario.pressure_floor import FloorDescription
-from twin.scenario.sensors import LaserDescription
+from twin.scenario.sensors import FloorDescription, LaserDescription
 from twin.studies.devices import Cable, Constraints, KeepFreeZone
 
 if TYPE_CHECKING:

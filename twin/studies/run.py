@@ -22,7 +22,7 @@ from twin.reproduce.registry import data_uri
 from twin.run.inputs import NONE_TRUSTED, TrustedClasses
 from twin.scenario import Scenario, load_scenario
 from twin.scenario.load import dump_scenario
-from twin.scenario.pressure_floor import FloorDescription
+from twin.scenario.sensors import FloorDescription
 from twin.studies.apply_placement import write_scenario
 from twin.studies.candidate_set import BASELINE, building_of
 from twin.studies.coverage import PoseCoverage, at_least, count_bits

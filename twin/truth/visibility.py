@@ -18,8 +18,7 @@ from trackers.cameras import Intrinsics
 from trackers.rig import RigSensor
 from twin.instant.snapshot import Snapshot
 from twin.scenario.cameras import PinholeDescription, StereoDescription
-from twin.scenario.pressure_floor import FloorDescription
-from twin.scenario.sensors import FisheyeDescription, LaserDescription, SensorDescription
+from twin.scenario.sensors import FisheyeDescription, FloorDescription, LaserDescription, SensorDescription
 from twin.sensors.rays import bounding_radius, passes_spheres, trace_rays
 from twin.truth.frames import Box
 

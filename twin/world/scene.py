@@ -33,7 +33,7 @@ from twin.room.walkable import walkable_area
 from twin.scenario import Scenario
 from twin.scenario.behaviour import Lie, Sit
 from twin.scenario.housings import driven, in_the_room
-from twin.scenario.pressure_floor import FloorDescription
+from twin.scenario.sensors import FloorDescription
 from twin.streams import stream
 from twin.world.body_pool import Bodies, body_pools
 from twin.world.placement import CLEARANCE_M, check_approach, check_free, check_placement

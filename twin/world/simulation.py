@@ -24,9 +24,8 @@ from twin.room.building import check_mount
 from twin.room.mjcf import DARK_LIGHT, light_of
 from twin.scenario import Scenario
 from twin.scenario.housings import assumed_sensor, base_of, driven, held_sensor, odometry_sensor
-from twin.scenario.pressure_floor import FloorDescription, check_floor
 from twin.scenario.scenario import describe_late_starts
-from twin.scenario.sensors import CAMERA_KINDS, build_sensor
+from twin.scenario.sensors import CAMERA_KINDS, FloorDescription, build_sensor, check_floor
 from twin.sensors.floor import Floor
 from twin.sensors.gl_context import GlInfo
 from twin.sensors.layers import TimedSensor, with_faults

@@ -27,8 +27,7 @@ from trackers.rgbd_head.tracker import RgbdHead
 from trackers.rig import LaserSensor, Rig, StereoSensor
 from trackers.tracks import TrackFrame
 from trackers.vision.front_end import CameraFrontEnd, FrontEndOptions
-from trackers.vision.head_colours import COLOURS, HeadColours, colour_numbers
-from trackers.vision.head_model import SHIPPED, load_head_model
+from trackers.vision.head_colours import COLOURS, SHIPPED, HeadColours, colour_numbers, load_head_model
 from trackers.vision.head_outlines import cells_shown, inner_points, outlines, ring_points
 from trackers.vision.stereo_picture import PackedPicture, StereoCamera
 

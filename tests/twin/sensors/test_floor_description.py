@@ -9,8 +9,7 @@ import yaml
 from trackers.configuration import Strict, validate
 from trackers.errors import InputError
 from trackers.rig import FloorSensor
-from twin.scenario.pressure_floor import FloorDescription, check_floor
-from twin.scenario.sensors import SensorDescription
+from twin.scenario.sensors import FloorDescription, SensorDescription, check_floor
 from twin.sensors.floor import FLOOR_ELECTRONICS, FloorElectronics
 
 

@@ -14,7 +14,7 @@ from trackers.cameras import CameraGroup
 from trackers.likelihood.stereo_head import StereoHeadOptions
 from trackers.observations import DepthImage
 from trackers.rig import placed_camera
-from trackers.vision.head_model import load_head_model
+from trackers.vision.head_colours import load_head_model
 from trackers.vision.head_outlines import inner_points, outlines
 from twin import Simulation, load_scenario, truth_table
 from twin.people.body.appearance import appearance_of
