@@ -33,6 +33,8 @@ _LEAST_HULL = 120
 """Least number of points of a person's hull."""
 _LEAST_AT_TOP = 3
 """Least number of points of a layer of the hull that is still a head."""
+_BODY_M = 0.25
+"""Radius of a person in a line of sight."""
 _HEAD_M = 0.25
 """Height of a head with its neck, at the top of a hull."""
 _PELVIS = 0.54
@@ -71,7 +73,7 @@ class Initiation:
             near = loads.cluster_near(people.place[:, :2], limits.start_apart_m)
             known_n = people.weight_n[near.any(axis=1)].sum()
             new &= ~near.any(axis=0) & (load_n.sum() - known_n >= limits.unexplained * load_n)
-        return new
+        return new & _heaviest_apart(loads.clusters.centroid, np.where(new, load_n, 0.0), limits.start_apart_m)
 
     def due(self, places: Float[Array, "k 2"], ns: int) -> Bool[Mask, "k"]:
         """Update the tentative tracks with clusters at places [m]; return a mask of those to initiate.
@@ -169,10 +171,38 @@ class Initiation:
         return pan, float(abs(skin)), hair
 
 
-def hull_over(place: Float[Array, "2"], views: Views) -> Float[Array, "k 3"]:
-    """Carve the points above a place that all cameras see as foreground, except one of three or more [m]; empty: no person."""
+def hull_over(place: Float[Array, "2"], views: Views, people: People | None = None) -> Float[Array, "k 3"]:
+    """Carve the points above a place that all cameras see as foreground, except one of three or more [m]; empty: no person.
+
+    A camera that looks at a point through one of the tracked people, or has one of them behind it, tells nothing of it.
+    """
     points = _HULL + np.append(place, 0.0)
     look = views.look(points.T)
-    n_seen, n_shown = look.seen.sum(axis=0), look.on_foreground.sum(axis=0)
+    tells = look.seen if people is None else look.seen & ~_on_the_way(views.eyes_m, points, people)
+    n_seen, n_shown = tells.sum(axis=0), (tells & look.on_foreground).sum(axis=0)
     hull = points[(n_seen > 0) & (n_seen - n_shown <= (n_seen > 2))]
     return hull if len(hull) >= _LEAST_HULL else hull[:0]
+
+
+def _on_the_way(
+    eyes_m: Float[Array, "cameras 3"], points: Float[Array, "k 3"], people: People
+) -> Bool[Mask, "cameras k"]:
+    """Return a mask of the lines of sight through points that meet a tracked person: an upright cylinder."""
+    along = points - eyes_m[:, None]  # cameras, k, 3
+    to_person = people.place[:, :2] - eyes_m[:, None, :2]  # cameras, n, 2
+    flat, towards = along[:, :, None, :2], to_person[:, None]
+    length2 = np.maximum((flat**2).sum(axis=-1), 1e-12)
+    share = (flat * towards).sum(axis=-1) / length2  # of the way to the point, where the line passes the person's axis
+    aside_m = np.abs(flat[..., 0] * towards[..., 1] - flat[..., 1] * towards[..., 0]) / np.sqrt(length2)
+    z = eyes_m[:, None, None, 2] + share * along[..., None, 2]
+    meets = (share > 0) & (aside_m < _BODY_M) & (z > 0) & (z < people.head_place[:, 2] + body.CROWN_M)
+    return meets.any(axis=-1)
+
+
+def _heaviest_apart(places: Float[Array, "k 2"], load_n: Float[Array, "k"], apart_m: float) -> Bool[Mask, "k"]:
+    """Return a mask of loads with no heavier one within `apart_m`: two feet are one person."""
+    taken = np.zeros(len(places), np.bool_)
+    near = distances(places, places) < apart_m
+    for k in np.argsort(-load_n, kind="stable"):
+        taken[k] = load_n[k] > 0 and not near[k, taken].any()
+    return taken

@@ -187,12 +187,13 @@ class CameraFloorParticle(SynchronizedTracker):
         """Initiate tracks of unassigned clusters over which cameras see a person."""
         people, centroid = self._people, loads.clusters.centroid
         new = self._initiation.unexplained(people, loads)
-        hulls = {k: hull_over(centroid[k], views) for k in np.flatnonzero(new)}
+        hulls = {k: hull_over(centroid[k], views, people) for k in np.flatnonzero(new)}
         if views:
+            bare = [k for k, hull in hulls.items() if not len(hull)]
             empty = np.zeros(len(new), np.bool_)
-            empty[[k for k, hull in hulls.items() if not len(hull)]] = True
+            empty[[k for k in bare if not len(hull_over(centroid[k], views))]] = True
             self._loads.learn_own(loads, empty, self._ns)
-            new &= ~empty
+            new[bare] = False
         places = np.flatnonzero(new)
         for k in places[self._initiation.due(centroid[places], self._ns)]:
             load_n = float(loads.clusters.load_n[k])

@@ -9,10 +9,11 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-from synthetic_home import LOAD, PERIOD_S, empty_room, observe, rig, walks
+from synthetic_home import LOAD, PERIOD_S, empty_room, observe, pressed, rig, walks
 
 from trackers.area import Area, Pose
 from trackers.camera_floor_particle.body import BodyFilter, excluded, smoothed
+from trackers.camera_floor_particle.initiation import hull_over
 from trackers.camera_floor_particle.loads import FloorFrontEnd
 from trackers.camera_floor_particle.options import (
     CameraFloorParticleOptions,
@@ -237,6 +238,28 @@ def test_a_load_over_which_no_camera_shows_a_person_is_the_floors_own_after_a_wh
         found.append(len(loads.clusters))
         front_end.learn_own(loads, np.ones(len(loads.clusters), bool), ns)
     assert found[0] == 1 and found[-1] == n_cluster
+
+
+def test_two_feet_far_apart_start_one_track():
+    stands = np.zeros((6, 1, 2))
+    on_two_feet = pressed(RIG.floors()["floor"], np.array([[-0.3, 0.0], [0.3, 0.0]]))
+    seen = [
+        replace(each, values=on_two_feet) if isinstance(each, FloorFrame) else each for each in observe(RIG, stands)
+    ]
+    assert [len(frame.tracks) for frame in follow(seen)][-1] == 1
+
+
+def test_where_others_fill_the_sight_of_all_cameras_nobody_is_carved():
+    about = np.array([(0.9, 0.74), (-0.9, 0.74), (0.9, -0.74), (-0.9, -0.74)])
+    tracker = make_tracker("camera-floor-particle", RIG, ROOM, np.random.default_rng(0))
+    list(track_frames(tracker, RIG, observe(RIG, np.broadcast_to(about, (5, 4, 2)))))
+    state = tracker.debug_state()
+    assert state.people is not None and len(state.people) == 4
+    assert len(hull_over(np.zeros(2), state.views)) > 0
+    assert len(hull_over(np.zeros(2), state.views, state.people)) == 0
+    for k in range(4):  # each of them still is, where the others are known
+        others = state.people.select(np.arange(4) != k)
+        assert len(hull_over(state.people.place[k, :2], state.views, others)) > 0
 
 
 def test_who_comes_back_in_the_same_clothes_has_the_old_number():
