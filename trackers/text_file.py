@@ -7,6 +7,7 @@ time, not those bounded by a format or OpenGL.
 
 from __future__ import annotations
 
+import codecs
 import io
 import os
 import stat
@@ -55,7 +56,8 @@ MOST_TEXT_BYTES = 64 * 1024 * 1024
 
 
 def read_text(source: AnyPath, expected: str, most_bytes: int | None = MOST_TEXT_BYTES) -> str:
-    """Read a UTF-8 text file. Raises InputError naming the file and its `expected` content.
+    """Read a text file in UTF-8, or in UTF-16 with a byte order mark. Raises InputError naming the file and its `expected`
+    content.
 
     At most `most_bytes` are read (None: all) unless the limits are lifted. A device, which may never end, is rejected.
     """
@@ -74,10 +76,12 @@ def read_text(source: AnyPath, expected: str, most_bytes: int | None = MOST_TEXT
         raise InputError(f"{str(source)!r}: is no path of a file ({error}); {expected} is expected") from error
     if most_bytes is not None and len(content) > most_bytes:
         refuse_unless_lifted(f"{source}: holds more than {most_bytes / 2**20:g} MiB", f"{expected} of no more")
+    encoding = "utf-16" if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else "utf-8"
     try:
-        return io.TextIOWrapper(io.BytesIO(content), encoding="utf-8").read()
+        return io.StringIO(content.decode(encoding), newline=None).read()
     except UnicodeDecodeError as error:
-        raise InputError(f"{source}: is not a text file in UTF-8; {expected} is expected") from error
+        line = content.count(b"\n", 0, error.start) + 1
+        raise InputError(f"{source}: is not a text file in UTF-8 (line {line}); {expected} is expected") from error
 
 
 def is_file(path: AnyPath) -> bool:

@@ -62,6 +62,12 @@ class Alignment:
         return {"frames": n_frame, "frames_total": self.n_total, "share": n_frame / self.n_total}
 
 
+def _is_one_by_one(tracks: TrackTable) -> bool:
+    """Return whether each row has a stamp of its own though ids alternate, as where rows keep the stamps of detections."""
+    is_alone = tracks.id.size == np.unique(tracks.stamps_ns).size
+    return bool(is_alone and 2 * np.count_nonzero(np.diff(tracks.id)) > tracks.id.size)
+
+
 def align(truth: TruthTable, tracks: TrackTable, *, interpolate: bool = True) -> Alignment:
     """Find the judged frames, and the people and tracks in each.
 
@@ -99,7 +105,12 @@ def align(truth: TruthTable, tracks: TrackTable, *, interpolate: bool = True) ->
             f"{truth.source}: a person's rows come every {usual_ns / NS_PER_S:.3g} s; between rows at most "
             f"{gap_ns / NS_PER_S:.3g} s apart people are taken to walk straight on"
         )
-    if clock is not None and silent.size > NOTED_SHARE * n_total:
+    if _is_one_by_one(tracks):
+        notes.append(
+            f"{tracks.source}: no two tracks share a stamp though their rows alternate, so that each is evaluated alone and "
+            "all others count as missed; the rows of one frame need the same t"
+        )
+    elif clock is not None and silent.size > NOTED_SHARE * n_total:
         notes.append(
             f"{tracks.source}: reports nothing in {silent.size} of {n_total} frames, the first of them at "
             f"{silent[0] / NS_PER_S:.3f} s, though it reports every {clock.period_ns / NS_PER_S:.3g} s otherwise; everybody "

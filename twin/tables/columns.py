@@ -10,7 +10,7 @@ import io
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal
 from math import isfinite, nan
 from pathlib import Path
 from typing import NoReturn, TypeVar
@@ -23,7 +23,7 @@ from trackers.observations import NS_PER_S
 from trackers.text_file import read_text
 
 _COMMENTS = ("#", "%", "//")
-_SEPARATORS = (";", "\t", ",")
+_SEPARATORS = (";", "\t", "|", ",")
 _QUOTED = re.compile(r'"[^"]*"')
 _WORDS = re.compile(r'"([^"]*)"|(\S+)')
 _UNIT = re.compile(r"\s+([\[(][^\s\])]*[\])])")
@@ -62,14 +62,17 @@ class _Lines:
 def read_cells(path: Path, expected: str, most_bytes: int | None) -> Cells:
     """Read a table of at most `most_bytes`, whose kind `expected` names in errors.
 
-    The separator is the first of semicolon, tab, comma or blank in its first row; cells may be quoted; lines after #, % or
+    The separator is the first of semicolon, tab, bar, comma or blank in its first row; cells may be quoted; lines after #, % or
     // are comments, the last one before the first row is the header if that has none. A header is a row without a number.
-    With semicolons or tabs and no number with a point, a comma in a number is the decimal point. Raises InputError naming
+    Where no number has a point, a comma in a number is the decimal point. Raises InputError naming
     file and line for any other file.
     """
     text = read_text(path, expected, most_bytes).removeprefix("\ufeff")
-    if "\0" in text[:4096]:
-        raise InputError(f"{path}: is text in UTF-16, or none at all; {expected} in UTF-8 is expected")
+    if "\0" in text:
+        line = text.count("\n", 0, text.index("\0")) + 1
+        raise InputError(
+            f"{path}: line {line}: holds NUL characters: a damaged file, or text in UTF-16; {expected} in UTF-8 is expected"
+        )
     source = _Lines(text)
     lines = iter(source)
     first = next(lines, None)
@@ -107,7 +110,7 @@ def read_cells(path: Path, expected: str, most_bytes: int | None) -> Cells:
         header = split_line(comments[-1][1], separator if separator in comments[-1][1] else " ")
         is_prose = any(not cell or cell.endswith((",", ":", ".")) for cell in header)
         header, header_line = (header, comments[-1][0]) if len(header) == len(rows[0]) and not is_prose else (None, 0)
-    if separator in ";\t" and not any("." in cell and _is_number(cell) for row in rows for cell in row):
+    if not any("." in cell and _is_number(cell) for row in rows for cell in row):
         rows = [[cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell for cell in row] for row in rows]
     width = len(header if header is not None else rows[0])
     what = "the header" if header is not None else "the first row"
@@ -140,7 +143,14 @@ def _is_number(text: str) -> bool:
 
 
 MAX_INT64 = int(np.iinfo(np.int64).max)
+MISSING = ("", "nan", "na", "n/a", "null", "none")
+"""Cells without a value, in lower case."""
+_LARGEST = 1e12
+"""Greatest number: squares and sums of larger ones are not exact, and no place is so far."""
 _MAX_STAMP_S = Decimal(MAX_INT64 // NS_PER_S)
+_LONGEST_LABEL = 100
+_SHOWN = 60
+"""Characters of a cell in an error."""
 _Value = TypeVar("_Value")
 
 
@@ -181,7 +191,8 @@ class CsvColumns:
     def stamps_ns(self, name: str) -> NDArray[np.int64]:
         """Convert decimal seconds to integer nanoseconds, to the nearest, (n,); exact, unlike via a float."""
         unit = Decimal(repr(self.units.get(name, 1.0)))
-        return np.array(self._convert(name, lambda text: _stamp_ns(text, unit), "a time in seconds"), dtype=np.int64)
+        valid = "a time in seconds" if unit == 1 else "a time"
+        return np.array(self._convert(name, lambda text: _stamp_ns(text, unit), valid), dtype=np.int64)
 
     def labels(self, name: str) -> list[str]:
         """Read the label of each row's person, n: a whole number from 0 on without leading zeros or decimals, or a name."""
@@ -193,10 +204,11 @@ class CsvColumns:
                 if not text.strip():
                     raise
                 return text.strip()
-            whole = int(text) if text.strip().isdecimal() else number  # a float holds no whole number beyond 2⁵³
-            if not (float(whole).is_integer() and 0 <= whole <= MAX_INT64):
+            if text.strip().isdecimal() and len(text.strip()) < _LONGEST_LABEL:
+                return str(int(text))  # a float holds no whole number beyond 2⁵³
+            if not (number.is_integer() and 0 <= number <= MAX_INT64):
                 raise ValueError
-            return str(int(whole))
+            return str(int(number))
 
         return self._convert(name, convert, "a whole number from 0 on, or a name,")
 
@@ -240,21 +252,28 @@ class CsvColumns:
         """Read finite numbers, (n,); NaN for an empty cell where one is allowed."""
         valid = "a finite number or an empty cell" if may_be_empty else "a finite number"
         cells = self.cells[name]
+        if may_be_empty:
+            cells = ["" if cell.lower() in MISSING else cell for cell in cells]
         try:
             values = np.array([float(cell) if cell else nan for cell in cells], dtype=np.float64)
         except ValueError:
             values = None
         n_empty = cells.count("") if may_be_empty else 0
-        if values is not None and np.count_nonzero(~np.isfinite(values)) == n_empty and "_" not in "".join(cells):
+        if values is not None and np.count_nonzero(~(abs(values) <= _LARGEST)) == n_empty and "_" not in "".join(cells):
             return values / self.units.get(name, 1.0)
         # Some cell is invalid: check cell by cell to report it.
-        fault = next(r for r, c in enumerate(cells) if (c or not may_be_empty) and not _is_finite_number(c))
-        self.refuse(fault, name, valid)
+        fault = next(
+            r
+            for r, c in enumerate(cells)
+            if (c or not may_be_empty) and not (_is_number(c) and abs(float(c)) <= _LARGEST)
+        )
+        is_large = _is_number(cells[fault]) and isfinite(float(cells[fault]))
+        self.refuse(fault, name, f"a number of at most {_LARGEST:g}" if is_large else valid)
 
     def refuse(self, row: int, name: str, valid: str) -> NoReturn:
         """Raise the InputError with this cell and the valid values."""
         value = self.cells[name][row]
-        found = f"is {value!r}" if value else "is empty"
+        found = f"is {value[:_SHOWN]!r}{'…' * (len(value) > _SHOWN)}" if value else "is empty"
         raise InputError(f"{self.source}: line {self.lines[row]}: {name} {found}; {valid} is expected")
 
     def _convert(self, name: str, convert: Callable[[str], _Value], valid: str) -> list[_Value]:
@@ -265,7 +284,7 @@ class CsvColumns:
                 if "_" in text:  # Python accepts 1_000 as a number
                     raise ValueError
                 known[text] = convert(text)
-            except (ValueError, OverflowError, InvalidOperation):
+            except (ValueError, ArithmeticError):  # a decimal's own errors among the latter
                 self.refuse(cells.index(text), name, valid)
         return [known[text] for text in cells]
 
@@ -310,8 +329,9 @@ def _stamp_ns(text: str, unit: Decimal) -> int:
     return int((seconds * NS_PER_S).to_integral_value())
 
 
-def _is_finite_number(text: str) -> bool:
+def _is_number(text: str) -> bool:
     try:
-        return "_" not in text and isfinite(float(text))
+        float(text)
     except ValueError:
         return False
+    return "_" not in text

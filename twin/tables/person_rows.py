@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
-from twin.tables.columns import Cells, CsvColumns, columns_of, read_cells
+from twin.tables.columns import MAX_INT64, MISSING, Cells, CsvColumns, columns_of, read_cells, split_line
 from twin.tables.headerless import EXPECTED_COLUMNS, HEIGHT_SPREAD_M, is_number, mot_columns, name_columns
 
 _NAMES = {
@@ -23,11 +23,12 @@ _NAMES = {
     "frame": ("frame", "frames", "frameid", "framenumber", "framenr", "frameno", "framenum", "fr"),
     "id": ("id", "trackid", "personid", "persid", "pid", "pedid", "pedestrian", "pedestrianid", "agentid", "agent",
            "objectid", "objid", "person", "ped", "targetid"),
-    "x": ("x", "posx", "xpos", "worldx", "xworld", "positionx"),
-    "y": ("y", "posy", "ypos", "worldy", "yworld", "positiony"),
-    "z": ("z", "posz", "zpos", "worldz", "zworld", "positionz"),
+    "x": ("x", "posx", "xpos", "worldx", "xworld", "positionx", "posepositionx"),
+    "y": ("y", "posy", "ypos", "worldy", "yworld", "positiony", "posepositiony"),
+    "z": ("z", "posz", "zpos", "worldz", "zworld", "positionz", "posepositionz"),
 }  # fmt: skip
 """Other names of a column, without case, blanks, points, dashes and underscores."""
+_NANOSECONDS = ("nanosec", "nanosecs", "nanoseconds", "nsec", "nsecs")
 _LENGTHS = {"m": 1.0, "metre": 1.0, "metres": 1.0, "meter": 1.0, "meters": 1.0, "dm": 10.0, "cm": 100.0, "mm": 1000.0}
 _TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e3, "us": 1e6, "µs": 1e6, "ns": 1e9}
 _NO_UNIT = ("", "-", "1", "#", "none")
@@ -54,7 +55,7 @@ class PersonRows:
     def ids(self) -> NDArray[np.int64]:
         """Return a number per row's person (n,), from 1 on: the labels if all are such numbers, else counted by label."""
         labels = sorted(set(self.labels), key=label_order)
-        whole = all(label.isdecimal() and int(label) > 0 for label in labels)
+        whole = all(label.isdecimal() and 0 < int(label) <= MAX_INT64 for label in labels)
         number = {label: int(label) if whole else place for place, label in enumerate(labels, start=1)}
         return np.array([number[label] for label in self.labels], dtype=np.int64)
 
@@ -76,8 +77,8 @@ def read_person_rows(
 
     With a header its columns may be in any order; a unit may follow a name (x/cm, t [ms]) or stand in a row below. Without
     one it is frame (whole numbers) or t, then id, x, y; of 5 to 8 columns also a height: x, z, y (ETH, UCY) or x, y, z. A
-    row with only its time has no person. Raises InputError naming file, line, column and value, or the ambiguity of a table
-    without a header.
+    row with only its time has no person, and a row without x and y says nothing of its person. A row written twice counts
+    once. Raises InputError naming file, line, column and value, or the ambiguity of a table without a header.
 
     `mot`: 'truth' or 'tracks' for MOT text (`mot_columns`).
     """
@@ -106,9 +107,28 @@ def read_person_rows(
     if "t" not in names:
         rate_hz = _rate(path, found, frame_rate_hz, rate_field, notes)
         columns = replace(columns, cells={**columns.cells, "t": columns.cells["frame"]}, units={**units, "t": rate_hz})
-    elif frame_rate_hz is not None:
+    elif (rest := next((name for name in columns.cells if _bare(name.lower()) in _NANOSECONDS), None)) is not None:
+        whole, part = columns.integers("t", 0).tolist(), columns.integers(rest, 0).tolist()
+        t = [f"{s + ns // NS_PER_S}.{ns % NS_PER_S:09d}" for s, ns in zip(whole, part, strict=True)]
+        columns = replace(columns, cells={**columns.cells, "t": t})
+    if "t" in names and frame_rate_hz is not None:
         notes.append(f"{path}: holds seconds (t); {rate_field} {frame_rate_hz:g} is not used")
-    return _ordered(columns, tuple(notes))
+    return _ordered(columns, [*notes, *_rows_in_comments(path, found, len(names))])
+
+
+def _rows_in_comments(path: Path, found: Cells, width: int) -> list[str]:
+    """Describe comments below the header that look like rows."""
+    first = min(found.lines, default=found.header_line)
+    rows = [
+        line
+        for line, text in found.comments
+        if line > first and any(len(row := split_line(text, mark)) == width and _holds_number(row) for mark in " ,;\t|")
+    ]
+    if not rows:
+        return []
+    return [
+        f"{path}: lines that begin with #, % or // are not read; {len(rows)} of them, the first line {rows[0]}, look like rows"
+    ]
 
 
 def _by_header(path: Path, found: Cells) -> tuple[list[str], dict[str, float], Cells]:
@@ -156,11 +176,14 @@ def _column(cell: str) -> tuple[str, str | None]:
     split = _WITH_UNIT.fullmatch(plain)
     unit = split[2] if split is not None and split[2] in (*_LENGTHS, *_TIMES) else None
     word = split[1] if split is not None and unit is not None else plain
-    bare = re.sub(r"[\s._-]", "", word)
     for name, others in _NAMES.items():
-        if bare in others:
+        if _bare(word) in others:
             return name, unit
     return (plain if plain in (*_LENGTH_COLUMNS, "yaw", "head_yaw", "in_area", "status") else cell.strip()), None
+
+
+def _bare(word: str) -> str:
+    return re.sub(r"[\s._-]", "", word)
 
 
 def _rate(path: Path, found: Cells, given: float | None, field: str, notes: list[str]) -> float:
@@ -186,8 +209,10 @@ def _rate(path: Path, found: Cells, given: float | None, field: str, notes: list
     return rate
 
 
-def _ordered(columns: CsvColumns, notes: tuple[str, ...]) -> PersonRows:
-    """Order the rows with a person by stamp and person; raise InputError for a repeated pair."""
+def _ordered(columns: CsvColumns, notes: list[str]) -> PersonRows:
+    """Order the rows with a person by stamp and person; raise InputError for a repeated pair with other values."""
+    frame_stamps = np.unique(columns.stamps_ns("t"))
+    columns = _with_positions(columns, notes)
     all_stamps = columns.stamps_ns("t")
     own = [name for name in columns.cells if name not in ("t", "frame") and name[:1] != "?"]
     filled = columns.filled(own) if len(columns) else np.zeros(0, dtype=np.bool_)
@@ -197,7 +222,7 @@ def _ordered(columns: CsvColumns, notes: tuple[str, ...]) -> PersonRows:
         labels[row] = label
     rank = {label: place for place, label in enumerate(sorted(set(labels) - {""}, key=label_order), start=1)}
     ids = np.array([rank.get(label, 0) for label in labels], dtype=np.int64)
-    order = np.lexsort((ids, all_stamps))
+    order = _without_repeats(columns, np.lexsort((ids, all_stamps)), ids, all_stamps, notes)
     stamps, ids = all_stamps[order], ids[order]
     for fault in np.flatnonzero((stamps[1:] == stamps[:-1]) & ((ids[1:] == ids[:-1]) | (ids[:-1] == 0)))[:1]:
         first, second = sorted((int(order[fault]), int(order[fault + 1])))
@@ -210,8 +235,34 @@ def _ordered(columns: CsvColumns, notes: tuple[str, ...]) -> PersonRows:
         )
     kept = order[filled[order]]
     return PersonRows(
-        np.unique(all_stamps), columns.take(kept), all_stamps[kept], [labels[row] for row in kept.tolist()], notes
+        frame_stamps, columns.take(kept), all_stamps[kept], [labels[row] for row in kept.tolist()], tuple(notes)
     )
+
+
+def _with_positions(columns: CsvColumns, notes: list[str]) -> CsvColumns:
+    """Leave out the rows with an id whose x and y have no value, as NaN."""
+    cells = (columns.cells[name] for name in ("id", "x", "y"))
+    unknown = [bool(i) and x.lower() in MISSING and y.lower() in MISSING for i, x, y in zip(*cells, strict=True)]
+    if not any(unknown):
+        return columns
+    rows = np.flatnonzero(unknown)
+    notes.append(
+        f"{columns.source}: {rows.size} of {len(columns)} rows, the first on line {columns.lines[int(rows[0])]}, have neither "
+        "x nor y and are not read"
+    )
+    return columns.take(np.flatnonzero(~np.array(unknown)))
+
+
+def _without_repeats(
+    columns: CsvColumns, order: NDArray[np.intp], ids: NDArray[np.int64], stamps: NDArray[np.int64], notes: list[str]
+) -> NDArray[np.intp]:
+    """Leave out of the order (n,) rows that repeat the one before, cell by cell."""
+    pairs = np.flatnonzero((np.diff(stamps[order]) == 0) & (np.diff(ids[order]) == 0))
+    repeats = [k + 1 for k in pairs.tolist() if all(c[order[k]] == c[order[k + 1]] for c in columns.cells.values())]
+    if repeats:
+        line = columns.lines[int(order[repeats[0]])]
+        notes.append(f"{columns.source}: {len(repeats)} rows, as that on line {line}, stand there twice and count once")
+    return np.delete(order, repeats)
 
 
 def _holds_number(row: Sequence[str]) -> bool:

@@ -194,14 +194,13 @@ def fault_of(read, path) -> str:
         ("id", "-1", "a whole number from 0 on, or a name,"),
         ("id", "1.5", "a whole number from 0 on, or a name,"),
         ("id", "inf", "a whole number from 0 on, or a name,"),
-        ("id", "99999999999999999999", "a whole number from 0 on, or a name,"),
         ("id", "", "a whole number from 0 on, or a name,"),
         ("x", "nan", "a finite number"),
         ("x", "", "a finite number"),
         ("y", "-inf", "a finite number"),
         ("y", "1_0", "a finite number"),
         ("z", "high", "a finite number or an empty cell"),
-        ("head_yaw", "nan", "a finite number or an empty cell"),
+        ("head_yaw", "inf", "a finite number or an empty cell"),
     ],
 )
 @pytest.mark.parametrize(
@@ -229,7 +228,7 @@ def test_a_flag_that_is_none_is_named(tmp_path):
     assert "line 2: in_area is 'maybe'; 0 or 1 is expected" in fault_of(read_truth, path)
 
 
-@pytest.mark.parametrize("share", ["1.5", "-0.1", "nan", "most"])
+@pytest.mark.parametrize("share", ["1.5", "-0.1", "inf", "most"])
 def test_a_visible_share_that_is_none_is_named(tmp_path, share):
     path = tmp_path / "truth.csv"
     path.write_text(f"{TRUTH_HEADER}\n{TRUTH_ROW.replace('0.75', share)}\n")
@@ -285,9 +284,9 @@ class TestBadFiles:
 
     def test_frame_without_anybody_twice(self, tmp_path, read, header, row):
         path = tmp_path / "table.csv"
-        nobody = f"0.0{',' * header.count(',')}\n"
-        path.write_text(f"{header}\n{nobody}{nobody}")
-        assert "line 3: t 0.0, id empty stands on line 2 too" in fault_of(read, path)
+        nobody = f"{',' * header.count(',')}\n"
+        path.write_text(f"{header}\n0.0{nobody}0.00{nobody}")
+        assert "line 3: t 0.00, id empty stands on line 2 too" in fault_of(read, path)
 
     def test_header_only_is_an_empty_table(self, tmp_path, read, header, row):
         path = tmp_path / "table.csv"

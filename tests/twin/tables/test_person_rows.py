@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 from trackers.errors import InputError
 from twin.cli import app, main
+from twin.evaluate import evaluate_with_details
 from twin.recording.tables import read_tracks, read_truth
 from twin.scenario.pedestrians import Pedestrians, people_from
 from twin.tables.person_rows import check_plausibility, read_person_rows
@@ -87,6 +88,16 @@ SECONDS = {
     "foreign columns": table(",", "note t id x y", lambda *r: ("a", *plain(*r))),
     "a spreadsheet's first line": "sep=;\n" + table(";", "t id x y", plain),
     "seconds without header": table(" ", "", plain),
+    "UTF-16": BASE,
+    "quoted decimal commas": table(",", "t id x y", lambda *r: [f'"{comma(c)}"' for c in plain(*r)]),
+    "blanks and decimal commas": table(" ", "t id x y", lambda *r: map(comma, plain(*r))),
+    "bars": table("|", "t id x y", plain),
+    "seconds and nanoseconds": table(
+        ",", "sec nanosec id x y", lambda f, *r: (str(f // 10), str(f % 10 * 10**8), *plain(f, *r)[1:])
+    ),
+    "ids beyond 64 bits": table(
+        ",", "t id x y", lambda f, i, x, y: (plain(f, i, x, y)[0], str(i + 2**70), *plain(f, i, x, y)[2:])
+    ),
 }
 FRAMES = {
     "TrajNet": table("\t", "", lambda f, i, x, y: (f"{f}.0", f"{i}.0", f"{x:.3f}", f"{y:.3f}")),
@@ -110,9 +121,9 @@ LAYOUTS = {
 }
 
 
-def values(text: str, folder: Path, rate_hz: float | None = None):
+def values(text: str, folder: Path, rate_hz: float | None = None, is_utf16: bool = False):
     path = folder / "table.csv"
-    path.write_bytes(text.encode())
+    path.write_bytes(text.encode("utf-16" if is_utf16 else "utf-8"))
     people, warnings = people_from(Pedestrians(file=str(path), frame_rate_hz=rate_hz), 100.0, "s.yaml")
     points = {name: np.array(person["script"][0]["points"]) for name, person in people.items()}
     return points, read_truth(path, None, rate_hz), read_tracks(path, None, rate_hz), warnings
@@ -122,13 +133,16 @@ def values(text: str, folder: Path, rate_hz: float | None = None):
 def test_the_same_table_said_otherwise_gives_the_same_values(layout: str, tmp_path: Path) -> None:
     expected = values(BASE, tmp_path)
     text, rate_hz = LAYOUTS[layout]
-    found = values(text, tmp_path, rate_hz)
-    assert list(found[0]) == list(expected[0]) == ["walker-3", "walker-4", "walker-5", "walker-6"]
-    for name, points in found[0].items():
-        np.testing.assert_allclose(points, expected[0][name], rtol=0, atol=1e-12)
+    found = values(text, tmp_path, rate_hz, layout == "UTF-16")
+    assert list(expected[0]) == ["walker-3", "walker-4", "walker-5", "walker-6"]
+    if layout != "ids beyond 64 bits":
+        assert list(found[0]) == list(expected[0])
+    for points, other in zip(found[0].values(), expected[0].values(), strict=True):
+        np.testing.assert_allclose(points, other, rtol=0, atol=1e-12)
     for own, other in zip(found[1:3], expected[1:3], strict=True):
         for column in ("frame_stamps_ns", "stamps_ns", "id"):
-            np.testing.assert_array_equal(getattr(own, column), getattr(other, column))
+            shift = 2 if column == "id" and layout == "ids beyond 64 bits" else 0  # such ids are names, counted from 1
+            np.testing.assert_array_equal(getattr(own, column) + shift, getattr(other, column))
         for column in ("x", "y"):
             np.testing.assert_allclose(getattr(own, column), getattr(other, column), rtol=0, atol=1e-12)
     guessed = any("has no header; its columns are read as" in note for note in found[3])
@@ -157,8 +171,11 @@ def read_truth_of(text: str, folder: Path):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (BASE.encode("utf-16"), "UTF-"),
-        (BASE.encode("utf-16-le"), "is text in UTF-16"),
+        (BASE.encode("utf-16-le"), "line 1: holds NUL characters"),
+        ("# Größe\nt,id,x,y\n".encode("latin-1"), "is not a text file in UTF-8 (line 1)"),
+        (BASE.encode() + bytes(99), f"line {len(ROWS) + 2}: holds NUL characters"),
+        (b"t,id,x,y\n1e999999999,1,2,3\n", "line 2: t is '1e999999999'; a time in seconds is expected"),
+        (b"t,id,x,y\n0,1,1e300,3\n", "line 2: x is '1e300'; a number of at most 1e+12 is"),
         (b"", "is empty"),
         (b"# nothing\n", "is empty"),
         (b"t,id,x\n0,1,2\n", "line 1: column 'y' is missing among t,id,x"),
@@ -206,6 +223,31 @@ def test_a_speed_at_which_no_person_walks_is_noted_or_refused(factor: float, lay
     if notes and layout == "frame":
         fits = float(re.findall(r"frame rate of about ([\d.e+]+) Hz would fit", notes[0])[0])
         assert check_plausibility(read_person_rows(path, "a table", None, fits, "rate")) == ()
+
+
+@pytest.mark.parametrize(
+    ("said", "text"),
+    [
+        ("1 of 121 rows, the first on line 122, have neither x nor y", BASE + "0.2,3,nan,NA\n"),
+        ("1 rows, as that on line 122, stand there twice", BASE + BASE.splitlines()[-1]),
+        ("1 of them, the first line 122, look like rows", BASE + "#7,0.2,1,2\n"),
+    ],
+)
+def test_rows_that_are_not_read_are_noted(said: str, text: str, tmp_path: Path) -> None:
+    own, base = values(text, tmp_path), values(BASE, tmp_path)
+    np.testing.assert_array_equal(own[1].x, base[1].x)
+    for notes in (own[1].notes, own[2].notes, own[3]):
+        assert any(said in note for note in notes)
+
+
+def test_tracks_that_share_no_stamps_are_noted(tmp_path: Path) -> None:
+    truth = read_truth_of(BASE, tmp_path)
+    path = tmp_path / "table.csv"
+    path.write_text(
+        table(",", "t id x y", lambda f, i, x, y: (f"{f / RATE_HZ + i * 1e-6:.6f}", *plain(f, i, x, y)[1:]))
+    )
+    assert any("no two tracks share a stamp" in note for note in evaluate_with_details(truth, read_tracks(path)).notes)
+    assert evaluate_with_details(read_truth(path), read_tracks(tmp_path / "base.csv")).metrics["mota"] == 1.0
 
 
 @pytest.mark.parametrize("height", [0.0, 1.7])
