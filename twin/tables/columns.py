@@ -262,13 +262,11 @@ class CsvColumns:
         if values is not None and np.count_nonzero(~(abs(values) <= _LARGEST)) == n_empty and "_" not in "".join(cells):
             return values / self.units.get(name, 1.0)
         # Some cell is invalid: check cell by cell to report it.
+        filled = (row for row, cell in enumerate(cells) if cell or not may_be_empty)
         fault = next(
-            r
-            for r, c in enumerate(cells)
-            if (c or not may_be_empty) and not (_is_number(c) and abs(float(c)) <= _LARGEST)
+            row for row in filled if not (_is_finite_number(cells[row]) and abs(float(cells[row])) <= _LARGEST)
         )
-        is_large = _is_number(cells[fault]) and isfinite(float(cells[fault]))
-        self.refuse(fault, name, f"a number of at most {_LARGEST:g}" if is_large else valid)
+        self.refuse(fault, name, f"a number of at most {_LARGEST:g}" if _is_finite_number(cells[fault]) else valid)
 
     def refuse(self, row: int, name: str, valid: str) -> NoReturn:
         """Raise the InputError with this cell and the valid values."""
@@ -329,9 +327,8 @@ def _stamp_ns(text: str, unit: Decimal) -> int:
     return int((seconds * NS_PER_S).to_integral_value())
 
 
-def _is_number(text: str) -> bool:
+def _is_finite_number(text: str) -> bool:
     try:
-        float(text)
+        return "_" not in text and isfinite(float(text))
     except ValueError:
         return False
-    return "_" not in text
