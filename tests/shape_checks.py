@@ -37,7 +37,7 @@ CHECKED = (
     "trackers.tracking",
     "trackers.vision",
 )
-FIRST, EVERY = (8, 13) if os.environ.get("ROOMTWIN_SHAPE_CHECKS") != "all" else (0, 1)
+FIRST, EVERY = (2, 499) if os.environ.get("ROOMTWIN_SHAPE_CHECKS") != "all" else (0, 1)
 """Calls of a function in a test: the first so many are checked, then each so manieth; a prime, so that no loop's rhythm
 always shows the same call."""
 

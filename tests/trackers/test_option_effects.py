@@ -333,6 +333,7 @@ SYSTEMS = (
 
 
 @pytest.mark.slow
+@pytest.mark.sample(3)
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of values that no user would choose
 @pytest.mark.parametrize("system", SYSTEMS)
 def test_every_option_has_an_effect_or_is_refused(system: str) -> None:

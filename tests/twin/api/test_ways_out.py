@@ -143,6 +143,7 @@ def test_suite_says_what_is_wrong_with_its_files(tmp_path: Path, monkeypatch: py
     assert "another process holds it" in message and "no file of results" not in message
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_class_in_a_suite_of_the_current_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "of_this_suite.py").write_text(

@@ -89,6 +89,7 @@ def inside(frame: TruthFrame) -> np.ndarray:
     return np.array([person.in_area for person in frame.people])
 
 
+@pytest.mark.nightly
 def test_ten_people_on_average_and_more_than_fifteen_at_times(afternoon):
     count = np.array([inside(frame).sum() for frame in afternoon.frames])
     assert 9.0 < count.mean() < 11.0

@@ -30,7 +30,7 @@ def using(world: World) -> dict[int, list[int]]:
     return held
 
 
-@pytest.mark.sample(9)
+@pytest.mark.sample(5)
 @pytest.mark.parametrize("name", models.names("scenarios"))
 def test_no_bodies_pass_through_anything(name: str) -> None:
     scenario = load_scenario(name)

@@ -135,6 +135,7 @@ def test_without_a_recording_the_published_figures_stay(tmp_path):
     assert "no recording was given" in (tmp_path / "report.html").read_text()
 
 
+@pytest.mark.nightly
 def test_the_same_seeds_leave_the_same_files(tmp_path):
     for name in ("one", "two"):
         reproduce("gait", seeds=2, out=tmp_path / name)

@@ -155,7 +155,7 @@ def suite_results(folder: Path, out: str) -> list[tuple]:
         return connection.execute(query).fetchall()
 
 
-@pytest.mark.sample(5)
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("what", EDITS)
 def test_a_suite_goes_on_as_if_begun_after_the_edit(folder: Path, what: str, monkeypatch: pytest.MonkeyPatch) -> None:
     change, part_named = EDITS[what]
@@ -185,7 +185,7 @@ def study_results(folder: Path, out: str) -> list[bytes]:
     return [(folder / out / name).read_bytes() for name in ("candidates.csv", "pareto.csv")]
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("what", ["included", "imported"])
 def test_a_study_goes_on_as_if_begun_after_the_edit(
     folder: Path, what: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -204,7 +204,7 @@ def test_a_study_goes_on_as_if_begun_after_the_edit(
     assert study_results(folder, "out") != before
 
 
-@pytest.mark.sample(1)
+@pytest.mark.nightly
 def test_sigkill_at_any_time_and_resume_give_the_bits_of_an_undisturbed_study(folder: Path) -> None:
     """Killed twice at moments drawn with a seed."""
     study_run(folder, "whole")

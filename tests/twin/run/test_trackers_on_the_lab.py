@@ -59,6 +59,7 @@ def follow(name: str, observed: Observed) -> list[TrackFrame]:
     return _FOLLOWED[key]
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", FIRST_OF_CLASS)
 def test_the_contract_holds(name: str, lab: Observed) -> None:
     """A second and a half of real readings; presets of other values meet the faults in the trackers' own contract test."""
@@ -86,6 +87,7 @@ def test_the_system_as_published_finds_the_people(lab: Observed) -> None:
     assert 0.05 < figures["motp_m"] < 0.15
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("name", FIRST_OF_CLASS)
 def test_the_order_of_people_makes_no_difference(name: str, lab: Observed, turned: Observed) -> None:
     assert follow(name, turned) == follow(name, lab)

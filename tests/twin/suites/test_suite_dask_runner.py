@@ -125,6 +125,7 @@ def test_a_process_that_stands_still_altogether_is_replaced_by_its_nanny(
     run_on(cluster, squares(2), do, record.listener())  # the cluster is as good as new
 
 
+@pytest.mark.nightly
 def test_workers_killed_at_random_cost_no_result(cluster: Cluster) -> None:
     rng = np.random.default_rng(5)
     doomed = set(rng.choice(30, size=4, replace=False).tolist())

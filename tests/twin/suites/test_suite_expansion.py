@@ -29,7 +29,7 @@ SEEDS_EXPECTED = (
 )
 
 
-@pytest.mark.sample(6)
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("name", models.names("suites"))
 def test_shipped_suites_can_be_run(name: str) -> None:
     suite, path = load_suite(name)
