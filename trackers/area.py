@@ -22,6 +22,23 @@ Coordinate = Annotated[float, Field(ge=-1e8, le=1e8, allow_inf_nan=False)]
 Point3 = tuple[Coordinate, Coordinate, Coordinate]
 
 
+_MOST_ANGLE_RAD = 4 * np.pi + 1e-6
+"""Two turns: a larger angle is one in degrees."""
+
+
+def _in_radians(angle_rad: float) -> float:
+    if abs(angle_rad) > _MOST_ANGLE_RAD:
+        raise ValueError(
+            f"{angle_rad:g} rad is more than two turns; in degrees it would be {np.radians(angle_rad):.4g} rad"
+        )
+    return angle_rad
+
+
+AngleRad = Annotated[Coordinate, AfterValidator(_in_radians)]
+AngleDeg = Annotated[float, Field(ge=-360, le=360, allow_inf_nan=False)]
+"""Angle of a mount [deg], at most a turn: the sum of two is a pose's."""
+
+
 @lru_cache(maxsize=256)
 def _rotation(rpy: Point3) -> NDArray[np.float64]:
     """Return the rotation matrix; cached for the few sensors."""
@@ -34,7 +51,7 @@ class Pose(Strict):
     xyz: Point3 = Field(
         default=(0.0, 0.0, 0.0), description="origin of the sensor's frame in the room frame: x, y, z [m]"
     )
-    rpy: Point3 = Field(
+    rpy: tuple[AngleRad, AngleRad, AngleRad] = Field(
         default=(0.0, 0.0, 0.0), description="roll, pitch, yaw about the room's fixed x, y, z, in this order [rad]"
     )
 

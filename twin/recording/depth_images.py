@@ -26,8 +26,8 @@ PNG_FORMAT = "16UC1; png compressed "
 _MM_PER_M = np.float32(1000)
 _MOST_MM = 65_534
 """Greatest value in 16 bits: many devices write 65535 for no depth."""
-_FARTHEST_M = 100.0
-"""Depth beyond any camera's range, which indicates another unit."""
+_RANGE_M = (0.03, 100.0)
+"""Depths of any camera; half of a picture beyond them says another unit."""
 _HEADER_BYTES = 12
 """compressed_depth_image_transport puts its configuration before the picture: an integer, and two floats that say how metres
 (32FC1) were made 16 bits: depth = first / (value - second)."""
@@ -56,8 +56,16 @@ def decode_depth(message: Any, sensor: str) -> NDArray[np.float32]:
 
     Raises InputError for a message that cannot be used.
     """
-    if hasattr(message, "format"):
-        return _from_compressed(message, sensor)
+    depth_m = _from_compressed(message, sensor) if hasattr(message, "format") else _from_raw(message, sensor)
+    seen_m = depth_m[depth_m > 0]
+    if seen_m.size and not _RANGE_M[0] <= (middle_m := float(np.median(seen_m))) <= _RANGE_M[1]:
+        raise InputError(
+            f"depth of {sensor!r}: the median depth is {middle_m:g} m; metres (32FC1) or millimetres (16 bits) are expected"
+        )
+    return depth_m
+
+
+def _from_raw(message: Any, sensor: str) -> NDArray[np.float32]:
     if not hasattr(message, "encoding"):
         raise InputError(f"depth of {sensor!r}: type is {message.__msgtype__}; CompressedImage or Image is expected")
     if message.encoding not in _RAW_ENCODINGS:
@@ -73,13 +81,7 @@ def decode_depth(message: Any, sensor: str) -> NDArray[np.float32]:
             f"{message.encoding}; height x step bytes are expected"
         )
     rows = np.ascontiguousarray(data.reshape(message.height, message.step)[:, :row_bytes])
-    depth_m = _metres(rows.view(kind))
-    seen_m = depth_m[depth_m > 0]
-    if seen_m.size and (middle_m := float(np.median(seen_m))) > _FARTHEST_M:
-        raise InputError(
-            f"depth of {sensor!r}: half of the depths are beyond {middle_m:g}; metres are expected in {message.encoding}"
-        )
-    return depth_m
+    return _metres(rows.view(kind))
 
 
 def _from_compressed(message: Any, sensor: str) -> NDArray[np.float32]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, FiniteFloat, model_validator
 
-from trackers.area import Coordinate, Point3, Pose
+from trackers.area import AngleDeg, Point3, Pose
 from trackers.configuration import Strict
 from twin.sensors.schedule import Timing
 
@@ -33,11 +33,11 @@ class Mount(Strict):
     """
 
     xyz: Point3 = Field(description="place in the room frame, or in that of the housing it hangs on: x, y, z [m]")
-    yaw_deg: Coordinate = Field(
+    yaw_deg: AngleDeg = Field(
         default=0.0, description="turn about z, first; counter-clockwise, 90 looks along the room's y [deg]"
     )
-    pitch_deg: Coordinate = Field(default=0.0, description="turn about the new y, second; positive looks down [deg]")
-    roll_deg: Coordinate = Field(
+    pitch_deg: AngleDeg = Field(default=0.0, description="turn about the new y, second; positive looks down [deg]")
+    roll_deg: AngleDeg = Field(
         default=0.0, description="turn about the new x, last; positive dips the right side [deg]"
     )
 
@@ -83,7 +83,7 @@ class CalibrationError(Strict):
         default=(0.0, 0.0, 0.0),
         description="how far off the sensor is assumed to be, assumed minus true, along the room's x, y, z [m]",
     )
-    rpy_deg: Point3 = Field(
+    rpy_deg: tuple[AngleDeg, AngleDeg, AngleDeg] = Field(
         default=(0.0, 0.0, 0.0),
         description="how it is assumed to be turned: roll, pitch, yaw about its own x, y, z, assumed minus true [deg]",
     )

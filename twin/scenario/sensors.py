@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, PositiveInt, model_validator
 
-from trackers.area import Coordinate, Point3, Pose
+from trackers.area import AngleDeg, Point3, Pose
 from trackers.cameras import FisheyeIntrinsics
 from trackers.cameras.intrinsics import LARGEST_SIDE_PX
 from trackers.configuration import Strict
@@ -53,7 +53,7 @@ class FloorMount(Strict):
     xyz: Point3 = Field(
         default=(0.0, 0.0, 0.0), description="outer corner of element (0, 0) in the room frame: x, y and z = 0 [m]"
     )
-    yaw_deg: Coordinate = Field(default=0.0, description="turn of the grid about z, counter-clockwise [deg]")
+    yaw_deg: AngleDeg = Field(default=0.0, description="turn of the grid about z, counter-clockwise [deg]")
 
     @model_validator(mode="after")
     def _on_the_floor(self) -> FloorMount:

@@ -24,7 +24,7 @@ from trackers.errors import InputError
 from trackers.observations import DepthImage, Image, LaserScan
 from trackers.rig import LaserSensor, PinholeSensor, Rig, StereoSensor
 from twin.recording.bag import open_bag
-from twin.recording.depth_images import DepthPairs, decode_depth, match_images
+from twin.recording.depth_images import DepthPairs, decode_depth, decode_rvl, match_images
 from twin.recording.reader import Recording
 from twin.recording.ros_messages import COMPRESSED_IMAGE, RAW_IMAGE, TYPESTORE, decode, encode, time_message
 from twin.recording.writer import BagWriter
@@ -165,7 +165,8 @@ def test_what_robots_send_as_depth():
         ),
         (CompressedImage(HEADER, "16UC1; compressedDepth rvl", np.zeros(15, np.uint8)), "columns, rows and RVL data"),
         (CompressedImage(HEADER, "16UC1; compressedDepth rvl", np.zeros(50, np.uint8)), "claims 0 x 0 pixels"),
-        (RawImage(HEADER, 1, 2, "32FC1", 0, 8, np.array([1500, 2000], "<f4").view(np.uint8)), "metres are expected"),
+        (RawImage(HEADER, 1, 2, "32FC1", 0, 8, np.array([1500, 2000], "<f4").view(np.uint8)), "metres .32FC1. or"),
+        (RawImage(HEADER, 1, 2, "16UC1", 0, 4, np.array([2, 3], "<u2").view(np.uint8)), "metres .32FC1. or"),
     ],
 )
 def test_depth_that_cannot_be_used(message, complaint):
@@ -212,8 +213,8 @@ def depth_pictures() -> dict[str, np.ndarray]:
         "a wall with holes": np.where(rng.random((23, 31)) < 0.3, 0, wall).astype(np.uint16),
         "all holes": np.zeros((23, 31), np.uint16),
         "a hole at each end": np.pad(wall, 2),
-        "one pixel": np.full((1, 1), 7, np.uint16),
-        "extremes": np.tile(np.array([1, 65_534, 1, 0], np.uint16), (3, 5)),
+        "one pixel": np.full((1, 1), 700, np.uint16),
+        "extremes": np.tile(np.array([65_534, 1, 65_534, 0], np.uint16), (3, 5)),
     }
 
 
@@ -228,9 +229,7 @@ def test_rvl_is_decoded(pixels):
 
 def test_rvl_of_a_picture_by_hand():
     # two holes, three pixels 9, 10, 8: 2, 3, +9 -> 18 = 010 010, +1 -> 2, -2 -> 3; zeros fill the word
-    data = struct.pack("<III", 5, 1, 0x23A22300)
-    message = CompressedImage(HEADER, "16UC1; compressedDepth rvl", np.frombuffer(bytes(12) + data, np.uint8))
-    np.testing.assert_allclose(decode_depth(message, "deep") * 1000, [[0, 0, 9, 10, 8]])
+    np.testing.assert_array_equal(decode_rvl(struct.pack("<I", 0x23A22300), 1, 5), [[0, 0, 9, 10, 8]])
 
 
 @pytest.mark.parametrize("ending", ["png", "rvl"])

@@ -63,12 +63,17 @@ BOTH: dict[str, tuple[Change, Change, str]] = {
     },
     **{
         f"{name} turned without end": (
-            (f"sensors.{name}.mount.yaw_deg", 1e300),
-            (f"sensors.{name}.room_from_sensor.rpy", [0, 0, 1e300]),
-            "less than or equal to 100000000",
+            (f"sensors.{name}.mount.yaw_deg", turn),
+            (f"sensors.{name}.room_from_sensor.rpy", [0, 0, turn]),
+            "less than or equal to (360|100000000)|more than two turns",
         )
-        for name in ("waist", "eye", "cam", "deep", "floor")
+        for name, turn in (("waist", 1e300), ("eye", 540.0), ("cam", 1e300), ("deep", 1e6), ("floor", 400.0))
     },
+    "an angle in degrees": (
+        ("sensors.waist.mount.yaw_deg", 5400.0),
+        ("sensors.waist.room_from_sensor.rpy", [0, 0, -90]),
+        "less than or equal to 360|-90 rad is more than two turns; in degrees it would be -1.571 rad",
+    ),
     "a tilted scanner": (
         ("sensors.waist.mount.pitch_deg", 80),
         ("sensors.waist.room_from_sensor.rpy", [0, TILTED_RAD, 0]),
