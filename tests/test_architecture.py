@@ -48,6 +48,24 @@ def test_the_command_line_loads_nothing_heavy_before_it_is_asked() -> None:
     assert done.stdout.strip() == "[]"
 
 
+def test_a_command_loads_only_what_it_needs() -> None:
+    """`twin list` loads no library of numbers, and a run without images none of films, figures or windows."""
+    ends = "\ntry: main()\nexcept SystemExit: pass\n"
+    listing = "sys.argv[1:] = ['list']" + ends
+    running = (
+        "sys.argv[1:] = ['list', 'rooms']" + ends + "import twin.run.live, twin.world.simulation, twin.sensors.laser"
+    )
+    for code, heavy in (
+        (listing, ("numpy", "scipy", "mujoco", "cv2", "matplotlib", "rosbags", "jinja2")),
+        (running, ("glfw", "OpenGL", "av", "matplotlib", "sklearn", "filterpy", "distributed", "optuna")),
+    ):
+        script = (
+            f"import sys\nfrom twin.cli import main\n{code}\nprint('heavy', [n for n in {heavy!r} if n in sys.modules])"
+        )
+        done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+        assert done.stdout.splitlines()[-1] == "heavy []"
+
+
 def test_what_editors_see_of_the_twin_is_what_it_loads() -> None:
     tree = ast.parse((ROOT / "twin" / "__init__.py").read_text(encoding="utf-8"))
     (seen,) = (node for node in tree.body if isinstance(node, ast.If))

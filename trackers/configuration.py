@@ -103,7 +103,7 @@ class Strict(Typed):
     former_names: ClassVar[Mapping[str, str]] = {}
     fixed_values: ClassVar[Mapping[str, Any]] = {}
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     @model_validator(mode="before")
     @classmethod

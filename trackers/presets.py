@@ -11,7 +11,8 @@ import inspect
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from importlib.metadata import entry_points
+from functools import lru_cache
+from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
 from trackers.camera_floor_particle import rules as floor_rules
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
     from trackers.observations import Observation
     from trackers.rig import Rig
     from trackers.tracks import Tracker
+
+entry_points = lru_cache(metadata.entry_points)
+"""Installed entry points, by group: what is installed stays so for a process."""
 
 ENTRY_POINT_GROUP = "roomtwin.trackers"
 

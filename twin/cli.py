@@ -103,7 +103,7 @@ def _code_of_run() -> int:
     # Matrices are small: threads of BLAS would only disturb the work beside them.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # Images are rendered through EGL here, whatever the user's other programs use.
-    os.environ.pop("MUJOCO_GL", None)
+    os.environ["MUJOCO_GL"] = "disable"
     raise_on_signals()
     try:
         check_memory()

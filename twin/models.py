@@ -103,6 +103,9 @@ FAULTS = {
 }
 """Kinds of fault of a scenario, with one line on each."""
 
+_DESCRIPTION = re.compile(r"^description:.*?(?=^\w|\Z)", re.MULTILINE | re.DOTALL)
+"""The field of this name at the outermost level of a YAML file."""
+
 
 def load_yaml(name: str) -> dict[str, Any]:
     """Load a shipped YAML file by its path below `MODELS`."""
@@ -114,5 +117,7 @@ def first_description(folder: str, name: str) -> str:
     if folder == "rooms":
         comment = read_text(find(folder, name), "a room").partition("<!--")[2].partition("-->")[0]
         return re.split(r"(?<=\.)\s", " ".join(comment.split()), maxsplit=1)[0]
-    content = load_yaml(f"{folder}/{name}{_SUFFIX[folder]}")
+    text = read_text(MODELS / folder / f"{name}{_SUFFIX[folder]}", "a shipped file")
+    alone = _DESCRIPTION.search(text)  # parsed alone: `twin list` shows dozens
+    content = parse_yaml(alone[0], name, "a mapping") if alone else {}
     return " ".join(str(content.get("description", "")).split())

@@ -12,12 +12,13 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined, Template
-
 from twin.messages import OnProgress
 from twin.recording.atomic_file import open_atomic
 
 if TYPE_CHECKING:
+    from jinja2 import Template
+    from matplotlib.figure import Figure
+
     from twin.reproduce.results import ResultRow
 
 Outputs = tuple[list["ResultRow"], dict[str, Path]]
@@ -134,6 +135,8 @@ def data_uri(svg: str) -> str:
 @cache
 def template(name: str) -> Template:
     """Load a page of this package, on the shared base."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
     environment = Environment(
         loader=PackageLoader("twin.reproduce", "."),
         autoescape=True,
@@ -143,9 +146,6 @@ def template(name: str) -> Template:
     )
     return environment.get_template(name)
 
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 INK, QUIET, RULE, SHADE = "#1b1f27", "#606977", "#e3e5e9", "#eef0f3"
 

@@ -6,7 +6,8 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from importlib.metadata import version
+from functools import lru_cache
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,8 @@ _SIMPLIFICATIONS = (
     "Laser beams are rays: a mixed pixel at an edge is drawn at random, and every surface reflects alike.",
     "Images are rasterised at one instant (several, averaged, with motion blur): {no}no mirror images.",
 )
+
+_version = lru_cache(metadata.version)
 
 
 def simplifications(scenario: Scenario | None) -> list[str]:
@@ -203,10 +206,10 @@ def versions(gl: GlInfo | None) -> dict[str, str | None]:
     # numpy lists the available instruction sets: sin, exp and arctan differ between them.
     simd: Any = np.show_config(mode="dicts")
     return {
-        "twin": version("roomtwin"),
-        "mujoco": version("mujoco"),
-        "numpy": version("numpy"),
-        "opencv": version("opencv-python-headless"),
+        "twin": _version("roomtwin"),
+        "mujoco": _version("mujoco"),
+        "numpy": _version("numpy"),
+        "opencv": _version("opencv-python-headless"),
         "cpu_features": " ".join(simd["SIMD Extensions"].get("found", [])),
         "gl_renderer": gl.renderer if gl else None,
         "gl_version": gl.version if gl else None,

@@ -35,7 +35,7 @@ from twin.scenario.housings import assumed_rig
 from twin.scenario.scenario import TrackerChoice
 from twin.streams import stream
 from twin.suites.spec import Overrides, Suite, SuiteScenario
-from twin.world.scene import walkable_in
+from twin.world.empty_room import empty_room
 
 
 @dataclass(frozen=True)
@@ -227,7 +227,7 @@ class TrackerCheck:
     def _rig(self, scenario: Scenario) -> Rig:
         """Make the rig of every run of this scenario. Raises InputError for an invalid room."""
         if scenario.room not in self._walkable:
-            self._walkable[scenario.room] = tuple((float(x), float(y)) for x, y in walkable_in(scenario))
+            self._walkable[scenario.room] = tuple((float(x), float(y)) for x, y in empty_room(scenario).walkable)
         return assumed_rig(scenario, scenario.area or self._walkable[scenario.room])
 
 

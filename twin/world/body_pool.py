@@ -43,15 +43,20 @@ class Bodies:
         all_names: tuple[str, ...],
         ids: Mapping[str, int],
         looks: Mapping[str, BodyAppearance],
+        *,
+        pictures: bool = True,
     ) -> Bodies:
         """Compile a copy of a room with the bodies of people in `looks`, in the order of `everybody`.
 
-        Raises InputError naming the room's file, `path`, if it does not compile.
+        `pictures`: False for a model that is never drawn. Raises InputError naming the room's file, `path`, if it does not
+        compile.
         """
         spec = room.copy()
         names = tuple(name for name in all_names if name in looks)
         for name in names:
-            spec.attach(person_spec(looks[name]), prefix=f"{name}/", frame=spec.worldbody.add_frame())
+            spec.attach(
+                person_spec(looks[name], pictures=pictures), prefix=f"{name}/", frame=spec.worldbody.add_frame()
+            )
         model = compiled(spec, path)
         places = [place for place, name in enumerate(all_names) if name in looks]
 

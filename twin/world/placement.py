@@ -17,7 +17,7 @@ from twin.people.crowd.ground import nearest_free, standing_place
 from twin.people.crowd.routes import CLOSE_M, Routes
 from twin.people.script.recorded import comes_at, curve_through, known_start
 from twin.room.furniture import Bed, Seat
-from twin.room.obstacles import KEEP_FROM_FURNITURE_M, Footprints
+from twin.room.obstacles import KEEP_FROM_FURNITURE_M
 from twin.scenario import Scenario
 from twin.scenario.behaviour import Bend, Leave, Look, Reach, RecordedPath, Run, Stand, Turn, Walk, Wander
 from twin.scenario.person import Person
@@ -31,17 +31,23 @@ CLEARANCE_M = 0.5
 """Least distance between the middles of two people at the start, below which their bodies overlap [m]."""
 
 
-def check_placement(scenario: Scenario, area: Array, walkable: Array, routes: Routes) -> None:
+def check_placement(
+    scenario: Scenario, area: Array, walkable: Array, routes: Routes, fitting: set[Person] | None = None
+) -> None:
     """Raise InputError where the tracked area or a person leaves the walkable area, a start lies in furniture or another
     person, or a goal is unreachable.
 
-    area, walkable: simple polygons (k, 2) in the room frame [m]; routes: the ways between the furniture.
+    area, walkable: simple polygons (k, 2) in the room frame [m]; routes: the ways between the furniture;
+    fitting: people who fit between these, not checked again; extended.
     """
     source = f"scenario {scenario.name!r}"
     for corner, after in zip(area, np.roll(area, -1, axis=0), strict=True):
         _check_edge(walkable, corner, after, f"{source}: area")
     for name, person in scenario.people.items():
-        _check_person(person, walkable, routes, f"{source}: people.{name}")
+        if fitting is None or person not in fitting:
+            _check_person(person, walkable, routes, f"{source}: people.{name}")
+    if fitting is not None:
+        fitting.update(scenario.people.values())
     placed: dict[str, Array] = {}
     for name, person in scenario.people.items():
         start = known_start(person)
@@ -65,7 +71,7 @@ def check_placement(scenario: Scenario, area: Array, walkable: Array, routes: Ro
 
 def check_free(place: Array, routes: Routes, field: str, clear_m: float = KEEP_FROM_FURNITURE_M) -> None:
     """Raise InputError naming the field and the furniture where a place (2,) [m] is within `clear_m` of some."""
-    gaps = Footprints(routes.obstacles).gaps(planar(place[None]))[1][0]
+    gaps = routes.footprints.gaps(planar(place[None]))[1][0]
     if not len(gaps) or gaps.min() >= clear_m - TOLERANCE_M:
         return
     furniture = routes.obstacles[int(gaps.argmin())].furniture
@@ -90,7 +96,7 @@ def check_approach(furniture: Seat | Bed, places: Sequence[Array], routes: Route
     if any(routes.reachable(place) for place in places):
         return
     place, kind = places[0], "seat" if isinstance(furniture, Seat) else "bed"
-    gaps = Footprints(routes.obstacles).gaps(planar(place[None]))[1][0]
+    gaps = routes.footprints.gaps(planar(place[None]))[1][0]
     others = [
         (gap, each.furniture)
         for gap, each in zip(gaps, routes.obstacles, strict=True)
@@ -164,7 +170,7 @@ def _check_path(points: Array, walkable: Array, routes: Routes, field: str) -> N
     for number in np.flatnonzero(~area.contains(places))[:1]:
         _check_point(walkable, places[number], _path_position(points, float(t[number]), field))
     if len(routes.obstacles):
-        inside = Footprints(routes.obstacles).gaps(planar(places))[1].min(axis=1) <= 0
+        inside = routes.footprints.gaps(planar(places))[1].min(axis=1) <= 0
         for number in np.flatnonzero(inside)[:1]:
             check_free(places[number], routes, _path_position(points, float(t[number]), field), 0.0)
 

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from pathlib import Path
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.area import check_polygon
 from trackers.errors import InputError
-from trackers.text_file import check_limit
-from twin import models
-from twin.geometry.polygon import check_extent
 from twin.instant.snapshot import FootShapes, base_body
 from twin.people.body.appearance import BodyAppearance, appearance_of
 from twin.people.crowd.bases import MovingBases
@@ -25,21 +20,16 @@ from twin.people.population import Population
 from twin.people.poses import HISTORY_S, TICK_S, PopulationMotion, PrecomputedPoses
 from twin.people.posture.body_measures import BodyMeasures
 from twin.people.script.actor import approaches
-from twin.room.floor import check_floor_under, floor_hull, floor_of
-from twin.room.furniture import Bed, Seat, furniture_of
-from twin.room.mjcf import compiled, load_room, set_planes
-from twin.room.obstacles import MOST_OBSTACLES, OBSTACLE_REACH_M, Obstacle, obstacles_of, within_reach
-from twin.room.walkable import walkable_area
+from twin.room.furniture import Bed, Seat
+from twin.room.mjcf import set_planes
 from twin.scenario import Scenario
 from twin.scenario.behaviour import Lie, Sit
 from twin.scenario.housings import driven, in_the_room
 from twin.scenario.sensors import FloorDescription
 from twin.streams import stream
 from twin.world.body_pool import Bodies, body_pools
+from twin.world.empty_room import EmptyRoom, empty_room
 from twin.world.placement import CLEARANCE_M, check_approach, check_free, check_placement
-
-_MOST_CORNERS = 500
-"""Greatest number of corners of the walkable area: routes connect each with every other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +51,8 @@ class Scene:
     appearances: dict[str, BodyAppearance]
     ids: dict[str, int]
     bodies: Bodies
+    pictures: bool = True
+    """True where bodies have faces and prints; without them the model must not be drawn."""
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -75,33 +67,26 @@ class Scene:
     def with_bodies(self, names: Collection[str]) -> Scene:
         """Return the same room and people, with bodies of these."""
         looks = {name: self.appearances[name] for name in names}
-        bodies = Bodies.in_room(self.room, self.room_file, self.names, self.ids, looks)
+        bodies = Bodies.in_room(self.room, self.room_file, self.names, self.ids, looks, pictures=self.pictures)
         return replace(self, bodies=bodies)
 
 
-def build_scene(scenario: Scenario) -> Scene:
+def build_scene(scenario: Scenario, *, pictures: bool = True) -> Scene:
     """Compile the scenario's room with the people who have bodies at first (`twin.world.body_pool`).
 
-    Raises InputError for a room that reads files outside its folder, does not compile, has no floor or nowhere to walk, and
-    for an area or a person that does not fit into it.
+    `pictures`: False leaves people's faces and prints out, for a scene that is never drawn. Raises InputError for a room that
+    reads files outside its folder, does not compile, has no floor or nowhere to walk, and for an area or a person that does
+    not fit into it.
     """
-    path = models.find("rooms", scenario.room, asked_by=f"scenario {scenario.name!r}: room")
-    spec = load_room(path)
-    room = compiled(spec, path)
-    data = mujoco.MjData(room)
-    mujoco.mj_kinematics(room, data)
-    floor, walkable = _where_one_walks(spec, room, data, path)
-    set_planes(spec, room, data, walkable, _places_of_sensors(scenario))
+    room = empty_room(scenario)
+    spec, walkable = room.spec.copy(), room.walkable
+    set_planes(spec, room.model, room.data, walkable, _places_of_sensors(scenario))
     area = np.array(scenario.area, dtype=float) if scenario.area is not None else walkable
-    furniture = furniture_of(room, path.name)
-    _check_furniture(scenario, furniture)
-    obstacles = obstacles_of(room, path.name)
+    _check_furniture(scenario, room.furniture)
     source = f"scenario {scenario.name!r}"
-    obstacles = within_reach(obstacles, walkable, OBSTACLE_REACH_M)
-    check_limit(len(obstacles), MOST_OBSTACLES, f"{path}: stands in people's way with", "things")
-    routes = _routes(walkable, obstacles, source)
-    check_placement(scenario, area, walkable, routes)
-    ground = Ground(area, walkable, obstacles, routes, furniture, source)
+    routes = _routes(room, source)
+    check_placement(scenario, area, walkable, routes, room.fitting_people())
+    ground = Ground(area, walkable, room.obstacles, routes, room.furniture, source)
     names = tuple(sorted(scenario.people))
     appearances = {name: appearance_of(scenario.people[name], stream(scenario.seed, "looks", name)) for name in names}
     ids = {name: number for number, name in enumerate(scenario.people, start=1)}
@@ -109,15 +94,16 @@ def build_scene(scenario: Scenario) -> Scene:
     _add_bases(spec, scenario, routes)
     return Scene(
         room=spec,
-        room_file=path,
+        room_file=room.path,
         area=area,
         walkable=walkable,
-        floor=floor_hull(floor),
+        floor=room.floor,
         ground=ground,
         names=names,
         appearances=appearances,
         ids=ids,
-        bodies=Bodies.in_room(spec, path, names, ids, looks),
+        bodies=Bodies.in_room(spec, room.path, names, ids, looks, pictures=pictures),
+        pictures=pictures,
     )
 
 
@@ -147,20 +133,6 @@ def _add_bases(spec: mujoco.MjSpec, scenario: Scenario, routes: Routes) -> None:
             contype=0,
             conaffinity=0,
         )
-
-
-def walkable_in(scenario: Scenario) -> NDArray[np.float64]:
-    """Compute the walkable area of the scenario's room, polygon (k, 2) [m, room frame], without building the rest of
-    the scene.
-
-    Raises InputError for a room that reads files outside its folder, does not compile, has no floor or nowhere to walk.
-    """
-    path = models.find("rooms", scenario.room, asked_by=f"scenario {scenario.name!r}: room")
-    spec = load_room(path)
-    room = compiled(spec, path)
-    data = mujoco.MjData(room)
-    mujoco.mj_kinematics(room, data)
-    return _where_one_walks(spec, room, data, path)[1]
 
 
 def precomputed_poses(scene: Scene, motion: PopulationMotion) -> PrecomputedPoses:
@@ -209,21 +181,11 @@ def _places_of_sensors(scenario: Scenario) -> list[NDArray[np.float64]]:
     return [np.array(each.mount.xyz, dtype=float) for each in described if not isinstance(each, FloorDescription)]
 
 
-def _routes(walkable: NDArray[np.float64], obstacles: Sequence[Obstacle], source: str) -> Routes:
-    things = tuple((each.furniture, each.corners.shape, each.corners.tobytes()) for each in obstacles)
+def _routes(room: EmptyRoom, source: str) -> Routes:
     try:
-        return _kept_routes(walkable.shape, walkable.tobytes(), things)
+        return room.routes
     except ValueError as error:
         raise InputError(f"{source}: room: the walkable area {error}") from error
-
-
-@lru_cache(maxsize=4)
-def _kept_routes(
-    shape: tuple[int, ...], walkable: bytes, things: tuple[tuple[str, tuple[int, ...], bytes], ...]
-) -> Routes:
-    """Return the routes of a room, cached by content: a worker's runs often share one."""
-    obstacles = [Obstacle(furniture, np.frombuffer(corners).reshape(of)) for furniture, of, corners in things]
-    return Routes(np.frombuffer(walkable).reshape(shape), obstacles)
 
 
 def _check_furniture(scenario: Scenario, furniture: Mapping[str, Seat | Bed]) -> None:
@@ -243,38 +205,3 @@ def _check_furniture(scenario: Scenario, furniture: Mapping[str, Seat | Bed]) ->
                     f"scenario {scenario.name!r}: people.{name}.script.{place}.{field}: {scenario.room} has no {field} "
                     f"{asked!r}; valid are {valid or f'none, as the room names none: a site called {field}_NAME is needed'}"
                 )
-
-
-def _where_one_walks(
-    spec: mujoco.MjSpec, room: mujoco.MjModel, data: mujoco.MjData, path: Path
-) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
-    """Return the pieces (k, 2) of the room's floor and its walkable area (k, 2) [m], the room's own or from its
-    geometry."""
-    check_extent(room, data, str(path))
-    floor = floor_of(room, data, str(path))
-    walkable = _own_walkable_area(spec, path)
-    if walkable is None:
-        return floor, walkable_area(room, data, floor, str(path))
-    check_floor_under(walkable, floor, str(path))
-    return floor, walkable
-
-
-def _own_walkable_area(spec: mujoco.MjSpec, path: Path) -> NDArray[np.float64] | None:
-    """Return the polygon (k, 2) [m] in the room's `<custom><numeric name="walkable_area"/>`, None where the room has
-    none."""
-    for numeric in spec.numerics:
-        if numeric.name == "walkable_area":
-            data = np.array(numeric.data, dtype=float)
-            if len(data) < 6 or len(data) % 2:
-                raise InputError(
-                    f"{path}: walkable_area: {len(data)} numbers are not a polygon; "
-                    "x1 y1 x2 y2 ... [m] of at least 3 corners are expected"
-                )
-            corners = data.reshape(-1, 2)
-            check_limit(len(corners), _MOST_CORNERS, f"{path}: walkable_area: is a polygon of", "corners")
-            try:
-                check_polygon(corners)
-            except ValueError as error:
-                raise InputError(f"{path}: walkable_area: {error}") from error
-            return corners
-    return None

@@ -88,7 +88,7 @@ class Simulation:
         feet: bool = True,
     ) -> None:
         self.scenario = scenario = randomized(scenario)
-        self.world = world = World(scenario, precomputed)
+        self.world = world = World(scenario, precomputed, pictures=images)
         self._renderer = RendererOnDemand(
             lambda: world.scene.model, shadows=scenario.rendering.shadows, samples=scenario.rendering.samples
         )

@@ -90,12 +90,20 @@ CellsOfFeet = Callable[[Feet], Sequence[tuple[tuple[int, ...], tuple[int, ...]]]
 class World:
     """Scene stepped on a clock: snapshots go forward in time, and back by at most the people's short history."""
 
-    def __init__(self, scenario: Scenario, precomputed: PrecomputedScene | None = None) -> None:
-        """`precomputed`: the scenario's people with bodies and motion; None: they are made and stepped here."""
+    def __init__(
+        self, scenario: Scenario, precomputed: PrecomputedScene | None = None, *, pictures: bool = True
+    ) -> None:
+        """`precomputed`: the scenario's people with bodies and motion; None: they are made and stepped here.
+
+        `pictures`: False for a world that is never drawn (see `build_scene`).
+        """
         self._scenario = scenario = randomized(scenario)
         if driven(scenario):
             precomputed = None  # people and bases make way for each other: both are stepped
-        self.scene = precomputed.scene_for(scenario) if precomputed is not None else build_scene(scenario)
+        if precomputed is not None:
+            self.scene = precomputed.scene_for(scenario)
+        else:
+            self.scene = build_scene(scenario, pictures=pictures)
         """Scene with the bodies of people present now or shortly before; replaced as others come."""
         self._pools = body_pools(scenario.people)
         self._pool = self._pools[0]

@@ -17,7 +17,7 @@ from twin.scenario.housings import assumed_rig
 from twin.suites import run as suite_run
 from twin.suites.expansion import expand
 from twin.suites.spec import load_suite
-from twin.world.scene import walkable_in
+from twin.world.empty_room import empty_room
 from twin.world.simulation import Simulation
 
 PLUG_IN = """
@@ -183,5 +183,5 @@ def test_bad_trackers_are_exit_2_before_any_case_and_leave_nothing(
 def test_the_rig_that_trackers_are_tried_on_is_the_one_they_get(name: str) -> None:
     scenario = load_scenario(name).model_copy(update={"people": {}})  # who cost the most and change no rig
     with Simulation(scenario) as simulation:
-        area = scenario.area or tuple((float(x), float(y)) for x, y in walkable_in(scenario))
+        area = scenario.area or tuple((float(x), float(y)) for x, y in empty_room(scenario).walkable)
         assert assumed_rig(scenario, area) == simulation.rig

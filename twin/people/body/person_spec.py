@@ -9,6 +9,7 @@ neither bend nor fold, and fingers are not separate.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
+from functools import lru_cache, partial
 from typing import Any
 
 import mujoco
@@ -64,24 +65,35 @@ _DRAWN_AT_M = 1.75
 _COAT_ADDS_M = 0.014
 
 
-def person_spec(appearance: BodyAppearance, only: Collection[str] | None = None) -> mujoco.MjSpec:
+def person_spec(
+    appearance: BodyAppearance, only: Collection[str] | None = None, *, pictures: bool = True
+) -> mujoco.MjSpec:
     """Build the body as a model of its own, to be attached to a room's worldbody with a prefix.
 
-    `only`: names of the geoms to build, None for all; segments and joints are always complete.
+    `only`: names of the geoms to build, None for all; segments and joints are always complete. `pictures`: False leaves face
+    and prints out, for a model that is never drawn.
 
     `spec.attach(person_spec(appearance), prefix="anna/", frame=spec.worldbody.add_frame())` keeps the free joint
     `anna/root`. Sites: `head` (centre of the head, x ahead), `pelvis`, and `point_00`, `point_01`, ... inside the body, the
     fixed points of the truth's "visible share".
     """
-    return _Body(appearance, only).spec
+    wanted = frozenset(only) if only is not None else None
+    return _kept_spec(appearance, wanted, pictures).copy()
+
+
+@lru_cache(maxsize=64)
+def _kept_spec(appearance: BodyAppearance, only: frozenset[str] | None, pictures: bool) -> mujoco.MjSpec:
+    """Build the body; cached, as the cases of a worker often share people."""
+    return _Body(appearance, only, pictures).spec
 
 
 class _Body:
     """Builder of the spec, segment by segment; lengths from the proportions, radii scaled with stature and build."""
 
-    def __init__(self, looks: BodyAppearance, only: Collection[str] | None) -> None:
+    def __init__(self, looks: BodyAppearance, only: Collection[str] | None, pictures: bool) -> None:
         self.looks = looks
         self._only = only
+        self._pictures = pictures
         self.lengths: Proportions = looks.proportions
         self.scale = looks.height_m / _DRAWN_AT_M
         self.girth = self.scale * looks.build
@@ -118,12 +130,12 @@ class _Body:
                 self._material(name, rgb)
         woven = looks.shirt_pattern in ("striped", "checked")
         if looks.coat is not None:
-            self._material("trunk", picture=coat_front(looks.coat, looks.shirt))
+            self._material("trunk", picture=partial(coat_front, looks.coat, looks.shirt))
         elif looks.shirt_pattern == "printed":
             self._material("shirt", looks.shirt)
-            self._material("trunk", picture=printed(looks.print_motif, looks.shirt, looks.shirt_second))
+            self._material("trunk", picture=partial(printed, looks.print_motif, looks.shirt, looks.shirt_second))
         elif woven:
-            self._material("shirt", picture=tile(looks.shirt_pattern, looks.shirt, looks.shirt_second))
+            self._material("shirt", picture=partial(tile, looks.shirt_pattern, looks.shirt, looks.shirt_second))
         else:
             self._material("shirt", looks.shirt)
         names = {material.name for material in self.spec.materials}
@@ -131,18 +143,21 @@ class _Body:
         self.trunk_cloth = "trunk" if "trunk" in names else "shirt"
         self.woven = woven and looks.coat is None
 
-    def _material(self, name: str, rgb: ArrayLike = (1.0, 1.0, 1.0), picture: NDArray[np.uint8] | None = None) -> None:
+    def _material(
+        self, name: str, rgb: ArrayLike = (1.0, 1.0, 1.0), picture: Callable[[], NDArray[np.uint8]] | None = None
+    ) -> None:
         # matt, so that a camera sees the given colour times the light
         red, green, blue = np.asarray(rgb, dtype=float)
         material = self.spec.add_material(
             name=name, rgba=[red, green, blue, 1.0], specular=0.0, shininess=0.0, reflectance=0.0
         )
-        if picture is not None:
-            height, width, _ = picture.shape
+        if picture is not None and self._pictures:
+            painted = picture()
+            height, width, _ = painted.shape
             texture = self.spec.add_texture(
                 name=name, type=mujoco.mjtTexture.mjTEXTURE_2D, width=width, height=height, nchannel=3
             )
-            texture.data = np.ascontiguousarray(picture[::-1]).tobytes()
+            texture.data = np.ascontiguousarray(painted[::-1]).tobytes()
             material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
 
     def _segment(self, parent: Any, name: str, place: Sequence[float], joints: tuple[str, ...]) -> Any:
@@ -210,7 +225,7 @@ class _Body:
         centre = 0.5 * (lengths.chin_height + looks.height_m) - pivot
         body.add_site(name="head", pos=[0.004 * self.scale, 0, centre], size=[0.01] * 3, group=4)
         if self._wants("skull"):
-            self._material("face", picture=head.picture(shape, looks))
+            self._material("face", picture=partial(head.picture, shape, looks))
             self._geom(body, "skull", "face", lambda: head.skull(shape, looks))
         hair = head.hair(shape, looks.hair_style, looks.cap is not None, lengths.shoulder_height - pivot)
         if hair is not None:

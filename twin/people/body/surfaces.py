@@ -62,10 +62,11 @@ class Surface:
         """Add the surface to the spec as a mesh."""
         spec.add_mesh(
             name=name,
-            uservert=self.vertex.ravel(),
-            userface=self.face.ravel(),
-            usertexcoord=np.column_stack([self.texture[:, 0], self.texture[:, 1]]).ravel(),
-            userfacetexcoord=self.texture_face.ravel(),
+            # lists, which MuJoCo takes twice as fast as arrays
+            uservert=self.vertex.ravel().tolist(),
+            userface=self.face.ravel().tolist(),
+            usertexcoord=self.texture.ravel().tolist(),
+            userfacetexcoord=self.texture_face.ravel().tolist(),
             inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
             smoothnormal=True,
         )

@@ -17,7 +17,7 @@ from trackers.area import Area
 from trackers.arrays import Array, Mask
 from trackers.errors import InputError
 from twin.geometry.polygon import TOLERANCE_M, inset
-from twin.room.obstacles import KEEP_FROM_EDGE_M, KEEP_FROM_FURNITURE_M, Obstacle, inflated
+from twin.room.obstacles import KEEP_FROM_EDGE_M, KEEP_FROM_FURNITURE_M, Footprints, Obstacle, inflated
 
 ROUTE_RADIUS_M = KEEP_FROM_FURNITURE_M + 0.03
 """Distance of routes from furniture and walls [m]: slightly more than people keep, who then walk on freely."""
@@ -41,6 +41,7 @@ class Routes:
         if inner is None:
             raise InputError(f"is too narrow to walk in; more than {2 * _EDGE_M:g} m between its edges is expected")
         self.area, self.obstacles = area, tuple(obstacles)
+        self.footprints = Footprints(self.obstacles)
         self._furniture = [each.furniture for each in obstacles]
         self._inner = inner
         self._in_area, self._well_in_area = Area(area, TOLERANCE_M), Area(inner, TOLERANCE_M)

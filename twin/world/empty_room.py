@@ -1,0 +1,133 @@
+"""The room without people: its static model and what people and sensors need of it, measured once per content."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from trackers.area import check_polygon
+from trackers.arrays import Array
+from trackers.errors import InputError
+from trackers.text_file import are_limits_lifted, check_limit
+from twin import models
+from twin.geometry.polygon import check_extent
+from twin.people.crowd.routes import Routes
+from twin.room.files import ROOM_ROOT, room_files
+from twin.room.floor import check_floor_under, floor_hull, floor_of
+from twin.room.furniture import Bed, Seat, furniture_of
+from twin.room.mjcf import compiled, load_room
+from twin.room.obstacles import MOST_OBSTACLES, OBSTACLE_REACH_M, Obstacle, obstacles_of, within_reach
+from twin.room.walkable import walkable_area
+from twin.scenario import Scenario
+from twin.scenario.person import Person
+
+_MOST_CORNERS = 500
+"""Greatest number of corners of the walkable area: routes connect each with every other."""
+_MOST_KEPT, _MOST_PEOPLE = 4, 1000
+
+
+class EmptyRoom:
+    """A room of an MJCF file; nothing of it may be changed, as later worlds share it (`empty_room`).
+
+    Raises InputError for a room that reads files outside its folder, does not compile, has no floor or nowhere to walk. Its
+    obstacles and routes, which not every use needs, are worked out when asked for.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.spec: mujoco.MjSpec = load_room(path)
+        self.model: mujoco.MjModel = compiled(self.spec, path)
+        self.data = mujoco.MjData(self.model)
+        mujoco.mj_kinematics(self.model, self.data)
+        check_extent(self.model, self.data, str(path))
+        pieces = floor_of(self.model, self.data, str(path))
+        own = _own_walkable_area(self.spec, path)
+        if own is not None:
+            check_floor_under(own, pieces, str(path))
+        self.walkable: Array = walkable_area(self.model, self.data, pieces, str(path)) if own is None else own
+        """Limit of bodies' middles (k, 2) [m, room frame]: the room's own, or from its geometry."""
+        self.floor: Array = floor_hull(pieces)
+        """Hull of the floor, polygon (k, 2) [m, room frame]."""
+        self._fitting: set[Person] = set()
+
+    @cached_property
+    def furniture(self) -> dict[str, Seat | Bed]:
+        """Seats and beds by name."""
+        return furniture_of(self.model, self.path.name)
+
+    @cached_property
+    def obstacles(self) -> list[Obstacle]:
+        """Footprints of furniture and walls within people's reach."""
+        near = within_reach(obstacles_of(self.model, self.path.name), self.walkable, OBSTACLE_REACH_M)
+        check_limit(len(near), MOST_OBSTACLES, f"{self.path}: stands in people's way with", "things")
+        return near
+
+    def fitting_people(self) -> set[Person]:
+        """Return the people known to fit between walls and furniture, for the checks of placement to extend."""
+        if len(self._fitting) > _MOST_PEOPLE:
+            self._fitting.clear()
+        return self._fitting
+
+    @cached_property
+    def routes(self) -> Routes:
+        """Shortest ways around the obstacles. Raises ValueError for an area that has none."""
+        return Routes(self.walkable, self.obstacles)
+
+
+@dataclass(frozen=True)
+class _Kept:
+    files: dict[Path, bytes]
+    limits: tuple[str | None, bool]
+    room: EmptyRoom
+
+    def is_current(self) -> bool:
+        """Return whether the room would be read from the same files with the same contents."""
+        if self.limits != _limits():
+            return False
+        return all(path.is_file() and path.read_bytes() == content for path, content in self.files.items())
+
+
+_kept: dict[Path, _Kept] = {}
+
+
+def empty_room(scenario: Scenario) -> EmptyRoom:
+    """Return the room of a scenario, the same one while its files are unchanged: a worker's runs often share one."""
+    path = models.find("rooms", scenario.room, asked_by=f"scenario {scenario.name!r}: room")
+    kept = _kept.pop(path, None)
+    if kept is None or not kept.is_current():
+        kept = _Kept(room_files(path), _limits(), EmptyRoom(path))
+    _kept[path] = kept
+    while len(_kept) > _MOST_KEPT:
+        del _kept[next(iter(_kept))]  # the one that was not asked for longest
+    return kept.room
+
+
+def _limits() -> tuple[str | None, bool]:
+    """Return the settings of the process that decide which rooms may be read."""
+    return os.environ.get(ROOM_ROOT), are_limits_lifted()
+
+
+def _own_walkable_area(spec: mujoco.MjSpec, path: Path) -> Array | None:
+    """Return the polygon (k, 2) [m] in the room's `<custom><numeric name="walkable_area"/>`, None where the room has
+    none."""
+    for numeric in spec.numerics:
+        if numeric.name == "walkable_area":
+            data = np.array(numeric.data, dtype=float)
+            if len(data) < 6 or len(data) % 2:
+                raise InputError(
+                    f"{path}: walkable_area: {len(data)} numbers are not a polygon; "
+                    "x1 y1 x2 y2 ... [m] of at least 3 corners are expected"
+                )
+            corners = data.reshape(-1, 2)
+            check_limit(len(corners), _MOST_CORNERS, f"{path}: walkable_area: is a polygon of", "corners")
+            try:
+                check_polygon(corners)
+            except ValueError as error:
+                raise InputError(f"{path}: walkable_area: {error}") from error
+            return corners
+    return None
