@@ -1,4 +1,4 @@
-"""Trackers compared with one of them, paired by case."""
+"""Trackers compared with one of them, paired by case; charts of a metric."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from trackers.errors import InputError
+from twin.suites.filmstrip import colour_of, marker
 from twin.suites.results import Group, GroupKey, Results, differences_by_scenario, differences_from, worst_cases
 from twin.suites.spec import Suite, load_suite
 
@@ -89,3 +90,9 @@ def test_a_suite_may_name_its_reference_as_version_0_1_did(tmp_path: Path, caplo
     path.write_text("name: mine\ntrackers: [sort]\nbeside: sort\nscenarios: [{scenario: lab-five-people}]\n")
     assert load_suite(path)[0].reference == "sort"
     assert f"{path}: beside: is now called 'reference'" in caplog.text
+
+
+def test_trackers_are_told_apart_when_the_colours_come_round_again() -> None:
+    marks = [marker(place, 11, 7, "0.990") for place in range(24)]
+    assert len(set(marks)) == 24 and colour_of(0) == colour_of(8)
+    assert all("<title>0.990</title>" in each for each in marks)
