@@ -1,4 +1,4 @@
-"""Housings: several sensors on one, moved as one; and a sensor as it hangs in the room, or is assumed to."""
+"""Housings: bodies that carry several sensors and may drive; and sensors at their true and at their assumed poses."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ BaseSpeed = Annotated[float, Field(gt=0, le=5, allow_inf_nan=False)]
 
 
 class _Drives(Strict):
-    """Limits of a drive: the base turns on the spot and goes ahead, like a differential drive (no sideways)."""
+    """Limits of a differential drive: the base turns on the spot and goes ahead, never sideways."""
 
     speed_m_s: BaseSpeed = Field(default=0.7, description="greatest speed [m/s]")
     turn_rate: BaseSpeed = Field(default=1.2, description="greatest turning rate [rad/s]")
 
 
 class PathDrive(_Drives):
-    """Drive along waypoints, around furniture, and brake for people."""
+    """A drive along waypoints that goes around furniture and brakes for people."""
 
     kind: Literal["path"] = Field(description="the drive: along waypoints")
     waypoints: tuple[Point2, ...] = Field(min_length=1, description="places to pass in the room frame [m]")
@@ -38,7 +38,7 @@ class PathDrive(_Drives):
 
 
 class FollowDrive(_Drives):
-    """Drive behind a person, facing them, at a distance; stand while they are not in the room."""
+    """A drive behind a person at a distance, facing them; the base stands while they are not in the room."""
 
     kind: Literal["follow"] = Field(description="the drive: behind a person")
     person: Name = Field(description="who is followed")
@@ -46,7 +46,7 @@ class FollowDrive(_Drives):
 
 
 class WanderDrive(_Drives):
-    """Drive to random places of the tracked area, one after another."""
+    """A drive to random places of the tracked area, one after another."""
 
     kind: Literal["wander"] = Field(description="the drive: to random places")
 
@@ -57,7 +57,7 @@ Drive = Annotated[PathDrive | FollowDrive | WanderDrive, Field(discriminator="ki
 class BaseBody(Strict):
     """A solid about the housing's origin, from the floor up: a cylinder of `radius_m`, or a box of `size_m`.
 
-    Rays and cameras meet it, people keep clear of it. A scanner of the housing looks through it.
+    Rays and cameras meet it, and people keep clear of it. Rays of the housing's own scanners pass through it.
     """
 
     radius_m: float | None = Field(default=None, gt=0.02, le=1, description="radius of a cylinder [m]; none: a box")
@@ -78,10 +78,10 @@ class BaseBody(Strict):
 
 
 class Housing(Strict):
-    """A body that carries sensors: those whose `housing` it is have their mounts in its frame, x ahead, y left, z up.
+    """A body that carries sensors. Their mounts are in its frame: x ahead, y left, z up.
 
-    With a `drive` it moves: its scanners sweep while it does, and its odometry, named after it, is a sensor of the rig on which
-    they are mounted. `mount` is the pose from which it starts then.
+    With a `drive` it moves, also during a sweep of its scanners, and `mount` is the pose at which it starts. Its odometry is a
+    sensor of the rig, named after the housing; the housing's sensors are mounted on it.
     """
 
     mount: Mount = Field(
@@ -105,7 +105,7 @@ class Housing(Strict):
 
 
 def driven(scenario: HasSensors) -> dict[str, Housing]:
-    """Return the housings that drive, by name."""
+    """Return the driving housings by name."""
     return {name: housing for name, housing in scenario.housings.items() if housing.drive is not None}
 
 
@@ -116,7 +116,7 @@ def base_of(scenario: HasSensors, name: str) -> str | None:
 
 
 def odometry_sensor(scenario: HasSensors, name: str) -> OdometrySensor:
-    """Return the odometry of a driving housing as a rig holds it: its frame lies where the housing starts."""
+    """Return the odometry of a driving housing as a sensor of the rig. Its frame is the housing's starting pose."""
     topic = "/odom" if len(driven(scenario)) == 1 else f"/{name}/odom"
     return OdometrySensor(topic=topic, room_from_sensor=scenario.housings[name].mount.room_from_housing())
 
@@ -128,14 +128,14 @@ def held_sensor(scenario: HasSensors, name: str) -> AnyDescription:
 
 
 def rig_sensor(scenario: HasSensors, name: str) -> RigSensor:
-    """Return a sensor as it truly is on the rig, mounted on its housing where that drives."""
+    """Return a sensor of the true rig, mounted on its housing if that drives."""
     sensor = held_sensor(scenario, name).rig_sensor(name)
     base = base_of(scenario, name)
     return sensor if base is None else sensor.model_copy(update={"mounted_on": base})
 
 
 class HasSensors(Protocol):
-    """The part of a scenario that holds its sensors: a `Scenario`, which is built on this module."""
+    """The part of a `Scenario` that holds its sensors. `Scenario` itself imports this module."""
 
     @property
     def sensors(self) -> Mapping[str, AnyDescription]: ...
@@ -150,14 +150,14 @@ class HasSensors(Protocol):
 
 
 def check_on_housing(description: Any, housings: Mapping[str, Housing]) -> None:
-    """Raise ValueError where a sensor is on a housing that is not there."""
+    """Raise ValueError for a sensor on an undefined housing."""
     if isinstance(description, Mounted) and description.housing is not None and description.housing not in housings:
         there = f"valid are {', '.join(housings)}" if housings else "there is none under housings"
         raise ValueError(f"housing: {description.housing!r} is no housing; {there}, or none for a mount in the room")
 
 
 def check_drives(scenario: HasSensors) -> None:
-    """Raise ValueError where a driving housing is called like a sensor, follows nobody, or carries what cannot drive."""
+    """Raise ValueError for a driving housing with a sensor's name, an unknown person to follow, or sensors that cannot drive."""
     for name, housing in driven(scenario).items():
         if name in scenario.sensors:
             raise ValueError(
@@ -177,7 +177,7 @@ def check_drives(scenario: HasSensors) -> None:
 
 
 def in_the_room(scenario: HasSensors, name: str) -> AnyDescription:
-    """Return the description of a sensor with its mount in the room's frame, whatever housing it is on."""
+    """Return the description of a sensor with its mount in the room's frame, on any housing."""
     description = scenario.sensors[name]
     if isinstance(description, FloorDescription) or description.housing is None:
         return description
@@ -186,7 +186,7 @@ def in_the_room(scenario: HasSensors, name: str) -> AnyDescription:
 
 
 def check_place(scenario: HasSensors, name: str) -> None:
-    """Raise ValueError where a sensor hangs below the floor, or where its role cannot be."""
+    """Raise ValueError for a sensor below the floor, or at a height that does not fit its role."""
     description = in_the_room(scenario, name)
     if isinstance(description, FloorDescription):
         return
@@ -200,7 +200,7 @@ def check_place(scenario: HasSensors, name: str) -> None:
 
 
 def check_assumed_sensor(scenario: HasSensors, name: str) -> None:
-    """Raise ValueError where the assumed sensor is nothing that a rig can hold."""
+    """Raise ValueError for an assumed sensor that a rig cannot hold."""
     description = in_the_room(scenario, name)
     if description.calibration_error is None:
         return
@@ -215,7 +215,7 @@ def check_assumed_sensor(scenario: HasSensors, name: str) -> None:
 
 
 def check_calibration_error(description: Any) -> None:
-    """Raise ValueError where something is assumed of a sensor that does not fit its kind."""
+    """Raise ValueError for an assumed value that does not fit the sensor's kind."""
     assumed = description.calibration_error
     if assumed is None:
         return
@@ -232,7 +232,7 @@ def check_calibration_error(description: Any) -> None:
 
 
 def assumed_sensor(description: AnyDescription, true: RigSensor) -> RigSensor:
-    """Return the sensor that trackers assume, which hangs in the room as described and truly is as `true` says."""
+    """Return the sensor that trackers assume: `true`, changed by the calibration errors of its description."""
     assumed = description.calibration_error
     if assumed is None:
         return true
@@ -254,7 +254,7 @@ def assumed_sensor(description: AnyDescription, true: RigSensor) -> RigSensor:
 
 
 def assumed_rig(scenario: HasSensors, area: tuple[Point2, ...]) -> Rig:
-    """Return the rig that trackers assume, that of a simulation of the scenario, without building any sensor.
+    """Return the rig that trackers assume in a simulation of the scenario, without building any sensor.
 
     area: the tracked area, a polygon in the room's frame [m].
     """

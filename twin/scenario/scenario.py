@@ -1,4 +1,4 @@
-"""A scenario: everything a run depends on, typed and checked."""
+"""Scenario: the typed and checked description of everything on which a run depends."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from twin.scenario.sensors import SensorDescription
 from twin.sensors.fault_kinds import FaultDescription, check_fault
 
 EVERY_LIGHT = "all"
-"""The name that speaks of all lights of the room at once."""
+"""Name that stands for all lights of the room."""
 
 
 class Flicker(Strict):
-    """Brightness that swings `hz` times a second between 1 − `depth` and 1 of what it would be, as a cosine.
+    """Flicker: a cosine of frequency `hz` multiplies the brightness by factors from 1 − `depth` to 1.
 
-    A lamp on 50 Hz mains flickers at 100 Hz: what a camera makes of it is a slow beat, as its pictures are instants.
+    A lamp on 50 Hz mains flickers at 100 Hz. A camera's pictures are instants, so they show it as a slow beat.
     """
 
     hz: float = Field(gt=0, le=1000, description="swings of the brightness a second [Hz]")
@@ -39,11 +39,11 @@ class Flicker(Strict):
 
 
 class LightChange(Strict):
-    """From `at_s` on, a light's brightness goes to `brightness` times the room's own, over `over_s` (0: at once).
+    """Change of a light: from `at_s` on, over `over_s` (0: at once), to `brightness` times its brightness in the room's file.
 
-    `name`: a light of the room's MJCF, or 'all'. It starts from what the light has at that moment. `flicker` lasts until
-    the light's next change. A lamp going off: brightness 0; a cloud: a smaller one of the daylight over some seconds,
-    and back; both of what the room's lights add, emission (a lit screen, a lamp's own glow) stays as it is.
+    `name`: a light of the room's MJCF, or 'all'. The change starts from the present brightness. `flicker` lasts until the
+    light's next change. A lamp switched off has brightness 0; a cloud lowers the daylight for some seconds. Emission (a lit
+    screen, the glow of a lamp itself) stays.
     """
 
     at_s: FiniteFloat = Field(description="time since the start at which the light begins to change [s]")
@@ -69,7 +69,7 @@ class LightChange(Strict):
 
 
 class Rendering(Strict):
-    """Switches of the renderer, for every camera alike; all off: as fast as can be."""
+    """Switches of the renderer for all cameras. With all off, rendering is fastest."""
 
     shadows: bool = Field(
         default=False,
@@ -80,7 +80,7 @@ class Rendering(Strict):
     )
 
     def __str__(self) -> str:
-        """Return what is switched on, in words; empty where nothing is."""
+        """Name the options switched on, in words; empty if none is."""
         messages = ["shadows"] if self.shadows else []
         return " and ".join([*messages, *([f"{self.samples} samples a pixel"] if self.samples else [])])
 
@@ -89,9 +89,9 @@ PLAIN = Rendering()
 
 
 class TrackerChoice(Typed):
-    """A tracker as a scenario defines it: a preset's or class's name, and the options to change, beside it.
+    """A tracker as a scenario defines it: the name of a preset or class, and changed options beside it.
 
-    `preset` is the name of a preset or 'module:Class'; without it, the entry's own name. The options are checked by the tracker.
+    `preset` is the name of a preset or 'module:Class'; default: the entry's own name. The tracker checks the options.
     """
 
     model_config = ConfigDict(extra="allow", frozen=True)
@@ -103,17 +103,17 @@ class TrackerChoice(Typed):
 
     @property
     def options(self) -> dict[str, JsonValue]:
-        """The options changed, by name."""
+        """Changed options by name."""
         return dict(self.__pydantic_extra__ or {})
 
     @model_serializer
     def _written(self) -> dict[str, JsonValue]:
-        """Serialize as a file holds it; an option that is none stays, whatever else is left out."""
+        """Serialize for a file; options with value None are kept."""
         return ({} if self.preset is None else {"preset": self.preset}) | self.options
 
 
 class TruthOptions(Strict):
-    """Truth that is costly to compute: how often it is kept."""
+    """Rates of truth that is costly to compute."""
 
     boxes_hz: float = Field(
         default=2.0,
@@ -124,7 +124,7 @@ class TruthOptions(Strict):
 
 
 class Scenario(Strict):
-    """A room, the people in it, the sensors on its walls, and for how long they are watched."""
+    """A room, its people, its sensors, and the duration of the run."""
 
     former_names: ClassVar = {"vary": "randomize", "knowledge": "prior"}
 
@@ -182,7 +182,7 @@ class Scenario(Strict):
 
     @property
     def room_name(self) -> str:
-        """Name of the room in a rig and in the file of its environment: that of its MJCF file."""
+        """Name of the room in a rig and in the file of its environment: the stem of its MJCF file."""
         return PurePath(self.room).stem
 
     @model_validator(mode="after")
@@ -223,7 +223,7 @@ class Scenario(Strict):
 
 
 def _under(path: str, check: Callable[[], None]) -> None:
-    """Put the path before the sentence of what is wrong there."""
+    """Prefix an error's sentence with the path of the field."""
     try:
         check()
     except ValueError as error:
@@ -231,7 +231,7 @@ def _under(path: str, check: Callable[[], None]) -> None:
 
 
 def describe_conditions(scenario: Scenario) -> list[str]:
-    """Describe faults, lights, rendering and calibration errors, one sentence each; none where nothing is."""
+    """Describe faults, changes of light, rendering and calibration errors, one sentence each."""
     messages = []
     if scenario.faults:
         faults = (
@@ -251,7 +251,7 @@ def describe_conditions(scenario: Scenario) -> list[str]:
 
 
 def describe_late_starts(scenario: Scenario) -> list[str]:
-    """Describe faults, changes of the light and sensors whose time is not before the end of the run, one sentence each."""
+    """Describe faults, changes of light and sensors that begin only after the end of the run, one sentence each."""
     end_s = scenario.duration_s
     times = [
         *((f"sensors.{name}.phase_s", sensor.phase_s, "never looks") for name, sensor in scenario.sensors.items()),

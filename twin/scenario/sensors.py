@@ -1,4 +1,4 @@
-"""Sensors as a scenario describes them: what they are, where they hang, how often they look and how well.
+"""Descriptions of sensors in a scenario: kind, mount, schedule and accuracy.
 
 A pressure floor has the position and pitch of its grid, and its accuracy.
 """
@@ -45,9 +45,9 @@ _FloorElectronics = Annotated[
 
 
 class FloorMount(Strict):
-    """Position of a floor's grid: `xyz` [m] of the outer corner of element (0, 0) in the room frame, on the floor, z = 0.
+    """Pose of a floor's grid: `xyz` [m] of the outer corner of element (0, 0) in the room frame, with z = 0.
 
-    Rows run along the room's x, turned by yaw about z; they follow each other along y, turned likewise.
+    Rows run along the room's x and follow each other along y, both turned by yaw about z.
     """
 
     xyz: Point3 = Field(
@@ -71,8 +71,8 @@ class FloorMount(Strict):
 class FloorDescription(Timing):
     """A pressure floor: `rows` x `columns` square elements of side `pitch_m`, each a force-sensing resistor with `curve`.
 
-    The default is the floor of Mori et al. (camera-floor-particle): 252 elements 200 mm apart, 8 bits, 10 Hz, to 10 kg/cm²; laid
-    18 along x by 14 along y (ours).
+    The default is the floor of Mori et al. (camera-floor-particle): 252 elements 200 mm apart, 8 bits, 10 Hz, up to 10 kg/cm².
+    The arrangement, 18 along x by 14 along y, is ours.
     """
 
     former_names: ClassVar = {"believed": "calibration_error"}
@@ -144,7 +144,7 @@ _Lens = Annotated[
 
 
 class LaserDescription(Mounted):
-    """A planar scanner: `field_of_view_deg` from the first beam to the last, centred ahead, beams evenly spaced.
+    """A planar scanner with evenly spaced beams over `field_of_view_deg`, from the first to the last, centred ahead.
 
     Give the spacing `resolution_deg` or the number of `beams` (neither: 0.5°, or as near as divides the field of view).
     `sweep_time_s` is the time from the first beam to the last (0: all at once).
@@ -200,12 +200,12 @@ class LaserDescription(Mounted):
         return max(1, round(self.field_of_view_deg / (self.resolution_deg or 0.5))) + 1
 
     def rig_sensor(self, name: str) -> LaserSensor:
-        """Return the scanner as a rig holds it."""
+        """Return the scanner as a sensor of a rig."""
         return LaserSensor(topic=f"/{name}/scan", room_from_sensor=self.mount.room_from_housing(), role=self.role)
 
 
 class FisheyeDescription(Mounted):
-    """A fisheye camera: a lens by name or calibration, and the picture's `size` [width, height] (none: the lens's own).
+    """A fisheye camera: a lens by name or calibration, and the picture's `size` [width, height] (default: the lens's own).
 
     The mount's x axis is the optical axis.
     """
@@ -231,7 +231,7 @@ class FisheyeDescription(Mounted):
         return self.lens.intrinsics(self.size)
 
     def rig_sensor(self, name: str) -> FisheyeSensor:
-        """Return the camera as a rig holds it."""
+        """Return the camera as a sensor of a rig."""
         return FisheyeSensor(
             topic=f"/{name}/image/compressed",
             room_from_sensor=self.mount.room_from_optical(),
@@ -243,7 +243,7 @@ AnyDescription = LaserDescription | FisheyeDescription | PinholeDescription | St
 SensorDescription = Annotated[AnyDescription, Field(discriminator="kind")]
 
 CAMERA_KINDS = ("fisheye", "camera", "stereo")
-"""The kinds that render."""
+"""Kinds of sensors that need rendering."""
 
 
 def _no_soles() -> FootShapes:
@@ -261,14 +261,12 @@ def build_sensor(
     device: np.random.Generator | None = None,
     mounted_on: str | None = None,
 ) -> Sensor:
-    """Build the sensor with its noise; `renderer` is called when a camera takes its first picture, never for another
-    sensor.
+    """Build the sensor with its noise.
 
-    `shapes` gives the soles of the snapshots' people, and is called when somebody first treads on a floor. `device`
-    decides what differs between two floors of the same description: which elements are dead; without it the first
-    observation's generator does, anew for every series of observations (an empty room's and a run's would differ).
-
-    `mounted_on`: the driving housing of a scanner, in whose frame its mount is.
+    `renderer` is called at a camera's first picture only. `shapes` returns the soles of the snapshots' people; it is called
+    at the first step on a floor. `device` draws the differences between floors of one description, such as dead elements.
+    Without it the generator of the first observation draws them, anew for every series of observations, so that a background
+    and a run would differ. `mounted_on`: the driving housing of a scanner, in whose frame its mount is.
 
     Raises InputError for a lens that cannot be rendered.
     """

@@ -18,17 +18,17 @@ from twin.sensors.rays import Hits, RayFan, trace_rays
 from twin.sensors.sensor import Reading, State
 
 SWEEP_STEP_S = 0.005
-"""During a sweep the world is looked at this often [s]: a person at 2 m/s is placed to within 5 mm."""
+"""Period of snapshots during a sweep [s]: a person at 2 m/s is placed to within 5 mm."""
 
 
 class Laser:
-    """An ideal scanner: exact ranges along infinitely thin rays; the person that each ray meets is the truth.
+    """An ideal scanner: exact ranges along infinitely thin rays, and the person at each ray as truth.
 
     Beams go counter-clockwise from `angle_min_rad` in steps of `angle_increment_rad` in the x-y plane of the sensor's frame (x
     ahead, y left, z up). A return nearer than `range_min_m` is NaN (invalid), none within `range_max_m` is +inf (REP 117).
-    With `sweep_time_s` > 0 the first beam is taken at the stamp and the last that much later; beams are grouped so that each
-    is taken within SWEEP_STEP_S / 2 of its time, from where the scanner is then: it may be mounted on a housing that drives,
-    whose own body its rays pass through.
+    With `sweep_time_s` > 0 the first beam is measured at the stamp and the last that much later. Beams are grouped, so that
+    each is measured within SWEEP_STEP_S / 2 of its time, from the scanner's pose then. On a driving housing the pose changes;
+    rays pass through the housing's own body.
 
     `origin_m` (3,) and `directions` (n_beam, 3) are its rays in the room frame, or in that of its housing.
 
@@ -66,7 +66,7 @@ class Laser:
         self._sectors, self.instants_s = self._split_sweep(beams)
 
     def _split_sweep(self, beams: int) -> tuple[list[slice], tuple[float, ...]]:
-        """Group the beams taken together; return the groups and the mean time of each after the stamp [s]."""
+        """Group the beams by time; return the groups, and the mean time of each after the stamp [s]."""
         count = min(beams, max(1, int(np.ceil(self._sweep_time_s / SWEEP_STEP_S))))
         edges = np.linspace(0, beams, count + 1).round().astype(int)
         sectors = [slice(int(first), int(last)) for first, last in pairwise(edges)]
@@ -101,7 +101,7 @@ class Laser:
         return Reading(scan, {"person_of_ray": person_of_ray, "range_m": ranges_m}), state
 
     def _trace(self, snapshot: Snapshot, sector: slice) -> Hits:
-        """Return the first hits of some of the beams, from where the scanner is at that time."""
+        """Return the first hits of some of the beams, from the scanner's pose at the snapshot's time."""
         base = self._rig.mounted_on
         if base is None:
             return self._fan.trace(snapshot, sector)
@@ -178,7 +178,7 @@ class LaserNoise(Strict):
 
     @property
     def is_off(self) -> bool:
-        """True where the ideal scan passes unchanged."""
+        """True if the ideal scan passes unchanged."""
         return not (self.sigma_m or self.sigma_per_m or self.quantisation_m or self.dropout or self.mixed_pixel)
 
     def corrupt(self, observation: LaserScan, state: None, rng: np.random.Generator) -> tuple[LaserScan, None]:

@@ -1,4 +1,4 @@
-"""Rays traced from one point: the geoms they hit first and the distances, once or again and again from a fixed place."""
+"""Ray casting from one point: first hit and distance of each ray, once, or repeatedly from a fixed point."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from twin.instant.snapshot import RAY_GROUPS, Snapshot
 
 _HIDDEN_GROUP = 5  # neither drawn nor met by rays
 _MARGIN_M = 1e-6
-"""By how much bounds are wider than they are, so that rounding leaves nothing out [m]."""
+"""Margin added to bounding spheres against rounding errors [m]."""
 
 
 def trace_rays(
@@ -26,11 +26,11 @@ def trace_rays(
     range_max_m: float = mujoco.mjMAXVAL,
     body_left_out: int = -1,
 ) -> None:
-    """Fill the geom (n,) that each ray meets first (-1: none) and its distance (n,) [m] (-1).
+    """Fill in the geom (n,) and the distance (n,) [m] of each ray's first hit; -1 for none.
 
-    `origin_m` (3,) and the unit `directions` (n, 3) are in the room frame. Where all rays lie in one plane, its
-    `normal` (3,) saves more than half of the cost: geoms whose bounding sphere stays clear of the plane are left out.
-    So are those of `left_out` (n_geom,) and of the body `body_left_out`: rays pass through them.
+    `origin_m` (3,) and the unit `directions` (n, 3) are in the room frame. For rays in one plane, its `normal` (3,) saves more
+    than half of the cost: geoms whose bounding sphere does not meet the plane are skipped. Rays pass through the geoms of
+    `left_out` (n_geom,) and of the body `body_left_out`.
     """
     model, data = snapshot.model, snapshot.data
     arguments = (
@@ -64,9 +64,9 @@ def bounding_radius(model: mujoco.MjModel) -> Array:
 
 
 def passes_spheres(directions: Array, reach_m: Array | float, centre_m: Array, radius_m: Array) -> Mask:
-    """Return which rays may enter which spheres, (n, m): never False for one that does.
+    """Return a mask (n, m) of rays that may enter spheres; True for every ray that does.
 
-    The unit `directions` (n, 3) go `reach_m` (n,) [m] far; `centre_m` (m, 3) is relative to the rays' origin [m].
+    `directions` (n, 3): unit vectors; `reach_m` (n,): lengths of the rays [m]; `centre_m` (m, 3): relative to their origin.
     """
     radius_m = radius_m + _MARGIN_M
     along = directions @ centre_m.T  # (n, m): to the place nearest to each centre
@@ -75,14 +75,14 @@ def passes_spheres(directions: Array, reach_m: Array | float, centre_m: Array, r
 
 
 Hits = tuple[NDArray[np.int32], Array]
-"""First hits of rays: the geom (n,), -1 for none, and its distance (n,) [m], -1."""
+"""First hits of rays: geom (n,) and distance (n,) [m]; both -1 for none."""
 
 
 class RayFan:
-    """Rays in one plane whose ranges in the room are kept: only people are traced again, by the rays that pass near them.
+    """Rays in one plane with cached ranges of the empty room. Only rays near people are cast again, and only at people.
 
-    The same to the bit as casting all rays at everything, and cheaper by what there is in the room. Kept ranges are good
-    as long as nothing but people has moved, which every trace checks.
+    Results are bit-identical to casting all rays at everything. The cache is valid while only people move; every trace checks
+    that.
     """
 
     def __init__(self, origin_m: Array, directions: Array, normal: Array, range_max_m: float) -> None:
@@ -114,7 +114,7 @@ class RayFan:
         return np.asarray(near.any(axis=1))
 
     def _in_the_room(self, snapshot: Snapshot) -> Hits:
-        """Return the first hits of all rays in the room without people."""
+        """Return the first hits of all rays in the empty room."""
         model, data = snapshot.model, snapshot.data
         person = snapshot.person_of_geom > 0
         poses = np.concatenate([data.geom_xpos[~person], data.geom_xmat[~person]], axis=1)

@@ -1,4 +1,4 @@
-"""Schedule of all sensors: the stamps at which each observes, the delay of its observations, and their loss."""
+"""Schedule of all sensors: stamps, delays and losses of their observations."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ _PPM = 1e-6
 
 
 class Timing(Strict):
-    """Stamps of a sensor, and delay and loss of its observations.
+    """Timing of a sensor: stamps, delays and losses of its observations.
 
-    Stamps are phase_s + k / rate_hz. An observation arrives `delay_s` after its last instant (the end of a sweep), and up to
-    `jitter_s` later still, drawn evenly: with jitter beyond a period, one may overtake another. It is lost with probability
-    `dropout`. Its message is stamped `stamp_jitter_s` off, drawn normally.
+    Stamps are phase_s + k / rate_hz. An observation arrives `delay_s` after its last instant (the end of a sweep), and a
+    uniform draw from [0, `jitter_s`] later: with jitter beyond a period, observations may overtake each other. It is lost with
+    probability `dropout`. The stamp of its message has a Gaussian error of `stamp_jitter_s`.
     """
 
     rate_hz: float = Field(ge=0.001, le=1000, description="observations per second [Hz]")
@@ -53,10 +53,10 @@ class Timing(Strict):
 
 
 class MessageFaults:
-    """Faults of one sensor's messages, by name: lost on the way, late, or stamped by a wrong clock.
+    """Faults of one sensor's messages by name: lost, late, or stamped by a wrong clock.
 
-    Every method takes the true stamp [ns]. Each draw for a stamp has a stream of its own: no fault changes another's draws,
-    and moving one end of a fault changes nothing in what is left of it.
+    Every method takes the true stamp [ns]. Each draw for a stamp has its own stream: faults do not change each other's draws,
+    and a fault cut short keeps the draws of the rest.
     """
 
     def __init__(self, sensor: str, faults: Mapping[str, Fault], seed: int) -> None:
@@ -69,22 +69,22 @@ class MessageFaults:
         self._silent_from_ns = min((fault.from_ns for fault in silences), default=None)
 
     def is_lost(self, stamp_ns: int) -> bool:
-        """Draw whether the observation is lost on its way, though it was made."""
+        """Draw whether the observation is lost after it was made."""
         return any(
             fault.holds(stamp_ns) and self._generator(name, stamp_ns).random() < fault.probability
             for name, fault in self._dropouts.items()
         )
 
     def loses_all(self, stamp_ns: int) -> bool:
-        """Return True where every observation at this time is lost."""
+        """Return whether all observations at this time are lost."""
         return any(fault.probability == 1 and fault.holds(stamp_ns) for fault in self._dropouts.values())
 
     def is_silent_from(self, stamp_ns: int) -> bool:
-        """Return True where this observation and all after it are lost, so that none needs to be made."""
+        """Return whether this and all later observations are lost, so that none needs to be made."""
         return self._silent_from_ns is not None and stamp_ns >= self._silent_from_ns
 
     def extra_delay_ns(self, stamp_ns: int) -> int:
-        """Draw how much later than without faults the observation arrives [ns]."""
+        """Draw the additional delay of the observation [ns]."""
         late_s = 0.0
         for name, fault in self._delays.items():
             if fault.holds(stamp_ns):
@@ -92,7 +92,7 @@ class MessageFaults:
         return round(late_s * NS_PER_S)
 
     def reported_stamp_ns(self, stamp_ns: int, jitter_s: float = 0.0) -> int:
-        """Return the stamp in the message [ns]; below 0 for a clock that is behind the start.
+        """Return the stamp in the message [ns]; below 0 for a clock that is behind the start of the run.
 
         jitter_s: standard deviation of the stamp [s]; jitter alone takes no stamp below 0.
         """
@@ -112,7 +112,7 @@ class MessageFaults:
 
 @dataclass(frozen=True, eq=False)
 class Scheduled:
-    """A sensor, its timing, and the generator from which its timing and its noise draw, each a stream of its own."""
+    """A sensor, its timing, and a generator with separate streams for timing and noise."""
 
     sensor: Sensor
     timing: Timing
@@ -132,7 +132,7 @@ class SensorEvent:
 
 @dataclass(frozen=True, eq=False)
 class Delivery:
-    """A reading that arrives; `stamp_ns` is when it was truly made, whatever the clock that stamped it said."""
+    """A reading on arrival; `stamp_ns` is the true time of the measurement, whatever the message says."""
 
     stamp_ns: int
     arrival_ns: int
@@ -141,7 +141,7 @@ class Delivery:
 
 @dataclass(order=True)
 class _Waiting:
-    """A reading on its way; of two that arrive together the one measured first comes first."""
+    """A reading before its arrival; readings that arrive together are ordered by their measurement."""
 
     arrival_ns: int
     number: int
@@ -149,10 +149,10 @@ class _Waiting:
 
 
 class Schedule:
-    """The observations of all sensors of a world over `duration_s`, and their readings in order of arrival.
+    """Observations of all sensors of a world over `duration_s`, and their readings in order of arrival.
 
-    The same at every iteration. Timing and noise draw from separate streams: a change of noise moves no arrival. Stamps lie in
-    [0, duration_s); two at the same time are taken in the order of `sensors`.
+    Every iteration is the same. Timing and noise draw from separate streams, so that noise does not change arrivals. Stamps lie
+    in [0, duration_s); equal stamps are taken in the order of `sensors`.
     """
 
     def __init__(self, sensors: Sequence[Scheduled], duration_s: float) -> None:
@@ -168,10 +168,10 @@ class Schedule:
         return (event for _, _, event, _ in self._ordered())
 
     def observe(self, world: SnapshotSource) -> Iterator[Delivery]:
-        """Yield deliveries in order of arrival; the world is asked for snapshots in order of stamps.
+        """Yield deliveries in order of arrival; snapshots of the world are taken in order of stamps.
 
-        Only readings on their way are held: memory does not grow with the duration. The world must be able to go back by the
-        longest sweep.
+        Only readings that have not arrived are held, so memory does not grow with the duration. The world must be able to go
+        back by the longest sweep.
         """
         noise = [np.random.default_rng(noise_seed) for _, noise_seed in self._seeds]
         states: list[State] = [None] * len(self._sensors)
@@ -197,7 +197,7 @@ class Schedule:
             yield heapq.heappop(waiting).delivery
 
     def _ordered(self) -> Iterator[tuple[int, int, SensorEvent, bool]]:
-        """Yield stamp [ns], index of the sensor, event, and is_made (an observation is made), in order."""
+        """Yield stamp [ns], index of the sensor, event, and is_made (the observation is made), in order of stamps."""
         return heapq.merge(*(self._looks(place) for place in range(len(self._sensors))), key=lambda look: look[:2])
 
     def _looks(self, place: int) -> Iterator[tuple[int, int, SensorEvent, bool]]:
