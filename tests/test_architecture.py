@@ -42,7 +42,19 @@ def test_no_room_without_a_name_of_its_own() -> None:
 
 
 def test_the_command_line_loads_nothing_heavy_before_it_is_asked() -> None:
-    heavy = ("numpy", "scipy", "mujoco", "cv2", "pydantic", "matplotlib", "rosbags", "av", "filterpy", "sklearn")
+    heavy = (
+        "numpy",
+        "scipy",
+        "mujoco",
+        "cv2",
+        "pydantic",
+        "matplotlib",
+        "rosbags",
+        "av",
+        "filterpy",
+        "sklearn",
+        "jinja2",
+    )
     code = f"import sys, twin.cli\nprint([name for name in {heavy!r} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
@@ -64,6 +76,12 @@ def test_a_command_loads_only_what_it_needs() -> None:
         )
         done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
         assert done.stdout.splitlines()[-1] == "heavy []"
+
+
+def test_a_scenario_is_read_without_mujoco() -> None:
+    code = "import sys; from twin.scenario import load_scenario\nload_scenario('lab-five-people')\nprint('mujoco' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
 
 
 def test_what_editors_see_of_the_twin_is_what_it_loads() -> None:

@@ -14,7 +14,7 @@ from trackers.area import Pose
 from trackers.cameras.intrinsics import FisheyeIntrinsics, PinholeIntrinsics
 from trackers.cameras.placed import PlacedCamera
 from trackers.configuration import Strict
-from trackers.force_curve import ForceCurve
+from trackers.observations import ForceCurve
 
 Role = Literal["waist", "knee"]
 

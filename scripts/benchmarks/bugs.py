@@ -383,6 +383,8 @@ _BY_FILE = {
     "twin/sensors/laser.py": [
         ("rotation transposed", "Laser.__init__", "_A.T", "_A"),
         ("sweep twice as slow", "Laser._split_sweep", "_A * (_B + _C - 1) / 2", "_A * (_B + _C - 1)"),
+    ],
+    "twin/sensors/laser_noise.py": [
         ("degrees for radians", "LaserNoise._mix", "np.deg2rad(_A)", "_A"),
         (
             "noise twice as large",
@@ -391,11 +393,11 @@ _BY_FILE = {
             "LaserNoise(sigma_m=0.01, quantisation_m=0.01, dropout=0.005, mixed_pixel=0.5)",
         ),
     ],
-    "twin/sensors/camera_noise.py": [
+    "twin/sensors/camera.py": [
+        ("half a pixel off", "Lens.intrinsics", "((_A - 1) / 2, (_B - 1) / 2)", "(_A / 2, _B / 2)"),
         ("read noise not squared", "CameraNoise._draw_bank", "_A ** 2", "_A"),
     ],
     "twin/sensors/fisheye.py": [
-        ("half a pixel off", "Lens.intrinsics", "((_A - 1) / 2, (_B - 1) / 2)", "(_A / 2, _B / 2)"),
         ("blue for red", "_Faces.bend", "cv2.COLOR_RGBA2RGB", "cv2.COLOR_RGBA2BGR"),
     ],
     "twin/sensors/schedule.py": [
@@ -414,7 +416,7 @@ _BY_FILE = {
         ("axes exchanged", "LensCover.cover", "_A[0]", "_A[1]"),
         ("last beam left out", "DeadBeamMask._which", "_A[-1] + 1", "_A[-1]"),
     ],
-    "twin/sensors/floor.py": [
+    "twin/sensors/floor_electronics.py": [
         ("crosstalk twice as large", "spread_to_neighbours", "_A / 4", "_A / 2"),
     ],
     "twin/sensors/floor_plate.py": [

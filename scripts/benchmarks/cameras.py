@@ -21,7 +21,7 @@ from twin.instant.snapshot import Snapshot
 from twin.scenario import load_scenario
 from twin.scenario.cameras import PinholeDescription
 from twin.scenario.sensors import SensorDescription, build_sensor
-from twin.sensors.camera_noise import CAMERA_NOISE
+from twin.sensors.camera import CAMERA_NOISE
 from twin.sensors.fisheye import Fisheye
 from twin.sensors.layers import Noisy
 from twin.sensors.pinhole import Pinhole

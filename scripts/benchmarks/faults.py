@@ -12,7 +12,7 @@ from benchmarks.figure import Figure, median_ratio
 from twin.scenario import load_scenario
 from twin.scenario.sensors import build_sensor
 from twin.sensors.fault_kinds import BlockedSector, DeadBeams, Fault, LensOcclusion
-from twin.sensors.laser import LASER_NOISE
+from twin.sensors.laser_noise import LASER_NOISE
 from twin.sensors.layers import with_faults
 from twin.sensors.render import RendererOnDemand
 from twin.world.world import World

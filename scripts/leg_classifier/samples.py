@@ -25,7 +25,7 @@ from trackers.observations import LaserScan
 from twin.drawn.draw_scene import draw_scene
 from twin.instant.snapshot import Snapshot
 from twin.scenario import Scenario
-from twin.sensors.laser import LaserNoise
+from twin.sensors.laser_noise import LaserNoise
 from twin.sensors.rays import trace_rays
 from twin.streams import stream
 from twin.world.world import World

@@ -17,8 +17,8 @@ from box_room import box_room_cloud
 
 from trackers.environment import (
     EnvironmentOptions,
+    build as environment_file,
     build_environment,
-    file as environment_file,
     load_environment,
     save_environment,
 )

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, strategies as st
 from pydantic import ValidationError
 
-from trackers.force_curve import ForceCurve
+from trackers.observations import ForceCurve
 from trackers.rig import FloorSensor, Pose, Rig
 
 CURVE = ForceCurve()

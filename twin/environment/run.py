@@ -18,7 +18,7 @@ from twin.environment.scan import HEIGHT_M, PointCloud, TiltingScanner, chosen_s
 from twin.messages import OnProgress
 from twin.recording.atomic_file import atomic_path
 from twin.scenario import Scenario
-from twin.sensors.laser import LASER_NOISE
+from twin.sensors.laser_noise import LASER_NOISE
 from twin.world.world import World
 
 if TYPE_CHECKING:

@@ -23,7 +23,7 @@ from twin.messages import OnProgress
 from twin.people.crowd.crowd import planar
 from twin.room.building import check_mount
 from twin.room.obstacles import Footprints
-from twin.sensors.laser import LaserNoise
+from twin.sensors.laser_noise import LaserNoise
 from twin.sensors.rays import trace_rays
 from twin.streams import stream
 from twin.world.scene import Scene

@@ -21,7 +21,7 @@ from trackers.observations import NS_PER_S, FloorFrame, LaserScan
 from trackers.rig import CameraSensor, FloorSensor, PinholeSensor, Rig, StereoSensor
 from twin.export.labels import boxes_in
 from twin.export.pictures import Picture, Recorded, pictures
-from twin.geometry.polygon import hull_points
+from twin.geometry.geom_hull import hull_points
 from twin.recording.tables import TrackTable
 from twin.truth.frames import TruthFrame
 from twin.world.world import World

@@ -1,22 +1,27 @@
-"""Results of a reproduction by row: the paper's value and those of three systems; `results.json` and texts.
+"""Results of a reproduction by row: the paper's value and those of three systems; `results.json`, texts, and the page.
 
 The four columns: the paper's printed value; the paper's system here, by its own rules (a `-paper` preset); ours; and the
 plain baseline (`sort`, `floor-kalman`). All systems here track the same recordings. Confidence intervals are those of the
 percentile bootstrap over runs (Efron and Tibshirani, 1993). The number of scans at which one curve is below another is not
 smooth: where curves are close, a replicate's noise decides, so the interval of a count near all or none is drawn to the
-middle.
+middle. The page is one self-contained HTML file, with plots in one style.
 """
 
 from __future__ import annotations
 
+import base64
+import io
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from functools import cache
 from math import log
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from numpy.typing import NDArray
 from rich.table import Table
 
@@ -247,3 +252,83 @@ def print_results(title: str, results: Sequence[ResultRow]) -> None:
         values = (paper, papers_system, ours, interval, baseline) if has_systems else (paper, ours, interval)
         table.add_row(result.where, result.row, result.column, *values)
     PlainConsole(width_of_file=150).print(table)
+
+
+def write_page(path: Path, template_name: str, command: str, drawn: Mapping[str, str], **content: Any) -> None:
+    """Write a page from a template of this package; it takes its name when complete.
+
+    command: the command that repeats it; drawn: plots as SVG by name, `plots` in the template. Raises InputError where the
+    file cannot be written.
+    """
+    plots = {name: data_uri(svg) for name, svg in drawn.items()}
+    page = template(template_name).render(command=command, plots=plots, **content)
+    with open_atomic(path) as stream:
+        stream.write(page)
+
+
+def write_plots(folder: Path, drawn: Mapping[str, str]) -> dict[str, Path]:
+    """Write plots as SVG under their names; return their paths. Raises InputError where a file cannot be written."""
+    paths = {name: folder / f"{name}.svg" for name in drawn}
+    for name, svg in drawn.items():
+        with open_atomic(paths[name]) as stream:
+            stream.write(svg)
+    return paths
+
+
+def data_uri(svg: str) -> str:
+    """Encode an SVG document as the source of an image within the page."""
+    return "data:image/svg+xml;base64," + base64.b64encode(svg.encode()).decode()
+
+
+@cache
+def template(name: str) -> Template:
+    """Load a page of this package, on the shared base."""
+    environment = Environment(
+        loader=PackageLoader("twin.reproduce", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(name)
+
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+INK, QUIET, RULE, SHADE = "#1b1f27", "#606977", "#e3e5e9", "#eef0f3"
+
+
+@contextmanager
+def plot_style() -> Iterator[None]:
+    """Apply the style of the reports to plots drawn and saved in the block."""
+    import matplotlib
+
+    with matplotlib.rc_context(
+        {
+            "font.size": 10,
+            "axes.titlesize": 10.5,
+            "axes.titleweight": "bold",
+            "text.color": INK,
+            "axes.edgecolor": QUIET,
+            "axes.labelcolor": QUIET,
+            "xtick.color": QUIET,
+            "ytick.color": QUIET,
+            "axes.spines.top": False,
+            "axes.spines.right": False,
+            "axes.grid": True,
+            "axes.grid.axis": "y",
+            "grid.color": RULE,
+            "axes.axisbelow": True,
+            "svg.fonttype": "none",
+            "svg.hashsalt": "roomtwin",  # constant ids, so that equal results make equal files
+        }
+    ):
+        yield
+
+
+def to_svg(figure: Figure) -> str:
+    """Convert a plot to an SVG document, deterministically."""
+    drawn = io.StringIO()
+    figure.savefig(drawn, format="svg", metadata={"Date": None})
+    return drawn.getvalue()

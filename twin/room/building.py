@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull, Delaunay
 from trackers.area import Area
 from trackers.arrays import Array, Mask
 from trackers.errors import InputError
-from twin.geometry.polygon import hull_points
+from twin.geometry.geom_hull import hull_points
 from twin.instant.snapshot import RAY_GROUPS
 from twin.room.obstacles import OBSTACLE_REACH_M, Footprints
 from twin.room.walkable import ENCLOSED_M2, Plan, common_direction, outdoors_of, standing_footprints

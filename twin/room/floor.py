@@ -12,7 +12,7 @@ from scipy.spatial import ConvexHull
 from trackers.area import Area
 from trackers.arrays import Array
 from trackers.errors import InputError
-from twin.geometry.polygon import hull_points
+from twin.geometry.geom_hull import hull_points
 
 AT_FLOOR_M = 0.01
 """Greatest height over z = 0 of a level surface that is floor [m]: people's soles are at z = 0."""

@@ -18,7 +18,7 @@ from scipy.spatial import ConvexHull
 
 from trackers.arrays import Array
 from trackers.errors import InputError
-from twin.geometry.polygon import hull_points
+from twin.geometry.geom_hull import hull_points
 
 SEAT, BED = "seat_", "bed_"
 _UPRIGHT = 0.99

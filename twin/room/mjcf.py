@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from trackers.arrays import Array
 from trackers.errors import InputError
-from twin.geometry.polygon import FARTHEST_M
+from twin.geometry.geom_hull import FARTHEST_M
 from twin.room.files import room_files
 from twin.scenario.scenario import EVERY_LIGHT, LightChange
 

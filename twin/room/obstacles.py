@@ -18,7 +18,8 @@ from trackers.area import Area
 from trackers.arrays import Array, Mask
 from trackers.errors import InputError
 from trackers.text_file import check_limit
-from twin.geometry.polygon import TOLERANCE_M, gap_between, hull_points, polygon_area
+from twin.geometry.geom_hull import hull_points
+from twin.geometry.polygon import TOLERANCE_M, gap_between, polygon_area
 
 Planar = NDArray[np.complex128]
 

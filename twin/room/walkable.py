@@ -32,7 +32,8 @@ from scipy.spatial import ConvexHull, QhullError
 from trackers.area import meets_itself_at
 from trackers.arrays import Array
 from trackers.errors import InputError
-from twin.geometry.polygon import ENDLESS_M, hull_points, inset, polygon_area
+from twin.geometry.geom_hull import ENDLESS_M, hull_points
+from twin.geometry.polygon import inset, polygon_area
 from twin.room.obstacles import HIGH_M, KEEP_FROM_EDGE_M, LOW_M, OBSTACLE_REACH_M
 
 Mask = NDArray[np.uint8]

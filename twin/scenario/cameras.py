@@ -14,8 +14,17 @@ from trackers.configuration import Strict
 from trackers.rig import DepthMode, PinholeSensor, StereoSensor
 from trackers.rig_sensors import Baseline
 from twin.scenario.mount import Mounted, NoiseName, by_name
-from twin.sensors.camera_noise import CAMERA_NOISE, STEREO_NOISE, CameraNoise, StereoNoise, WhiteBalance
-from twin.sensors.stereo import Matching
+from twin.sensors.camera import (
+    CAMERA_NOISE,
+    STEREO_NOISE,
+    CameraNoise,
+    FocalLengthOfRows,
+    Matching,
+    PrincipalColumn,
+    PrincipalRow,
+    StereoNoise,
+    WhiteBalance,
+)
 
 DEEPEST_M = 65.0
 """Greatest depth in a message: whole millimetres in 16 bits."""
@@ -89,17 +98,9 @@ class PerspectiveDescription(Mounted):
     fx: float | None = Field(
         default=None, gt=0, allow_inf_nan=False, description="focal length along a row [px]; none: given otherwise"
     )
-    fy: float | None = Field(
-        default=None, gt=0, allow_inf_nan=False, description="focal length along a column [px]; none: fx"
-    )
-    cx: FiniteFloat | None = Field(
-        default=None,
-        description="column of the principal point, pixel centres are integers [px]; none: the middle of the picture",
-    )
-    cy: FiniteFloat | None = Field(
-        default=None,
-        description="row of the principal point, pixel centres are integers [px]; none: the middle of the picture",
-    )
+    fy: FocalLengthOfRows = None
+    cx: PrincipalColumn = None
+    cy: PrincipalRow = None
     exposure: float = Field(
         default=1.0, gt=0, le=10, description="factor on the light that the sensor gathers, beside that of the noise"
     )

@@ -18,16 +18,15 @@ from trackers.cameras import FisheyeIntrinsics
 from trackers.cameras.intrinsics import LARGEST_SIDE_PX
 from trackers.configuration import Strict
 from trackers.errors import InputError
-from trackers.force_curve import ForceCurve
+from trackers.observations import ForceCurve
 from trackers.rig import FisheyeSensor, FloorSensor, LaserSensor, Role
 from trackers.rig_sensors import Pitch, check_cells
 from twin.geometry.polygon import leaves_at
 from twin.scenario.cameras import CameraNoiseByName, PinholeDescription, StereoDescription
 from twin.scenario.mount import CalibrationError, Mounted, NoiseName, by_name
-from twin.sensors.camera_noise import CAMERA_NOISE
-from twin.sensors.fisheye import LENSES, Lens
-from twin.sensors.floor import FLOOR_ELECTRONICS, FloorElectronics
-from twin.sensors.laser import LASER_NOISE, LaserNoise
+from twin.sensors.camera import CAMERA_NOISE, LENSES, Lens
+from twin.sensors.floor_electronics import FLOOR_ELECTRONICS, FloorElectronics
+from twin.sensors.laser_noise import LASER_NOISE, LaserNoise
 from twin.sensors.schedule import Timing
 
 if TYPE_CHECKING:
@@ -270,7 +269,7 @@ def build_sensor(
 
     Raises InputError for a lens that cannot be rendered.
     """
-    from twin.sensors.floor import BuiltElectronics
+    from twin.sensors.floor_electronics import BuiltElectronics
     from twin.sensors.layers import Noisy
 
     ideal = _build_ideal(name, description, renderer, shapes, mounted_on)

@@ -19,7 +19,7 @@ from markupsafe import Markup
 from scipy.spatial import ConvexHull, QhullError
 
 from trackers.arrays import Array
-from twin.geometry.polygon import hull_points
+from twin.geometry.geom_hull import hull_points
 from twin.instant.snapshot import RAY_GROUPS
 from twin.room.building import Building
 from twin.scenario import Scenario

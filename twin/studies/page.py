@@ -12,7 +12,7 @@ from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from trackers.arrays import Array
 from twin.models import MODELS
 from twin.recording.atomic_file import open_atomic
-from twin.reproduce.registry import data_uri
+from twin.reproduce.results import data_uri
 from twin.scenario import Scenario
 from twin.scenario.sensors import FloorDescription
 from twin.studies.candidate_poses import first_sensor

@@ -18,7 +18,7 @@ from trackers.plain_data import dump_yaml
 from twin.console import PlainConsole, print_warnings
 from twin.models import cache_folder
 from twin.recording.atomic_file import open_atomic
-from twin.reproduce.registry import data_uri
+from twin.reproduce.results import data_uri
 from twin.run.inputs import NONE_TRUSTED, TrustedClasses
 from twin.scenario import Scenario, load_scenario
 from twin.scenario.load import dump_scenario

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array
-from twin.geometry.polygon import hull_points
+from twin.geometry.geom_hull import hull_points
 from twin.instant.snapshot import RAY_GROUPS
 from twin.truth.situations import every_pair
 

@@ -15,7 +15,7 @@ from trackers.arrays import Array
 from trackers.errors import InputError
 from trackers.text_file import are_limits_lifted, check_limit
 from twin import models
-from twin.geometry.polygon import check_extent
+from twin.geometry.geom_hull import check_extent
 from twin.people.crowd.routes import Routes
 from twin.room.files import ROOM_ROOT, room_files
 from twin.room.floor import check_floor_under, floor_hull, floor_of

@@ -31,7 +31,7 @@ from benchmarks.fuzz.values import (
     spoiled_text,
     spoiled_tree,
 )
-from trackers.environment.file import _fingerprint
+from trackers.environment.build import _fingerprint
 from twin.models import MODELS
 from twin.recording.reader import Recording
 from twin.recording.ros_messages import TYPESTORE

@@ -13,7 +13,7 @@ from trackers.observations import LaserScan
 from twin.environment.run import scan_scenario
 from twin.environment.scan import TiltingScanner, chosen_stations, given_stations, scan_room
 from twin.scenario import Scenario
-from twin.sensors.laser import LASER_NOISE
+from twin.sensors.laser_noise import LASER_NOISE
 from twin.sensors.rays import trace_rays
 from twin.world.world import World
 

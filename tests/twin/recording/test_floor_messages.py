@@ -9,13 +9,12 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__Image as RawImage, std_msgs__msg__Header as Header
 
 from trackers.errors import InputError
-from trackers.force_curve import ForceCurve
-from trackers.observations import FloorFrame, Image
+from trackers.observations import FloorFrame, ForceCurve, Image
 from trackers.rig import FloorSensor, LaserSensor, Pose, Rig
 from twin.recording.reader import Recording
 from twin.recording.ros_messages import RAW_IMAGE, TYPESTORE, decode, encode, from_message, time_message
 from twin.recording.writer import BagWriter
-from twin.sensors.floor import LoadFrame
+from twin.sensors.floor_electronics import LoadFrame
 
 RIG = Rig(
     sensors={

@@ -6,7 +6,6 @@ import json
 
 import numpy as np
 
-from twin.reproduce.registry import template
 from twin.reproduce.results import (
     Bootstrap,
     Interval,
@@ -17,6 +16,7 @@ from twin.reproduce.results import (
     interval,
     pivot_rows,
     print_results,
+    template,
     write_results,
 )
 

@@ -14,7 +14,7 @@ import yaml
 from scipy import ndimage
 
 from trackers.area import Area, meets_itself_at
-from twin.geometry.polygon import hull_points
+from twin.geometry.geom_hull import hull_points
 from twin.models import MODELS
 from twin.room.building import check_mount
 from twin.room.furniture import furniture_of

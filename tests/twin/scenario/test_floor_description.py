@@ -10,7 +10,7 @@ from trackers.configuration import Strict, validate
 from trackers.errors import InputError
 from trackers.rig import FloorSensor
 from twin.scenario.sensors import FloorDescription, SensorDescription, check_floor
-from twin.sensors.floor import FLOOR_ELECTRONICS, FloorElectronics
+from twin.sensors.floor_electronics import FLOOR_ELECTRONICS, FloorElectronics
 
 
 class Sensors(Strict):

@@ -12,9 +12,8 @@ from trackers.errors import InputError
 from trackers.rig import FisheyeSensor, LaserSensor
 from twin.scenario.mount import Mount
 from twin.scenario.sensors import FisheyeDescription, LaserDescription, SensorDescription
-from twin.sensors.camera_noise import CAMERA_NOISE
-from twin.sensors.fisheye import LENSES
-from twin.sensors.laser import LASER_NOISE, LaserNoise
+from twin.sensors.camera import CAMERA_NOISE, LENSES
+from twin.sensors.laser_noise import LASER_NOISE, LaserNoise
 
 
 class Sensors(Strict):

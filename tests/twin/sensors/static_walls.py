@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, binary_erosion
 
 from trackers.observations import LaserScan
-from twin.sensors.laser import LaserNoise
+from twin.sensors.laser_noise import LaserNoise
 
 HOKUYO_SCANS = Path(__file__).parents[3].parent / "shared" / "data" / "lasers" / "positive_5.npz"
 """296 scans of a standing Hokuyo, 768 beams over 270°, 7.5 Hz, in a room in which people walk."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from trackers.observations import Image
-from twin.sensors.camera_noise import CAMERA_NOISE, CameraNoise, NoiseBank
+from twin.sensors.camera import CAMERA_NOISE, CameraNoise, NoiseBank
 
 
 def frames(noise: CameraNoise, grey: int, count: int = 2, size: int = 200) -> list[np.ndarray]:

@@ -10,7 +10,8 @@ from silhouettes import description, picture, silhouette_displacements, unlit
 
 from trackers.cameras import FisheyeIntrinsics
 from trackers.errors import InputError
-from twin.sensors.fisheye import LENSES, MARGIN_PX, Fisheye, Lens, build_face_table, check_fisheye
+from twin.sensors.camera import LENSES, Lens, check_fisheye
+from twin.sensors.fisheye import MARGIN_PX, Fisheye, build_face_table
 from twin.sensors.render import RendererOnDemand
 
 

@@ -14,7 +14,7 @@ from trackers.rig import FloorSensor
 from twin.instant.snapshot import Feet, Snapshot
 from twin.scenario.sensors import SensorDescription, build_sensor
 from twin.sensors.check import check_sensor
-from twin.sensors.floor import LoadFrame
+from twin.sensors.floor_electronics import LoadFrame
 from twin.sensors.sensor import Reading, Sensor
 
 KINDS = {

@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import arrays
 
-from trackers.force_curve import ForceCurve
-from trackers.observations import FloorFrame
-from twin.sensors.floor import (
+from trackers.observations import FloorFrame, ForceCurve
+from twin.sensors.floor_electronics import (
     FLOOR_ELECTRONICS,
     BuiltElectronics,
     FloorElectronics,

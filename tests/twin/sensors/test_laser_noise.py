@@ -7,7 +7,7 @@ import pytest
 from static_walls import HOKUYO_SCANS, hokuyo_ranges, simulated, walls_in
 
 from trackers.observations import LaserScan
-from twin.sensors.laser import LASER_NOISE, LaserNoise
+from twin.sensors.laser_noise import LASER_NOISE, LaserNoise
 
 LASERS = Path(__file__).parents[3].parent / "shared" / "data" / "lasers"
 

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from trackers.cameras import FisheyeIntrinsics
 from twin.scenario import Scenario
-from twin.sensors.fisheye import FaceTable, Lens, _nearest_face, build_face_table
+from twin.sensors.camera import Lens
+from twin.sensors.fisheye import FaceTable, _nearest_face, build_face_table
 from twin.sensors.gl_context import INSTALL_EGL
 from twin.sensors.render import OffscreenRenderer, RendererOnDemand
 from twin.world.simulation import Simulation

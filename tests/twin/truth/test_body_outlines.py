@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from twin.geometry.polygon import hull_points
+from twin.geometry.geom_hull import hull_points
 from twin.scenario import load_scenario
 from twin.truth.body_outlines import BodyOutlines
 from twin.world.scene import Scene

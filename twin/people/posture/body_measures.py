@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array
-from twin.geometry.polygon import hull_points
+from twin.geometry.geom_hull import hull_points
 from twin.people.body.appearance import BodyAppearance
 from twin.people.body.person_spec import person_spec
 from twin.people.body.proportions import REFERENCE_STATURE_M, proportions_of

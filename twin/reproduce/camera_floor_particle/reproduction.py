@@ -12,6 +12,7 @@ import numpy as np
 from trackers.arrays import Array
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
+from twin.messages import OnProgress
 from twin.recording.atomic_file import atomic_path
 from twin.recording.tables import TrackTable, TruthTable
 from twin.report.palette import IDENTITY_COLOURS, hex_colour
@@ -39,18 +40,19 @@ from twin.reproduce.camera_floor_particle.results import (
     results_of,
     tracker_label,
 )
-from twin.reproduce.registry import (
+from twin.reproduce.registry import Outputs, Request
+from twin.reproduce.results import (
     INK,
     QUIET,
-    OnProgress,
-    Outputs,
-    Request,
+    ResultRow,
+    format_rows,
+    pivot_rows,
     plot_style,
     to_svg,
     write_page,
     write_plots,
+    write_results,
 )
-from twin.reproduce.results import ResultRow, format_rows, pivot_rows, write_results
 from twin.reproduce.suite_runs import SuiteRuns, case_tracks, case_truth, load_seeded_suite, read_runs, run_conditions
 from twin.suites.cluster import Workers
 from twin.suites.spec import Suite

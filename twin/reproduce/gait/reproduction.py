@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin.messages import OnProgress
 from twin.report.palette import IDENTITY_COLOURS, hex_colour
 from twin.reproduce.gait.comparison import (
     CONTACT_S,
@@ -38,19 +39,19 @@ from twin.reproduce.gait.comparison import (
     walking_step_m,
 )
 from twin.reproduce.gait.stride import SteadyGait, load_path, simulate_steady, stance, values_of
-from twin.reproduce.registry import (
+from twin.reproduce.registry import Outputs, Request
+from twin.reproduce.results import (
     INK,
     QUIET,
     SHADE,
-    OnProgress,
-    Outputs,
-    Request,
+    ResultRow,
+    format_rows,
     plot_style,
     to_svg,
     write_page,
     write_plots,
+    write_results,
 )
-from twin.reproduce.results import ResultRow, format_rows, write_results
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

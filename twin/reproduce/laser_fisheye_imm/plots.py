@@ -13,8 +13,7 @@ from twin.reproduce.laser_fisheye_imm.figure7 import FILTERS, Curves
 from twin.reproduce.laser_fisheye_imm.runs import COLUMNS, IMM, SENSOR_SETS, Column, LabCondition, LabRun
 from twin.reproduce.laser_fisheye_imm.table_one import LOST, MISIDENTIFIED, TOTAL, cell, error_rate, values
 from twin.reproduce.laser_fisheye_imm.walk import PERIOD_S, ManeuveringWalk
-from twin.reproduce.registry import INK, QUIET, SHADE, plot_style, to_svg
-from twin.reproduce.results import band
+from twin.reproduce.results import INK, QUIET, SHADE, band, plot_style, to_svg
 from twin.scenario.person import wardrobe
 
 if TYPE_CHECKING:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
+from twin.messages import OnProgress
 from twin.recording.atomic_file import open_atomic
 from twin.reproduce.laser_fisheye_imm.figure7 import (
     FIRST_SCAN,
@@ -65,8 +66,8 @@ from twin.reproduce.laser_fisheye_imm.table_one import (
     values,
 )
 from twin.reproduce.laser_fisheye_imm.walk import PERIOD_S, maneuvering_walk
-from twin.reproduce.registry import OnProgress, Outputs, Request, write_page, write_plots
-from twin.reproduce.results import Interval, format_ranges, format_rows, write_results
+from twin.reproduce.registry import Outputs, Request
+from twin.reproduce.results import Interval, format_ranges, format_rows, write_page, write_plots, write_results
 from twin.reproduce.suite_runs import (
     CaseIncident,
     FilmStrip,

@@ -11,7 +11,7 @@ from trackers.arrays import Array
 from trackers.observations import NS_PER_S
 from twin.report.palette import IDENTITY_COLOURS, hex_colour
 from twin.reproduce.laser_vision_learning.runs import SYSTEMS, HallCondition, HallRun
-from twin.reproduce.registry import INK, QUIET, SHADE, plot_style, to_svg
+from twin.reproduce.results import INK, QUIET, SHADE, plot_style, to_svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,6 +13,7 @@ import numpy as np
 
 from trackers.observations import NS_PER_S
 from twin.evaluate.accuracy import AFTER_S
+from twin.messages import OnProgress
 from twin.recording.atomic_file import open_atomic
 from twin.reproduce.laser_vision_learning.plots import densities_svg, figure11_svg
 from twin.reproduce.laser_vision_learning.results import (
@@ -36,8 +37,8 @@ from twin.reproduce.laser_vision_learning.runs import (
     read_hall,
 )
 from twin.reproduce.laser_vision_learning.splits import CHOICE, SEED, compare_choices
-from twin.reproduce.registry import OnProgress, Outputs, Request, write_page, write_plots
-from twin.reproduce.results import ResultRow, format_rows, write_results
+from twin.reproduce.registry import Outputs, Request
+from twin.reproduce.results import ResultRow, format_rows, write_page, write_plots, write_results
 from twin.reproduce.suite_runs import (
     CaseIncident,
     FilmStrip,

@@ -28,8 +28,16 @@ from twin.messages import OnProgress
 from twin.recording.atomic_file import atomic_path
 from twin.recording.reader import Recording
 from twin.recording.tables import TrackTable, TruthTable, read_truth, track_table
-from twin.reproduce.registry import Outputs, Request, write_page, write_plots
-from twin.reproduce.results import ResultRow, SystemValue, format_rows, pivot_rows, write_results
+from twin.reproduce.registry import Outputs, Request
+from twin.reproduce.results import (
+    ResultRow,
+    SystemValue,
+    format_rows,
+    pivot_rows,
+    write_page,
+    write_plots,
+    write_results,
+)
 from twin.reproduce.rgbd_head.figures import (
     environment_svg,
     errors_svg,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from posture_cast import DT, Stage, bed, looks_of, seat, standing
 
-from twin.geometry.polygon import hull_points
+from twin.geometry.geom_hull import hull_points
 from twin.people.body.person_spec import JOINT_PLACE, JOINTS, NQ_PERSON
 from twin.people.posture.body_measures import BodyMeasures
 from twin.people.posture.overlay import overlay_postures
