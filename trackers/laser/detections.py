@@ -29,6 +29,12 @@ class Detections(Rows):
         scanner[:, column] = True
         return self.changed(scanner=scanner)
 
+    def sight_lines(self, origins: Float[Array, "s 2"]) -> Float[Array, "k s 2"]:
+        """Return unit vectors to the detections from the scanners, at `origins` [m], that detect them; 0 from the others."""
+        along = self.position[:, None] - origins
+        length_m = np.maximum(np.hypot(along[..., 0], along[..., 1]), 1e-9)
+        return along * (self.scanner / length_m)[..., None]
+
     @classmethod
     def none(cls, n_scanner: int = 1) -> Detections:
         """No detections."""

@@ -93,6 +93,11 @@ class ScannerGroup:
         """Return a mask of the detections with enough samples to initiate a track."""
         return detections.n_sample >= self._least
 
+    @property
+    def origins(self) -> Float[Array, "s 2"]:
+        """Positions of the scanners [m], in the order of `Detections.scanner`'s columns."""
+        return np.array([layer.origin_m for layer in self.layers.values()])
+
     def points(self, observations: Mapping[str, Observation]) -> Points:
         """Return all foreground samples of the group's scans among `observations`.
 

@@ -172,7 +172,7 @@ class LaserLayer:
             sensor, DetectionOptions(half_width_m=_NARROW_M, behind_m=_BEHIND_M, detected=_SURE)
         )
         self._room_from_scan = sensor.room_from_sensor.rotation[:2, :2].T.copy()
-        self._origin_m = sensor.room_from_sensor.translation[:2]
+        self.origin_m = sensor.room_from_sensor.translation[:2]
         self._background = (
             KnownBackground(empty_scans, options.background) if empty_scans else LearnedBackground(options.background)
         )
@@ -260,9 +260,7 @@ class LaserLayer:
 
     def passes(self, scan: LaserScan, points: Float[Array, "2 *n"]) -> Bool[Mask, "*n"]:
         """Return a mask of room points behind which the scan's beams continue on either side, close enough to tell."""
-        apart = np.hypot(*(points - self._origin_m.reshape(2, *[1] * (points.ndim - 1)))) * abs(
-            scan.angle_increment_rad
-        )
+        apart = np.hypot(*(points - self.origin_m.reshape(2, *[1] * (points.ndim - 1)))) * abs(scan.angle_increment_rad)
         return (self._past_a_thing.seen(scan, points) >= _SURE) & (apart < _NARROW_M)
 
     def _completed(self, clusters: Clusters) -> Float[Array, "k 2"]:
@@ -276,7 +274,7 @@ class LaserLayer:
 
     def _in_room(self, points: Float[Array, "k 2"]) -> Float[Array, "k 2"]:
         """Return points of the scan plane as ground points of the room [m]."""
-        return points @ self._room_from_scan + self._origin_m
+        return points @ self._room_from_scan + self.origin_m
 
 
 def _angles(scan: LaserScan, clusters: Clusters) -> Float[Array, "k 2"]:

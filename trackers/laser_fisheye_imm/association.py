@@ -10,7 +10,8 @@ measurement.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -19,10 +20,18 @@ from trackers.arrays import Array, Index, Mask
 from trackers.filters.negative_information import existence_after_detection
 from trackers.filters.rows import written
 from trackers.laser.grouping import pair_off
+from trackers.laser.roles import Role
 from trackers.laser_fisheye_imm.detection import Seen
 from trackers.laser_fisheye_imm.options import EVEN_AT, EXPLAINED_BELOW, WRONG_LOOK, LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import People
-from trackers.likelihood.legs import LegPairs, PositionLikelihood, offset_variance_m2, pair_legs, trunk_likelihood
+from trackers.likelihood.legs import (
+    LegPairs,
+    PositionLikelihood,
+    aspect_offset_m,
+    offset_variance_m2,
+    pair_legs,
+    trunk_likelihood,
+)
 from trackers.tracking.association import Stage, associate, left_over
 from trackers.tracking.track_manager import nanoseconds, reachable
 
@@ -80,7 +89,9 @@ class Association:
     people: predicted to stamp ns (the frame before was at last_ns); missed: how probably the frame would not show each of them;
     sees_waists: whether trunks are looked for, without which legs are all that shows a person; knows_room: whether the background
     was captured, or else is learned from the scans, so that a tentative track may be a flicker of the room, and takes no legs;
-    knees: where the middle of the legs of each upright person is from the body's axis [m].
+    knees: where the middle of the legs of each upright person is from the body's axis [m]; way: on which each walks, a unit
+    vector at full stride, shorter the slower; origins: where the scanners of each role are [m]. Without these, no body is
+    deeper from the side, and nothing is known of what a leg hides.
     """
 
     people: People
@@ -91,6 +102,8 @@ class Association:
     last_ns: int
     sees_waists: bool = True
     knows_room: bool = True
+    way: Float[Array, "n 2"] | None = None
+    origins: Mapping[Role, Float[Array, "s 2"]] = field(default_factory=dict)
 
     def matches(self, seen: Seen) -> Matches:
         """Associate trunks with tracks, and legs with those without a trunk: waist, else knee, never both."""
@@ -103,6 +116,7 @@ class Association:
         trunk_of = written(np.full(len(people), -1), *associate([self._explained(cost, colour)]))
         walkers = self._walkers(seen, trunk_of)
         n_walker = len(walkers.position)
+        others = np.pad(walkers.of_known & ~self._known[:, None], ((0, 0), (n_trunk, 0)))
         trunk = np.concatenate([np.arange(n_trunk), np.full(n_walker, -1)])
         position = np.concatenate([seen.trunks.position, walkers.position])
         single = np.concatenate([np.zeros(n_trunk, np.bool_), walkers.n_leg == 1])
@@ -112,14 +126,14 @@ class Association:
         track, taken = associate(
             [
                 self._explained(cost, colour, trunk < 0),
-                self._explained(cost, colour, trunk >= 0),
+                self._explained(cost, colour, others | (trunk >= 0)),
                 self._re_identified(cost, colour, position, single),
             ]
         )
         new = left_over(len(position), taken)
         return Matches(
             track=track,
-            position=position[taken],
+            position=position[taken] + self._deeper(seen, track, trunk[taken]),
             variance=np.concatenate([trunks.variance_m2, by_legs.variance_m2])[taken],
             offset_m2=np.concatenate(
                 [offset_variance_m2(seen.trunks, options.trunk), walkers.offset_variance_m2(options.legs)]
@@ -134,16 +148,29 @@ class Association:
         )
 
     @property
+    def _known(self) -> Bool[Mask, "n"]:
+        """Mask of the tracks that take legs, and those of whom no other takes: people, not perhaps a flicker of the room."""
+        return np.ones(len(self.people), np.bool_) if self.knows_room else self.people.confirmed
+
+    @property
     def _leg_gate_m(self) -> float:
         legs = self.options.legs
         return legs.gate_m if self.sees_waists else legs.gate_alone_m
+
+    def _deeper(self, seen: Seen, track: Int[Index, "p"], trunk: Int[Index, "p"]) -> Float[Array, "p 2"]:
+        """Return how far the axes of pairs by trunks are from their measurements, by the way people walk [m]; 0 by legs (−1)."""
+        offset_m, by_trunk = np.zeros((len(track), 2)), trunk >= 0
+        if self.way is not None and "waist" in self.origins and by_trunk.any():
+            lines = seen.trunks.select(trunk[by_trunk]).sight_lines(self.origins["waist"])
+            offset_m[by_trunk] = aspect_offset_m(lines, self.way[track[by_trunk]])
+        return offset_m
 
     def _walkers(self, seen: Seen, trunk_of: Int[Index, "n"]) -> LegPairs:
         """Assign the legs to the trunks and to people without a trunk; trunk_of: the trunk of each track, or −1."""
         options = self.options
         if options.legs.assignment == "nearest":
             return self._nearest(seen, trunk_of)
-        known = np.ones(len(self.people), np.bool_) if self.knows_room else self.people.confirmed
+        known = self._known
         people, trunk_of = self.people.select(known), trunk_of[known]
         shown = trunk_of >= 0
         under = seen.trunks.position.copy()
@@ -153,19 +180,25 @@ class Association:
         knees = np.where(seated[:, None], hidden.posture.knees, self.knees[known][~shown])
         apart_m = options.track_management.apart_m
         gate_m = self._leg_gate_m
-        return pair_legs(seen.legs, seen.sufficient, under, hidden.positions, knees, apart_m, gate_m, options.legs)
+        lines = seen.legs.sight_lines(self.origins["knee"]) if "knee" in self.origins else None
+        return pair_legs(
+            seen.legs, seen.sufficient, under, hidden.positions, knees, apart_m, gate_m, options.legs, lines
+        )
 
     def _nearest(self, seen: Seen, trunk_of: Int[Index, "n"]) -> LegPairs:
         """Drop the knees nearest to tracks with a trunk (the paper, fig. 4 d); close legs are one person's."""
         legs = self.options.legs
         position, n_leg = pair_off(seen.legs.position, legs.pair_m)
-        groups = LegPairs(position, np.full_like(n_leg, 2), np.full((len(seen.trunks), 2), np.nan))
+        of_known = np.zeros(len(position), np.bool_)
+        groups = LegPairs(position, np.full_like(n_leg, 2), np.full((len(seen.trunks), 2), np.nan), of_known)
         cost = Costs.of(self.people, groups.likelihood(legs, self._leg_gate_m), self.options)
         track, taken = associate([self._explained(cost, np.full(cost.pair.shape, np.nan))])
         left = left_over(len(position), taken[trunk_of[track] >= 0])
-        return LegPairs(position[left], groups.n_leg[left], groups.under_trunk)
+        return LegPairs(position[left], groups.n_leg[left], groups.under_trunk, of_known[left])
 
-    def _explained(self, cost: Costs, colour: Float[Array, "n k"], without: Bool[Mask, "k"] | bool = False) -> Stage:
+    def _explained(
+        self, cost: Costs, colour: Float[Array, "n k"], without: Bool[Mask, "*#n k"] | bool = False
+    ) -> Stage:
         """Pair tracks with explained measurements, except those in `without`; colour: E, NaN if unknown."""
         alone, all_tracks = _unpaired(self.people, self.missed, self.options), np.ones(len(self.people), np.bool_)
         return Stage(all_tracks, [cost.pair, self._by_colour(colour)], [cost.out_of_gate | without], alone)

@@ -80,6 +80,11 @@ class Detector:
         return "waist" in self._groups
 
     @property
+    def origins(self) -> dict[Role, Float[Array, "s 2"]]:
+        """Positions of the scanners of each role [m], in the order of `Detections.scanner`'s columns."""
+        return {role: group.origins for role, group in self._groups.items()}
+
+    @property
     def sensors(self) -> list[str]:
         """The sensors used: scanners, waist first, then the camera."""
         scanners = [name for group in self._groups.values() for name in group.names]

@@ -116,12 +116,12 @@ class WaistScannerOptions(LayerScannerOptions):
 
     min_samples: PositiveInt = Field(default=3, description=described(LayerScannerOptions, "min_samples"))
     min_width_m: float = Field(default=0.06, ge=0, description=described(LayerScannerOptions, "min_width_m"))
-    half_depth_m: float = Field(default=0.11, ge=0, description=described(ScannerOptions, "half_depth_m"))
+    half_depth_m: float = Field(default=0.095, ge=0, description=described(ScannerOptions, "half_depth_m"))
     side_half_depth_m: float | None = Field(
-        default=0.168,
+        default=0.152,
         ge=0,
-        description="how far the axis lies behind the middle of a body seen from its side, which its width tells [m]; "
-        "null: as from the front (ours)",
+        description="how far the axis lies behind the middle of a body seen from its side, which its width and the way it walks "
+        "tell [m]; null: as from the front (ours)",
     )
     body_width_m: float | None = Field(
         default=0.3,
@@ -158,7 +158,7 @@ class KneeScannerOptions(LayerScannerOptions):
         description="least samples of a leg that goes on with a track, but alone initiates none, where nothing nearer is beside "
         "it; null: the same as of any other (ours)",
     )
-    half_depth_m: float = Field(default=0.04, ge=0, description=described(ScannerOptions, "half_depth_m"))
+    half_depth_m: float = Field(default=0.05, ge=0, description=described(ScannerOptions, "half_depth_m"))
     hidden_variance_m2: float = Field(
         default=0.02, ge=0, description=described(LayerScannerOptions, "hidden_variance_m2")
     )

@@ -149,8 +149,8 @@ def paper_options(*, waist_only: bool = False, camera: bool = True, kalman: bool
 
 RULES: Mapping[str, tuple[str, ...]] = {
     "body-axis": (
-        *("waist.side_half_depth_m", "waist.body_width_m", "waist.hidden_variance_m2"),
-        *("knee.half_depth_m", "knee.hidden_variance_m2"),
+        *("waist.half_depth_m", "waist.side_half_depth_m", "waist.body_width_m", "waist.hidden_variance_m2"),
+        "knee.hidden_variance_m2",
     ),
     "arms": ("waist.arm_width_m", "waist.jump_m", "waist.min_width_m"),
     "leg-pairs": ("legs.assignment", "legs.pair_m", "legs.shanks_lean"),

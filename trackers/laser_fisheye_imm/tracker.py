@@ -38,7 +38,7 @@ from trackers.laser_fisheye_imm.detection import Detector, Seen
 from trackers.laser_fisheye_imm.options import START_SPEED_M_S, LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import People
 from trackers.laser_fisheye_imm.track_manager import ImmTrackManager
-from trackers.likelihood.legs import legs_ahead_m
+from trackers.likelihood.legs import full_stride, legs_ahead_m
 from trackers.observations import NS_PER_S, LaserScan, Observation
 from trackers.rig import Rig
 from trackers.tracking.fixed_lag_smoother import FixedLagSmoother, Held, by_id
@@ -169,7 +169,8 @@ class LaserFisheyeImm(SynchronizedTracker):
         state = self._people.state
         chance_missed = miss_probability(state, missed, self._imm.velocity(state))
         times = synced.ns, self._last_ns
-        at = Association(self._people, chance_missed, self._knees(), self.options, *times, waists, knows_room)
+        knees, way, origins = self._knees(), self._way(), self._detector.origins
+        at = Association(self._people, chance_missed, knees, self.options, *times, waists, knows_room, way, origins)
         matches = at.matches(seen)
         self._update(matches, synced.ns)
         self._learn_colours(matches, seen)
@@ -211,6 +212,12 @@ class LaserFisheyeImm(SynchronizedTracker):
         people, legs = self._people, self.options.legs
         speed = np.hypot(*self._imm.velocity(people.state))
         return people.facing * legs_ahead_m(speed, self._detector.knee_height_m, legs)[:, None]
+
+    def _way(self) -> Float[Array, "n 2"] | None:
+        """Return the way people walk, a unit vector at full stride; None where trunks are as deep from all sides."""
+        if self.options.waist.side_half_depth_m is None:
+            return None
+        return self._people.facing * full_stride(np.hypot(*self._imm.velocity(self._people.state)))[:, None]
 
     def _learn_colours(self, matches: Matches, seen: Seen) -> None:
         looked = (matches.trunk >= 0).nonzero()[0]

@@ -52,11 +52,21 @@ _OPPOSITE = 0.3
 """Minus the correlation of the places of a person's two legs about the prediction, where no trunk is seen: a stride puts one
 before it and one behind, an error of the prediction both on one side. Measured in the twin."""
 
-_LEAN, _UPRIGHT_M = 0.43, 0.305
+_BEHIND_M = 0.045
+"""Distance of the middle of the legs behind a single leg, seen from its scanner: a leg hides what is behind it [m]. Measured in
+the twin."""
+
+_LEAN, _UPRIGHT_M = 0.43, 0.26
 """Lean of the shanks of who walks, and the height at which they are under the body's axis [m].
 
-Measured on the twin's bodies at 0.7 to 1.5 m/s, from 0.25 to 0.45 m: knee to ankle, the mean of both legs over the gait.
+Measured in the twin at 0.7 to 1.5 m/s, from 0.25 to 0.45 m: the mean of both legs over the gait.
 """
+_STANDS_LEAN = 0.08
+"""Lean of the shanks of who stands, from the floor up, on the way walked last: knees are bent a little, and people turn on the
+spot. Measured in the twin."""
+_SIDE_DEEPER_M, _EVEN_AT = 0.055, 0.56
+"""Depth of a trunk's axis behind its visible surface from the side, more than from the front, beyond what the width tells [m];
+the squared cosine between way and beam at which the width alone is right. Measured in the twin."""
 _WALK_M_S = 0.8
 """Speed from which people walk at full stride [m/s]."""
 
@@ -124,6 +134,7 @@ class LegPairs:
     position: Float[Array, "p 2"]  # [m]
     n_leg: Int[Index, "p"]
     under_trunk: Float[Array, "k 2"]  # [m], NaN where not both are seen
+    of_known: Bool[Mask, "p"]  # whether the legs were expected, of a person who is known
 
     def likelihood(self, options: LegOptions, gate_m: float) -> PositionLikelihood:
         """Return the likelihood of these people's positions, in validation regions of this radius [m]."""
@@ -137,12 +148,18 @@ class LegPairs:
         return np.where(self.n_leg == 1, options.single_leg_variance_m2, 0.0)
 
 
+def full_stride(speed_m_s: Float[Array, "n"]) -> Float[Array, "n"]:
+    """Return the share of a full stride at these speeds."""
+    return np.minimum(speed_m_s / _WALK_M_S, 1.0)
+
+
 def legs_ahead_m(speed_m_s: Float[Array, "n"], height_m: float, options: LegOptions) -> Float[Array, "n"]:
     """Return how far the middle of the legs of n upright people is before the body's axis [m], scanned at this height [m]."""
     if not options.shanks_lean:
         return np.zeros_like(speed_m_s)
     lean_m = max(_LEAN * (height_m - _UPRIGHT_M), 0.0)
-    return lean_m * np.minimum(speed_m_s / _WALK_M_S, 1.0)
+    walks = full_stride(speed_m_s)
+    return walks * lean_m + (1 - walks) * _STANDS_LEAN * height_m
 
 
 def pair_legs(
@@ -154,12 +171,14 @@ def pair_legs(
     apart_m: float,
     gate_m: float,
     options: LegOptions,
+    lines: Float[Array, "l s 2"] | None = None,
 ) -> LegPairs:
     """Share l legs out, two to each, among k trunks and h people that no trunk shows, in one assignment.
 
     sufficient: the legs that enough samples show to initiate a track; under_trunks: where each trunk's legs are expected [m];
     expected: where the people are, and knees: where their legs are from there [m]; apart_m: a third leg so near to a trunk's is
-    a bag, and no other person's; gate_m: how far from there the people's legs may be. Legs that neither takes pair off.
+    a bag, and no other person's; gate_m: how far from there the people's legs may be; lines: unit vectors to the legs from the
+    scanners that see each, 0 from others, behind which the other leg of a single one is. Legs that neither takes pair off.
     """
     place, wide = legs.position, legs.width_m > BOTH_LEGS_M
     n_trunk, n_person = len(under_trunks), len(expected)
@@ -176,11 +195,18 @@ def pair_legs(
     taking = n_leg[n_trunk:] > 0
     free &= ~at_trunks
     new, n_leg_of_new = pair_off(place[free], options.pair_m, sufficient[free])
-    return LegPairs(
-        np.concatenate([(position[n_trunk:] - knees)[taking], new]),
-        np.concatenate([n_leg[n_trunk:][taking], n_leg_of_new]),
-        under,
-    )
+    middle, n_leg_of_known = position[n_trunk:][taking] - knees[taking], n_leg[n_trunk:][taking]
+    single = n_leg_of_known == 1
+    if lines is not None and single.any():
+        leg = distances(position[n_trunk:][taking][single], place).argmin(axis=1)
+        middle[single] += _BEHIND_M * mean_line(lines[leg])
+    of_known = np.repeat([True, False], [len(middle), len(new)])
+    return LegPairs(np.concatenate([middle, new]), np.concatenate([n_leg_of_known, n_leg_of_new]), under, of_known)
+
+
+def mean_line(lines: Float[Array, "k s 2"]) -> Float[Array, "k 2"]:
+    """Return the mean of unit vectors from the scanners that see a thing, 0 from others (`Detections.sight_lines`)."""
+    return lines.sum(axis=1) / np.maximum(lines.any(axis=2).sum(axis=1), 1)[:, None]
 
 
 class TrunkOptions(Strict):
@@ -199,6 +225,18 @@ class TrunkOptions(Strict):
         "average the latter out, measurements neither, so that they count in the stated radius [m] (ours, measured)",
     )
     gate_m: float = Field(default=1.0, gt=0, description="radius of the validation region of trunks [m] (the paper's)")
+
+
+def aspect_offset_m(lines: Float[Array, "k s 2"], way: Float[Array, "k 2"]) -> Float[Array, "k 2"]:
+    """Return how far the axes of k trunks are from where their widths alone put them [m].
+
+    A trunk is wider than deep: its axis is farther behind the surface of who walks across the beam than of who walks along it.
+    lines: unit vectors from the scanners that see each, 0 from others; way: on which each walks, a unit vector at full stride,
+    shorter the slower, since who stands may have turned.
+    """
+    along = (lines @ way[..., None])[..., 0]
+    depth_m = _SIDE_DEEPER_M * (_EVEN_AT * (way**2).sum(axis=1, keepdims=True) - along**2)
+    return mean_line(depth_m[..., None] * lines)
 
 
 def offset_variance_m2(trunks: Detections, options: TrunkOptions) -> Float[Array, "k"]:
