@@ -51,11 +51,19 @@ _HOMES = {
 __all__ = list(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]
 
 
+def version_of(distribution: str) -> str:
+    """Return the version of a distribution, or "unknown" where its files lie without one: a source tree, another build."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version(distribution)
+    except PackageNotFoundError:
+        return "unknown"
+
+
 def __getattr__(name: str) -> Any:
     if name == "__version__":
-        from importlib.metadata import version
-
-        return version("roomtwin")
+        return version_of("roomtwin")
     if name not in _HOMES:
         raise AttributeError(f"module 'twin' has no attribute {name!r}; it has {', '.join(sorted(_HOMES))}")
     return getattr(import_module(_HOMES[name]), name)

@@ -12,6 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
+from twin import version_of
 from twin.commands.batch import reproduce, study_app, suite_app
 from twin.commands.export import export
 from twin.commands.info import check, list_, schema
@@ -48,8 +49,6 @@ def _twin(
     version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False,
 ) -> None:
     if version:
-        from importlib.metadata import version as version_of
-
         typer.echo(f"roomtwin {version_of('roomtwin')}")
         raise typer.Exit
     if context.invoked_subcommand is None:

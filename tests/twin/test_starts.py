@@ -137,6 +137,10 @@ def test_version_is_that_of_the_distribution() -> None:
     assert _twin("--version").split() == ["roomtwin", twin.__version__]
 
 
+def test_a_library_without_a_record_of_its_version_is_no_fault() -> None:
+    assert twin.version_of("no-such-distribution") == "unknown"
+
+
 def test_another_package_called_trackers_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert other_trackers() is None
     import trackers

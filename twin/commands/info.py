@@ -5,12 +5,12 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Iterator, Mapping
-from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from twin import version_of
 from twin.commands.memory import EXIT_FELL_SHORT
 from twin.messages import printable
 
@@ -292,7 +292,7 @@ def check_machine() -> Iterator[str]:
     from twin.sensors.render import OffscreenRenderer
     from twin.sensors.render_scene import RenderView
 
-    yield f"roomtwin    {version('roomtwin')}"
+    yield f"roomtwin    {version_of('roomtwin')}"
     yield f"mujoco      {mujoco.__version__}"
     model = mujoco.MjModel.from_xml_path(str(models.find("rooms", "lab")))
     data = mujoco.MjData(model)

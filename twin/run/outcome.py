@@ -7,7 +7,6 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ import numpy as np
 
 from trackers.rig import PriorFiles, Rig
 from trackers.tracks import background_learned_causally, unused_sensors
+from twin import version_of
 from twin.evaluate import evaluate_with_details
 from twin.evaluate.summary import Evaluation
 from twin.recording.atomic_file import open_atomic
@@ -38,7 +38,7 @@ _SIMPLIFICATIONS = (
     "Images are rasterised at one instant (several, averaged, with motion blur): {no}no mirror images.",
 )
 
-_version = lru_cache(metadata.version)
+_version = lru_cache(version_of)
 
 
 def simplifications(scenario: Scenario | None) -> list[str]:

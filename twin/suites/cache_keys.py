@@ -11,7 +11,6 @@ import sysconfig
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ import trackers
 import twin
 from trackers.plain_data import parse_yaml
 from trackers.presets import PRESETS, available
+from twin import version_of
 from twin.models import MODELS
 from twin.room.files import room_files
 from twin.scenario import Scenario
@@ -135,7 +135,7 @@ def simulation_code(modules: tuple[str, ...] = _SIMULATING) -> str:
         _add(digest, path.name.encode())
         _add(digest, path.read_bytes())
     for library in _LIBRARIES:
-        _add(digest, f"{library} {version(library)}".encode())
+        _add(digest, f"{library} {version_of(library)}".encode())
     return digest.hexdigest()
 
 
