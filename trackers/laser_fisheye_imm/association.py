@@ -113,7 +113,8 @@ class Association:
         colour = people.clothes.distance(seen.histograms, seen.comparable)
         if colour is None:
             colour = np.full((len(people), n_trunk), np.nan)
-        trunk_of = written(np.full(len(people), -1), *associate([self._explained(cost, colour)]))
+        looks = self._by_colour(colour)
+        trunk_of = written(np.full(len(people), -1), *associate([self._explained(cost, looks)]))
         walkers = self._walkers(seen, trunk_of)
         n_walker = len(walkers.position)
         others = np.pad(walkers.of_known & ~self._known[:, None], ((0, 0), (n_trunk, 0)))
@@ -122,12 +123,14 @@ class Association:
         single = np.concatenate([np.zeros(n_trunk, np.bool_), walkers.n_leg == 1])
         by_legs = walkers.likelihood(options.legs, self._leg_gate_m)
         cost = cost.joined(Costs.of(people, by_legs, options))
-        colour = np.pad(colour, ((0, 0), (0, n_walker)), constant_values=np.nan)
+        unknown = np.full((len(people), n_walker), np.nan)  # of legs no colours are seen
+        colour = np.concatenate([colour, unknown], axis=1)
+        looks = np.concatenate([looks, self._by_colour(unknown)], axis=1)
         track, taken = associate(
             [
-                self._explained(cost, colour, trunk < 0),
-                self._explained(cost, colour, others | (trunk >= 0)),
-                self._re_identified(cost, colour, position, single),
+                self._explained(cost, looks, trunk < 0),
+                self._explained(cost, looks, others | (trunk >= 0)),
+                self._re_identified(cost, looks, colour, position, single),
             ]
         )
         new = left_over(len(position), taken)
@@ -192,30 +195,33 @@ class Association:
         of_known = np.zeros(len(position), np.bool_)
         groups = LegPairs(position, np.full_like(n_leg, 2), np.full((len(seen.trunks), 2), np.nan), of_known)
         cost = Costs.of(self.people, groups.likelihood(legs, self._leg_gate_m), self.options)
-        track, taken = associate([self._explained(cost, np.full(cost.pair.shape, np.nan))])
+        track, taken = associate([self._explained(cost, self._by_colour(np.full(cost.pair.shape, np.nan)))])
         left = left_over(len(position), taken[trunk_of[track] >= 0])
         return LegPairs(position[left], groups.n_leg[left], groups.under_trunk, of_known[left])
 
-    def _explained(
-        self, cost: Costs, colour: Float[Array, "n k"], without: Bool[Mask, "*#n k"] | bool = False
-    ) -> Stage:
-        """Pair tracks with explained measurements, except those in `without`; colour: E, NaN if unknown."""
+    def _explained(self, cost: Costs, looks: Float[Array, "n k"], without: Bool[Mask, "*#n k"] | bool = False) -> Stage:
+        """Pair tracks with explained measurements, except those in `without`; looks: the cost of their colours."""
         alone, all_tracks = _unpaired(self.people, self.missed, self.options), np.ones(len(self.people), np.bool_)
-        return Stage(all_tracks, [cost.pair, self._by_colour(colour)], [cost.out_of_gate | without], alone)
+        return Stage(all_tracks, [cost.pair, looks], [cost.out_of_gate | without], alone)
 
     def _re_identified(
-        self, cost: Costs, colour: Float[Array, "n k"], position: Float[Array, "k 2"], part: Bool[Mask, "k"]
+        self,
+        cost: Costs,
+        looks: Float[Array, "n k"],
+        colour: Float[Array, "n k"],
+        position: Float[Array, "k 2"],
+        part: Bool[Mask, "k"],
     ) -> Stage:
         """Pair occluded tracks with what no prediction explains, but for what is only a `part` of a person, or of none.
 
-        What starts from a part is re-identified when it is confirmed.
+        What starts from a part is re-identified when it is confirmed. looks: the cost of the colours; colour: E, NaN if unknown.
         """
         people, rules = self.people, self.options.track_management
         hidden = people.confirmed & self._hidden() & (rules.reid_speed_m_s is not None)
         existing = hidden & people.exist(rules.exists_above)
         explained = ((cost.mahalanobis <= EXPLAINED_BELOW) & ~hidden[:, None]).any(axis=0)
         cannot_be = ~self._same_person(existing, position, colour) | part | explained
-        return Stage(hidden, [cost.pair, self._by_colour(colour)], [cannot_be])
+        return Stage(hidden, [cost.pair, looks], [cannot_be])
 
     def _by_colour(self, colour: Float[Array, "n k"]) -> Float[Array, "n k"]:
         """Return the cost of a colour: −2 ln of the likelihood ratio of own and other track, or w E as in the paper.
