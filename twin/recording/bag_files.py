@@ -34,6 +34,25 @@ _kept_qos_texts = lru_cache(maxsize=64)(lambda qos: metadata.dump_qos_v8(list(qo
 writer.dump_qos_v8 = lambda qos: _kept_qos_texts(tuple(qos))  # pyright: ignore[reportPrivateImportUsage]
 
 
+@contextmanager
+def _no_metadata_file() -> Iterator[None]:
+    """Let the library format the metadata within an MCAP file alone: the file beside it is not kept, and as costly."""
+
+    class Within(_Yaml):
+        def dump(self, data: Any, stream: Any = None, **options: Any) -> Any:
+            if "rosbag2_bagfile_information" not in data:
+                super().dump(data, stream, **options)
+
+    writer.YAML = Within  # pyright: ignore[reportPrivateImportUsage]
+    try:
+        yield
+    finally:
+        writer.YAML = _Yaml  # pyright: ignore[reportPrivateImportUsage]
+
+
+_Yaml = writer.YAML  # pyright: ignore[reportPrivateImportUsage]
+
+
 class McapFile:
     """Writer of messages to `path` (a `.mcap`) as they come; a context manager.
 
@@ -73,7 +92,7 @@ class McapFile:
         try:
             if kind is None:
                 assert self._writer is not None
-                with self._disk_errors():
+                with self._disk_errors(), _no_metadata_file():
                     self._writer.close()
                     os.replace(self._writer.path / f"{self._path.stem}.mcap", self._path)
         finally:

@@ -25,7 +25,6 @@ from twin.recording.track_topics import TrackTopics
 from twin.recording.truth_tables import DETAIL_FILES, detail_writer, feet_writer, write_names
 from twin.recording.writer import BagWriter
 from twin.report.page import RunFacts
-from twin.room.building import room_outline
 from twin.run.feed import Feed, open_feed
 from twin.run.inputs import NONE_TRUSTED, ChosenTracker, TrustedClasses, choose
 from twin.run.out_folder import OutFolder, out_folder
@@ -47,6 +46,7 @@ from twin.scenario.load import dump_scenario
 from twin.scenario.scenario import describe_conditions
 from twin.streams import stream
 from twin.truth.frames import TruthDetail, TruthFrame
+from twin.world.empty_room import empty_room
 from twin.world.simulation import Simulation
 from twin.world.world import PrecomputedScene, heap_trimmed
 
@@ -230,7 +230,7 @@ class _LiveRun:
         scene = self._simulation.world.scene
         return Site(
             self._simulation.rig,
-            room_outline(scene.model, self._simulation.world.data),
+            empty_room(self._request.scenario).outline,
             {number: name for name, number in scene.ids.items()},
             true_rig=self._simulation.true_rig,
         )

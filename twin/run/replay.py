@@ -32,7 +32,6 @@ from twin.recording.truth_tables import DETAIL_FILES, on_clock_of, truth_frames
 from twin.report.birdseye import Polygon
 from twin.report.page import RunFacts
 from twin.report.path_map import ScanDensity
-from twin.room.building import room_outline
 from twin.run.feed import Feed, open_feed
 from twin.run.inputs import (
     ChosenTracker,
@@ -55,7 +54,8 @@ from twin.run.outcome import (
 )
 from twin.run.tracker_runner import file_name
 from twin.scenario import Scenario
-from twin.world.world import World, heap_trimmed
+from twin.world.empty_room import empty_room
+from twin.world.world import heap_trimmed
 
 _RATE_PROBE = 20
 _ABOUT = "recording.json"
@@ -274,12 +274,9 @@ def outline_of(scenario: Scenario | None) -> list[Polygon]:
     if scenario is None:
         return []
     try:
-        stand = {name: housing.model_copy(update={"drive": None}) for name, housing in scenario.housings.items()}
-        # who walks or drives there is no part of its plan
-        world = World(scenario.model_copy(update={"people": {}, "housings": stand}))
+        return empty_room(scenario).outline
     except InputError:
         return []
-    return room_outline(world.scene.model, world.empty_snapshot(0.0).data)
 
 
 def _rate_hz(bag: Recording) -> float:

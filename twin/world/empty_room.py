@@ -17,6 +17,7 @@ from trackers.text_file import are_limits_lifted, check_limit
 from twin import models
 from twin.geometry.geom_hull import check_extent
 from twin.people.crowd.routes import Routes
+from twin.room.building import room_outline
 from twin.room.files import ROOM_ROOT, room_files
 from twin.room.floor import check_floor_under, floor_hull, floor_of
 from twin.room.furniture import Bed, Seat, furniture_of
@@ -66,6 +67,11 @@ class EmptyRoom:
         near = within_reach(obstacles_of(self.model, self.path.name), self.walkable, OBSTACLE_REACH_M)
         check_limit(len(near), MOST_OBSTACLES, f"{self.path}: stands in people's way with", "things")
         return near
+
+    @cached_property
+    def outline(self) -> list[Array]:
+        """Convex outlines (k, 2) [m] of what stands in the room, for plans."""
+        return room_outline(self.model, self.data)
 
     def fitting_people(self) -> set[Person]:
         """Return the people known to fit between walls and furniture, for the checks of placement to extend."""
