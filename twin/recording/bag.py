@@ -182,6 +182,8 @@ def open_bag(path: Path) -> Iterator[Bag]:
     """Open a bag for reading; raises InputError for one that is missing, of another kind, or damaged."""
     if not path.exists():
         raise InputError(f"{path}: does not exist; {_EXPECTED}")
+    if not path.is_dir() and not path.is_file():  # a pipe would be waited for
+        raise InputError(f"{path}: is a pipe or a device, neither a file nor a folder; {_EXPECTED}")
     with _bag_errors(path):
         if reason := reason_unreadable(path):
             raise InputError(f"{path}: {reason}; {_EXPECTED}")

@@ -352,6 +352,8 @@ def describe_damage(path: Path, reason: str) -> str:
         about = ("metadata", "YAML", "version", "Storage plugin", "Compression format", "Serialization format")
         if any(word in reason for word in about):
             return f"its metadata.yaml cannot be used ({reason}); `ros2 bag reindex {path.name}` writes a new one"
+    if reason.startswith("Unindexed MCAP messages"):
+        return f"has no index, and its messages are in no order; `mcap recover {path.name} -o whole.mcap` writes one that has"
     suffixes = {path.suffix} if path.is_file() else {each.suffix for each in path.glob("*")}
     if ".mcap" in suffixes:
         tool = f"`mcap recover {path.name}` saves what can be read"

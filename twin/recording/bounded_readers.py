@@ -11,7 +11,9 @@ import io
 import struct
 import sys
 from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
+from copy import copy
 from functools import lru_cache, partial
+from heapq import heappop, heappush
 from itertools import count
 from pathlib import Path
 from types import MappingProxyType
@@ -219,6 +221,24 @@ class _FolderReader(DirectoryReader):
         super().open()
         for each in self.storages:
             each.are_messages_packed = self.metadata.compression_mode == "message"
+
+    def messages(
+        self, connections: Collection[Connection], start: int | None = None, stop: int | None = None
+    ) -> Messages:
+        """Read messages in order of log time, though the files may stand in any order, and overlap in time."""
+        waiting = sorted(enumerate(self.storages), key=lambda each: (each[1].metadata.start_time, each[0]))[::-1]
+        heads: list[tuple[int, int, tuple[Connection, int, bytes], Messages]] = []
+        while waiting or heads:
+            if waiting and (not heads or waiting[-1][1].metadata.start_time <= heads[0][0]):
+                place, file = waiting.pop()
+                alone = copy(self)  # the library's reader of all files, with one
+                alone.storages = [file]
+                read = super(_FolderReader, alone).messages(connections, start, stop)
+            else:
+                _, place, message, read = heappop(heads)
+                yield message
+            if (following := next(read, None)) is not None:
+                heappush(heads, (following[1], place, following, read))
 
 
 class _Ros2Reader(rosbag2.Reader):

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import sqlite3
 import struct
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings, strategies as st
 from recorded import MS, a_scan, scan_messages, write_ros2_bag
 from rosbags import rosbag1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import Stores, get_typestore
 
 from trackers.errors import InputError
+from trackers.plain_data import dump_yaml, parse_yaml
 from twin.recording.reader import Recording
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -41,6 +44,34 @@ def test_a_bag_is_read_whatever_its_name_is(bags, tmp_path, name, suffix):
     assert stamps_in(tmp_path / name) == STAMPS
     shutil.copy(bags / suffix / f"{suffix}.{suffix}", tmp_path / f"{name}.{suffix}")
     assert stamps_in(tmp_path / f"{name}.{suffix}") == STAMPS
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
+@given(file_of=st.lists(st.integers(0, 3), min_size=len(STAMPS), max_size=len(STAMPS)), seed=st.integers(0, 99))
+@settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_a_bag_in_several_files_is_read_by_time_however_they_divide_it(tmp_path, storage, file_of, seed):
+    folder = tmp_path / f"{storage.name}-{seed}-{hash(tuple(file_of))}"
+    messages = scan_messages("/scan", STAMPS)
+    numbers = np.random.default_rng(seed).permutation(sorted(set(file_of))).tolist()
+    for number in numbers:
+        own = [message for message, part in zip(messages, file_of, strict=True) if part == number]
+        write_ros2_bag(folder / f"p{number}", own, storage)
+    (folder / "whole").mkdir(parents=True)
+    suffix = "mcap" if storage is StoragePlugin.MCAP else "db3"
+    for number in numbers:
+        shutil.copy(folder / f"p{number}" / f"p{number}.{suffix}", folder / "whole")
+    metadata = parse_yaml((folder / f"p{numbers[0]}" / "metadata.yaml").read_text(), "metadata.yaml", "metadata")
+    about = metadata["rosbag2_bagfile_information"]
+    about["relative_file_paths"] = [f"p{number}.{suffix}" for number in numbers]
+    about["message_count"] = about["topics_with_message_count"][0]["message_count"] = len(STAMPS)
+    (folder / "whole" / "metadata.yaml").write_text(dump_yaml(metadata))
+    assert stamps_in(folder / "whole") == STAMPS
+
+
+def test_a_pipe_is_refused_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "pipe.mcap")
+    with pytest.raises(InputError, match="is a pipe or a device"):
+        Recording(tmp_path / "pipe.mcap")
 
 
 def with_profile(data: bytes, profile: bytes) -> bytes:
