@@ -105,8 +105,10 @@ def _run_suite(source: Mapping[str, Any], folder: Path, jobs: int | None) -> Non
         run_suite(suite, path, folder, cache, Workers(jobs), resume=True, progress=progress)
 
 
-def record(name: str, *paths: Path) -> None:
+def record(name: str, *paths: Path, machine: str | None = None) -> None:
     """Keep the figures of runs under the name of their source; several folders of a suite are parts of one run.
+
+    machine: the one that made them (default: this one); what drew their pictures is read from them.
 
     Raises SystemExit for an unknown source, and for runs by code that no commit holds.
     """
@@ -123,7 +125,7 @@ def record(name: str, *paths: Path) -> None:
         "commit": commit,
         "committed": date,
         "measured": datetime.now(UTC).date().isoformat(),
-        "machine": f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}",
+        "machine": ", ".join([_machine() if machine is None else machine, *_renderers(paths)]),
         "seeds": _seeds(source, paths),
         "code": source["code"],
         "figures": figures,
@@ -140,15 +142,28 @@ def record(name: str, *paths: Path) -> None:
     print(f"{FIGURES.relative_to(ROOT)}: {name}: {len(figures)} figures, of commit {commit[:10]}")
 
 
-def _commit_of_runs(paths: Sequence[Path]) -> str:
-    """Find the newest commit whose packages made the runs of a suite or a reproduction; HEAD where no run says which code."""
+def _machine() -> str:
+    return f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}"
+
+
+def _facts(paths: Sequence[Path]) -> Iterator[Mapping[str, Any]]:
+    """Read what the runs of a suite or a reproduction say of themselves."""
     from twin.suites.store_files import RESULTS_FILE, read_store
 
-    digests = set()
     for folder in [each for path in paths for each in (path, path.parent / "suite")]:
         if (folder / RESULTS_FILE).is_file():
             with read_store(folder) as store:
-                digests.add(store.facts()["code"])
+                yield store.facts()
+
+
+def _renderers(paths: Sequence[Path]) -> list[str]:
+    """Return what drew the pictures of the runs."""
+    return sorted({name for facts in _facts(paths) for name in facts.get("renderers", ()) if name != "none"})
+
+
+def _commit_of_runs(paths: Sequence[Path]) -> str:
+    """Find the newest commit whose packages made the runs of a suite or a reproduction; HEAD where no run says which code."""
+    digests = {facts["code"] for facts in _facts(paths)}
     if not digests:
         return "HEAD"
     for commit in _git("log", f"-{_COMMITS_SEARCHED}", "--format=%H", "--", "twin", "trackers").split():
@@ -279,12 +294,13 @@ def main() -> None:
     keep.add_argument(
         "paths", nargs="+", type=Path, help="folders of a suite, a results.json, or rows of scripts/bench --json"
     )
+    keep.add_argument("--machine", help="the machine that made the run, in words; default: this one")
     commands.add_parser("readme", help="fill the tables of the README")
     arguments = parser.parse_args()
     if arguments.command == "measure":
         measure(arguments.name, arguments.jobs)
     elif arguments.command == "record":
-        record(arguments.name, *arguments.paths)
+        record(arguments.name, *arguments.paths, machine=arguments.machine)
     else:
         from documentation.tables import fill_readme
 
