@@ -90,15 +90,27 @@ def run_suite(
 
 @suite_app.command("show", epilog="Example: twin suite show out/suite-smoke")
 def show_suite(
-    folder: Folder,
+    folders: Annotated[
+        list[Path],
+        typer.Argument(metavar="FOLDER...", help="A folder of `twin suite run`; the cases of several are pooled."),
+    ],
     markdown: Annotated[
         bool, typer.Option("--markdown", help="Verdict and means, for a README or a pull request.")
     ] = False,
+    reference: Annotated[
+        str | None, typer.Option(metavar="TRACKER", help="Compare with this tracker, not with the suite's reference.")
+    ] = None,
 ) -> None:
-    """Show the table of a run, finished or not, and write its page."""
-    from twin.suites.gate import show_markdown, show_results
+    """Show the table of a run, finished or not, and write its page; or the tables of several runs as of one."""
+    from trackers.errors import InputError
+    from twin.suites.gate import show_markdown, show_pooled, show_results
 
-    (show_markdown if markdown else show_results)(folder)
+    if len(folders) > 1 or reference is not None:
+        if markdown:
+            raise InputError("--markdown: is for one folder without --reference")
+        show_pooled(folders, reference)
+    else:
+        (show_markdown if markdown else show_results)(folders[0])
 
 
 @suite_app.command("compare", epilog="Example: twin suite compare out/before out/now --out compare.html")

@@ -29,7 +29,7 @@ from twin.suites.dask_runner import suite_progress
 from twin.suites.exports import write_junit, write_summary
 from twin.suites.metrics import GATED, GATED_SENSOR_METRICS, allowed_by_default
 from twin.suites.page import write_comparison_page, write_page
-from twin.suites.results import Group, GroupKey, RequirementCheck, Results, check_requirements, collect_results
+from twin.suites.results import Group, GroupKey, RequirementCheck, Results, check_requirements, collect_results, pooled
 from twin.suites.run import run_suite, tolerances_of
 from twin.suites.spec import Suite, load_suite
 from twin.suites.store import ResultStore
@@ -227,6 +227,24 @@ def show_markdown(folder: Path) -> None:
         print(markdown_verdict(results, comparison, check_requirements(store.facts(), results)))
         print()
         print(markdown_table(results))
+
+
+def show_pooled(folders: Sequence[Path], reference: str | None) -> None:
+    """Print the tables of several runs as of one, compared with `reference` (None: that of the first run's suite)."""
+    runs = []
+    for folder in folders:
+        with read_store(folder) as store:
+            runs.append((str(folder), collect_results(store)))
+            reference = reference or store.facts().get("reference")
+    results = pooled(runs)
+    _check_reference(results, reference)
+    print_results(results, reference)
+
+
+def _check_reference(results: Results, reference: str | None) -> None:
+    trackers = sorted({key.tracker for key in results.groups})
+    if reference is not None and reference not in trackers:
+        raise InputError(f"--reference {reference!r} is none of the trackers; valid are {', '.join(trackers)}")
 
 
 def show_results(folder: Path) -> None:

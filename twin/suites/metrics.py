@@ -9,7 +9,7 @@ differ, `twin.suites.permutation_test` adds an allowance for chance.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 from typing import Any
@@ -117,6 +117,34 @@ def _leaves(content: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, floa
             yield from _leaves(value, f"{prefix}{key}.")
         elif value is None or (isinstance(value, int | float) and not isinstance(value, bool)):
             yield f"{prefix}{key}", None if value is None else float(value)
+
+
+_WITHIN = (50, 80, 95)
+"""Stated probabilities of the radii shown [%]."""
+
+
+def pooled_shares(cases: Sequence[Mapping[str, float | None]]) -> dict[str, float | None]:
+    """Compute shares over the frames of all cases, by name; None where the cases lack what they are shares of.
+
+    Ghosts: coasting rows matched with no person, of all rows. MOTA of the seen: without misses of people that no used sensor
+    sees, and without their ghosts; and after start-up, also without misses of people not yet tracked.
+    """
+
+    def total(name: str, weight: str | None = None) -> float:
+        return sum((case.get(name) or 0.0) * (1.0 if weight is None else case.get(weight) or 0.0) for case in cases)
+
+    extra, hidden_ghosts = total("false_positives"), total("errors.false_positive.ghost_unseen")
+    start_up = total("errors.missed.start_up")
+    seen = total("judged.person_frames") - total("errors.missed.unseen") - total("errors.missed.unused")
+    wrong = total("errors.missed.seen") + extra - hidden_ghosts + total("id_switches")
+    stated = "within_radius.n"
+    parts = {
+        "ghosts": (total("errors.false_positive.ghost") + hidden_ghosts, total("judged.matches") + extra),
+        "MOTA of the seen": (seen - wrong - start_up, seen),
+        "after start-up": (seen - start_up - wrong, seen - start_up),
+        **{f"within {each} % radius": (total(f"within_radius.{each}", stated), total(stated)) for each in _WITHIN},
+    }
+    return {name: part / whole if whole > 0 else None for name, (part, whole) in parts.items()}
 
 
 def worsening(key: str, change: float) -> float:

@@ -6,7 +6,7 @@ Trackers are compared with a reference tracker by differences paired by case, pe
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -111,6 +111,28 @@ def collect_results(store: ResultStore) -> Results:
         failed=tuple(case for case in cases if case.status == FAILED),
         unfinished=sum(case.status not in (DONE, FAILED) for case in cases),
         sensors={key: _group(found, recorded, recipes) for key, found in sensors.items()},
+    )
+
+
+def pooled(runs: Sequence[tuple[str, Results]]) -> Results:
+    """Pool the cases of several runs, given with the names of their folders. Raises InputError for a case that two have."""
+    groups: dict[GroupKey, Group] = {}
+    for name, results in runs:
+        for key, group in results.groups.items():
+            known = groups.setdefault(key, Group(group.variant, {}))
+            if twice := sorted(set(known.seeds) & set(group.seeds)):
+                raise InputError(
+                    f"{name}: {key.scenario}, seed {twice[0]}, {key.tracker} is in another folder too; runs of other seeds or "
+                    "scenarios are expected"
+                )
+            groups[key] = replace(known, seeds={**known.seeds, **group.seeds})
+    return Results(
+        suite=", ".join(dict.fromkeys(results.suite for _, results in runs)),
+        versions=runs[0][1].versions,
+        renderers=(),
+        groups=groups,
+        failed=tuple(case for _, results in runs for case in results.failed),
+        unfinished=sum(results.unfinished for _, results in runs),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from twin.console import PlainConsole
 from twin.messages import printable
 from twin.report.metrics_table import format_number
 from twin.suites.comparison import Change, Comparison, incident_link, significance
-from twin.suites.metrics import HEADLINE_METRICS, METRICS, format_metric, metric_named
+from twin.suites.metrics import HEADLINE_METRICS, METRICS, format_metric, metric_named, pooled_shares
 from twin.suites.results import (
     BEHIND_HOTA,
     REFERENCE_METRICS,
@@ -51,6 +51,8 @@ def print_results(results: Results, reference: str | None = None) -> None:
             highlight=False,
         )
         console.print(_reference_table(results, reference))
+        console.print("all cases together, by the frames of each person", highlight=False)
+        console.print(_pooled_table(results))
     for case in results.failed[:_MOST_ROWS]:
         error = (case.error or "").splitlines()
         console.print(
@@ -88,14 +90,44 @@ def _reference_table(results: Results, reference: str) -> Table:
     return table
 
 
+_WITH_INTERVAL = ("mota", "hota")
+"""Metrics whose differences are shown with their 95 % interval."""
+
+
+def _interval(metric: str, found: MeanOverSeeds) -> str:
+    if found.low is None or found.high is None:
+        return ""
+    low, high = (format_metric(metric, bound, True).split()[0] for bound in (found.low, found.high))
+    return f" {low} to {high}"
+
+
 def _reference_cells(row: ReferenceDifference) -> list[str]:
     cells = [
         "–"
         if found is None
-        else format_metric(metric, found.mean, True).split()[0] + ("*" if row.verdict(metric) else "")
+        else format_metric(metric, found.mean, True).split()[0]
+        + ("*" if row.verdict(metric) else "")
+        + (_interval(metric, found) if metric in _WITH_INTERVAL else "")
         for metric, found in row.differences.items()
     ]
     return [row.tracker, str(row.n_case), *cells, "–" if row.behind is None else f"{row.behind:.1%}"]
+
+
+def _pooled_table(results: Results) -> Table:
+    """Tabulate the shares of `pooled_shares`, one row per tracker."""
+    table = Table()
+    table.add_column("tracker", no_wrap=True)
+    table.add_column("person-frames", justify="right")
+    cases: dict[str, list[Mapping[str, float | None]]] = {}
+    for key, group in results.groups.items():
+        cases.setdefault(key.tracker, []).extend(group.seeds.values())
+    shares = {tracker: pooled_shares(each) for tracker, each in cases.items()}
+    for name in next(iter(shares.values()), {}):
+        table.add_column(name, justify="right")
+    for tracker, found in shares.items():
+        people = sum(case.get("judged.person_frames") or 0.0 for case in cases[tracker])
+        table.add_row(tracker, f"{people:.0f}", *("–" if share is None else f"{share:.2%}" for share in found.values()))
+    return table
 
 
 def print_comparison(

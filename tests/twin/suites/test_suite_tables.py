@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from twin.suites.results import Group, GroupKey, RequirementCheck, Results
+import pytest
+
+from trackers.errors import InputError
+from twin.suites.metrics import pooled_shares
+from twin.suites.results import Group, GroupKey, RequirementCheck, Results, pooled
 from twin.suites.tables import markdown_table, markdown_verdict
 
 
@@ -52,3 +56,26 @@ def test_the_verdict_comes_in_one_line_with_what_is_not_met_below() -> None:
         "made-up: **1 of 2 requirements met**; 2 cases done.",
         "- not met: lab, `ours`: MOTA is 0.850, required >= 0.9",
     ]
+
+
+def test_shares_are_of_all_cases_frames_together_and_the_unseen_are_no_errors() -> None:
+    small = {"judged.person_frames": 100, "judged.matches": 80, "errors.missed.unseen": 20, "id_switches": 0}
+    large = {
+        **{"judged.person_frames": 300, "judged.matches": 290, "errors.missed.start_up": 4, "errors.missed.seen": 6},
+        **{"false_positives": 10, "errors.false_positive.ghost": 4, "errors.false_positive.ghost_unseen": 3},
+        **{"id_switches": 1, "within_radius.n": 50, "within_radius.95": 0.96, "within_radius.50": 0.5},
+    }
+    shares = pooled_shares([small, large])
+    assert shares["ghosts"] == pytest.approx(7 / 380)
+    assert shares["MOTA of the seen"] == pytest.approx(1 - (6 + 4 + 7 + 1) / 380)
+    assert shares["after start-up"] == pytest.approx(1 - (6 + 7 + 1) / 376)
+    assert shares["within 95 % radius"] == pytest.approx(0.96)
+    assert pooled_shares([small])["within 95 % radius"] is None
+
+
+def test_runs_of_other_seeds_are_pooled_and_a_case_in_two_of_them_is_refused() -> None:
+    key = GroupKey("lab", "[]", "ours")
+    first, second = (Results("made-up", {}, (), {key: Group("", {seed: {"mota": 0.9}})}) for seed in (1, 2))
+    assert pooled([("a", first), ("b", second)]).groups[key].seeds == {1: {"mota": 0.9}, 2: {"mota": 0.9}}
+    with pytest.raises(InputError, match="b: lab, seed 1, ours is in another folder too"):
+        pooled([("a", first), ("b", first)])
