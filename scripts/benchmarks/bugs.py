@@ -64,7 +64,7 @@ _BY_FILE = {
     "trackers/tracking/appearance.py": [
         ("first look blended with nothing", "Appearance.learned", "np.where(_A[_B, None], _C, _D)", "_C"),
     ],
-    "trackers/tracking/association.py": [
+    "trackers/tracking/roster.py": [
         ("whom nothing fits is paired first", "associate", "_A[:, None] - _B", "_A[:, None] + _B"),
         ("measurement paired twice", "associate", "_A[_B] = _A[:, _C] = False", "_A[_B] = False"),
     ],
@@ -340,7 +340,7 @@ _BY_FILE = {
         ("memory of the velocity inverted", "smoothed", "_A * _B + (1 - _A) * _C / _D", "(1 - _A) * _B + _A * _C / _D"),
         ("unlikeliest stays", "excluded", "-_A", "_A"),
     ],
-    "trackers/camera_floor_particle/head.py": [
+    "trackers/camera_floor_particle/pan.py": [
         ("degrees for radians", "HeadFilter.step", "np.deg2rad(_A)", "_A"),
         (
             "pan turned the other way",

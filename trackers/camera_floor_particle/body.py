@@ -1,19 +1,61 @@
-"""Body filter (section 4): particles x, y, z moved by the person's velocity, and the paper's order of weighting."""
+"""Body filter (section 4): particles x, y, z moved by the person's velocity, and the paper's order of weighting.
+
+The tracks of people are a roster of these clouds, with the cloud of each head and the appearance in each camera.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from trackers.area import Area
 from trackers.arrays import Array, Index, Mask
 from trackers.camera_floor_particle.loads import Loads
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions, ExclusionOptions, MotionOptions
-from trackers.camera_floor_particle.people import People
 from trackers.filters.particle import Cloud, LikelihoodStage, ParticleFilter, cascade
+from trackers.filters.rows import Rows
 from trackers.likelihood.colour import point_log_likelihood, window_log_likelihood
+from trackers.tracking.roster import Roster
 from trackers.vision.views import Views, padded_roots
+
+PAN_BINS = 12
+"""References of the head, one per 30° of viewing angle; 0 is the face."""
+
+
+@dataclass(frozen=True, eq=False)
+class People(Rows):
+    """n tracks, detected when floor or cameras show them. Histograms are stored as roots, for similarity."""
+
+    roster: Roster[Cloud]  # x, y, z of the middle of the body [m]
+    head: Cloud  # x, y, z of the middle of the head [m], pan [rad]
+    place: Float[Array, "n 3"]  # the body's estimate [m]
+    velocity: Float[Array, "n 3"]  # [m/s]
+    head_place: Float[Array, "n 3"]
+    head_velocity: Float[Array, "n 3"]
+    pan: Float[Array, "n"]  # [rad]
+    clothes: Float[Array, "n cameras bins"]
+    facing: Float[Array, "n steps"]  # probability of each pan in a grid of directions, from 0 on
+    hair: Float[Array, "n pans colours"]  # of each part of the head's window, concatenated
+    course: Float[Array, "n 2"]  # velocity over the last third of a second [m/s]
+    skin_true: Float[Array, "n"]  # agreement of the skin on their heads with their walking direction, from −1 to 1
+    pan_known: Bool[Mask, "n"]  # whether steps have shown the forward direction
+    weight_n: Float[Array, "n"]  # on the floor, learned [N]
+    height_m: Float[Array, "n"]
+    lost: Bool[Mask, "n"]  # without particles left: they coast
+
+    @property
+    def body(self) -> Cloud:
+        """Particles of the middles of bodies, x, y, z [m]."""
+        return self.roster.state
+
+    @property
+    def ids(self) -> Int[Index, "n"]:
+        """Ids of the tracks."""
+        return self.roster.id
+
 
 _GRID_M = 0.02
 """Side of the elements of the grid on which squares are marked."""

@@ -2,7 +2,7 @@
 
 The paper does not give the initial head and pan. Here (ours) the silhouettes of all cameras carve a small hull over the
 cluster, whose top is the head's. The initial pan is the direction in which the head shows the most skin, corrected by the
-first steps (`trackers.camera_floor_particle.head`).
+first steps (`trackers.camera_floor_particle.pan`).
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from jaxtyping import Bool, Float
 
 from trackers.arrays import Array, Mask
 from trackers.camera_floor_particle import body
+from trackers.camera_floor_particle.body import PAN_BINS, People
 from trackers.camera_floor_particle.loads import Loads
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
 from trackers.camera_floor_particle.pan import GRID, around, unit
-from trackers.camera_floor_particle.people import PAN_BINS, People
 from trackers.filters.gating import distances
 from trackers.filters.particle import Cloud
 from trackers.filters.rows import Rows

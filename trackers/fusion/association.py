@@ -14,7 +14,7 @@ from trackers.arrays import Array, Index, Mask
 from trackers.filters.imm import ImmState
 from trackers.fusion.look import Look
 from trackers.fusion.people import People
-from trackers.tracking.association import Stage, associate
+from trackers.tracking.roster import Stage, associate
 
 LEAST_EXISTENCE, _LEAST_MISSED = 1e-4, 1e-2
 _NEAR_M, _GATE = 0.3, 4.0

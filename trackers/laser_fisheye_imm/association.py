@@ -32,7 +32,7 @@ from trackers.likelihood.legs import (
     pair_legs,
     trunk_likelihood,
 )
-from trackers.tracking.association import Stage, associate, left_over
+from trackers.tracking.roster import Stage, associate, left_over
 from trackers.tracking.track_manager import nanoseconds, reachable
 
 _LEAST_MISSED, _LEAST_EXISTENCE = 1e-3, 1e-4

@@ -12,7 +12,7 @@ from trackers.filters.motion import AGILE, IMM_MODELS, MODE_STAYS, SINGLE_TURN, 
 from trackers.laser.grouping import STRIDE_M
 from trackers.laser.layer import KneeOptions, LayerOptions, ScannerOptions, WaistOptions
 from trackers.laser.roles import Role
-from trackers.laser_fisheye_imm.posture import PostureOptions
+from trackers.laser_fisheye_imm.people import PostureOptions
 from trackers.likelihood.legs import BOTH_LEGS_M, LegOptions, TrunkOptions
 from trackers.tracking.track_manager import ReidentificationOptions, TrackManagementOptions
 from trackers.vision.histogram import HistogramOptions

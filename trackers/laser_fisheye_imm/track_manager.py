@@ -15,7 +15,7 @@ from trackers.filters.rows import written
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import People
 from trackers.likelihood.legs import PositionLikelihood
-from trackers.tracking.association import Stage, associate
+from trackers.tracking.roster import Stage, associate
 from trackers.tracking.track_manager import TrackManager, clear_of, measured_now, nanoseconds, reachable
 
 _AT_REST = 0.01

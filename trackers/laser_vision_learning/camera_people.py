@@ -21,11 +21,11 @@ from trackers.configuration import Strict
 from trackers.filters.gating import distances, mahalanobis_distances
 from trackers.filters.particle import Cloud
 from trackers.filters.rows import written
-from trackers.laser_vision_learning.people import People
+from trackers.laser_vision_learning.walking import People
 from trackers.observations import NS_PER_S, DepthImage, Image
 from trackers.prior import Prior
 from trackers.rig import CameraSensor, placed_camera
-from trackers.tracking.association import Stage, associate
+from trackers.tracking.roster import Stage, associate
 from trackers.tracking.track_manager import measured_now
 from trackers.vision.foreground import Foreground
 from trackers.vision.person_detector import SHIPPED, SILHOUETTES, PeopleSeen, PersonDetector, PersonModel

@@ -29,9 +29,9 @@ from trackers.filters.gating import linked
 from trackers.filters.rows import written
 from trackers.laser_vision_learning.identities import Identities, IdentityOptions, decided
 from trackers.laser_vision_learning.looks import Learner, Looks, LooksOptions
-from trackers.laser_vision_learning.people import People
 from trackers.laser_vision_learning.score_maps import ScoreMaps, in_levels
 from trackers.laser_vision_learning.situations import Situations
+from trackers.laser_vision_learning.walking import People
 from trackers.observations import NS_PER_S, DepthImage, Image
 from trackers.rig import CameraSensor, placed_camera
 from trackers.tracking.track_manager import measured_now, nanoseconds

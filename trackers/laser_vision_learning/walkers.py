@@ -14,9 +14,8 @@ from trackers.filters.negative_information import update_missed_particles
 from trackers.filters.particle import Cloud, ParticleFilter
 from trackers.laser.group import ScannerGroup
 from trackers.laser_vision_learning.options import LaserVisionLearningOptions
-from trackers.laser_vision_learning.people import People
 from trackers.laser_vision_learning.situations import Situations, assessed
-from trackers.laser_vision_learning.walking import STATE_SIZE, WalkingModel
+from trackers.laser_vision_learning.walking import STATE_SIZE, People, WalkingModel
 from trackers.likelihood.laser_points import log_likelihood, shares, unexplained_people
 from trackers.observations import NS_PER_S, Observation
 from trackers.tracking.track_manager import TrackManager, measured_now, measured_often, reachable

@@ -30,9 +30,8 @@ from trackers.prior import Prior
 from trackers.rgbd_head.calibration import CalibrationCheck, turned
 from trackers.rgbd_head.evaluators import Evaluator, Evaluators
 from trackers.rgbd_head.likelihoods import Likelihoods
-from trackers.rgbd_head.motion import Motion
 from trackers.rgbd_head.options import RgbdHeadOptions
-from trackers.rgbd_head.people import People
+from trackers.rgbd_head.people import Motion, People
 from trackers.rgbd_head.track_manager import HeadTrackManager
 from trackers.rig import Rig, StereoSensor
 from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
@@ -210,7 +209,7 @@ def _evaluators_of(here: Mapping[str, Evaluator], model: HeadModel, options: Rgb
     """Make the evaluators: in this process, or on the workers of a Dask scheduler, which is imported only then."""
     if options.scheduler is None:
         return Evaluators(here, model, options.stereo_head)
-    from trackers.rgbd_head.scheduled import ScheduledEvaluators
+    from trackers.rgbd_head.evaluators import ScheduledEvaluators
 
     return ScheduledEvaluators(here, model, options.stereo_head, options.scheduler)
 

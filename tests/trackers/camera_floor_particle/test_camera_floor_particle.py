@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from synthetic_home import LOAD, PERIOD_S, empty_room, observe, rig, walks
 
 from trackers.area import Area, Pose
-from trackers.camera_floor_particle.body import BodyFilter, excluded, smoothed
+from trackers.camera_floor_particle.body import PAN_BINS, BodyFilter, excluded, smoothed
 from trackers.camera_floor_particle.initiation import hull_over
 from trackers.camera_floor_particle.loads import FloorFrontEnd
 from trackers.camera_floor_particle.options import (
@@ -22,7 +22,6 @@ from trackers.camera_floor_particle.options import (
     MotionOptions,
 )
 from trackers.camera_floor_particle.pan import GRID, Looks, pan_bin, turned, walk as walk_of
-from trackers.camera_floor_particle.people import PAN_BINS
 from trackers.errors import InputError
 from trackers.feeding import track_frames
 from trackers.filters.circular import diffused, drawn

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from driving_room import BEAMS, drive, scan_at
 
-from trackers.frames.odometry import OdometryTrack
 from trackers.frames.planar import between, compose, inverse, placed
+from trackers.frames.rig_frames import OdometryTrack
 from trackers.frames.scan_matching import MatchingOptions
 from trackers.frames.scan_memory import ScanMemory
 from trackers.frames.sensor_frame import SensorFrame

@@ -12,10 +12,9 @@ from trackers.errors import InputError
 from trackers.filters.particle import Cloud
 from trackers.laser_vision_learning.identities import IdentityOptions
 from trackers.laser_vision_learning.looks import LooksOptions
-from trackers.laser_vision_learning.people import People
 from trackers.laser_vision_learning.reidentification import Recognition, RecognitionOptions
 from trackers.laser_vision_learning.situations import Situations
-from trackers.laser_vision_learning.walking import SPEED
+from trackers.laser_vision_learning.walking import SPEED, People
 from trackers.learning.boosting import BoostingOptions
 from trackers.observations import NS_PER_S, Image
 from trackers.rig import PinholeSensor, placed_camera

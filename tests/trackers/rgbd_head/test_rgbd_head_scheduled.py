@@ -17,9 +17,8 @@ from synthetic_meeting import empty_room, observe, rig, walks
 from trackers.errors import InputError
 from trackers.feeding import track_frames
 from trackers.presets import make_tracker
-from trackers.rgbd_head.evaluators import Evaluator
+from trackers.rgbd_head.evaluators import Evaluator, ScheduledEvaluators
 from trackers.rgbd_head.options import RgbdHeadOptions
-from trackers.rgbd_head.scheduled import ScheduledEvaluators
 from trackers.tracks import TrackFrame
 
 RIG, ROOM = rig(), empty_room(rig())

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from trackers.tracking.association import Stage, associate, left_over
+from trackers.tracking.roster import Stage, associate, left_over
 
 
 def pairs(*stages: Stage) -> list[tuple[int, int]]:

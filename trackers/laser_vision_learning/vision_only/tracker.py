@@ -36,7 +36,7 @@ from trackers.laser_vision_learning.vision_only.people import (
 from trackers.observations import NS_PER_S, DepthImage, Image, Observation
 from trackers.prior import Prior
 from trackers.rig import Rig, placed_camera
-from trackers.tracking.association import Stage, associate, left_over
+from trackers.tracking.roster import Stage, associate, left_over
 from trackers.tracking.track_manager import TrackManager, coasting_within, measured_now
 from trackers.tracks import Detection, Track, TrackFrame
 from trackers.vision.foreground import Foreground
