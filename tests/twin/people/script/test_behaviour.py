@@ -12,6 +12,7 @@ import pytest
 
 from trackers.configuration import validate
 from twin.people.body.person_spec import JOINTS
+from twin.people.posture.postures import Postures
 from twin.scenario import Scenario
 from twin.truth.frames import FootTruth, PersonTruth
 from twin.world.world import World
@@ -132,6 +133,17 @@ def test_who_sits_is_on_the_seat_and_shares_the_weight_with_it() -> None:
     np.testing.assert_allclose(run[-1].place, [0.0, 0.0], atol=0.15)
     # the centre of mass rises and falls, but nothing is lost on average
     assert max(moment.load for moment in run) < 1.4 * weight_of(run)
+
+
+def test_who_is_kept_from_the_last_steps_to_a_seat_tries_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    def sits_at_s() -> float:
+        run = moments({"anna": act({"kind": "sit", "seat": "chair_left", "for_s": 4})}, 20)
+        return next(moment.t for moment in run if moment.truth.z < 0.65)
+
+    usual_s = sits_at_s()
+    stands_near, kept = Postures.stands_near, iter([True])
+    monkeypatch.setattr(Postures, "stands_near", lambda *given: not next(kept, False) and stands_near(*given))
+    assert usual_s + 1 < sits_at_s() < usual_s + 8
 
 
 def test_who_lies_is_off_the_floor_and_gets_up_again() -> None:
