@@ -99,7 +99,7 @@ _BY_FILE = {
         ("pushed towards the scanner", "pushed_back", "1 + _A / _B", "1 - _A / _B"),
         ("farther taken for nearer", "_hidden", "_A - _B", "_A + _B"),
     ],
-    "trackers/laser/detection_model.py": [
+    "trackers/laser/bearings.py": [
         ("rotation not transposed", "DetectionModel.__init__", "_A[:2, :2].T", "_A[:2, :2]"),
         ("a beam more is asked for", "DetectionModel.seen", "self._least - 1", "self._least"),
         (

@@ -9,10 +9,9 @@ import numpy as np
 from trackers.area import Area
 from trackers.fusion.look import Expected, Look, round_covariance
 from trackers.fusion.options import FusionOptions, KindOptions
-from trackers.laser.group import ScannerGroup
+from trackers.laser.group import ScannerGroup, scanners_by_role
 from trackers.laser.grouping import STRIDE_M
 from trackers.laser.layer import KneeOptions, LayerOptions, WaistOptions
-from trackers.laser.roles import scanners_by_role
 from trackers.likelihood.legs import LegOptions, pair_legs
 from trackers.observations import LaserScan, Observation
 from trackers.rig import Rig, Role

@@ -1,4 +1,4 @@
-"""All scanners of one role as one sensor: their detections, fused in the room frame.
+"""All scanners of one role, at waist or knee height, as one sensor: their detections, fused in the room frame.
 
 Two scanners of a role see one body from two sides, and one sees into the other's shadow. Clusters of two scanners are paired
 by optimal assignment within a gate; the others are kept.
@@ -19,16 +19,45 @@ from jaxtyping import Bool, Float
 
 from trackers.area import Area
 from trackers.arrays import Array, Mask
+from trackers.errors import InputError
 from trackers.filters.gating import distances, global_nearest_neighbour
 from trackers.filters.motion import MEASUREMENT_VARIANCE_M2
 from trackers.filters.rows import Rows
 from trackers.laser.detections import Detections
 from trackers.laser.grouping import PAIR_M, STRIDE_M, pair_off, take_legs
 from trackers.laser.layer import KneeOptions, LaserLayer, LayerOptions, WaistOptions
-from trackers.laser.roles import scanners_by_role
 from trackers.observations import LaserScan, Observation
 from trackers.rig import LaserSensor, Rig, Role
 from trackers.tracks import Detection
+
+
+def scanners_by_role(rig: Rig, wanted: Sequence[Role]) -> dict[Role, tuple[str, ...]]:
+    """Return the names of the scanners for each `wanted` role that the rig can fill, waist first.
+
+    A scanner's own `role` counts; one without is a waist scanner from 0.7 m up and a knee scanner below. At exactly 0 its
+    height is unknown, and it is a knee scanner if one is wanted. Several of one role are ordered by name, but the rig's main
+    sensor comes first. Raises InputError if no wanted role can be filled.
+    """
+    lasers = rig.lasers()
+    found: dict[Role, tuple[str, ...]] = {}
+    for name in sorted(lasers, key=lambda name: (name != rig.main_sensor, name)):
+        role = _role(lasers[name], wanted)
+        if role in wanted:
+            found[role] = (*found.get(role, ()), name)
+    if not found:
+        there = ", ".join(
+            f"{name} ({laser.role or f'at {laser.room_from_sensor.xyz[2]} m'})" for name, laser in lasers.items()
+        )
+        raise InputError(
+            f"the rig has no laser scanner for {' or '.join(wanted)} height: {there or 'no laser at all'}; "
+            f"a sensor of kind 'laser' with role {' or '.join(wanted)} is needed"
+        )
+    return {role: found[role] for role in ("waist", "knee") if role in found}
+
+
+def _role(laser: LaserSensor, wanted: Sequence[Role]) -> Role:
+    unknown = laser.role is None and laser.room_from_sensor.xyz[2] == 0
+    return "waist" if unknown and "knee" not in wanted else laser.layer
 
 
 @dataclass(frozen=True, eq=False)

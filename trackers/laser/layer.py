@@ -12,9 +12,8 @@ from pydantic import Field, PositiveInt
 from trackers.arrays import Array, Mask
 from trackers.configuration import Strict, described
 from trackers.laser.background import BackgroundOptions, KnownBackground, LearnedBackground, returns
-from trackers.laser.bearings import beams_of_turn, counter_clockwise
+from trackers.laser.bearings import DetectionModel, DetectionOptions, beams_of_turn, counter_clockwise
 from trackers.laser.clusters import ClusterOptions, Clusters, directions, find_clusters, padded_ranges, pushed_back
-from trackers.laser.detection_model import DetectionModel, DetectionOptions
 from trackers.laser.detections import Detections
 from trackers.laser.grouping import trunks
 from trackers.observations import LaserScan

@@ -19,8 +19,8 @@ from jaxtyping import Bool, Float, Int
 from trackers.arrays import Array, Index, Mask
 from trackers.filters.negative_information import existence_after_detection
 from trackers.filters.rows import written
+from trackers.laser.group import Role
 from trackers.laser.grouping import pair_off
-from trackers.laser.roles import Role
 from trackers.laser_fisheye_imm.detection import Seen
 from trackers.laser_fisheye_imm.options import EVEN_AT, EXPLAINED_BELOW, WRONG_LOOK, LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import People

@@ -12,8 +12,7 @@ from trackers.area import Area
 from trackers.arrays import Array, Mask
 from trackers.errors import InputError
 from trackers.laser.detections import Detections
-from trackers.laser.group import ScannerGroup
-from trackers.laser.roles import Role, scanners_by_role
+from trackers.laser.group import Role, ScannerGroup, scanners_by_role
 from trackers.laser_fisheye_imm.options import TORSO_HISTOGRAM, LaserFisheyeImmOptions
 from trackers.observations import Image, Observation
 from trackers.rig import FisheyeSensor, Rig, StereoSensor

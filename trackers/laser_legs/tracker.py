@@ -21,13 +21,12 @@ from trackers.filters.imm import Imm
 from trackers.filters.motion import VelocityMotion
 from trackers.frames.rig_frames import RigFrames
 from trackers.frames.sensor_frame import SensorFrame
-from trackers.laser.bearings import beams_of_turn
+from trackers.laser.bearings import DetectionModel, DetectionOptions, beams_of_turn
 from trackers.laser.clusters import Clusters, pushed_back
-from trackers.laser.detection_model import DetectionModel, DetectionOptions
+from trackers.laser.group import scanners_by_role
 from trackers.laser.grouping import PAIR_M, STRIDE_M, pair_off
 from trackers.laser.legs.classifier import read_forest, shipped
 from trackers.laser.legs.features import leg_clusters, own_samples
-from trackers.laser.roles import scanners_by_role
 from trackers.laser_legs.evidence import TRACK_FEATURES, LegTracks
 from trackers.laser_legs.options import LaserLegsOptions
 from trackers.observations import NS_PER_S, LaserScan, Observation, Odometry

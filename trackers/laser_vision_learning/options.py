@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 from pydantic import Field
 
 from trackers.configuration import Strict, described, leaves_of
-from trackers.laser.detection_model import DetectionOptions
+from trackers.laser.bearings import DetectionOptions
 from trackers.laser.layer import KneeOptions, ScannerOptions
 from trackers.laser_vision_learning.camera_people import CameraPeopleOptions
 from trackers.laser_vision_learning.identities import IdentityOptions

@@ -12,8 +12,7 @@ import numpy as np
 from trackers.area import Area
 from trackers.configuration import validate
 from trackers.errors import InputError
-from trackers.laser.group import ScannerGroup
-from trackers.laser.roles import scanners_by_role
+from trackers.laser.group import ScannerGroup, scanners_by_role
 from trackers.laser_vision_learning.camera_people import CameraPeople
 from trackers.laser_vision_learning.options import LaserVisionLearningOptions
 from trackers.laser_vision_learning.reidentification import Decision, Recognition

@@ -31,8 +31,7 @@ from trackers.rgbd_head.calibration import CalibrationCheck, turned
 from trackers.rgbd_head.evaluators import Evaluator, Evaluators
 from trackers.rgbd_head.likelihoods import Likelihoods
 from trackers.rgbd_head.options import RgbdHeadOptions
-from trackers.rgbd_head.people import Motion, People
-from trackers.rgbd_head.track_manager import HeadTrackManager
+from trackers.rgbd_head.people import HeadTrackManager, Motion, People
 from trackers.rig import Rig, StereoSensor
 from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
 from trackers.tracking.synced_tracker import SynchronizedTracker

@@ -8,8 +8,7 @@ from synthetic_room import Walk, body, cast, straight_walk
 
 from trackers.errors import InputError
 from trackers.laser.background import KnownBackground, LearnedBackground
-from trackers.laser.bearings import BearingGrid, beams_of_turn, counter_clockwise
-from trackers.laser.detection_model import DetectionModel, DetectionOptions
+from trackers.laser.bearings import BearingGrid, DetectionModel, DetectionOptions, beams_of_turn, counter_clockwise
 from trackers.laser.layer import KneeOptions, LaserLayer, WaistOptions
 from trackers.observations import NS_PER_S, LaserScan
 from trackers.rig import LaserSensor, Pose

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from trackers.laser.detection_model import DetectionModel, DetectionOptions
+from trackers.laser.bearings import DetectionModel, DetectionOptions
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor, Pose
 

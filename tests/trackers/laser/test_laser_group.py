@@ -9,9 +9,8 @@ from synthetic_room import Walk, empty_room, observe, rig, scan, score, straight
 
 from trackers.feeding import track_frames
 from trackers.laser.detections import Detections
-from trackers.laser.group import ScannerGroup, fused
+from trackers.laser.group import ScannerGroup, fused, scanners_by_role
 from trackers.laser.layer import KneeOptions, LaserLayer, WaistOptions
-from trackers.laser.roles import scanners_by_role
 from trackers.observations import NS_PER_S
 from trackers.presets import make_tracker
 from trackers.rig import LaserSensor, Pose, Rig

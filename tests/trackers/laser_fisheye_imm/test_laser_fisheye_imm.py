@@ -10,7 +10,7 @@ from synthetic_room import AREA, empty_room, observe, rig, scan, score, straight
 from trackers.area import Area
 from trackers.errors import InputError
 from trackers.feeding import track_frames
-from trackers.laser.roles import scanners_by_role
+from trackers.laser.group import scanners_by_role
 from trackers.laser_fisheye_imm.detection import Detector
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.tracker import LaserFisheyeImm
