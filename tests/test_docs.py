@@ -15,7 +15,7 @@ import pytest
 import typer.main
 from documentation import gallery, reference
 from documentation.build import assembled
-from documentation.figures import read_figures, read_sources
+from documentation.figures import commits_since, read_figures, read_sources
 from documentation.tables import PLACEHOLDER, readme_with_tables, sources_in
 
 from trackers.plain_data import parse_yaml
@@ -230,6 +230,12 @@ class TestFigures:
             )
             assert re.fullmatch("[0-9a-f]{40}", kept["commit"]) and kept["command"] and kept["measured"]
             assert all(each["n"] >= 1 and isinstance(each["value"], float | int) for each in kept["figures"])
+
+    def test_no_source_is_older_than_it_may_be(self) -> None:
+        most = read_sources()["most_behind"]
+        for name, kept in read_figures().items():
+            behind = commits_since(kept["commit"], kept["code"])  # None in a copy without the history
+            assert behind is None or behind <= most, f"{name}: measure it again, its code changed in {behind} commits"
 
     def test_the_readme_shows_the_table_as_it_is(self) -> None:
         text = (ROOT / "README.md").read_text(encoding="utf-8")

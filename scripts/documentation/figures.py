@@ -1,6 +1,8 @@
 """Figures of README and docs: measured by a command, kept in one file, shown from it.
 
-    scripts/figures measure NAME [--jobs N]     run a source of figures.yaml and keep its figures
+    scripts/figures list                        sources, the n of their figures, and how many commits they are behind
+    scripts/figures measure NAME [--jobs N] [--seeds FIRST:COUNT]
+                                                run a source of figures.yaml and keep its figures
     scripts/figures record NAME PATH...         keep the figures of a run: folders of a suite, results.json, rows of scripts/bench
     scripts/figures readme                      fill the tables of the README
 
@@ -58,21 +60,31 @@ def _flat(items: Iterable[Any]) -> Iterator[str]:
             yield from _flat(item)
 
 
-def measure(name: str, jobs: int | None) -> None:
-    """Run the suite, reproduction or benchmark of a source, and keep its figures."""
+def measure(name: str, jobs: int | None, seeds: tuple[int, int] | None = None) -> None:
+    """Run the suite, reproduction or benchmark of a source, and keep its figures.
+
+    seeds: first and number, in place of the source's own. Raises SystemExit for seeds of a benchmark, which has none.
+    """
     source = read_sources()["sources"][name]
+    if seeds is not None and source["kind"] == "bench":
+        sys.exit(f"scripts/figures: --seeds: {name} is a benchmark, which draws none")
     code_commit(source["code"])  # refuses uncommitted code before hours are spent
     folder = OUT / name
     if "before" in source and not (ROOT / source["before"][-1]).is_file():  # a run that goes on has it
         _run([sys.executable, "-m", "twin", *source["before"]])
     match source["kind"]:
         case "suite":
+            if seeds is not None:
+                source["seeds"], folder = {"from": seeds[0], "count": seeds[1]}, folder / f"{seeds[0]}-{seeds[1]}"
             _run_suite(source, folder, jobs)
-            record(name, folder)
+            record(name, folder, asked=seeds)
         case "reproduce":
             more = ["--jobs", str(jobs)] if jobs else []
+            if seeds is not None:  # the last of an option counts
+                more += ["--seed", str(seeds[0]), "--seeds", str(seeds[1])]
+                folder = folder / f"{seeds[0]}-{seeds[1]}"
             _run([sys.executable, "-m", "twin", "reproduce", *source["arguments"], "--out", str(folder), *more])
-            record(name, folder / "results.json")
+            record(name, folder / "results.json", asked=seeds)
         case "bench":
             rows = OUT / f"{name}.json"
             OUT.mkdir(parents=True, exist_ok=True)
@@ -105,11 +117,33 @@ def _run_suite(source: Mapping[str, Any], folder: Path, jobs: int | None) -> Non
         run_suite(suite, path, folder, cache, Workers(jobs), resume=True, progress=progress)
 
 
-def record(name: str, *paths: Path, machine: str | None = None) -> None:
+def list_sources() -> None:
+    """Print each source: kind, number and n of its figures, commits of the measured code since, date."""
+    kept = read_figures()
+    for name, source in read_sources()["sources"].items():
+        if name not in kept:
+            print(f"{name:36}{source['kind']:11}not measured")
+            continue
+        n = [each["n"] for each in kept[name]["figures"]]
+        behind = commits_since(kept[name]["commit"], kept[name]["code"])
+        print(
+            f"{name:36}{source['kind']:11}{len(n)} figures, n {min(n)} to {max(n)}, "
+            f"{'unknown' if behind is None else behind} commits behind, measured {kept[name]['measured']}"
+        )
+
+
+def seeds_of(text: str) -> tuple[int, int]:
+    """Read FIRST:COUNT. Raises ArgumentTypeError for any other text."""
+    first, _, count = text.partition(":")
+    if not (first.isdecimal() and count.isdecimal() and int(count)):
+        raise argparse.ArgumentTypeError(f"{text!r}: FIRST:COUNT is expected, for example 5900:5")
+    return int(first), int(count)
+
+
+def record(name: str, *paths: Path, machine: str | None = None, asked: tuple[int, int] | None = None) -> None:
     """Keep the figures of runs under the name of their source; several folders of a suite are parts of one run.
 
-    machine: the one that made them (default: this one); what drew their pictures is read from them.
-
+    machine: the one that made them (default: this one); what drew their pictures is read from them. asked: `measure`'s seeds.
     Raises SystemExit for an unknown source, and for runs by code that no commit holds.
     """
     sources = read_sources()["sources"]
@@ -121,12 +155,12 @@ def record(name: str, *paths: Path, machine: str | None = None) -> None:
     kept = read_figures()
     kept[name] = {
         "kind": source["kind"],
-        "command": f"scripts/figures measure {name}",
+        "command": f"scripts/figures measure {name}" + (f" --seeds {asked[0]}:{asked[1]}" if asked else ""),
         "commit": commit,
         "committed": date,
         "measured": datetime.now(UTC).date().isoformat(),
         "machine": ", ".join([_machine() if machine is None else machine, *_renderers(paths)]),
-        "seeds": _seeds(source, paths),
+        "seeds": _seeds(source, paths) or (f"{asked[0]}–{sum(asked) - 1}" if asked else ""),
         "code": source["code"],
         "figures": figures,
     }
@@ -289,6 +323,7 @@ def main() -> None:
     run = commands.add_parser("measure", help="run a source and keep its figures")
     run.add_argument("name", choices=list(read_sources()["sources"]))
     run.add_argument("--jobs", type=int, help="processes; default: one a core")
+    run.add_argument("--seeds", type=seeds_of, metavar="FIRST:COUNT", help="seeds in place of the source's own")
     keep = commands.add_parser("record", help="keep the figures of a run that has been made")
     keep.add_argument("name", choices=list(read_sources()["sources"]))
     keep.add_argument(
@@ -296,9 +331,12 @@ def main() -> None:
     )
     keep.add_argument("--machine", help="the machine that made the run, in words; default: this one")
     commands.add_parser("readme", help="fill the tables of the README")
+    commands.add_parser("list", help="list the sources, the n of their figures and their age")
     arguments = parser.parse_args()
     if arguments.command == "measure":
-        measure(arguments.name, arguments.jobs)
+        measure(arguments.name, arguments.jobs, arguments.seeds)
+    elif arguments.command == "list":
+        list_sources()
     elif arguments.command == "record":
         record(arguments.name, *arguments.paths, machine=arguments.machine)
     else:
