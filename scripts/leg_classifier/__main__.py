@@ -33,10 +33,10 @@ from trackers.laser.legs.classifier import (
 )
 from trackers.laser_legs.tracker import EXISTENCE
 
-SEEDS, DRIVES = (1000, 1119), (1322, 1367)
+SEEDS, DRIVES = (1000, 1159), (1200, 1239)
 """Seeds from 1000 to 1999 are there to be learned from."""
-_DEPTH, _TREES = 5, 80
-_TRACK_TREES = 60
+_DEPTH, _TREES = 5, 200
+_TRACK_TREES = 200
 _FOLDS = 2
 _HELD_OUT = 5
 """Every so many-th seed is left out while the figures are found."""
@@ -70,7 +70,7 @@ def main() -> None:
             held = [part for place, part in enumerate(parts) if place % _HELD_OUT == 0]
             others = [part for place, part in enumerate(parts) if place % _HELD_OUT]
             print(f"held-out rooms: AUC {_auc(_learned(others), held):.4f}")
-        write_forests(vars(_learned(parts)), arguments.out)
+        write_forests(vars(_learned(parts)), arguments.out, made_by(seeds))
         print(f"{arguments.out}: {arguments.out.stat().st_size / 1000:.0f} kB")
     else:
         judge(read_classifier(arguments.out), arguments.judge)
@@ -105,12 +105,17 @@ def _learn_existence(folder: Path, seeds: range) -> None:
     others = [part for place, part in enumerate(parts) if place % _HELD_OUT]
     auc = roc_auc_score(is_person, _existence(others).score(features))
     print(f"{len(parts)} drives; held-out drives: AUC of tracks {auc:.4f}")
-    _put_existence(_existence(parts))
+    _put_existence(_existence(parts), made_by(seeds, "--existence --drives"))
 
 
-def _put_existence(forest: Forest) -> None:
+def made_by(seeds: range, option: str = "--seeds") -> str:
+    """Return the command that makes the same file again."""
+    return f"scripts/learn-legs {option} {seeds[0]} {seeds[-1]}"
+
+
+def _put_existence(forest: Forest, command: str = "") -> None:
     """Write it, and have trackers read it anew."""
-    write_forests({"existence": forest}, EXISTENCE)
+    write_forests({"existence": forest}, EXISTENCE, command)
     read_forest.cache_clear()
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from leg_classifier.drives import Sweep, drives
+from leg_classifier.drives import ROBOTS, Sweep, drives
 from numpy.typing import NDArray
 
 from trackers.area import Pose
@@ -16,7 +16,8 @@ from trackers.filters.gating import distances, max_weight_assignment
 from trackers.frames.planar import compose, inverse, placed
 from trackers.laser_legs.evidence import TRACK_FEATURES
 from trackers.laser_legs.tracker import LaserLegs
-from trackers.rig import LaserSensor, Rig
+from trackers.observations import Odometry
+from trackers.rig import LaserSensor, OdometrySensor, Rig
 
 _EVERY = 2
 """Scans of which the tracks of one are taken; those between are much the same."""
@@ -49,17 +50,32 @@ def track_samples(seed: int) -> TrackSamples:
 def tracked(
     seed: int, *, people: bool | None = None, is_driving: bool | None = None, **options: Any
 ) -> Iterator[Iterator[tuple[Sweep, LaserLegs]]]:
-    """Yield each robot's sweeps, and the tracker once it has taken them; by its rig the scanner stands where it begins."""
-    for sweeps in drives(seed, people=people, is_driving=is_driving):
-        x, y, yaw = (float(each) for each in sweeps[0].pose)
-        sensor = LaserSensor(topic="/scan", room_from_sensor=Pose(xyz=(x, y, 0.35), rpy=(0, 0, yaw)))
+    """Yield each robot's sweeps, and the tracker once it has taken them.
+
+    Every other robot tells its odometry; by the rigs of the others the scanner stands where it begins. Of every third pair of
+    robots every other sweep is left out, so that scanners are slow, too.
+    """
+    for robot, sweeps in enumerate(drives(seed, people=people, is_driving=is_driving), start=ROBOTS * seed):
+        has_odometry, is_slow = robot % 2 == 0, robot // 2 % 3 == 0
         given: dict[str, Any] = {"report_in": "matched", **options}
-        tracker = LaserLegs(Rig(sensors={"scan": sensor}), **given)
-        yield _taken(sweeps, tracker)
+        tracker = LaserLegs(_rig(sweeps[0].pose, has_odometry), **given)
+        yield _taken(sweeps[:: 2 if is_slow else 1], tracker, has_odometry)
 
 
-def _taken(sweeps: list[Sweep], tracker: LaserLegs) -> Iterator[tuple[Sweep, LaserLegs]]:
+def _rig(pose: Array, has_odometry: bool) -> Rig:
+    if has_odometry:
+        scanner = LaserSensor(topic="/scan", mounted_on="base", room_from_sensor=Pose(xyz=(0, 0, 0.35)))
+        return Rig(sensors={"base": OdometrySensor(topic="/odom"), "scan": scanner})
+    x, y, yaw = (float(each) for each in pose)
+    start = Pose(xyz=(x, y, 0.35), rpy=(0, 0, yaw))
+    return Rig(sensors={"scan": LaserSensor(topic="/scan", room_from_sensor=start)})
+
+
+def _taken(sweeps: list[Sweep], tracker: LaserLegs, has_odometry: bool) -> Iterator[tuple[Sweep, LaserLegs]]:
     for sweep in sweeps:
+        if has_odometry:
+            x, y, yaw = (float(each) for each in sweep.odometry)
+            tracker.update(Odometry("base", sweep.scan.stamp_ns, Pose(xyz=(x, y, 0), rpy=(0, 0, yaw)).matrix))
         tracker.update(sweep.scan)
         yield sweep, tracker
 
@@ -90,7 +106,7 @@ class DriveCounts:
 
 
 def counted(seed: int, *, people: bool) -> DriveCounts:
-    """Count the errors of scanners that drive, by scans alone; gate 0.5 m, last scan's pairs are kept.
+    """Count the errors of scanners that drive; gate 0.5 m, last scan's pairs are kept.
 
     A person that fewer than `_LEAST_BEAMS` beams meet is not owed, and a track of them is not false.
     """

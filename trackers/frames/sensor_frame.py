@@ -98,6 +98,12 @@ class SensorFrame:
         self._watch_own_parts(ranges, hit, between(before, pose))
         self._remember(self._memory, scan.t, scan)
 
+    @property
+    def driving(self) -> float:
+        """Speed [m/s] and turn rate [rad/s] of the scanner together."""
+        x, y, turn = self._match.motion
+        return float(np.hypot(x, y) + abs(turn))
+
     def placed(self, scan: LaserScan, points: Float[Array, "k 2"], beam: Float[Array, "k"]) -> Float[Array, "k 2"]:
         """Return points of the scan, taken at these beams, in the fixed frame [m]."""
         at = self._times_s(scan, beam)[:, None] * self._match.motion

@@ -12,18 +12,27 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
-from trackers.arrays import Array, Index, Mask
+from trackers.arrays import Array, Index
+from trackers.filters.gating import distances
 from trackers.filters.imm import ImmState
 from trackers.filters.rows import Rows, written
 
 TRACK_FEATURES = (
     "legs", "second_leg", "best_leg", "both", "looks_s", "missed", "farthest", "speed", "age", "range",
     "driven", "free_share", "free", "hit", "spread", "beside",
+    "varies", "samples", "width", "width_varies", "around", "surprise", "gap", "last", "driving", "spacing", "near", "rival",
 )  # fmt: skip
 """Names of what the forest is shown of a track, in their order."""
-_BESIDE_M = 2.0
+SHOWN = ("look", "leg", "second_leg", "both", "leg²", "samples", "width", "width²", "around", "surprise", "gap")
+"""Names of what a look adds to a track's sums, in their order."""
+MEMORY_S = 1.0
+"""Time over which looks are summed [s]."""
+NO_LEG = -4.0
+"""Evidence of a leg that is not seen [nat]."""
+_NO_RIVAL = -6.0
+_BESIDE_M, _NEAR_M, _RIVAL_M = 2.0, 1.5, 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,9 +40,10 @@ class LegTracks(Rows):
     """State of n tracks: the filter's, and the sums of evidence; positions are in the fixed frame."""
 
     filter: ImmState
-    sums: Float[Array, "n 4"]  # fading sums over time [s]: of looks, best leg's evidence, second leg's, share with two
+    sums: Float[Array, "n shown"]  # fading sums over time [s] of `SHOWN`
     missed: Float[Array, "n"]  # fading mean of the detection probability of misses
     best: Float[Array, "n"]  # highest evidence of a leg [nat]
+    last: Float[Array, "n"]  # evidence in the last scan [nat]
     born_at: Float[Array, "n 2"]  # first position [m]
     seen_from: Float[Array, "n 2"]  # where the scanner was then [m]
     farthest: Float[Array, "n"]  # greatest distance from the first position [m]
@@ -51,57 +61,58 @@ class LegTracks(Rows):
         place = state.mean[:2, 0].T.copy()
         zeros = np.zeros(n)
         return cls(
-            state, np.zeros((n, 4)), zeros, evidence, place, np.tile(scanner, (n, 1)), zeros, zeros, zeros,
-            np.full(n, log_odds),
+            state, np.zeros((n, len(SHOWN))), zeros, evidence, evidence, place, np.tile(scanner, (n, 1)), zeros, zeros,
+            zeros, np.full(n, log_odds),
         )  # fmt: skip
 
-    def faded(self, elapsed_s: float, memory_s: float) -> Self:
+    def faded(self, elapsed_s: float) -> Self:
         """Return the tracks with what they were shown `elapsed_s` older."""
-        keep = np.exp(-elapsed_s / memory_s)
-        return self.changed(sums=self.sums * keep)
+        return self.changed(sums=self.sums * np.exp(-elapsed_s / MEMORY_S))
 
     def looked(
-        self,
-        track: Int[Index, "p"],
-        first: Float[Array, "p"],
-        second: Float[Array, "p"],
-        both: Bool[Mask, "p"],
-        p_detect: Float[Array, "n"],
-        elapsed_s: float,
-        memory_s: float,
+        self, track: Int[Index, "p"], shown: Float[Array, "p shown"], p_detect: Float[Array, "n"], elapsed_s: float
     ) -> Self:
         """Return the tracks after a scan in which those at `track` were measured; p_detect: of all of them."""
-        weight = min(elapsed_s, memory_s)
-        shown = np.zeros((len(self), 4))
-        shown[track] = np.column_stack([np.ones(len(track)), first, second, both]) * weight
-        share = 1 - np.exp(-elapsed_s / memory_s)
+        sums = self.sums.copy()
+        sums[track] += min(elapsed_s, MEMORY_S) * shown
         missed = p_detect.copy()
         missed[track] = 0.0
         # a track that could not be seen is shown nothing
         certain = np.maximum(p_detect, 0.0)
         certain[track] = 1.0
-        mean = self.missed + share * certain * (missed - self.missed)
+        share = 1 - np.exp(-elapsed_s / MEMORY_S)
+        leg = shown[:, SHOWN.index("leg")]
         return self.changed(
-            sums=self.sums + shown,
-            missed=mean,
-            best=written(self.best, track, np.maximum(self.best[track], first)),
+            sums=sums,
+            missed=self.missed + share * certain * (missed - self.missed),
+            best=written(self.best, track, np.maximum(self.best[track], leg)),
+            last=written(np.full(len(self), NO_LEG), track, leg),
         )
 
     def features(
         self, places: Float[Array, "n 2"], speed: Float[Array, "n"], spread: Float[Array, "n"], age: Float[Array, "n"],
-        scanner: Float[Array, "2"],
+        scanner: Float[Array, "2"], driving: float, step_rad: float,
     ) -> Float[Array, "n features"]:  # fmt: skip
-        """Return `TRACK_FEATURES` of the tracks at these places [m]; scanner: where it is [m]."""
-        looked = np.maximum(self.sums[:, 0], 1e-6)
-        means = self.sums[:, 1:] / looked[:, None]
-        off = places[:, None] - places
-        apart = np.hypot(off[..., 0], off[..., 1])
+        """Return `TRACK_FEATURES` of the tracks at these places [m].
+
+        scanner: where it is [m]; driving: its speed [m/s] and turn rate [rad/s] together; step_rad: between its beams.
+        """
+        look, *others = self.sums.T
+        leg, second, both, square, samples, width, width_square, around, surprise, _ = (
+            each / np.maximum(look, 1e-6) for each in others
+        )
+        gap = self.sums[:, -1] / np.maximum(self.sums[:, SHOWN.index("both")], 1e-6)
+        apart = distances(places, places)
         better = (self.log_odds > self.log_odds[:, None]) | (
             (self.log_odds == self.log_odds[:, None]) & (age > age[:, None])
         )
         beside = np.where(better, apart, _BESIDE_M).min(axis=1, initial=_BESIDE_M)
+        rival = np.where(better & (apart < _RIVAL_M), self.log_odds, _NO_RIVAL).max(axis=1, initial=_NO_RIVAL)
+        away = np.hypot(*(places - scanner).T)
         return np.column_stack([
-            means[:, 0], means[:, 1], self.best, means[:, 2], self.sums[:, 0], self.missed, self.farthest, speed,
-            np.minimum(age, 10.0), np.hypot(*(places - scanner).T), np.hypot(*(self.seen_from - scanner).T),
-            (self.free + 0.5) / (self.free + self.hit + 1), np.log1p(self.free), np.log1p(self.hit), spread, beside,
+            leg, second, self.best, both, look, self.missed, self.farthest, speed, np.minimum(age, 10.0), away,
+            np.hypot(*(self.seen_from - scanner).T), (self.free + 0.5) / (self.free + self.hit + 1), np.log1p(self.free),
+            np.log1p(self.hit), spread, beside, np.sqrt(np.maximum(square - leg**2, 0)), samples, width,
+            np.sqrt(np.maximum(width_square - width**2, 0)), around, surprise, gap, self.last,
+            np.full(len(self), driving), away * step_rad, (apart < _NEAR_M).sum(axis=1) - 1.0, rival,
         ])  # fmt: skip

@@ -27,7 +27,7 @@ from trackers.laser.group import scanners_by_role
 from trackers.laser.grouping import PAIR_M, STRIDE_M, pair_off
 from trackers.laser.legs.classifier import read_forest, shipped
 from trackers.laser.legs.features import leg_clusters, own_samples
-from trackers.laser_legs.evidence import TRACK_FEATURES, LegTracks
+from trackers.laser_legs.evidence import NO_LEG, TRACK_FEATURES, LegTracks
 from trackers.laser_legs.options import LaserLegsOptions
 from trackers.observations import NS_PER_S, LaserScan, Observation, Odometry
 from trackers.rig import LaserSensor, Rig
@@ -40,15 +40,12 @@ from trackers.tracks import Detection, Track, TrackFrame
 EXISTENCE = Path(__file__).with_name("existence.npz")
 """File that `scripts/learn-legs` wrote."""
 _PERIOD_S = 0.1
-MEMORY_S = 1.0
-"""Time over which a track's evidence is averaged; existence was learned with it [s]."""
 _EXISTENCE_S = 0.1
 """Time constant with which existence follows the evidence [s]."""
 _NO_PERSON = -4.0
 """Log-odds of a new track, before its first evidence [nat]."""
-_NO_LEG = -4.0
-"""Evidence of a leg that is not seen [nat]."""
 _WIDEST_M = 0.7
+_AROUND_M = 1.5
 _OTHER_LEG_M2 = 0.01
 """Variance of a person's place about a single leg [m²]."""
 _REACH_GROWS_TO_M = 1.2
@@ -147,7 +144,7 @@ class LaserLegs(SynchronizedTracker):
         if elapsed > 0 and len(self.roster):
             state = self.roster.state
             state = state.changed(filter=self._imm.predict_over(state.filter, min(elapsed, 10.0), _PERIOD_S))
-            self.roster = self.roster.changed(state=state.faded(elapsed, MEMORY_S))
+            self.roster = self.roster.changed(state=state.faded(elapsed))
         return elapsed
 
     def _take(self, name: str, scan: LaserScan) -> None:
@@ -167,7 +164,7 @@ class LaserLegs(SynchronizedTracker):
         across_seam = count * (legs.last_beam < legs.first_beam)
         places = frame.placed(scan, back, (legs.first_beam + legs.last_beam + across_seam) / 2 % count)
         self._tell(name, places[evidence > options.start_evidence])
-        free = self._update(scan, frame, places, evidence, elapsed)
+        free = self._update(scan, frame, legs, places, evidence, elapsed)
         self._initiate(scan, frame, places[free], evidence[free])
 
     def _possible(
@@ -182,6 +179,7 @@ class LaserLegs(SynchronizedTracker):
         self,
         scan: LaserScan,
         frame: SensorFrame,
+        legs: Clusters,
         places: Float[Array, "k 2"],
         evidence: Float[Array, "k"],
         elapsed: float,
@@ -205,17 +203,22 @@ class LaserLegs(SynchronizedTracker):
             owner[free[taken >= 0]] = members[taken[taken >= 0]]
         free = owner < 0
         track, position, first, second, both = _measured(owner, places, evidence)
+        shown = _shown(legs, places, evidence, first, second, both, np.hypot(*(position - mean[track, :2]).T))
         R = (
             np.eye(2)
             * np.where(both, options.measurement_m**2, options.measurement_m**2 + _OTHER_LEG_M2)[:, None, None]
         )
         filter_ = self._imm.update(state.filter, track, position, R)
         p_detect = self._detection.seen(scan, frame.seen_from(mean[:, :2]).T)
-        state = state.changed(filter=filter_).looked(track, first, second, both, p_detect, max(elapsed, 1e-3), MEMORY_S)
-        self.roster = self._evaluated(self.roster.measured(track, ns, state), frame, scan.t, elapsed)
+        state = state.changed(filter=filter_).looked(track, shown, p_detect, max(elapsed, 1e-3))
+        self.roster = self._evaluated(
+            self.roster.measured(track, ns, state), frame, scan.t, elapsed, scan.angle_increment_rad
+        )
         return free
 
-    def _evaluated(self, roster: Roster[LegTracks], frame: SensorFrame, t: float, elapsed: float) -> Roster[LegTracks]:
+    def _evaluated(
+        self, roster: Roster[LegTracks], frame: SensorFrame, t: float, elapsed: float, step_rad: float
+    ) -> Roster[LegTracks]:
         """Find the existence of all tracks, and confirm those that exist."""
         state = roster.state
         mean, covariance = self._imm.estimate(state.filter)
@@ -229,7 +232,13 @@ class LaserLegs(SynchronizedTracker):
         )  # fmt: skip
         spread = np.sqrt(np.maximum(covariance[:, 0, 0] + covariance[:, 1, 1], 0.0) / 2)
         self.features = state.features(
-            places, np.hypot(mean[:, 2], mean[:, 3]), spread, t - roster.born_ns / NS_PER_S, frame.pose[:2]
+            places,
+            np.hypot(mean[:, 2], mean[:, 3]),
+            spread,
+            t - roster.born_ns / NS_PER_S,
+            frame.pose[:2],
+            frame.driving,
+            step_rad,
         )
         verdict = self._existence.score(self.features)
         follow = 1 - np.exp(-max(elapsed, 1e-3) / _EXISTENCE_S)
@@ -252,7 +261,7 @@ class LaserLegs(SynchronizedTracker):
             if self.manager.may_start(place[None], self.places())[0]:
                 of_place = evidence[np.hypot(*(places - place).T) <= PAIR_M]
                 state = self._imm.start(place[None], position_variance_m2=0.02, speed_variance=1.0)
-                new = LegTracks.started(state, of_place.max(initial=_NO_LEG)[None], frame.pose[:2], _NO_PERSON)
+                new = LegTracks.started(state, of_place.max(initial=NO_LEG)[None], frame.pose[:2], _NO_PERSON)
                 self.roster = self.roster.joined(Roster.started(new, scan.stamp_ns))
 
     def _tell(self, name: str, places: Float[Array, "k 2"]) -> None:
@@ -287,18 +296,35 @@ def assigned(
 
 def _measured(
     owner: Int[Index, "k"], places: Float[Array, "k 2"], evidence: Float[Array, "k"]
-) -> tuple[Int[Index, "p"], Float[Array, "p 2"], Float[Array, "p"], Float[Array, "p"], Bool[Mask, "p"]]:
-    """Return the people with legs, their places by evidence, the better leg's evidence, the other's, and who has both."""
+) -> tuple[Int[Index, "p"], Float[Array, "p 2"], Int[Index, "p"], Int[Index, "p"], Bool[Mask, "p"]]:
+    """Return the people with legs, their places by evidence, the better leg of each, the other one, and who has both."""
     legs = np.flatnonzero(owner >= 0)
     legs = legs[np.lexsort((-evidence[legs], owner[legs]))]
     track, index, count = np.unique(owner[legs], return_index=True, return_counts=True)
     both = count == 2
     first = legs[index]
-    other = legs[np.minimum(index + 1, len(legs) - 1)] if len(legs) else legs
+    other = legs[np.minimum(index + both, len(legs) - 1)] if len(legs) else legs
     weight = 1 / (1 + np.exp(-evidence))
     share = np.where(both, weight[other] / (weight[first] + weight[other]), 0.0)[:, None]
     position = (1 - share) * places[first] + share * places[other]
-    return track, position, evidence[first], np.where(both, evidence[other], _NO_LEG), both
+    return track, position, first, other, both
+
+
+def _shown(
+    legs: Clusters, places: Float[Array, "k 2"], evidence: Float[Array, "k"], first: Int[Index, "p"],
+    second: Int[Index, "p"], both: Bool[Mask, "p"], surprise: Float[Array, "p"],
+) -> Float[Array, "p shown"]:  # fmt: skip
+    """Return what one look shows of people with these legs (`SHOWN`); surprise: distance from where they were expected [m]."""
+    strong = evidence > 0
+    around = (
+        ((distances(places[first], places) < _AROUND_M) & strong).sum(axis=1) - strong[first] - (both & strong[second])
+    )
+    width = legs.width_m[first]
+    return np.column_stack([
+        np.ones(len(first)), evidence[first], np.where(both, evidence[second], NO_LEG), both.astype(float), evidence[first] ** 2,
+        np.log2(legs.n_sample[first]), width, width**2, around, surprise,
+        np.where(both, np.hypot(*(places[first] - places[second]).T), 0.0),
+    ])  # fmt: skip
 
 
 def _nats(probability: float) -> float:

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -115,9 +116,9 @@ def read_forest(path: AnyPath, name: str, n_feature: int) -> Forest:
     return Forest(feature.astype(np.intp), threshold.astype(float), leaf.astype(float), float(bias))
 
 
-def write_forests(forests: Mapping[str, Forest], path: AnyPath) -> None:
-    """Write forests by name, as arrays of single precision."""
-    arrays = {}
+def write_forests(forests: Mapping[str, Forest], path: AnyPath, made_by: str = "") -> None:
+    """Write forests by name, as arrays of single precision. made_by: the command, kept as text."""
+    arrays: dict[str, Any] = {"made_by": np.array(made_by)}
     for name, forest in forests.items():
         arrays |= {
             f"{name}_feature": forest.feature.astype(np.uint8),

@@ -59,7 +59,8 @@ def cluster_features(scan: LaserScan, clusters: Clusters) -> Float[Array, "k fea
     own = _own(scan, clusters, ranges, spacing)
     extent, width, depth = own[:, 3], own[:, 4], own[:, 9]
     beside = _beside(reach, clusters, spacing, turn is not None)
-    return np.column_stack([own, beside, _about(clusters.middle, width, depth, extent)])
+    features = np.column_stack([own, beside, _about(clusters.middle, width, depth, extent)])
+    return np.round(features, 9)  # nought is nought, in a mirrored scene too
 
 
 def own_samples(scan: LaserScan, clusters: Clusters) -> tuple[Int[Index, "n"], Int[Index, "k"]]:
@@ -91,7 +92,7 @@ def _own(
     aa, ac, cc = mean(along**2), mean(along * across), mean(across**2)
     root = np.sqrt((aa - cc) ** 2 / 4 + ac**2)
     major, minor = np.sqrt(np.maximum((aa + cc) / 2 + root, 0)), np.sqrt(np.maximum((aa + cc) / 2 - root, 0))
-    linearity = np.round(minor / np.maximum(major, 1e-3), 6)  # of two samples: nought, however rounded
+    linearity = np.round(minor / np.maximum(major, 1e-3), 6)  # a root of a rounded nought
     slant = np.abs(0.5 * np.arctan2(2 * ac, cc - aa))  # 0: across the beam
     last = starts + n - 1
     middle_along = np.where(n > 2, (along[starts + (n - 1) // 2] + along[starts + n // 2]) / 2, 0.0)
