@@ -34,6 +34,7 @@ from twin.suites.run import run_suite, tolerances_of
 from twin.suites.spec import Suite, load_suite
 from twin.suites.store import ResultStore
 from twin.suites.store_files import RESULTS_FILE, read_store
+from twin.suites.store_schema import OverridesText
 from twin.suites.tables import (
     markdown_comparison,
     markdown_table,
@@ -51,7 +52,7 @@ class _Held(Strict):
 
     scenario: str
     variant: str
-    overrides: str
+    overrides: OverridesText
     seeds: dict[int, dict[str, float | None]]
     recordings: dict[int, str] = Field(default_factory=dict)
     recipes: dict[int, str] = Field(default_factory=dict)

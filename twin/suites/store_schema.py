@@ -29,6 +29,10 @@ def _list_of_texts(text: str) -> str:
     return text
 
 
+OverridesText = Annotated[str, AfterValidator(_list_of_texts)]
+"""Overrides as JSON: a list of texts."""
+
+
 @dataclass(frozen=True)
 class StoredCase:
     """A case as the file holds it."""
@@ -36,7 +40,7 @@ class StoredCase:
     id: str
     scenario: str
     variant: str
-    overrides: Annotated[str, AfterValidator(_list_of_texts)]  # JSON, a list of texts
+    overrides: OverridesText
     seed: int
     tracker: str
     status: Literal["waiting", "running", "done", "failed"]
@@ -62,7 +66,7 @@ class Requirement:
     """Bound of a metric that a tracker has to reach in a scenario, as a mean over its seeds."""
 
     scenario: str
-    overrides: Annotated[str, AfterValidator(_list_of_texts)]  # JSON, a list of texts
+    overrides: OverridesText
     tracker: str
     metric: str
     bound: Bound

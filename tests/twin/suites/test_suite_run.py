@@ -437,6 +437,11 @@ def test_files_that_are_no_baseline_and_no_results_are_told(tmp_path: Path, monk
     for text, said in (
         ("{", r"bad.json, line 1: is not JSON"),
         ('{"suite": 1}', r"bad.json: suite: .*\n.*bad.json: versions"),
+        (
+            '{"suite": "a", "versions": {}, "groups": [{"scenario": "b", "variant": "", "tracker": "sort", "seeds": {}, '
+            '"overrides": "[x"}]}',
+            r"bad.json: groups.0.overrides: .*JSON",
+        ),
     ):
         bad.write_text(text)
         _, _, error = command(monkeypatch, "compare", str(bad), str(bad))
