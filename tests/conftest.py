@@ -7,11 +7,16 @@ from collections.abc import Iterator
 
 import pytest
 import shape_checks
+from hypothesis import settings
 
 # Before anything imports mujoco: tests that use its own renderer draw through EGL too.
 os.environ["MUJOCO_GL"] = "egl"
 
 OURS = ("twin", "trackers")
+
+# No test is about time: a machine with other work to do makes any example late.
+settings.register_profile("untimed", deadline=None)
+settings.load_profile("untimed")
 
 # Before anything imports them: calls into the trackers have their arguments' and results' types and shapes checked.
 shape_checks.install()

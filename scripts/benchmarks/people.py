@@ -14,7 +14,7 @@ from benchmarks.penetration import PenetrationCheck
 from trackers.configuration import validate
 from twin.people.script.recorded import BODIES_NEED_M
 from twin.scenario import Scenario
-from twin.scenario.behaviour import RecordedPath
+from twin.scenario.action import RecordedPath
 from twin.scenario.pedestrians import Pedestrians, people_from
 from twin.world.body_pool import body_pools
 from twin.world.simulation import Simulation

@@ -19,7 +19,6 @@ from jaxtyping import Bool, Float, Int
 from trackers.arrays import Array, Index, Mask
 from trackers.filters.negative_information import existence_after_detection
 from trackers.filters.rows import written
-from trackers.laser.group import Role
 from trackers.laser.grouping import pair_off
 from trackers.laser_fisheye_imm.detection import Seen
 from trackers.laser_fisheye_imm.options import EVEN_AT, EXPLAINED_BELOW, WRONG_LOOK, LaserFisheyeImmOptions
@@ -32,6 +31,7 @@ from trackers.likelihood.legs import (
     pair_legs,
     trunk_likelihood,
 )
+from trackers.rig import Role
 from trackers.tracking.roster import Stage, associate, left_over
 from trackers.tracking.track_manager import nanoseconds, reachable
 

@@ -12,10 +12,10 @@ from trackers.area import Area
 from trackers.arrays import Array, Mask
 from trackers.errors import InputError
 from trackers.laser.detections import Detections
-from trackers.laser.group import Role, ScannerGroup, scanners_by_role
+from trackers.laser.group import ScannerGroup, scanners_by_role
 from trackers.laser_fisheye_imm.options import TORSO_HISTOGRAM, LaserFisheyeImmOptions
 from trackers.observations import Image, Observation
-from trackers.rig import FisheyeSensor, Rig, StereoSensor
+from trackers.rig import FisheyeSensor, Rig, Role, StereoSensor
 from trackers.tracking.synced_frames import SyncedFrame
 from trackers.tracks import Detection
 from trackers.vision.histogram import ColourHistogram

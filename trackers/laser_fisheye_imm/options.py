@@ -9,11 +9,11 @@ from pydantic import BaseModel, Field, PositiveInt
 
 from trackers.configuration import Strict, described, leaves_of
 from trackers.filters.motion import AGILE, IMM_MODELS, MODE_STAYS, SINGLE_TURN, VelocityMotion
-from trackers.laser.group import Role
 from trackers.laser.grouping import STRIDE_M
 from trackers.laser.layer import KneeOptions, LayerOptions, ScannerOptions, WaistOptions
 from trackers.laser_fisheye_imm.people import PostureOptions
 from trackers.likelihood.legs import BOTH_LEGS_M, LegOptions, TrunkOptions
+from trackers.rig import Role
 from trackers.tracking.track_manager import ReidentificationOptions, TrackManagementOptions
 from trackers.vision.histogram import HistogramOptions
 from trackers.vision.person_windows import TorsoOptions

@@ -15,7 +15,8 @@ from pydantic import Field, PositiveInt, model_validator
 
 from trackers.arrays import AnyArray, Array, Floats, Index, Mask, Singles
 from trackers.cameras.placed import CameraGroup, PlacedCamera
-from trackers.configuration import Strict, warn_of_former_name
+from trackers.configuration import Strict
+from trackers.former_options import warn_of_former_name
 from trackers.observations import DepthImage, Image, Observation
 from trackers.vision.colour_bins import BinnedPicture, BinnedSamples, Hsv, HueSaturationValueBins
 from trackers.vision.front_end import CameraFrontEnd

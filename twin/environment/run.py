@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.environment import Environment, EnvironmentOptions, build_environment, save_environment
+from trackers.environment import Environment, EnvironmentOptions, PointCloud, build_environment, save_environment
 from trackers.errors import InputError
-from twin.environment.scan import HEIGHT_M, PointCloud, TiltingScanner, chosen_stations, given_stations, scan_room
+from twin.environment.scan import HEIGHT_M, TiltingScanner, chosen_stations, given_stations, scan_room
 from twin.messages import OnProgress
 from twin.recording.atomic_file import atomic_path
 from twin.scenario import Scenario

@@ -28,8 +28,8 @@ from twin.people.script.actor import Actor, ScriptContext
 from twin.people.script.recorded import RecordedPaths, first_heading, start_places
 from twin.room.furniture import Seat
 from twin.scenario import Scenario
-from twin.scenario.action import TOP_WALK_M_S
-from twin.scenario.behaviour import Join, Lead, RecordedPath, Sit, Walk, Wander
+from twin.scenario.action import TOP_WALK_M_S, RecordedPath
+from twin.scenario.behaviour import Join, Lead, Sit, Walk, Wander
 from twin.scenario.person import STEADY, Person, Randomize
 from twin.streams import stream
 

@@ -35,10 +35,9 @@ from twin.recording.sensor_topics import (
     times_of,
 )
 from twin.recording.situation_table import decode_situation
-from twin.recording.tables import TruthFrame
 from twin.recording.transforms import TRANSFORMS, Edge, Poses, TransformTree, read_poses
 from twin.recording.truth_messages import decode_people
-from twin.truth.frames import Situation
+from twin.truth.frames import Situation, TruthFrame
 
 _Decoded = TypeVar("_Decoded")
 

@@ -27,9 +27,10 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.tracks import Track
 from twin.recording.ros_messages import TYPESTORE, string_message, time_message
-from twin.recording.tables import TRUTH_COLUMNS, PersonTruth, TruthFrame, person_of, person_row, plain
+from twin.recording.tables import TRUTH_COLUMNS, person_of, person_row, plain
 from twin.recording.topics import ROOM_FRAME
 from twin.tables.columns import MAX_INT64
+from twin.truth.frames import PersonTruth, TruthFrame
 
 MARKER_ARRAY = "visualization_msgs/msg/MarkerArray"
 

@@ -45,10 +45,9 @@ from twin.recording.ros_messages import (
     Encoded,
     time_message,
 )
-from twin.recording.tables import TruthFrame
 from twin.recording.truth_messages import MARKER_ARRAY, PeopleMarkers, encode_outline, encode_people
 from twin.recording.truth_tables import DETAIL_TOPICS, encode_detail, encode_feet
-from twin.truth.frames import TruthDetail
+from twin.truth.frames import TruthDetail, TruthFrame
 
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 TF_MESSAGE = "tf2_msgs/msg/TFMessage"

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from trackers.area import Area
+from trackers.area import TOLERANCE_M, Area
 from trackers.arrays import Array, Mask
 from trackers.errors import InputError
 from trackers.text_file import check_limit
 from twin.geometry.geom_hull import hull_points
-from twin.geometry.polygon import TOLERANCE_M, gap_between, polygon_area
+from twin.geometry.polygon import gap_between, polygon_area
 
 Planar = NDArray[np.complex128]
 

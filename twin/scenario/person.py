@@ -14,8 +14,8 @@ from pydantic import AfterValidator, BeforeValidator, Field, FiniteFloat, model_
 from trackers.configuration import Strict
 from trackers.rig import Point2
 from twin.models import load_yaml
-from twin.scenario.action import Seconds
-from twin.scenario.behaviour import Action, RecordedPath, Sit, Wander, endless
+from twin.scenario.action import RecordedPath, Seconds
+from twin.scenario.behaviour import Action, Sit, Wander, endless
 
 Garment = Literal["shirt", "trousers", "shoes", "skin", "hair", "skirt", "coat", "cap", "bag_colour", "shirt_second"]
 Choice = Literal["hair_style", "shirt_pattern", "bag"]

@@ -16,11 +16,12 @@ from markupsafe import Markup
 
 from twin.evaluate.accuracy import WITHIN, calibration_curve
 from twin.recording.atomic_file import open_atomic
+from twin.report.metrics_table import HEADLINE_METRICS
 from twin.report.page import calibration_chart
 from twin.report.palette import IDENTITY_COLOURS, hex_colour
 from twin.suites.comparison import Change, Comparison, case_page, incident_link, significance
 from twin.suites.filmstrip import colour_of, marker, scale_of, small_multiple
-from twin.suites.metrics import HEADLINE_METRICS, METRICS, SHOWN, format_metric, metric_named
+from twin.suites.metrics import METRICS, SHOWN, format_metric, metric_named
 from twin.suites.permutation_test import ALPHA
 from twin.suites.results import (
     BEHIND_HOTA,

@@ -10,9 +10,9 @@ from rich.table import Table
 
 from twin.console import PlainConsole
 from twin.messages import printable
-from twin.report.metrics_table import format_number
+from twin.report.metrics_table import HEADLINE_METRICS, format_number
 from twin.suites.comparison import Change, Comparison, incident_link, significance
-from twin.suites.metrics import HEADLINE_METRICS, METRICS, format_metric, metric_named, pooled_shares
+from twin.suites.metrics import METRICS, format_metric, metric_named, pooled_shares
 from twin.suites.results import (
     BEHIND_HOTA,
     REFERENCE_METRICS,

@@ -16,7 +16,7 @@ from twin.people.body.appearance import BodyAppearance
 from twin.people.body.person_spec import NQ_PERSON, person_spec
 from twin.people.poses import HISTORY_S, TICK_S
 from twin.room.mjcf import compiled
-from twin.scenario.behaviour import RecordedPath
+from twin.scenario.action import RecordedPath
 from twin.scenario.person import Person
 
 

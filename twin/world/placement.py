@@ -8,10 +8,10 @@ from math import ceil, hypot
 
 import numpy as np
 
-from trackers.area import Area
+from trackers.area import TOLERANCE_M, Area
 from trackers.arrays import Array
 from trackers.errors import InputError
-from twin.geometry.polygon import TOLERANCE_M, leaves_at, strictly_within
+from twin.geometry.polygon import leaves_at, strictly_within
 from twin.people.crowd.crowd import planar
 from twin.people.crowd.ground import nearest_free, standing_place
 from twin.people.crowd.routes import CLOSE_M, Routes
@@ -19,7 +19,8 @@ from twin.people.script.recorded import comes_at, curve_through, known_start
 from twin.room.furniture import Bed, Seat
 from twin.room.obstacles import KEEP_FROM_FURNITURE_M
 from twin.scenario import Scenario
-from twin.scenario.behaviour import Bend, Leave, Look, Reach, RecordedPath, Run, Stand, Turn, Walk, Wander
+from twin.scenario.action import RecordedPath
+from twin.scenario.behaviour import Bend, Leave, Look, Reach, Run, Stand, Turn, Walk, Wander
 from twin.scenario.person import Person
 
 _LOOKS_EVERY_S = 0.05

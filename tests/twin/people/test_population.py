@@ -11,7 +11,8 @@ from twin.people.body.person_spec import NQ_PERSON
 from twin.people.population import randomized
 from twin.people.poses import HISTORY_S, TICK_S
 from twin.scenario import load_scenario
-from twin.scenario.behaviour import RecordedPath, Stand, Walk
+from twin.scenario.action import RecordedPath
+from twin.scenario.behaviour import Stand, Walk
 from twin.scenario.load import dump_scenario
 from twin.scenario.person import Person
 from twin.world.world import World

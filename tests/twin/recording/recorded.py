@@ -11,7 +11,7 @@ from trackers.cameras import FisheyeIntrinsics
 from trackers.observations import Image, LaserScan, Observation
 from trackers.rig import FisheyeSensor, LaserSensor, Pose, Rig
 from twin.recording.ros_messages import TYPESTORE, encode
-from twin.recording.tables import PersonTruth, TruthFrame
+from twin.truth.frames import PersonTruth, TruthFrame
 
 MS = 1_000_000
 

@@ -10,8 +10,8 @@ from recorded import a_truth
 
 from trackers.errors import InputError
 from twin.recording.ros_messages import STRING, TYPESTORE
-from twin.recording.tables import PersonTruth, TruthFrame
 from twin.recording.truth_messages import MARKER_ARRAY, PeopleMarkers, decode_people, encode_people
+from twin.truth.frames import PersonTruth, TruthFrame
 
 
 def text_of(frame: TruthFrame) -> str:

@@ -18,8 +18,9 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage, Image
 from trackers.rig import LaserSensor, PinholeSensor, Rig
 from trackers.tracks import Hypotheses, ScoreMap, Track
+from twin.report.floor_panel import TruePoses
 from twin.report.palette import IDENTITY_COLOURS
-from twin.report.preview import PreviewWriter, TruePoses
+from twin.report.preview import PreviewWriter
 
 N = 12
 

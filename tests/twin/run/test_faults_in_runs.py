@@ -11,7 +11,8 @@ import pytest
 from trackers.feeding import track_frames
 from trackers.observations import NS_PER_S, FloorFrame, Image, LaserScan, Observation
 from trackers.presets import make_tracker
-from twin.report.preview import PreviewWriter, TruePoses
+from twin.report.floor_panel import TruePoses
+from twin.report.preview import PreviewWriter
 from twin.run.feed import Preview
 from twin.scenario import Scenario, load_scenario
 from twin.truth.frames import TruthFrame

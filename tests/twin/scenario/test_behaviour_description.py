@@ -10,8 +10,8 @@ from pydantic import ValidationError
 from trackers.errors import InputError
 from twin.people.script.recorded import describe_late_actions
 from twin.scenario import load_scenario
-from twin.scenario.action import WaitCondition
-from twin.scenario.behaviour import Look, RecordedPath, Turn, endless
+from twin.scenario.action import RecordedPath, WaitCondition
+from twin.scenario.behaviour import Look, Turn, endless
 from twin.scenario.person import Person
 
 

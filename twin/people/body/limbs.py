@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from trackers.arrays import Array
 from twin.people.body import appearance
 from twin.people.body.proportions import Proportions
-from twin.people.body.surfaces import Array, Surface, cord, ellipsoid, limb, loft, rings
+from twin.people.body.surfaces import Surface, cord, ellipsoid, limb, loft, rings
 
 # trunk: height as a share of waist to shoulder; x of the middle, half depth, half breadth [m]
 _TRUNK = np.array(

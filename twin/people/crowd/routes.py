@@ -13,10 +13,10 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.sparse.csgraph import connected_components, shortest_path
 
-from trackers.area import Area
+from trackers.area import TOLERANCE_M, Area
 from trackers.arrays import Array, Mask
 from trackers.errors import InputError
-from twin.geometry.polygon import TOLERANCE_M, inset
+from twin.geometry.polygon import inset
 from twin.room.obstacles import KEEP_FROM_EDGE_M, KEEP_FROM_FURNITURE_M, Footprints, Obstacle, inflated
 
 ROUTE_RADIUS_M = KEEP_FROM_FURNITURE_M + 0.03

@@ -18,7 +18,7 @@ from twin.people.script.actor import Actor, Going
 from twin.people.script.groups import join, lead
 from twin.people.script.walking import LOOKS_AGAIN_S, Commands, follow, meet, walk, walk_to, wander
 from twin.room.furniture import Bed, Seat
-from twin.scenario.action import WaitCondition
+from twin.scenario.action import RecordedPath, WaitCondition
 from twin.scenario.behaviour import (
     Action,
     Bend,
@@ -30,14 +30,13 @@ from twin.scenario.behaviour import (
     Look,
     Meet,
     Reach,
-    RecordedPath,
     Run,
     Sit,
     Stand,
     Turn,
     Walk,
     Wander,
-)  # fmt: skip
+)
 
 _FACING_RAD = radians(3)
 _TURNS_AT_ONCE_DEG = 150.0

@@ -13,7 +13,8 @@ from scipy.interpolate import PchipInterpolator
 from trackers.arrays import Array
 from trackers.errors import InputError
 from twin.people.crowd.ground import Ground
-from twin.scenario.behaviour import Action, RecordedPath, Run, Walk
+from twin.scenario.action import RecordedPath
+from twin.scenario.behaviour import Action, Run, Walk
 from twin.scenario.person import Person
 
 Planar = NDArray[np.complex128]

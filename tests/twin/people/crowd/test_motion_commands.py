@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from twin.people.crowd.crowd import KEEP_APART_M, LATERAL_M_S, NEAR_M, TURN_RATE, Crowd
-from twin.people.crowd.motion_command import MotionCommand
+from twin.people.crowd.crowd import LATERAL_M_S, NEAR_M, TURN_RATE, Crowd
+from twin.people.crowd.motion_command import KEEP_APART_M, MotionCommand
 from twin.room.obstacles import KEEP_FROM_EDGE_M, KEEP_FROM_FURNITURE_M, Footprints, Obstacle
 
 TICK_S = 0.025

@@ -13,7 +13,7 @@ from trackers.configuration import validate
 from trackers.errors import InputError
 from twin.people.script.recorded import BODIES_NEED_M, RecordedPaths, close_calls, curve_through, describe_close_calls
 from twin.scenario import Scenario
-from twin.scenario.behaviour import RecordedPath
+from twin.scenario.action import RecordedPath
 from twin.scenario.pedestrians import Pedestrians, people_from
 from twin.world.world import World
 
