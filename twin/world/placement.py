@@ -106,7 +106,7 @@ def check_approach(furniture: Seat | Bed, places: Sequence[Array], routes: Route
     blocked = f", {min(others)[1]!r} is in the way" if others else ""
     raise InputError(
         f"{field}: nobody of this size can come to {_point(place)}, before the {kind} {furniture.name!r}{blocked}; a {kind} with "
-        "a free place before it is expected"
+        "a free place before it is expected: turn the site, whose x axis is where one faces, or move what stands there"
     )
 
 
