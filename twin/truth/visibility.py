@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 import cv2
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import find_objects
@@ -16,7 +17,7 @@ from scipy.ndimage import find_objects
 from trackers.area import Area
 from trackers.cameras import Intrinsics
 from trackers.rig import RigSensor
-from twin.instant.snapshot import Snapshot
+from twin.instant.snapshot import Snapshot, base_body
 from twin.scenario.cameras import PinholeDescription, StereoDescription
 from twin.scenario.sensors import FisheyeDescription, FloorDescription, LaserDescription, SensorDescription
 from twin.sensors.rays import bounding_radius, passes_spheres, trace_rays
@@ -35,6 +36,7 @@ class SensorView:
     sees: float | Intrinsics  # a scanner's half field from its x axis [rad]; a camera's intrinsics
     range_max_m: float
     base: str | None = None  # the driving housing in whose frame the pose is
+    own_base: str | None = None  # of a pose in the room: the driving housing whose body the sensor looks through
 
     def at(self, snapshot: Snapshot) -> SensorView:
         """Return the view with its pose in the room at the time of a snapshot."""
@@ -44,7 +46,11 @@ class SensorView:
         turn = room_from_base[:3, :3]
         place = turn @ self.room_from_sensor_xyz + room_from_base[:3, 3]
         return replace(
-            self, room_from_sensor_xyz=place, room_from_sensor_rotation=turn @ self.room_from_sensor_rotation, base=None
+            self,
+            room_from_sensor_xyz=place,
+            room_from_sensor_rotation=turn @ self.room_from_sensor_rotation,
+            base=None,
+            own_base=self.base,
         )
 
     @property
@@ -142,10 +148,14 @@ class _Rays:
     def _hits(self, left_out: NDArray[np.bool_] | None = None) -> tuple[NDArray[np.int16], NDArray[np.float64]]:
         """Return the person each ray meets first, without the geoms left out, (n,), and the distance (n,) [m], -1 for none."""
         geom, hit_m = np.empty(self.ids.size, dtype=np.int32), np.empty(self.ids.size)
+        base, own = self.view.own_base, -1
+        if base is not None:  # -1 of a housing without a body
+            own = mujoco.mj_name2id(self.snapshot.model, mujoco.mjtObj.mjOBJ_BODY, base_body(base))
         if self.ids.size:
             trace_rays(
                 self.snapshot, self.view.room_from_sensor_xyz, self.directions, geom, hit_m, normal=self.view.normal,
                 left_out=left_out, range_max_m=float(self.distance_m.max()),  # nothing beyond all points hides any
+                body_left_out=own,
             )  # fmt: skip
         nothing_before = (hit_m < 0) | (hit_m >= self.distance_m)
         return np.where(nothing_before, self.ids, self.snapshot.person_of_geom[geom]), hit_m

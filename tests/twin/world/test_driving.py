@@ -16,6 +16,7 @@ from twin.recording.transforms import TransformTree
 from twin.run.live import run_scenario
 from twin.scenario import Scenario
 from twin.sensors.odometry import OdometryDescription
+from twin.truth.frames import TruthFrame
 from twin.world.simulation import Simulation
 
 EXACT: dict[str, Any] = {"drift": 0.0, "noise": 0.0}
@@ -63,6 +64,19 @@ def test_a_robot_that_stands_records_what_a_sensor_that_stands_there_does():
     assert len(moved) == len(still) == 40
     for one, other in zip(moved, still, strict=True):
         assert np.allclose(one.ranges_m, other.ranges_m, atol=1e-5)
+
+
+def test_a_robot_hides_no_person_from_its_own_scanner_in_the_truth():
+    seen = {}
+    for name, housing in {"bare": {}, "in a body": {"body": {"radius_m": 0.25, "height_m": 0.5}}}.items():
+        people = {"anna": {"start": [1.5, 1.6], "script": {"kind": "stand"}}}
+        truth: list[TruthFrame] = []
+        scenario = driving(STANDS, housing, people=people, duration_s=0.3)
+        with Simulation(scenario, images=False, on_truth=truth.append) as simulation:
+            list(simulation)
+        seen[name] = [each.visible["scan"] for frame in truth for each in frame.people]
+    assert min(seen["bare"]) > 0.3
+    assert seen["in a body"] == seen["bare"]
 
 
 def test_odometry_without_errors_is_the_truth_and_walls_are_straight_when_each_beam_is_put_where_it_was_taken():
