@@ -91,10 +91,10 @@ class LegOptions(Strict):
         description="variance added for a single leg, which is up to half a stride from the body [m²] (ours, measured)",
     )
     offset_m: float = Field(
-        default=0.045,
+        default=0.01,
         ge=0,
         description="standard deviation, on each axis, of how far the middle of two legs is off the person's place as long as "
-        "they are held so; it counts in the stated radius, as does all that a single leg adds [m] (ours, measured)",
+        "they are held so; it counts in the stated radius [m] (ours, measured)",
     )
     shanks_lean: bool = Field(
         default=True,
@@ -142,7 +142,7 @@ class LegPairs:
 
     def offset_variance_m2(self, options: LegOptions) -> Float[Array, "p"]:
         """Return the variance on each axis of what stays of these people's errors [m²], see `LegOptions.offset_m`."""
-        return options.offset_m**2 + self._single_m2(options)
+        return np.full(len(self.position), options.offset_m**2)
 
     def _single_m2(self, options: LegOptions) -> Float[Array, "p"]:
         return np.where(self.n_leg == 1, options.single_leg_variance_m2, 0.0)
@@ -218,7 +218,7 @@ class TrunkOptions(Strict):
         description="variance of the place of a trunk in full view, on each axis [m²] (ours, measured; the paper: 0.01)",
     )
     offset_m: float = Field(
-        default=0.03,
+        default=0.018,
         ge=0,
         description="standard deviation, on each axis, of how far a trunk is off the person's place as long as it is held so, "
         "and as much again, by its depth, arms and clothes, as long as it is seen from one side. Scanners on several sides "
