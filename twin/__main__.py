@@ -26,8 +26,19 @@ def other_trackers() -> str | None:
     )
 
 
+def _open_closed_streams() -> None:
+    """Open the null device in the place of standard streams that the caller closed, as services do.
+
+    Otherwise the next opened file takes its number, and what is printed goes into it.
+    """
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115 until the process ends
+
+
 def main() -> None:
     """Run the command line."""
+    _open_closed_streams()
     if (fault := other_trackers()) is not None:
         sys.exit(f"twin: {fault}")
     from twin.cli import main as run

@@ -71,3 +71,17 @@ def test_no_command_ends_or_loses_its_result(ran: Path, arguments: tuple[str, ..
 def test_a_stream_shows_what_it_lacks_as_escapes(ran: Path, encoding: str) -> None:
     done = twin(ran, {"PYTHONIOENCODING": encoding}, "run", "fehlt-人")
     assert done.returncode == 2 and done.stderr.startswith(b"twin: there is no scenario 'fehlt-\\u4eba'"), done.stderr
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
+def test_streams_that_the_caller_closed_end_no_command(tmp_path: Path, closed: str) -> None:
+    path = os.pathsep.join([str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")])
+    done = subprocess.run(
+        ["sh", "-c", f'"$0" -m twin list trackers {closed}', sys.executable],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": path},
+        capture_output=True,
+        timeout=300,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, b"")
