@@ -26,7 +26,7 @@ from leg_classifier.samples import (
 from numpy.typing import NDArray
 
 from trackers.arrays import Array
-from trackers.frames.planar import between, compose
+from trackers.frames.scan_matching import between, compose
 from trackers.observations import LaserScan
 from twin.instant.snapshot import Snapshot
 from twin.streams import stream

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from trackers.area import Pose
 from trackers.arrays import Array
 from trackers.filters.gating import distances, max_weight_assignment
-from trackers.frames.planar import compose, inverse, placed
+from trackers.frames.scan_matching import compose, inverse, placed
 from trackers.laser_legs.evidence import TRACK_FEATURES
 from trackers.laser_legs.tracker import LaserLegs
 from trackers.observations import Odometry

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from trackers.arrays import Array
-from trackers.frames.planar import compose
+from trackers.frames.scan_matching import compose
 from trackers.observations import NS_PER_S, LaserScan
 
 ROOM = np.array([[-4.0, -3.0], [5.0, -3.0], [5.0, 2.5], [1.0, 2.5], [1.0, 4.0], [-4.0, 4.0]])

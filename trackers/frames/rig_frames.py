@@ -14,8 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from trackers.arrays import Array, Mask
-from trackers.frames.planar import between, compose, planar
-from trackers.frames.scan_matching import MatchingOptions
+from trackers.frames.scan_matching import MatchingOptions, between, compose, planar
 from trackers.frames.sensor_frame import SensorFrame
 from trackers.laser.bearings import seen_from_above
 from trackers.observations import NS_PER_S, LaserScan, Observation, Odometry

@@ -1,4 +1,7 @@
-"""Resolve `room`, `people` and `sensors` of `kind: drawn` in a scenario into plain entries and a room's file."""
+"""Resolve `room`, `people` and `sensors` of `kind: drawn` in a scenario into plain entries and a room's file.
+
+Rigs of drawn rooms have sensors mounted as by installers.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +12,240 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.arrays import Array
 from trackers.configuration import validate
 from trackers.errors import InputError
 from twin.drawn.distributions import DrawnPeople, DrawnRoom, DrawnSensors
 from twin.drawn.draw_building import DrawnBuilding, draw_building
 from twin.drawn.draw_people import draw_people
-from twin.drawn.draw_sensors import draw_sensors
+from twin.drawn.floor_plan import DOOR_M
+from twin.streams import stream
+
+_OFF_WALL_M = 0.06
+_CLEAR_M = 0.6
+"""Floor before a scanner without furniture [m]."""
+_TRIES = 60
+_APART_M = 0.6
+"""Distance from a person's start to the body of a robot [m]."""
+
+
+def draw_sensors(
+    options: DrawnSensors, building: DrawnBuilding, duration_s: float, seed: int, starts: Array
+) -> dict[str, Any]:
+    """Draw the entries `sensors`, `housings` and `faults` of a scenario; starts (n, 2): of people, in the room frame [m]."""
+    seed = options.seed if options.seed is not None else seed
+    rng = stream(seed, "drawn sensors", "")
+    draws = _RigDraws(options, building, rng)
+    sensors: dict[str, dict[str, Any]] = {}
+    for kind, bounds, draw in (
+        ("scanner", options.scanners, draws.scanner),
+        ("fisheye", options.fisheyes, draws.fisheye),
+        ("camera", options.cameras, draws.camera),
+        ("stereo", options.stereos, draws.stereo),
+    ):
+        for number in range(1, int(rng.integers(bounds[0], bounds[1] + 1)) + 1):
+            sensors[f"{kind}_{number}"] = draw()
+    if rng.random() < options.floor:
+        sensors["floor"] = draws.floor()
+    housings = {}
+    own = stream(seed, "drawn robots", "")
+    for number in range(1, int(own.integers(options.robots[0], options.robots[1] + 1)) + 1):
+        housing = _robot(options, building, own, starts)
+        if housing is None:
+            break  # no floor is free
+        housings[f"robot_{number}"] = housing
+        starts = np.vstack([starts, housing["mount"]["xyz"][:2]])
+        sensors[f"robot_{number}_scanner"] = _robot_scanner(options, own) | {"housing": f"robot_{number}"}
+    faults = {}
+    for name in sensors:
+        if rng.random() < options.faults:
+            start = rng.uniform(0, 0.6) * duration_s
+            faults[f"{name}_drops"] = {
+                "sensor": name,
+                "kind": "dropout",
+                "probability": round(float(rng.uniform(0.1, 1.0)), 2),
+                "from_s": round(float(start), 1),
+                "to_s": round(float(start + rng.uniform(0.1, 0.3) * duration_s), 1),
+            }
+    others = {"housings": housings, "faults": faults}
+    return {"sensors": sensors} | {name: entries for name, entries in others.items() if entries}
+
+
+def _robot(
+    options: DrawnSensors, building: DrawnBuilding, rng: np.random.Generator, starts: Array
+) -> dict[str, Any] | None:
+    """Draw a round robot that wanders, on free floor away from all starts (n, 2) [m]; None where there is none."""
+    radius = float(rng.uniform(0.15, 0.25))
+    for place in building.to_room(building.space.draw(_TRIES, rng)):
+        if np.hypot(*(np.reshape(starts, (-1, 2)) - place).T).min(initial=np.inf) > _APART_M + radius:
+            break
+    else:
+        return None
+    return {
+        "mount": {"xyz": [*place, 0.0], "yaw_deg": round(float(rng.uniform(-180, 180)), 1)},
+        "drive": {
+            "kind": "wander",
+            "speed_m_s": round(float(rng.uniform(0.3, 1.0)), 2),
+            "turn_rate": round(float(rng.uniform(0.6, 1.5)), 2),
+        },
+        "body": {"radius_m": round(radius, 2), "height_m": round(float(rng.uniform(0.12, 0.3)), 2)},
+        "odometry": {
+            "drift": round(float(rng.uniform(0.0, 0.03)), 3),
+            "noise": round(float(rng.uniform(0.0, 0.02)), 3),
+            "slip": round(float(rng.choice([0.0, 0.02])), 2),
+        },
+    }
+
+
+def _robot_scanner(options: DrawnSensors, rng: np.random.Generator) -> dict[str, Any]:
+    """Draw the scanner of a robot, at knee height or below, that sweeps for most of its period."""
+    rate = round(float(rng.uniform(*options.scanner_hz)), 1)
+    return {
+        "kind": "laser",
+        "role": "knee",
+        "rate_hz": rate,
+        "field_of_view_deg": float(rng.choice(options.field_of_view_deg)),
+        "resolution_deg": float(rng.choice(options.resolution_deg)),
+        "range_max_m": round(float(rng.uniform(*options.range_m)), 1),
+        "sweep_time_s": round(float(rng.uniform(0.5, 0.9)) / rate, 4),
+        "mount": {
+            "xyz": [round(float(rng.uniform(0.0, 0.1)), 2), 0.0, round(float(rng.uniform(0.2, 0.45)), 2)],
+            "yaw_deg": round(float(rng.uniform(-10, 10)), 1),
+        },
+        "noise": str(rng.choice(list(options.noise))),
+    }
+
+
+class _RigDraws:
+    def __init__(self, options: DrawnSensors, building: DrawnBuilding, rng: np.random.Generator) -> None:
+        self._options, self._building, self._rng = options, building, rng
+        self._hung: list[Array] = []  # occupied places on walls
+        self._corners = [*range(len(building.plan.outline))]
+        rng.shuffle(self._corners)
+
+    def scanner(self) -> dict[str, Any]:
+        """Draw a scanner on a wall, level, looking into the room."""
+        rng, options = self._rng, self._options
+        is_waist = rng.random() < options.waist
+        height = float(rng.uniform(0.85, 1.1) if is_waist else rng.uniform(0.25, 0.45))
+        place, yaw = self._on_a_wall()
+        fov = float(rng.choice(options.field_of_view_deg))
+        return {
+            "kind": "laser",
+            "role": "waist" if is_waist else "knee",
+            "rate_hz": round(float(rng.uniform(*options.scanner_hz)), 1),
+            "phase_s": round(float(rng.uniform(0, 0.03)), 3),
+            "field_of_view_deg": fov,
+            "resolution_deg": float(rng.choice(options.resolution_deg)),
+            "range_max_m": round(float(rng.uniform(*options.range_m)), 1),
+            "mount": self._mount(place, height, yaw + rng.uniform(-10, 10)),
+            "noise": self._noise(),
+        }
+
+    def fisheye(self) -> dict[str, Any]:
+        """Draw a fisheye camera at head height on a wall, looking into the room."""
+        place, yaw = self._on_a_wall()
+        return {
+            "kind": "fisheye",
+            "rate_hz": self._rate(),
+            "size": list(self._options.fisheye_px),
+            "mount": self._mount(
+                place, float(self._rng.uniform(1.05, 2.2)), yaw, pitch_deg=float(self._rng.uniform(0, 20))
+            ),
+            "noise": self._noise(),
+        }
+
+    def camera(self) -> dict[str, Any]:
+        """Draw a pinhole camera in a corner under the ceiling, looking down into the room."""
+        return {"kind": "camera", "rate_hz": self._rate(), "size": list(self._options.camera_px),
+                "vertical_field_of_view_deg": 62, "mount": self._in_a_corner(), "noise": self._noise()}  # fmt: skip
+
+    def stereo(self) -> dict[str, Any]:
+        """Draw a stereo camera in a corner under the ceiling."""
+        return {"kind": "stereo", "rate_hz": min(self._rate(), 8.0), "size": list(self._options.stereo_px),
+                "vertical_field_of_view_deg": 59, "baseline_m": 0.12, "mode": "matched",
+                "mount": self._in_a_corner(), "noise": self._noise()}  # fmt: skip
+
+    def floor(self) -> dict[str, Any]:
+        """Draw a pressure floor of 200 mm elements under the largest room."""
+        room = max(self._building.plan.rooms, key=lambda each: each.area_m2)
+        columns, rows = int((room.x1 - room.x0 - 0.1) / 0.2), int((room.y1 - room.y0 - 0.1) / 0.2)
+        corner = self._building.to_room(np.array([room.x0 + 0.05, room.y0 + 0.05]))[0]
+        yaw = round(float(np.degrees(self._building.placement.turn)), 3)
+        return {"kind": "floor", "rate_hz": 10, "rows": rows, "columns": columns, "pitch_m": 0.2,
+                "mount": {"xyz": [*corner, 0], "yaw_deg": yaw}}  # fmt: skip
+
+    def _noise(self) -> str:
+        return str(self._rng.choice(list(self._options.noise)))
+
+    def _rate(self) -> float:
+        return round(float(self._rng.uniform(*self._options.camera_hz)), 1)
+
+    def _mount(self, place: Array, height_m: float, yaw_deg: float, pitch_deg: float = 0.0) -> dict[str, Any]:
+        """Return a mount at a place and yaw of the plan."""
+        yaw = (yaw_deg + np.degrees(self._building.placement.turn) + 180) % 360 - 180
+        mount: dict[str, Any] = {
+            "xyz": [*self._building.to_room(place)[0], round(height_m, 3)],
+            "yaw_deg": round(float(yaw), 1),
+        }
+        return mount | ({"pitch_deg": round(pitch_deg, 1)} if pitch_deg else {})
+
+    def _on_a_wall(self) -> tuple[Array, float]:
+        """Draw a free place on an outer wall and its direction [deg], not behind furniture, in a door or beside another
+        sensor.
+        """
+        plan, rng = self._building.plan, self._rng
+        lengths = np.array([wall.length_m for wall in plan.walls])
+        best: tuple[float, Array, float] | None = None
+        for _ in range(_TRIES):
+            wall = plan.walls[int(rng.choice(len(lengths), p=lengths / lengths.sum()))]
+            along = rng.uniform(0.15, wall.length_m - 0.15)
+            place = wall.at(along, _OFF_WALL_M)
+            in_door = any(door.wall == wall and abs(door.along_m - along) < DOOR_M / 2 + 0.1 for door in plan.doors)
+            if in_door or not self._is_clear(place, wall.inwards):
+                continue
+            apart = min((float(np.hypot(*(place - other))) for other in self._hung), default=np.inf)
+            found = (apart, place, float(np.degrees(np.arctan2(wall.inwards[1], wall.inwards[0]))))
+            if best is None or apart > best[0]:
+                best = found
+            if apart > 2.5:
+                break
+        if best is None:  # furniture along every wall: a corner is free
+            corner = plan.outline[0] + _OFF_WALL_M
+            best = (0.0, corner, 45.0)
+        self._hung.append(best[1])
+        return best[1], best[2]
+
+    def _is_clear(self, place: Array, inwards: Array) -> bool:
+        """Return whether no furniture stands right before a place on a wall, and no partition meets it there."""
+        ahead = place + np.linspace(0, _CLEAR_M, 7)[:, None] * inwards
+        lateral = np.array([-inwards[1], inwards[0]])
+        points = np.concatenate([ahead, ahead + 0.15 * lateral, ahead - 0.15 * lateral])
+        for piece in self._building.pieces:
+            local = (points - piece.place) @ np.array(
+                [[np.cos(piece.yaw), -np.sin(piece.yaw)], [np.sin(piece.yaw), np.cos(piece.yaw)]]
+            )
+            if (
+                (np.abs(local[:, 0]) < piece.width_m / 2 + 0.05)
+                & (local[:, 1] > -0.1)
+                & (local[:, 1] < piece.depth_m + 0.05)
+            ).any():
+                return False
+        ends = [np.array(end) for each in self._building.plan.partitions for end in (each.start, each.end)]
+        return all(np.hypot(*(place - end)) > 0.4 for end in ends)
+
+    def _in_a_corner(self) -> dict[str, Any]:
+        """Draw a place in a corner under the ceiling, directed at the middle of the nearest room."""
+        plan, rng = self._building.plan, self._rng
+        corner = self._corners.pop() if self._corners else int(rng.integers(len(plan.outline)))
+        before, after = plan.walls[corner - 1], plan.walls[corner]
+        place = plan.outline[corner] + 0.15 * (before.inwards + after.inwards)
+        room = min(plan.rooms, key=lambda each: float(np.hypot(*(each.middle - place))))
+        off = room.middle - place
+        height = min(plan.height_m - 0.15, 3.0)
+        pitch = float(np.degrees(np.arctan2(height - 1.0, np.hypot(*off))))
+        return self._mount(place, height, float(np.degrees(np.arctan2(off[1], off[0]))), pitch_deg=min(pitch, 50.0))
+
 
 FIELDS = ("room", "people", "sensors")
 

@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 from driving_room import BEAMS, drive, scan_at
 
-from trackers.frames.planar import between, compose, inverse, placed
 from trackers.frames.rig_frames import OdometryTrack
-from trackers.frames.scan_matching import MatchingOptions
-from trackers.frames.scan_memory import ScanMemory
-from trackers.frames.sensor_frame import SensorFrame
+from trackers.frames.scan_matching import MatchingOptions, between, compose, inverse, placed
+from trackers.frames.sensor_frame import ScanMemory, SensorFrame
 from trackers.observations import NS_PER_S, LaserScan
 
 

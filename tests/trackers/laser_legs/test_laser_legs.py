@@ -9,7 +9,7 @@ from driving_room import drive, legs_at, scan_at
 from trackers.configuration import leaves_of
 from trackers.errors import InputError
 from trackers.feeding import track_frames
-from trackers.frames.planar import between, compose, inverse, placed
+from trackers.frames.scan_matching import between, compose, inverse, placed
 from trackers.laser_legs.options import LaserLegsOptions
 from trackers.laser_legs.tracker import assigned
 from trackers.observations import NS_PER_S, Odometry
