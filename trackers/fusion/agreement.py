@@ -62,7 +62,7 @@ class Agreement:
         self._sigma_m[number] = float(sigma_m.mean())
         since_s = (ns - people.seen_ns[row]) / NS_PER_S  # (p, s)
         together = (since_s < _TOGETHER_S) & (people.existence[row, None] > 0.9)
-        together &= ~people.at_rest[row, None]  # of whom each kind shows another part
+        together &= ~people.posture.rests[row, None]  # of whom each kind shows another part
         together[:, number] = False
         velocity = people.velocity[row, None]
         off = np.where(together[..., None], place[:, None] - people.seen_at[row] - since_s[..., None] * velocity, 0.0)

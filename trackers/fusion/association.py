@@ -16,7 +16,7 @@ from trackers.fusion.look import Look
 from trackers.fusion.people import People
 from trackers.tracking.roster import Stage, associate
 
-LEAST_EXISTENCE, _LEAST_MISSED = 1e-4, 1e-2
+LEAST_EXISTENCE, _LEAST_MISSED, _LEAST_SHOWN = 1e-4, 1e-2, 1e-2
 _NEAR_M, _GATE = 0.3, 4.0
 """A measurement nearer than this to a prediction [m], or nearer than so many standard deviations, is never gated off."""
 
@@ -48,7 +48,10 @@ def pairs(
     Measurements that a source has shared out itself keep their owners.
     """
     log, away = log_density(people.state, look.position, look.covariance)
-    ratio = log - np.log(look.kind.clutter_m2)
+    # a scanner that measures a person there sees that place; a silhouette may be of another one on the same line of sight
+    shown = people.posture.shown(look.by_posture) if look.is_sharp else 1 - missed
+    shown = np.maximum(shown, _LEAST_SHOWN)[:, None]
+    ratio = log - np.log(look.kind.clutter_m2) + np.log(shown)
     given = np.flatnonzero(look.owner >= 0)
     owners = look.owner[given]
     near = np.hypot(*(look.position - people.positions[:, None]).transpose(2, 0, 1)) < _NEAR_M

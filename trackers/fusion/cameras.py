@@ -15,6 +15,7 @@ from trackers.environment import Environment
 from trackers.filters.gating import distances
 from trackers.fusion.look import Expected, Look, detections_of, round_covariance
 from trackers.fusion.options import FusionOptions
+from trackers.fusion.posture import DEPTH_SHOWN, SILHOUETTE_SHOWN
 from trackers.observations import DepthImage, Image, Observation
 from trackers.rig import CameraSensor, Rig, StereoSensor
 from trackers.tracking.track_manager import clear_of
@@ -156,7 +157,7 @@ class Camera:
             starts,
             owner,
             lambda points: self._missed(points, expected),
-            shows_low=self._stereo is not None,
+            by_posture=DEPTH_SHOWN if self._stereo is not None else SILHOUETTE_SHOWN,
             head=head,
             shown=detections_of(ns, self.names, "person", position, covariance),
         )

@@ -18,6 +18,7 @@ from trackers.filters.gating import distances
 from trackers.floor.clusters import FloorClusterOptions, floor_clusters
 from trackers.fusion.look import Expected, Look, detections_of, round_covariance
 from trackers.fusion.options import KindOptions
+from trackers.fusion.posture import FLOOR_SHOWN
 from trackers.observations import FloorFrame, Observation
 from trackers.rig import FloorSensor
 from trackers.tracking.track_manager import clear_of
@@ -81,6 +82,7 @@ class Floor:
             ),
             np.concatenate([owner, np.full(len(new), -1)]),
             self._missed,
+            FLOOR_SHOWN,
             load_n=np.concatenate([total_n[owner], new_n]),
             shown=detections_of(ns, self.names, "floor", position, covariance),
         )

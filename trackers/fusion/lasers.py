@@ -9,6 +9,7 @@ import numpy as np
 from trackers.area import Area
 from trackers.fusion.look import Expected, Look, round_covariance
 from trackers.fusion.options import FusionOptions, KindOptions
+from trackers.fusion.posture import LEGS_SHOWN, TRUNK_SHOWN
 from trackers.laser.group import ScannerGroup, scanners_by_role
 from trackers.laser.grouping import STRIDE_M
 from trackers.laser.layer import KneeOptions, LayerOptions, WaistOptions
@@ -86,6 +87,7 @@ class Scanners:
             starts,
             np.full(len(position), -1),
             lambda points: self._group.missed(scans, points),
+            TRUNK_SHOWN if self.role == "waist" else LEGS_SHOWN,
             is_sharp=True,
             feet=feet,
             shown=tuple(self._group.to_detections(found, self.role, ns)),

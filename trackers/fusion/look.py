@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float, Int
 
 from trackers.arrays import Array, Index, Mask
 from trackers.fusion.options import KindOptions
+from trackers.fusion.posture import Shares
 from trackers.observations import Observation
 from trackers.tracks import Detection
 
@@ -31,9 +32,9 @@ class Look:
     """k measurements of one kind at one stamp.
 
     owner: the track that a measurement is of, −1 where it is to be associated; starts: which may initiate a track; missed:
-    the probability that the look would not show a standing person at room points (2, ...) [m], (...); shows_low: whether
-    people who sit or lie are measured as well; is_sharp: whether `missed` tells one place from another near by; feet: which
-    measurements show both feet of a person, None: none.
+    the probability that the look would not show a standing person at room points (2, ...) [m], (...); by_posture: the
+    detection probability of who stands, sits and lies, in that of who stands; is_sharp: whether `missed` tells one place from
+    another near by; feet: which measurements show both feet of a person, None: none.
     """
 
     sensors: tuple[str, ...]
@@ -43,7 +44,7 @@ class Look:
     starts: Bool[Mask, "k"]
     owner: Int[Index, "k"]
     missed: Callable[[Array], Array]
-    shows_low: bool = False
+    by_posture: Shares
     is_sharp: bool = False
     feet: Bool[Mask, "k"] | None = None
     head: Float[Array, "k 3"] | None = None  # [m]

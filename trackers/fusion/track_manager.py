@@ -20,8 +20,9 @@ from trackers.filters.rows import written
 from trackers.fusion.association import LEAST_EXISTENCE
 from trackers.fusion.identity import reidentified
 from trackers.fusion.look import Look
-from trackers.fusion.options import FusionOptions
-from trackers.fusion.people import LENGTH_M, People
+from trackers.fusion.options import FusionOptions, KindOptions
+from trackers.fusion.people import People
+from trackers.fusion.posture import LENGTH_M
 from trackers.observations import NS_PER_S
 from trackers.tracking.track_manager import TrackManager, clear_of, nanoseconds
 
@@ -33,16 +34,14 @@ _TRUST = 1.5
 """Log-likelihood ratio of a detection at most, in that of detecting a person against missing one."""
 _SAME_M, _SAME_S = 0.25, 0.7
 """Two tracks nearer than this for so long are one person's [m, s]."""
-_APART_M = 0.3
-"""A person is not where another is measured [m]."""
-_LOW_SHOWN = 0.1
-"""Detection probability, in that of a standing one, of a person who sits or lies."""
+_APART_M, _HEAD_M = 0.3, 0.5
+"""A person is not where another is measured, nor is a head that nobody's body is under [m]."""
 _PLACE_M, _AT_REST = 0.35, 0.01
 """Standard deviation of where a lying person comes up again [m], and variance of their speed [m²/s²]."""
 _SEAT_M = 0.1
 """Standard deviation of a sitting person's pelvis from the seat, in each step [m]."""
-_SOON = 0.2
-"""A person who sits lies down so much sooner."""
+_LEFT_S = 0.5
+"""Mean time for which a person whom nothing shows outside the area stays there [s]."""
 _STAYS = 20.0
 """A person who sits or lies stays so many times as long as another."""
 
@@ -62,13 +61,13 @@ class FusionTrackManager(TrackManager):
 
     def aged(self, people: People, elapsed_s: float) -> People:
         """Return the tracks some time later: people sit and lie down now and then."""
-        lies_down = -np.expm1(-elapsed_s / (self._rules.lies_down_s * np.where(people.seated, _SOON, 1.0)))
-        people = people.changed(low=people.low + (1 - people.low) * lies_down)
-        row = np.flatnonzero(people.seated)
+        people = people.changed(posture=people.posture.later(elapsed_s, self._rules.lies_down_s))
+        seat = people.posture.seat
+        row = np.flatnonzero(~np.isnan(seat[:, 0]))
         if not row.size:
             return people
         R = np.tile(_SEAT_M**2 * max(self._step_s / elapsed_s, 1.0) * np.eye(2), (len(row), 1, 1))
-        return people.in_state(self._imm.update(people.state, row, people.seat[row], R))
+        return people.in_state(self._imm.update(people.state, row, seat[row], R))
 
     def missed(self, people: People, look: Look) -> Float[Array, "n"]:
         """Return how probably a look would not show each track."""
@@ -78,10 +77,7 @@ class FusionTrackManager(TrackManager):
             chance = miss_probability(people.state, look.missed, people.velocity.T)
         else:
             chance = look.missed(people.positions.T)
-        return chance if look.shows_low else self._missed_low(people.low, chance)
-
-    def _missed_low(self, low: Float[Array, "n"], chance: Float[Array, "n"]) -> Float[Array, "n"]:
-        return low * (1 - _LOW_SHOWN * (1 - chance)) + (1 - low) * chance
+        return 1 - people.posture.shown(look.by_posture) * (1 - chance)
 
     def detected(
         self,
@@ -96,13 +92,19 @@ class FusionTrackManager(TrackManager):
         # what is no person and stays looks like one at every look: a sensor shows no more than that it detects people
         most = _TRUST * np.log(look.kind.p_detect / (1 - look.kind.p_detect))
         existence = existence_after_detection(before, np.exp(share * np.clip(log_ratio, -most, most)))
-        low = people.low[row]
-        if not look.shows_low:
-            low = low * _LOW_SHOWN / (low * _LOW_SHOWN + 1 - low)
-        return people.changed(
-            existence=written(people.existence, row, np.minimum(existence, 1 - 1e-6)),
-            low=written(people.low, row, low),
-        )
+        existence = written(people.existence, row, np.minimum(existence, 1 - 1e-6))
+        return people.changed(existence=existence)
+
+    def head_shown(
+        self, people: People, row: Int[Index, "k"], kind: KindOptions, share: Float[Array, "k"], ns: int
+    ) -> People:
+        """Return the tracks, those at `row` likelier to exist that rest where no other is, and whose heads a picture shows."""
+        most = _TRUST * np.log(kind.p_detect / (1 - kind.p_detect))
+        others = people.positions[people.confirmed & (people.roster.measured_ns == ns)]
+        rests = 1 - people.posture.probability[row, 0]
+        share = share * rests * clear_of(people.heads.mean[row, :2], others, _HEAD_M)
+        existence = existence_after_detection(people.existence[row], np.exp(share * most))
+        return people.changed(existence=written(people.existence, row, np.minimum(existence, 1 - 1e-6)))
 
     def updated_missed(
         self, people: People, look: Look, share: float, elapsed_s: float, ns: int, number: int
@@ -122,25 +124,24 @@ class FusionTrackManager(TrackManager):
             state, chance = update_missed(some.state, not_shown, some.velocity.T)
         else:
             state, chance = some.state, not_shown(some.positions.T)
-        low, whole = some.low, chance
-        if not look.shows_low:
-            at_rest = clear_of(some.place, others, _APART_M)
-            not_low = np.where(at_rest, 1 - _LOW_SHOWN * (1 - chance), 1e-3)
-            whole = low * not_low + (1 - low) * chance
-            low = low * not_low / whole
-        lies = (low > 0.5) & (ns - some.roster.measured_ns > nanoseconds(_FRESH_S))
-        place = np.where(some.seated[:, None], some.seat, some.place)
+        alone = clear_of(some.place, others, _APART_M)
+        by_posture = np.where(alone[:, None], 1 - np.array(look.by_posture) * (1 - chance[:, None]), chance[:, None])
+        whole = (some.posture.probability * by_posture).sum(axis=1)
+        posture = people.posture.weighed(row, np.log(by_posture))
+        lies = posture.lies[row] & (ns - some.roster.measured_ns > nanoseconds(_FRESH_S))
+        place = np.where(np.isnan(some.posture.seat), some.place, some.posture.seat)
         rest = self._imm.start(place, None, _PLACE_M**2, _AT_REST)
         state = state.replaced(lies, rest.select(lies))
         # who may have gone unseen may have gone: where nothing would show them as likely as elsewhere
-        stays_s = self._rules.survival_s * np.where((low > 0.5) | some.seated, _STAYS, 1.0)
+        stays_s = self._rules.survival_s * np.where(posture.rests[row], _STAYS, 1.0)
+        stays_s = np.where(self.inside(some.positions), stays_s, _LEFT_S)
         existence = existence_after_miss(some.existence, whole, elapsed_s / self._n_source(people), stays_s)
-        people = people.changed(existence=written(people.existence, row, existence), low=written(people.low, row, low))
+        people = people.changed(existence=written(people.existence, row, existence), posture=posture)
         return people.in_state(people.state.replaced(row, state))
 
     def clear_of_seats(self, people: People, position: Float[Array, "k 2"]) -> Bool[Mask, "k"]:
         """Mark places that are not within the reach of a person who sits or lies."""
-        return clear_of(position, people.place[people.confirmed & (people.seated | (people.low > 0.5))], LENGTH_M)
+        return clear_of(position, people.place[people.confirmed & people.posture.rests], LENGTH_M)
 
     @staticmethod
     def _n_source(people: People) -> int:
@@ -174,7 +175,7 @@ class FusionTrackManager(TrackManager):
 
     def kept(self, people: People, ns: int) -> People:
         """Delete tracks that have left the area, or that probably do not exist."""
-        inside = self.inside(people.positions) | (people.roster.measured_ns < ns) | people.seated
+        inside = self.inside(people.positions) | (people.roster.measured_ns < ns) | people.posture.rests
         lasting = self.lasting(people.roster, ns)
         exists = people.existence > np.where(people.confirmed, 0.02, 0.05)
         if self.area is not None:

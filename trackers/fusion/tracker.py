@@ -55,6 +55,10 @@ _LEAN_M = 0.2
 """Standard deviation, on each axis, of what is seen of a sitting person from the pelvis, which stays where it is [m]."""
 _TOGETHER_S = 0.15
 """A trunk measured no longer ago tells where the legs are from there [s]."""
+_OVER_M, _LEAST_OVER = 0.2, 0.2
+"""Standard deviation of a head from over the body [m], and share of that which one picture tells."""
+_STATURE_M = 0.2
+"""Standard deviation of statures [m]."""
 _HEAD_SHOWN_S = 1.0
 """A head that no picture has shown for longer is not reported [s]."""
 
@@ -239,7 +243,7 @@ class Fusion(SynchronizedTracker):
         sigma_m = np.sqrt(look.covariance[column].trace(axis1=1, axis2=2) / 2)
         agreement.take(number, people, row, look.position[column], sigma_m, ns)
         others_ns = np.delete(people.seen_ns, number, axis=1).max(axis=1, initial=NEVER_NS)
-        by_others = (ns - others_ns < _TOGETHER_S * NS_PER_S) & people.confirmed & ~people.at_rest
+        by_others = (ns - others_ns < _TOGETHER_S * NS_PER_S) & people.confirmed & ~people.posture.rests
         shown = np.zeros(len(people), np.bool_)
         shown[row] = True
         agreement.take_shown(number, share * by_others * (1 - missed), shown)
@@ -263,22 +267,29 @@ class Fusion(SynchronizedTracker):
         if not row.size:
             return people
         kind = look.kind
-        share = np.clip((ns - people.seen_ns[row, number]) / (kind.lasts_s * NS_PER_S), _LEAST_SHARE, 1.0)
+        since_s = np.minimum((ns - people.seen_ns[row, number]) / NS_PER_S, 1.0)
+        share = np.clip(since_s / kind.lasts_s, _LEAST_SHARE, 1.0)
         R = look.covariance[column] / share[:, None, None]
-        people = people.stood_up(row, look.position[column])
-        R = R + _LEAN_M**2 * np.eye(2) * people.seated[row, None, None]
+        posture = people.posture.detected(row, look.by_posture, share)
+        posture = posture.by_place(row, look.position[column], np.hypot(*people.velocity[row].T), share)
         if look.feet is not None and self._sees_waists:
             known = np.flatnonzero(ns - people.seen_ns[row, 0] <= _TOGETHER_S * NS_PER_S)
-            legs = look.position[column[known]] + people.seated_knees[row[known]] - people.seen_at[row[known], 0]
-            people = people.learn_knees(row[known], legs, look.feet[column[known]])
+            known = known[look.feet[column[known]] | posture.rests[row[known]]]
+            legs = look.position[column[known]] + posture.seated_knees[row[known]] - people.seen_at[row[known], 0]
+            posture = posture.by_legs(row[known], legs, since_s[known])
+        rests = posture.rests[row, None, None]
+        upright = np.maximum(1 - posture.low[row], _LEAST_SHARE)  # a lying person is not where a standing one would be
+        R = (R + _LEAN_M**2 * np.eye(2) * rests) / upright[:, None, None]
+        people = people.changed(posture=posture)
         state = self._imm.update(people.state, row, look.position[column], R)
         people = people.changed(roster=people.roster.measured(row, ns, state))
-        people = self._manager.detected(people, row, ratio, share, look)
+        people = self._manager.detected(people, row, ratio, share * upright, look)
         offset = 0.8 * people.offset_m2[row] + 0.2 * kind.offset_m**2
         seen_ns, seen_at = people.seen_ns.copy(), people.seen_at.copy()
         seen_ns[row, number], seen_at[row, number] = ns, look.position[column]
         people = people.changed(
             place=written(people.place, row, people.positions[row]),
+            posture=people.posture.settled(people.positions),
             offset_m2=written(people.offset_m2, row, offset),
             seen_ns=seen_ns,
             seen_at=seen_at,
@@ -296,16 +307,23 @@ class Fusion(SynchronizedTracker):
         """Update heads by a picture, bodies by their heads, and colours."""
         picture, kind = camera.picture, self.options.camera
         assert picture is not None
-        heads = people.heads.measured(  # heads are over bodies, more or less
-            np.arange(len(people)), people.positions, np.full((len(people), 2), 0.2**2) / 0.2
-        )
+        unsure_m2 = np.where(np.isnan(people.stature_m), _STATURE_M**2, 0.0)
+        height_m, spread_m2 = people.posture.head_height(people.stature)
+        over = np.column_stack([people.positions, height_m])  # heads are over bodies, more or less
+        flat_m2 = np.full(len(people), _OVER_M**2)
+        variance = np.column_stack([flat_m2, flat_m2, spread_m2 + unsure_m2]) / _LEAST_OVER
+        heads = people.heads.measured(np.arange(len(people)), over, variance)
         heads = heads.again_over(people.positions)
         in_view = np.flatnonzero(people.confirmed & heads.own & camera.sees(heads.mean[:, :3], people.positions))
-        share = np.clip((ns - heads.seen_ns[in_view]) / (0.05 * NS_PER_S), 0.25, 1.0)
+        since_s = np.minimum((ns - heads.seen_ns[in_view]) / NS_PER_S, 1.0)
+        share = np.clip(since_s / 0.05, 0.25, 1.0)
         before = heads
         heads, shown = self._weighings[camera.names[0]].updated(heads, in_view, picture.packed, share, ns)
         people, row = people.changed(heads=heads), in_view[shown]
         if row.size:
+            variance = heads.covariance[row, 2, 2] + unsure_m2[row]
+            posture = people.posture.by_head(row, heads.mean[row, 2], variance, people.stature[row], since_s[shown])
+            people = self._manager.head_shown(people.changed(posture=posture), row, kind, share[shown], ns)
             people = people.learn_stature(row, self.options.identity.memory)
             drop_m = np.maximum(people.stature[row] - 0.12 - heads.mean[row, 2], 0.0)
             variance = self.options.head.over_body_m**2 + (0.7 * drop_m) ** 2
@@ -315,7 +333,7 @@ class Fusion(SynchronizedTracker):
             state = self._imm.update(people.state, row, place, R)
             people = people.changed(roster=people.roster.measured(row, ns, state))
         histograms, clear = camera.colours(people.positions, people.stature)
-        looked = np.flatnonzero(clear & (people.roster.measured_ns == ns) & (people.low < 0.5))
+        looked = np.flatnonzero(clear & (people.roster.measured_ns == ns) & ~people.posture.lies)
         if looked.size:
             memory = self.options.identity.memory
             clothes = people.clothes.learned(looked, histograms[looked], np.zeros(looked.size, np.bool_), 0, memory)

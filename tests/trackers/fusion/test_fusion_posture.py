@@ -1,0 +1,54 @@
+"""Posture of tracks: who lies stays unseen by trunks, is seen by the head, and gets up."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackers.fusion.posture import LENGTH_M, SILHOUETTE_SHOWN, TRUNK_SHOWN, Posture
+
+ROW, ONE = np.array([0]), np.ones(1)
+
+
+def headed(posture: Posture, height_m: float, seconds: float) -> Posture:
+    """Return a posture after pictures of a head of a person of 1.8 m, ten in a second."""
+    for _ in range(round(10 * seconds)):
+        posture = posture.later(0.1, 60.0).by_head(ROW, height_m * ONE, 0.03**2 * ONE, 1.8 * ONE, 0.1 * ONE)
+    return posture
+
+
+def test_the_height_of_a_head_tells_the_three_postures_apart() -> None:
+    for posture, height_m in enumerate((1.68, 1.28, 0.65)):
+        assert headed(Posture.upright(1), height_m, 4).probability[0].argmax() == posture
+
+
+def test_probabilities_stay_so_and_a_lying_person_who_is_shown_as_standing_gets_up() -> None:
+    lying = headed(headed(Posture.upright(1), 1.28, 3), 0.65, 3)
+    assert lying.lies[0] and lying.rests[0]
+    assert lying.shown(TRUNK_SHOWN)[0] < 0.05 < lying.shown(SILHOUETTE_SHOWN)[0] + 0.05
+    up = lying
+    for _ in range(6):
+        up = up.detected(ROW, TRUNK_SHOWN, ONE)
+    assert not up.lies[0]
+    np.testing.assert_allclose([each.probability.sum() for each in (lying, up)], 1)
+
+
+def test_legs_far_before_the_trunk_are_a_sitting_persons_and_a_seat_ends_out_of_its_reach() -> None:
+    sitting = Posture.upright(1)
+    for _ in range(30):
+        sitting = sitting.later(0.1, 60.0).by_legs(ROW, np.array([[0.5, 0.0]]), 0.1 * ONE)
+    assert sitting.probability[0, 1] > 0.5 and abs(sitting.seated_knees[0, 0] - 0.5) < 0.01
+    sitting = sitting.settled(np.zeros((1, 2)))
+    np.testing.assert_array_equal(sitting.seat, 0)
+    near, far = (sitting.by_place(ROW, np.array([[away, 0.0]]), np.zeros(1), ONE) for away in (0.1, 1.1 * LENGTH_M))
+    assert near.rests[0] and not far.rests[0]
+    assert np.isnan(far.settled(np.zeros((1, 2))).seat).all()
+
+
+def test_nobody_seen_for_long_is_not_taken_to_lie_but_from_a_seat() -> None:
+    def missed(posture: Posture) -> float:
+        for _ in range(20):
+            chance = 1 - 0.95 * np.array([TRUNK_SHOWN])
+            posture = posture.later(0.1, 60.0).weighed(ROW, 0.1 * np.log(chance))
+        return float(posture.low[0])
+
+    assert missed(headed(Posture.upright(1), 1.28, 3)) > missed(headed(Posture.upright(1), 1.68, 3))

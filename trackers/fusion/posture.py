@@ -1,0 +1,152 @@
+"""Posture of each track: a hidden Markov model of people who stand, sit and lie, by the forward algorithm.
+
+p(posture) goes on by the rates at which people change it, and is weighed by what tells: which sensors show a person and which do
+not, how high the head is, how far the legs are from the trunk (L. Rabiner, "A tutorial on hidden Markov models", Proc. IEEE 77,
+1989). A person gets up before leaving: one who sits or lies stays at the seat.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.linalg import expm
+
+from trackers.arrays import Array, Index, Mask
+from trackers.filters.rows import Rows, written
+
+Shares = tuple[float, float, float]
+"""Detection probability of people who stand, sit and lie, in that of those who stand; measured in the twin."""
+TRUNK_SHOWN: Shares = (1.0, 0.85, 0.01)
+LEGS_SHOWN: Shares = (1.0, 0.95, 0.1)
+SILHOUETTE_SHOWN: Shares = (1.0, 0.62, 0.03)
+DEPTH_SHOWN: Shares = (1.0, 0.95, 0.7)
+FLOOR_SHOWN: Shares = (1.0, 0.83, 0.05)
+"""A bed bears who lies on it."""
+
+LENGTH_M = 1.2
+"""Trunk and legs of a person who sits or lies are this near to the place [m]."""
+_RISES_S, _LIES_DOWN_S = 20.0, 12.0
+"""How long people sit or lie on average before they rise, and sit before they lie down [s]."""
+_FALLS = 0.1
+"""Share of the people who lie down that did not sit before."""
+_HEAD, _HEAD_SIGMA = np.array([0.93, 0.74, 0.36]), np.array([0.06, 0.09, 0.13])
+"""Height of the middle of a head in the stature, and its standard deviation."""
+_REST_M_S = 0.5
+"""Standard deviation of the speed of people who rest [m/s]."""
+_ALIKE_S = 1.0
+"""Time in which all looks at a posture together tell what one tells [s]: their errors are alike."""
+_SEAT_M, _UP, _SEAT_MEMORY = 0.5, 3.0, 0.95
+"""Standard deviation of where a resting person is measured from the seat [m], χ² of one who has stood up, and share of the old
+seat that is kept."""
+_KNEES_M, _KNEES_SIGMA_M, _KNEES_MEMORY = np.array([0.0, 0.45, 0.45]), np.array([0.15, 0.17, 0.3]), 0.7
+"""Distance of the legs from the trunk, on average, its standard deviation [m]; share of the old average that is kept."""
+
+
+@dataclass(frozen=True, eq=False)
+class Posture(Rows):
+    """Postures of n people."""
+
+    probability: Float[Array, "n 3"]  # of standing, sitting, lying
+    knees: Float[Array, "n 2"]  # from the place to the middle of the legs, on average [m]
+    seat: Float[Array, "n 2"]  # where they sit or lie [m]; NaN: they stand
+
+    @classmethod
+    def upright(cls, n: int) -> Self:
+        """Make postures of n people who are met standing, more likely than not."""
+        return cls(np.tile([0.9, 0.09, 0.01], (n, 1)), np.zeros((n, 2)), np.full((n, 2), np.nan))
+
+    @property
+    def low(self) -> Float[Array, "n"]:
+        """Probability that they lie."""
+        return self.probability[:, 2]
+
+    @property
+    def lies(self) -> Bool[Mask, "n"]:
+        """The people who probably lie."""
+        return self.low > 0.5
+
+    @property
+    def rests(self) -> Bool[Mask, "n"]:
+        """The people who probably sit or lie."""
+        return self.probability[:, 0] < 0.5
+
+    @property
+    def seated_knees(self) -> Float[Array, "n 2"]:
+        """Offsets of the legs of people who sit [m]; 0 of walkers, whose legs swing about them."""
+        return np.where((self.probability[:, 1] > 0.25)[:, None], self.knees, 0.0)
+
+    def shown(self, shares: Shares) -> Float[Array, "n"]:
+        """Return the detection probability in that of a standing person."""
+        return self.probability @ np.array(shares)
+
+    def later(self, elapsed_s: float, lies_down_s: float) -> Self:
+        """Return the postures some time later; lies_down_s: how long people stand on average [s]."""
+        rates = np.array(
+            [
+                [0.0, 1 / lies_down_s, _FALLS / lies_down_s],
+                [1 / _RISES_S, 0.0, 1 / _LIES_DOWN_S],
+                [0.5 / _RISES_S, 0.5 / _RISES_S, 0.0],
+            ]
+        )
+        return self.changed(probability=self.probability @ expm(elapsed_s * (rates - np.diag(rates.sum(axis=1)))))
+
+    def weighed(self, row: Int[Index, "k"], log_likelihood: Float[Array, "k 3"]) -> Self:
+        """Return the postures, those at `row` weighed by log-likelihoods of what is seen."""
+        log = log_likelihood - log_likelihood.max(axis=1, keepdims=True)
+        p = self.probability[row] * np.exp(log) + 1e-6
+        return self.changed(probability=written(self.probability, row, p / p.sum(axis=1, keepdims=True)))
+
+    def detected(self, row: Int[Index, "k"], shares: Shares, share: Float[Array, "k"]) -> Self:
+        """Weigh those at `row` by a detection: they do not lie. Sensors that show people who sit do so look after look."""
+        return self.weighed(row, share[:, None] * np.log([1.0, 1.0, shares[2]]))
+
+    def by_head(
+        self,
+        row: Int[Index, "k"],
+        height_m: Float[Array, "k"],
+        variance_m2: Float[Array, "k"],
+        stature_m: Float[Array, "k"],
+        since_s: Float[Array, "k"],
+    ) -> Self:
+        """Weigh those at `row` by the height of their heads [m], at their statures [m], last looked at since_s ago [s]."""
+        variance = (stature_m[:, None] * _HEAD_SIGMA) ** 2 + variance_m2[:, None]
+        off = height_m[:, None] - stature_m[:, None] * _HEAD
+        return self.weighed(row, -0.5 * (since_s / _ALIKE_S)[:, None] * (off**2 / variance + np.log(variance)))
+
+    def head_height(self, stature_m: Float[Array, "n"]) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
+        """Return the mean [m] and the variance [m²] of the heights of heads at these statures [m]."""
+        mean = self.probability @ _HEAD
+        variance = self.probability @ (_HEAD**2 + _HEAD_SIGMA**2) - mean**2
+        return stature_m * mean, stature_m**2 * variance
+
+    def by_legs(self, row: Int[Index, "k"], legs: Float[Array, "k 2"], since_s: Float[Array, "k"]) -> Self:
+        """Learn where the legs of those at `row` are from the trunk [m], last seen since_s ago [s], and weigh how far."""
+        knees = _KNEES_MEMORY * self.knees[row] + (1 - _KNEES_MEMORY) * legs
+        off = (np.hypot(*knees.T)[:, None] - _KNEES_M) / _KNEES_SIGMA_M
+        log = (since_s / _ALIKE_S)[:, None] * (-0.5 * off**2 - np.log(_KNEES_SIGMA_M))
+        return self.changed(knees=written(self.knees, row, knees)).weighed(row, log)
+
+    def by_place(
+        self,
+        row: Int[Index, "k"],
+        measured: Float[Array, "k 2"],
+        speed_m_s: Float[Array, "k"],
+        share: Float[Array, "k"],
+    ) -> Self:
+        """Weigh those at `row` by how far from their seats they are measured [m], and by their speed [m/s]."""
+        off_m = np.nan_to_num(np.hypot(*(measured - self.seat[row]).T))
+        moves = (speed_m_s / _REST_M_S) ** 2 + (off_m / _SEAT_M) ** 2
+        log = np.zeros((row.size, 3))  # who stands may rest there as well
+        log[:, 1:] = -0.5 * (share * np.maximum(moves - _UP, 0.0))[:, None]
+        log[off_m > LENGTH_M] = 0.0, -9.0, -9.0
+        return self.weighed(row, log)
+
+    def settled(self, place: Float[Array, "n 2"]) -> Self:
+        """Learn the seats of people who sit at places [m]; a lying person is not where a sitting one was shown."""
+        rests, fresh = self.rests[:, None], np.isnan(self.seat)
+        moved = np.where(fresh, place, _SEAT_MEMORY * self.seat + (1 - _SEAT_MEMORY) * place)
+        seat = np.where(rests, np.where(self.lies[:, None] & ~fresh, self.seat, moved), np.nan)
+        return self.changed(seat=seat)
