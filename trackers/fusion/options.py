@@ -39,7 +39,7 @@ class HeadOptions(Strict):
         default=2.0, gt=0, description="standard deviation of the acceleration of a head on each axis [m/s²]"
     )
     over_body_m: float = Field(
-        default=0.06,
+        default=0.03,
         gt=0,
         description="standard deviation of an upright person's head over the pelvis, on each axis [m]",
     )

@@ -26,6 +26,9 @@ DEPTH_SHOWN: Shares = (1.0, 0.95, 0.7)
 FLOOR_SHOWN: Shares = (1.0, 0.83, 0.05)
 """A bed bears who lies on it."""
 
+OFF_BODY: Shares = (1.0, 16.0, 320.0)
+"""Variance of heads from over the pelvis, on each axis, in that of a standing person's (2.5 cm); measured in the twin."""
+
 LENGTH_M = 1.2
 """Trunk and legs of a person who sits or lies are this near to the place [m]."""
 _RISES_S, _LIES_DOWN_S = 20.0, 12.0

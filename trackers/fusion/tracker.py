@@ -35,6 +35,7 @@ from trackers.fusion.lasers import scanners_of
 from trackers.fusion.look import Look, Source
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.people import People
+from trackers.fusion.posture import OFF_BODY
 from trackers.fusion.track_manager import FusionTrackManager
 from trackers.observations import NS_PER_S, Observation
 from trackers.prior import Prior
@@ -51,8 +52,8 @@ _DOUBTED_M = 0.5
 """Standard deviation added to what a sensor measures that contradicts the others, at least [m]."""
 _START_SPEED_M_S = 1.0
 _LEAST_SHARE = 0.02
-_LEAN_M = 0.2
-"""Standard deviation, on each axis, of what is seen of a sitting person from the pelvis, which stays where it is [m]."""
+_LEAN_M, _FEET_M = 0.2, 0.35
+"""Standard deviation, on each axis, of what is seen of a sitting person and stood on from the pelvis, which stays where it is [m]."""
 _TOGETHER_S = 0.15
 """A trunk measured no longer ago tells where the legs are from there [s]."""
 _OVER_M, _LEAST_OVER = 0.2, 0.2
@@ -279,7 +280,7 @@ class Fusion(SynchronizedTracker):
             posture = posture.by_legs(row[known], legs, since_s[known])
         rests = posture.rests[row, None, None]
         upright = np.maximum(1 - posture.low[row], _LEAST_SHARE)  # a lying person is not where a standing one would be
-        R = (R + _LEAN_M**2 * np.eye(2) * rests) / upright[:, None, None]
+        R = (R + (_LEAN_M if look.load_n is None else _FEET_M) ** 2 * np.eye(2) * rests) / upright[:, None, None]
         people = people.changed(posture=posture)
         state = self._imm.update(people.state, row, look.position[column], R)
         people = people.changed(roster=people.roster.measured(row, ns, state))
@@ -325,11 +326,10 @@ class Fusion(SynchronizedTracker):
             posture = people.posture.by_head(row, heads.mean[row, 2], variance, people.stature[row], since_s[shown])
             people = self._manager.head_shown(people.changed(posture=posture), row, kind, share[shown], ns)
             people = people.learn_stature(row, self.options.identity.memory)
-            drop_m = np.maximum(people.stature[row] - 0.12 - heads.mean[row, 2], 0.0)
-            variance = self.options.head.over_body_m**2 + (0.7 * drop_m) ** 2
-            share = np.clip((ns - people.seen_ns[row, number]) / (kind.lasts_s * NS_PER_S), _LEAST_SHARE, 1.0)
+            variance = self.options.head.over_body_m**2 * people.posture.shown(OFF_BODY)[row]
+            share = np.clip(since_s[shown] / kind.lasts_s, _LEAST_SHARE, 1.0)
             place, covariance = gained(before.select(row), heads.select(row))
-            R = covariance + (variance / np.minimum(share, 0.2))[:, None, None] * np.eye(2)
+            R = covariance + (variance / share)[:, None, None] * np.eye(2)
             state = self._imm.update(people.state, row, place, R)
             people = people.changed(roster=people.roster.measured(row, ns, state))
         histograms, clear = camera.colours(people.positions, people.stature)
