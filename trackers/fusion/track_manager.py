@@ -19,7 +19,7 @@ from trackers.filters.negative_information import (
 from trackers.filters.rows import written
 from trackers.fusion.association import LEAST_EXISTENCE
 from trackers.fusion.identity import reidentified
-from trackers.fusion.look import Look
+from trackers.fusion.look import Look, round_covariance
 from trackers.fusion.options import FusionOptions, KindOptions
 from trackers.fusion.people import People
 from trackers.fusion.posture import LENGTH_M
@@ -38,8 +38,8 @@ _APART_M, _HEAD_M = 0.3, 0.5
 """A person is not where another is measured, nor is a head that nobody's body is under [m]."""
 _PLACE_M, _AT_REST = 0.35, 0.01
 """Standard deviation of where a lying person comes up again [m], and variance of their speed [m²/s²]."""
-_SEAT_M = 0.1
-"""Standard deviation of a sitting person's pelvis from the seat, in each step [m]."""
+_SEAT_M = 0.2
+"""Standard deviation of a sitting person's pelvis from the seat, in each step [m]; half as much of a lying one's."""
 _LEFT_S = 0.5
 """Mean time for which a person whom nothing shows outside the area stays there [s]."""
 _STAYS = 20.0
@@ -66,7 +66,8 @@ class FusionTrackManager(TrackManager):
         row = np.flatnonzero(~np.isnan(seat[:, 0]))
         if not row.size:
             return people
-        R = np.tile(_SEAT_M**2 * max(self._step_s / elapsed_s, 1.0) * np.eye(2), (len(row), 1, 1))
+        sigma_m = np.where(people.posture.lies[row], _SEAT_M / 2, _SEAT_M)
+        R = round_covariance(sigma_m**2 * max(self._step_s / elapsed_s, 1.0))
         return people.in_state(self._imm.update(people.state, row, seat[row], R))
 
     def missed(self, people: People, look: Look) -> Float[Array, "n"]:
@@ -150,6 +151,7 @@ class FusionTrackManager(TrackManager):
     def confirmed(self, people: People, ns: int, elapsed_s: float) -> People:
         """Confirm tracks that were measured long and often enough, and that exist."""
         new = self.to_confirm(people.roster, ns, round(elapsed_s * NS_PER_S)) & (people.existence > _SURE)
+        new &= self.clear_of_seats(people, people.positions)  # who gets up is nobody new
         people, new = reidentified(people, new, ns, self._identity)
         return people.changed(roster=self.confirm(people.roster, new))
 

@@ -53,7 +53,7 @@ _DOUBTED_M = 0.5
 _START_SPEED_M_S = 1.0
 _LEAST_SHARE = 0.02
 _LEAN_M, _FEET_M = 0.2, 0.35
-"""Standard deviation, on each axis, of what is seen of a sitting person and stood on from the pelvis, which stays where it is [m]."""
+"""Standard deviation, on each axis, of what is seen of a sitting person, and stood on, from the pelvis [m]."""
 _TOGETHER_S = 0.15
 """A trunk measured no longer ago tells where the legs are from there [s]."""
 _OVER_M, _LEAST_OVER = 0.2, 0.2
