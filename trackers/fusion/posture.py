@@ -29,12 +29,12 @@ FLOOR_SHOWN: Shares = (1.0, 0.83, 0.05)
 OFF_BODY: Shares = (1.0, 16.0, 320.0)
 """Variance of heads from over the pelvis, on each axis, in that of a standing person's (2.5 cm); measured in the twin."""
 
-LENGTH_M = 1.2
-"""Trunk and legs of a person who sits or lies are this near to the place [m]."""
+LENGTH_M, LAIN_M = 1.2, 1.6
+"""Trunk and legs of a person who sits are this near to the place [m], and those of one who lies or gets up."""
 _RISES_S, _LIES_DOWN_S = 20.0, 12.0
 """How long people sit or lie on average before they rise, and sit before they lie down [s]."""
 _FALLS = 0.1
-"""Share of the people who lie down that did not sit before."""
+"""Share of the people who lie down, or rise from lying, that do not sit in between."""
 _HEAD, _HEAD_SIGMA = np.array([0.93, 0.74, 0.36]), np.array([0.06, 0.09, 0.13])
 """Height of the middle of a head in the stature, and its standard deviation."""
 _REST_M_S = 0.5
@@ -55,11 +55,12 @@ class Posture(Rows):
     probability: Float[Array, "n 3"]  # of standing, sitting, lying
     knees: Float[Array, "n 2"]  # from the place to the middle of the legs, on average [m]
     seat: Float[Array, "n 2"]  # where they sit or lie [m]; NaN: they stand
+    lain: Bool[Mask, "n"]  # who lies, or has lain and not stood up since
 
     @classmethod
     def upright(cls, n: int) -> Self:
         """Make postures of n people who are met standing, more likely than not."""
-        return cls(np.tile([0.9, 0.09, 0.01], (n, 1)), np.zeros((n, 2)), np.full((n, 2), np.nan))
+        return cls(np.tile([0.9, 0.09, 0.01], (n, 1)), np.zeros((n, 2)), np.full((n, 2), np.nan), np.zeros(n, np.bool_))
 
     @property
     def low(self) -> Float[Array, "n"]:
@@ -91,7 +92,7 @@ class Posture(Rows):
             [
                 [0.0, 1 / lies_down_s, _FALLS / lies_down_s],
                 [1 / _RISES_S, 0.0, 1 / _LIES_DOWN_S],
-                [0.5 / _RISES_S, 0.5 / _RISES_S, 0.0],
+                [_FALLS / _RISES_S, (1 - _FALLS) / _RISES_S, 0.0],
             ]
         )
         return self.changed(probability=self.probability @ expm(elapsed_s * (rates - np.diag(rates.sum(axis=1)))))
@@ -152,4 +153,4 @@ class Posture(Rows):
         rests, fresh = self.rests[:, None], np.isnan(self.seat)
         moved = np.where(fresh, place, _SEAT_MEMORY * self.seat + (1 - _SEAT_MEMORY) * place)
         seat = np.where(rests, np.where(self.lies[:, None] & ~fresh, self.seat, moved), np.nan)
-        return self.changed(seat=seat)
+        return self.changed(seat=seat, lain=self.rests & (self.lain | self.lies))

@@ -22,7 +22,7 @@ from trackers.fusion.identity import reidentified
 from trackers.fusion.look import Look, round_covariance
 from trackers.fusion.options import FusionOptions, KindOptions
 from trackers.fusion.people import People
-from trackers.fusion.posture import LENGTH_M
+from trackers.fusion.posture import LAIN_M, LENGTH_M
 from trackers.observations import NS_PER_S
 from trackers.tracking.track_manager import TrackManager, clear_of, nanoseconds
 
@@ -142,7 +142,9 @@ class FusionTrackManager(TrackManager):
 
     def clear_of_seats(self, people: People, position: Float[Array, "k 2"]) -> Bool[Mask, "k"]:
         """Mark places that are not within the reach of a person who sits or lies."""
-        return clear_of(position, people.place[people.confirmed & people.posture.rests], LENGTH_M)
+        rests = people.confirmed & people.posture.rests & (people.existence > 0.5) & self.inside(people.place)
+        lain = rests & people.posture.lain
+        return clear_of(position, people.place[rests], LENGTH_M) & clear_of(position, people.place[lain], LAIN_M)
 
     @staticmethod
     def _n_source(people: People) -> int:
