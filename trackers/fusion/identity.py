@@ -37,7 +37,7 @@ def reidentified(
     the tracks, and which of them are still to be confirmed.
     """
     gap_s = (ns - people.roster.measured_ns) / NS_PER_S
-    hidden = np.flatnonzero(people.confirmed & (gap_s > _HIDDEN_S))
+    hidden = np.flatnonzero(people.confirmed & (gap_s > _HIDDEN_S) & (people.existence > 0.5))
     fresh = np.flatnonzero(new)
     if not fresh.size or not hidden.size or not options.reach_m_s:
         return people, new

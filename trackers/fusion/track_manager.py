@@ -181,7 +181,7 @@ class FusionTrackManager(TrackManager):
         """Delete tracks that have left the area, or that probably do not exist."""
         inside = self.inside(people.positions) | (people.roster.measured_ns < ns) | people.posture.rests
         lasting = self.lasting(people.roster, ns)
-        exists = people.existence > np.where(people.confirmed, 0.02, 0.05)
+        exists = people.existence > np.where(people.confirmed, 0.2, 0.05)
         if self.area is not None:
             lasting |= people.confirmed & (people.existence > 0.5)
         return people.select(inside & lasting & exists)
