@@ -32,7 +32,7 @@ OFF_BODY: Shares = (1.0, 16.0, 320.0)
 LENGTH_M, LAIN_M = 1.2, 1.6
 """Trunk and legs of a person who sits are this near to the place [m], and those of one who lies or gets up."""
 _RISES_S, _LIES_DOWN_S = 20.0, 12.0
-"""How long people sit or lie on average before they rise, and sit before they lie down [s]."""
+"""Mean times for which people sit or lie before they rise, and sit before they lie down [s]."""
 _FALLS = 0.1
 """Share of the people who lie down, or rise from lying, that do not sit in between."""
 _HEAD, _HEAD_SIGMA = np.array([0.93, 0.74, 0.36]), np.array([0.06, 0.09, 0.13])
