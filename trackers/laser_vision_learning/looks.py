@@ -24,13 +24,13 @@ from trackers.filters.particle import LogLikelihood
 from trackers.filters.rows import Rows, written
 from trackers.laser_vision_learning.score_maps import ScoreMapOptions, ScoreMaps
 from trackers.learning.boosting import BoostingOptions, OnlineBoosting, StrongClassifiers
-from trackers.vision.histogram import ColourHistogram, HistogramOptions
 from trackers.vision.patches import Feature, FeatureOptions, PatchDescriber, Patches, PatchOptions, PatchSampler
 
 Picture = UInt8[Bytes, "height width 3"]
 _NEVER_NS = -1
-HISTOGRAM = ColourHistogram(HistogramOptions())
-"""Histogram of a body's colours, for the ablation."""
+COLOUR_LEVELS, HEIGHTS = 10, 4
+"""Levels of each of L*, a*, b*, and parts of a body's height, that `colours` tells apart."""
+COLOURS = HEIGHTS * COLOUR_LEVELS**3
 
 
 class LooksOptions(Strict):
@@ -46,8 +46,9 @@ class LooksOptions(Strict):
         **{f"features.{name}": value for name, value in leaves_of(FeatureOptions()) if name != "kinds"},
     }
 
-    by: Literal["classifier", "histogram"] = Field(
-        default="classifier", description="what tells people apart; a colour histogram of the body is an ablation"
+    by: Literal["colours", "classifier"] = Field(
+        default="colours",
+        description="what tells people apart: naive Bayes by colour and height (ours), or boosted trees on patches (paper)",
     )
     patch_count: PositiveInt = Field(default=PatchOptions().count, description="patches drawn on a body")
     patch_m: float = Field(default=PatchOptions().size_m, gt=0, description="side of a patch on the body [m]")
@@ -94,13 +95,15 @@ class Looks(Rows):
 
     strong: StrongClassifiers
     learned_ns: Int[Index, "n"]  # stamp of the last picture learned from, −1 before any
-    reference: Float[Array, "n bins"]  # colour histogram of the ablation (`histograms`); else without bins
+    n_learned: Int[Index, "n"]  # number of these pictures
+    reference: Float[Array, "n bins"]  # shares of colours (`colours`); of the classifier without bins
 
     @classmethod
     def unknown(cls, n: int, options: LooksOptions) -> Self:
         """Make the appearance of new tracks."""
-        bins = HISTOGRAM.size if options.by == "histogram" else 0
-        return cls(StrongClassifiers.untrained(n, options.boosting.trees), np.full(n, _NEVER_NS), np.zeros((n, bins)))
+        bins, trees = (COLOURS, 0) if options.by == "colours" else (0, options.boosting.trees)
+        strong = StrongClassifiers.untrained(n, trees)
+        return cls(strong, np.full(n, _NEVER_NS), np.zeros(n, np.int64), np.zeros((n, bins)))
 
     @property
     def known(self) -> Bool[Mask, "n"]:
@@ -153,12 +156,10 @@ class Learner:
         # of those who have waited equally long, none is always last
         longest_first = np.lexsort((rng.random(waiting.size), looks.learned_ns[waiting]))
         served = np.sort(waiting[longest_first[: self.options.classifiers_a_frame]])
-        pictured = (confusable[served].any(axis=0) | np.isin(np.arange(len(looks)), served)).nonzero()[0]
+        pictured = np.flatnonzero(clear)
         # all people present may hide others, also those not learned from
         described = self._described(rgb, positions_m, pictured, rng, foreground)
-        samples, label = self._samples(
-            described, np.searchsorted(pictured, served), confusable[np.ix_(served, pictured)], rng
-        )
+        samples, label = self._samples(described, np.searchsorted(pictured, served), served[:, None] != pictured, rng)
         taught = (label > 0).any(axis=1) & (label < 0).any(axis=1)
         if self.options.background:
             background = self.sampler.drawn_next_to(positions_m, self.options.background, rng)
@@ -170,6 +171,7 @@ class Learner:
         return looks.changed(
             strong=looks.strong.replaced(served[taught], strong),
             learned_ns=written(looks.learned_ns, served[taught], ns),
+            n_learned=written(looks.n_learned, served[taught], looks.n_learned[served[taught]] + 1),
         )
 
     def scores(

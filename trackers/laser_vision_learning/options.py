@@ -105,9 +105,7 @@ class LaserVisionLearningOptions(Strict):
         default=RecognitionOptions(), description="when looks are asked, and how much they count"
     )
     looks: LooksOptions = Field(default=LooksOptions(), description="how people's looks are learned")
-    identities: IdentityOptions = Field(
-        default=IdentityOptions(margin=0.3), description="when a split is decided, and by what"
-    )
+    identities: IdentityOptions = Field(default=IdentityOptions(), description="when a split is decided, and by what")
     situations: SituationOptions = Field(default=SituationOptions(), description="who interacts, is correlated, merges")
     track_management: PointTrackManagementOptions = Field(
         default=PointTrackManagementOptions(

@@ -1,22 +1,22 @@
 """Re-identification by learning: identities after people met, by classifiers that learned while they were separate.
 
 Pictures are evaluated only while people interact. A picture trains the classifiers of interacting but separate people, and
-draws the particles of correlated people to the score maps (eq. 1). When a group splits, the scores of its members, summed
-over a few pictures, decide their identities, which are then exchanged among the group's tracks, so that trajectories are
-linked through the merge. With doubtful or untrained appearance, or without pictures, identities follow motion; `Decision`
-says which.
+draws the particles of correlated people to the score maps (eq. 1). When a group splits, the scores of its members, averaged
+over a few pictures, decide their identities (`identities`), which are then exchanged among the group's tracks, so that
+trajectories are linked through the merge. With doubtful or untrained appearance, or without pictures, identities follow
+motion.
 
 Ours: a merged group keeps a set of particles for each member, all of them at its place, rather than one for the group, since two
-scanners seldom lose a body wholly; to change identities at a split is then to exchange those of tracks. A picture tells of a
-member only where a scanner or the camera shows it, alone; the decision waits for such pictures. Who is new or back beside others
-is decided on with them, as after a split.
+scanners seldom lose a body wholly; to change identities at a split is then to exchange those of tracks. Looks belong to
+identities, and outlive tracks: a new track may be a person whose track was deleted. A picture tells of a track only where a
+scanner or the camera shows it, alone. A track with more than one possible identity is not learned from.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import ClassVar, Literal
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
@@ -27,8 +27,9 @@ from trackers.configuration import Strict
 from trackers.errors import InputError
 from trackers.filters.gating import linked
 from trackers.filters.rows import written
-from trackers.laser_vision_learning.identities import Identities, IdentityOptions, decided
-from trackers.laser_vision_learning.looks import Learner, Looks, LooksOptions
+from trackers.laser_vision_learning.colours import learner_of
+from trackers.laser_vision_learning.identities import Beliefs, Calibration, IdentityOptions, decided
+from trackers.laser_vision_learning.looks import Looks, LooksOptions
 from trackers.laser_vision_learning.score_maps import ScoreMaps, in_levels
 from trackers.laser_vision_learning.situations import Situations
 from trackers.laser_vision_learning.walking import People
@@ -37,9 +38,14 @@ from trackers.rig import CameraSensor, placed_camera
 from trackers.tracking.track_manager import measured_now, nanoseconds
 from trackers.vision.foreground import Foreground
 
+_NEVER = -1e4
+"""Log-odds of the impossible."""
+
 
 class RecognitionOptions(Strict):
-    """Options of re-identification: the use of appearance, and its weight against motion."""
+    """Options of re-identification: the use of appearance."""
+
+    fixed_values: ClassVar[Mapping[str, Any]] = {"within_s": 2.0, "back_after_s": None}
 
     at_splits: bool = Field(
         default=True, description="looks decide who is who when a group splits; no: motion (ablation)"
@@ -49,12 +55,10 @@ class RecognitionOptions(Strict):
         default="missed",
         description="which of the correlated score maps draw: those that no scanner shows (ours), or all (paper, V.A)",
     )
-    within_s: float = Field(default=2.0, gt=0, description="how long a decision waits for its pictures [s] (ours)")
-    back_after_s: float | None = Field(
-        default=0.3,
-        gt=0,
-        description="looks decide too who a track is that nothing showed for longer, or that is new, when it is seen beside "
-        "others [s]; null: at splits alone (ours)",
+    remember_s: float = Field(
+        default=60.0,
+        ge=0,
+        description="how long the looks of a deleted track are remembered, for one that may be it [s] (ours)",
     )
     spread_m: ClassVar[float] = 0.02
     """Standard deviation of particles drawn to one position [m] (ours)."""
@@ -62,49 +66,13 @@ class RecognitionOptions(Strict):
 
 @dataclass(frozen=True)
 class Decision:
-    """Identities after a split: ids in the order of the tracks, before and after."""
+    """Identities that were in doubt or changed: ids in the order of the tracks, before and after."""
 
     stamp_ns: int
     before: tuple[int, ...]
     after: tuple[int, ...]
     by_looks: tuple[bool, ...]  # else by motion
     margin: tuple[float, ...]
-
-
-@dataclass
-class _Split:
-    """Group that split, until its q members are identified."""
-
-    serial: Int[Index, "q"]
-    since_ns: int
-    score: Float[Array, "q q"]  # sum over pictures
-    n_score: Float[Array, "q q"]  # number of pictures
-
-    @classmethod
-    def of(cls, serial: Int[Index, "q"], ns: int) -> _Split:
-        """Make a split without pictures yet."""
-        return cls(serial, ns, np.zeros((serial.size,) * 2), np.zeros((serial.size,) * 2))
-
-    def add(self, score: Float[Array, "q q"]) -> None:
-        """Add the scores of one more picture; NaN without effect."""
-        scored = np.isfinite(score)
-        self.score, self.n_score = self.score + np.where(scored, score, 0.0), self.n_score + scored
-
-    @property
-    def n_picture(self) -> int:
-        """Number of pictures of the body with fewest."""
-        return int(self.n_score.max(axis=1).min())
-
-    @property
-    def mean(self) -> Float[Array, "q q"]:
-        """Mean over the pictures; NaN without any."""
-        return np.where(self.n_score > 0, self.score / np.maximum(self.n_score, 1), np.nan)
-
-    def among(self, serial: Int[Index, "n"]) -> _Split:
-        """Return the split without deleted tracks."""
-        kept = np.isin(self.serial, serial)
-        both = np.ix_(kept, kept)
-        return _Split(self.serial[kept], self.since_ns, self.score[both], self.n_score[both])
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +87,8 @@ class _Shown:
 class Recognition:
     """Appearance, by one camera, of the scanners' tracks.
 
-    empty_room: pictures of the room without people; without any, everything counts as foreground.
+    empty_room: pictures of the room without people; without any, everything counts as foreground. new_ids: the next so many
+    ids.
     """
 
     def __init__(
@@ -130,16 +99,17 @@ class Recognition:
         looks: LooksOptions,
         identities: IdentityOptions,
         rng: np.random.Generator,
+        new_ids: Callable[[int], Int[Index, "k"]],
     ) -> None:
-        self.options, self._identities, self._rng = options, identities, rng
-        self.learner = Learner(placed_camera(camera), looks)
+        self.options, self._identities, self._rng, self._new_ids = options, identities, rng, new_ids
+        self.learner = learner_of(placed_camera(camera), looks)
         self._intrinsics, self._last_rgb = camera.intrinsics, np.zeros(0, np.uint8)
         masked = self.learner.needs_foreground and len(empty_room) > 0
         self._foreground = Foreground(camera.intrinsics, empty_room) if masked else None
-        self._looks, self._serial = Looks.unknown(0, looks), np.zeros(0, np.int64)
-        self._before = Situations.none(self._serial)
-        self._seen_ns = np.zeros(0, np.int64)
-        self._splits: list[_Split] = []
+        self._looks = Looks.unknown(0, looks)  # of the identities
+        self._held_ns = np.zeros(0, np.int64)  # stamp at which a track held each of them last
+        self._own = np.zeros(0, np.intp)  # place of each confirmed track's identity among them
+        self._beliefs, self._calibration = Beliefs.none(), Calibration()
         self.decisions: list[Decision] = []
         """Decisions of the last call of `work`."""
         self.maps: list[tuple[Int[Index, "m"], ScoreMaps]] = []
@@ -147,8 +117,7 @@ class Recognition:
 
     def deciding(self, serial: Int[Index, "n"]) -> Bool[Mask, "n"]:
         """Return a mask of tracks from a split that are not yet identified."""
-        waiting = [each.serial for each in self._splits]
-        return np.isin(serial, np.concatenate(waiting)) if waiting else np.zeros(serial.size, np.bool_)
+        return np.isin(serial, self._beliefs.serial[self._beliefs.doubtful])
 
     def work(self, people: People, now: Situations, image: Image | DepthImage | None, ns: int) -> People:
         """Return the tracks updated for a frame [ns] with its situations, and its picture if any.
@@ -156,23 +125,20 @@ class Recognition:
         The picture is not evaluated without interaction. Raises InputError for one of another size than the camera's.
         """
         self.decisions, self.maps = [], []
-        now = now.of(people.serial)
-        self._align(people.serial)
-        self._note_splits(people, now, ns)
+        now, sure = now.of(people.serial), np.flatnonzero(people.roster.confirmed)
+        self._note(people, now, sure, ns)
         shown = None
-        if image is not None and (now.interacting.any() or self._splits):
+        if image is not None and (now.interacting.any() or self._beliefs.doubtful.any()):
             shown = self._shown(image, people, ns)
-        if shown is not None:
-            self._look(people, now, shown, ns)
-            people = self._drawn(people, now, shown, ns)
-        people = self._decide(people, ns)
-        if shown is not None:
-            alone = people.roster.confirmed & measured_now(people.roster, ns) & ~self.deciding(people.serial)
-            alone &= ~(now.merged | now.correlated).any(axis=1)
-            self._looks = self.learner.trained(
-                self._looks, shown.rgb, shown.places, now.interacting, alone, ns, self._rng, shown.foreground
-            )
-        self._before, self._seen_ns = now, _seen_ns(people)
+        if shown is None:
+            return people
+        agree = np.ones(sure.size, np.bool_)
+        if self.options.at_splits:
+            score = self._look(people, now, sure, shown, ns)
+            people = self._decide(people, sure, ns)
+            agree = self._agree(score)
+        people = self._drawn(people, now, shown, ns)
+        self._learn(people, now, sure, agree & ~self._beliefs.doubtful, shown, ns)
         return people
 
     def _shown(self, image: Image | DepthImage, people: People, ns: int) -> _Shown | None:
@@ -190,78 +156,108 @@ class Recognition:
         late_s = (image.stamp_ns - ns) / NS_PER_S
         return _Shown(image.rgb, foreground, people.places + late_s * people.velocities)
 
-    def _align(self, serial: Int[Index, "n"]) -> None:
-        """Add appearances of new tracks, and drop those of deleted ones."""
-        if np.array_equal(serial, self._serial):
-            return
-        kept = np.isin(self._serial, serial)
-        new = np.setdiff1d(serial, self._serial)  # serial numbers rise, so new ones come last
-        self._looks = self._looks.select(kept).joined(Looks.unknown(new.size, self.learner.options))
-        seen_ns = np.concatenate([self._seen_ns[kept], np.zeros(new.size, np.int64)])
-        self._serial, self._seen_ns = serial, seen_ns
-        left = [each.among(serial) for each in self._splits]
-        self._splits = [each for each in left if each.serial.size > 1]
+    def _note(self, people: People, now: Situations, sure: Int[Index, "n"], ns: int) -> None:
+        """Add new identities, drop forgotten ones, and note which of them each confirmed track may have."""
+        ids, before = people.roster.id[sure], self._beliefs
+        remembered = self._looks.known & (ns - self._held_ns <= nanoseconds(self.options.remember_s))
+        kept = remembered | np.isin(before.number, ids)
+        number = np.union1d(before.number[kept], ids)
+        if not np.array_equal(number, before.number):
+            old = np.isin(number, before.number[kept])
+            looks = Looks.unknown(number.size, self.learner.options)
+            self._looks = looks.replaced(old, self._looks.select(kept))
+            self._held_ns = written(np.full(number.size, ns), old, self._held_ns[kept])
+        self._own = own = np.searchsorted(number, ids)
+        self._held_ns = written(self._held_ns, own, ns)
+        beliefs, known, rows = before.of(people.serial[sure], number), self._looks.known, np.arange(sure.size)
+        possible = beliefs.possible.copy()
+        new = np.flatnonzero(~np.isin(beliefs.serial, before.serial))
+        possible[np.ix_(new, np.flatnonzero(known & ~np.isin(number, ids)))] = True
+        possible[rows, own] = True
+        confused = now.confused[np.ix_(sure, sure)]
+        beliefs = replace(beliefs, possible=possible).shared(confused)
+        # where no classifier can tell, motion has decided
+        moot = ~confused.any(axis=1) & ~(beliefs.possible & known).any(axis=1) | (not self.options.at_splits)
+        only = number == ids[:, None]
+        self._beliefs = replace(beliefs, possible=np.where(moot.reshape(-1, 1), only, beliefs.possible))
 
-    def _note_splits(self, people: People, now: Situations, ns: int) -> None:
-        """Note groups that came apart since the moment before, and who is back or new beside others.
+    def _look(
+        self, people: People, now: Situations, sure: Int[Index, "n"], shown: _Shown, ns: int
+    ) -> Float[Array, "n m"]:
+        """Add the scores in one more picture of tracks that are measured and alone, and return them; NaN for others."""
+        score = np.full(self._beliefs.possible.shape, np.nan)
+        known = np.flatnonzero(self._looks.known)
+        rows = np.flatnonzero((_seen_ns(people)[sure] == ns) & ~now.confused[sure].any(axis=1))
+        if known.size == 0 or rows.size == 0:
+            return score
+        score[np.ix_(rows, known)] = self.learner.scores(
+            self._looks, shown.rgb, shown.places[sure[rows]], known, self._rng, shown.foreground, shown.places[sure]
+        )
+        self._beliefs = beliefs = self._beliefs.scored(score, self._identities.memory)
+        certain = ~beliefs.doubtful & self._agree(score)
+        mean = np.where(np.isfinite(score), beliefs.mean(self._identities.pictures), np.nan)[certain]
+        place = np.arange(beliefs.number.size)
+        own, told = place == self._own[certain, None], np.isfinite(mean)
+        others = ~own & np.isin(place, self._own[certain])
+        self._calibration = self._calibration.told(mean[told & own], mean[told & others])
+        return score
 
-        All who were in a group, or may be taken for one who is back, are decided on together.
-        """
-        before, known = self._before.of(people.serial).group, people.roster.confirmed
-        apart = (before[:, None] == before) & (now.group[:, None] != now.group) & known & known[:, None]
-        doubtful = (before[:, None] == before) & apart.any(axis=1)[:, None]
-        if self.options.back_after_s is not None:
-            missed = ns - self._seen_ns > nanoseconds(self.options.back_after_s)
-            doubtful |= now.interacting & (known & missed & (_seen_ns(people) == ns))[:, None]
-        doubtful &= known & known[:, None] & ~np.eye(known.size, dtype=np.bool_)
-        if not doubtful.any():
-            return
-        label = linked(doubtful | doubtful.T)
-        for each in np.unique(label[doubtful.any(axis=1)]).tolist():
-            members = [people.serial[label == each]]
-            overlap = [np.isin(each.serial, members[0]).any() for each in self._splits]
-            members += [each.serial for each, with_them in zip(self._splits, overlap, strict=True) if with_them]
-            self._splits = [each for each, with_them in zip(self._splits, overlap, strict=True) if not with_them]
-            self._splits.append(_Split.of(np.unique(np.concatenate(members)), ns))
+    def _decide(self, people: People, sure: Int[Index, "n"], ns: int) -> People:
+        """Assign identities to all tracks by their mean scores and their continuity."""
+        beliefs, rules, n = self._beliefs, self._identities, sure.size
+        doubtful, mean, before = beliefs.doubtful, beliefs.mean(rules.pictures), people.roster.id[sure]
+        told = np.isfinite(mean).any(axis=1)
+        if not told.any():
+            return people
+        log_odds = self._calibration.log_ratio(mean)
+        log_odds[~beliefs.possible] += _NEVER if rules.unnoticed is None else -rules.unnoticed
+        newcomer = _NEVER if rules.unnoticed is None else -rules.newcomer
+        nobody_known = np.where(np.eye(n, dtype=np.bool_) & doubtful[:, None], newcomer, _NEVER)
+        found = decided(np.concatenate([log_odds, nobody_known], axis=1), self._own, rules.margin)
+        certain, known = found.by_looks & told, found.column < beliefs.number.size
+        ids = np.zeros(n, np.int64)
+        ids[known] = beliefs.number[found.column[known]]
+        if not known.all():
+            ids[~known] = self._new_ids(n - int(known.sum()))
+            unknown = Looks.unknown(n - int(known.sum()), self.learner.options)
+            self._looks, beliefs = (
+                self._looks.joined(unknown),
+                beliefs.of(beliefs.serial, np.union1d(beliefs.number, ids)),
+            )
+            self._held_ns = np.append(self._held_ns, np.full(len(unknown), ns))
+        self._own = np.searchsorted(beliefs.number, ids)
+        self._beliefs = beliefs.resolved(certain, self._own)
+        news = np.flatnonzero((ids != before) | (certain & doubtful))
+        if news.size:
+            columns = (before[news], ids[news], found.by_looks[news], found.margin[news])
+            self.decisions.append(Decision(ns, *(tuple(each.tolist()) for each in columns)))
+        return people.changed(roster=people.roster.changed(id=written(people.roster.id, sure, ids)))
 
-    def _look(self, people: People, now: Situations, shown: _Shown, ns: int) -> None:
-        """Add the scores in one more picture of split members that are measured and alone."""
-        if not self.options.at_splits:
-            return
-        alone = (_seen_ns(people) == ns) & ~now.confused.any(axis=1)
-        others = shown.places[people.roster.confirmed]
-        for split in self._splits:
-            rows = np.searchsorted(people.serial, split.serial)
-            if alone[rows].any():
-                score = self.learner.scores(
-                    self._looks, shown.rgb, shown.places[rows], rows, self._rng, shown.foreground, others
-                )
-                split.add(np.where(alone[rows, None], score, np.nan))
+    def _agree(self, score: Float[Array, "n m"]) -> Bool[Mask, "n"]:
+        """Return a mask of the tracks whose identity is unknown by looks, or resembles them most in a picture."""
+        known = self._looks.known[self._own]
+        own = np.where(known, self._own, 0)  # identities of nobody known before have no scores yet
+        return ~known | (score[np.arange(own.size), own] >= np.fmax.reduce(score, axis=1, initial=-np.inf))
 
-    def _decide(self, people: People, ns: int) -> People:
-        """Assign identities after enough pictures, or after a long time without any."""
-        waiting = []
-        for split in self._splits:
-            patient = self.options.at_splits and ns - split.since_ns < nanoseconds(self.options.within_s)
-            if split.n_picture < self._identities.pictures and patient:
-                waiting.append(split)
-                continue
-            stays = np.eye(split.serial.size)
-            found = decided(split.mean, 1 - stays, self._identities)
-            people = self._dealt_out(people, np.searchsorted(people.serial, split.serial), found, ns)
-        self._splits = waiting
-        return people
-
-    def _dealt_out(self, people: People, rows: Int[Index, "q"], found: Identities, ns: int) -> People:
-        source, ids = rows[found.member], people.roster.id
-        self._looks = self._looks.replaced(rows, self._looks.select(source))
-        decided = (ids[rows], ids[source], found.by_looks, found.margin)
-        self.decisions.append(Decision(ns, *(tuple(each.tolist()) for each in decided)))
-        return people.changed(roster=people.roster.changed(id=written(ids, rows, ids[source])))
+    def _learn(
+        self, people: People, now: Situations, sure: Int[Index, "n"], certain: Bool[Mask, "n"], shown: _Shown, ns: int
+    ) -> None:
+        """Let the classifiers learn of tracks that are measured and alone, and whose identity is certain."""
+        alone = measured_now(people.roster, ns) & ~(now.merged | now.correlated).any(axis=1)
+        near = now.interacting[np.ix_(sure, sure)]
+        looks = self._looks.select(self._own)
+        looks = self.learner.trained(
+            looks, shown.rgb, shown.places[sure], near, alone[sure] & certain, ns, self._rng, shown.foreground
+        )
+        self._looks = self._looks.replaced(self._own, looks)
 
     def _drawn(self, people: People, now: Situations, shown: _Shown, ns: int) -> People:
         """Draw the particles of correlated people, all or the missed ones, to the score maps of a picture."""
-        known = self._looks.known & people.roster.confirmed & ~self.deciding(people.serial)
+        sure = people.roster.confirmed
+        own = np.zeros(len(people), np.intp)
+        own[sure] = self._own
+        known = sure & ~self.deciding(people.serial)
+        known[sure] &= self._looks.known[self._own]
         moved = known & now.correlated.any(axis=1)
         if self.options.drawn == "missed":
             moved &= ~measured_now(people.roster, ns)
@@ -272,7 +268,7 @@ class Recognition:
         for each in np.unique(label[moved]).tolist():
             rows = np.flatnonzero((label == each) & known)
             maps = self.learner.score_maps(
-                self._looks, shown.rgb, shown.places[rows], rows, self._rng, shown.foreground
+                self._looks, shown.rgb, shown.places[rows], own[rows], self._rng, shown.foreground
             )
             self.maps.append((people.serial[rows], maps))
             drawn = in_levels(cloud.select(rows), self.learner.likelihood(maps), levels, self._spread, self._rng)

@@ -58,7 +58,7 @@ PAPER_RULES: tuple[PaperRule, ...] = (
         "stated",
         "figure 7",
         "M trees in the first frame, K of them kept in each new one, for every target that may interact: no budget",
-        {"looks": {"boosting": {"first_a_frame": None}, "classifiers_a_frame": 100}},
+        {"looks": {"by": "classifier", "boosting": {"first_a_frame": None}, "classifiers_a_frame": 100}},
     ),
     PaperRule(
         "correlated targets",
@@ -71,8 +71,9 @@ PAPER_RULES: tuple[PaperRule, ...] = (
         "split",
         "stated",
         "V.B",
-        "the classifiers identify the targets of a split, however narrow their verdict",
-        {"identities": {"margin": 0.0}},
+        "the classifiers identify the targets of a split, however narrow their verdict; no target is another without a merge, "
+        "and a new target is nobody who was there before",
+        {"identities": {"margin": 0.0, "unnoticed": None}, "recognition": {"remember_s": 0.0}},
     ),
     PaperRule(
         "merge",
@@ -100,8 +101,8 @@ PAPER_RULES: tuple[PaperRule, ...] = (
         "pictures of a split",
         "unstated",
         "V.B, figure 9",
-        "the first picture that shows the targets apart again decides, within 0.6 s",
-        {"identities": {"pictures": 1}, "recognition": {"within_s": 0.6, "back_after_s": None}},
+        "the first picture that shows the targets apart again decides",
+        {"identities": {"pictures": 1}},
     ),
     PaperRule(
         "classifiers",

@@ -65,6 +65,7 @@ class LaserVisionLearning(SynchronizedTracker):
                 self.options.looks,
                 self.options.identities,
                 self._walkers.rng,
+                self._walkers.new_ids,
             )
         # one frame per stamp of the main sensor, at any rate
         opens = names if rig.main_sensor in names else (*names, rig.main_sensor)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
 
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Index, Mask
 from trackers.filters.gating import distances, global_nearest_neighbour
 from trackers.filters.negative_information import update_missed_particles
 from trackers.filters.particle import Cloud, ParticleFilter
@@ -42,6 +42,10 @@ class Walkers:
         self.situations = Situations.none(self.people.serial)
         self._next_serial, self.ns = 0, 0
         self._looked_ns = 0  # stamp of the last scan
+
+    def new_ids(self, count: int) -> Int[Index, "k"]:
+        """Return the next ids."""
+        return self._manager.new_ids(count)
 
     @property
     def recently_measured(self) -> Bool[Mask, "n"]:

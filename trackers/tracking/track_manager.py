@@ -6,12 +6,12 @@ Times are integer nanoseconds, like stamps, so that floating-point rounding deci
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, PositiveInt
 
 from trackers.area import Area
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Index, Mask
 from trackers.configuration import Strict
 from trackers.filters.gating import distances
 from trackers.observations import NS_PER_S
@@ -85,8 +85,12 @@ class TrackManager:
         """Confirm the tracks in a mask, with the next ids in the order of the roster."""
         if not new.any():
             return roster
-        first, self._next_id = self._next_id, self._next_id + int(new.sum())
-        return roster.confirm(new, first)
+        return roster.confirm(new, int(self.new_ids(int(new.sum()))[0]))
+
+    def new_ids(self, count: int) -> Int[Index, "k"]:
+        """Return the next ids, at least one."""
+        first, self._next_id = self._next_id, self._next_id + count
+        return first + np.arange(count)
 
     def lasting(self, roster: Roster[State], ns: int) -> Bool[Mask, "n"]:
         """Return a mask of the tracks measured recently enough to be kept at stamp ns."""

@@ -11,7 +11,7 @@ import pytest
 from trackers.area import Pose
 from trackers.cameras import PinholeIntrinsics, PlacedCamera
 from trackers.filters.particle import Cloud
-from trackers.laser_vision_learning.histograms import learner_of
+from trackers.laser_vision_learning.colours import learner_of
 from trackers.laser_vision_learning.looks import Learner, Looks, LooksOptions
 from trackers.laser_vision_learning.score_maps import in_levels
 from trackers.learning.boosting import BoostingOptions
@@ -22,7 +22,8 @@ CAMERA = PlacedCamera(
 )
 RED, BLUE, GREEN, GREY = (180, 40, 40), (40, 40, 180), (40, 160, 40), (120, 120, 120)
 PAIR = np.array([[-0.5, 0.0], [0.5, 0.0]])
-SMALL = LooksOptions(boosting=BoostingOptions(trees=10, kept=7), classifiers_a_frame=2)
+SMALL = LooksOptions(by="classifier", boosting=BoostingOptions(trees=10, kept=7), classifiers_a_frame=2)
+COLOURS = LooksOptions()
 EVERYBODY = ~np.eye(2, dtype=bool)
 
 
@@ -38,15 +39,16 @@ def drawn(positions: np.ndarray, colours: list[tuple[int, int, int]], seed: int 
 
 
 def taught(options: LooksOptions = SMALL, pictures: int = 3, colours: Any = (RED, BLUE)) -> tuple[Learner, Looks]:
-    learner, rng = Learner(CAMERA, options), np.random.default_rng(0)
+    learner, rng = learner_of(CAMERA, options), np.random.default_rng(0)
     looks = Looks.unknown(2, learner.options)
     for ns in range(pictures):
         looks = learner.trained(looks, drawn(PAIR, list(colours), ns), PAIR, EVERYBODY, np.ones(2, bool), ns, rng)
     return learner, looks
 
 
-def test_people_are_told_apart_where_they_come_out() -> None:
-    learner, looks = taught()
+@pytest.mark.parametrize("options", [SMALL, COLOURS], ids=["classifier", "colours"])
+def test_people_are_told_apart_where_they_come_out(options: LooksOptions) -> None:
+    learner, looks = taught(options)
     assert looks.known.all()
     after = np.array([[1.0, 1.0], [-1.0, -0.5]])
     scores = learner.scores(looks, drawn(after, [RED, BLUE], 9), after, np.array([0, 1]), np.random.default_rng(1))
@@ -110,10 +112,11 @@ def test_an_unknown_track_scores_nothing() -> None:
     assert np.isnan(scores[:, 1]).all()
 
 
-def test_people_who_look_alike_are_not_told_apart() -> None:
-    learner, looks = taught(pictures=6, colours=(RED, RED))
+@pytest.mark.parametrize("options", [SMALL, COLOURS], ids=["classifier", "colours"])
+def test_people_who_look_alike_are_not_told_apart(options: LooksOptions) -> None:
+    learner, looks = taught(options, pictures=6, colours=(RED, RED))
     scores = learner.scores(looks, drawn(PAIR, [RED, RED], 9), PAIR, np.array([0, 1]), np.random.default_rng(0))
-    assert np.abs(scores).max() < 0.4
+    assert np.abs(np.diff(scores, axis=1)).max() < 0.4
 
 
 def test_a_foreground_mask_keeps_patches_of_the_room_out() -> None:
@@ -127,23 +130,25 @@ def test_a_foreground_mask_keeps_patches_of_the_room_out() -> None:
     assert learner.trained(looks, rgb, PAIR, EVERYBODY, clear, 1, rng, everything).known.all()
 
 
-def test_histograms_instead_tell_colours_apart_too_and_have_no_maps() -> None:
-    options = SMALL.model_copy(update={"by": "histogram"})
-    learner, rng, looks = learner_of(CAMERA, options), np.random.default_rng(0), Looks.unknown(2, options)
-    for ns in range(3):
-        looks = learner.trained(looks, drawn(PAIR, [RED, BLUE], ns), PAIR, EVERYBODY, np.ones(2, bool), ns, rng)
-    assert looks.known.all()
-    rows, rgb = np.array([0, 1]), drawn(PAIR[::-1], [BLUE, RED], 9)
-    scores = learner.scores(looks, rgb, PAIR, rows, rng)
-    assert (scores.diagonal() > scores[[0, 1], [1, 0]] + 0.5).all()
-    assert not learner.score_maps(looks, rgb, PAIR, rows, rng).informative.any()
+def test_colours_are_told_from_those_of_everybody_and_from_the_room_by_the_mask() -> None:
+    learner, looks = taught(COLOURS)
+    rows, rng = np.array([0, 1]), np.random.default_rng(0)
+    rgb = drawn(PAIR, [RED, BLUE], 9)
     far = PAIR + 100.0
     assert np.isnan(learner.scores(looks, rgb, far, rows, rng)).all()
+    assert np.isnan(learner.scores(looks, rgb, PAIR, rows, rng, np.zeros(rgb.shape[:2], bool))).all()
+    # with a third who looks like the first, the first is told less surely
+    third = looks.select(np.array([0, 1, 0]))
+    alone, beside = (learner.scores(each, rgb, PAIR, rows, rng)[0, 0] for each in (looks, third))
+    assert beside < 0.5 * alone
 
 
-def test_particles_are_drawn_to_where_the_map_shows_their_own() -> None:
+@pytest.mark.parametrize(
+    "options", [SMALL.model_copy(update={"background": 20}), COLOURS], ids=["classifier", "colours"]
+)
+def test_particles_are_drawn_to_where_the_map_shows_their_own(options: LooksOptions) -> None:
     """Both clouds begin between the two."""
-    learner, looks = taught(SMALL.model_copy(update={"background": 20}), pictures=5)
+    learner, looks = taught(options, pictures=5)
     rng = np.random.default_rng(3)
     expected = np.array([[-0.2, 0.0], [0.2, 0.0]])
     maps = learner.score_maps(looks, drawn(PAIR, [RED, BLUE], 7), expected, np.array([0, 1]), rng)

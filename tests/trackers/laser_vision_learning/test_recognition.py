@@ -15,7 +15,6 @@ from trackers.laser_vision_learning.looks import LooksOptions
 from trackers.laser_vision_learning.reidentification import Recognition, RecognitionOptions
 from trackers.laser_vision_learning.situations import Situations
 from trackers.laser_vision_learning.walking import SPEED, People
-from trackers.learning.boosting import BoostingOptions
 from trackers.observations import NS_PER_S, Image
 from trackers.rig import PinholeSensor, placed_camera
 from trackers.tracking.roster import Roster
@@ -27,7 +26,7 @@ SENSOR = PinholeSensor(
 )
 RED, BLUE, GREEN = (180, 40, 40), (40, 40, 180), (40, 160, 40)
 PERIOD_NS = 40_000_000
-LOOKS = LooksOptions(boosting=BoostingOptions(trees=10, kept=7))
+LOOKS = LooksOptions()
 
 
 def picture(places, colours, ns: int) -> Image:
@@ -44,14 +43,15 @@ def picture(places, colours, ns: int) -> Image:
 class Meeting:
     """Tracks that are told where they are and in what situation; the recognition deals out their identities."""
 
-    def __init__(self, n: int, **options):
+    def __init__(self, n: int, identities: IdentityOptions = IdentityOptions(), **options):
         self.recognition = Recognition(
             SENSOR,
             [],
-            RecognitionOptions(**{"within_s": 0.6} | options),
+            RecognitionOptions(**options),
             LOOKS,
-            IdentityOptions(margin=0.3),
+            identities,
             np.random.default_rng(0),
+            lambda count: 100 + np.arange(count),
         )
         self.ids, self.serial, self.ns, self.decisions = np.arange(1, n + 1), np.arange(n), 0, []
         nobody = Roster.started(Cloud.of(np.zeros((5, 0, 60))), 0)
@@ -120,12 +120,46 @@ def test_looks_go_with_the_identity():
         ("switched off", (BLUE, RED), {"at_splits": False}),
     ],
 )
-def test_where_looks_say_nothing_motion_decides_and_that_is_told(why, after, options):
+def test_where_looks_say_nothing_motion_decides(why, after, options):
     two = met_and_parted(after, **options)
     assert two.ids.tolist() == [1, 2]
-    (decision,) = two.decisions
-    assert decision.before == decision.after
-    assert decision.by_looks == (False, False)
+    assert two.decisions == []
+
+
+def test_a_track_in_doubt_is_not_learned_from():
+    """Two who look alike stay so; the exchanged are learned from only after the exchange was found."""
+    alike = met_and_parted((RED, RED), colours=(RED, RED))
+    assert alike.recognition.deciding(alike.serial).all()
+    assert (alike.recognition._looks.n_learned <= 8).all()
+    exchanged = met_and_parted((BLUE, RED))
+    assert not exchanged.recognition.deciding(exchanged.serial).any()
+    assert (exchanged.recognition._looks.n_learned > 20).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "after"),
+    [({}, [2, 1]), ({"unnoticed": None}, [1, 2]), ({"margin": 900.0}, [1, 2]), ({"pictures": 50}, [1, 2])],
+    ids=str,
+)
+def test_tracks_that_passed_to_others_unnoticed_are_found_by_looks(change, after):
+    two = Meeting(2, IdentityOptions(**change))
+    two.frames(10, APART, (RED, BLUE))
+    two.frames(30, APART, (BLUE, RED))
+    assert two.ids.tolist() == after
+
+
+@pytest.mark.parametrize(("remember_s", "found"), [(60.0, 2), (0.1, 3)])
+def test_a_new_track_of_a_person_whose_track_was_deleted_has_their_identity(remember_s, found):
+    two = Meeting(2, remember_s=remember_s)
+    two.frames(8, APART, (RED, BLUE))
+    two.ids, two.serial = two.ids[:1], two.serial[:1]
+    two.frames(5, APART[:1], (RED,), interacting=False)
+    two.ids, two.serial = np.array([1, 3]), np.array([0, 2])
+    two.frames(8, APART, (RED, BLUE))
+    assert two.ids.tolist() == [1, found]
+    two.ids, two.serial = np.array([1, 4]), np.array([0, 3])
+    two.frames(8, APART, (RED, GREEN))
+    assert two.ids.tolist() == [1, 4]
 
 
 def test_of_three_one_comes_out_and_two_go_on():
@@ -140,14 +174,14 @@ def test_of_three_one_comes_out_and_two_go_on():
     assert three.ids.tolist() == [3, 2, 1]
 
 
-def test_a_member_that_leaves_meanwhile_is_nobodys_identity():
+def test_a_member_that_leaves_meanwhile_may_have_been_the_other():
     two = Meeting(2)
     two.frames(8, APART, (RED, BLUE))
     two.frames(5, TOGETHER, (RED, BLUE), together=[(0, 1)])
     two.frames(2, APART, (BLUE, RED))
     two.ids, two.serial = two.ids[:1], two.serial[:1]
     two.frames(20, APART[:1], (BLUE,))
-    assert two.ids.tolist() == [1] and two.decisions == []
+    assert two.ids.tolist() == [2]
 
 
 def test_while_nobody_interacts_the_picture_is_not_read():
@@ -202,22 +236,24 @@ def test_who_is_cut_by_the_border_or_outside_harms_nobody(place):
     two.frames(6, [place, beside], (RED, BLUE))
     two.frames(4, [place, (place[0] + 0.1, 0.0)], (RED, BLUE), together=[(0, 1)])
     two.frames(20, [place, beside], (RED, BLUE))
-    assert two.ids.tolist() == [1, 2] and len(two.decisions) == 1
+    assert two.ids.tolist() == [1, 2]
 
 
 def test_who_is_correlated_and_seen_by_no_scanner_is_drawn_to_their_looks():
-    two = Meeting(2)
-    two.frames(10, APART, (RED, BLUE))
-    truly = [(-0.6, 0.0), (-0.2, 0.0)]
+    truly = np.array([(-0.6, 0.0), (-0.2, 0.0)])
     believed = [(-0.6, 0.0), (-0.35, 0.15)]
-    n, pairs = 2, ~np.eye(2, dtype=bool)
-    two.ns += PERIOD_NS
-    people = two.frames(1, believed, None, wide_m=0.2)
-    unseen = people.roster.changed(measured_ns=np.array([two.ns, two.ns - PERIOD_NS]))
-    people = people.changed(roster=unseen)
-    now = Situations(two.serial, pairs, pairs, ~pairs & False, np.zeros((n, n), int), np.zeros((n, n), bool))
-    drawn = two.recognition.work(people, now, picture(truly, (RED, BLUE), two.ns), two.ns)
-    assert len(two.recognition.maps) == 1
-    before, after = (abs(each.places[1] - truly[1])[0] for each in (people, drawn))  # across the picture
-    assert after < 0.5 * before
-    np.testing.assert_array_equal(drawn.places[0], people.places[0])  # whom the scanners see, they place
+    n, pairs, off = 2, ~np.eye(2, dtype=bool), []
+    for pictures in range(10, 14):
+        two = Meeting(2)
+        two.frames(pictures, APART, (RED, BLUE))
+        two.ns += PERIOD_NS
+        people = two.frames(1, believed, None, wide_m=0.2)
+        unseen = people.roster.changed(measured_ns=np.array([two.ns, two.ns - PERIOD_NS]))
+        people = people.changed(roster=unseen)
+        now = Situations(two.serial, pairs, pairs, ~pairs & False, np.zeros((n, n), int), np.zeros((n, n), bool))
+        drawn = two.recognition.work(people, now, picture(truly, (RED, BLUE), two.ns), two.ns)
+        assert len(two.recognition.maps) == 1
+        off.append([np.hypot(*(each.places[1] - truly[1])) for each in (people, drawn)])
+        np.testing.assert_array_equal(drawn.places[0], people.places[0])  # whom the scanners see, they place
+    before, after = np.mean(off, axis=0)
+    assert after < 0.85 * before

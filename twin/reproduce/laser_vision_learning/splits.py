@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.configuration import validate
-from trackers.laser_vision_learning.histograms import learner_of
+from trackers.laser_vision_learning.colours import learner_of
 from trackers.laser_vision_learning.identities import IdentityOptions, decided
 from trackers.laser_vision_learning.looks import Learner, Looks, LooksOptions
 from trackers.observations import Image
@@ -127,8 +127,8 @@ class SplitTrial:
             self._open.remove(each)
             seen = [scores for scores in each.scores if np.isfinite(scores).any()]
             mean = np.nansum(seen, axis=0) / len(seen) if seen else np.full((2, 2), np.nan)
-            by_looks = decided(mean, np.zeros((2, 2)), self._identity)
-            margin = float(by_looks.margin[0]) * (1 if by_looks.member[0] == 0 or not by_looks.margin[0] else -1)
+            by_looks = decided(np.nan_to_num(mean), np.arange(2), margin=0.0)
+            margin = float(by_looks.margin[0]) * (1 if by_looks.column[0] == 0 else -1)
             first, second = self._truth.ids[each.columns].tolist()
             self.decisions.append(SplitDecision(first, second, each.at_s, margin))
 
@@ -180,7 +180,8 @@ def split_truth(bag: Recording, kind: SituationKind) -> SplitTruth:
 
 
 _CHANGES: Mapping[str, Mapping[str, Any]] = {
-    "as chosen": {},
+    "colours": {"by": "colours"},
+    "patches, as chosen": {},
     "M 20, K 15": {"boosting": {"trees": 20, "kept": 15}},
     "M 30, K 21": {"boosting": {"kept": 21}},
     "M 50, K 35": {"boosting": {"trees": 50, "kept": 35}},
@@ -196,11 +197,12 @@ _CHANGES: Mapping[str, Mapping[str, Any]] = {
     "Haralick texture": {"kinds": ["texture"]},
     "without the height on the body": {"height": False},
     "without patches of the room": {"background": 0},
-    "colour histogram instead of patches": {"by": "histogram"},
 }
 
-VARIANTS: Mapping[str, LooksOptions] = {name: validate(LooksOptions, change, name) for name, change in _CHANGES.items()}
-"""Options by their differences."""
+VARIANTS: Mapping[str, LooksOptions] = {
+    name: validate(LooksOptions, {"by": "classifier", **change}, name) for name, change in _CHANGES.items()
+}
+"""Options by their differences from the boosted patches as chosen."""
 
 
 CHOICE = "beyond the paper, choice"
