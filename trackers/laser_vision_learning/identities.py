@@ -46,7 +46,7 @@ class IdentityOptions(Strict):
         description="log-odds against a track's passing to another person without ever having been near another track; null: "
         "never (ours)",
     )
-    newcomer: ClassVar[float] = 5.0
+    unknown_log_odds: ClassVar[float] = 5.0
     """Log-odds against a doubtful track's being nobody known (ours)."""
     memory: ClassVar[int] = 25
     """Largest number of pictures that a mean score stands for: older ones fade (ours)."""
@@ -86,13 +86,13 @@ class Calibration:
     own: tuple[float, float, float] = (10.0, 12.0, 17.0)
     other: tuple[float, float, float] = (10.0, -15.0, 27.0)
 
-    def told(self, own: Float[Array, "k"], other: Float[Array, "l"]) -> Calibration:
+    def updated(self, own: Float[Array, "k"], other: Float[Array, "l"]) -> Calibration:
         """Return the distributions with more scores of tracks whose identity is certain."""
-        moments = [
+        statistics = [
             (n + each.size, total + each.sum(), square + (each**2).sum())
             for (n, total, square), each in ((self.own, own), (self.other, other))
         ]
-        return Calibration(*moments)
+        return Calibration(*statistics)
 
     def log_ratio(self, score: Float[Array, "..."]) -> Float[Array, "..."]:
         """Return the log-likelihood ratios of mean scores; 0 for NaN."""
@@ -156,10 +156,10 @@ class Beliefs:
 
     def scored(self, score: Float[Array, "n m"], memory: int) -> Beliefs:
         """Return the beliefs with the scores in one more picture, NaN without effect."""
-        told = np.isfinite(score)
-        fade = np.where(told & (self.count >= memory), 1 - 1 / memory, 1.0)
+        scored = np.isfinite(score)
+        fade = np.where(scored & (self.count >= memory), 1 - 1 / memory, 1.0)
         return replace(
-            self, total=self.total * fade + np.where(told, score, 0.0), count=self.count * fade + told.astype(float)
+            self, total=self.total * fade + np.where(scored, score, 0.0), count=self.count * fade + scored.astype(float)
         )
 
     def mean(self, pictures: int) -> Float[Array, "n m"]:

@@ -197,24 +197,24 @@ class Recognition:
         certain = ~beliefs.doubtful & self._agree(score)
         mean = np.where(np.isfinite(score), beliefs.mean(self._identities.pictures), np.nan)[certain]
         place = np.arange(beliefs.number.size)
-        own, told = place == self._own[certain, None], np.isfinite(mean)
+        own, scored = place == self._own[certain, None], np.isfinite(mean)
         others = ~own & np.isin(place, self._own[certain])
-        self._calibration = self._calibration.told(mean[told & own], mean[told & others])
+        self._calibration = self._calibration.updated(mean[scored & own], mean[scored & others])
         return score
 
     def _decide(self, people: People, sure: Int[Index, "n"], ns: int) -> People:
         """Assign identities to all tracks by their mean scores and their continuity."""
         beliefs, rules, n = self._beliefs, self._identities, sure.size
         doubtful, mean, before = beliefs.doubtful, beliefs.mean(rules.pictures), people.roster.id[sure]
-        told = np.isfinite(mean).any(axis=1)
-        if not told.any():
+        scored = np.isfinite(mean).any(axis=1)
+        if not scored.any():
             return people
         log_odds = self._calibration.log_ratio(mean)
         log_odds[~beliefs.possible] += _NEVER if rules.unnoticed is None else -rules.unnoticed
-        newcomer = _NEVER if rules.unnoticed is None else -rules.newcomer
-        nobody_known = np.where(np.eye(n, dtype=np.bool_) & doubtful[:, None], newcomer, _NEVER)
-        found = decided(np.concatenate([log_odds, nobody_known], axis=1), self._own, rules.margin)
-        certain, known = found.by_looks & told, found.column < beliefs.number.size
+        unknown = _NEVER if rules.unnoticed is None else -rules.unknown_log_odds
+        no_track = np.where(np.eye(n, dtype=np.bool_) & doubtful[:, None], unknown, _NEVER)
+        found = decided(np.concatenate([log_odds, no_track], axis=1), self._own, rules.margin)
+        certain, known = found.by_looks & scored, found.column < beliefs.number.size
         ids = np.zeros(n, np.int64)
         ids[known] = beliefs.number[found.column[known]]
         if not known.all():

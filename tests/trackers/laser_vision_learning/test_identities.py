@@ -61,7 +61,7 @@ def test_the_order_of_tracks_and_identities_changes_nothing(seed: int) -> None:
 
 def test_scores_become_likelihood_ratios_by_those_of_certain_people() -> None:
     rng = np.random.default_rng(0)
-    scores = Calibration().told(rng.normal(0.8, 0.2, 5000), rng.normal(0.2, 0.2, 20000))
+    scores = Calibration().updated(rng.normal(0.8, 0.2, 5000), rng.normal(0.2, 0.2, 20000))
     # two normal distributions of one variance: (0.8 − 0.2) / 0.2² per unit of score, 0 half-way
     np.testing.assert_allclose(scores.log_ratio(np.array([0.5, 0.6, np.nan])), [0.0, 1.5, 0.0], atol=0.1)
 
