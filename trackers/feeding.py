@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
@@ -24,6 +25,9 @@ from trackers.tracks import (
 
 MAX_WAIT_S = 0.3
 """Greatest time that an observation waits for older ones [s]: two and a half scans at 10 Hz."""
+
+NOTED_LOSS = 0.02
+"""Share of dropped observations above which a warning is due."""
 
 LATE = "too late: newer ones had been worked"
 TWICE = "twice under one stamp"
@@ -132,11 +136,23 @@ class FedTracker:
 
 
 def track_frames(tracker: Tracker, rig: Rig, observations: Iterable[Observation]) -> Iterator[TrackFrame]:
-    """Feed observations, in order of arrival, to a tracker and yield its frames as completed."""
+    """Feed observations, in order of arrival, to a tracker and yield its frames as completed.
+
+    Warns (UserWarning) where more than 2 % of the observations were dropped.
+    """
     fed = FedTracker(tracker, rig)
+    n_fed = 0
     for observation in observations:
+        n_fed += 1
         yield from fed.update(observation)
     yield from fed.finish()
+    if fed.losses.total() > NOTED_LOSS * n_fed:
+        reasons = "; ".join(f"{sensor or 'unknown sensor'}: {n} {why}" for (sensor, why), n in fed.losses.items())
+        warnings.warn(
+            f"{fed.losses.total()} of {n_fed} observations were dropped ({reasons}); observations in order of arrival, and a "
+            "new tracker for each run, are expected",
+            stacklevel=2,
+        )
 
 
 class RestartedTracker:

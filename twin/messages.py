@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Callable
 
 OnProgress = Callable[[str, float, float], None]
@@ -10,6 +11,12 @@ OnProgress = Callable[[str, float, float], None]
 
 OnWarning = Callable[[str], None]
 """Called with each warning about a result as soon as known."""
+
+
+def warn(warning: str) -> None:
+    """Show a warning as Python does (UserWarning): the default of the functions that scripts and notebooks call."""
+    warnings.warn(warning, stacklevel=3)
+
 
 _UNPRINTABLE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 """Control characters but tab and newline, marks of writing direction, and bytes of names that are no UTF-8."""

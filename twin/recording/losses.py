@@ -15,11 +15,8 @@ from typing import Any
 import numpy as np
 
 from trackers.arrays import Nanoseconds
-from trackers.feeding import LATE
+from trackers.feeding import LATE, NOTED_LOSS
 from trackers.observations import NS_PER_S, LaserScan, Observation
-
-REPORTED_ABOVE = 0.02
-"""Share of a sensor's messages; losses up to it are counted only."""
 
 _GAP = 1.75
 """Ratio of a gap to the usual one from which messages are missing."""
@@ -49,7 +46,7 @@ class Loss:
     @property
     def is_reported(self) -> bool:
         """True where the loss is above the threshold, or reported always."""
-        return self.always or self.count > REPORTED_ABOVE * self.total
+        return self.always or self.count > NOTED_LOSS * self.total
 
     @property
     def line(self) -> str:

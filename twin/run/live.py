@@ -16,7 +16,7 @@ from trackers.presets import make_tracker
 from trackers.prior import Prior
 from trackers.rig import NO_PRIOR, Rig
 from trackers.text_file import AnyPath
-from twin.messages import OnProgress, OnWarning
+from twin.messages import OnProgress, OnWarning, warn
 from twin.recording.atomic_file import open_atomic
 from twin.recording.losses import lines
 from twin.recording.situation_table import read_situations
@@ -69,7 +69,7 @@ def run_scenario(
     precomputed: PrecomputedScene | None = None,
     truth: TruthKept = "all",
     on_progress: OnProgress = lambda what, done, total: None,
-    on_warning: OnWarning = lambda warning: None,
+    on_warning: OnWarning = warn,
     on_note: OnWarning = lambda note: None,
 ) -> RunResult:
     """Simulate, record, track, evaluate and report into `out` (default out/<scenario>-<seed>).
@@ -81,6 +81,8 @@ def run_scenario(
     without effect on results. Every file appears under its name when complete. Raises InputError for bad input, before
     anything is written, and PlugInError when every tracker has failed; with others left, the result names the failed ones.
     """
+    if not isinstance(scenario, Scenario):
+        raise InputError(f"{scenario!r} is no Scenario; twin.load_scenario makes one of a name or file")
     names = list(trackers) if trackers is not None else list(scenario.trackers) or [DEFAULT_TRACKER]
     folder = Path(out) if out is not None else Path("out") / f"{scenario.name}-{scenario.seed}"
     source = source or f"scenario {scenario.name}"

@@ -21,7 +21,7 @@ from trackers.prior import Prior
 from trackers.rig import PriorFiles
 from trackers.text_file import AnyPath
 from trackers.tracks import TrackFrame
-from twin.messages import OnProgress, OnWarning
+from twin.messages import OnProgress, OnWarning, warn
 from twin.recording.atomic_file import open_atomic
 from twin.recording.losses import documents, lines
 from twin.recording.reader import Recording
@@ -78,7 +78,7 @@ def track_recording(
     report: bool = True,
     bag_copy: AnyPath | None = None,
     on_progress: OnProgress = lambda what, done, total: None,
-    on_warning: OnWarning = lambda warning: None,
+    on_warning: OnWarning = warn,
 ) -> RunResult:
     """Track a recording into `out`: tracks, report, and metrics where there is truth.
 

@@ -66,6 +66,8 @@ def load_scenario(
     A room, parent or prior file given by path is relative to the file that names it. Raises InputError, every
     fault on one line.
     """
+    if isinstance(overrides, str) or not all(isinstance(each, str) for each in overrides):
+        raise InputError(f"overrides {overrides!r}: a list of texts is expected, as ['sensors.waist.rate_hz=20']")
     path, folder = models.find("scenarios", os.fspath(name)), Path(folder)
     content = _read(path, ())
     content = apply_overrides(content, suites)

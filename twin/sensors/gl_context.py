@@ -33,6 +33,9 @@ _own = threading.local()
 _drawn_in: int | None = None  # process that made the first context
 _goes_on = True  # whether children of that process can draw
 _opencv_threads: list[int] = []  # before the present fork
+_gl_errors: tuple[
+    type[Exception], ...
+] = ()  # OpenGL's own; known from the first context on, as nothing is imported at exit
 
 
 @contextmanager
@@ -162,10 +165,13 @@ def make_context() -> Any:
     # No thread for the rasteriser: the second core is worth more for encoding and tracking, alternating with ours is no
     # faster, and only without one can a forked process continue.
     os.environ.setdefault("LP_NUM_THREADS", "0")
+    global _gl_errors
     check_process()
     try:
         from mujoco.egl import GLContext
         from OpenGL.error import Error as OpenGlError
+
+        _gl_errors = (OpenGlError,)
     except (ImportError, OSError, AttributeError) as error:
         raise InputError(_no_egl(error)) from error
     try:
@@ -209,14 +215,23 @@ def fitted(mjr: mujoco.MjrContext | None, width: int, height: int) -> mujoco.Mjr
 
 
 def free(context: Any, maker: tuple[int, int], *drawers: mujoco.MjrContext | None) -> None:
-    """Free a context made by `maker`, a process and its thread, and MuJoCo's parts of it."""
+    """Free a context made by `maker`, a process and its thread, and MuJoCo's parts of it.
+
+    One that is still current in another thread, which EGL leaves even when that ends, is kept until the process ends.
+    """
     if is_lost(*maker):
         abandon(context, *drawers)
         return
-    with context.as_current():
-        for each in drawers:
-            if each is not None:
-                each.free()
+    try:
+        with context.as_current():
+            for each in drawers:
+                if each is not None:
+                    each.free()
+    except _gl_errors:
+        if maker[1] == threading.get_ident():
+            raise
+        abandon(context, *drawers)
+        return
     context.free()
 
 

@@ -87,6 +87,8 @@ class Simulation:
         shares: bool = True,
         feet: bool = True,
     ) -> None:
+        if not isinstance(scenario, Scenario):
+            raise InputError(f"{scenario!r} is no Scenario; twin.load_scenario makes one of a name or file")
         self.scenario = scenario = randomized(scenario)
         self.world = world = World(scenario, precomputed, pictures=images)
         self._renderer = RendererOnDemand(

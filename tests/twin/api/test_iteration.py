@@ -137,3 +137,39 @@ def test_simulation_that_is_never_closed_ends_quietly() -> None:
     program = "import twin; s = twin.Simulation(twin.load_scenario('lab-five-people', ['duration_s=1'])); print(next(iter(s)))"
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
     assert ran.returncode == 0 and ran.stdout and not ran.stderr, ran.stderr
+
+
+def test_tracker_used_for_a_second_run_warns_that_it_drops_all() -> None:
+    with twin.Simulation(SCENARIO, images=False) as simulation:
+        scans = list(simulation)
+        tracker = twin.make_tracker("sort", simulation.rig, simulation.background())
+        assert list(twin.track_frames(tracker, simulation.rig, scans))
+        with pytest.warns(UserWarning, match="of 20 observations were dropped .* a new tracker for each run"):
+            list(twin.track_frames(tracker, simulation.rig, scans))
+
+
+def test_simulation_with_images_is_iterated_in_one_thread_and_closed_in_another() -> None:
+    scenario = twin.load_scenario("lab-five-people", ["duration_s=0.3"])
+    simulation = twin.Simulation(scenario)
+    with ThreadPoolExecutor(1) as thread:
+        assert thread.submit(list, simulation).result()
+        simulation.close()
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: twin.Simulation("lab-five-people"), "twin.load_scenario makes one"),  # pyright: ignore[reportArgumentType]
+        (lambda: twin.run_scenario("lab-five-people"), "twin.load_scenario makes one"),  # pyright: ignore[reportArgumentType]
+        (lambda: twin.load_scenario("lab-five-people", "seed=3"), "a list of texts is expected"),
+    ],
+)
+def test_name_where_a_scenario_is_expected_is_refused_in_a_sentence(call: Callable[[], object], said: str) -> None:
+    with pytest.raises(twin.InputError, match=said):
+        call()
+
+
+def test_warnings_of_a_run_are_pythons_where_nobody_asks_for_them(tmp_path) -> None:
+    scenario = twin.load_scenario("lab-five-people", ["duration_s=0.3"])
+    with pytest.warns(UserWarning, match="sort: makes no use of fisheye"):
+        twin.run_scenario(scenario, trackers=["sort"], out=tmp_path / "run", video=False)
