@@ -101,10 +101,15 @@ def test_a_nested_option_set_to_what_it_is_changes_nothing(preset: str, path: Pa
 
 def test_a_tracker_gets_the_siblings_of_what_is_set_as_its_preset_has_them(monkeypatch: pytest.MonkeyPatch) -> None:
     target = PRESETS["laser-imm"].target
+    usual = make_tracker("laser-imm", rig()).options  # pyright: ignore[reportAttributeAccessIssue]
     narrow = Preset(target, "", options={"camera": False, "knee": {"jump_m": 0.06}, "legs": {"gate_m": 0.6}})
     monkeypatch.setattr(trackers.presets, "PRESETS", {"narrow": narrow})
     options = make_tracker("narrow", rig(), options={"knee": {"min_samples": 5}}).options  # pyright: ignore[reportAttributeAccessIssue]
-    assert (options.knee.min_samples, options.knee.jump_m, options.knee.half_depth_m) == (5, 0.06, 0.04)
+    assert (options.knee.min_samples, options.knee.jump_m, options.knee.half_depth_m) == (
+        5,
+        0.06,
+        usual.knee.half_depth_m,
+    )
     assert options.legs.gate_m == 0.6
 
 

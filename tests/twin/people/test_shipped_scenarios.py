@@ -22,10 +22,10 @@ def using(world: World) -> dict[int, list[int]]:
     """The geoms that people press into who sit or lie, or are about to, by their ids."""
     ids, names = world.scene.ids, world.population.names
     held: dict[int, list[int]] = {}
-    for name, furniture in world.population._context.taken.items():
+    for furniture, number in world.population._context.taken.items():
         thing = world.scene.ground.furniture[furniture]
         assert isinstance(thing, Seat | Bed)
-        held[ids[name]] = sorted(thing.geoms)
+        held[ids[names[number]]] = sorted(thing.geoms)
     assert set(names) == set(ids)
     return held
 
