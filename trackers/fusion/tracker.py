@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from trackers.arrays import Array, Index
+from trackers.cameras.placed import PlacedCamera
 from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.filters.imm import Imm
@@ -177,12 +178,21 @@ class Fusion(SynchronizedTracker):
 
     def _work(self, synced: SyncedFrame) -> None:
         self._predict(synced.ns)
-        for number, source in enumerate(self._sources):
+        for number in self._clearest_first():
+            source = self._sources[number]
             look = source.look(synced.observations, self._people.expected(), synced.ns)
             if look is not None:
                 self._detections.extend(look.shown)
                 self._take(look, number, synced.ns)
         self._people = self._manager.kept(self._people, synced.ns)
+
+    def _clearest_first(self) -> list[int]:
+        """Return the numbers of the sources: scanners, cameras from that on which people are farthest apart on, floors."""
+        places = self._people.positions[self._people.confirmed]
+        apart = [_least_angle(places, each.camera) if isinstance(each, Camera) else 0.0 for each in self._sources]
+        cameras = [k for k, each in enumerate(self._sources) if isinstance(each, Camera)]
+        ordered = iter(sorted(cameras, key=lambda k: -apart[k]))
+        return [next(ordered) if isinstance(each, Camera) else k for k, each in enumerate(self._sources)]
 
     def _predict(self, ns: int) -> None:
         """Take everybody on to stamp ns."""
@@ -350,6 +360,14 @@ class Fusion(SynchronizedTracker):
             return people
         people.seen_ns[:, number], people.seen_at[:, number] = ns, place
         return people
+
+
+def _least_angle(places: Float[Array, "n 2"], camera: PlacedCamera) -> float:
+    """Return the least angle between two people at places [m], seen from above by a camera [rad]; π for fewer than two."""
+    off = places - camera.eye_m[:2]
+    bearing = np.sort(np.arctan2(off[:, 1], off[:, 0]))
+    gaps = np.diff(bearing, append=bearing[:1] + 2 * np.pi)
+    return float(gaps.min()) if len(places) > 1 else np.pi
 
 
 def _is_fixed(sensor: RigSensor) -> bool:

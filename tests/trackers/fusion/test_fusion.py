@@ -181,3 +181,13 @@ def test_a_late_stamp_is_worked_at_its_own_time() -> None:
     on, empty, seen = subset("laser", "waist+knee")
     later = [replace(each, stamp_ns=each.stamp_ns + 40_000_000) if each.sensor == "knee" else each for each in seen]
     assert len(frames_of(on, empty, later)[-1].tracks) == 3
+
+
+def test_the_camera_from_which_people_are_farthest_apart_is_looked_at_first():
+    """Two people stand behind each other for two cameras in opposite corners, beside each other for the other two."""
+    on = synthetic_home.rig(floor=False)
+    places = np.array([(-0.46, -0.38), (0.46, 0.38)])
+    tracker = make_tracker("fusion", on, synthetic_home.empty_room(on))
+    list(track_frames(tracker, on, synthetic_home.observe(on, np.broadcast_to(places, (10, 2, 2)))))
+    order = [tracker._sources[number].names[0] for number in tracker._clearest_first()]
+    assert set(order[:2]) == {"camera_2", "camera_4"}
