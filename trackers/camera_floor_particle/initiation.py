@@ -18,6 +18,7 @@ from trackers.camera_floor_particle.body import PAN_BINS, People
 from trackers.camera_floor_particle.loads import Loads
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
 from trackers.camera_floor_particle.pan import GRID, around, unit
+from trackers.cameras.placed import through_people
 from trackers.filters.gating import distances
 from trackers.filters.particle import Cloud
 from trackers.filters.rows import Rows
@@ -171,32 +172,29 @@ class Initiation:
         return pan, float(abs(skin)), hair
 
 
-def hull_over(place: Float[Array, "2"], views: Views, people: People | None = None) -> Float[Array, "k 3"]:
+def hull_over(place: Float[Array, "2"], views: Views, people: People | None = None) -> tuple[Float[Array, "k 3"], bool]:
     """Carve the points above a place that all cameras see as foreground, except one of three or more [m]; empty: no person.
 
-    A camera that looks at a point through one of the tracked people, or has one of them behind it, tells nothing of it.
+    A camera that looks at a point through one of the tracked people, or has one of them behind it, tells nothing of it. And
+    return whether somebody may be there for all that the cameras show, tracked people or not.
     """
     points = _HULL + np.append(place, 0.0)
     look = views.look(points.T)
-    tells = look.seen if people is None else look.seen & ~_on_the_way(views.eyes_m, points, people)
-    n_seen, n_shown = tells.sum(axis=0), (tells & look.on_foreground).sum(axis=0)
-    hull = points[(n_seen > 0) & (n_seen - n_shown <= (n_seen > 2))]
-    return hull if len(hull) >= _LEAST_HULL else hull[:0]
+    maybe = _carved(look.seen, look.on_foreground)
+    of_person = maybe
+    if people is not None and len(people):
+        meets, _ = through_people(
+            views.eyes_m, points, people.place[:, :2], _BODY_M, people.head_place[:, 2] + body.CROWN_M
+        )
+        of_person = _carved(look.seen & ~meets.any(axis=-1), look.on_foreground)
+    hull = points[of_person]
+    return hull if len(hull) >= _LEAST_HULL else hull[:0], bool(maybe.sum() >= _LEAST_HULL)
 
 
-def _on_the_way(
-    eyes_m: Float[Array, "cameras 3"], points: Float[Array, "k 3"], people: People
-) -> Bool[Mask, "cameras k"]:
-    """Return a mask of the lines of sight through points that meet a tracked person: an upright cylinder."""
-    along = points - eyes_m[:, None]  # cameras, k, 3
-    to_person = people.place[:, :2] - eyes_m[:, None, :2]  # cameras, n, 2
-    flat, towards = along[:, :, None, :2], to_person[:, None]
-    length2 = np.maximum((flat**2).sum(axis=-1), 1e-12)
-    share = (flat * towards).sum(axis=-1) / length2  # of the way to the point, where the line passes the person's axis
-    aside_m = np.abs(flat[..., 0] * towards[..., 1] - flat[..., 1] * towards[..., 0]) / np.sqrt(length2)
-    z = eyes_m[:, None, None, 2] + share * along[..., None, 2]
-    meets = (share > 0) & (aside_m < _BODY_M) & (z > 0) & (z < people.head_place[:, 2] + body.CROWN_M)
-    return meets.any(axis=-1)
+def _carved(tells: Bool[Mask, "cameras k"], on_foreground: Bool[Mask, "cameras k"]) -> Bool[Mask, "k"]:
+    """Return a mask of the points that the cameras which tell of them see as foreground."""
+    n_seen, n_shown = tells.sum(axis=0), (tells & on_foreground).sum(axis=0)
+    return (n_seen > 0) & (n_seen - n_shown <= (n_seen > 2))
 
 
 def _heaviest_apart(places: Float[Array, "k 2"], load_n: Float[Array, "k"], apart_m: float) -> Bool[Mask, "k"]:

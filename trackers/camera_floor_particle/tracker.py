@@ -261,14 +261,13 @@ class CameraFloorParticle(SynchronizedTracker):
         new = self._initiation.unexplained(people, loads)
         hulls = {k: hull_over(centroid[k], views, people) for k in np.flatnonzero(new)}
         if views:
-            bare = [k for k, hull in hulls.items() if not len(hull)]
             empty = np.zeros(len(new), np.bool_)
-            empty[[k for k in bare if not len(hull_over(centroid[k], views))]] = True
+            empty[[k for k, (_, maybe) in hulls.items() if not maybe]] = True
             self._loads.learn_own(loads, empty, self._ns)
-            new[bare] = False
+            new[[k for k, (hull, _) in hulls.items() if not len(hull)]] = False
         places = np.flatnonzero(new)
         for k in places[self._initiation.due(centroid[places], self._ns)]:
             load_n = float(loads.clusters.load_n[k])
-            person = self._initiation.person(centroid[k], load_n, hulls[k], views, self._ns, self._rng)
+            person = self._initiation.person(centroid[k], load_n, hulls[k][0], views, self._ns, self._rng)
             person = self._manager.identified(person)
             self._people = person if self._people is None else self._people.joined(person)

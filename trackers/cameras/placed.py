@@ -254,6 +254,27 @@ class CameraGroup:
         return pixels, seen
 
 
+def through_people(
+    eyes_m: Float[Array, "*cameras 3"],
+    points_m: Float[Array, "k 3"],
+    people_m: Float[Array, "n 2"],
+    radius_m: float,
+    crown_m: float | Float[Array, "n"],
+) -> tuple[Bool[Mask, "*cameras k n"], Float[Array, "*cameras k n"]]:
+    """Return whether lines of sight from eyes through points meet people, upright cylinders from the floor to their crowns [m].
+
+    And the share of the way to the point at which each passes the person's axis: below 1 the person is before the point.
+    """
+    way = points_m - eyes_m[..., None, :]
+    off = (people_m - eyes_m[..., None, :2])[..., None, :, :]
+    flat = way[..., None, :2]
+    square = np.maximum((flat**2).sum(axis=-1), 1e-9)
+    along = (flat * off).sum(axis=-1) / square
+    beside_m = np.abs(flat[..., 0] * off[..., 1] - flat[..., 1] * off[..., 0]) / np.sqrt(square)
+    z = eyes_m[..., None, None, 2] + along * way[..., None, 2]
+    return (along > 0) & (beside_m < radius_m) & (z > 0) & (z < crown_m), along
+
+
 def _kept(array: Float[Array, "*n"]) -> Float[Array, "*n"]:
     """Return a contiguous read-only copy."""
     array = np.ascontiguousarray(array)

@@ -9,11 +9,13 @@ two sources it cannot be told which of them is wrong, and neither is doubted.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from trackers.arrays import Array, Index, Mask
+from trackers.fusion.look import Look
 from trackers.fusion.people import People
 from trackers.observations import NS_PER_S
 
@@ -28,6 +30,9 @@ _SURE = 5.0
 _FEWEST, _LEAST_M2_S2 = 12.0, 3.0
 """Differences, and sum of squared speeds [m²/s²], that a doubt takes."""
 
+_DOUBTED_M = 0.5
+"""Standard deviation added to what a sensor measures that contradicts the others, at least [m]."""
+
 
 class Agreement:
     """Keeps the differences between s sources; names: the sensors of each, for sentences."""
@@ -39,6 +44,8 @@ class Agreement:
         self._asked, self._shown = np.zeros(n), np.zeros(n)
         self._sigma_m = np.zeros(n)
         self._ns: int | None = None
+        self.findings: dict[int, str] = {}
+        """Sentences on the sources that have contradicted the others, each as of when it first did."""
 
     def age(self, ns: int) -> None:
         """Forget a share of all until stamp ns."""
@@ -102,7 +109,20 @@ class Agreement:
         hardly_shows = (self._asked >= _FEWEST) & (self._shown < _LEAST_SHOWN * self._asked)
         return (self.offsets_m > _OFF_M) | (self.delays_s > _LATE_S) | hardly_shows
 
-    def sentence(self, number: int) -> str:
+    def of_doubted(self, look: Look, number: int) -> Look:
+        """Return what a doubted source tells: who is where, but not exactly, and neither who is new nor who is gone."""
+        off_m2 = max(self.offsets_m[number], _DOUBTED_M) ** 2
+        return replace(
+            look, covariance=look.covariance + off_m2 * np.eye(2), starts=np.zeros_like(look.starts), feet=None
+        )
+
+    def found(self) -> list[str]:
+        """Keep what of the doubted sources contradicts the others, and return what was not known before."""
+        new = {k: self._sentence(k) for k in np.flatnonzero(self.doubted).tolist() if k not in self.findings}
+        self.findings |= new
+        return list(new.values())
+
+    def _sentence(self, number: int) -> str:
         """Return a clause that says what of a doubted source contradicts the others."""
         name, off_m, late_s = self._names[number], self.offsets_m[number], self.delays_s[number]
         if late_s > _LATE_S:

@@ -10,10 +10,10 @@ from jaxtyping import Bool, Float
 
 from trackers.area import Area
 from trackers.arrays import Array, Mask
-from trackers.cameras.placed import PlacedCamera
+from trackers.cameras.placed import PlacedCamera, through_people
 from trackers.environment import Environment
 from trackers.filters.gating import distances
-from trackers.fusion.look import Expected, Look, detections_of, round_covariance
+from trackers.fusion.look import Expected, Look, Source, detections_of, round_covariance
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.posture import DEPTH_SHOWN, SILHOUETTE_SHOWN
 from trackers.observations import DepthImage, Image, Observation
@@ -212,13 +212,27 @@ def hidden(
     eye_m: Float[Array, "3"], points: Float[Array, "k 3"], others: Float[Array, "n 2"], radius_m: float
 ) -> Bool[Mask, "k n"]:
     """Mark points [m] that people at other places hide, as upright cylinders of this radius; nobody hides their own."""
-    way, off = points - eye_m, others - eye_m[:2]
-    square = np.maximum((way[:, :2] ** 2).sum(axis=1), 1e-9)[:, None]
-    along = way[:, :2] @ off.T / square
-    beside_m = np.abs(way[:, :1] * off[:, 1] - way[:, 1:2] * off[:, 0]) / np.sqrt(square)
-    below_crown = eye_m[2] + along * way[:, 2:] < _CROWN_M
-    itself = distances(points[:, :2], others) < _SAME_M
-    return (beside_m < radius_m) & (along > 0) & (along < 1) & below_crown & ~itself
+    meets, along = through_people(eye_m, points, others, radius_m, _CROWN_M)
+    return meets & (along < 1) & (distances(points[:, :2], others) >= _SAME_M)
+
+
+def clearest_first(sources: Sequence[Source], places: Float[Array, "n 2"]) -> list[int]:
+    """Return the numbers of sources in order, cameras among them by the least angle between people at places [m].
+
+    Where two are one silhouette for a camera, another that sees them beside each other tells first who is where.
+    """
+    cameras = {k: each for k, each in enumerate(sources) if isinstance(each, Camera)}
+    apart = {k: _least_angle(places, each.camera.eye_m) for k, each in cameras.items()}
+    ordered = iter(sorted(cameras, key=lambda k: -apart[k]))
+    return [next(ordered) if k in cameras else k for k in range(len(sources))]
+
+
+def _least_angle(places: Float[Array, "n 2"], eye_m: Float[Array, "3"]) -> float:
+    """Return the least angle between two places [m], seen from above by an eye [rad]; π for fewer than two."""
+    off = places - eye_m[:2]
+    bearing = np.sort(np.arctan2(off[:, 1], off[:, 0]))
+    gaps = np.diff(bearing, append=bearing[:1] + 2 * np.pi)
+    return float(gaps.min()) if len(places) > 1 else np.pi
 
 
 def cameras_of(

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable
-from dataclasses import replace
 from math import nan
 from typing import Any
 
@@ -20,7 +19,6 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from trackers.arrays import Array, Index
-from trackers.cameras.placed import PlacedCamera
 from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.filters.imm import Imm
@@ -29,7 +27,7 @@ from trackers.filters.negative_information import radius_containing
 from trackers.filters.rows import written
 from trackers.fusion.agreement import Agreement
 from trackers.fusion.association import explained, pairs
-from trackers.fusion.cameras import Camera, cameras_of
+from trackers.fusion.cameras import Camera, cameras_of, clearest_first
 from trackers.fusion.floors import Floor
 from trackers.fusion.heads import HeadWeighing, gained
 from trackers.fusion.lasers import scanners_of
@@ -49,8 +47,6 @@ from trackers.vision.head_colours import SHIPPED, load_head_model
 
 logger = logging.getLogger(__name__)
 
-_DOUBTED_M = 0.5
-"""Standard deviation added to what a sensor measures that contradicts the others, at least [m]."""
 _START_SPEED_M_S = 1.0
 _LEAST_SHARE = 0.02
 _LEAN_M, _FEET_M = 0.2, 0.35
@@ -120,12 +116,11 @@ class Fusion(SynchronizedTracker):
         self._detections: list[Detection] = []
         self._agreement = Agreement([each.names for each in self._sources])
         self._doubted = self._agreement.doubted
-        self._contradictions: dict[int, str] = {}
 
     @property
     def warnings(self) -> list[str]:
         """Findings: sensors that have contradicted the others, each when it first did."""
-        return list(self._contradictions.values())
+        return list(self._agreement.findings.values())
 
     def detections(self) -> list[Detection]:
         """Return the measurements of the frames of the last `update` or `finish`, oldest first."""
@@ -178,21 +173,14 @@ class Fusion(SynchronizedTracker):
 
     def _work(self, synced: SyncedFrame) -> None:
         self._predict(synced.ns)
-        for number in self._clearest_first():
+        people = self._people
+        for number in clearest_first(self._sources, people.positions[people.confirmed]):
             source = self._sources[number]
             look = source.look(synced.observations, self._people.expected(), synced.ns)
             if look is not None:
                 self._detections.extend(look.shown)
                 self._take(look, number, synced.ns)
         self._people = self._manager.kept(self._people, synced.ns)
-
-    def _clearest_first(self) -> list[int]:
-        """Return the numbers of the sources: scanners, cameras from that on which people are farthest apart on, floors."""
-        places = self._people.positions[self._people.confirmed]
-        apart = [_least_angle(places, each.camera) if isinstance(each, Camera) else 0.0 for each in self._sources]
-        cameras = [k for k, each in enumerate(self._sources) if isinstance(each, Camera)]
-        ordered = iter(sorted(cameras, key=lambda k: -apart[k]))
-        return [next(ordered) if isinstance(each, Camera) else k for k, each in enumerate(self._sources)]
 
     def _predict(self, ns: int) -> None:
         """Take everybody on to stamp ns."""
@@ -212,13 +200,9 @@ class Fusion(SynchronizedTracker):
         self._looked_ns[number] = ns
         share = min(elapsed_s / look.kind.lasts_s, 1.0)
         people, doubted = self._people, bool(self._doubted[number])
-        if doubted:  # it may still show who is where, but not exactly, and neither who is new nor who is gone
-            feet = look.feet
-            off_m2 = max(self._agreement.offsets_m[number], _DOUBTED_M) ** 2
-            look = replace(
-                look, covariance=look.covariance + off_m2 * np.eye(2), starts=np.zeros_like(look.starts), feet=None
-            )
-            people = people if feet is None else people.upright()
+        if doubted:
+            people = people if look.feet is None else people.upright()
+            look = self._agreement.of_doubted(look, number)
         missed = self._manager.missed(people, look)
         row, column, ratio = pairs(people, look, missed)
         self._compare(people, look, row, column, missed, share, number, ns)
@@ -259,10 +243,8 @@ class Fusion(SynchronizedTracker):
         shown[row] = True
         agreement.take_shown(number, share * by_others * (1 - missed), shown)
         self._doubted = agreement.doubted
-        for k in np.flatnonzero(self._doubted).tolist():
-            if k not in self._contradictions:
-                self._contradictions[k] = agreement.sentence(k)
-                logger.warning(self._contradictions[k])
+        for sentence in agreement.found():
+            logger.warning(sentence)
 
     def _measured(
         self,
@@ -360,14 +342,6 @@ class Fusion(SynchronizedTracker):
             return people
         people.seen_ns[:, number], people.seen_at[:, number] = ns, place
         return people
-
-
-def _least_angle(places: Float[Array, "n 2"], camera: PlacedCamera) -> float:
-    """Return the least angle between two people at places [m], seen from above by a camera [rad]; π for fewer than two."""
-    off = places - camera.eye_m[:2]
-    bearing = np.sort(np.arctan2(off[:, 1], off[:, 0]))
-    gaps = np.diff(bearing, append=bearing[:1] + 2 * np.pi)
-    return float(gaps.min()) if len(places) > 1 else np.pi
 
 
 def _is_fixed(sensor: RigSensor) -> bool:

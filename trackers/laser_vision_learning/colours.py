@@ -20,7 +20,7 @@ from trackers.cameras import PlacedCamera
 from trackers.filters.rows import written
 from trackers.laser_vision_learning.looks import COLOUR_LEVELS, COLOURS, HEIGHTS, Learner, Looks, LooksOptions, Picture
 from trackers.laser_vision_learning.score_maps import ScoreMaps
-from trackers.vision.patches import Patches
+from trackers.vision.patches import Patches, PatchSampler
 
 _POINTS = 300
 """Number of points on a body."""
@@ -46,7 +46,7 @@ class ColourLearner(Learner):
 
     def __init__(self, camera: PlacedCamera, options: LooksOptions | None = None) -> None:
         super().__init__(camera, options)
-        self.sampler = type(self.sampler)(camera, self.options.patches.model_copy(update={"count": _POINTS}))
+        self.sampler = PatchSampler(camera, self.options.patches.model_copy(update={"count": _POINTS}))
 
     @property
     def needs_foreground(self) -> bool:

@@ -1,10 +1,9 @@
-"""Re-identification by learning: identities after people met, by classifiers that learned while they were separate.
+"""Re-identification by learning: identities after people met, by looks learned while they were separate.
 
-Pictures are evaluated only while people interact. A picture trains the classifiers of interacting but separate people, and
-draws the particles of correlated people to the score maps (eq. 1). When a group splits, the scores of its members, averaged
-over a few pictures, decide their identities (`identities`), which are then exchanged among the group's tracks, so that
-trajectories are linked through the merge. With doubtful or untrained appearance, or without pictures, identities follow
-motion.
+Pictures are evaluated only while people interact or an identity is in doubt. A picture teaches the looks of interacting but
+separate people, and draws the particles of correlated people to the score maps (eq. 1). After a group has split, the mean
+scores of all tracks decide their identities together (`identities`), so that trajectories are linked through the merge. With
+doubtful or unlearned looks, or without pictures, identities follow motion.
 
 Ours: a merged group keeps a set of particles for each member, all of them at its place, rather than one for the group, since two
 scanners seldom lose a body wholly; to change identities at a split is then to exchange those of tracks. Looks belong to
@@ -212,19 +211,17 @@ class Recognition:
         log_odds = self._calibration.log_ratio(mean)
         log_odds[~beliefs.possible] += _NEVER if rules.unnoticed is None else -rules.unnoticed
         unknown = _NEVER if rules.unnoticed is None else -rules.unknown_log_odds
-        no_track = np.where(np.eye(n, dtype=np.bool_) & doubtful[:, None], unknown, _NEVER)
-        found = decided(np.concatenate([log_odds, no_track], axis=1), self._own, rules.margin)
+        of_unknown = np.where(np.eye(n, dtype=np.bool_) & doubtful[:, None], unknown, _NEVER)
+        found = decided(np.concatenate([log_odds, of_unknown], axis=1), self._own, rules.margin)
         certain, known = found.by_looks & scored, found.column < beliefs.number.size
         ids = np.zeros(n, np.int64)
         ids[known] = beliefs.number[found.column[known]]
         if not known.all():
-            ids[~known] = self._new_ids(n - int(known.sum()))
-            unknown = Looks.unknown(n - int(known.sum()), self.learner.options)
-            self._looks, beliefs = (
-                self._looks.joined(unknown),
-                beliefs.of(beliefs.serial, np.union1d(beliefs.number, ids)),
-            )
-            self._held_ns = np.append(self._held_ns, np.full(len(unknown), ns))
+            n_new = n - int(known.sum())
+            ids[~known] = self._new_ids(n_new)
+            self._looks = self._looks.joined(Looks.unknown(n_new, self.learner.options))
+            beliefs = beliefs.of(beliefs.serial, np.union1d(beliefs.number, ids))
+            self._held_ns = np.append(self._held_ns, np.full(n_new, ns))
         self._own = np.searchsorted(beliefs.number, ids)
         self._beliefs = beliefs.resolved(certain, self._own)
         news = np.flatnonzero((ids != before) | (certain & doubtful))

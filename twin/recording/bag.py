@@ -26,7 +26,8 @@ from rosbags.typesys.store import Typestore
 from trackers.errors import InputError
 from trackers.rig import normal_topic
 from trackers.text_file import refuse_unless_lifted
-from twin.recording.bag_files import BagPath, describe_damage, reason_unreadable
+from twin.recording.bag_damage import describe_damage, reason_unreadable
+from twin.recording.bag_files import BagPath
 from twin.recording.bounded_readers import MOST_CHUNK_BYTES, open_reader
 from twin.recording.ros_messages import TYPESTORE
 

@@ -284,9 +284,7 @@ class OffscreenRenderer:
             raise RuntimeError("the renderer is closed; make another")
         check_process()
         if threading.get_ident() != self._maker[1]:
-            raise RuntimeError(
-                "an EGL context belongs to the thread that made it; iterate a simulation with images, or draw, in one thread"
-            )
+            raise RuntimeError("a renderer belongs to the thread that made it; iterate, or draw, in one thread")
         self._context.make_current()
 
     @no_fork()

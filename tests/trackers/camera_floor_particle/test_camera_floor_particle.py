@@ -253,11 +253,12 @@ def test_where_others_fill_the_sight_of_all_cameras_nobody_is_carved():
     list(track_frames(tracker, RIG, observe(RIG, np.broadcast_to(about, (5, 4, 2)))))
     state = tracker.debug_state()
     assert state.people is not None and len(state.people) == 4
-    assert len(hull_over(np.zeros(2), state.views)) > 0
-    assert len(hull_over(np.zeros(2), state.views, state.people)) == 0
+    assert len(hull_over(np.zeros(2), state.views)[0]) > 0
+    hull, maybe = hull_over(np.zeros(2), state.views, state.people)
+    assert len(hull) == 0 and maybe
     for k in range(4):  # each of them still is, where the others are known
         others = state.people.select(np.arange(4) != k)
-        assert len(hull_over(state.people.place[k, :2], state.views, others)) > 0
+        assert len(hull_over(state.people.place[k, :2], state.views, others)[0]) > 0
 
 
 def test_who_comes_back_in_the_same_clothes_has_the_old_number():

@@ -16,6 +16,7 @@ from trackers.check import CORRUPTIONS, check_tracker
 from trackers.configuration import leaves_of
 from trackers.errors import InputError
 from trackers.feeding import track_frames
+from trackers.fusion.cameras import clearest_first
 from trackers.fusion.heads import unit_points
 from trackers.presets import make_tracker
 from trackers.rig import Rig
@@ -189,5 +190,5 @@ def test_the_camera_from_which_people_are_farthest_apart_is_looked_at_first():
     places = np.array([(-0.46, -0.38), (0.46, 0.38)])
     tracker = make_tracker("fusion", on, synthetic_home.empty_room(on))
     list(track_frames(tracker, on, synthetic_home.observe(on, np.broadcast_to(places, (10, 2, 2)))))
-    order = [tracker._sources[number].names[0] for number in tracker._clearest_first()]
+    order = [tracker._sources[number].names[0] for number in clearest_first(tracker._sources, places)]
     assert set(order[:2]) == {"camera_2", "camera_4"}

@@ -1,0 +1,114 @@
+"""Damage of bags, as clauses with the tool that helps: not closed, cut, another kind of file, without its index."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+_MCAP_MAGIC = b"\x89MCAP0\r\n"
+_SQLITE_MAGIC = b"SQLite format 3\0"
+_ROS1_MAGIC = b"#ROSBAG V"
+_STORAGES = (".mcap", ".db3")
+_HEAD_BYTES = 4096
+"""A ROS 1 bag's header is padded to this length; its fields come in any order."""
+
+
+def reason_unreadable(path: Path) -> str:
+    """Describe, as a clause, why an existing bag cannot be opened; empty if no reason is found."""
+    if path.is_dir():
+        return _unreadable_folder(path)
+    if path.suffix not in (".bag", *_STORAGES):
+        return _other_file(path)
+    with path.open("rb") as stream:
+        head = stream.read(_HEAD_BYTES)
+    if not head:
+        return "is empty, 0 bytes: its recorder wrote nothing, or it was copied in part"
+    kinds = {
+        ".bag": (_ROS1_MAGIC, "ROS 1 bag"),
+        ".mcap": (_MCAP_MAGIC, "MCAP file"),
+        ".db3": (_SQLITE_MAGIC, "SQLite file"),
+    }
+    magic, kind = kinds[path.suffix]
+    if head[: len(magic)] == magic[: len(head)]:
+        return _unfinished(path, head)
+    others = [(suffix, name) for suffix, (other, name) in kinds.items() if head.startswith(other)]
+    if others:
+        return f"is no {kind} but a {others[0][1]}: a name that ends in {others[0][0]} makes it one that is read"
+    return f"is no {kind}: it does not begin with {magic.decode('ascii', 'replace').strip()!r}"
+
+
+def _unfinished(path: Path, head: bytes) -> str:
+    """Describe, as a clause, why a file with the right beginning is incomplete; empty where it is complete."""
+    size = path.stat().st_size
+    if path.suffix == ".mcap":
+        with path.open("rb") as stream:
+            stream.seek(max(size - len(_MCAP_MAGIC), 0))
+            ends_well = size > len(_MCAP_MAGIC) and stream.read() == _MCAP_MAGIC
+        if not ends_well:
+            return (
+                "is an MCAP file without its end: the recorder was stopped while it wrote, or the copy is not whole; "
+                f"`mcap recover {path.name} -o whole.mcap` saves what is there"
+            )
+    elif path.suffix == ".bag":
+        if not head.startswith(b"#ROSBAG V2.0\n"):
+            version = head.split(b"\n")[0].decode("ascii", "replace")
+            return f"is a ROS 1 bag of another version ({version}); `rosbag fix` makes one of version 2.0 of it"
+        index = head.find(b"index_pos=")
+        if index >= 0 and len(head) >= index + 18:
+            (place,) = struct.unpack_from("<Q", head, index + 10)
+            if place == 0 or place > size:
+                why = "was not closed" if place == 0 else f"is cut after {size} bytes"
+                return f"is a ROS 1 bag without its index, as it {why}; `rosbag reindex {path.name}` writes a new one"
+    else:
+        journal = path.with_name(path.name + "-wal")
+        if journal.exists() and journal.stat().st_size:
+            return (
+                f"has messages in {journal.name} that are not yet in it, as its recorder was killed; "
+                f"`sqlite3 {path.name} 'PRAGMA wal_checkpoint(TRUNCATE)'` writes them into it"
+            )
+    return ""
+
+
+def _unreadable_folder(path: Path) -> str:
+    if (path / "metadata.yaml").exists():
+        for database in sorted(path.glob("*.db3")):
+            if reason := _unfinished(database, b""):
+                return f"its {database.name} {reason}"
+        return ""
+    held = sorted(each.name for each in path.iterdir() if each.suffix in (*_STORAGES, ".zstd"))
+    if not held:
+        return "is a folder without metadata.yaml, so no ROS 2 bag"
+    return (
+        f"is a folder without metadata.yaml, as a recorder that was killed leaves it; `ros2 bag reindex {path.name}` writes it "
+        f"from {', '.join(held)}"
+    )
+
+
+def _other_file(path: Path) -> str:
+    if path.name.endswith(".bag.active"):
+        return "is a ROS 1 bag that was not closed; `rosbag reindex` and the name without .active make it whole"
+    if path.suffix in (".zstd", ".zst"):
+        return f"is compressed; `zstd -d {path.name}` unpacks it, or its folder with metadata.yaml is read as it is"
+    return "is not named like a bag"
+
+
+def describe_damage(path: Path, reason: str) -> str:
+    """Describe, as a clause with the tool that helps, the damage of a bag in which reading failed with `reason`."""
+    missing = "Some database files are missing"
+    if reason.startswith(missing):
+        names = reason.removeprefix(missing).strip(": ")
+        return f"lacks files that its metadata.yaml names ({names}); `ros2 bag reindex {path.name}` writes a new one"
+    if path.is_dir():
+        about = ("metadata", "YAML", "version", "Storage plugin", "Compression format", "Serialization format")
+        if any(word in reason for word in about):
+            return f"its metadata.yaml cannot be used ({reason}); `ros2 bag reindex {path.name}` writes a new one"
+    if reason.startswith("Unindexed MCAP messages"):
+        return f"has no index, and its messages are in no order; `mcap recover {path.name} -o whole.mcap` writes one that has"
+    suffixes = {path.suffix} if path.is_file() else {each.suffix for each in path.glob("*")}
+    if ".mcap" in suffixes:
+        tool = f"`mcap recover {path.name}` saves what can be read"
+    elif ".db3" in suffixes:
+        tool = f"`sqlite3 {path.name} .recover` saves what can be read"
+    else:
+        tool = f"`rosbag reindex {path.name}` saves what can be read"
+    return f"is truncated or damaged ({reason}); {tool}"
