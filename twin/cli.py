@@ -7,6 +7,7 @@ import os
 import re
 import sys
 from collections.abc import Sequence
+from copy import copy
 from itertools import pairwise
 from typing import Annotated, Any
 
@@ -107,7 +108,7 @@ def _code_of_run() -> int:
     try:
         check_memory()
         _check_none_is_empty(sys.argv[1:])
-        code = app(standalone_mode=False)
+        code = _app_of(sys.argv[1:])(standalone_mode=False)
         if code == EXIT_INTERRUPTED:  # typer's code for Ctrl-C
             sys.stderr.write("twin: interrupted; no file was left half-written under its final name\n")
         return code if isinstance(code, int) else EXIT_DONE
@@ -129,6 +130,16 @@ def _code_of_run() -> int:
         if hasattr(error, "format_message") and hasattr(error, "exit_code"):  # a usage error of click's
             return _end_with(_describe_usage_error(error))
         return _report_internal_error()
+
+
+def _app_of(arguments: Sequence[str]) -> typer.Typer:
+    """Return the app with only the command that is called, all if none is: typer prepares the options of each it holds."""
+    called, name = copy(app), next(iter(arguments), "")
+    called.registered_commands = [
+        each for each in app.registered_commands if name == (each.name or getattr(each.callback, "__name__", None))
+    ]
+    called.registered_groups = [each for each in app.registered_groups if name == each.name]
+    return called if called.registered_commands or called.registered_groups else app
 
 
 def _describe_usage_error(error: Any) -> str:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Le
 from pydantic import AfterValidator, Field, FiniteFloat, model_validator
@@ -187,3 +188,9 @@ class DrawnSensors(Strict):
                 "scanners, robots, fisheyes, cameras and stereos may all be 0; at least one sensor is expected"
             )
         return self
+
+
+def drawn_fields(content: Mapping[str, Any]) -> list[str]:
+    """List the fields of a scenario's content that are a mapping with `kind: drawn`; a person named kind is no text."""
+    entries = {name: content.get(name) for name in ("room", "people", "sensors")}
+    return [name for name, entry in entries.items() if isinstance(entry, Mapping) and entry.get("kind") == "drawn"]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from trackers.arrays import Array
 from trackers.configuration import validate
 from trackers.errors import InputError
-from twin.drawn.distributions import DrawnPeople, DrawnRoom, DrawnSensors
+from twin.drawn.distributions import DrawnPeople, DrawnRoom, DrawnSensors, drawn_fields
 from twin.drawn.draw_building import DrawnBuilding, draw_building
 from twin.drawn.draw_people import draw_people
 from twin.drawn.floor_plan import DOOR_M
@@ -247,14 +247,6 @@ class _RigDraws:
         return self._mount(place, height, float(np.degrees(np.arctan2(off[1], off[0]))), pitch_deg=min(pitch, 50.0))
 
 
-FIELDS = ("room", "people", "sensors")
-
-
-def is_drawn(content: dict[str, Any]) -> bool:
-    """Return whether a scenario's content has parts to draw."""
-    return any(_asks(content, field) for field in FIELDS)
-
-
 def draw_scene(content: dict[str, Any], source: str, keep_room: Callable[[str, str], str]) -> dict[str, Any]:
     """Return a scenario's content with its drawn parts filled in.
 
@@ -263,8 +255,9 @@ def draw_scene(content: dict[str, Any], source: str, keep_room: Callable[[str, s
     `source`.
     """
     room = content.get("room")
-    if not _asks(content, "room"):
-        field = next(each for each in FIELDS if _asks(content, each))
+    fields = drawn_fields(content)
+    if "room" not in fields:
+        field = fields[0]
         raise InputError(f"{source}: {field}: can be drawn into a drawn room only; room: {{kind: drawn}} is expected")
     seed, duration_s = content.get("seed", 0), content.get("duration_s")
     if not isinstance(seed, int) or isinstance(seed, bool) or not 0 <= seed < 2**63:
@@ -275,10 +268,10 @@ def draw_scene(content: dict[str, Any], source: str, keep_room: Callable[[str, s
     building = _building(options, seed, source)
     digest = hashlib.sha256(building.mjcf.encode()).hexdigest()[:16]
     drawn = content | {"room": keep_room(f"drawn_{digest}", building.mjcf)}
-    if _asks(content, "people"):
+    if "people" in fields:
         people = validate(DrawnPeople, content["people"], f"{source}: people")
         drawn["people"] = draw_people(people, building, float(duration_s), seed)
-    if _asks(content, "sensors"):
+    if "sensors" in fields:
         sensors = validate(DrawnSensors, content["sensors"], f"{source}: sensors")
         rig = draw_sensors(sensors, building, float(duration_s), seed, _starts(drawn.get("people")))
         drawn["sensors"] = rig.pop("sensors")
@@ -303,9 +296,3 @@ def _starts(people: Any) -> NDArray[np.float64]:
         return np.array(found, float).reshape(-1, 2)
     except (TypeError, ValueError):
         return np.empty((0, 2))  # the scenario's own check reports it
-
-
-def _asks(content: dict[str, Any], field: str) -> bool:
-    """Return whether a field is a mapping with `kind: drawn`; a person or sensor named kind is a mapping itself."""
-    entry = content.get(field)
-    return isinstance(entry, dict) and entry.get("kind") == "drawn"

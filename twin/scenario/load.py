@@ -18,8 +18,7 @@ from trackers.plain_data import DEEPEST, deep_merge, dump_yaml, parse_yaml, pars
 from trackers.rig import Name, files_within
 from trackers.text_file import AnyPath, read_text
 from twin import models
-from twin.drawn.distributions import DrawnPeople, DrawnRoom, DrawnSensors
-from twin.drawn.draw_scene import draw_scene, is_drawn
+from twin.drawn.distributions import DrawnPeople, DrawnRoom, DrawnSensors, drawn_fields
 from twin.scenario.pedestrians import Pedestrians, people_from
 from twin.scenario.person import Person
 from twin.scenario.scenario import Scenario
@@ -77,7 +76,9 @@ def load_scenario(
     said = " ".join(map(_said, (*suites, *overrides)))
     source = f"{path} with {said}" if said else str(path)
     content = _without_removed(content)
-    if is_drawn(content):
+    if drawn_fields(content):
+        from twin.drawn.draw_scene import draw_scene  # of no use to other scenarios
+
         content = draw_scene(content, source, models.kept_room)
     _bring_pedestrians(content, source)
     return validate(Scenario, content, source)

@@ -12,7 +12,6 @@ import cv2
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import find_objects
 
 from trackers.area import Area
 from trackers.cameras import Intrinsics
@@ -224,6 +223,8 @@ class PersonImaging(Protocol):
 
 def person_boxes(people: NDArray[np.int16]) -> tuple[Box, ...]:
     """Return the boxes of all people in an id image (height, width), in the order of their ids."""
+    from scipy.ndimage import find_objects  # takes a while to load, of no use without images
+
     inside = np.maximum(people, 0)
     count = np.bincount(inside.ravel())
     if len(count) < 2:

@@ -90,14 +90,13 @@ def test_user_without_home_is_told_what_to_name(tmp_path: Path) -> None:
     assert in_python("suite", "cache", prepare=prepare, **named).returncode == 0
 
 
-ENDS = "twin.cli.app = lambda **_: os.kill(os.getpid(), signal.{})"
+ENDS = "typer.Typer.__call__ = lambda *_, **__: os.kill(os.getpid(), signal.{})"
 
 
 @pytest.mark.parametrize("name", ["SIGABRT", "SIGSEGV", "SIGBUS"])
 def test_library_that_ends_the_process_for_want_of_memory_is_put_in_words(name: str) -> None:
-    prepare = (
-        "import os, resource, signal, twin.cli; resource.setrlimit(resource.RLIMIT_CORE, (0, 0)); {}"
-        + ENDS.format(name)
+    prepare = "import os, resource, signal, typer; resource.setrlimit(resource.RLIMIT_CORE, (0, 0)); {}" + ENDS.format(
+        name
     )
     limited = prepare.format("resource.setrlimit(resource.RLIMIT_AS, (2**31,) * 2); ")
     assert "(ulimit -v), which is not enough" in said(in_python("list", prepare=limited))
