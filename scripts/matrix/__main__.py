@@ -71,7 +71,18 @@ def _tried(version: str, interpreter: str, versions: str, *, whole: bool) -> tup
     environment = FOLDER / f"{version}-{versions}"
     python = environment / "bin/python"
     tests = ("tests",) if whole else SUBSET
-    pytest = [python, "-m", "pytest", "-n", str(os.cpu_count() or 1), "-p", "no:cacheprovider", *tests]
+    pytest = [
+        python,
+        "-m",
+        "pytest",
+        "-n",
+        str(os.cpu_count() or 1),
+        "--dist",
+        "loadfile",
+        "-p",
+        "no:cacheprovider",
+        *tests,
+    ]
     cells = [_cell("install", lambda: _install(environment, interpreter, versions))]
     if "FAILED" not in cells[0]:
         out = FOLDER / f"demo-{version}-{versions}"

@@ -75,7 +75,7 @@ def refused(kind: str, path: Path) -> str:
 
 def written(path: Path, members: Mapping[str, bytes | np.ndarray], how: int = zipfile.ZIP_DEFLATED) -> Path:
     """An .npz of arrays, or of bytes in their place."""
-    with zipfile.ZipFile(path, "w", how) as archive:
+    with zipfile.ZipFile(path, "w", how, compresslevel=1) as archive:
         for name, content in members.items():
             stream = io.BytesIO()
             if isinstance(content, bytes):

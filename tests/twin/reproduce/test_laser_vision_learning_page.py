@@ -45,7 +45,7 @@ name: short
 description: The hall and the busy place, short, crowded and without pictures.
 reports: false
 trackers: [laser-vision-learning-laser, sort]
-set: {duration_s: 5, sensors.camera: null, sensors.west.rate_hz: 10, sensors.east.rate_hz: 10}
+set: {duration_s: 4, sensors.camera: null, sensors.west.rate_hz: 7, sensors.east.rate_hz: 7}
 scenarios:
   - {scenario: library-hall, name: hall}
   - {scenario: library-hall-busy, name: busy, set: {area: [[-3, -2], [3, -2], [3, 2], [-3, 2]]}}

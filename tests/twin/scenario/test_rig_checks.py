@@ -291,6 +291,7 @@ def numbers(content: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...
             yield (*path, key)
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), float("-inf"), "many", [1, 2]], ids=str)
 @pytest.mark.parametrize("which", ["scenario", "rig"])
 def test_no_number_may_be_anything_but_a_number(contents, tmp_path, which, value):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,7 @@ from twin.suites.spec import load_suite
 from twin.suites.worker import resolved_scenario
 
 
+@cache
 def cases_of(name: str) -> list[Case]:
     return expand(*load_suite(name))
 
