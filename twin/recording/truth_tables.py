@@ -23,6 +23,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
@@ -163,7 +164,8 @@ def _encode_frame(frame: BoxFrame | RayFrame, columns: Sequence[str]) -> memoryv
 def _frame_rows(frame: BoxFrame | RayFrame, columns: Sequence[str]) -> tuple[str, list[Row]]:
     """Return the sensor of a frame, and its rows after t and the sensor."""
     sensor, entries = (frame.camera, frame.boxes) if isinstance(frame, BoxFrame) else (frame.sensor, frame.runs)
-    return sensor, [{name: int(getattr(entry, name)) for name in columns[2:]} for entry in entries]
+    read = attrgetter(*columns[2:])
+    return sensor, [dict(zip(columns[2:], map(int, read(entry)), strict=True)) for entry in entries]
 
 
 def truth_frames(table: TruthTable) -> Iterator[TruthFrame]:

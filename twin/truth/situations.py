@@ -32,8 +32,6 @@ from math import nan
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from trackers.observations import NS_PER_S, LaserScan
@@ -176,6 +174,7 @@ def pairs_within(ids: NDArray[np.integer], place_m: NDArray[np.float64], limit_m
 
 
 LINKAGE_M = 0.4
+_IDS = np.iinfo(np.int16).max + 1
 _LATEST_S = 0.25
 """Age beyond which a scan no longer shows where people are [s]."""
 
@@ -237,8 +236,22 @@ def linked_pairs(points: NDArray[np.float64], ids: NDArray[np.int16]) -> set[Pai
     links = KDTree(points).query_pairs(LINKAGE_M, output_type="ndarray")
     if (ids[links[:, 0]] == ids[links[:, 1]]).all():
         return set()
-    graph = coo_array((np.ones(len(links)), links.T), shape=(len(points), len(points)))
-    cluster = connected_components(graph, directed=False)[1]
-    members = np.unique(np.stack([cluster, ids], axis=1), axis=0)  # by cluster, then id
-    crowds = np.split(members[:, 1], np.flatnonzero(np.diff(members[:, 0])) + 1)
+    cluster = _clusters(links, len(points))
+    crowd, member = np.divmod(np.unique(cluster * _IDS + ids), _IDS)  # by cluster, then id
+    crowds = np.split(member, np.flatnonzero(np.diff(crowd)) + 1)
     return {pair for crowd in crowds for pair in combinations(crowd.tolist(), 2)}
+
+
+def _clusters(links: NDArray[np.intp], count: int) -> NDArray[np.intp]:
+    """Return for each of `count` points the first of its cluster, points joined by links (m, 2).
+
+    Like scipy's `connected_components`, whose checks take longer than joining a few hundred points.
+    """
+    first, (one, other) = np.arange(count), links.T
+    while True:
+        lower = first.copy()
+        np.minimum.at(lower, one, first[other])
+        np.minimum.at(lower, other, first[one])
+        if np.array_equal(lower, first):
+            return first
+        first = lower[lower]  # follow the chain to its present first member
