@@ -269,7 +269,6 @@ EXEMPT = {
         ),
         "pictures.detections": "test_camera_people.py: people whom no scanner shows",
         "looks.by": "takes colours and outlines that disagree",
-        "looks.least_foreground": "test_looks.py: somebody half hidden in the picture",
         "situations.interacting_m": "changes what is said of a track, not the track",
         "situations.correlated_m": "changes what is said of a track, not the track",
         "track_management.confirm_hits": "takes a scanner below 5 Hz",

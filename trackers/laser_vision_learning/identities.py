@@ -154,6 +154,13 @@ class Beliefs:
         possible[np.arange(own.size), own] = True
         return replace(self, possible=possible)
 
+    def renewed(self, moved: Bool[Mask, "n"], free: Bool[Mask, "m"]) -> Beliefs:
+        """Return the beliefs with the scores of `moved` tracks void, which mix two people, and `free` identities possible."""
+        stays = ~moved[:, None]
+        return replace(
+            self, possible=self.possible | moved[:, None] & free, total=self.total * stays, count=self.count * stays
+        )
+
     def scored(self, score: Float[Array, "n m"], memory: int) -> Beliefs:
         """Return the beliefs with the scores in one more picture, NaN without effect."""
         scored = np.isfinite(score)

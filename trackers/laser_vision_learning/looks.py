@@ -12,7 +12,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, Self
 
-import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 from pydantic import Field, NonNegativeInt, PositiveInt
@@ -44,6 +43,7 @@ class LooksOptions(Strict):
     fixed_values: ClassVar[Mapping[str, Any]] = {
         **{f"patches.{name}": value for name, value in leaves_of(PatchOptions()) if name not in ("count", "size_m")},
         **{f"features.{name}": value for name, value in leaves_of(FeatureOptions()) if name != "kinds"},
+        "least_foreground": 0.0,
     }
 
     by: Literal["colours", "classifier"] = Field(
@@ -69,13 +69,6 @@ class LooksOptions(Strict):
     """Least number of visible patches of a body for learning or scoring (ours)."""
     background: NonNegativeInt = Field(
         default=20, description="patches beside a body, on nobody, that are negative samples too (ours)"
-    )
-    least_foreground: float = Field(
-        default=0.0,
-        ge=0,
-        le=1,
-        description="share of a patch that must differ from the empty room for it to count; 0: the empty room is not asked "
-        "(ours)",
     )
 
     @property
@@ -131,7 +124,7 @@ class Learner:
     @property
     def needs_foreground(self) -> bool:
         """True where pictures come with a foreground mask."""
-        return self.options.least_foreground > 0
+        return False
 
     def trained(
         self,
@@ -158,12 +151,12 @@ class Learner:
         served = np.sort(waiting[longest_first[: self.options.classifiers_a_frame]])
         pictured = np.flatnonzero(clear)
         # all people present may hide others, also those not learned from
-        described = self._described(rgb, positions_m, pictured, rng, foreground)
+        described = self._described(rgb, positions_m, pictured, rng)
         samples, label = self._samples(described, np.searchsorted(pictured, served), served[:, None] != pictured, rng)
         taught = (label > 0).any(axis=1) & (label < 0).any(axis=1)
         if self.options.background:
             background = self.sampler.drawn_next_to(positions_m, self.options.background, rng)
-            room = self._looked_at(rgb, background.select(served), None)
+            room = self._looked_at(rgb, background.select(served))
             samples = np.concatenate([samples, room.features], axis=1)
             label = np.concatenate([label, np.where(room.usable, -1.0, 0.0)], axis=1)
         strong = self.boosting.learned(looks.strong.select(served[taught]), samples[taught], label[taught])
@@ -190,7 +183,7 @@ class Learner:
         who may hide them (None: only these themselves).
         """
         drawn = self.sampler.drawn(positions_m, rng, self.options.maps.patches, others_m)
-        described = self._looked_at(rgb, drawn, foreground)
+        described = self._looked_at(rgb, drawn)
         usable, chosen = described.usable, looks.select(rows)
         scores = np.full((len(usable), len(rows)), np.nan)
         if not usable.any() or len(rows) == 0:
@@ -214,7 +207,7 @@ class Learner:
         """Return the score maps of a group of tracks at `rows`, expected at these positions."""
         options, chosen = self.options.maps, looks.select(rows)
         patches = self.sampler.drawn_around(positions_m, options.reach_m, options.patches, rng)
-        described = self._looked_at(rgb, patches, foreground)
+        described = self._looked_at(rgb, patches)
         usable = described.usable
         features = described.features[usable]
         score = chosen.strong.scores(features) if len(features) else np.zeros((len(rows), 0))
@@ -239,19 +232,14 @@ class Learner:
         positions_m: Float[Array, "all 2"],
         whose: Int[Index, "n"],
         rng: np.random.Generator,
-        foreground: Bool[Mask, "height width"] | None,
     ) -> Described:
         """Describe the patches of the people at `whose`, with all others as possible occluders."""
         everyone = self.sampler.drawn(positions_m, rng)
-        return self._looked_at(rgb, everyone.select(whose), foreground)
+        return self._looked_at(rgb, everyone.select(whose))
 
-    def _looked_at(self, rgb: Picture, patches: Patches, foreground: Bool[Mask, "height width"] | None) -> Described:
+    def _looked_at(self, rgb: Picture, patches: Patches) -> Described:
         usable = patches.shown.copy()
         side = np.broadcast_to(patches.side[:, None], usable.shape)
-        if foreground is not None and self.needs_foreground and usable.any():
-            share = cv2.boxFilter(foreground.astype(np.float32), -1, (int(np.rint(patches.side.max())),) * 2)
-            u, v = np.rint(patches.centre[usable]).astype(np.intp).T
-            usable[usable] = share[v, u] >= self.options.least_foreground
         size = self.describer.size
         features = np.zeros((*usable.shape, size + self.options.height))
         if usable.any():

@@ -223,7 +223,9 @@ class Recognition:
             beliefs = beliefs.of(beliefs.serial, np.union1d(beliefs.number, ids))
             self._held_ns = np.append(self._held_ns, np.full(n_new, ns))
         self._own = np.searchsorted(beliefs.number, ids)
-        self._beliefs = beliefs.resolved(certain, self._own)
+        # what passed to another person unnoticed is anybody's whom no track holds
+        free = self._looks.known & ~np.isin(beliefs.number, ids)
+        self._beliefs = beliefs.resolved(certain, self._own).renewed((ids != before) & ~doubtful, free)
         news = np.flatnonzero((ids != before) | (certain & doubtful))
         if news.size:
             columns = (before[news], ids[news], found.by_looks[news], found.margin[news])

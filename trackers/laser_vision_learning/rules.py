@@ -79,8 +79,16 @@ PAPER_RULES: tuple[PaperRule, ...] = (
         "merge",
         "stated",
         "V.B",
-        "merged targets are tracked as one. Not so here: each member keeps particles at the group's place; `identity_after` "
-        "judges what the split makes of them, one second after it",
+        "merged targets are one target, which has one place for all its members; `identity_after` judges the split, one "
+        "second after it",
+        {"situations": {"merged": "one"}},
+    ),
+    PaperRule(
+        "place of a merged target",
+        "unstated",
+        "–",
+        "particles moved by the walking model and weighed by the middle of the group's cluster of points; a split gives each "
+        "cluster one member, the widest the remaining ones",
     ),
     PaperRule(
         "persons whom no scanner shows",

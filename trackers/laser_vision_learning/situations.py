@@ -32,6 +32,10 @@ class SituationOptions(Strict):
         default=1.5, gt=0, description="distance of two below which they may come to be confused"
     )
     correlated_m: float = Field(default=0.3, gt=0, description="gap between two bodies below which they are correlated")
+    merged: Literal["each", "one"] = Field(
+        default="each",
+        description="merged people keep a set of particles each (ours), or are one target until they split (paper, V.B)",
+    )
     body_m: ClassVar[float] = 0.4
     """Width of a body, averaged over directions [m] (ours)."""
     link_m: ClassVar[float] = 0.4
@@ -97,11 +101,12 @@ def assessed(
     owner: Int[Index, "k"],
     ns: int,
     options: SituationOptions,
+    together: Bool[Mask, "n n"] | None = None,
 ) -> Situations:
     """Return the situations in a frame [ns], after those `before`.
 
     places: positions of all tracks [m]; sure: confirmed tracks, others are ignored; missed_s: time without points; owner:
-    track of each point, −1: none.
+    track of each point, −1: none. together: where merged people are one target, the pairs of one that are in one cluster.
     """
     before, apart_m = before.of(serial), distances(places, places)
     apart_m[~(sure & sure[:, None]) | np.eye(sure.size, dtype=bool)] = np.inf
@@ -113,9 +118,17 @@ def assessed(
     correlated_m = options.correlated_m + options.body_m
     correlated = (apart_m < correlated_m) | (before.correlated & (apart_m < options.hysteresis * correlated_m))
     hidden = (missed_s > options.hidden_s)[:, None] & (missed_s == 0) & (apart_m < options.lateral_m)
-    merging = (_joined(points, owner, interacting, options.link_m) | hidden | hidden.T) & interacting
+    merging = _joined(points, owner, interacting, options.link_m) & interacting
+    if together is None:
+        merging |= (hidden | hidden.T) & interacting
+    else:  # one target is for clusters that cannot be separated: a hidden person has none
+        merging = np.where(before.merged, together, merging)
     merged_ns = np.where(merging, ns, before.merged_ns)
     merged = merging | (before.merged & (ns - merged_ns <= nanoseconds(options.lasting_s)))
+    if together is not None:
+        label = linked(merged)
+        merged = (label[:, None] == label) & ~np.eye(label.size, dtype=np.bool_)
+        return Situations(serial, interacting, correlated, merged, merged_ns, merged)
     confused = merged & (before.confused | hidden | hidden.T | (apart_m < options.confused_m))
     return Situations(serial, interacting, correlated, merged, merged_ns, confused)
 

@@ -13,6 +13,7 @@ from trackers.filters.gating import distances, global_nearest_neighbour
 from trackers.filters.negative_information import update_missed_particles
 from trackers.filters.particle import Cloud, ParticleFilter
 from trackers.laser.group import ScannerGroup
+from trackers.laser_vision_learning.merged_target import as_one, clusters_of
 from trackers.laser_vision_learning.options import LaserVisionLearningOptions
 from trackers.laser_vision_learning.situations import Situations, assessed
 from trackers.laser_vision_learning.walking import STATE_SIZE, People, WalkingModel
@@ -69,12 +70,17 @@ class Walkers:
         cloud = self._moved(self._filter.resampled(self.people.cloud, self.rng), step_s, last_look_ns)
         legs = self._model.legs(cloud.state)
         whose = shares(points, cloud.expectation(legs), options.points, self._unscanned_s(ns))
+        before, clusters, unknown = self.situations.of(self.people.serial), None, whose.unknown
         seen = whose.legs >= rules.detect_legs
+        if options.situations.merged == "one":
+            clusters = clusters_of(before, self.people.places, points, whose, rules.start_legs)
+            seen |= np.isfinite(clusters.middle[:, 0])
+            unknown = np.where(clusters.taken, 0.0, unknown)
         weights = cloud.weights.updated(log_likelihood(points, whose, legs, options.points))
         roster = self.people.roster.measured(np.flatnonzero(seen), ns, Cloud(cloud.state, weights))
         self.people = self._missed(self.people.changed(roster=roster), observations, elapsed_s)
-        self.situations = assessed(
-            self.situations,
+        self.situations = now = assessed(
+            before,
             self.people.serial,
             self.people.places,
             roster.confirmed,
@@ -83,10 +89,14 @@ class Walkers:
             whose.owner,
             ns,
             options.situations,
+            None if clusters is None else clusters.together,
         )
+        if clusters is not None:
+            one = as_one(self.people.cloud, cloud, before.merged, now.merged, clusters)
+            self.people = self.people.changed(roster=self.people.roster.changed(state=one))
         self._confirm()
         self._end(elapsed_s)
-        self._start(*unexplained_people(points, whose.unknown, options.points))
+        self._start(*unexplained_people(points, unknown, options.points))
 
     def _walk_on(self, step_s: float) -> None:
         """Move all tracks in a frame without a scan, which is no evidence."""

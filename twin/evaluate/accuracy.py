@@ -7,7 +7,8 @@ A person-frame is a person inside the tracked area in a judged frame. In it
   was confirmed on for as long as it lives: the one it is matched with (CLEAR correspondence, people outside the area too) in
   its first confirmed frame, or, where it has no match there, in the first later one that has. So after a swap both people
   are wrong until the tracks end or swap back. A further track that is confirmed on a person counts once, in the first frame
-  in which it is the nearest to them: a switch;
+  in which it is the nearest to them: a switch. Of tracks at the same place, as a tracker reports people that it follows as
+  one target, the person's own is the nearest;
 - the person is missed where no track at all is within the gate, unless a track of theirs is counted as a false location.
 
 A false location is a track within the gate of no person, inside the area or outside.
@@ -87,7 +88,7 @@ def person_frames(frames: Sequence[Frame], matches: Sequence[FrameMatches], gate
     near = distance <= gate_m  # NaN is near no person
     owner = _owners(frames, matches, track_id)  # (f, m)
     followed = near.any(axis=2)
-    nearest = np.where(near, distance, np.inf).argmin(axis=2) if near.size else np.zeros(person_id.shape, dtype=int)
+    nearest = _nearest(np.where(near, distance, np.inf), owner[:, None] == person_id[..., None])
     track, of = (np.where(followed, _pick(each, nearest), NO_ID) for each in (track_id, owner))
     own = of == person_id
     wrong = followed & ~own & (of != NO_ID)
@@ -120,6 +121,15 @@ def _padded(rows: Sequence[NDArray[Any]], fill: float) -> tuple[NDArray[Any], ND
     whole = np.full((*theirs.shape, *rows[0].shape[1:]), fill, dtype=rows[0].dtype)
     whole[theirs] = np.concatenate(rows)
     return whole, theirs
+
+
+def _nearest(distance: NDArray[np.float64], own: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Find each person's nearest track (f, n) by distances (f, n, m); of several at one place an own one."""
+    if not distance.size:
+        return np.zeros(distance.shape[:2], dtype=np.intp)
+    at_place = distance == distance.min(axis=2, keepdims=True)
+    own = own & at_place
+    return np.where(own.any(axis=2), own.argmax(axis=2), at_place.argmax(axis=2))
 
 
 def _pick(of_track: NDArray[np.int64], which: NDArray[np.intp]) -> NDArray[np.int64]:

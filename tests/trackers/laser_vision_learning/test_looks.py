@@ -119,17 +119,6 @@ def test_people_who_look_alike_are_not_told_apart(options: LooksOptions) -> None
     assert np.abs(np.diff(scores, axis=1)).max() < 0.4
 
 
-def test_a_foreground_mask_keeps_patches_of_the_room_out() -> None:
-    options = SMALL.model_copy(update={"least_foreground": 0.5})
-    learner, rng = Learner(CAMERA, options), np.random.default_rng(0)
-    assert learner.needs_foreground
-    rgb, looks = drawn(PAIR, [RED, BLUE]), Looks.unknown(2, learner.options)
-    nothing, everything = np.zeros((240, 320), bool), np.ones((240, 320), bool)
-    clear = np.ones(2, bool)
-    assert not learner.trained(looks, rgb, PAIR, EVERYBODY, clear, 1, rng, nothing).known.any()
-    assert learner.trained(looks, rgb, PAIR, EVERYBODY, clear, 1, rng, everything).known.all()
-
-
 def test_colours_are_told_from_those_of_everybody_and_from_the_room_by_the_mask() -> None:
     learner, looks = taught(COLOURS)
     rows, rng = np.array([0, 1]), np.random.default_rng(0)

@@ -45,6 +45,16 @@ def test_after_a_swap_both_are_wrong_until_the_tracks_swap_back():
     assert failures(truth_of(TWO), tracks_of({7: seven, 8: eight})) == (20, 0, 0, 8)
 
 
+def test_of_tracks_at_one_place_the_persons_own_is_the_nearest():
+    """As of merged people, whom a tracker follows as one target."""
+    seven, eight = (
+        {**still(*own, range(4)), **still(1, 0, range(4, 7)), **still(*own, range(7, 10))}
+        for own in ((0.7, 0), (1.3, 0))
+    )
+    pair = {1: still(0.7, 0, range(10)), 2: still(1.3, 0, range(10))}
+    assert failures(truth_of(pair), tracks_of({7: seven, 8: eight}, range(10))) == (20, 0, 0, 0)
+
+
 def test_who_is_lost_and_found_under_a_new_track_was_missed_and_counts_one_switch():
     tracks = tracks_of({7: still(0, 0, range(10)), 8: still(2, 0, range(4)), 9: still(2, 0, range(6, 10))})
     assert failures(truth_of(TWO), tracks) == (20, 2, 0, 1)

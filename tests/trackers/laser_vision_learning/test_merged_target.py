@@ -1,0 +1,65 @@
+"""Merged people as one target: one set of particles for a group, and one for each cluster after a split."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from trackers.filters.particle import Cloud
+from trackers.laser.group import Points
+from trackers.laser_vision_learning.merged_target import as_one, clusters_of
+from trackers.laser_vision_learning.situations import Situations
+from trackers.likelihood.laser_points import PointOptions, shares
+
+
+def merged(n: int) -> Situations:
+    """All of n tracks in one group."""
+    pairs = ~np.eye(n, dtype=bool)
+    return Situations(np.arange(n), pairs, pairs, pairs, np.zeros((n, n), np.int64), pairs)
+
+
+def seen_at(*places: tuple[float, float], people: np.ndarray):
+    """Points of legs at these places, and their shares among people."""
+    middle = np.repeat(np.array(places, float), 8, axis=0)
+    points = Points(middle + 0.05 * np.random.default_rng(0).standard_normal(middle.shape), np.full(len(middle), 0.03))
+    return points, shares(points, np.stack([people.T, people.T]), PointOptions(own_m=0.0))
+
+
+@pytest.mark.parametrize(
+    ("places", "n_together"),
+    [(((0, 0), (0.3, 0), (0.6, 0)), 6), (((0, 0), (0.3, 0), (2, 0)), 2), (((-0.9, 0), (0, 0), (0.9, 0)), 0)],
+    ids=["one cluster", "two and one", "three"],
+)
+def test_each_cluster_of_a_group_has_a_member_and_all_are_allotted(places: tuple, n_together: int) -> None:
+    people = np.tile([0.6, 0.0], (3, 1))
+    points, whose = seen_at(*places, people=people)
+    found = clusters_of(merged(3), people + np.array([[0, 0], [0.5, 0], [-0.5, 0]]), points, whose, least_legs=0.4)
+    assert found.together.sum() == n_together
+    assert np.isfinite(found.middle).all()
+    assert found.taken.any()
+    assert len(np.unique(found.middle.round(6), axis=0)) == 3 - n_together // 2 + (n_together == 6)
+
+
+def test_a_group_without_points_stays_together_where_it_was() -> None:
+    people = np.zeros((2, 2))
+    points, whose = seen_at((9, 9), people=people)
+    found = clusters_of(merged(2), people, points, whose, least_legs=0.4)
+    assert found.together.sum() == 2
+    assert np.isnan(found.middle).all() and not found.taken.any()
+
+
+def test_members_share_their_particles_and_after_the_split_each_has_its_cluster() -> None:
+    rng, pair = np.random.default_rng(0), ~np.eye(2, dtype=bool)
+    cloud = Cloud.normal(np.array([[0.0, 0], [0.5, 0]]), np.tile(0.01 * np.eye(2), (2, 1, 1)), 400, rng)
+    people = cloud.expectation(cloud.state).T
+    points, whose = seen_at((0, 0), (0.35, 0), people=people)
+    clusters = clusters_of(merged(2), people, points, whose, least_legs=0.4)
+    one = as_one(cloud, cloud, np.zeros_like(pair), pair, clusters)
+    np.testing.assert_array_equal(one.state[:, 0], one.state[:, 1])
+    np.testing.assert_allclose(one.expectation(one.state)[:, 0], [0.175, 0], atol=0.02)
+    people = one.expectation(one.state).T
+    points, whose = seen_at((-0.3, 0), (0.6, 0), people=people)
+    clusters = clusters_of(merged(2), people, points, whose, least_legs=0.4)
+    assert not clusters.together.any()
+    split = as_one(one, one, pair, np.zeros_like(pair), clusters)
+    np.testing.assert_allclose(np.sort(split.expectation(split.state[0])), [-0.3, 0.6], atol=0.05)
