@@ -194,8 +194,29 @@ def _current(kinds: Sequence[Any], content: Any, source: str, at: tuple[str, ...
                 )
             warn_of_former_name(source, ".".join((*at, str(key))), name)
         inner = [member for kind in kinds for member in _inner(kind, name)]
-        result[name] = _current(inner, value, source, (*at, str(key)))
+        renames = isinstance(value, dict | list | tuple) and any(map(_renames, inner))
+        result[name] = _current(inner, value, source, (*at, str(key))) if renames else value
     return result
+
+
+def _renames(kind: Any) -> bool:
+    """Return whether a type is a model with former names or fixed values, or holds one."""
+    return _model_renames(kind) if _is_model(kind) else any(map(_renames, get_args(kind)))
+
+
+@lru_cache(maxsize=4096)
+def _model_renames(model: type[BaseModel]) -> bool:
+    known, kinds = set[Any](), list[Any]([model])
+    while kinds:
+        kind = kinds.pop()
+        if not _is_model(kind):
+            kinds += get_args(kind)
+        elif kind not in known:
+            known.add(kind)
+            if getattr(kind, "former_names", {}) or _fixed(kind):
+                return True
+            kinds += [info.annotation for info in kind.model_fields.values()]
+    return False
 
 
 def _fixed(model: type[BaseModel]) -> dict[str, Any]:
