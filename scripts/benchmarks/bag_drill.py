@@ -269,8 +269,33 @@ def stepped_with_its_log(content: Content, topic: str, rng: np.random.Generator)
 
 def log_times_lost(content: Content, topic: str, rng: np.random.Generator) -> str:
     for number, each in enumerate(content.messages):
-        each.log_ns = EPOCH_NS + (0 if rng.random() < 0 else number * 1000)
+        each.log_ns = EPOCH_NS + number * 1000
     return "log times written later"
+
+
+def log_times_shuffled(content: Content, topic: str, rng: np.random.Generator) -> str:
+    times = [each.log_ns for each in content.messages]
+    content.messages = [
+        replace(content.messages[k], log_ns=log_ns)
+        for k, log_ns in zip(rng.permutation(len(times)), times, strict=True)
+    ]
+    return "log times shuffled"
+
+
+def sectors(content: Content, topic: str, rng: np.random.Generator) -> str:
+    n_sector = int(rng.integers(2, 13))
+    found = [each for each in content.messages if each.topic != topic]
+    for each in content.messages:
+        scan = each.message
+        for number, part in enumerate(
+            np.array_split(np.arange(scan.ranges.size), n_sector) if each.topic == topic else ()
+        ):
+            after_ns = round(number * 90 * MS / n_sector)
+            start_rad = scan.angle_min + part[0] * scan.angle_increment
+            sector = replace(scan, ranges=scan.ranges[part], angle_min=start_rad)
+            found.append(replace(each, log_ns=each.log_ns + after_ns, message=sector).stamped(each.stamp_ns + after_ns))
+    content.messages = sorted(found, key=lambda each: each.log_ns)
+    return f"each turn in {n_sector} messages"
 
 
 def nothing(content: Content, topic: str, rng: np.random.Generator) -> str:
@@ -306,11 +331,13 @@ FAULTS: tuple[Fault, ...] = (
     looped,
     stepped_with_its_log,
     log_times_lost,
+    log_times_shuffled,
+    sectors,
     nothing,
 )
-_HARMLESS = (log_times_lost, other_clock, drift, late, bytes_lost, nothing)
+_HARMLESS = (log_times_lost, sectors, other_clock, drift, late, bytes_lost, nothing)
 """Nothing need be told of these where the tracks are as good: the fault may be too small to harm."""
-_OF_ALL = (looped, stepped_with_its_log, log_times_lost, cut, bytes_lost)
+_OF_ALL = (looped, stepped_with_its_log, log_times_lost, log_times_shuffled, cut, bytes_lost)
 
 
 @cache

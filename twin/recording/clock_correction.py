@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackers.arrays import Array, Index, Mask, Nanoseconds
+from trackers.feeding import MAX_WAIT_S, NOTED_LOSS
 from trackers.observations import NS_PER_S
 from twin.recording.losses import Loss
 from twin.recording.sensor_clock import BLOCKS, REGULAR_GAPS, SIGMAS, MessageTimes, SensorClock
@@ -39,13 +40,43 @@ class CorrectedClocks:
     """Corrected stamps of each sensor's messages [ns], in the bag's order, and the faults found.
 
     ahead_s: lead of each sensor's corrected stamps over the others' logged at the same time [s]. jumps_ns: corrected stamps
-    at which the clock of all sensors was set; tracks cannot coast over them.
+    at which the clock of all sensors was set; tracks cannot coast over them. untold: sensors with stamps whose log times do not
+    tell.
     """
 
     stamps_ns: dict[str, Nanoseconds]
     losses: list[Loss]
     ahead_s: dict[str, float]
     jumps_ns: tuple[int, ...] = ()
+    untold: frozenset[str] = frozenset()
+
+    def is_log_of_no_order(self, times: Mapping[str, MessageTimes]) -> bool:
+        """Return True where messages are logged long after newer ones and the log times say nothing of when they came.
+
+        They do not where a sensor's own messages are so, or were logged at another pace. times: by name.
+        """
+        heard = [name for name, each in times.items() if each.arrived.size]
+        if not heard:
+            return False
+        order = np.argsort(np.concatenate([times[name].arrived for name in heard]))
+        stamps = np.concatenate([self.stamps_ns[name] for name in heard])[order]
+        own = any(_share_late(self.stamps_ns[name]) > NOTED_LOSS for name in heard)
+        return (own or bool(self.untold)) and _share_late(stamps) > NOTED_LOSS
+
+
+def _share_late(stamps_ns: Nanoseconds) -> float:
+    """Return the share of messages that come later than any tracker waits."""
+    return float(np.mean(np.maximum.accumulate(stamps_ns) - stamps_ns > MAX_WAIT_S * NS_PER_S))
+
+
+OF_NO_ORDER = Loss(
+    "all sensors",
+    0,
+    0,
+    "messages were logged long after newer ones, in an order that says nothing of when they came",
+    "they are taken in the order of their stamps",
+    always=True,
+)
 
 
 def correct_clocks(
@@ -88,7 +119,8 @@ def correct_clocks(
         )
     for name, each in times.items():
         stamps.setdefault(name, each.stamp_ns)
-    return CorrectedClocks(stamps, losses, ahead_s, jumps_ns)
+    untold = frozenset(name for name, clock in clocks.items() if clock.set.size and not clock.tells)
+    return CorrectedClocks(stamps, losses, ahead_s, jumps_ns, untold)
 
 
 def _common_jumps(clocks: Mapping[str, SensorClock], stamps: Mapping[str, Nanoseconds]) -> tuple[int, ...]:
@@ -118,16 +150,19 @@ def _common_jumps(clocks: Mapping[str, SensorClock], stamps: Mapping[str, Nanose
 def _other_pace(clocks: Sequence[SensorClock]) -> Loss | None:
     """Return as a loss that the stamps of all sensors pass faster or slower than the log times; None where they agree.
 
-    A bag that was played at another speed and recorded again is so, and one of a driver that mistakes the unit. Simulated time,
-    which counts from a start, has its own pace.
+    A bag that was played at another speed and recorded again is so, simulated time, and a driver that mistakes the unit.
     """
-    paces = [each.logged_per_stamp for each in clocks if each.has_pace and each.stamp[0] > _SIMULATED_S * NS_PER_S]
+    paced = [each for each in clocks if each.has_pace]
+    paces = [each.logged_per_stamp for each in paced]
     logged_s = max((int(np.ptp(clock.log)) for clock in clocks), default=0) / NS_PER_S
     if not paces or min(abs(each - 1) for each in paces) <= _PACE or logged_s < 1:
         return None
     pace = float(np.median(paces))
     what = f"stamps pass {1 / pace:.3g} s in each second of the log times: they are used as they are"
-    remedy = "right for a bag that was played at another speed and recorded again; else people have other speeds"
+    right = (
+        "simulated time" if paced[0].stamp[0] < _SIMULATED_S * NS_PER_S else "a bag that was played at another speed"
+    )
+    remedy = f"right for {right}; else people have other speeds"
     return Loss("all sensors", 0, 0, what, remedy, always=True)
 
 

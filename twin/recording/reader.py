@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -11,31 +12,30 @@ import numpy as np
 
 from trackers.arrays import Nanoseconds
 from trackers.errors import InputError
-from trackers.observations import NS_PER_S, Image, Observation
+from trackers.observations import NS_PER_S, Observation
 from trackers.rig import Rig, RigSensor, StereoSensor
 from trackers.text_file import AnyPath
 from twin.recording import topics
-from twin.recording.bag import Bag, Topic, decoded, open_bag
-from twin.recording.clock_correction import CorrectedClocks, correct_clocks
-from twin.recording.depth_images import DepthPairs, decode_depth, match_images
-from twin.recording.losses import Loss, crowded, missing
+from twin.recording.bag import Bag, Topic, open_bag
+from twin.recording.clock_correction import OF_NO_ORDER, CorrectedClocks, correct_clocks
+from twin.recording.decoding import ObservationReader
+from twin.recording.losses import Loss, crowded
 from twin.recording.rig_checks import compare_lenses, motion_warnings, with_intrinsics
-from twin.recording.ros_messages import STRING, check_fits, from_message, stamp_of
-from twin.recording.sensor_clock import MessageTimes, first_frame, read_times, read_times_as_written
+from twin.recording.ros_messages import STRING
+from twin.recording.sensor_clock import MessageTimes, all_pause, first_frame, read_times, read_times_as_written
 from twin.recording.sensor_topics import (
     MSGTYPES,
     LeftOut,
     SensorTopics,
-    absent,
+    absent_messages,
     add_transforms,
     guess_rig,
     odometry_losses,
-    poses_of,
     sensor_topics,
     times_of,
 )
 from twin.recording.situation_table import decode_situation
-from twin.recording.transforms import TRANSFORMS, Edge, Poses, TransformTree, read_poses
+from twin.recording.transforms import Edge, Poses, TransformTree, read_poses
 from twin.recording.truth_messages import decode_people
 from twin.truth.frames import Situation, TruthFrame
 
@@ -88,7 +88,8 @@ class Recording:
             self._check_has_messages(times)
             self.is_as_written = False
             # where in doubt: that messages stand otherwise in the file decides
-            if any(each.falls_back or crowded(topic, each.stamp_ns, usual=0.9) for topic, each in times.items()):
+            doubts = (each.falls_back or crowded(topic, each.stamp_ns, usual=0.9) for topic, each in times.items())
+            if all_pause(times) or any(doubts):
                 written, set_back_ns = read_times_as_written(bag, self.sensor_topics.types)
                 if set_back_ns:
                     self.is_as_written, times = True, written
@@ -102,13 +103,22 @@ class Recording:
             }
             right = self._corrected_clocks(times)
             self.ahead_s = right.ahead_s
+            by_name = {self.sensor_topics.label(topic): each for topic, each in times.items()}
+            self._in_stamp_order = not (self.is_twin or self.is_as_written) and right.is_log_of_no_order(by_name)
             self.start_ns = 0 if self.is_twin else self._first_stamp_ns(right)
             self.jumps_ns = tuple(each - self.start_ns for each in right.jumps_ns)
             self.stamps_ns = {
                 topic: right.stamps_ns[self.sensor_topics.label(topic)] - self.start_ns for topic in times
             }
             self._times = times
-            self._found = [*silent, *self.sensor_topics.losses, *right.losses, *self._absent_messages(times, bag)]
+            if self._in_stamp_order:
+                silent.append(OF_NO_ORDER)
+            self._found = [
+                *silent,
+                *self.sensor_topics.losses,
+                *right.losses,
+                *absent_messages(self.sensor_topics, self.topics, times, self.stamps_ns, bag.end_ns),
+            ]
             if not self.is_twin:
                 self._found += compare_lenses(bag, self.rig, self.sensor_topics.sensors)
                 self._found += odometry_losses(self.rig, self.sensor_topics, tree, poses)
@@ -165,7 +175,8 @@ class Recording:
             topic: each.stamp_ns + _offset_ns(self.rig.sensors[names[topic]]) - self.start_ns
             for topic, each in times.items()
         }
-        return list(self._decoded(SensorTopics(sensors, depths, types), stamps, LeftOut(), as_written=False))
+        found = SensorTopics(sensors, depths, types)
+        return list(self._reader(found, times, stamps).read(LeftOut()))
 
     def observations(self, only: Collection[str] | None = None) -> Iterator[Observation]:
         """Yield the observations, of `only` these sensors if given, in order of arrival (log time), read one at a time.
@@ -175,7 +186,12 @@ class Recording:
         """
         self._reading = LeftOut()
         found = self.sensor_topics if only is None else self.sensor_topics.of(only)
-        return self._decoded(found, self.stamps_ns, self._reading, as_written=self.is_as_written)
+        reader = replace(
+            self._reader(found, self._times, self.stamps_ns),
+            as_written=self.is_as_written,
+            in_stamp_order=self._in_stamp_order,
+        )
+        return reader.read(self._reading)
 
     def truth(self) -> Iterator[TruthFrame]:
         """Yield the truth in order of time; nothing in a robot's bag. Raises InputError where the topic holds something else."""
@@ -212,46 +228,10 @@ class Recording:
                 except InputError as error:
                     raise InputError(f"{self.path}: topic {topic}: {error}") from error
 
-    def _decoded(
-        self, found: SensorTopics, stamps: Mapping[str, Nanoseconds], reading: LeftOut, *, as_written: bool
-    ) -> Iterator[Observation]:
-        colours = {name: topic for topic, name in found.sensors.items()}
-        pairs = {
-            name: DepthPairs(match_images(stamps[colours[name]], stamps[topic]))
-            for topic, name in found.depths.items()
-            if name in colours
-        }
-        reading.pairs = pairs
-        of_bases = {edge.topic for edge, _ in found.transforms.values()}
-        types = found.types | {topic: self.topics[topic].type_among(TRANSFORMS) or "" for topic in of_bases}
-        numbers = dict.fromkeys(types, -1)
-        with open_bag(self.path) as bag:
-            for topic, _, data, is_ros1 in bag.encoded_messages(types, in_file_order=as_written):
-                number = numbers[topic] = numbers[topic] + 1
-                if topic in of_bases:
-                    yield from poses_of(found, stamps, topic, number)
-                    continue
-                stamp_ns = int(stamps[topic][number])
-                name = found.sensors.get(topic) or found.depths[topic]
-                try:
-                    message = decoded(data, found.types[topic], is_ros1)
-                    if topic in found.depths:
-                        observation = pairs[name].depth(number, decode_depth(message, name))
-                    else:
-                        sensor = self.rig.sensors[name]
-                        offset_ns = stamp_ns - stamp_of(message)
-                        observation = from_message(message, name, kind=sensor.kind, offset_ns=offset_ns)
-                        if name in pairs and isinstance(observation, Image):
-                            observation = pairs[name].colour(number, observation)
-                    check_fits(name, self.rig.sensors[name], observation)
-                except InputError as error:
-                    reading.leave_out(topic, stamp_ns, str(error))
-                    if 2 * reading.left_out[topic] > stamps[topic].size:
-                        raise InputError(f"{self.path}: topic {topic}: {reading.first[topic][1]}") from error
-                    continue
-                if observation is not None:
-                    yield observation
-        reading.is_done = True
+    def _reader(
+        self, found: SensorTopics, times: Mapping[str, MessageTimes], stamps: Mapping[str, Nanoseconds]
+    ) -> ObservationReader:
+        return ObservationReader(self.path, self.topics, self.rig, found, times, stamps)
 
     def _text(self, bag: Bag, topic: str) -> str | None:
         if topic not in self.topics or self.topics[topic].msgtype != STRING:
@@ -297,7 +277,7 @@ class Recording:
 
     def _first_stamp_ns(self, right: CorrectedClocks) -> int:
         firsts = (right.stamps_ns[name] for name in self.sensor_topics.sensors.values())
-        return min(int(stamps[0]) for stamps in firsts if stamps.size)
+        return min(int(stamps.min() if self._in_stamp_order else stamps[0]) for stamps in firsts if stamps.size)
 
     def _logged_after_ns(self) -> int:
         """Return the lag of log times after stamps [ns] where that is another clock and no delay; else 0."""
@@ -313,33 +293,6 @@ class Recording:
     def frames(self) -> dict[str, set[str]]:
         """The frames that each sensor's headers name."""
         return {name: set(self._times[topic].frames) for topic, name in self.sensor_topics.sensors.items()}
-
-    def _absent_messages(self, times: Mapping[str, MessageTimes], bag: Bag) -> Iterator[Loss]:
-        """Yield losses of messages that the bag's index counts or the sensors' own rhythm expects."""
-        stamps = [stamps for stamps in self.stamps_ns.values() if stamps.size]
-        if not stamps:
-            return
-        from_ns = min(int(each.min()) for each in stamps)
-        logged_on_ns = max(bag.end_ns - max(int(each.log_ns.max()) for each in times.values() if len(each)), 0)
-        to_ns = max(int(each.max()) for each in stamps) + logged_on_ns
-        for topic, each in times.items():
-            label, counted = self.sensor_topics.label(topic), 0
-            if topic in self.sensor_topics.types:
-                counted = self.topics[topic].count_of(self.sensor_topics.types[topic])
-            if not len(each):
-                yield absent(label, topic, "it is empty")
-            elif (loss := missing(label, self.stamps_ns[topic], from_ns, to_ns)) is not None:
-                yield loss
-            if (loss := crowded(label, self.stamps_ns[topic])) is not None:
-                yield loss
-            if counted > len(each):
-                what = f"that the bag's index counts on {topic} are not there"
-                yield Loss(label, counted - len(each), counted, what, "the bag is damaged, or was cut")
-            (frame, most), *_ = each.frames.most_common(1) or [("", len(each))]
-            if most < len(each):
-                others = ", ".join(repr(other) for other in each.frames if other != frame)
-                what = f"are of frame {others}, the others of {frame!r}: two sensors on one topic"
-                yield Loss(label, len(each) - most, len(each), what, "a topic for each sensor is expected")
 
 
 def _offset_ns(sensor: RigSensor) -> int:

@@ -14,6 +14,8 @@ from trackers.arrays import Array, Index, Mask, Nanoseconds
 from trackers.feeding import MAX_WAIT_S
 from trackers.observations import NS_PER_S
 from twin.recording.bag import Bag
+from twin.recording.ros_messages import LASER_SCAN
+from twin.recording.scan_messages import beams_of, turns
 
 _CDR_BYTES = 4
 _FEW = 3
@@ -27,12 +29,23 @@ class MessageTimes:
 
     log_ns, stamp_ns: log time and header stamp [ns]; is_set: whether there is a stamp of the message's own: its header can
     be read, and the message before has not the same stamp with other content. frames: messages by their header's frame_id.
+    arrived: number of each among the messages of all topics.
+
+    turn: of a scanner that publishes a turn in several messages, the number of each message's turn (n_message,); the times
+    are then those of the turns, stamped as their first message and logged as their last.
     """
 
     log_ns: Nanoseconds
     stamp_ns: Nanoseconds
     is_set: Mask
     frames: Counter[str] = field(default_factory=Counter)
+    arrived: Index = field(default_factory=lambda: np.empty(0, dtype=np.intp))
+    turn: Index | None = None
+
+    @property
+    def n_message(self) -> int:
+        """Number of messages."""
+        return len(self) if self.turn is None else self.turn.size
 
     def __len__(self) -> int:
         return self.log_ns.size
@@ -44,17 +57,23 @@ class MessageTimes:
 
 
 class _TopicTimes:
-    def __init__(self) -> None:
+    def __init__(self, msgtype: str) -> None:
         self.log_ns, self.stamp_ns, self.is_set = array("q"), array("q"), array("b")
+        self.beams = array("d") if msgtype == LASER_SCAN else None  # angle_min, angle_increment, count of each message
+        self.arrived = array("q")
         self.frames: Counter[str] = Counter()
         self._last: tuple[int, bytes] | None = None
 
-    def add(self, log_ns: int, header: tuple[int, str] | None, body: bytes) -> None:
-        stamp_ns, frame = header or (0, "")
+    def add(self, arrived: int, log_ns: int, body: bytes, is_ros1: bool) -> None:
+        header = header_of(body, is_ros1)
+        stamp_ns, frame, ends = header or (0, "", len(body))
+        if self.beams is not None:
+            self.beams.extend(beams_of(body, is_ros1, ends))
         is_set = header is not None
         if self._last is not None and self._last[0] == stamp_ns and self._last[1] != body:
             is_set = False
         self._last = stamp_ns, body
+        self.arrived.append(arrived)
         self.log_ns.append(log_ns)
         self.stamp_ns.append(stamp_ns)
         self.is_set.append(is_set)
@@ -62,8 +81,16 @@ class _TopicTimes:
             self.frames[frame] += 1
 
     def times(self) -> MessageTimes:
-        log_ns, stamp_ns = (np.array(each, dtype=np.int64) for each in (self.log_ns, self.stamp_ns))
-        return MessageTimes(log_ns, stamp_ns, np.array(self.is_set, dtype=bool), self.frames)
+        log_ns, stamp_ns, arrived = (
+            np.array(each, dtype=np.int64) for each in (self.log_ns, self.stamp_ns, self.arrived)
+        )
+        is_set = np.array(self.is_set, dtype=bool)
+        turn = None if self.beams is None else turns(np.array(self.beams).reshape(-1, 3), stamp_ns)
+        if turn is None:
+            return MessageTimes(log_ns, stamp_ns, is_set, self.frames, arrived)
+        firsts = np.flatnonzero(np.diff(turn, prepend=-1))
+        lasts = np.append(firsts[1:], turn.size) - 1
+        return MessageTimes(log_ns[lasts], stamp_ns[firsts], is_set[firsts], self.frames, arrived[lasts], turn)
 
 
 class _Unwound:
@@ -77,8 +104,9 @@ class _Unwound:
 
     def __call__(self, topic: str, log_ns: int) -> int:
         now_ns = log_ns + self._shift_ns
-        if self._last_ns is not None and self._last_ns - now_ns > MAX_WAIT_S * NS_PER_S:
-            next_ns = max(self._last_of.get(topic, self._last_ns) + self._gap_of.get(topic, 0), self._last_ns)
+        own_ns = self._last_of.get(topic)  # topics written one after another do not fall back themselves
+        if self._last_ns is not None and own_ns is not None and own_ns - now_ns > MAX_WAIT_S * NS_PER_S:
+            next_ns = max(own_ns + self._gap_of.get(topic, 0), self._last_ns)
             self.set_back_ns.append(next_ns - now_ns)
             self._shift_ns += next_ns - now_ns
             now_ns = next_ns
@@ -91,9 +119,10 @@ class _Unwound:
 
 def read_times_as_written(bag: Bag, topics: Mapping[str, str]) -> tuple[dict[str, MessageTimes], list[int]]:
     """Read times in the order of the file; return them, log times continued, and each step back of the recorder's clock [ns]."""
-    read, unwound = {topic: _TopicTimes() for topic in topics}, _Unwound()
-    for topic, log_ns, data, is_ros1 in bag.encoded_messages(topics, in_file_order=True):
-        read[topic].add(unwound(topic, log_ns), header_of(data, is_ros1), data)
+    read, unwound = {topic: _TopicTimes(msgtype) for topic, msgtype in topics.items()}, _Unwound()
+    messages = bag.encoded_messages(topics, in_file_order=True)
+    for arrived, (topic, log_ns, data, is_ros1) in enumerate(messages):
+        read[topic].add(arrived, unwound(topic, log_ns), data, is_ros1)
     return {topic: each.times() for topic, each in read.items()}, unwound.set_back_ns
 
 
@@ -102,10 +131,17 @@ def read_times(bag: Bag, topics: Mapping[str, str]) -> dict[str, MessageTimes]:
 
     Raises InputError where the bag is damaged.
     """
-    read = {topic: _TopicTimes() for topic in topics}
-    for topic, log_ns, data, is_ros1 in bag.encoded_messages(topics):
-        read[topic].add(log_ns, header_of(data, is_ros1), data)
+    read = {topic: _TopicTimes(msgtype) for topic, msgtype in topics.items()}
+    for arrived, (topic, log_ns, data, is_ros1) in enumerate(bag.encoded_messages(topics)):
+        read[topic].add(arrived, log_ns, data, is_ros1)
     return {topic: each.times() for topic, each in read.items()}
+
+
+def all_pause(times: Mapping[str, MessageTimes]) -> bool:
+    """Return True where all topics together are silent for a second and far longer than usual: the recorder's clock, perhaps."""
+    log_ns = np.sort(np.concatenate([each.log_ns for each in times.values()])) if times else np.empty(0)
+    gaps = np.diff(log_ns)
+    return gaps.size > _FEW and bool(gaps.max() > max(NS_PER_S, REGULAR_GAPS * float(np.median(gaps))))
 
 
 def first_frame(bag: Bag, topic: str) -> str:
@@ -116,8 +152,8 @@ def first_frame(bag: Bag, topic: str) -> str:
     return ""
 
 
-def header_of(data: bytes, is_ros1: bool) -> tuple[int, str] | None:
-    """Read stamp [ns] and frame_id of an encoded message that begins with a header; None where they cannot be read."""
+def header_of(data: bytes, is_ros1: bool) -> tuple[int, str, int] | None:
+    """Read stamp [ns], frame_id and length [bytes] of the header of an encoded message; None where they cannot be read."""
     try:
         if is_ros1:
             _, seconds, nanoseconds, length = struct.unpack_from("<IIII", data, 0)
@@ -131,7 +167,7 @@ def header_of(data: bytes, is_ros1: bool) -> tuple[int, str] | None:
     if nanoseconds >= NS_PER_S or start + length > len(data):
         return None
     frame = bytes(data[start : start + length]).rstrip(b"\0").decode("utf-8", "replace")
-    return seconds * NS_PER_S + nanoseconds, frame
+    return seconds * NS_PER_S + nanoseconds, frame, start + length
 
 
 _AHEAD = 5
@@ -207,7 +243,11 @@ class SensorClock:
         logged = np.diff(self.log[is_set]).astype(float)
         usual = float(np.median(logged))
         is_regular = (logged >= 0.5 * usual) & (logged <= 2 * usual) & (logged > 0)
-        return bool(np.mean(is_regular) >= _REGULAR) and self._share_along(is_set) < 0.5
+        if np.mean(is_regular) < _REGULAR or self._share_along(is_set) >= 0.5:
+            return False
+        # the same rhythm, logged in another order
+        gaps = np.diff(np.sort(self.stamp[is_set])).astype(float)
+        return bool(np.mean((gaps >= 0.5 * usual) & (gaps <= 2 * usual)) < _REGULAR)
 
     def _share_along(self, is_set: Mask) -> float:
         """Return the share of gaps between stamps that are, at the common pace, about as long as those between log times."""

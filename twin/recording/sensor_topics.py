@@ -16,7 +16,7 @@ from trackers.observations import NS_PER_S, Odometry
 from trackers.rig import LaserSensor, OdometrySensor, Pose, Rig, RigSensor, StereoSensor, normal_topic
 from twin.recording.bag import Topic
 from twin.recording.depth_images import DepthPairs, tolerance_ns
-from twin.recording.losses import Loss
+from twin.recording.losses import Loss, crowded, missing
 from twin.recording.ros_messages import COMPRESSED_IMAGE, LASER_SCAN, ODOMETRY, RAW_IMAGE
 from twin.recording.sensor_clock import MessageTimes
 from twin.recording.transforms import Edge, Poses, PoseTopic, TransformTree, jumps
@@ -125,6 +125,40 @@ def absent(sensor: str, topic: str, why: str) -> Loss:
     return Loss(sensor, 0, 0, f"no message on {topic} ({why}): tracked without it", remedy, always=True)
 
 
+def absent_messages(
+    found: SensorTopics,
+    topics: Mapping[str, Topic],
+    times: Mapping[str, MessageTimes],
+    stamps_ns: Mapping[str, Nanoseconds],
+    end_ns: int,
+) -> Iterator[Loss]:
+    """Yield losses of messages that the bag's index counts or the sensors' own rhythm expects; `end_ns`: the bag's last."""
+    stamps = [stamps for stamps in stamps_ns.values() if stamps.size]
+    if not stamps:
+        return
+    from_ns = min(int(each.min()) for each in stamps)
+    logged_on_ns = max(end_ns - max(int(each.log_ns.max()) for each in times.values() if len(each)), 0)
+    to_ns = max(int(each.max()) for each in stamps) + logged_on_ns
+    for topic, each in times.items():
+        label, counted, n = found.label(topic), 0, each.n_message
+        if topic in found.types:
+            counted = topics[topic].count_of(found.types[topic])
+        if not n:
+            yield absent(label, topic, "it is empty")
+        elif (loss := missing(label, stamps_ns[topic], from_ns, to_ns)) is not None:
+            yield loss
+        if (loss := crowded(label, stamps_ns[topic])) is not None:
+            yield loss
+        if counted > n:
+            what = f"that the bag's index counts on {topic} are not there"
+            yield Loss(label, counted - n, counted, what, "the bag is damaged, or was cut")
+        (frame, most), *_ = each.frames.most_common(1) or [("", n)]
+        if most < n:
+            others = ", ".join(repr(other) for other in each.frames if other != frame)
+            what = f"are of frame {others}, the others of {frame!r}: two sensors on one topic"
+            yield Loss(label, n - most, n, what, "a topic for each sensor is expected")
+
+
 def guess_rig(
     path: Path,
     topics: Mapping[str, Topic],
@@ -223,6 +257,7 @@ class LeftOut:
     def __init__(self) -> None:
         self.left_out: dict[str, int] = {}
         self.first: dict[str, tuple[int, str]] = {}
+        self.completed: dict[str, tuple[int, int, str]] = {}
         self.pairs: dict[str, DepthPairs] = {}
         self.is_done = False
 
@@ -231,13 +266,22 @@ class LeftOut:
         self.left_out[topic] = self.left_out.get(topic, 0) + 1
         self.first.setdefault(topic, (stamp_ns, why))
 
+    def complete(self, topic: str, stamp_ns: int, said: str) -> None:
+        """Count a message that lacks a field's value."""
+        count, first_ns, first = self.completed.get(topic, (0, stamp_ns, said))
+        self.completed[topic] = count + 1, first_ns, first
+
     def losses(self, found: SensorTopics, times: Mapping[str, MessageTimes]) -> list[Loss]:
         """Return what was left out, as losses."""
         losses = []
         for topic, count in self.left_out.items():
             stamp_ns, why = self.first[topic]
             what = f"cannot be used and were left out, the first at {stamp_ns / NS_PER_S:.2f} s: {why}"
-            losses.append(Loss(found.label(topic), count, len(times[topic]), what, always=True))
+            losses.append(Loss(found.label(topic), count, times[topic].n_message, what, always=True))
+        for topic, (count, stamp_ns, said) in self.completed.items():
+            what = f"have fields without a usable value, the first at {stamp_ns / NS_PER_S:.2f} s: {said}"
+            remedy = "see the driver's settings"
+            losses.append(Loss(found.label(topic), count, times[topic].n_message, what, remedy, always=True))
         topic_of = {name: topic for topic, name in found.sensors.items()}
         depth_of = {name: topic for topic, name in found.depths.items()}
         for name, each in self.pairs.items() if self.is_done else ():

@@ -1,0 +1,120 @@
+"""LaserScan messages as drivers write them: sectors of a turn, and fields without a value."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, strategies as st
+
+from tests.twin.recording.recorded import a_scan, write_ros2_bag
+from trackers.observations import LaserScan
+from trackers.rig import LaserSensor, Rig
+from twin.recording.losses import lines
+from twin.recording.reader import Recording
+from twin.recording.ros_messages import LASER_SCAN, TYPESTORE, encode, time_message
+from twin.recording.scan_messages import joined, turns
+
+MS = 10**6
+RIG = Rig(sensors={"waist": LaserSensor(topic="/high", role="waist")})
+PERIOD_NS = 100 * MS
+
+
+def sectors_of(scan: LaserScan, cuts: list[int]) -> list[LaserScan]:
+    """Cut a scan before these beams, as a driver does that publishes each packet."""
+    beam_s = scan.sweep_time_s / (scan.ranges_m.size - 1)
+    parts = np.split(np.arange(scan.ranges_m.size), cuts)
+    return [
+        replace(
+            scan,
+            stamp_ns=scan.stamp_ns + round(part[0] * beam_s * 1e9),
+            ranges_m=scan.ranges_m[part],
+            angle_min_rad=scan.angle_min_rad + part[0] * scan.angle_increment_rad,
+            sweep_time_s=beam_s * (part.size - 1),
+        )
+        for part in parts
+    ]
+
+
+def a_turn(n: int, span_rad: float, step_sign: int, stamp_ns: int = 0) -> LaserScan:
+    ranges_m = np.random.default_rng(n + stamp_ns // MS).uniform(0.5, 5, n).astype(np.float32)
+    step_rad = step_sign * span_rad / n
+    return LaserScan("waist", stamp_ns, ranges_m, -0.5 * span_rad * step_sign, step_rad, 0.1, 8.0, 0.08)
+
+
+def beams(scans: list[LaserScan]) -> Any:
+    return np.array([[each.angle_min_rad, each.angle_increment_rad, each.ranges_m.size] for each in scans])
+
+
+@given(
+    st.integers(30, 400),
+    st.floats(1.5, 2 * np.pi),
+    st.sampled_from([-1, 1]),
+    st.integers(1, 12),
+    st.integers(0, 2**16),
+)
+def test_sectors_of_any_turn_are_found_and_give_the_turn_again(n, span_rad, sign, n_cut, seed):
+    rng = np.random.default_rng(seed)
+    cuts = sorted(rng.choice(np.arange(1, n), min(n_cut, n // 3), replace=False).tolist())
+    whole = [a_turn(n, span_rad, sign, k * PERIOD_NS) for k in range(5)]
+    messages = [sector for scan in whole for sector in sectors_of(scan, cuts)]
+    found = turns(beams(messages), np.array([each.stamp_ns for each in messages]))
+    assert found is not None
+    assert found.tolist() == np.repeat(np.arange(5), len(cuts) + 1).tolist()
+    again = joined(messages[: len(cuts) + 1])
+    np.testing.assert_array_equal(again.ranges_m, whole[0].ranges_m)
+    np.testing.assert_allclose(again.angles_rad, whole[0].angles_rad, rtol=0, atol=1e-9)
+    assert again.stamp_ns == whole[0].stamp_ns
+    if messages[0].sweep_time_s:
+        assert again.sweep_time_s == pytest.approx(whole[0].sweep_time_s)
+
+
+@given(st.integers(3, 400), st.floats(0.5, 2 * np.pi), st.sampled_from([-1, 1]), st.floats(0, 3))
+def test_whole_scans_are_not_joined_whatever_beams_they_have(n, span_rad, sign, jitter):
+    rng = np.random.default_rng(n)
+    scans = beams([a_turn(n, span_rad, sign, k * PERIOD_NS) for k in range(30)])
+    scans[:, 0] += jitter * rng.random(30) * abs(scans[0, 1])
+    scans[:, 2] += rng.integers(0, 3, 30)
+    assert turns(scans, np.arange(30) * PERIOD_NS) is None
+
+
+@pytest.mark.parametrize("lost", [[], [7], [0, 1, 2], [9, 22, 23, 40]])
+@pytest.mark.parametrize("stamped", ["by sector", "by turn"])
+def test_a_bag_of_sectors_gives_its_turns_with_gaps_where_sectors_were_lost(tmp_path, lost, stamped):
+    start_ns, n, cuts = 1_700_000_000 * 10**9, 360, [90, 180, 270]
+    whole = [a_turn(n, 2 * np.pi, 1, start_ns + k * PERIOD_NS) for k in range(12)]
+    messages = []
+    for k, sector in enumerate(each for scan in whole for each in sectors_of(scan, cuts)):
+        message: Any = TYPESTORE.deserialize_cdr(encode(sector).data, LASER_SCAN)
+        said_ns = whole[k // 4].stamp_ns if stamped == "by turn" else sector.stamp_ns
+        header = replace(message.header, stamp=time_message(said_ns))
+        if k not in lost:
+            messages.append(("/high", LASER_SCAN, sector.stamp_ns + 20 * MS, replace(message, header=header)))
+    write_ros2_bag(tmp_path / "bag", messages)
+    recording = Recording(tmp_path / "bag", RIG)
+    scans = list(recording.observations())
+    assert len(scans) == 12
+    assert not any("stamp" in line for line in lines(recording.losses))
+    for k, (scan, full) in enumerate(zip(scans, whole, strict=True)):
+        assert isinstance(scan, LaserScan)
+        kept = [number for number in range(4) if 4 * k + number not in lost]
+        expected = np.concatenate([full.ranges_m[90 * each : 90 * each + 90] for each in kept])
+        np.testing.assert_array_equal(scan.ranges_m[np.isfinite(scan.ranges_m)], expected)
+    first_ns = scans[0].stamp_ns
+    gaps = np.diff([each.stamp_ns - first_ns for each in scans[1:]])
+    assert np.abs(gaps - PERIOD_NS).max() <= 70 * MS  # a turn that lost its first sector begins with its second
+
+
+@pytest.mark.parametrize("field", ["time_increment", "range_min", "range_max"])
+def test_a_field_without_a_value_is_told_and_the_scans_are_used(tmp_path, field):
+    messages = []
+    for k in range(20):
+        message: Any = TYPESTORE.deserialize_cdr(encode(a_scan(k * PERIOD_NS)).data, LASER_SCAN)
+        messages.append(("/high", LASER_SCAN, k * PERIOD_NS, replace(message, **{field: float("nan")})))
+    write_ros2_bag(tmp_path / "bag", messages)
+    recording = Recording(tmp_path / "bag", RIG)
+    assert len(list(recording.observations())) == 20
+    assert [
+        f"20 of 20 messages have fields without a usable value, the first at 0.00 s: {field} nan" in line
+        for line in lines(recording.losses)
+    ] == [True]

@@ -1,0 +1,131 @@
+"""LaserScan messages as drivers write them: fields that hold no value, and turns published in sectors.
+
+Several drivers publish each packet of a turning scanner as a LaserScan of its own: the next begins where the last one ended.
+Trackers take a scan for a whole look around, so that the sectors of a turn are joined to one scan.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from dataclasses import replace
+from math import inf, isfinite, isnan, pi
+from typing import Any
+
+import numpy as np
+
+from trackers.arrays import Array, Index, Mask, Nanoseconds
+from trackers.observations import NS_PER_S, LaserScan
+
+_CDR_BYTES = 4
+_TURN_RAD = 1.1 * 2 * pi
+"""Largest span of a turn: scanners that turn all around may go on a little."""
+_NEXT = 1.5
+"""Distance of a sector's first beam from the end of the one before, in beams, within which it goes on there."""
+_FEWEST = 0.3
+"""Least share of messages that go on where the last one ended; half of those in two sectors a turn do."""
+_PAUSE = 3.0
+"""Longest time between two sectors of a turn, in long ones (90 %) of as many sectors."""
+
+
+def beams_of(data: bytes, is_ros1: bool, header_ends: int) -> tuple[float, float, int]:
+    """Read angle_min [rad], angle_increment [rad] and the number of beams of an encoded LaserScan; NaN, NaN, 0 where cut."""
+    order = "<" if is_ros1 or data[1] & 1 else ">"
+    start = header_ends if is_ros1 else header_ends + (_CDR_BYTES - header_ends) % 4
+    try:
+        angle_min, _, increment, _, _, _, _, count = struct.unpack_from(f"{order}7fI", data, start)
+    except struct.error:
+        return float("nan"), float("nan"), 0
+    return angle_min, increment, count
+
+
+def turns(beams: Array, stamp_ns: Nanoseconds) -> Index | None:
+    """Return the number of each message's turn, (n,); None where each message is a look around of its own.
+
+    beams: angle_min, angle_increment [rad] and number of beams of each message, (n, 3). A turn ends where the next sector does
+    not lie ahead, has other beams, would make more than a turn, or comes after a pause. Lost sectors leave a gap in it.
+    """
+    start, step, count = beams.T
+    if len(beams) < 3 or not np.isfinite(beams).all():
+        return None
+    end = start + step * count
+    ahead = (start[1:] - end[:-1]) / np.where(step[:-1] == 0, np.nan, step[:-1])  # in beams
+    ahead[count[:-1] == 0] = -np.inf
+    if np.mean(np.abs(ahead) <= _NEXT) < _FEWEST:
+        return None
+    gaps_ns = np.abs(np.diff(stamp_ns)).astype(float)
+    skipped = 1 + np.maximum(ahead, 0) / np.maximum(count[:-1], 1)
+    goes_on = (ahead >= -_NEXT) & np.isclose(step[1:], step[:-1], rtol=0.01)
+    goes_on &= gaps_ns <= _PAUSE * max(float(np.quantile(gaps_ns, 0.9)), 1.0) * skipped
+    return _numbers(goes_on, start, end)
+
+
+def _numbers(goes_on: Mask, start: Array, end: Array) -> Index:
+    number = np.zeros(start.size, dtype=np.intp)
+    first = 0
+    for k in range(1, start.size):
+        if not goes_on[k - 1] or abs(end[k] - start[first]) > _TURN_RAD:
+            first = k
+            number[k] = number[k - 1] + 1
+        else:
+            number[k] = number[k - 1]
+    return number
+
+
+class TurnJoiner:
+    """Joins the sectors of one topic to turns, by the number of each message's turn, (n_message,)."""
+
+    def __init__(self, turn: Index) -> None:
+        self.turn = turn
+        self._is_last = np.append(np.diff(turn) != 0, True)
+        self._sectors: list[LaserScan] = []
+        self._turn, self._offset_ns = -1, 0
+
+    def offset_ns(self, number: int, stamp_ns: int, corrected_ns: int) -> int:
+        """Return what to add to the stamp of a message: for a whole turn, what brings its first one to the corrected stamp."""
+        if self.turn[number] != self._turn:
+            self._turn, self._offset_ns = int(self.turn[number]), corrected_ns - stamp_ns
+        return self._offset_ns
+
+    def add(self, number: int, sector: LaserScan | None) -> LaserScan | None:
+        """Add the sector of the message of this number (None: unusable); return the turn if that was its last message."""
+        if sector is not None:
+            self._sectors.append(sector)
+        if not self._is_last[number]:
+            return None
+        sectors, self._sectors = self._sectors, []
+        return joined(sectors) if sectors else None
+
+
+def joined(sectors: Sequence[LaserScan]) -> LaserScan:
+    """Return the sectors of a turn, in order, as one scan with the stamp of the first; beams between them are NaN.
+
+    The beams' times follow from their time_increment, or from the stamps of first and last where there is none.
+    """
+    first, last = sectors[0], sectors[-1]
+    places = [round((each.angle_min_rad - first.angle_min_rad) / first.angle_increment_rad) for each in sectors]
+    ranges_m = np.full(places[-1] + last.ranges_m.size, np.nan, dtype=np.float32)
+    for place, each in zip(places, sectors, strict=True):
+        ranges_m[max(place, 0) : place + each.ranges_m.size] = each.ranges_m[max(-place, 0) :]
+    beam_s = first.sweep_time_s / max(first.ranges_m.size - 1, 1)
+    if not beam_s and places[-1] > 0:
+        beam_s = (last.stamp_ns - first.stamp_ns) / NS_PER_S / places[-1]
+    return replace(first, ranges_m=ranges_m, sweep_time_s=beam_s * (ranges_m.size - 1))
+
+
+def with_limits(message: Any) -> tuple[Any, str]:
+    """Return a LaserScan whose fields that say nothing hold ROS's "not known", and a clause on those; '' for none.
+
+    time_increment: 0; range_min: 0; range_max (NaN or 0): infinite.
+    """
+    known: dict[str, float] = {}
+    if not isfinite(message.time_increment):
+        known["time_increment"] = 0.0
+    if isnan(message.range_min):
+        known["range_min"] = 0.0
+    if isnan(message.range_max) or message.range_max == 0:
+        known["range_max"] = inf
+    if not known:
+        return message, ""
+    said = ", ".join(f"{name} {getattr(message, name):g} (taken as {value:g})" for name, value in known.items())
+    return replace(message, **known), said
