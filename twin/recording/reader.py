@@ -88,8 +88,8 @@ class Recording:
             self._check_has_messages(times)
             self.is_as_written = False
             # where in doubt: that messages stand otherwise in the file decides
-            doubts = (each.falls_back or crowded(topic, each.stamp_ns, usual=0.9) for topic, each in times.items())
-            if all_pause(times) or any(doubts):
+            overlaps = (each.falls_back or crowded(topic, each.stamp_ns, usual=0.9) for topic, each in times.items())
+            if all_pause(times) or any(overlaps):
                 written, set_back_ns = read_times_as_written(bag, self.sensor_topics.types)
                 if set_back_ns:
                     self.is_as_written, times = True, written
