@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import io
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 RGB = tuple[int, int, int]
 
@@ -128,3 +133,41 @@ def write_tags(canvas: NDArray[np.uint8], tags: Sequence[Tag], size_px: int = TA
         opposite = (round(x + half_width), round(y + half_height))
         cv2.rectangle(canvas, corner, opposite, tag.fill, -1)
         write(canvas, tag.text, x, y + size_px * 0.36, tag.colour, size_px, BOLD, "centre")
+
+
+INK, QUIET, RULE, SHADE = "#1b1f27", "#606977", "#e3e5e9", "#eef0f3"
+
+
+@contextmanager
+def plot_style() -> Iterator[None]:
+    """Apply the style of the reports to plots drawn and saved in the block."""
+    import matplotlib
+
+    with matplotlib.rc_context(
+        {
+            "font.size": 10,
+            "axes.titlesize": 10.5,
+            "axes.titleweight": "bold",
+            "text.color": INK,
+            "axes.edgecolor": QUIET,
+            "axes.labelcolor": QUIET,
+            "xtick.color": QUIET,
+            "ytick.color": QUIET,
+            "axes.spines.top": False,
+            "axes.spines.right": False,
+            "axes.grid": True,
+            "axes.grid.axis": "y",
+            "grid.color": RULE,
+            "axes.axisbelow": True,
+            "svg.fonttype": "none",
+            "svg.hashsalt": "roomtwin",  # constant ids, so that equal results make equal files
+        }
+    ):
+        yield
+
+
+def to_svg(figure: Figure) -> str:
+    """Convert a plot to an SVG document, deterministically."""
+    drawn = io.StringIO()
+    figure.savefig(drawn, format="svg", metadata={"Date": None})
+    return drawn.getvalue()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
@@ -37,8 +38,10 @@ class Request:
 
     @property
     def command(self) -> str:
-        """Command that repeats it, without options of a single reproduction."""
-        return f"twin reproduce {self.name} --seeds {self.n_seed}" + (f" --seed {self.seed}" if self.seed else "")
+        """Command that repeats it."""
+        words = ["twin", "reproduce", self.name, "--seeds", self.n_seed]
+        own = {"--seed": self.seed, "--runs": self.runs, "--suite": self.suite, "--data": self.data}
+        return shlex.join(map(str, words + [word for option in own.items() if option[1] for word in option]))
 
 
 @dataclass(frozen=True)

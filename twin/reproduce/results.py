@@ -10,15 +10,13 @@ middle. The page is one self-contained HTML file, with plots in one style.
 from __future__ import annotations
 
 import base64
-import io
 import json
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
 from math import log
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
@@ -27,8 +25,9 @@ from rich.table import Table
 
 from trackers.arrays import Array
 from twin.console import PlainConsole
-from twin.recording.atomic_file import open_atomic
+from twin.recording.atomic_file import atomic_path, open_atomic
 from twin.report.metrics_table import format_number
+from twin.streams import stream
 
 N_REPLICATE = 2000
 CONFIDENCE = 0.95
@@ -89,6 +88,11 @@ def interval(values: Array) -> Interval:
     return Interval(float(values[0]), float(low), float(high))
 
 
+def mean_over_runs(values: Array, seed: int, stream_name: str) -> Interval:
+    """Compute the mean of (n,) values over runs, and its interval with draws of this stream of the seed."""
+    return interval(Bootstrap(len(values), stream(seed, "reproduce", stream_name)).mean(values))
+
+
 def band(values: Array) -> tuple[Array, Array, Array]:
     """Compute `interval` at each scan of (1 + replicates, k): the curve and its lower and upper border, (k,) each."""
     low, high = np.quantile(values[1:], [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)
@@ -107,6 +111,12 @@ class SystemValue:
     def of(cls, tracker: str, found: Interval) -> SystemValue:
         """Make the value from an interval."""
         return cls(tracker, found.value, (found.low, found.high))
+
+    @classmethod
+    def mean(cls, tracker: str, values: Array, seed: int, stream_name: str) -> SystemValue | None:
+        """Make the value from the mean of (n,) values over runs; None where all are NaN."""
+        known = values[~np.isnan(values)]
+        return cls.of(tracker, mean_over_runs(known, seed, stream_name)) if known.size else None
 
 
 @dataclass(frozen=True)
@@ -179,9 +189,9 @@ Row = tuple[ResultRow, str, str, str]
 
 def write_results(path: Path, results: Sequence[ResultRow]) -> None:
     """Write `results.json`: a list of objects with the fields of `ResultRow`. Raises InputError where it cannot be written."""
-    with open_atomic(path) as stream_:
-        json.dump([asdict(result) for result in results], stream_, indent=2)
-        stream_.write("\n")
+    with open_atomic(path) as file:
+        json.dump([asdict(result) for result in results], file, indent=2)
+        file.write("\n")
 
 
 def format_rows(results: Sequence[ResultRow]) -> list[Row]:
@@ -254,30 +264,40 @@ def print_results(title: str, results: Sequence[ResultRow]) -> None:
     PlainConsole(width_of_file=150).print(table)
 
 
-def write_page(path: Path, template_name: str, command: str, drawn: Mapping[str, str], **content: Any) -> None:
-    """Write a page from a template of this package; it takes its name when complete.
+def write_reproduction(
+    folder: Path,
+    command: str,
+    template_name: str,
+    results: Sequence[ResultRow],
+    drawn: Mapping[str, str],
+    **content: Any,
+) -> dict[str, Path]:
+    """Write `results.json`, plots as SVG, and the page from a template of this package; return their paths by name.
 
-    command: the command that repeats it; drawn: plots as SVG by name, `plots` in the template. Raises InputError where the
-    file cannot be written.
+    command: the command that repeats it; drawn: plots as SVG by name, `plots` in the template; content: its other variables.
+    Raises InputError where a file cannot be written.
     """
-    plots = {name: data_uri(svg) for name, svg in drawn.items()}
+    svgs = {name: folder / f"{name}.svg" for name in drawn}
+    paths = {"results": folder / "results.json", **svgs, "page": folder / "report.html"}
+    write_results(paths["results"], results)
+    plots = {name: data_uri(svg.encode(), "svg+xml") for name, svg in drawn.items()}
     page = template(template_name).render(command=command, plots=plots, **content)
-    with open_atomic(path) as stream:
-        stream.write(page)
-
-
-def write_plots(folder: Path, drawn: Mapping[str, str]) -> dict[str, Path]:
-    """Write plots as SVG under their names; return their paths. Raises InputError where a file cannot be written."""
-    paths = {name: folder / f"{name}.svg" for name in drawn}
-    for name, svg in drawn.items():
-        with open_atomic(paths[name]) as stream:
-            stream.write(svg)
+    for name, text in {**drawn, "page": page}.items():
+        with open_atomic(paths[name]) as file:
+            file.write(text)
     return paths
 
 
-def data_uri(svg: str) -> str:
-    """Encode an SVG document as the source of an image within the page."""
-    return "data:image/svg+xml;base64," + base64.b64encode(svg.encode()).decode()
+def write_pictures(folder: Path, pictures: Mapping[str, bytes]) -> None:
+    """Write JPEGs under their names. Raises InputError where a file cannot be written."""
+    for name, jpeg in pictures.items():
+        with atomic_path(folder / f"{name}.jpg") as partial:
+            partial.write_bytes(jpeg)
+
+
+def data_uri(picture: bytes, kind: str = "jpeg") -> str:
+    """Encode a file as the source of an image within the page."""
+    return f"data:image/{kind};base64,{base64.b64encode(picture).decode()}"
 
 
 @cache
@@ -291,44 +311,3 @@ def template(name: str) -> Template:
         lstrip_blocks=True,
     )
     return environment.get_template(name)
-
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-INK, QUIET, RULE, SHADE = "#1b1f27", "#606977", "#e3e5e9", "#eef0f3"
-
-
-@contextmanager
-def plot_style() -> Iterator[None]:
-    """Apply the style of the reports to plots drawn and saved in the block."""
-    import matplotlib
-
-    with matplotlib.rc_context(
-        {
-            "font.size": 10,
-            "axes.titlesize": 10.5,
-            "axes.titleweight": "bold",
-            "text.color": INK,
-            "axes.edgecolor": QUIET,
-            "axes.labelcolor": QUIET,
-            "xtick.color": QUIET,
-            "ytick.color": QUIET,
-            "axes.spines.top": False,
-            "axes.spines.right": False,
-            "axes.grid": True,
-            "axes.grid.axis": "y",
-            "grid.color": RULE,
-            "axes.axisbelow": True,
-            "svg.fonttype": "none",
-            "svg.hashsalt": "roomtwin",  # constant ids, so that equal results make equal files
-        }
-    ):
-        yield
-
-
-def to_svg(figure: Figure) -> str:
-    """Convert a plot to an SVG document, deterministically."""
-    drawn = io.StringIO()
-    figure.savefig(drawn, format="svg", metadata={"Date": None})
-    return drawn.getvalue()

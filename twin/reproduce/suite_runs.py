@@ -9,16 +9,22 @@ from __future__ import annotations
 import csv
 import re
 import sys
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
+import numpy as np
+
+from trackers.arrays import Array
 from trackers.errors import InputError
 from twin.messages import OnProgress, printable
 from twin.models import cache_folder
-from twin.recording.atomic_file import atomic_path, open_atomic
+from twin.recording.atomic_file import open_atomic
 from twin.recording.tables import TrackTable, TruthTable, read_tracks, read_truth
+from twin.reproduce.registry import Request
+from twin.reproduce.results import write_pictures
 from twin.suites.cache import RecordingCache, cache_limit_bytes
 from twin.suites.cache_keys import recording_key
 from twin.suites.cluster import Workers
@@ -51,6 +57,18 @@ class SuiteRuns:
     not_done: tuple[str, ...]
 
 
+def metric_arrays(
+    runs: Collection[Mapping[str, Case]], metrics: Mapping[str, Mapping[str, float | None]]
+) -> dict[str, dict[str, Array]]:
+    """Return every metric of these n runs by tracker, (n,) each, NaN where it does not apply."""
+    names = dict.fromkeys(name for run in runs for case in run.values() for name in metrics.get(case.id, ()))
+    of_case = {case.id: metrics.get(case.id, {}) for run in runs for case in run.values()}
+    return {
+        tracker: {name: np.array([of_case[run[tracker].id].get(name) for run in runs], float) for name in names}
+        for tracker in next(iter(runs))
+    }
+
+
 def condition_name(case: Case) -> str:
     """Name a case's condition: its entry's name, and its difference from that entry's other variants."""
     return f"{case.scenario} ({case.variant})" if case.variant else case.scenario
@@ -65,20 +83,52 @@ def load_seeded_suite(name: str, seeds: range) -> tuple[Suite, Path]:
     return suite.model_copy(update={"seeds": tuple(seeds), "scenarios": entries}), path
 
 
-def run_conditions(
-    folder: Path, suite: Suite, path: Path, place: Workers, resume: bool, on_progress: OnProgress | None
-) -> RecordingCache:
-    """Run the suite into `folder`; return the cache that holds its recordings.
+def check_entries(
+    suite: Suite,
+    path: Path,
+    needed: Mapping[str, str],
+    trackers: Sequence[str] = (),
+    more: Mapping[str, Sequence[str]] = MappingProxyType({}),
+) -> None:
+    """Raise InputError for a suite without an entry of these names, or with an entry without one of its trackers.
 
-    Raises InputError for a folder with another suite's runs (or the same one's, without `resume`), and where it cannot be
-    written.
+    needed: what each entry is; trackers: of all entries; more: by entry.
     """
+    entries = {entry.name or entry.scenario: entry for entry in suite.scenarios}
+    for name, what in needed.items():
+        if name not in entries:
+            raise InputError(f"{path}: scenarios: none is named {name}; one, {what}, is expected")
+    for name, entry in entries.items():
+        for tracker in (*trackers, *more.get(name, ())):
+            if tracker not in (entry.trackers or suite.trackers):
+                raise InputError(f"{path}: trackers: {name} is run without {tracker}; it is expected among them")
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder of `--out`. Raises InputError where it cannot be written."""
     try:
-        (folder / SUITE_FOLDER).mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(
             f"--out {folder}: cannot be written ({error.strerror}); a writable folder is needed"
         ) from error
+
+
+def run_conditions(
+    folder: Path,
+    suite: Suite,
+    path: Path,
+    request: Request,
+    on_progress: OnProgress | None,
+    trackers: Collection[str] | None = None,
+) -> SuiteRuns:
+    """Run the suite into `folder` and read its results. A run counts if all of `trackers` (None: all of its condition's) are
+    done.
+
+    Raises InputError for a folder with another suite's runs (or the same one's, without `--resume`), where it cannot be
+    written, and where a condition has fewer than two such runs.
+    """
+    make_folder(folder / SUITE_FOLDER)
 
     def state(now: State) -> None:
         if on_progress is not None:
@@ -90,28 +140,19 @@ def run_conditions(
         path,
         folder / SUITE_FOLDER,
         cache,
-        place,
-        resume=resume,
+        Workers(request.jobs),
+        resume=request.resume,
         progress=ProgressListener(failed=warn_of_failure, state=state),
     )
-    return cache
+    return _read_runs(suite, path, folder, cache, trackers)
 
 
 _FEWEST_RUNS = 2  # an interval over runs needs two
 
 
-def read_runs(
-    suite: Suite,
-    path: Path,
-    folder: Path,
-    cache: RecordingCache,
-    trackers: Collection[str] | None = None,
+def _read_runs(
+    suite: Suite, path: Path, folder: Path, cache: RecordingCache, trackers: Collection[str] | None
 ) -> SuiteRuns:
-    """Read the results of `run_conditions` in `folder`. A run counts if all of `trackers` (None: all of its condition's) are
-    done.
-
-    Raises InputError where a condition has fewer than two such runs.
-    """
     by_condition: dict[str, dict[int, dict[str, Case]]] = {}
     for case in expand(suite, path):
         by_condition.setdefault(condition_name(case), {}).setdefault(case.seed, {})[case.tracker] = case
@@ -159,11 +200,6 @@ def case_tracks(case: Case, runs: SuiteRuns) -> TrackTable:
     return read_tracks(runs.folder / SUITE_FOLDER / "cases" / case.id / "tracks" / f"{case.tracker}.csv")
 
 
-def number_or_nan(value: float | None) -> float:
-    """Convert a metric, None if it does not apply, to a float."""
-    return float("nan") if value is None else value
-
-
 _LIMIT_S = 300.0
 
 
@@ -205,10 +241,9 @@ def draw_film_strips(
     names: Mapping[str, str],
     cache: RecordingCache,
     place: Workers,
-    on_progress: Callable[[str, float, float], None] | None = None,
-    on_failure: Callable[[str], object] = lambda message: None,
+    on_progress: OnProgress | None = None,
 ) -> list[FilmStrip]:
-    """Draw the incidents in order; failures are reported and left out. names: labels of trackers."""
+    """Draw the incidents in order; those that fail are left out with a warning. names: labels of trackers."""
     tasks = [
         Task(
             f"strip-{number}",
@@ -224,7 +259,7 @@ def draw_film_strips(
         if end.status == "done":
             pictures[end.task.id] = end.value
         else:
-            on_failure(f"{end.task.work.case.id} at {end.task.work.t_s:.1f} s: no strip: {end.error}")
+            warn_of_failure("strip", f"{end.task.work.case.id} at {end.task.work.t_s:.1f} s: no strip: {end.error}")
 
     def state(now: State) -> None:
         if on_progress is not None:
@@ -253,10 +288,11 @@ def draw_film_strips(
 
 def write_film_strips(folder: Path, strips: Sequence[FilmStrip]) -> None:
     """Write the pictures under descriptive names; raises InputError where they cannot be written."""
-    for strip in strips:
-        name = f"{strip.condition}-{strip.seed}-{strip.column}-{strip.t_s:.1f}s-{strip.kind}"
-        with atomic_path(folder / f"{re.sub('[^A-Za-z0-9.]+', '-', name)}.jpg") as partial:
-            partial.write_bytes(strip.picture)
+    names = (f"{each.condition}-{each.seed}-{each.column}-{each.t_s:.1f}s-{each.kind}" for each in strips)
+    write_pictures(
+        folder,
+        {re.sub("[^A-Za-z0-9.]+", "-", name): each.picture for name, each in zip(names, strips, strict=True)},
+    )
 
 
 def write_incidents(path: Path, incidents: Iterable[CaseIncident], names: Mapping[str, str]) -> None:

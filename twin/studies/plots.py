@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from trackers.arrays import Array
 from twin.report.metrics_table import format_number
-from twin.reproduce.results import INK, QUIET, SHADE, plot_style, to_svg
+from twin.report.palette import INK, QUIET, SHADE, plot_style, to_svg
 from twin.room.building import Building, room_outline
 from twin.scenario import Scenario
 from twin.scenario.housings import in_the_room

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import base64
-import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from trackers.arrays import Array
-from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from twin.messages import OnProgress
-from twin.recording.atomic_file import atomic_path
 from twin.recording.tables import TrackTable, TruthTable
-from twin.report.palette import IDENTITY_COLOURS, hex_colour
+from twin.report.palette import IDENTITY_COLOURS, INK, QUIET, hex_colour, plot_style, to_svg
 from twin.reproduce.camera_floor_particle.replays import (
     CHOICE,
     SEED,
@@ -41,20 +37,15 @@ from twin.reproduce.camera_floor_particle.results import (
     tracker_label,
 )
 from twin.reproduce.registry import Outputs, Request
-from twin.reproduce.results import (
-    INK,
-    QUIET,
-    ResultRow,
-    format_rows,
-    pivot_rows,
-    plot_style,
-    to_svg,
-    write_page,
-    write_plots,
-    write_results,
+from twin.reproduce.results import ResultRow, data_uri, format_rows, pivot_rows, write_pictures, write_reproduction
+from twin.reproduce.suite_runs import (
+    SuiteRuns,
+    case_tracks,
+    case_truth,
+    check_entries,
+    load_seeded_suite,
+    run_conditions,
 )
-from twin.reproduce.suite_runs import SuiteRuns, case_tracks, case_truth, load_seeded_suite, read_runs, run_conditions
-from twin.suites.cluster import Workers
 from twin.suites.spec import Suite
 
 _SHOWN = (("crossing", "figure 4"), ("going-back", "figure 4"), (PAIR, "one cluster"), (HOME, "figure 5"))
@@ -69,21 +60,13 @@ def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = N
     """
     suite, path = load_seeded_suite(request.suite or request.name, request.seed_range)
     check_suite(suite, path)
-    cache = run_conditions(folder, suite, path, Workers(request.jobs), request.resume, on_progress)
-    runs = read_runs(suite, path, folder, cache)
-    command = request.command + (f" --suite {shlex.quote(request.suite)}" if request.suite else "")
-    return write_all(folder, runs, [*mask_results(runs), *compare_choices(cache, on_progress)], command)
+    runs = run_conditions(folder, suite, path, request, on_progress)
+    return write_all(folder, runs, [*mask_results(runs), *compare_choices(runs.cache, on_progress)], request.command)
 
 
 def check_suite(suite: Suite, path: Path) -> None:
     """Raise InputError for a suite that lacks one of the paper's experiments, or the tracker in one."""
-    entries = {entry.name or entry.scenario: entry for entry in suite.scenarios}
-    for name in NEEDED:
-        if name not in entries:
-            raise InputError(f"{path}: scenarios: none is named {name}; one, an experiment of the paper, is expected")
-    for name, entry in entries.items():
-        if OURS not in (entry.trackers or suite.trackers):
-            raise InputError(f"{path}: scenarios: {name} is run without {OURS}; it is expected among the trackers")
+    check_entries(suite, path, dict.fromkeys(NEEDED, "an experiment of the paper"), [OURS])
 
 
 def write_all(folder: Path, runs: SuiteRuns, more: Sequence[ResultRow], command: str) -> Outputs:
@@ -103,17 +86,12 @@ def write_all(folder: Path, runs: SuiteRuns, more: Sequence[ResultRow], command:
         truth = case_truth(case, runs)
         at_s = lowest_head_s(truth) if name == HOME else closest_pair_s(truth)
         pictures[f"{name}, seed {case.seed}, {at_s:.2f} s ({what})"] = frame_picture(case, runs.cache, at_s)
-    paths = {"results": folder / "results.json", "page": folder / "report.html"}
-    paths |= {name: folder / f"{name}.svg" for name in drawn}
-    write_results(paths["results"], results)
-    write_plots(folder, drawn)
-    for caption, jpeg in pictures.items():
-        with atomic_path(folder / f"frame-{caption.split(',')[0]}.jpg") as partial:
-            partial.write_bytes(jpeg)
-    write_page(
-        paths["page"],
-        "camera_floor_particle/page.html.j2",
+    write_pictures(folder, {f"frame-{caption.split(',')[0]}": jpeg for caption, jpeg in pictures.items()})
+    paths = write_reproduction(
+        folder,
         command,
+        "camera_floor_particle/page.html.j2",
+        results,
         drawn,
         grids={
             where: grid
@@ -128,9 +106,7 @@ def write_all(folder: Path, runs: SuiteRuns, more: Sequence[ResultRow], command:
             [each for each in results if each.where == EXPERIMENTS and (each.paper_system or each.baseline)]
         ),
         ablations=format_rows([each for each in results if each.where == ABLATION]),
-        pictures={
-            caption: "data:image/jpeg;base64," + base64.b64encode(jpeg).decode() for caption, jpeg in pictures.items()
-        },
+        pictures={caption: data_uri(jpeg) for caption, jpeg in pictures.items()},
         n_run=len(conditions[HOME].seeds),
         seeds=f"{conditions[HOME].seeds[0]} to {conditions[HOME].seeds[-1]}",
         not_done=runs.not_done,

@@ -15,9 +15,8 @@ from trackers.observations import NS_PER_S, Image
 from trackers.vision.front_end import FrontEndOptions, front_ends
 from trackers.vision.views import CameraViews
 from twin.recording.reader import Recording
-from twin.reproduce.results import Bootstrap, Interval, ResultRow, SystemValue, interval
-from twin.reproduce.suite_runs import SuiteRuns, case_recording, number_or_nan
-from twin.streams import stream
+from twin.reproduce.results import ResultRow, SystemValue, mean_over_runs
+from twin.reproduce.suite_runs import SuiteRuns, case_recording, metric_arrays
 from twin.suites.cache import RecordingCache
 from twin.suites.expansion import Case
 from twin.suites.worker import RECORDING, resolved_scenario
@@ -29,6 +28,7 @@ COURSE, HOME, PAIR = "straight-course", "home", "pair"
 NEEDED = (*MOVEMENTS, COURSE, HOME, PAIR)
 EXPERIMENTS, BEYOND, ABLATION = "experiments", "beyond the paper", "beyond the paper, ablations"
 RIGHT = "people right at the end"
+_STREAM = "camera-floor bootstrap"
 
 _MEANS = (
     (RIGHT, "right_at_end", 100.0, "%"),
@@ -67,16 +67,7 @@ def read_conditions(runs: SuiteRuns) -> dict[str, CameraFloorCondition]:
     """Collect every condition of the suite by name."""
     found = {}
     for name, by_seed in runs.by_condition.items():
-        metrics = {
-            tracker: {
-                metric: np.array(
-                    [number_or_nan(runs.metrics[cases[tracker].id].get(metric)) for cases in by_seed.values()]
-                )
-                for _, metric, _, _ in _MEANS
-            }
-            for tracker in next(iter(by_seed.values()))
-        }
-        found[name] = CameraFloorCondition(name, tuple(by_seed), metrics)
+        found[name] = CameraFloorCondition(name, tuple(by_seed), metric_arrays(by_seed.values(), runs.metrics))
     return found
 
 
@@ -113,19 +104,16 @@ def _means(condition: CameraFloorCondition, where: str) -> Iterator[ResultRow]:
             if known.size:
                 paper = _PAPER_HEAD.get(row) if tracker == OURS and condition.name not in (COURSE, PAIR) else None
                 paper = paper if where == EXPERIMENTS else None
-                found = _mean(known, condition.seeds[0])
-                others = [_system_value(condition, each, key, times) for each in (PAPER, BASELINE) if tracker == OURS]
+                found = mean_over_runs(known, condition.seeds[0], _STREAM)
+                others = [
+                    SystemValue.mean(each, times * condition.metrics[each][key], condition.seeds[0], _STREAM)
+                    if each in condition.metrics
+                    else None
+                    for each in (PAPER, BASELINE)
+                    if tracker == OURS
+                ]
                 each = f"{condition.name}, {row}"
                 yield ResultRow.of(where, each, tracker_label(tracker), found, unit, len(known), paper, *others)
-
-
-def _system_value(condition: CameraFloorCondition, tracker: str, key: str, times: float) -> SystemValue | None:
-    """Compute a value of another system; None if it was not run, or has no such value."""
-    if tracker not in condition.metrics:
-        return None
-    values = times * condition.metrics[tracker][key]
-    known = values[~np.isnan(values)]
-    return SystemValue.of(tracker, _mean(known, condition.seeds[0])) if known.size else None
 
 
 def _ablations(conditions: Mapping[str, CameraFloorCondition]) -> Iterator[ResultRow]:
@@ -139,18 +127,8 @@ def _ablations(conditions: Mapping[str, CameraFloorCondition]) -> Iterator[Resul
         change = times * (condition.metrics[tracker][key] - condition.metrics[OURS][key])
         known = change[~np.isnan(change)]
         if known.size:
-            found = _mean(known, condition.seeds[0])
-            yield _result(ABLATION, f"{what} ({name})", f"change of {row}", None, found, unit, len(known))
-
-
-def _mean(values: Array, seed: int) -> Interval:
-    return interval(Bootstrap(len(values), stream(seed, "reproduce", "camera-floor bootstrap")).mean(values))
-
-
-def _result(
-    where: str, row: str, column: str, paper: float | None, found: Interval, unit: str, n_run: int
-) -> ResultRow:
-    return ResultRow.of(where, row, column, found, unit, n_run, paper)
+            found = mean_over_runs(known, condition.seeds[0], _STREAM)
+            yield ResultRow.of(ABLATION, f"{what} ({name})", f"change of {row}", found, unit, len(known))
 
 
 SHOWN = ("crossing", "shadows")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.messages import OnProgress
-from twin.report.palette import IDENTITY_COLOURS, hex_colour
+from twin.report.palette import IDENTITY_COLOURS, INK, QUIET, SHADE, hex_colour, plot_style, to_svg
 from twin.reproduce.gait.comparison import (
     CONTACT_S,
     DIP,
@@ -40,18 +40,7 @@ from twin.reproduce.gait.comparison import (
 )
 from twin.reproduce.gait.stride import SteadyGait, load_path, simulate_steady, stance, values_of
 from twin.reproduce.registry import Outputs, Request
-from twin.reproduce.results import (
-    INK,
-    QUIET,
-    SHADE,
-    ResultRow,
-    format_rows,
-    plot_style,
-    to_svg,
-    write_page,
-    write_plots,
-    write_results,
-)
+from twin.reproduce.results import ResultRow, format_rows, write_reproduction
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -211,12 +200,8 @@ def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = N
     runs = simulate_gait(seeds, subject, on_progress)
     results = gait_results(runs)
     drawn = {"stance": stance_svg(runs), "loads": loads_svg(runs), "speeds": speeds_svg(runs)}
-    paths = {"results": folder / "results.json", "page": folder / "report.html"}
-    write_results(paths["results"], results)
-    paths |= write_plots(folder, drawn)
-    command = request.command + ("" if data is None else f" --data {data}")
-    write_page(paths["page"], "gait/page.html.j2", command, drawn, **_content(runs, results))
-    return results, paths
+    content = _content(runs, results)
+    return results, write_reproduction(folder, request.command, "gait/page.html.j2", results, drawn, **content)
 
 
 def _content(runs: GaitRuns, results: list[ResultRow]) -> dict[str, Any]:

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from twin.report.palette import IDENTITY_COLOURS, hex_colour
+from twin.report.palette import IDENTITY_COLOURS, INK, QUIET, SHADE, hex_colour, plot_style, to_svg
 from twin.report.time_axis import median_period_ns, split_at_gaps
 from twin.reproduce.laser_fisheye_imm.figure7 import FILTERS, Curves
 from twin.reproduce.laser_fisheye_imm.runs import COLUMNS, IMM, SENSOR_SETS, Column, LabCondition, LabRun
 from twin.reproduce.laser_fisheye_imm.table_one import LOST, MISIDENTIFIED, TOTAL, cell, error_rate, values
 from twin.reproduce.laser_fisheye_imm.walk import PERIOD_S, ManeuveringWalk
-from twin.reproduce.results import INK, QUIET, SHADE, band, plot_style, to_svg
+from twin.reproduce.results import band
 from twin.scenario.person import wardrobe
 
 if TYPE_CHECKING:

@@ -5,9 +5,7 @@ The page holds table I, statements about it, occlusions, densities, conditions a
 
 from __future__ import annotations
 
-import base64
 import csv
-import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -67,16 +65,14 @@ from twin.reproduce.laser_fisheye_imm.table_one import (
 )
 from twin.reproduce.laser_fisheye_imm.walk import PERIOD_S, maneuvering_walk
 from twin.reproduce.registry import Outputs, Request
-from twin.reproduce.results import Interval, format_ranges, format_rows, write_page, write_plots, write_results
+from twin.reproduce.results import Interval, data_uri, format_ranges, format_rows, write_reproduction
 from twin.reproduce.suite_runs import (
     CaseIncident,
     FilmStrip,
     draw_film_strips,
     load_seeded_suite,
-    read_runs,
     round_robin,
     run_conditions,
-    warn_of_failure,
     write_film_strips,
     write_incidents,
 )
@@ -230,9 +226,7 @@ def _strips(lab: LabRuns, strips: Sequence[FilmStrip]) -> list[dict[str, Any]]:
                     "condition": condition.name,
                     "n_full": n_full,
                     "n_full_drawn": sum(each.column == FULL.name for each in own),
-                    "pictures": [
-                        (each, "data:image/jpeg;base64," + base64.b64encode(each.picture).decode()) for each in own
-                    ],
+                    "pictures": [(each, data_uri(each.picture)) for each in own],
                 }
             )
     return sections
@@ -268,18 +262,13 @@ def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = N
     Raises InputError for an invalid suite, for a folder with another reproduction's runs (or the same one's, without
     `resume`), for conditions with fewer than two complete runs, and where a file cannot be written.
     """
-    name, n_run = request.suite or request.name, request.runs or N_RUN
-    suite, path = load_seeded_suite(name, request.seed_range)
+    suite, path = load_seeded_suite(request.suite or request.name, request.seed_range)
     check_suite(suite, path)
-    place = Workers(request.jobs)
-    cache = run_conditions(folder, suite, path, place, request.resume, on_progress)
-    lab = read_lab(read_runs(suite, path, folder, cache, list(NAMES)))
-    runs = simulate(maneuvering_walk(), range(request.seed, request.seed + n_run), on_progress)
-    strips = draw_film_strips(
-        choose_incidents(lab), NAMES, cache, place, on_progress, lambda what: warn_of_failure("strip", what)
-    )
-    command = request.command + f" --runs {n_run}" + (f" --suite {shlex.quote(request.suite)}" if request.suite else "")
-    return write_all(folder, runs, lab, strips, command)
+    found = run_conditions(folder, suite, path, request, on_progress, list(NAMES))
+    lab = read_lab(found)
+    runs = simulate(maneuvering_walk(), range(request.seed, request.seed + (request.runs or N_RUN)), on_progress)
+    strips = draw_film_strips(choose_incidents(lab), NAMES, found.cache, Workers(request.jobs), on_progress)
+    return write_all(folder, runs, lab, strips, request.command)
 
 
 def write_all(folder: Path, runs: MonteCarlo, lab: LabRuns, strips: list[FilmStrip], command: str) -> Outputs:
@@ -298,17 +287,15 @@ def write_all(folder: Path, runs: MonteCarlo, lab: LabRuns, strips: list[FilmStr
         drawn["densities"] = densities_svg(lab.densities, lab.area_m2)
     if lab.others:
         drawn["conditions"] = conditions_svg([lab.paper_condition, *lab.others])
-    paths = {"results": folder / "results.json", "runs": folder / "runs.csv", "incidents": folder / "incidents.csv"}
-    paths |= {name: folder / f"{name}.svg" for name in drawn} | {"page": folder / "report.html"}
-    write_results(paths["results"], results)
+    paths = {"runs": folder / "runs.csv", "incidents": folder / "incidents.csv"}
     write_runs(paths["runs"], lab)
     write_incidents(paths["incidents"], (each for condition in lab.conditions for each in condition.incidents), NAMES)
     write_film_strips(folder / "strips", strips)
-    write_plots(folder, drawn)
-    write_page(
-        paths["page"],
-        "laser_fisheye_imm/page.html.j2",
+    paths |= write_reproduction(
+        folder,
         command,
+        "laser_fisheye_imm/page.html.j2",
+        results,
         drawn,
         figure7_rows=format_rows([each for each in results if each.where in (NPE, NVE)]),
         lab_rows=format_rows([each for each in results if each.where not in (NPE, NVE)]),

@@ -15,12 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array
-from trackers.errors import InputError
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.observations import NS_PER_S
 from twin.evaluate import Evaluation, evaluate_with_details, long_occlusions
 from twin.recording.tables import TrackTable, TruthTable
-from twin.reproduce.suite_runs import CaseIncident, SuiteRuns, case_tracks, case_truth, number_or_nan
+from twin.reproduce.suite_runs import CaseIncident, SuiteRuns, case_tracks, case_truth, check_entries, metric_arrays
 from twin.scenario import Scenario
 from twin.suites.expansion import Case
 from twin.suites.spec import Suite
@@ -155,17 +154,7 @@ class LabRuns:
 
 def check_suite(suite: Suite, path: Path) -> None:
     """Raise InputError for a suite without the paper's condition, or with an entry without one of the six columns."""
-    if PAPER_CONDITION not in [entry.name for entry in suite.scenarios]:
-        raise InputError(
-            f"{path}: scenarios: none is named {PAPER_CONDITION}; one, the paper's experiment, is expected"
-        )
-    for entry in suite.scenarios:
-        missing = [each.tracker for each in COLUMNS if each.tracker not in (entry.trackers or suite.trackers)]
-        if missing:
-            raise InputError(
-                f"{path}: trackers: {entry.name or entry.scenario} is without {missing[0]}; all six columns of table I "
-                f"({', '.join(each.tracker for each in COLUMNS)}) are expected"
-            )
+    check_entries(suite, path, {PAPER_CONDITION: "the paper's experiment"}, [each.tracker for each in COLUMNS])
 
 
 def read_lab(found: SuiteRuns) -> LabRuns:
@@ -210,22 +199,13 @@ def _condition(
 ) -> LabCondition:
     first = next(iter(whole.values()))[FULL.tracker]
     scenario = resolved_scenario(first)
-    kinds = metrics[first.id]
-    others = [tracker for tracker in next(iter(whole.values())) if tracker not in NAMES]
-    values_by_tracker = {
-        tracker: {
-            kind: np.array([number_or_nan(metrics.get(cases[tracker].id, {}).get(kind)) for cases in whole.values()])
-            for kind in kinds
-        }
-        for tracker in (*NAMES, *others)
-    }
     return LabCondition(
         name=name,
         overrides=first.overrides,
         seeds=tuple(whole),
         n_person=len(scenario.people),
         person_minutes=np.array([_person_minutes(run.truth) for run in full]),
-        metrics=values_by_tracker,
+        metrics=metric_arrays(whole.values(), metrics),
         long_occlusions=tuple(each for run in full for each in _long_occlusions(run, scenario)),
         incidents=tuple(
             CaseIncident(cases[column.tracker], incident)

@@ -152,8 +152,8 @@ def lab_results(lab: LabRuns) -> list[ResultRow]:
             )
         ),
         *(
-            _result(DENSITY, condition.name, column.name, None, error_rate(condition, column), "/person-min", condition)
-            for condition in lab.densities
+            ResultRow.of(DENSITY, each.name, column.name, error_rate(each, column), "/person-min", len(each.seeds))
+            for each in lab.densities
             for column in COLUMNS
         ),
     ]
@@ -192,12 +192,6 @@ def _paired(condition: LabCondition, where: str, prefix: str) -> Iterator[Result
     found.insert(len(SENSOR_SETS), (f"IMM − Kalman, {ALL_SETS}", filters_difference(condition), papers))
     for row, ours, system in found:
         yield ResultRow.of(where, prefix + row, TOTAL, ours, "/run", len(condition.seeds), paper_system=system)
-
-
-def _result(
-    where: str, row: str, column: str, paper: float | None, found: Interval, unit: str, condition: LabCondition
-) -> ResultRow:
-    return ResultRow.of(where, row, column, found, unit, len(condition.seeds), paper)
 
 
 def _bootstrap(n_run: int, condition: LabCondition) -> Bootstrap:

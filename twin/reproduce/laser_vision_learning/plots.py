@@ -9,9 +9,8 @@ import numpy as np
 
 from trackers.arrays import Array
 from trackers.observations import NS_PER_S
-from twin.report.palette import IDENTITY_COLOURS, hex_colour
+from twin.report.palette import IDENTITY_COLOURS, INK, QUIET, SHADE, hex_colour, plot_style, to_svg
 from twin.reproduce.laser_vision_learning.runs import SYSTEMS, HallCondition, HallRun
-from twin.reproduce.results import INK, QUIET, SHADE, plot_style, to_svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

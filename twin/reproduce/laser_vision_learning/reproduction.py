@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import base64
 import csv
-import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -38,15 +36,13 @@ from twin.reproduce.laser_vision_learning.runs import (
 )
 from twin.reproduce.laser_vision_learning.splits import CHOICE, SEED, compare_choices
 from twin.reproduce.registry import Outputs, Request
-from twin.reproduce.results import ResultRow, format_rows, write_page, write_plots, write_results
+from twin.reproduce.results import ResultRow, data_uri, format_rows, write_reproduction
 from twin.reproduce.suite_runs import (
     CaseIncident,
     FilmStrip,
     draw_film_strips,
     load_seeded_suite,
-    read_runs,
     run_conditions,
-    warn_of_failure,
     write_film_strips,
 )
 from twin.suites.cluster import Workers
@@ -61,18 +57,16 @@ def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = N
     """
     suite, path = load_seeded_suite(request.suite or request.name, request.seed_range)
     check_suite(suite, path)
-    place = Workers(request.jobs)
-    cache = run_conditions(folder, suite, path, place, request.resume, on_progress)
-    hall = read_hall(read_runs(suite, path, folder, cache))
+    runs = run_conditions(folder, suite, path, request, on_progress)
+    hall = read_hall(runs)
     names = {name: SYSTEMS.get(name, name) for name in hall.busy.cases}
     incidents = merge_incidents(hall.busy, rank_merges(hall.busy))
-    strips = draw_film_strips(incidents, names, cache, place, on_progress, lambda what: warn_of_failure("strip", what))
-    command = request.command + (f" --suite {shlex.quote(request.suite)}" if request.suite else "")
+    strips = draw_film_strips(incidents, names, runs.cache, Workers(request.jobs), on_progress)
     pictures = any(
         sensor.kind == "camera" for sensor in resolved_scenario(next(iter(hall.busy.cases.values()))).sensors.values()
     )
-    chosen = compare_choices(cache, on_progress) if pictures else []
-    return write_all(folder, hall, strips, chosen, command)
+    chosen = compare_choices(runs.cache, on_progress) if pictures else []
+    return write_all(folder, hall, strips, chosen, request.command)
 
 
 def write_all(
@@ -84,16 +78,14 @@ def write_all(
     drawn = {"figure11": figure11_svg(hall.hall, conditions["hall"])}
     if hall.densities:
         drawn["densities"] = densities_svg([conditions["busy"], *hall.densities])
-    paths = {"results": folder / "results.json", "runs": folder / "runs.csv"}
-    paths |= {name: folder / f"{name}.svg" for name in drawn} | {"page": folder / "report.html"}
-    write_results(paths["results"], results)
+    paths = {"runs": folder / "runs.csv"}
     _write_runs(paths["runs"], hall)
     write_film_strips(folder / "strips", strips)
-    write_plots(folder, drawn)
-    write_page(
-        paths["page"],
-        "laser_vision_learning/page.html.j2",
+    paths |= write_reproduction(
+        folder,
         command,
+        "laser_vision_learning/page.html.j2",
+        results,
         drawn,
         rows=format_rows([each for each in results if each.where == PLACE]),
         groups=format_rows([each for each in results if each.where == TABLE_GROUPS]),
@@ -103,7 +95,7 @@ def write_all(
         hall=_facts(conditions["hall"]),
         fits=_fits(hall),
         merges=rank_merges(hall.busy)[:1],
-        strips=[(each, "data:image/jpeg;base64," + base64.b64encode(each.picture).decode()) for each in strips],
+        strips=[(each, data_uri(each.picture)) for each in strips],
         not_done=hall.not_done,
         n_decided=chosen[0].runs if chosen else 0,
         choice_seed=SEED,

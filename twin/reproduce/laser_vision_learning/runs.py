@@ -15,12 +15,11 @@ from pathlib import Path
 import numpy as np
 
 from trackers.arrays import Array
-from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from twin.evaluate import Evaluation, evaluate_with_details
 from twin.recording.situation_table import SituationTable, read_situations
 from twin.recording.tables import TruthTable, read_truth
-from twin.reproduce.suite_runs import SuiteRuns, case_recording, case_tracks, number_or_nan
+from twin.reproduce.suite_runs import SuiteRuns, case_recording, case_tracks, check_entries, metric_arrays
 from twin.suites.expansion import Case
 from twin.suites.spec import Suite
 from twin.suites.worker import TRUTH, resolved_scenario
@@ -152,10 +151,7 @@ SITUATIONS = "truth_situations.csv"
 
 def check_suite(suite: Suite, path: Path) -> None:
     """Raise InputError for a suite without the hall or the busy place."""
-    names = [entry.name for entry in suite.scenarios]
-    for wanted, what in ((HALL, "table II"), (BUSY, "table I")):
-        if wanted not in names:
-            raise InputError(f"{path}: scenarios: none is named {wanted}; one, the place of {what}, is expected")
+    check_entries(suite, path, {HALL: "the place of table II", BUSY: "the place of table I"})
 
 
 def read_hall(found: SuiteRuns) -> HallRuns:
@@ -197,13 +193,7 @@ def _course(whole: Mapping[int, Mapping[str, Case]], found: SuiteRuns) -> dict[s
 
 def _condition(name: str, whole: Mapping[int, Mapping[str, Case]], found: SuiteRuns) -> HallCondition:
     first = next(iter(whole.values()))
-    metrics = {
-        tracker: {
-            metric: np.array([number_or_nan(found.metrics[cases[tracker].id].get(metric)) for cases in whole.values()])
-            for metric in found.metrics[case.id]
-        }
-        for tracker, case in first.items()
-    }
+    metrics = metric_arrays(whole.values(), found.metrics)
     recorded = [_recorded(next(iter(cases.values())), found) for cases in whole.values()]
     case = next(iter(first.values()))
     return HallCondition(name, tuple(first), case.overrides, tuple(whole), metrics, _place(recorded))

@@ -16,8 +16,7 @@ from trackers.observations import DepthImage, Observation
 from trackers.rgbd_head.tracker import DebugState
 from trackers.rig import Rig, placed_camera
 from twin.recording.tables import TrackTable, TruthTable
-from twin.report.palette import IDENTITY_COLOURS, hex_colour
-from twin.reproduce.results import INK, QUIET, plot_style, to_svg
+from twin.report.palette import IDENTITY_COLOURS, INK, QUIET, hex_colour, plot_style, to_svg
 from twin.reproduce.rgbd_head.results import HeadErrors
 
 _HEIGHTS_M = (0.7, 1.2, 1.6)

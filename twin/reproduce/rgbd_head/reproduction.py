@@ -5,8 +5,6 @@ One recording is replayed for the spread of table 3, the trap of figures 11 and 
 
 from __future__ import annotations
 
-import base64
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +14,6 @@ import numpy as np
 
 from trackers.arrays import Array
 from trackers.environment import Environment, load_environment
-from trackers.errors import InputError
 from trackers.observations import Observation
 from trackers.presets import make_tracker
 from trackers.prior import Prior
@@ -25,18 +22,18 @@ from trackers.rig import Rig
 from trackers.tracks import TrackFrame
 from twin.environment.run import write_environment
 from twin.messages import OnProgress
-from twin.recording.atomic_file import atomic_path
 from twin.recording.reader import Recording
 from twin.recording.tables import TrackTable, TruthTable, read_truth, track_table
 from twin.reproduce.registry import Outputs, Request
 from twin.reproduce.results import (
     ResultRow,
     SystemValue,
+    data_uri,
     format_rows,
+    mean_over_runs,
     pivot_rows,
-    write_page,
-    write_plots,
-    write_results,
+    write_pictures,
+    write_reproduction,
 )
 from twin.reproduce.rgbd_head.figures import (
     environment_svg,
@@ -58,11 +55,10 @@ from twin.reproduce.rgbd_head.results import (
     PAPER,
     SECOND,
     SPREAD,
+    STREAM,
     TRAP,
     WHERE,
-    HeadCondition,
     head_errors,
-    mean_of,
     read_conditions,
     results_of,
     spread_cm,
@@ -72,13 +68,13 @@ from twin.reproduce.suite_runs import (
     case_recording,
     case_tracks,
     case_truth,
+    check_entries,
     load_seeded_suite,
-    read_runs,
+    make_folder,
     run_conditions,
 )
 from twin.scenario import load_scenario
 from twin.streams import stream
-from twin.suites.cluster import Workers
 from twin.suites.expansion import Case
 from twin.suites.spec import Suite
 from twin.suites.worker import RECORDING, TRUTH
@@ -182,7 +178,7 @@ def trap_results(
             places = np.column_stack([tracks.head_x, tracks.head_y, tracks.head_z])
             left[seed] = not seen.environment.head_weight(places).all()
         for row, values in (("lost", lost), ("left the room", left)):
-            found.append(ResultRow.of(CAUGHT, name, row, mean_of(100 * values, 0), "%", n_run))
+            found.append(ResultRow.of(CAUGHT, name, row, mean_over_runs(100 * values, 0, STREAM), "%", n_run))
     return found, first
 
 
@@ -206,35 +202,21 @@ def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = N
     check_suite(suite, path)
     environment = scan_environment(folder, request.resume, on_progress)
     suite = suite.model_copy(update={"set": {**suite.set, "prior.environment": str(environment.resolve())}})
-    cache = run_conditions(folder, suite, path, Workers(request.jobs), request.resume, on_progress)
-    runs = read_runs(suite, path, folder, cache)
+    runs = run_conditions(folder, suite, path, request, on_progress)
     return write_all(folder, runs, load_environment(environment), request, on_progress)
 
 
 def check_suite(suite: Suite, path: Path) -> None:
     """Raise InputError for a suite that lacks one of the paper's experiments, or a tracker in one."""
-    entries = {entry.name or entry.scenario: entry for entry in suite.scenarios}
-    for name in NEEDED:
-        if name not in entries:
-            raise InputError(f"{path}: scenarios: none is named {name}; one, an experiment of the paper, is expected")
-    for name, entry in entries.items():
-        for tracker in (OURS, PAPER) if name in (FIRST, SECOND) else (OURS,):
-            if tracker not in (entry.trackers or suite.trackers):
-                raise InputError(
-                    f"{path}: scenarios: {name} is run without {tracker}; it is expected among the trackers"
-                )
+    needed = {name: "an experiment of the paper" for name in NEEDED}
+    check_entries(suite, path, needed, [OURS], {FIRST: [PAPER], SECOND: [PAPER]})
 
 
 def scan_environment(folder: Path, resume: bool, on_progress: OnProgress | None) -> Path:
     """Scan the environment of the meeting room; a resumed reproduction keeps its own."""
     path = folder / "meeting_room.npz"
     if not (resume and path.is_file()):
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(
-                f"--out {folder}: cannot be written ({error.strerror}); a writable folder is needed"
-            ) from error
+        make_folder(folder)
         write_environment(load_scenario(_ROOM), [], out=path, on_progress=on_progress)
     return path
 
@@ -262,48 +244,26 @@ def write_all(
         "figure11": trap_svg(caught.truth, ways, _CLOCK),
         "errors": errors_svg({name: conditions[name].errors[0] for name in (FIRST, SECOND)}),
     }
-    command = request.command + (f" --runs {request.runs}" if request.runs else "")
-    command += f" --suite {shlex.quote(request.suite)}" if request.suite else ""
-    return results, _written(folder, runs, conditions, results, drawn, pictures, n_run, command)
-
-
-def _written(
-    folder: Path,
-    runs: SuiteRuns,
-    conditions: dict[str, HeadCondition],
-    results: list[ResultRow],
-    drawn: dict[str, str],
-    pictures: dict[str, bytes],
-    n_run: int,
-    command: str,
-) -> dict[str, Path]:
-    paths = {"results": folder / "results.json", "page": folder / "report.html"}
-    write_results(paths["results"], results)
-    paths |= write_plots(folder, drawn)
-    for caption, jpeg in pictures.items():
-        with atomic_path(folder / f"{caption.replace(', ', '-').replace(' ', '-')}.jpg") as partial:
-            partial.write_bytes(jpeg)
+    write_pictures(folder, {name.replace(", ", "-").replace(" ", "-"): jpeg for name, jpeg in pictures.items()})
     of = {
         where: [each for each in results if each.where == where]
         for where in (EXPERIMENTS, SPREAD, CAUGHT, BEYOND, CHOICE, WHERE)
     }
     seeds = conditions[FIRST].seeds
-    write_page(
-        paths["page"],
+    return results, write_reproduction(
+        folder,
+        request.command,
         "rgbd_head/page.html.j2",
-        command,
+        results,
         drawn,
         grids={where: grid for where, rows in of.items() if (grid := pivot_rows(rows))},
         ablations=format_rows([each for each in results if each.where == ABLATION]),
-        pictures={
-            caption: "data:image/jpeg;base64," + base64.b64encode(jpeg).decode() for caption, jpeg in pictures.items()
-        },
+        pictures={caption: data_uri(jpeg) for caption, jpeg in pictures.items()},
         n_run=len(seeds),
         n_replay=n_run,
         seeds=f"{seeds[0]} to {seeds[-1]}",
         not_done=runs.not_done,
     )
-    return paths
 
 
 def _first_case(runs: SuiteRuns, condition: str, tracker: str = OURS) -> Case:

@@ -18,9 +18,8 @@ from trackers.observations import NS_PER_S
 from trackers.rig import Rig, placed_camera
 from twin.recording.reader import Recording
 from twin.recording.tables import TrackTable, TruthTable, read_truth
-from twin.reproduce.results import Bootstrap, Interval, ResultRow, SystemValue, interval
+from twin.reproduce.results import ResultRow, SystemValue, mean_over_runs
 from twin.reproduce.suite_runs import SuiteRuns, case_recording, case_tracks
-from twin.streams import stream
 from twin.suites.worker import RECORDING, TRUTH
 
 LOST_M, LOST_S = 0.5, 1.0
@@ -166,6 +165,8 @@ EXPERIMENTS, SPREAD, CAUGHT = "experiments", "runs of one recording", "runs of t
 BEYOND, CHOICE = "beyond the paper", "beyond the paper, choice"
 ABLATION, WHERE = "beyond the paper, ablations", "beyond the paper, where"
 TIME = "time per frame"
+STREAM = "rgbd-head bootstrap"
+"""Random stream of the intervals."""
 
 _UNITS = {"yaw": "°", "yaw, median": "°", "lost": "/run", "found after": "s", TIME: "ms"}
 _PAPER = {
@@ -226,12 +227,7 @@ def results_of(conditions: Mapping[str, HeadCondition]) -> list[ResultRow]:
 
 def result_of(where: str, row: str, column: str, paper: float | None, values: Array, unit: str, seed: int) -> ResultRow:
     """Make a result from a mean over runs with its interval."""
-    return ResultRow.of(where, row, column, mean_of(values, seed), unit, len(values), paper)
-
-
-def mean_of(values: Array, seed: int) -> Interval:
-    """Compute the mean over runs and its bootstrap interval."""
-    return interval(Bootstrap(len(values), stream(seed, "reproduce", "rgbd-head bootstrap")).mean(values))
+    return ResultRow.of(where, row, column, mean_over_runs(values, seed, STREAM), unit, len(values), paper)
 
 
 def _means(condition: HeadCondition, where: str) -> Iterator[ResultRow]:
@@ -239,8 +235,7 @@ def _means(condition: HeadCondition, where: str) -> Iterator[ResultRow]:
 
     def system(tracker: str, metric: str) -> SystemValue | None:
         values = condition.metrics.get(tracker, {}).get(metric, np.empty(0))
-        known = values[~np.isnan(values)]
-        return SystemValue.of(tracker, mean_of(known, seed)) if known.size else None
+        return SystemValue.mean(tracker, values, seed, STREAM)
 
     for tracker, metrics in condition.metrics.items():
         if tracker.startswith(_CHOICES) or tracker in (PAPER, BASELINE):
