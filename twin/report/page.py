@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
 from html import escape
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup
 
 from trackers.observations import NS_PER_S
@@ -25,7 +21,7 @@ from twin.recording.atomic_file import open_atomic
 from twin.recording.tables import TrackTable, TruthTable
 from twin.report.birdseye import Polygon
 from twin.report.metrics_table import METRICS, format_judged, format_number, grouped_rows, headline_rows
-from twin.report.palette import IDENTITY_COLOURS, IdentityColours, hex_colour
+from twin.report.palette import IDENTITY_COLOURS, IdentityColours, data_uri, hex_colour, page_template
 from twin.report.path_map import ScanDensity, path_map
 from twin.report.sensor_stills import RunPictures
 from twin.report.time_axis import TimeAxis, time_origin_ns
@@ -190,7 +186,7 @@ def write_report(
             raise ValueError(f"tracker {tracker.name!r} has an evaluation, but no truth was handed in")
     axis = _axis(truth, [tracker.tracks for tracker in trackers])
     metrics = [_metrics(tracker) for tracker in trackers]
-    page = _template().render(
+    page = page_template("twin.report", "page.html.j2").render(
         facts=facts,
         tracker_names=[tracker.name for tracker in trackers],
         groups=grouped_rows(metrics),
@@ -207,19 +203,15 @@ def write_report(
         sensors_seen=[] if truth is None else list(truth.visible),
         glyphs=[(Markup(glyph(kind)), name) for kind, name in EVENT_NAMES.items()],
         headline=headline_rows(metrics),
-        stills=[] if pictures is None else [(_data_url(each.jpeg), each) for each in pictures.stills],
+        stills=[] if pictures is None else [(data_uri(each.jpeg), each) for each in pictures.stills],
         stills_at="" if pictures is None else axis.format(pictures.stamp_ns),
-        poster=_data_url(pictures.poster) if pictures is not None and pictures.poster else "",
+        poster=data_uri(pictures.poster) if pictures is not None and pictures.poster else "",
         links=dict(links or {}),
         shown=f"{axis.format(axis.start_ns).removesuffix(' s')} to {axis.format(axis.end_ns)}",
         slots=[hex_colour(colour) for colour in IDENTITY_COLOURS],
     )
     with open_atomic(path) as stream:
         stream.write(page)
-
-
-def _data_url(jpeg: bytes) -> str:
-    return f"data:image/jpeg;base64,{base64.b64encode(jpeg).decode()}"
 
 
 def _axis(truth: TruthTable | None, tables: Sequence[TrackTable]) -> TimeAxis:
@@ -300,9 +292,3 @@ def _counts(tracks: TrackTable) -> list[tuple[str, str, str]]:
         (format_number(counts["duration_s"]["longest"], 1), "s", "length of a track, longest"),
         (format_number(None if coasting is None else 100 * coasting, 1), "%", "of rows are predictions (coasting)"),
     ]
-
-
-@cache
-def _template() -> Template:
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    return environment.from_string((files("twin.report") / "page.html.j2").read_text(encoding="utf-8"))

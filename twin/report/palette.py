@@ -1,7 +1,10 @@
-"""Colours of identities and sensors, the same in the video and on the page; and text in OpenCV's own outline font."""
+"""Look of videos, plots and pages: colours of identities and sensors, text in OpenCV's own outline font, the style of plots,
+and templates of pages.
+"""
 
 from __future__ import annotations
 
+import base64
 import io
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -14,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
+    from jinja2 import Template
     from matplotlib.figure import Figure
 
 RGB = tuple[int, int, int]
@@ -171,3 +175,25 @@ def to_svg(figure: Figure) -> str:
     drawn = io.StringIO()
     figure.savefig(drawn, format="svg", metadata={"Date": None})
     return drawn.getvalue()
+
+
+def data_uri(picture: str | bytes) -> str:
+    """Encode an SVG document, or a JPEG, as the source of an image within a page."""
+    kind, content = ("svg+xml", picture.encode()) if isinstance(picture, str) else ("jpeg", picture)
+    return f"data:image/{kind};base64,{base64.b64encode(content).decode()}"
+
+
+@cache
+def page_template(*packages_and_name: str) -> Template:
+    """Load a template: packages in which it and its base are looked for, in this order, and its name."""
+    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+
+    *packages, name = packages_and_name
+    environment = Environment(
+        loader=ChoiceLoader([PackageLoader(package, ".") for package in packages]),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(name)

@@ -9,17 +9,14 @@ middle. The page is one self-contained HTML file, with plots in one style.
 
 from __future__ import annotations
 
-import base64
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from functools import cache
 from math import log
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from numpy.typing import NDArray
 from rich.table import Table
 
@@ -27,6 +24,7 @@ from trackers.arrays import Array
 from twin.console import PlainConsole
 from twin.recording.atomic_file import atomic_path, open_atomic
 from twin.report.metrics_table import format_number
+from twin.report.palette import data_uri, page_template
 from twin.streams import stream
 
 N_REPLICATE = 2000
@@ -280,8 +278,8 @@ def write_reproduction(
     svgs = {name: folder / f"{name}.svg" for name in drawn}
     paths = {"results": folder / "results.json", **svgs, "page": folder / "report.html"}
     write_results(paths["results"], results)
-    plots = {name: data_uri(svg.encode(), "svg+xml") for name, svg in drawn.items()}
-    page = template(template_name).render(command=command, plots=plots, **content)
+    plots = {name: data_uri(svg) for name, svg in drawn.items()}
+    page = page_template("twin.reproduce", template_name).render(command=command, plots=plots, **content)
     for name, text in {**drawn, "page": page}.items():
         with open_atomic(paths[name]) as file:
             file.write(text)
@@ -293,21 +291,3 @@ def write_pictures(folder: Path, pictures: Mapping[str, bytes]) -> None:
     for name, jpeg in pictures.items():
         with atomic_path(folder / f"{name}.jpg") as partial:
             partial.write_bytes(jpeg)
-
-
-def data_uri(picture: bytes, kind: str = "jpeg") -> str:
-    """Encode a file as the source of an image within the page."""
-    return f"data:image/{kind};base64,{base64.b64encode(picture).decode()}"
-
-
-@cache
-def template(name: str) -> Template:
-    """Load a page of this package, on the shared base."""
-    environment = Environment(
-        loader=PackageLoader("twin.reproduce", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template(name)

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
 from trackers.arrays import Array
 from twin.models import MODELS
 from twin.recording.atomic_file import open_atomic
-from twin.reproduce.results import data_uri
+from twin.report.palette import data_uri, page_template
 from twin.scenario import Scenario
 from twin.scenario.sensors import FloorDescription
 from twin.studies.candidate_poses import first_sensor
@@ -27,6 +26,8 @@ from twin.studies.visibility import SensorVisibility, floor_cells, unvisited_war
 from twin.studies.worker import EvaluationTask, matched_errors
 from twin.suites.cache_keys import whole_code
 
+study_template = partial(page_template, "twin.studies", "twin.reproduce")
+"""Load a template of study pages, on the base that pages of results share."""
 _HEAT_CELLS = 4000
 _PLAN_CELLS = 10_000
 _MOST_ERROR_SEEDS = 3
@@ -82,7 +83,7 @@ def write_page(path: Path, results: StudyResults) -> None:
         **section(_plan(results, scenario, path.parent)),
     }
     with open_atomic(path) as stream:
-        stream.write(environment().get_template("page.html.j2").render(**content))
+        stream.write(study_template("page.html.j2").render(**content))
 
 
 def _value(results: StudyResults, trial: Trial) -> float:
@@ -314,15 +315,3 @@ def _device_label(device: Device, scenario: Scenario) -> str:
     kind = scenario.sensors[first_sensor(device, scenario)].kind
     held = len(device.together) or 1
     return kind if held == 1 else f"{kind} and {held - 1} more on one mount"
-
-
-@cache
-def environment() -> Environment:
-    """Return the template environment of study pages, on the base that pages of results share."""
-    return Environment(
-        loader=ChoiceLoader([PackageLoader("twin.studies", "."), PackageLoader("twin.reproduce", ".")]),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )

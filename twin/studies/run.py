@@ -11,14 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Template
 
 from trackers.errors import InputError
 from trackers.plain_data import dump_yaml
 from twin.console import PlainConsole, print_warnings
 from twin.models import cache_folder
 from twin.recording.atomic_file import open_atomic
-from twin.reproduce.results import data_uri
+from twin.report.palette import data_uri
 from twin.run.inputs import NONE_TRUSTED, TrustedClasses
 from twin.scenario import Scenario, load_scenario
 from twin.scenario.load import dump_scenario
@@ -27,7 +26,7 @@ from twin.studies.apply_placement import write_scenario
 from twin.studies.candidate_set import BASELINE, building_of
 from twin.studies.coverage import PoseCoverage, at_least, count_bits
 from twin.studies.interactive_plan import plan_data, section
-from twin.studies.page import environment, write_page
+from twin.studies.page import study_template, write_page
 from twin.studies.plots import heat_map, is_scanner, plan_sensors
 from twin.studies.preflight import prepare
 from twin.studies.results import StudyResults, summarize, write_table
@@ -237,7 +236,7 @@ def write_coverage(scenario: Scenario, folder: Path, *, beams: int, px_per_m: fl
     with open_atomic(folder / "coverage.json") as stream:
         json.dump(found, stream, indent=2)
         stream.write("\n")
-    template: Template = environment().get_template("coverage.html.j2")
+    template = study_template("coverage.html.j2")
     plan = plan_data(scenario, names, building, area, asked, cell_m, extends=_SCENARIO, folder=folder)
     with open_atomic(folder / _SCENARIO) as stream:
         stream.write(dump_scenario(scenario))

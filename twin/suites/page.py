@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import os
 from collections.abc import Mapping, Sequence
-from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup
 
 from twin.evaluate.accuracy import WITHIN, calibration_curve
 from twin.recording.atomic_file import open_atomic
 from twin.report.metrics_table import HEADLINE_METRICS
 from twin.report.page import calibration_chart
-from twin.report.palette import IDENTITY_COLOURS, hex_colour
+from twin.report.palette import IDENTITY_COLOURS, data_uri, hex_colour, page_template
 from twin.suites.comparison import Change, Comparison, case_page, incident_link, significance
 from twin.suites.filmstrip import colour_of, marker, scale_of, small_multiple
 from twin.suites.metrics import METRICS, SHOWN, format_metric, metric_named
@@ -128,7 +124,7 @@ def _write(
     rows = [] if reference is None else differences_from(results, reference)
     strata = {} if reference is None else differences_by_scenario(results, reference)
     detectable = comparison.detectable if comparison is not None else ()
-    page = _template().render(
+    page = page_template("twin.suites", "page.html.j2").render(
         results=results,
         trackers=trackers,
         slots=[hex_colour(colour) for colour in IDENTITY_COLOURS],
@@ -221,13 +217,9 @@ def _worst(case: PairedCase, filmstrips: Mapping[str, float], folder: Path) -> d
         "hota": format_metric("hota", case.metrics["hota"]),
         "reference": format_metric("hota", case.reference["hota"]),
         "case": case.case_id,
-        "filmstrip": _picture_source(picture) if picture is not None and picture.is_file() else None,
+        "filmstrip": data_uri(picture.read_bytes()) if picture is not None and picture.is_file() else None,
         "t_s": filmstrips.get(case.case_id or ""),
     }
-
-
-def _picture_source(picture: Path) -> str:
-    return "data:image/jpeg;base64," + base64.b64encode(picture.read_bytes()).decode()
 
 
 def _filmstrip(
@@ -244,7 +236,7 @@ def _filmstrip(
             picture = folder / "cases" / case_id / "worst.jpg"
             if picture.is_file():
                 return {
-                    "source": _picture_source(picture),
+                    "source": data_uri(picture.read_bytes()),
                     "case": case_id,
                     "caption": f"{tracker}, seed {seed}, at {filmstrips[case_id]:.1f} s: "
                     f"{store.incidents(case_id)[0].what}, the worst of this scenario",
@@ -334,9 +326,3 @@ def _slots(results: Results) -> dict[str, int]:
     """Assign numbers to the trackers in order of appearance."""
     names = dict.fromkeys(key.tracker for key in results.groups)
     return {name: place for place, name in enumerate(names)}
-
-
-@cache
-def _template() -> Template:
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    return environment.from_string((files("twin.suites") / "page.html.j2").read_text(encoding="utf-8"))

@@ -215,7 +215,7 @@ def test_bad_input_is_named(tmp_path):
     ("change", "words"),
     [
         (("name: people-5}", "name: five}"), "none is named people-5"),
-        ((", laser-kalman]", "]"), "trackers: people-5 is without laser-kalman; all six"),
+        ((", laser-kalman]", "]"), "trackers: people-5 is run without laser-kalman; it is expected among them"),
     ],
 )
 def test_a_suite_that_is_not_table_one_is_refused(tmp_path, change, words):

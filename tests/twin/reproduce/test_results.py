@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 
+from twin.report.palette import page_template
 from twin.reproduce.results import (
     Bootstrap,
     Interval,
@@ -16,7 +17,6 @@ from twin.reproduce.results import (
     interval,
     pivot_rows,
     print_results,
-    template,
     write_results,
 )
 
@@ -28,7 +28,7 @@ BARE = ResultRow.of("table", "hall, lost", "both", Interval(2.0, 2.0, 2.0), "/ru
 
 
 def rows_page(rows: list[ResultRow]) -> str:
-    return template("rows.html.j2").module.rows_table(format_rows(rows))  # pyright: ignore[reportAttributeAccessIssue]
+    return page_template("twin.reproduce", "rows.html.j2").module.rows_table(format_rows(rows))  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def test_results_are_read_back_as_they_were_written(tmp_path):

@@ -11,7 +11,7 @@ from trackers.arrays import Array
 from trackers.observations import NS_PER_S
 from twin.messages import OnProgress
 from twin.recording.tables import TrackTable, TruthTable
-from twin.report.palette import IDENTITY_COLOURS, INK, QUIET, hex_colour, plot_style, to_svg
+from twin.report.palette import IDENTITY_COLOURS, INK, QUIET, data_uri, hex_colour, plot_style, to_svg
 from twin.reproduce.camera_floor_particle.replays import (
     CHOICE,
     SEED,
@@ -37,7 +37,7 @@ from twin.reproduce.camera_floor_particle.results import (
     tracker_label,
 )
 from twin.reproduce.registry import Outputs, Request
-from twin.reproduce.results import ResultRow, data_uri, format_rows, pivot_rows, write_pictures, write_reproduction
+from twin.reproduce.results import ResultRow, format_rows, pivot_rows, write_pictures, write_reproduction
 from twin.reproduce.suite_runs import (
     SuiteRuns,
     case_tracks,

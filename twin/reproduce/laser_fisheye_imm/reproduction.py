@@ -15,6 +15,7 @@ import numpy as np
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from twin.messages import OnProgress
 from twin.recording.atomic_file import open_atomic
+from twin.report.palette import data_uri
 from twin.reproduce.laser_fisheye_imm.figure7 import (
     FIRST_SCAN,
     MEAN_MAGNITUDE,
@@ -65,7 +66,7 @@ from twin.reproduce.laser_fisheye_imm.table_one import (
 )
 from twin.reproduce.laser_fisheye_imm.walk import PERIOD_S, maneuvering_walk
 from twin.reproduce.registry import Outputs, Request
-from twin.reproduce.results import Interval, data_uri, format_ranges, format_rows, write_reproduction
+from twin.reproduce.results import Interval, format_ranges, format_rows, write_reproduction
 from twin.reproduce.suite_runs import (
     CaseIncident,
     FilmStrip,

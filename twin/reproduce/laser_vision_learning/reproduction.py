@@ -13,6 +13,7 @@ from trackers.observations import NS_PER_S
 from twin.evaluate.accuracy import AFTER_S
 from twin.messages import OnProgress
 from twin.recording.atomic_file import open_atomic
+from twin.report.palette import data_uri
 from twin.reproduce.laser_vision_learning.plots import densities_svg, figure11_svg
 from twin.reproduce.laser_vision_learning.results import (
     ABLATION,
@@ -36,7 +37,7 @@ from twin.reproduce.laser_vision_learning.runs import (
 )
 from twin.reproduce.laser_vision_learning.splits import CHOICE, SEED, compare_choices
 from twin.reproduce.registry import Outputs, Request
-from twin.reproduce.results import ResultRow, data_uri, format_rows, write_reproduction
+from twin.reproduce.results import ResultRow, format_rows, write_reproduction
 from twin.reproduce.suite_runs import (
     CaseIncident,
     FilmStrip,

@@ -24,11 +24,11 @@ from twin.environment.run import write_environment
 from twin.messages import OnProgress
 from twin.recording.reader import Recording
 from twin.recording.tables import TrackTable, TruthTable, read_truth, track_table
+from twin.report.palette import data_uri
 from twin.reproduce.registry import Outputs, Request
 from twin.reproduce.results import (
     ResultRow,
     SystemValue,
-    data_uri,
     format_rows,
     mean_over_runs,
     pivot_rows,
