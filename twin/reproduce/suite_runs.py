@@ -31,6 +31,7 @@ from twin.suites.cluster import Workers
 from twin.suites.dask_runner import ProgressListener, open_workers
 from twin.suites.expansion import Case, expand
 from twin.suites.filmstrip import FilmstripWork, draw_filmstrip
+from twin.suites.results import with_variant
 from twin.suites.run import run_suite
 from twin.suites.spec import Suite, load_suite
 from twin.suites.store_files import read_store
@@ -71,7 +72,7 @@ def metric_arrays(
 
 def condition_name(case: Case) -> str:
     """Name a case's condition: its entry's name, and its difference from that entry's other variants."""
-    return f"{case.scenario} ({case.variant})" if case.variant else case.scenario
+    return with_variant(case.scenario, case.variant)
 
 
 def load_seeded_suite(name: str, seeds: range) -> tuple[Suite, Path]:

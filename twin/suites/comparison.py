@@ -14,13 +14,14 @@ far they may differ. Doubled scanner noise shows in the scanner's own metrics; i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from twin.suites.metrics import GATED, format_metric, metric_named, worsening
+from twin.suites.metrics import GATED, allowed_by_default, format_metric, metric_named, worsening
 from twin.suites.permutation_test import (
     ALPHA,
     MinimumDetectableChange,
@@ -33,7 +34,14 @@ from twin.suites.permutation_test import (
     over_trackers,
     pair_results,
 )
-from twin.suites.results import GroupKey, Results
+from twin.suites.results import (
+    GroupKey,
+    RequirementCheck,
+    Results,
+    check_requirements,
+    collect_results,
+)
+from twin.suites.spec import Tolerance
 from twin.suites.store import ResultStore
 
 EVERY_SCENARIO, EVERY_TRACKER = "every scenario", "every tracker"
@@ -237,6 +245,40 @@ def _listed(names: Sequence[str]) -> str:
 def _names(keys: Sequence[GroupKey], most: int = 4) -> str:
     names = list(dict.fromkeys(f"{key.scenario} with {key.tracker}" for key in keys))
     return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+
+
+@dataclass(frozen=True)
+class SuiteOutcome:
+    """Results of a run in `folder`, compared with those `before`, if any; and the checks of its requirements."""
+
+    folder: Path
+    store: ResultStore
+    results: Results
+    before: Results | None
+    comparison: Comparison | None
+    requirements: Sequence[RequirementCheck]
+
+    @classmethod
+    def of(cls, folder: Path, store: ResultStore, before: Results | None = None) -> SuiteOutcome:
+        """Collect the results so far, compare them, and check the requirements."""
+        facts, results = store.facts(), collect_results(store)
+        comparison = None if before is None else compare(before, results, tolerances_of(facts))
+        return cls(folder, store, results, before, comparison, check_requirements(facts, results))
+
+    @property
+    def violated(self) -> list[RequirementCheck]:
+        """Requirements that are not met."""
+        return [each for each in self.requirements if each.violated]
+
+
+def tolerances_of(facts: Mapping[str, Any]) -> Callable[[str, float], float]:
+    """Return the function that computes tolerances, from the suite's facts."""
+    own = {name: Tolerance(**content) for name, content in facts.get("tolerances", {}).items()}
+
+    def allowed(metric: str, baseline: float) -> float:
+        return own[metric].allowed(baseline) if metric in own else allowed_by_default(metric, baseline)
+
+    return allowed
 
 
 _KIND_OF = {"misidentifications": "misidentification", "lost_tracks": "lost", "id_switches": "switch"}

@@ -7,29 +7,23 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 from twin.recording.atomic_file import atomic_path, open_atomic
-from twin.suites.comparison import Change, Comparison, describe_change
-from twin.suites.results import Group, GroupKey, RequirementCheck, Results, gated_values
-from twin.suites.store import ResultStore
-from twin.suites.store_schema import DONE, FAILED, StoredCase
+from twin.suites.comparison import Change, Comparison, SuiteOutcome, describe_change
+from twin.suites.results import GroupKey, RequirementCheck, gated_values
+from twin.suites.store_schema import DONE, FAILED
 
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
-def write_junit(
-    path: Path,
-    suite: str,
-    cases: Sequence[StoredCase],
-    comparison: Comparison | None,
-    requirements: Sequence[RequirementCheck] = (),
-) -> None:
+def write_junit(path: Path, outcome: SuiteOutcome) -> None:
     """Write `junit.xml`; raises InputError where it cannot be written."""
+    suite, cases = outcome.results.suite, outcome.store.cases()
     root = ElementTree.Element("testsuites", name=suite)
     runs = ElementTree.SubElement(
         root,
@@ -55,20 +49,14 @@ def write_junit(
             element.text = _clean(error)
         elif case.status != DONE:
             ElementTree.SubElement(test, "skipped", message="not finished")
-    if comparison is not None:
-        _add_groups(
-            root,
-            suite,
-            "against the baseline",
-            ((each.key, each.variant, describe_change(each) if each.worse else None) for each in comparison.changes),
-        )
-    if requirements:
-        _add_groups(
-            root,
-            suite,
-            "against its requirements",
-            ((each.key, each.variant, each.sentence() if each.violated else None) for each in requirements),
-        )
+    if outcome.comparison is not None:
+        changes = outcome.comparison.changes
+        judged = ((each.key, each.variant, describe_change(each) if each.worse else None) for each in changes)
+        _add_groups(root, suite, "against the baseline", judged)
+    if outcome.requirements:
+        checks = outcome.requirements
+        judged = ((each.key, each.variant, each.sentence() if each.violated else None) for each in checks)
+        _add_groups(root, suite, "against its requirements", judged)
     ElementTree.indent(root)
     with atomic_path(path) as partial:
         ElementTree.ElementTree(root).write(partial, encoding="utf-8", xml_declaration=True)
@@ -102,15 +90,9 @@ def _clean(text: str) -> str:
     return _NOT_XML.sub("�", text)
 
 
-def write_summary(
-    path: Path,
-    store: ResultStore,
-    results: Results,
-    comparison: Comparison | None,
-    requirements: Sequence[RequirementCheck] = (),
-) -> None:
+def write_summary(path: Path, outcome: SuiteOutcome) -> None:
     """Write the means over seeds with their 95 % intervals, failures, and changes; raises InputError as a file does."""
-    facts, cases = store.facts(), store.cases()
+    results, facts, cases = outcome.results, outcome.store.facts(), outcome.store.cases()
     document: dict[str, Any] = {
         "suite": results.suite,
         "cases": {
@@ -123,13 +105,26 @@ def write_summary(
         "versions": dict(results.versions),
         "renderers": list(results.renderers),
         "tracker_warnings": dict(results.tracker_warnings),
-        "groups": [_group_row(key, group) for key, group in results.groups.items()],
+        "groups": [
+            {
+                "scenario": key.scenario,
+                "variant": group.variant,
+                "overrides": json.loads(key.overrides),
+                "tracker": key.tracker,
+                "seeds": sorted(group.seeds),
+                "metrics": {metric: asdict(mean) for metric, mean in gated_values(group)},
+            }
+            for key, group in results.groups.items()
+        ],
         "failed": [{"case_id": case.id, "attempts": case.attempts, "error": case.error} for case in results.failed],
     }
-    if comparison is not None:
-        document["comparison"] = _comparison_row(comparison)
-    if requirements:
-        document["requirements"] = [_requirement_row(each) for each in requirements]
+    if outcome.comparison is not None:
+        document["comparison"] = _comparison_row(outcome.comparison)
+    if outcome.requirements:
+        document["requirements"] = [
+            {**_who(each), "metric": each.metric, "bound": each.bound, "mean": each.mean, "met": not each.violated}
+            for each in outcome.requirements
+        ]
     _add_former_names(document)
     with open_atomic(path) as stream:
         json.dump(document, stream, indent=2, ensure_ascii=False, allow_nan=False)
@@ -143,17 +138,6 @@ def _add_former_names(document: dict[str, Any]) -> None:
         group["figures"] = group["metrics"]
     if "requirements" in document:
         document["promises"] = [{**each, "kept": each["met"]} for each in document["requirements"]]
-
-
-def _group_row(key: GroupKey, group: Group) -> dict[str, Any]:
-    return {
-        "scenario": key.scenario,
-        "variant": group.variant,
-        "overrides": json.loads(key.overrides),
-        "tracker": key.tracker,
-        "seeds": sorted(group.seeds),
-        "metrics": {metric: asdict(mean) for metric, mean in gated_values(group)},
-    }
 
 
 def _comparison_row(comparison: Comparison) -> dict[str, Any]:
@@ -174,29 +158,10 @@ def _comparison_row(comparison: Comparison) -> dict[str, Any]:
     }
 
 
-def _requirement_row(each: RequirementCheck) -> dict[str, Any]:
-    return {
-        "scenario": each.key.scenario,
-        "variant": each.variant,
-        "tracker": each.key.tracker,
-        "metric": each.metric,
-        "bound": each.bound,
-        "mean": each.mean,
-        "met": not each.violated,
-    }
-
-
 def _row(change: Change) -> dict[str, Any]:
-    return {
-        "scenario": change.key.scenario,
-        "variant": change.variant,
-        "tracker": change.key.tracker,
-        "metric": change.metric,
-        "before": change.before,
-        "now": change.now,
-        "allowed": change.allowed,
-        "p": change.p,
-        "p_better": change.p_better,
-        "fallen_seed": change.fallen,
-        "seeds": change.n_seed,
-    }
+    same = {name: getattr(change, name) for name in ("metric", "before", "now", "allowed", "p", "p_better")}
+    return {**_who(change), **same, "fallen_seed": change.fallen, "seeds": change.n_seed}
+
+
+def _who(each: Change | RequirementCheck) -> dict[str, str]:
+    return {"scenario": each.key.scenario, "variant": each.variant, "tracker": each.key.tracker}

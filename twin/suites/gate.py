@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -24,13 +24,13 @@ from twin.recording.atomic_file import open_atomic
 from twin.run.inputs import NONE_TRUSTED, TrustedClasses
 from twin.suites.cache import RecordingCache, cache_limit_bytes
 from twin.suites.cluster import Workers
-from twin.suites.comparison import Comparison, compare
+from twin.suites.comparison import Comparison, SuiteOutcome, compare, tolerances_of
 from twin.suites.dask_runner import suite_progress
 from twin.suites.exports import write_junit, write_summary
 from twin.suites.metrics import GATED, GATED_SENSOR_METRICS, allowed_by_default
 from twin.suites.page import write_comparison_page, write_page
-from twin.suites.results import Group, GroupKey, RequirementCheck, Results, check_requirements, collect_results, pooled
-from twin.suites.run import run_suite, tolerances_of
+from twin.suites.results import Group, GroupKey, Results, collect_results, pooled
+from twin.suites.run import run_suite
 from twin.suites.spec import Suite, load_suite
 from twin.suites.store import ResultStore
 from twin.suites.store_files import RESULTS_FILE, read_store
@@ -134,13 +134,14 @@ def _text(key: GroupKey, group: Group, whose: str, metrics: Sequence[str]) -> st
 
 def read_results(path: Path) -> Results:
     """Read the results of a suite's folder, its results.sqlite or a baseline. Raises InputError for anything else."""
-    from twin.suites.results import collect_results
-
-    folder = path.parent if path.name == RESULTS_FILE else path
     if path.suffix == ".json":
         return read_baseline(path)
-    with read_store(folder) as store:
+    with read_store(_folder(path)) as store:
         return collect_results(store)
+
+
+def _folder(path: Path) -> Path:
+    return path.parent if path.name == RESULTS_FILE else path
 
 
 def run_gate(
@@ -180,25 +181,31 @@ def run_gate(
             limits=limits,
         )
     with read_store(folder) as store:
-        results = collect_results(store)
-        comparison = None
-        if before is not None:
-            comparison = compare(before, results, tolerances_of(store.facts()))
-            store.note(baseline=str(baseline.resolve()) if baseline is not None else None)
-        requirements = check_requirements(store.facts(), results)
-        print_results(results, store.facts().get("reference"))
-        if comparison is not None:
-            print_comparison(comparison, results, store, folder, shown=("worse",))
-        print_requirements(requirements)
-        files = _write(folder, store, results, comparison, requirements, before)
+        outcome = SuiteOutcome.of(folder, store, before)
+        if baseline is not None and before is not None:
+            store.note(baseline=str(baseline.resolve()))
+        _print(outcome)
+        files = {"results": store.path, "summary": folder / "summary.json"}
+        files |= {"junit": folder / "junit.xml", "report": folder / "report.html"}
+        write_summary(files["summary"], outcome)
+        write_junit(files["junit"], outcome)
+        write_page(files["report"], outcome)
         print_paths(files)
+        results, comparison = outcome.results, outcome.comparison
         if comparison is not None:
             _check_compared(comparison, f"--baseline {baseline}")
         if baseline is not None and update_baseline and not results.failed:
             write_baseline(baseline, results)
             print_paths({"baseline": baseline})
-    kept = not any(each.violated for each in requirements)
-    return not results.failed and kept and (comparison is None or not comparison.worse)
+    return not results.failed and not outcome.violated and (comparison is None or not comparison.worse)
+
+
+def _print(outcome: SuiteOutcome) -> None:
+    """Print the means of a run, what is worse than its baseline, and the requirements that are not met."""
+    print_results(outcome.results, outcome.store.facts().get("reference"))
+    if outcome.comparison is not None:
+        print_comparison(outcome.comparison, outcome.results, (outcome.store, outcome.folder), shown=("worse",))
+    print_requirements(outcome.requirements)
 
 
 def _baseline_of(suite: Suite, baseline: Path | None, update: bool) -> Results | None:
@@ -223,11 +230,10 @@ def _resume_hint() -> Iterator[None]:
 def show_markdown(folder: Path) -> None:
     """Print the verdict and the means of a run, finished or not, in Markdown."""
     with read_store(folder) as store:
-        results = collect_results(store)
-        comparison, _ = _against_baseline(store, results)
-        print(markdown_verdict(results, comparison, check_requirements(store.facts(), results)))
+        outcome = SuiteOutcome.of(folder, store, _held_baseline(store))
+        print(markdown_verdict(outcome.results, outcome.comparison, outcome.requirements))
         print()
-        print(markdown_table(results))
+        print(markdown_table(outcome.results))
 
 
 def show_pooled(folders: Sequence[Path], reference: str | None) -> None:
@@ -251,26 +257,17 @@ def _check_reference(results: Results, reference: str | None) -> None:
 def show_results(folder: Path) -> None:
     """Print the table of a run, finished or not, and write its page, compared with its baseline if it had one."""
     with read_store(folder) as store:
-        results, facts = collect_results(store), store.facts()
-        print_results(results, store.facts().get("reference"))
-        requirements = check_requirements(facts, results)
-        comparison, before = _against_baseline(store, results)
-        if comparison is not None:
-            print_comparison(comparison, results, store, folder, shown=("worse",))
-        print_requirements(requirements)
+        outcome = SuiteOutcome.of(folder, store, _held_baseline(store))
+        _print(outcome)
         page = folder / "report.html"
-        write_page(page, store, results, comparison, folder, before, requirements)
+        write_page(page, outcome)
         print_paths({"results": store.path, "report": page})
 
 
-def _against_baseline(store: ResultStore, results: Results) -> tuple[Comparison | None, Results | None]:
-    """Compare a run with the baseline it had, and return that too; None where there is none any more."""
-    facts = store.facts()
-    baseline = Path(facts["baseline"]) if facts.get("baseline") else None
-    if baseline is None or not baseline.is_file():
-        return None, None
-    before = read_baseline(baseline)
-    return compare(before, results, tolerances_of(facts)), before
+def _held_baseline(store: ResultStore) -> Results | None:
+    """Read the baseline that a run was compared with; None where there is none any more."""
+    baseline = store.facts().get("baseline")
+    return read_baseline(Path(baseline)) if baseline and Path(baseline).is_file() else None
 
 
 def _check_compared(comparison: Comparison, what: str) -> None:
@@ -291,45 +288,19 @@ def compare_results(before: Path, now: Path, out: Path | None, *, markdown: bool
         raise InputError(
             f"{before} and {now} have no scenario and tracker in common; two runs of one suite are expected"
         )
-    if now.suffix == ".json":
-        comparison = compare(old, new, allowed_by_default, str(before))
-        _check_compared(comparison, f"{now} against {before}")
+    title = f"{now} against {before}"
+    with ExitStack() as stack:
+        run = None if now.suffix == ".json" else (stack.enter_context(read_store(_folder(now))), _folder(now))
+        comparison = compare(
+            old, new, allowed_by_default if run is None else tolerances_of(run[0].facts()), str(before)
+        )
+        _check_compared(comparison, title)
         if markdown:
             print(markdown_comparison(comparison))
         else:
-            print_comparison(comparison, new, None, now)
+            print_comparison(comparison, new, run)
         if out is not None:
-            write_comparison_page(out, comparison, old, new, f"{now} against {before}")
-    else:
-        with read_store(now) as store:
-            comparison = compare(old, new, tolerances_of(store.facts()), str(before))
-            _check_compared(comparison, f"{now} against {before}")
-            if markdown:
-                print(markdown_comparison(comparison))
-            else:
-                print_comparison(comparison, new, store, now)
-            if out is not None:
-                write_comparison_page(out, comparison, old, new, f"{now} against {before}", (store, now))
+            write_comparison_page(out, comparison, old, new, title, run)
     if out is not None and not markdown:
         print_paths({"page": out})
     return not comparison.worse
-
-
-def _write(
-    folder: Path,
-    store: ResultStore,
-    results: Results,
-    comparison: Comparison | None,
-    requirements: Sequence[RequirementCheck],
-    before: Results | None,
-) -> dict[str, Path]:
-    files = {
-        "results": store.path,
-        "summary": folder / "summary.json",
-        "junit": folder / "junit.xml",
-        "report": folder / "report.html",
-    }
-    write_summary(files["summary"], store, results, comparison, requirements)
-    write_junit(files["junit"], results.suite, store.cases(), comparison, requirements)
-    write_page(files["report"], store, results, comparison, folder, before, requirements)
-    return files

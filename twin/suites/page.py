@@ -15,7 +15,7 @@ from twin.recording.atomic_file import open_atomic
 from twin.report.metrics_table import HEADLINE_METRICS
 from twin.report.page import calibration_chart
 from twin.report.palette import IDENTITY_COLOURS, data_uri, hex_colour, page_template
-from twin.suites.comparison import Change, Comparison, case_page, incident_link, significance
+from twin.suites.comparison import Change, Comparison, SuiteOutcome, case_page, incident_link
 from twin.suites.filmstrip import colour_of, marker, scale_of, small_multiple
 from twin.suites.metrics import METRICS, SHOWN, format_metric, metric_named
 from twin.suites.permutation_test import ALPHA
@@ -34,35 +34,28 @@ from twin.suites.results import (
     worst_cases,
 )
 from twin.suites.store import ResultStore
+from twin.suites.tables import change_cells
 
 
-def write_page(
-    path: Path,
-    store: ResultStore,
-    results: Results,
-    comparison: Comparison | None,
-    folder: Path,
-    before: Results | None = None,
-    requirements: Sequence[RequirementCheck] = (),
-) -> None:
+def write_page(path: Path, outcome: SuiteOutcome) -> None:
     """Write the page of a run into its folder; it takes its name when complete. Raises InputError as a file does."""
-    facts = store.facts()
+    store, folder, results, facts = outcome.store, outcome.folder, outcome.results, outcome.store.facts()
     _write(
         path,
         title=f"{results.suite}: a suite",
         description=facts["description"],
         results=results,
-        before=before,
-        comparison=comparison,
-        requirements=requirements,
-        links=_links(comparison, results, store, folder, path.parent),
+        before=outcome.before,
+        comparison=outcome.comparison,
+        requirements=outcome.requirements,
+        links=_links(outcome.comparison, results, store, folder, path.parent),
         worst=[
             _worst(case, facts.get("worst_filmstrips", {}), folder)
             for case in (worst_cases(results, facts["reference"]) if facts.get("reference") else [])
         ],
         sections=[
             section | {"filmstrip": _filmstrip(section["cases"], facts.get("filmstrips", {}), store, folder)}
-            for section in _sections(results, before)
+            for section in _sections(results, outcome.before)
         ],
         seconds=facts["seconds"],
         reference=facts.get("reference"),
@@ -245,20 +238,9 @@ def _filmstrip(
 
 
 def _change(change: Change, links: Mapping[int, tuple[str, str]]) -> dict[str, Any]:
-    metric = change.metric
-    missing = change.now is None
-    return {
-        "scenario": change.key.scenario,
-        "variant": change.variant,
-        "tracker": change.key.tracker,
-        "metric": metric_named(metric).name,
-        "before": format_metric(metric, change.before),
-        "now": "missing" if missing else format_metric(metric, change.now),
-        "change": "" if missing else format_metric(metric, change.change, sign=True),
-        "allowed": "" if missing else format_metric(metric, change.allowed),
-        "significance": significance(change),
-        "look": links.get(id(change)),
-    }
+    _, tracker, *cells, _ = change_cells(change)
+    who = {"scenario": change.key.scenario, "variant": change.variant, "tracker": tracker}
+    return {**who, "cells": cells, "look": links.get(id(change))}
 
 
 def _reference_row(row: ReferenceDifference) -> tuple[str, int, list[tuple[str, str, str]], str]:

@@ -37,6 +37,11 @@ class GroupKey:
     tracker: str
 
 
+def with_variant(scenario: str, variant: str) -> str:
+    """Name a scenario with its variant, if any."""
+    return f"{scenario} ({variant})" if variant else scenario
+
+
 @dataclass(frozen=True)
 class Group:
     """Metrics of each seed, by name; None where a metric does not apply.

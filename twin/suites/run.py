@@ -21,9 +21,9 @@ from twin.suites.cluster import Workers
 from twin.suites.dask_runner import ProgressListener, RunTasks, open_workers
 from twin.suites.expansion import Case, check_case_count, expand
 from twin.suites.filmstrip import FilmstripWork, draw_filmstrip
-from twin.suites.metrics import allowed_by_default, flatten_metrics
+from twin.suites.metrics import flatten_metrics
 from twin.suites.results import collect_results, worst_cases
-from twin.suites.spec import Suite, Tolerance
+from twin.suites.spec import Suite
 from twin.suites.store import ResultStore
 from twin.suites.store_files import open_store
 from twin.suites.store_schema import DONE, FAILED, RecordingInfo, Requirement
@@ -217,13 +217,3 @@ def _write_files(folder: Path, files: Mapping[str, bytes]) -> None:
     for name, content in files.items():
         with atomic_path(folder / name) as partial:
             partial.write_bytes(content)
-
-
-def tolerances_of(facts: Mapping[str, Any]) -> Callable[[str, float], float]:
-    """Return the function that computes tolerances, from the suite's facts."""
-    own = {name: Tolerance(**content) for name, content in facts.get("tolerances", {}).items()}
-
-    def allowed(metric: str, baseline: float) -> float:
-        return own[metric].allowed(baseline) if metric in own else allowed_by_default(metric, baseline)
-
-    return allowed

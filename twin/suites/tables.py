@@ -25,6 +25,7 @@ from twin.suites.results import (
     differences_by_scenario,
     differences_from,
     mean_over_seeds,
+    with_variant,
 )
 from twin.suites.store import ResultStore
 
@@ -39,7 +40,7 @@ def print_results(results: Results, reference: str | None = None) -> None:
     for metric in HEADLINE_METRICS:
         table.add_column(_heading(metric), justify="right")
     for key, group in results.groups.items():
-        name = f"{key.scenario} ({group.variant})" if group.variant else key.scenario
+        name = with_variant(key.scenario, group.variant)
         cells = [_mean_text(metric, mean_over_seeds(group.values(metric))) for metric in HEADLINE_METRICS]
         table.add_row(name, key.tracker, str(len(group.seeds)), group.n, *cells)
     console = _console()
@@ -86,7 +87,7 @@ def _reference_table(results: Results, reference: str) -> Table:
         for (scenario, variant), rows in strata.items():
             table.add_section()
             for row in rows:
-                table.add_row(f"{scenario} ({variant})" if variant else scenario, *_reference_cells(row))
+                table.add_row(with_variant(scenario, variant), *_reference_cells(row))
     return table
 
 
@@ -133,11 +134,10 @@ def _pooled_table(results: Results) -> Table:
 def print_comparison(
     comparison: Comparison,
     results: Results,
-    store: ResultStore | None,
-    folder: Path,
+    run: tuple[ResultStore, Path] | None,
     shown: Sequence[str] = ("worse", "better"),
 ) -> None:
-    """Print worse metrics, their changes and incidents, then better ones; notes on stderr."""
+    """Print worse metrics, their changes and incidents in `run` (results and folder), then better ones; notes on stderr."""
     console = _console()
     for warning in comparison.warnings:
         PlainConsole(stderr=True).print(f"warning: {warning}", soft_wrap=True)
@@ -148,11 +148,9 @@ def print_comparison(
             console.print(_changes_table(changes[:_MOST_ROWS]))
             if len(changes) > _MOST_ROWS:
                 console.print(f"and {len(changes) - _MOST_ROWS} more, in summary.json")
-        if word == "worse" and store is not None:
+        if word == "worse" and run is not None:
             for line in dict.fromkeys(
-                incident.text()
-                for change in changes[:_MOST_ROWS]
-                if (incident := incident_link(change, results, store, folder))
+                incident.text() for change in changes[:_MOST_ROWS] if (incident := incident_link(change, results, *run))
             ):
                 console.print(f"see {line}", soft_wrap=True)
     if comparison.identical:
@@ -193,10 +191,33 @@ def print_requirements(requirements: Sequence[RequirementCheck]) -> None:
     console = _console()
     broken = [each for each in requirements if each.violated]
     for each in broken[:_MOST_ROWS]:
-        name = f"{each.key.scenario} ({each.variant})" if each.variant else each.key.scenario
+        name = with_variant(each.key.scenario, each.variant)
         text = f"requirement not met: {name}, {each.key.tracker}: {each.sentence()}"
         console.print(text, soft_wrap=True)
     console.print(f"{len(requirements) - len(broken)} of {len(requirements)} requirements met")
+
+
+def change_cells(change: Change) -> list[str]:
+    """Format scenario, tracker, metric, before, now, change, allowed change, significance and number of seeds."""
+    metric = change.metric
+    changed = (
+        ["missing", "", ""]
+        if change.now is None
+        else [
+            format_metric(metric, change.now),
+            format_metric(metric, change.change, sign=True),
+            format_metric(metric, change.allowed),
+        ]
+    )
+    return [
+        with_variant(change.key.scenario, change.variant),
+        change.key.tracker,
+        metric_named(metric).name,
+        format_metric(metric, change.before),
+        *changed,
+        significance(change),
+        str(change.n_seed),
+    ]
 
 
 def _changes_table(changes: Sequence[Change]) -> Table:
@@ -206,20 +227,7 @@ def _changes_table(changes: Sequence[Change]) -> Table:
     for name in ("before", "now", "change", "allowed", "p", "seeds"):
         table.add_column(name, justify="right")
     for change in changes:
-        metric = change.metric
-        name = f"{change.key.scenario} ({change.variant})" if change.variant else change.key.scenario
-        missing = change.now is None
-        table.add_row(
-            name,
-            change.key.tracker,
-            metric_named(metric).name,
-            format_metric(metric, change.before),
-            "missing" if missing else format_metric(metric, change.now),
-            "" if missing else format_metric(metric, change.change, sign=True),
-            "" if missing else format_metric(metric, change.allowed),
-            significance(change),
-            str(change.n_seed),
-        )
+        table.add_row(*change_cells(change))
     return table
 
 
@@ -263,7 +271,7 @@ def markdown_verdict(results: Results, comparison: Comparison | None, requiremen
         parts.append(f"{results.unfinished} not finished")
     lines = [f"{results.suite}: {'; '.join(parts)}."]
     for each in broken:
-        name = f"{each.key.scenario} ({each.variant})" if each.variant else each.key.scenario
+        name = with_variant(each.key.scenario, each.variant)
         lines.append(f"- not met: {_cell(f'{name}, `{each.key.tracker}`: {each.sentence()}')}")
     if comparison is not None and comparison.worse:
         lines += ["", markdown_comparison(comparison)]
@@ -280,21 +288,8 @@ def markdown_comparison(comparison: Comparison) -> str:
     if changes:
         lines += ["", _line(heads), _line(["---"] * 4 + ["--:"] * 6)]
     for word, change in changes:
-        name = f"{change.key.scenario} ({change.variant})" if change.variant else change.key.scenario
-        missing = change.now is None
-        cells = [
-            f"**{word}**" if word == "worse" else word,
-            name,
-            f"`{change.key.tracker}`",
-            metric_named(change.metric).name,
-            format_metric(change.metric, change.before),
-            "missing" if missing else format_metric(change.metric, change.now),
-            "" if missing else format_metric(change.metric, change.change, sign=True),
-            "" if missing else format_metric(change.metric, change.allowed),
-            significance(change),
-            str(change.n_seed),
-        ]
-        lines.append(_line(cells))
+        name, tracker, *cells = change_cells(change)
+        lines.append(_line([f"**{word}**" if word == "worse" else word, name, f"`{tracker}`", *cells]))
     return "\n".join([*lines, *(f"\nWarning: {_cell(warning)}" for warning in comparison.warnings)])
 
 
@@ -302,9 +297,8 @@ def _rows_of_scenario(rows: list[tuple[GroupKey, Group]]) -> list[str]:
     columns = [_column(metric, [group for _, group in rows]) for metric in _SHOWN]
     lines = []
     for place, (key, group) in enumerate(rows):
-        name = f"{key.scenario} ({group.variant})" if group.variant else key.scenario
         cells = [
-            name if place == 0 else "",
+            with_variant(key.scenario, group.variant) if place == 0 else "",
             f"`{key.tracker}`",
             str(len(group.seeds)),
             group.n,

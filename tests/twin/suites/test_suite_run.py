@@ -24,8 +24,8 @@ from twin.commands.batch import suite_app as app
 from twin.suites import run as suite_run, store_files
 from twin.suites.cache import RecordingCache
 from twin.suites.cluster import Workers
+from twin.suites.comparison import SuiteOutcome
 from twin.suites.page import write_page
-from twin.suites.results import collect_results
 from twin.suites.run import run_suite
 from twin.suites.spec import load_suite
 from twin.suites.store_files import read_store
@@ -344,7 +344,7 @@ def test_without_reports_the_page_leads_to_the_folders_of_the_cases(suite: Path,
     run_made_up(suite, folder := tmp_path / "out")
     assert not list((folder / "cases").glob("*/report.html"))
     with read_store(folder) as store:
-        write_page(folder / "report.html", store, collect_results(store), None, folder)
+        write_page(folder / "report.html", SuiteOutcome.of(folder, store))
     links = re.findall(r'href="(cases/[^"]+)"', (folder / "report.html").read_text())
     assert len(links) == N_CASE and all((folder / link / "metrics.json").is_file() for link in links)
 
