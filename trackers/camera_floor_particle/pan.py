@@ -43,7 +43,7 @@ _LEAST = 1e-4
 """Least share of the belief in every direction, so that none is ruled out."""
 
 
-class Looks(NamedTuple):
+class HeadViews(NamedTuple):
     """Views of heads by cameras: rows of tracks, bearings [rad], colours as roots, part by part, similarity to each side,
     skin.
     """
@@ -55,7 +55,7 @@ class Looks(NamedTuple):
     skin: Complex[AnyArray, "k"]  # its share, in the direction that it faces, e^iφ in the room
 
 
-def looks(people: People, views: Views, options: HeadOptions) -> Looks | None:
+def looks(people: People, views: Views, options: HeadOptions) -> HeadViews | None:
     """Evaluate the head estimates in every view with foreground there; None without any."""
     places = people.head_place.T
     look = views.look(places)
@@ -67,10 +67,10 @@ def looks(people: People, views: Views, options: HeadOptions) -> Looks | None:
     roots = unit(np.sqrt(views.colours(places, pixels, shown, window, options.parts)))
     alike = (unit(people.hair)[rows] @ roots[..., None])[..., 0]
     skin = views.skin(places, pixels, shown, options.window) * np.exp(1j * from_east)
-    return Looks(rows, from_east, roots, alike, skin)
+    return HeadViews(rows, from_east, roots, alike, skin)
 
 
-def turned(people: People, dt: float, turns_rad: float, seen: Looks | None, options: FacingOptions) -> People:
+def turned(people: People, dt: float, turns_rad: float, seen: HeadViews | None, options: FacingOptions) -> People:
     """Update pans `dt` seconds later: by turns, views, and the walking direction.
 
     turns_rad: standard deviation of turns in that time.
@@ -125,7 +125,7 @@ def aligned(people: People) -> People:
     )
 
 
-def learned(people: People, seen: Looks, most_looks: float) -> People:
+def learned(people: People, seen: HeadViews, most_looks: float) -> People:
     """Learn the visible sides of heads with a certain pan: references are means of the last views at each."""
     _, sure = mean_direction(people.facing)
     clear = people.pan_known & (sure > _SURE) & ~people.lost

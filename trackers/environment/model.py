@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int, Int32, UInt8
+from jaxtyping import Bool, Float, Float32, Int32, UInt8
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
 from trackers.area import Area
-from trackers.arrays import Array, Bytes, Index, Mask, Singles
+from trackers.arrays import Array, Bytes, Mask, Singles
 from trackers.environment.grid import FREE, OCCUPIED, UNKNOWN, Grid
 from trackers.errors import InputError
 
@@ -257,11 +257,6 @@ class Environment:
                 f"{source}: the scanner saw {seen:.0%} of the rig's area; {_KNOWN_SHARE:.0%} or more, of the room that the "
                 "rig is in, is expected"
             )
-
-    @cached_property
-    def _occupied(self) -> Int[Index, "m"]:
-        """Flat indices of the occupied voxels, ascending, in the order of their points."""
-        return np.flatnonzero(self.state == OCCUPIED)
 
     @property
     def _distance(self) -> Float32[Singles, "nx ny nz"]:

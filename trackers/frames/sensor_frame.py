@@ -41,7 +41,7 @@ _STILL_M = 0.18
 """One that ends so near to a place met what stands there [m]."""
 
 
-class Looks(NamedTuple):
+class SightCounts(NamedTuple):
     """Of each of n places, how many looks saw it free, and how many something there."""
 
     free: Float[Array, "n"]
@@ -75,11 +75,11 @@ class ScanMemory:
             self._put(self._n_recent % _RECENT, t, pose, bearings, reach)
             self._n_recent += 1
 
-    def looks(self, places: Float[Array, "n 2"], before_s: Float[Array, "n"]) -> Looks:
+    def looks(self, places: Float[Array, "n 2"], before_s: Float[Array, "n"]) -> SightCounts:
         """Count the looks before these times [s] that saw each place [m] free, and those that saw something there."""
         kept = self._t < before_s.max(initial=-np.inf)
         if not kept.any():
-            return Looks(np.zeros(len(places)), np.zeros(len(places)))
+            return SightCounts(np.zeros(len(places)), np.zeros(len(places)))
         seen_at = placed(self._view[kept][:, None], places[None])  # (k, n, 2)
         away = np.hypot(seen_at[..., 0], seen_at[..., 1])
         bin_ = np.rint(np.arctan2(seen_at[..., 1], seen_at[..., 0]) * (_BINS / (2 * np.pi))).astype(np.intp)
@@ -90,7 +90,7 @@ class ScanMemory:
             free = (gap > _PASSED_M).sum(axis=0) >= 2
             hit = (np.abs(gap) < _STILL_M).any(axis=0)
         earlier = self._t[kept][:, None] < before_s
-        return Looks((free & ~hit & earlier).sum(axis=0).astype(float), (hit & earlier).sum(axis=0).astype(float))
+        return SightCounts((free & ~hit & earlier).sum(axis=0).astype(float), (hit & earlier).sum(axis=0).astype(float))
 
     def _put(self, row: int, t: float, pose: Array, bearings: Array, reach: Array) -> None:
         self._t[row], self._view[row] = t, inverse(pose)
@@ -202,10 +202,10 @@ class SensorFrame:
         """Return points of the fixed frame in the scanner's [m]."""
         return placed(inverse(self.pose), points)
 
-    def looks(self, places: Float[Array, "n 2"], before_s: Float[Array, "n"]) -> Looks:
+    def looks(self, places: Float[Array, "n 2"], before_s: Float[Array, "n"]) -> SightCounts:
         """Count the looks before these times [s] that saw places [m] free, and something there."""
         seen, known = self._memory.looks(places, before_s), self._empty.looks(places, before_s)
-        return Looks(seen.free + _SURE * known.free, seen.hit + _SURE * known.hit)
+        return SightCounts(seen.free + _SURE * known.free, seen.hit + _SURE * known.hit)
 
     def own_parts(self, scan: LaserScan) -> Bool[Mask, "n_beam"]:
         """Select the beams that meet a part of the robot."""

@@ -33,7 +33,7 @@ _MOST_LOADED = 0.5
 """Share of the elements from which a frame is that of a broken floor."""
 
 
-class Floor:
+class FusedFloor:
     """One pressure floor. empty_room: observations without people, of it and others."""
 
     learns_background = False

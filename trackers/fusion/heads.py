@@ -20,7 +20,7 @@ from trackers.arrays import Array, Index, Mask
 from trackers.cameras.placed import PlacedCamera
 from trackers.filters.gating import distances
 from trackers.filters.rows import Rows, written
-from trackers.fusion.options import HeadOptions
+from trackers.fusion.options import HeadEvidenceOptions
 from trackers.likelihood.stereo_head import StereoHeadOptions, StereoHeads
 from trackers.tracking.roster import NEVER_NS
 from trackers.vision.head_colours import HeadColours, HeadModel
@@ -75,7 +75,7 @@ class Heads(Rows):
         resultant = self.facing @ np.exp(1j * _DIRECTIONS)
         return np.angle(resultant), np.abs(resultant)
 
-    def predicted(self, dt: float, velocity: Float[Array, "n 2"], options: HeadOptions) -> Self:
+    def predicted(self, dt: float, velocity: Float[Array, "n 2"], options: HeadEvidenceOptions) -> Self:
         """Return the heads `dt` later [s]; velocity: of the bodies [m/s], the way of which walkers face."""
         F, acceleration = np.eye(6), options.acceleration_m_s2**2
         F[:3, 3:] = dt * np.eye(3)
@@ -122,7 +122,7 @@ class Heads(Rows):
 class HeadWeighing:
     """Weighs heads by the pictures of one camera. area: where people are (None: everywhere)."""
 
-    def __init__(self, camera: PlacedCamera, model: HeadModel, options: HeadOptions, area: Area | None) -> None:
+    def __init__(self, camera: PlacedCamera, model: HeadModel, options: HeadEvidenceOptions, area: Area | None) -> None:
         self._area = area
         self._common = model.common
         self._heads = StereoHeads([camera], model, StereoHeadOptions())

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 from trackers.arrays import Array, Mask
 from trackers.filters.gating import distances, max_weight_assignment
 from trackers.filters.rows import written
-from trackers.fusion.options import IdentityOptions
+from trackers.fusion.options import ColourIdentityOptions
 from trackers.fusion.people import People
 from trackers.observations import NS_PER_S
 
@@ -29,7 +29,7 @@ def colour_distance(first: People, second: People) -> Float[Array, "n k"]:
 
 
 def reidentified(
-    people: People, new: Bool[Mask, "n"], ns: int, options: IdentityOptions
+    people: People, new: Bool[Mask, "n"], ns: int, options: ColourIdentityOptions
 ) -> tuple[People, Bool[Mask, "n"]]:
     """Let tracks that are about to be confirmed go on with the identities of hidden ones whose people they can be.
 

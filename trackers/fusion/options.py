@@ -31,7 +31,7 @@ def _kind(sigma_m: float, offset_m: float, p_detect: float, clutter_m2: float, l
     return Field(default=options, description=what)
 
 
-class HeadOptions(Strict):
+class HeadEvidenceOptions(Strict):
     """Options of heads, told by silhouettes and distances."""
 
     samples: PositiveInt = Field(default=96, ge=8, le=4096, description="points at which a head's density is weighed")
@@ -45,7 +45,7 @@ class HeadOptions(Strict):
     )
 
 
-class IdentityOptions(Strict):
+class ColourIdentityOptions(Strict):
     """Options of identities: what is remembered of people, and who comes out of hiding."""
 
     memory: float = Field(default=0.8, ge=0, lt=1, description="share of the old colours that is kept by a look")
@@ -99,8 +99,10 @@ class FusionOptions(Strict):
     camera: KindOptions = _kind(0.035, 0.05, 0.8, 3e-2, 0.3, "people in the picture of a camera")
     stereo: KindOptions = _kind(0.08, 0.06, 0.7, 1e-2, 0.3, "people in the depths of a stereo camera")
     floor: KindOptions = _kind(0.09, 0.06, 0.8, 1e-2, 0.3, "loads on a pressure floor")
-    head: HeadOptions = Field(default=HeadOptions(), description="heads, where a camera shows them")
-    identity: IdentityOptions = Field(default=IdentityOptions(), description="identities of people who meet")
+    head: HeadEvidenceOptions = Field(default=HeadEvidenceOptions(), description="heads, where a camera shows them")
+    identity: ColourIdentityOptions = Field(
+        default=ColourIdentityOptions(), description="identities of people who meet"
+    )
     track_management: FusionTrackManagementOptions = Field(
         default=FusionTrackManagementOptions(),
         description="when tracks are initiated, confirmed, reported and deleted",

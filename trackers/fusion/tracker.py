@@ -28,7 +28,7 @@ from trackers.filters.rows import written
 from trackers.fusion.agreement import Agreement
 from trackers.fusion.association import explained, pairs
 from trackers.fusion.cameras import Camera, cameras_of, clearest_first
-from trackers.fusion.floors import Floor
+from trackers.fusion.floors import FusedFloor
 from trackers.fusion.heads import HeadWeighing, gained
 from trackers.fusion.lasers import scanners_of
 from trackers.fusion.look import Look, Source
@@ -92,7 +92,7 @@ class Fusion(SynchronizedTracker):
         self._manager = FusionTrackManager(self.options, rig.area, self._imm)
         area = self._manager.area
         cameras = cameras_of(rig, empty_room, self.options, area, prior.environment)
-        floors = [Floor(name, each, empty_room, self.options.floor) for name, each in rig.floors().items()]
+        floors = [FusedFloor(name, each, empty_room, self.options.floor) for name, each in rig.floors().items()]
         self._scanners = scanners_of(rig, empty_room, self.options, area)
         self._sources: list[Source] = [*self._scanners, *cameras, *floors]
         self._weighings: dict[str, HeadWeighing] = {}

@@ -47,7 +47,7 @@ class PostureOptions(Strict):
 
 
 @dataclass(frozen=True, eq=False)
-class Posture(Rows):
+class LegPosture(Rows):
     """Postures of n people."""
 
     knees: Float[Array, "n 2"]  # from the trunk to the middle of the legs, on average [m]
@@ -119,7 +119,7 @@ class People(ImmTracks):
     single_ns: Int[Index, "n"]  # stamp of the last measurement by a single leg; before any: `NEVER_NS`
     offset_m2: Float[Array, "n"]  # variance of what stays of the error of the last measurement, on each axis
     facing: Float[Array, "n 2"]  # unit vector of the way they walked last; 0 where they have not walked yet
-    posture: Posture
+    posture: LegPosture
     existence: Float[Array, "n"]  # existence probability
 
     @classmethod
@@ -138,7 +138,7 @@ class People(ImmTracks):
         n, roster = len(position), Roster.started(state, ns)
         never, offset_m2, facing = np.full(n, NEVER_NS), np.zeros(n), np.zeros((n, 2))
         return cls(
-            serial, roster, clothes, position, position, never, offset_m2, facing, Posture.upright(n), np.ones(n)
+            serial, roster, clothes, position, position, never, offset_m2, facing, LegPosture.upright(n), np.ones(n)
         )
 
     def exist(self, above: float) -> Bool[Mask, "n"]:

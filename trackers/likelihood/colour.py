@@ -17,7 +17,7 @@ from trackers.arrays import AnyArray, Array, Index, Mask, Singles
 from trackers.configuration import Strict
 from trackers.vision.head_colours import COLOURS, SHARES
 from trackers.vision.stereo_picture import IN_PICTURE, SKIN, mean_of, share_of
-from trackers.vision.views import Look, WindowOptions
+from trackers.vision.views import ProjectedPoints, WindowOptions
 
 Linear = tuple[FiniteFloat, FiniteFloat]
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -85,7 +85,7 @@ def linear_log(off: Float[Singles, "*n"], slope: tuple[float, float]) -> Float[S
 def window_log_likelihood(
     so_far: Float[Array, "k"],
     places: Float[Array, "3 k"],
-    look: Look,
+    look: ProjectedPoints,
     window: WindowOptions,
     references: Sequence[tuple[Float32[Singles, "n padded"], Int[Index, "k"]]],
     strength: float,

@@ -16,7 +16,7 @@ from trackers.vision.foreground import ForegroundOptions
 from trackers.vision.front_end import FrontEndOptions
 
 
-class MotionOptions(Strict):
+class HeadMotionOptions(Strict):
     """Options of heads' motion between frames; the paper gives no motion model, so all are ours."""
 
     still_m: float = Field(
@@ -136,7 +136,7 @@ class RgbdHeadOptions(Strict):
     environment: EnvironmentLikelihoodOptions | None = Field(
         default=EnvironmentLikelihoodOptions(), description="how the room weighs heads; null: it does not"
     )
-    motion: MotionOptions = Field(default=MotionOptions(), description="how heads move")
+    motion: HeadMotionOptions = Field(default=HeadMotionOptions(), description="how heads move")
     own_stamps: bool = Field(
         default=True,
         description="each picture is weighed with heads moved to its own stamp (ours); false: all pictures of a frame are taken "

@@ -19,7 +19,7 @@ from trackers.filters.gating import distances
 from trackers.filters.particle import Cloud
 from trackers.filters.rows import Rows, written
 from trackers.observations import NS_PER_S
-from trackers.rgbd_head.options import MotionOptions, RgbdHeadOptions
+from trackers.rgbd_head.options import HeadMotionOptions, RgbdHeadOptions
 from trackers.tracking.roster import Roster
 from trackers.tracking.track_manager import TrackManager
 from trackers.vision.head_colours import HeadColours
@@ -89,7 +89,7 @@ class Motion:
     place: of the heads before. facing (n, directions): predicted; empty if each hypothesis has its own direction.
     """
 
-    def __init__(self, people: People, dt_s: float, options: MotionOptions) -> None:
+    def __init__(self, people: People, dt_s: float, options: HeadMotionOptions) -> None:
         self._people, self._dt_s, self._options = people, dt_s, options
         self.place: Float[Array, "n 3"] = people.place
         speed = np.linalg.norm(people.velocity[:, :2], axis=1)

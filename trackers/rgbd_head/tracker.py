@@ -51,7 +51,7 @@ _SHADOWS_M = 0.4
 """Distance beside the tracked area up to which shadows fall on the floor."""
 
 
-class DebugState(NamedTuple):
+class HeadDebugState(NamedTuple):
     """The tracks after the last frame, and the likelihoods of their hypotheses by each picture."""
 
     people: People
@@ -121,9 +121,9 @@ class RgbdHead(SynchronizedTracker):
             for k in np.flatnonzero(self._manager.reported(people.roster, self._ns))
         ]
 
-    def debug_state(self) -> DebugState:
+    def debug_state(self) -> HeadDebugState:
         """Return the state of the last frame, for drawings."""
-        return DebugState(self._people, self._found)
+        return HeadDebugState(self._people, self._found)
 
     def _maps(self) -> tuple[Hypotheses, ...]:
         """Return some hypotheses of all confirmed tracks."""

@@ -131,7 +131,7 @@ class View:
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class ProjectedPoints:
     """k positions in the pictures of all cameras: pixels, whether shown, and whether foreground."""
 
     views: Views
@@ -162,12 +162,12 @@ class Views(Sequence[View]):
         """Positions of the cameras [m]."""
         return np.array([view.camera.eye_m for view in self]).reshape(-1, 3)
 
-    def look(self, places: Float[Array, "3 k"]) -> Look:
+    def look(self, places: Float[Array, "3 k"]) -> ProjectedPoints:
         """Project positions in the room [m] into every picture."""
         pixels, seen = self._group.project(places)
         column, row = (np.where(seen[:, None], pixels, 0.0) + 0.5).astype(np.intp).swapaxes(0, 1)
         on_foreground = seen & self._mask[self._start + row * self._width + column]
-        return Look(self, pixels.swapaxes(1, 2), seen, on_foreground)
+        return ProjectedPoints(self, pixels.swapaxes(1, 2), seen, on_foreground)
 
     def bearings(self, places: Float[Array, "c k"]) -> Float[Array, "cameras k"]:
         """Return the directions from positions to the cameras, seen from above [rad]."""

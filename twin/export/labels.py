@@ -22,7 +22,7 @@ from trackers.arrays import Array
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.rig import CameraSensor, placed_camera
-from twin.export.pictures import Picture, Recorded, Truth, pictures
+from twin.export.pictures import ExportedPicture, Recorded, Truth, pictures
 from twin.people.body.head import EYES
 from twin.recording import topics
 from twin.recording.bag import open_bag
@@ -73,7 +73,7 @@ class Label:
 class LabelledPicture:
     """A picture and all people in it, possibly none."""
 
-    picture: Picture
+    picture: ExportedPicture
     labels: tuple[Label, ...]
 
 
@@ -97,11 +97,11 @@ class Labeller(ABC):
                 yield LabelledPicture(picture, labels)
 
     @abstractmethod
-    def _is_labelled(self, picture: Picture) -> bool:
+    def _is_labelled(self, picture: ExportedPicture) -> bool:
         """Return whether the truth of this picture is known."""
 
     @abstractmethod
-    def _labels(self, picture: Picture, truth: TruthFrame | None) -> Iterator[Label]:
+    def _labels(self, picture: ExportedPicture, truth: TruthFrame | None) -> Iterator[Label]:
         """Yield the labels of the people in a picture."""
 
 
@@ -112,10 +112,10 @@ class BagLabeller(Labeller):
         super().__init__(recorded)
         self._boxes = boxes_in(recorded)
 
-    def _is_labelled(self, picture: Picture) -> bool:
+    def _is_labelled(self, picture: ExportedPicture) -> bool:
         return (picture.camera, picture.stamp_ns) in self._boxes
 
-    def _labels(self, picture: Picture, truth: TruthFrame | None) -> Iterator[Label]:
+    def _labels(self, picture: ExportedPicture, truth: TruthFrame | None) -> Iterator[Label]:
         people = {person.id: person for person in truth.people} if truth is not None else {}
         camera = placed_camera(self._cameras[picture.camera])
         for box in self._boxes[picture.camera, picture.stamp_ns]:
@@ -159,7 +159,7 @@ class SimulatingLabeller(Labeller):
         true = simulation.true_rig.cameras()
         self._true: Mapping[str, CameraSensor] = {name: true[name] for name in self._cameras if name in true}
 
-    def _is_labelled(self, picture: Picture) -> bool:
+    def _is_labelled(self, picture: ExportedPicture) -> bool:
         if self._hz is None:
             return (picture.camera, picture.stamp_ns) in self._boxed
         period = int(picture.stamp_ns * self._hz / NS_PER_S + 1e-9)
@@ -167,7 +167,7 @@ class SimulatingLabeller(Labeller):
         self._last_period[picture.camera] = period
         return is_due
 
-    def _labels(self, picture: Picture, truth: TruthFrame | None) -> Iterator[Label]:
+    def _labels(self, picture: ExportedPicture, truth: TruthFrame | None) -> Iterator[Label]:
         t, name = picture.stamp_ns / NS_PER_S, picture.camera
         people = {person.id: person for person in truth.people} if truth is not None else {}
         image = self._simulation.person_images(t, [name])[name]

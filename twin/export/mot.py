@@ -32,7 +32,7 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.rig import CameraSensor, placed_camera
 from twin.export.labels import Label, Labeller, open_labeller
-from twin.export.pictures import Picture, Recorded, frame_rate_hz, pictures
+from twin.export.pictures import ExportedPicture, Recorded, frame_rate_hz, pictures
 from twin.recording.tables import TrackTable, seconds_cell
 from twin.run.tracker_runner import write_detections
 
@@ -42,7 +42,7 @@ _PERSON, _DISTRACTOR = 1, 8
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
+class PlaceRows:
     """Positions of tracks or detections by stamp: stamps ascending (n,) [ns], ids (n,), -1 for a detection, x, y, z of the
     head.
     """
@@ -52,7 +52,7 @@ class Places:
     xy: Array
     head_z: Array
 
-    def near(self, stamp_ns: int, within_ns: float) -> Places:
+    def near(self, stamp_ns: int, within_ns: float) -> PlaceRows:
         """Return those of the stamp nearest to this one, none if it is farther than `within_ns`."""
         place = int(np.searchsorted(self.stamps_ns, stamp_ns))
         near = [self.stamps_ns[each] for each in (place - 1, place) if 0 <= each < self.stamps_ns.size]
@@ -61,9 +61,9 @@ class Places:
             return self.rows(slice(0, 0))
         return self.rows(slice(*np.searchsorted(self.stamps_ns, [best, best + 1])))
 
-    def rows(self, rows: slice) -> Places:
+    def rows(self, rows: slice) -> PlaceRows:
         """Return some of the places."""
-        return Places(self.stamps_ns[rows], self.id[rows], self.xy[rows], self.head_z[rows])
+        return PlaceRows(self.stamps_ns[rows], self.id[rows], self.xy[rows], self.head_z[rows])
 
     def boxes(self, camera: CameraSensor) -> tuple[Array, NDArray[np.bool_]]:
         """Return boxes left, top, width, height [px] in the image, and a mask of the positions that have one."""
@@ -127,7 +127,7 @@ class _Sequence:
         (self.folder / "seqinfo.ini").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def _cameras(recorded: Recorded, out: Path, labeller: Labeller | None, detections: Places) -> list[str]:
+def _cameras(recorded: Recorded, out: Path, labeller: Labeller | None, detections: PlaceRows) -> list[str]:
     cameras = recorded.recording.rig.cameras()
     tracks = {name: _places(table) for name, table in recorded.tracks.items()}
     within = {name: 0.5 * NS_PER_S / frame_rate_hz(table.frame_stamps_ns) for name, table in recorded.tracks.items()}
@@ -161,7 +161,7 @@ def _cameras(recorded: Recorded, out: Path, labeller: Labeller | None, detection
 
 def _frames(
     recorded: Recorded, cameras: list[str], labeller: Labeller | None
-) -> Iterator[tuple[Picture, tuple[Label, ...]]]:
+) -> Iterator[tuple[ExportedPicture, tuple[Label, ...]]]:
     if labeller is None:
         yield from ((picture, ()) for picture in pictures(recorded, cameras))
     else:
@@ -175,14 +175,14 @@ def _truth_row(frame: int, label: Label) -> str:
     return f"{frame},{box.id},{box.left + 1},{box.top + 1},{box.width},{box.height},{confidence},{kind},{visible}\n"
 
 
-def _write_boxes(stream: TextIO, frame: int, places: Places, camera: CameraSensor) -> None:
+def _write_boxes(stream: TextIO, frame: int, places: PlaceRows, camera: CameraSensor) -> None:
     if places.id.size:
         boxes, shown = places.boxes(camera)
         for id_, (left, top, width, height) in zip(places.id[shown], boxes[shown], strict=True):
             stream.write(f"{frame},{id_},{left + 1:.2f},{top + 1:.2f},{width:.2f},{height:.2f},1,-1,-1,-1\n")
 
 
-def _ground(recorded: Recorded, out: Path, detections: Places) -> str:
+def _ground(recorded: Recorded, out: Path, detections: PlaceRows) -> str:
     """Write the sequence on the ground: the truth at the stamps of the sensor at which trackers report."""
     name = f"{recorded.name}-ground"
     stamps = np.unique(recorded.stamps_ns(recorded.recording.rig.main_sensor))
@@ -219,11 +219,11 @@ def _nearest(stamps: Nanoseconds, wanted: Nanoseconds) -> NDArray[np.intp]:
     return after - (wanted - stamps[after - 1] < stamps[after] - wanted)
 
 
-def _places(table: TrackTable) -> Places:
-    return Places(table.stamps_ns, table.id, np.stack([table.x, table.y], axis=-1), table.head_z)
+def _places(table: TrackTable) -> PlaceRows:
+    return PlaceRows(table.stamps_ns, table.id, np.stack([table.x, table.y], axis=-1), table.head_z)
 
 
-def _detections(recorded: Recorded) -> Places:
+def _detections(recorded: Recorded) -> PlaceRows:
     """Detect people with the baseline's detector; none if the rig has no scanner."""
     rows = np.zeros((0, 3))
     if recorded.recording.rig.lasers():
@@ -240,4 +240,4 @@ def _detections(recorded: Recorded) -> Places:
         recorded.on_warning(f"{recorded.recording.path}: has no scanner: det/det.txt stays empty")
     rows = rows[np.argsort(rows[:, 0], kind="stable")]
     count = len(rows)
-    return Places(rows[:, 0].astype(np.int64), np.full(count, -1), rows[:, 1:], np.full(count, np.nan))
+    return PlaceRows(rows[:, 0].astype(np.int64), np.full(count, -1), rows[:, 1:], np.full(count, np.nan))

@@ -168,7 +168,7 @@ _SUFFIXES = {b"\xff\xd8\xff": ".jpg", b"\x89PNG": ".png"}
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Picture:
+class ExportedPicture:
     """One picture of a camera: number from 1 in order of arrival, stamp [ns], and its file's bytes and suffix.
 
     is_depth: depth along the optical axis, 16 bits, in millimetres, 0 for none.
@@ -197,7 +197,7 @@ class Picture:
         return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
 
 
-def pictures(recorded: Recorded, cameras: Collection[str], *, depth: bool = False) -> Iterator[Picture]:
+def pictures(recorded: Recorded, cameras: Collection[str], *, depth: bool = False) -> Iterator[ExportedPicture]:
     """Yield the pictures of these cameras in order of arrival, read one at a time; with `depth` those of depth too.
 
     A message that holds no picture keeps its number and is left out, with one warning for each camera.
@@ -221,7 +221,7 @@ def pictures(recorded: Recorded, cameras: Collection[str], *, depth: bool = Fals
                     recorded.on_warning(f"{recording.path}: topic {topic}: left out what is no picture: {error}")
                 warned.add(topic)
                 continue
-            yield Picture(camera, number, stamp_ns, content, suffix, is_depth)
+            yield ExportedPicture(camera, number, stamp_ns, content, suffix, is_depth)
 
 
 def _colour_file(message: Any, camera: str) -> tuple[bytes, str]:

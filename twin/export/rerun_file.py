@@ -20,7 +20,7 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S, FloorFrame, LaserScan
 from trackers.rig import CameraSensor, FloorSensor, PinholeSensor, Rig, StereoSensor
 from twin.export.labels import boxes_in
-from twin.export.pictures import Picture, Recorded, pictures
+from twin.export.pictures import ExportedPicture, Recorded, pictures
 from twin.geometry.geom_hull import hull_points
 from twin.recording.tables import TrackTable
 from twin.truth.frames import TruthFrame
@@ -148,7 +148,7 @@ class _RerunFile:
             )
             self._log(f"room/sensors/{name}/lens", pinhole, static=True)
 
-    def _picture(self, picture: Picture, camera: CameraSensor) -> None:
+    def _picture(self, picture: ExportedPicture, camera: CameraSensor) -> None:
         self._at(picture.stamp_ns)
         path = _picture_path(picture.camera, camera)
         if picture.is_depth:

@@ -19,26 +19,26 @@ def atomic_path(path: Path) -> Iterator[Path]:
     Otherwise it is removed: after an exception, Ctrl-C or a kill an older file of that name is untouched. Missing folders
     are made. Raises InputError where the path cannot be written or the disk is full.
     """
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    partial = partial_path(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
         partial.touch()
     except OSError as error:
-        raise _unwritable(path, error) from error
+        raise unwritable(path, error) from error
     try:
         try:
             yield partial
         except OSError as error:
             # Another OSError of the block is not about this file and passes unchanged.
             if error.errno in (errno.ENOSPC, errno.EDQUOT):
-                raise _unwritable(path, error) from error
+                raise unwritable(path, error) from error
             raise
         try:
             os.replace(partial, path)
         except OSError as error:
-            raise _unwritable(path, error) from error
+            raise unwritable(path, error) from error
     except BaseException:
         partial.unlink(missing_ok=True)
         raise
@@ -57,5 +57,11 @@ def open_atomic(path: Path) -> Iterator[TextIO]:
         yield stream
 
 
-def _unwritable(path: Path, error: OSError) -> InputError:
+def partial_path(path: Path) -> Path:
+    """Return the hidden path beside a file for writing it until complete."""
+    return path.with_name(f".{path.name}.{os.getpid()}.partial")
+
+
+def unwritable(path: Path, error: OSError) -> InputError:
+    """Describe why a file cannot be written."""
     return InputError(f"{path}: cannot be written ({error.strerror}); a writable place with free space is needed")

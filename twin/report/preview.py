@@ -18,10 +18,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Odometry
 from trackers.rig import Rig
 from trackers.tracks import Hypotheses, ScoreMap, Track
+from twin.recording.atomic_file import partial_path, unwritable
 from twin.report.birdseye import SHIFT, Polygon, fixed_point, plan_width_px
 from twin.report.camera_panel import MOST_CAMERAS, CameraGrid, widest_aspect
 from twin.report.floor_panel import BACKDROP, INK, PRESSED, QUIET, FloorPanel, TruePoses
@@ -48,7 +48,7 @@ class VideoFile:
                 raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
             self._container = av.open(str(self._partial), "w", format="mp4", options={"movflags": "+faststart"})
         except OSError as error:
-            raise _unwritable(path, error) from error
+            raise unwritable(path, error) from error
         rate = Fraction(fps).limit_denominator(1000)
         self._stream = self._container.add_stream("libx264", rate=rate)
         self._stream.width, self._stream.height = size
@@ -76,7 +76,7 @@ class VideoFile:
         try:
             self._container.mux(packets)
         except OSError as error:
-            raise _unwritable(self._path, error) from error
+            raise unwritable(self._path, error) from error
 
     def close(self) -> None:
         """Finish the file and give it its name; without a picture there is no file."""
@@ -89,7 +89,7 @@ class VideoFile:
                 self._container.close()
                 os.replace(self._partial, self._path)
             except OSError as error:
-                raise _unwritable(self._path, error) from error
+                raise unwritable(self._path, error) from error
         except BaseException:
             self.discard()
             raise
@@ -100,15 +100,6 @@ class VideoFile:
         with contextlib.suppress(OSError):
             self._container.close()
         self._partial.unlink(missing_ok=True)
-
-
-def partial_path(path: Path) -> Path:
-    """Return the hidden path beside a file for writing it until complete."""
-    return path.with_name(f".{path.name}.{os.getpid()}.partial")
-
-
-def _unwritable(path: Path, error: OSError) -> InputError:
-    return InputError(f"{path}: cannot be written ({error.strerror}); a writable place with free space is needed")
 
 
 __all__ = ["PreviewWriter", "TruePoses"]

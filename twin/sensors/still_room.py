@@ -36,7 +36,7 @@ class StillRoom:
 
 
 @dataclass(eq=False)
-class _Kept:
+class _KeptRoom:
     appearance: bytes
     room: StillRoom | None = None
 
@@ -45,7 +45,7 @@ class StillRooms:
     """Kept rooms of one model, by camera and kind of picture."""
 
     def __init__(self) -> None:
-        self._kept: OrderedDict[Hashable, _Kept] = OrderedDict()
+        self._kept: OrderedDict[Hashable, _KeptRoom] = OrderedDict()
 
     def clear(self) -> None:
         """Drop all rooms."""
@@ -59,7 +59,7 @@ class StillRooms:
         """
         kept = self._kept.get(camera)
         if kept is None or kept.appearance != appearance:
-            self._kept[camera] = _Kept(appearance)
+            self._kept[camera] = _KeptRoom(appearance)
             self._kept.move_to_end(camera)
             if len(self._kept) > _MOST_KEPT:
                 self._kept.popitem(last=False)

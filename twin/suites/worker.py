@@ -158,7 +158,7 @@ def run_case(work: CaseWork) -> CaseResult:
 
 
 @dataclass(frozen=True)
-class SuiteRecording:
+class RecordedCases:
     """Recording of a suite: name, bag in the cache, and tables of tracks of its cases by tracker."""
 
     name: str
@@ -168,7 +168,7 @@ class SuiteRecording:
 
 def suite_recordings(
     stack: ExitStack, cases: Sequence[Case], results: Path | None, cache: RecordingCache, on_warning: OnWarning
-) -> list[SuiteRecording]:
+) -> list[RecordedCases]:
     """Return the recordings of cases, made where not cached; they stay at least until `stack` is closed.
 
     `results`: folder of a run of the suite, for its tracks. Raises InputError as a simulation does.
@@ -179,13 +179,13 @@ def suite_recordings(
     recordings = []
     for resolved, own in found.items():
         if (bag := own[0].bag) is not None:
-            recordings.append(SuiteRecording(own[0].scenario, bag.path, _tables(own, results)))
+            recordings.append(RecordedCases(own[0].scenario, bag.path, _tables(own, results)))
             continue
         scenario = resolved_scenario(own[0])
         key = recording_key(resolved, renderer_of(scenario))
         entry, _ = stack.enter_context(cache.recording(key, partial(record, scenario), on_warning))
         name = file_name("-".join(filter(None, (own[0].scenario, own[0].variant, str(own[0].seed)))))
-        recordings.append(SuiteRecording(name, entry / RECORDING, _tables(own, results)))
+        recordings.append(RecordedCases(name, entry / RECORDING, _tables(own, results)))
     return recordings
 
 

@@ -135,7 +135,7 @@ def body_pools(people: Mapping[str, Person]) -> tuple[BodyPool, ...]:
     arrival, and ends when the next one comes. So there are never more than about twice as many bodies as people at once, and
     each is made a few times at most. People with scripts may leave at any time: they are in every pool.
     """
-    stays = {name: _stay(person.script[0]) for name, person in people.items() if _keeps_a_path(person)}
+    stays = {name: _stay(person.script[0]) for name, person in people.items() if keeps_path(person)}
     always = [name for name in people if name not in stays]
     to_come = sorted(stays, key=lambda name: (stays[name], name))
     pools, from_s, known = [], -inf, list[str]()
@@ -153,7 +153,8 @@ def body_pools(people: Mapping[str, Person]) -> tuple[BodyPool, ...]:
         from_s, known = until_s, there
 
 
-def _keeps_a_path(person: Person) -> bool:
+def keeps_path(person: Person) -> bool:
+    """Return whether a person keeps a recorded path."""
     return bool(person.script) and isinstance(person.script[0], RecordedPath)
 
 

@@ -86,7 +86,7 @@ class EmptyRoom:
 
 
 @dataclass(frozen=True)
-class _Kept:
+class _KeptFiles:
     files: dict[Path, bytes]
     limits: tuple[str | None, bool]
     room: EmptyRoom
@@ -98,7 +98,7 @@ class _Kept:
         return all(path.is_file() and path.read_bytes() == content for path, content in self.files.items())
 
 
-_kept: dict[Path, _Kept] = {}
+_kept: dict[Path, _KeptFiles] = {}
 
 
 def empty_room(scenario: Scenario) -> EmptyRoom:
@@ -106,7 +106,7 @@ def empty_room(scenario: Scenario) -> EmptyRoom:
     path = models.find("rooms", scenario.room, asked_by=f"scenario {scenario.name!r}: room")
     kept = _kept.pop(path, None)
     if kept is None or not kept.is_current():
-        kept = _Kept(room_files(path), _limits(), EmptyRoom(path))
+        kept = _KeptFiles(room_files(path), _limits(), EmptyRoom(path))
     _kept[path] = kept
     while len(_kept) > _MOST_KEPT:
         del _kept[next(iter(_kept))]  # the one that was not asked for longest

@@ -22,6 +22,7 @@ from twin.scenario import Scenario
 from twin.scenario.action import RecordedPath
 from twin.scenario.behaviour import Bend, Leave, Look, Reach, Run, Stand, Turn, Walk, Wander
 from twin.scenario.person import Person
+from twin.world.body_pool import keeps_path
 
 _LOOKS_EVERY_S = 0.05
 _LOOKS_EVERY_M = 0.05
@@ -58,7 +59,7 @@ def check_placement(
         field = f"{source}: people.{name}.{_start_field(person)}: {_point(here)}"
         if person.script and isinstance(person.script[0], Wander) and not strictly_within(area, here):
             raise InputError(f"{field} is not inside the area that a wanderer stays in; {_within(area)} is expected")
-        if comes_at(person) > 0 or _keeps_path(person):
+        if comes_at(person) > 0 or keeps_path(person):
             continue  # later arrivals wait for a free place, and recorded paths are fixed
         for other, there in placed.items():
             distance = float(np.linalg.norm(here - there))
@@ -197,10 +198,6 @@ def _path_position(points: Array, t: float, field: str) -> str:
     return f"{field}, between {row - 1} and {row}, at {t:g} s"
 
 
-def _keeps_path(person: Person) -> bool:
-    return bool(person.script) and isinstance(person.script[0], RecordedPath)
-
-
 def _check_point(walkable: Array, place: Array, field: str) -> None:
     if not Area(walkable, TOLERANCE_M).contains(place[None])[0]:
         raise InputError(
@@ -220,7 +217,7 @@ def _check_edge(walkable: Array, here: Array, after: Array, field: str) -> None:
 def _start_field(person: Person) -> str:
     if person.start is not None:
         return "start"
-    return f"{_script_field(person, 0)}.{'points' if _keeps_path(person) else 'waypoints'}.0"
+    return f"{_script_field(person, 0)}.{'points' if keeps_path(person) else 'waypoints'}.0"
 
 
 def _script_field(person: Person, number: int) -> str:

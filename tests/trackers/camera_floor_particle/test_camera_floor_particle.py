@@ -21,7 +21,7 @@ from trackers.camera_floor_particle.options import (
     FacingOptions,
     MotionOptions,
 )
-from trackers.camera_floor_particle.pan import GRID, Looks, pan_bin, turned, walk as walk_of
+from trackers.camera_floor_particle.pan import GRID, HeadViews, pan_bin, turned, walk as walk_of
 from trackers.errors import InputError
 from trackers.feeding import track_frames
 from trackers.filters.circular import diffused, drawn
@@ -417,7 +417,7 @@ def test_skin_is_believed_as_far_as_it_is_where_people_walk():
     looks_of = np.arange(3)
     for where, trust in ((np.pi / 2, 1.0), (-np.pi / 2, -1.0), (0.0, 0.0)):
         after = walking.changed(facing=east)
-        seen = Looks(
+        seen = HeadViews(
             looks_of, np.zeros(3), np.zeros((3, 1)), np.zeros((3, PAN_BINS)), np.full(3, 0.4 * np.exp(1j * where))
         )
         for _ in range(200):

@@ -9,7 +9,7 @@ from test_laser_fisheye_association import detections
 
 from trackers.laser.detections import Detections
 from trackers.laser_fisheye_imm.detection import Seen
-from trackers.laser_fisheye_imm.people import Posture, PostureOptions
+from trackers.laser_fisheye_imm.people import LegPosture, PostureOptions
 from trackers.laser_fisheye_imm.tracker import LaserFisheyeImm
 from trackers.likelihood.legs import LegOptions, aspect_offset_m, legs_ahead_m, pair_legs
 from trackers.observations import NS_PER_S, LaserScan
@@ -131,7 +131,7 @@ def test_a_leg_that_stands_holds_nobody_back_who_walks_on(monkeypatch):
 def test_nobody_lies_where_somebody_else_is_seen_now():
     options = PostureOptions()
     place = np.array([SEAT])
-    posture = Posture.upright(1)
+    posture = LegPosture.upright(1)
     for _ in range(20):
         posture = posture.measured(np.array([0]), place, np.array([[-1.0, 1.9]]), options)
     seated = posture.seated(place, options)

@@ -60,7 +60,7 @@ class AssociationOptions(Strict):
     )
 
 
-class AppearanceOptions(Strict):
+class LearnedColourOptions(Strict):
     """Options of learned colours."""
 
     learn_covered: float = Field(
@@ -92,7 +92,7 @@ class VisionOnlyOptions(Strict):
 
     former_names: ClassVar[Mapping[str, str]] = {
         **{f"life.{name}": f"association.{name}" for name in AssociationOptions.model_fields},
-        **{f"life.{name}": f"appearance.{name}" for name in AppearanceOptions.model_fields},
+        **{f"life.{name}": f"appearance.{name}" for name in LearnedColourOptions.model_fields},
         "life.apart_m": "track_management.start_apart_m",
         "life.confirm_after_s": "track_management.confirm_s",
         "life.show_s": "track_management.report_s",
@@ -120,7 +120,7 @@ class VisionOnlyOptions(Strict):
     association: AssociationOptions = Field(
         default=AssociationOptions(), description="which detection belongs to which track"
     )
-    appearance: AppearanceOptions = Field(default=AppearanceOptions(), description="when colours are learned")
+    appearance: LearnedColourOptions = Field(default=LearnedColourOptions(), description="when colours are learned")
     track_management: DetectionTrackManagementOptions = Field(
         default=DetectionTrackManagementOptions(confirm_s=0.2, tentative_coast_s=0.1, report_s=0.4),
         description="when tracks are initiated, confirmed, reported and deleted",

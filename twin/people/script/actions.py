@@ -96,9 +96,14 @@ def _stand(actor: Actor, action: Stand) -> Commands:
     yield MotionCommand(None, until=actor.ends_at(action.for_s), immovable=True)
 
 
-def _walk(actor: Actor, action: Walk | Run) -> Commands:
-    yield from _upright(actor)
-    yield from walk(actor, action)
+def _on_feet(acts: Callable[[Actor, Any], Commands]) -> Callable[[Actor, Any], Commands]:
+    """Have an action begin with standing up."""
+
+    def perform(actor: Actor, action: Action) -> Commands:
+        yield from _upright(actor)
+        yield from acts(actor, action)
+
+    return perform
 
 
 def _turn(actor: Actor, action: Turn) -> Commands:
@@ -199,26 +204,6 @@ def _look(actor: Actor, action: Look) -> Commands:
     yield  # an empty generator, like the others
 
 
-def _follow(actor: Actor, action: Follow) -> Commands:
-    yield from _upright(actor)
-    yield from follow(actor, action)
-
-
-def _meet(actor: Actor, action: Meet) -> Commands:
-    yield from _upright(actor)
-    yield from meet(actor, action)
-
-
-def _lead(actor: Actor, action: Lead) -> Commands:
-    yield from _upright(actor)
-    yield from lead(actor, action)
-
-
-def _join(actor: Actor, action: Join) -> Commands:
-    yield from _upright(actor)
-    yield from join(actor, action)
-
-
 def _keep_path(actor: Actor, action: RecordedPath) -> Commands:
     yield MotionCommand(None)
 
@@ -232,6 +217,7 @@ def _leave(actor: Actor, action: Leave) -> Commands:
 
 
 _DOING: dict[type, Callable[[Actor, Any], Commands]] = {
-    Wander: wander, Stand: _stand, Walk: _walk, Run: _walk, Turn: _turn, Sit: _rest, Lie: _rest, Bend: _bend,
-    Reach: _reach, Look: _look, Follow: _follow, Meet: _meet, Lead: _lead, Join: _join, RecordedPath: _keep_path, Leave: _leave,
+    Wander: wander, Stand: _stand, Walk: _on_feet(walk), Run: _on_feet(walk), Turn: _turn, Sit: _rest, Lie: _rest, Bend: _bend,
+    Reach: _reach, Look: _look, Follow: _on_feet(follow), Meet: _on_feet(meet), Lead: _on_feet(lead), Join: _on_feet(join),
+    RecordedPath: _keep_path, Leave: _leave,
 }  # fmt: skip

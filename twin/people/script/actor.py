@@ -73,7 +73,7 @@ class Going:
 
 
 @dataclass(eq=False)
-class Group:
+class WalkingGroup:
     """People who walk together: indices from left to right, one of them the `leader`.
 
     `gap_m`: present distance between neighbours [m]; `ring`: place of each while they talk, None: they walk; `changes`:
@@ -116,7 +116,7 @@ class ScriptContext:
     departed: set[int] = field(default_factory=set)
     looks_until: dict[int, float] = field(default_factory=dict)
     going: dict[int, Going] = field(default_factory=dict)
-    groups: dict[int, Group] = field(default_factory=dict)
+    groups: dict[int, WalkingGroup] = field(default_factory=dict)
 
     def late(self) -> list[str]:
         """Describe people who have not arrived in twice the time that their way takes, one sentence each."""

@@ -15,7 +15,7 @@ from scipy.optimize import linear_sum_assignment
 
 from trackers.area import Area
 from twin.people.crowd.motion_command import MotionCommand
-from twin.people.script.actor import Actor, Group
+from twin.people.script.actor import Actor, WalkingGroup
 from twin.people.script.walking import Commands, has_room, shoulders_m
 from twin.scenario.behaviour import Join, Lead, Look
 
@@ -54,7 +54,7 @@ _ON_A_SIDE_M = 0.3
 def lead(actor: Actor, action: Lead) -> Commands:
     """Walk to random places with the members who join (see `twin.scenario.behaviour.Lead`)."""
     ends_at, rng = actor.ends_at(action.for_s), actor.rng
-    group = Group(actor.number, action.formation, action.spacing_m[1], [actor.number])
+    group = WalkingGroup(actor.number, action.formation, action.spacing_m[1], [actor.number])
     group.spaced_until_s = actor.t + rng.uniform(0.0, action.far_s[1])
     actor.context.groups[actor.number] = group
     while actor.t < ends_at:
@@ -64,7 +64,7 @@ def lead(actor: Actor, action: Lead) -> Commands:
     del actor.context.groups[actor.number]
 
 
-def _lead_on(actor: Actor, action: Lead, group: Group, until: float) -> Commands:
+def _lead_on(actor: Actor, action: Lead, group: WalkingGroup, until: float) -> Commands:
     """Walk to one place; meanwhile neighbours draw near and part, and a member may change sides."""
     rng, goal = actor.rng, _goal_ahead(actor)
     speed_m_s = rng.uniform(*action.speed_m_s)
@@ -80,7 +80,7 @@ def _lead_on(actor: Actor, action: Lead, group: Group, until: float) -> Commands
             return
 
 
-def _space(actor: Actor, action: Lead, group: Group) -> None:
+def _space(actor: Actor, action: Lead, group: WalkingGroup) -> None:
     """Let neighbours draw near, and apart again; sides are changed while they are near."""
     rng, now = actor.rng, actor.t
     if now >= group.spaced_until_s:
@@ -104,7 +104,7 @@ def _goal_ahead(actor: Actor) -> np.ndarray:
     return goals[int(np.argmax(length + _STRAIGHT_ON_M * ahead))]
 
 
-def _waits(actor: Actor, group: Group) -> float:
+def _waits(actor: Actor, group: WalkingGroup) -> float:
     """Return the factor on the leader's speed that lets lagging members catch up."""
     crowd = actor.context.crowd
     others = [number for number in group.others if crowd.present[number]]
@@ -116,7 +116,7 @@ def _waits(actor: Actor, group: Group) -> float:
     return float(np.clip((_WAITS_AT_M - lags_m) / (_WAITS_AT_M - _WAITS_FROM_M), 0.0, 1.0))
 
 
-def _change_sides(group: Group, rng: np.random.Generator) -> None:
+def _change_sides(group: WalkingGroup, rng: np.random.Generator) -> None:
     """Send one follower to the other side of the leader."""
     number = group.others[int(rng.integers(len(group.others)))]
     left = group.order.index(number) < group.order.index(group.leader)
@@ -125,7 +125,7 @@ def _change_sides(group: Group, rng: np.random.Generator) -> None:
     group.changes = number
 
 
-def _talk(actor: Actor, action: Lead, group: Group, ends_at: float) -> Commands:
+def _talk(actor: Actor, action: Lead, group: WalkingGroup, ends_at: float) -> Commands:
     """Stand in a ring for a while, facing its middle, where there is room."""
     crowd, count = actor.context.crowd, len(group.order)
     radius_m = action.ring_m / (2 * np.sin(pi / count))
@@ -183,7 +183,7 @@ def join(actor: Actor, action: Join) -> Commands:
         group.order.remove(actor.number)
 
 
-def _keep_sides(actor: Actor, group: Group) -> None:
+def _keep_sides(actor: Actor, group: WalkingGroup) -> None:
     """Let a member on the other side after a turn of the group stay there; one who changes sides has arrived."""
     crowd, order = actor.context.crowd, group.order
     seen = (crowd.place[actor.number] - crowd.place[group.leader]) * crowd.facing[group.leader].conjugate()
@@ -197,12 +197,12 @@ def _keep_sides(actor: Actor, group: Group) -> None:
         order.insert(0 if seen.imag > 0 else len(order), actor.number)
 
 
-def _gap_m(actor: Actor, group: Group, first: int, second: int) -> float:
+def _gap_m(actor: Actor, group: WalkingGroup, first: int, second: int) -> float:
     """Return the distance of two neighbours [m], no less than their shoulders need."""
     return max(group.gap_m, shoulders_m(actor, first, second))
 
 
-def _place_in(actor: Actor, group: Group, number: int) -> complex:
+def _place_in(actor: Actor, group: WalkingGroup, number: int) -> complex:
     """Return a member's place in the frame of the leader, ahead + left i [m]."""
     if group.formation == "file":
         return complex(-_FILE_M * (1 + group.others.index(number)), 0.0)
@@ -226,7 +226,7 @@ def _around(actor: Actor, place: complex, facing: complex, goal: complex) -> com
     return goal + wide_m * 1j * np.sign(wanted.imag) * facing
 
 
-def _keep_place(actor: Actor, action: Join, group: Group, goal: complex, until: float) -> MotionCommand:
+def _keep_place(actor: Actor, action: Join, group: WalkingGroup, goal: complex, until: float) -> MotionCommand:
     """Return the next command: be at one's future place, or stand there facing as the leader does."""
     crowd, here = actor.context.crowd, actor.context.crowd.place[actor.number]
     velocity = crowd.velocity[group.leader]
@@ -254,7 +254,9 @@ def _keep_place(actor: Actor, action: Join, group: Group, goal: complex, until: 
     )
 
 
-def _ring_place(actor: Actor, action: Join, group: Group, ring: dict[int, complex], until: float) -> MotionCommand:
+def _ring_place(
+    actor: Actor, action: Join, group: WalkingGroup, ring: dict[int, complex], until: float
+) -> MotionCommand:
     """Return the next command of a talk: go to one's place in the ring, and stand there facing its middle."""
     goal, here = ring[actor.number], actor.context.crowd.place[actor.number]
     others, least_m = _company(actor, group)
@@ -277,7 +279,7 @@ def _past(here: complex, goal: complex, leader: complex) -> complex:
     return leader + ahead * complex(0.0, -_PASSES_BY_M if seen.imag > 0 else _PASSES_BY_M)
 
 
-def _company(actor: Actor, group: Group) -> tuple[tuple[int, ...], float]:
+def _company(actor: Actor, group: WalkingGroup) -> tuple[tuple[int, ...], float]:
     """Return the other members, and the person's least distance to them abreast [m]."""
     others = tuple(number for number in group.order if number != actor.number)
     return others, max(shoulders_m(actor, actor.number, other) for other in others)

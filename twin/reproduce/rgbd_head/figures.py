@@ -13,7 +13,7 @@ from trackers.cameras import Ellipsoids
 from trackers.environment import Environment
 from trackers.likelihood.stereo_head import StereoHeadOptions
 from trackers.observations import DepthImage, Observation
-from trackers.rgbd_head.tracker import DebugState
+from trackers.rgbd_head.tracker import HeadDebugState
 from trackers.rig import Rig, placed_camera
 from twin.recording.tables import TrackTable, TruthTable
 from twin.report.palette import IDENTITY_COLOURS, INK, QUIET, hex_colour, plot_style, to_svg
@@ -136,7 +136,7 @@ def head_views(observations: Sequence[Observation], rig: Rig, t_s: float, head: 
 
 
 def weights_picture(
-    observations: Sequence[Observation], rig: Rig, t_s: float, state: DebugState, camera_name: str
+    observations: Sequence[Observation], rig: Rig, t_s: float, state: HeadDebugState, camera_name: str
 ) -> bytes:
     """Draw figure 10: hypotheses in one camera's image, from blue (least) to red by colour weight, and again by depth
     weight.

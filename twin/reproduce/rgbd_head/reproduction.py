@@ -17,7 +17,7 @@ from trackers.environment import Environment, load_environment
 from trackers.observations import Observation
 from trackers.presets import make_tracker
 from trackers.prior import Prior
-from trackers.rgbd_head.tracker import DebugState
+from trackers.rgbd_head.tracker import HeadDebugState
 from trackers.rig import Rig
 from trackers.tracks import TrackFrame
 from twin.environment.run import write_environment
@@ -128,7 +128,7 @@ class LoadedRecording:
             frames += tracker.update(observation)
         return track_table([*frames, *tracker.finish()])
 
-    def debug_state(self, preset: str, seed: int, options: Mapping[str, Any], t_s: float) -> DebugState:
+    def debug_state(self, preset: str, seed: int, options: Mapping[str, Any], t_s: float) -> HeadDebugState:
         """Run a tracker up to a time; return its debug state."""
         tracker = self.tracker(preset, seed, options)
         for observation in self.observations:
