@@ -77,7 +77,7 @@ def drawn_view(
     """
     if not (isfinite(t) and 0 <= t < scenario.duration_s):
         raise InputError(f"--at {t:g}: is not in the scenario; 0 up to {scenario.duration_s:g} s is expected")
-    with Simulation(scenario) as simulation:
+    with Simulation(scenario, drawn=True) as simulation:
         looks = simulation.look(round(t * NS_PER_S))
         sheet, warnings = Sheet(simulation, t, tile_px), simulation.warnings
         tiles = [
@@ -244,7 +244,7 @@ def write_drawn(
     tiles, warnings = [], []
     for number, seed in enumerate(seeds, start=1):
         loaded = load_scenario(scenario, [*changes, f"seed={seed}"])
-        with Simulation(loaded, images=False) as simulation:
+        with Simulation(loaded, images=False, drawn=True) as simulation:
             looks = simulation.look(round(t * NS_PER_S))
             sheet = Sheet(simulation, t, _SMALL_TILE_PX)
             label = f"seed {seed}: {len(loaded.people)} people, {', '.join(loaded.sensors)}"

@@ -130,7 +130,7 @@ class _Reports:
         self.true_rig: Rig | None = None
         self._to_come: Iterator[Observation] = iter(())
         if any(description.kind in ("laser", "floor") for description in scenario.sensors.values()):
-            simulation = stack.enter_context(Simulation(scenario, images=False))
+            simulation = stack.enter_context(Simulation(scenario, images=False, drawn=True))
             self.world, self.rig, self.true_rig = simulation.world, simulation.rig, simulation.true_rig
             self._to_come = iter(simulation)
         else:

@@ -68,7 +68,7 @@ class Simulation:
 
     `precomputed`: its people as they have moved before, with their bodies, whatever sensors looked then: nothing of them is done
     again, and every bit is the same. Without `shares` the truth does not say how much of whom a sensor sees, without
-    `feet` nothing of feet.
+    `feet` nothing of feet. `drawn`: the world is drawn by others than its cameras, so that people need faces and prints.
 
     `warnings`: what can be, but is hardly meant, one sentence each.
 
@@ -86,19 +86,21 @@ class Simulation:
         precomputed: PrecomputedScene | None = None,
         shares: bool = True,
         feet: bool = True,
+        drawn: bool = False,
     ) -> None:
         if not isinstance(scenario, Scenario):
             raise InputError(f"{scenario!r} is no Scenario; twin.load_scenario makes one of a name or file")
         self.scenario = scenario = randomized(scenario)
-        self.world = world = World(scenario, precomputed, pictures=images)
-        self._renderer = RendererOnDemand(
-            lambda: world.scene.model, shadows=scenario.rendering.shadows, samples=scenario.rendering.samples
-        )
         self._descriptions = {
             name: held_sensor(scenario, name)
             for name, description in scenario.sensors.items()
             if images or description.kind not in CAMERA_KINDS
         }
+        photographed = any(each.kind in CAMERA_KINDS for each in self._descriptions.values())
+        self.world = world = World(scenario, precomputed, pictures=drawn or photographed)
+        self._renderer = RendererOnDemand(
+            lambda: world.scene.model, shadows=scenario.rendering.shadows, samples=scenario.rendering.samples
+        )
         if not self._descriptions:
             raise InputError(
                 f"scenario {scenario.name!r}: sensors: without images none of {', '.join(scenario.sensors)} is left; "

@@ -14,6 +14,7 @@ from trackers.errors import InputError
 from twin.scenario import Scenario, load_scenario
 from twin.world.placement import CLEARANCE_M
 from twin.world.scene import build_scene, populate
+from twin.world.simulation import Simulation
 from twin.world.world import World
 
 WALK = "{{kind: walk, waypoints: {}{}}}"
@@ -290,3 +291,9 @@ def test_furniture_called_like_a_person_is_the_room(tmp_path: Path) -> None:
         owned[expected] += 1
     assert owned[0] == len(room)
     assert min(owned[1:]) > 15  # whole bodies
+
+
+def test_people_have_faces_where_they_are_drawn() -> None:
+    one = lab("people.ann={script: {kind: stand}}", "sensors.fisheye=null", "background=none")
+    with Simulation(one) as unseen, Simulation(one, images=False, drawn=True) as drawn:
+        assert unseen.world.scene.model.ntex < drawn.world.scene.model.ntex

@@ -83,26 +83,32 @@ def rings(sections: ArrayLike, sides: int = 14, square: float = 2.0) -> Array:
     `square`: exponent of the superellipse; 2 is an ellipse, more is squarer.
     """
     section = np.asarray(sections, dtype=float)
+    c, s = _superellipse(sides, square)
+    ring = np.empty((len(section), sides, 3))
+    ring[..., 0] = section[:, 0, None] + section[:, 3, None] * c
+    ring[..., 1] = section[:, 1, None] + section[:, 4, None] * s
+    ring[..., 2] = section[:, 2, None]
+    return ring
+
+
+@lru_cache(maxsize=256)
+def _superellipse(sides: int, square: float) -> tuple[Array, Array]:
+    """Return x and y (sides,) of a ring of half depth and breadth 1; kept, since bodies use few kinds of ring."""
     angle = around(sides)
     c, s = np.cos(angle), np.sin(angle)
-    c = np.sign(c) * np.abs(c) ** (2 / square)
-    s = np.sign(s) * np.abs(s) ** (2 / square)
-    x = section[:, 0, None] + section[:, 3, None] * c
-    y = section[:, 1, None] + section[:, 4, None] * s
-    return np.stack([x, y, np.broadcast_to(section[:, 2, None], x.shape)], axis=-1)
+    return np.sign(c) * np.abs(c) ** (2 / square), np.sign(s) * np.abs(s) ** (2 / square)
 
 
 def loft(ring: Array) -> Surface:
     """Make the closed surface through rings (m, n, 3) [m], each counter-clockwise as seen from the end of the last one."""
     count, sides, _ = ring.shape
-    middles = ring.mean(axis=1)
-    vertex = np.vstack([ring.reshape(-1, 3), middles[0], middles[-1]])
+    vertex = np.concatenate([ring.reshape(-1, 3), ring.mean(axis=1)[[0, -1]]])
     step = np.linalg.norm(np.diff(ring, axis=0), axis=-1).mean(axis=1)
     v = np.concatenate([[0.0], np.cumsum(step)])
     v = v / max(v[-1], 1e-9)
-    u = np.linspace(0, 1, sides + 1)
-    texture = np.stack(np.broadcast_arrays(u[None, :], v[:, None]), axis=-1).reshape(-1, 2)
-    texture = np.vstack([texture, [0.5, 0.0], [0.5, 1.0]])
+    texture = np.empty((count * (sides + 1) + 2, 2))
+    texture[:-2, 0], texture[-2:, 0] = np.tile(np.linspace(0, 1, sides + 1), count), 0.5
+    texture[:-2, 1], texture[-2:, 1] = np.repeat(v, sides + 1), (0.0, 1.0)
     return Surface(vertex, _faces(count, sides, sides), texture, _faces(count, sides, sides + 1))
 
 
