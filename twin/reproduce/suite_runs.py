@@ -34,8 +34,8 @@ from twin.suites.filmstrip import FilmstripWork, draw_filmstrip
 from twin.suites.results import with_variant
 from twin.suites.run import run_suite
 from twin.suites.spec import Suite, load_suite
+from twin.suites.store import DONE
 from twin.suites.store_files import read_store
-from twin.suites.store_schema import DONE
 from twin.suites.tasks import State, Task, TaskListener, TaskResult
 from twin.suites.worker import TRUTH, Incident, record, renderer_of, resolved_scenario
 

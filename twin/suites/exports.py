@@ -16,7 +16,7 @@ from xml.etree import ElementTree
 from twin.recording.atomic_file import atomic_path, open_atomic
 from twin.suites.comparison import Change, Comparison, SuiteOutcome, describe_change
 from twin.suites.results import GroupKey, RequirementCheck, gated_values
-from twin.suites.store_schema import DONE, FAILED
+from twin.suites.store import DONE, FAILED
 
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 

@@ -32,9 +32,8 @@ from twin.suites.page import write_comparison_page, write_page
 from twin.suites.results import Group, GroupKey, Results, collect_results, pooled
 from twin.suites.run import run_suite
 from twin.suites.spec import Suite, load_suite
-from twin.suites.store import ResultStore
+from twin.suites.store import OverridesText, ResultStore
 from twin.suites.store_files import RESULTS_FILE, read_store
-from twin.suites.store_schema import OverridesText
 from twin.suites.tables import (
     markdown_comparison,
     markdown_table,

@@ -16,8 +16,7 @@ from trackers.errors import InputError
 from twin.streams import stream
 from twin.suites.metrics import GATED, METRICS, format_metric
 from twin.suites.spec import holds
-from twin.suites.store import ResultStore
-from twin.suites.store_schema import DONE, EXPECTED, FAILED, RecordingInfo, StoredCase
+from twin.suites.store import DONE, EXPECTED, FAILED, RecordingInfo, ResultStore, StoredCase
 from twin.suites.worker import NO_RENDERER
 
 _N_REPLICATE = 2000

@@ -24,9 +24,8 @@ from twin.suites.filmstrip import FilmstripWork, draw_filmstrip
 from twin.suites.metrics import flatten_metrics
 from twin.suites.results import collect_results, worst_cases
 from twin.suites.spec import Suite
-from twin.suites.store import ResultStore
+from twin.suites.store import DONE, FAILED, RecordingInfo, Requirement, ResultStore
 from twin.suites.store_files import open_store
-from twin.suites.store_schema import DONE, FAILED, RecordingInfo, Requirement
 from twin.suites.tasks import State, Task, TaskListener, TaskResult
 from twin.suites.worker import WORST, CaseResult, CaseWork, Incident, run_case
 

@@ -12,8 +12,7 @@ from typing import Any
 from trackers.errors import InputError
 from twin.run.out_folder import locked_folder
 from twin.suites.expansion import Case
-from twin.suites.store import ResultStore, fault_of_file
-from twin.suites.store_schema import EXPECTED
+from twin.suites.store import EXPECTED, ResultStore, fault_of_file
 
 RESULTS_FILE = "results.sqlite"
 

@@ -28,8 +28,8 @@ from twin.suites.comparison import SuiteOutcome
 from twin.suites.page import write_page
 from twin.suites.run import run_suite
 from twin.suites.spec import load_suite
+from twin.suites.store import FORMER_FACTS
 from twin.suites.store_files import read_store
-from twin.suites.store_schema import FORMER_FACTS
 
 pytestmark = pytest.mark.slow
 
