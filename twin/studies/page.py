@@ -13,16 +13,23 @@ from twin.models import MODELS
 from twin.recording.atomic_file import open_atomic
 from twin.report.palette import data_uri, page_template
 from twin.scenario import Scenario
-from twin.scenario.sensors import FloorDescription
 from twin.studies.candidate_poses import first_sensor
 from twin.studies.candidate_set import BASELINE
 from twin.studies.devices import Device
 from twin.studies.interactive_plan import plan_data, section
-from twin.studies.plots import PlanSensor, floor_plan, heat_map, is_scanner, pareto_plot, plan_sensors, trial_map
+from twin.studies.plots import PlanSensor, floor_plan, heat_map, pareto_plot, plan_sensors, trial_map
 from twin.studies.results import StudyResults, describe_placement
 from twin.studies.trials import Trial
 from twin.studies.validation import moved_sensors
-from twin.studies.visibility import SensorVisibility, floor_cells, unvisited_warning, visited_cells
+from twin.studies.visibility import (
+    FloorResolution,
+    SensorVisibility,
+    cell_size_m,
+    floor_resolution,
+    looking_sensors,
+    unvisited_warning,
+    visited_cells,
+)
 from twin.studies.worker import EvaluationTask, matched_errors
 from twin.suites.cache_keys import whole_code
 
@@ -45,6 +52,9 @@ def write_page(path: Path, results: StudyResults) -> None:
     drawn, scale, width_mm = floor_plan(
         scenario, prepared.scenario, sensors, candidate_set.building, area, study.constraints, devices_m
     )
+    looking = {name: SensorVisibility(scenario, name, study.coverage) for name in looking_sensors(scenario)}
+    empty_room = results.coverage.targets.sampled_worlds[0].empty()
+    floor = floor_resolution(scenario, looking, empty_room, area, study.coverage, _HEAT_CELLS)
     objective = results.objective
     content: dict[str, Any] = {
         "study": study,
@@ -62,8 +72,8 @@ def write_page(path: Path, results: StudyResults) -> None:
             (_trial_row(results, each), row.text) for each, row in results.indistinguishable[:_MOST_ROWS]
         ],
         "n_indistinguishable": len(results.indistinguishable),
-        "maps": _maps(results, scenario, sensors),
-        "area_warning": _area_warning(results, scenario),
+        "maps": _maps(results, scenario, sensors, floor),
+        "area_warning": _area_warning(results, floor),
         "trial_map": _trial_map(results, sensors),
         "objective": objective,
         "validated": study.validated,
@@ -150,8 +160,7 @@ def _plan(results: StudyResults, scenario: Scenario, folder: Path) -> dict[str, 
     """Return the data of the interactive plan, starting from the recommended placement."""
     prepared = results.prepared
     area, building = prepared.scene.area, prepared.candidate_set.building
-    names = [name for name, each in scenario.sensors.items() if not isinstance(each, FloorDescription)]
-    cell_m = max(0.05, float(np.sqrt(np.prod(np.ptp(area, axis=0)) / _PLAN_CELLS)))
+    names, cell_m = looking_sensors(scenario), cell_size_m(area, _PLAN_CELLS)
     prices = _prices(results, scenario)
     coverage = prepared.study.coverage
     return plan_data(
@@ -176,63 +185,37 @@ def _prices(results: StudyResults, scenario: Scenario) -> dict[str, float]:
     return prices if any(prices.values()) else {}
 
 
-def _maps(results: StudyResults, scenario: Any, sensors: list[PlanSensor]) -> list[tuple[str, str]]:
-    """Draw beams on a body, pixels per metre, and the mean error by place, each with its caption."""
-    found = [
-        _resolution_map(results, scenario, sensors, scanners=True),
-        _resolution_map(results, scenario, sensors, scanners=False),
-        _error_map(results, scenario, sensors),
-    ]
-    return [(caption, data_uri(svg)) for caption, svg in filter(None, found)]
+def _maps(results: StudyResults, scenario: Scenario, sensors: list[PlanSensor], floor: FloorResolution) -> list[Any]:
+    """Draw beams on a body, pixels per metre, and the mean error by place; return captions and pictures."""
+    building, area, found = results.prepared.candidate_set.building, results.prepared.scene.area, []
+    for scanners, _, sharp, least in floor.best_of_kind(scenario):
+        what = (
+            "Beams that meet a body, of the best scanner for each place"
+            if scanners
+            else "Pixels per metre at the greatest of the heights looked for, of the best camera"
+        )
+        label = "beams on a body" if scanners else "px/m"
+        blind = 100 * float((sharp < least).mean())
+        caption = f"{what}, empty room; red: fewer than {least:g}, {blind:.1f} % of the area."
+        svg = heat_map(floor.cells, sharp, floor.cell_m, sensors, building, area, label=label, least=least)
+        found.append((caption, svg))
+    return [(caption, data_uri(svg)) for caption, svg in [*found, *_error_map(results, scenario, sensors)]]
 
 
-def _resolution_map(
-    results: StudyResults, scenario: Any, sensors: list[PlanSensor], scanners: bool
-) -> tuple[str, str] | None:
-    """Draw the best scanner's beams on a body, or the best camera's pixels per metre, by place; None without such sensors."""
-    prepared, coverage = results.prepared, results.prepared.study.coverage
-    names = [name for name, each in scenario.sensors.items() if not isinstance(each, FloorDescription)]
-    mine = [name for name in names if is_scanner(scenario, name) == scanners]
-    if not mine:
-        return None
-    if scanners:
-        label, least = "beams on a body", float(coverage.beams)
-        what = "Beams that meet a body, of the best scanner for each place"
-    else:
-        label, least = "px/m", coverage.px_per_m
-        what = "Pixels per metre at the greatest of the heights looked for, of the best camera"
-    area = prepared.scene.area
-    cell_m = max(0.05, float(np.sqrt(np.prod(np.ptp(area, axis=0)) / _HEAT_CELLS)))
-    cells, empty_room = floor_cells(area, cell_m), results.coverage.targets.sampled_worlds[0].empty()
-    seen = [SensorVisibility(scenario, name, coverage).resolution(empty_room, cells)[-1] for name in mine]
-    sharp = np.max(seen, axis=0)
-    blind = 100 * float((sharp < least).mean())
-    caption = f"{what}, empty room; red: fewer than {least:g}, {blind:.1f} % of the area."
-    building = prepared.candidate_set.building
-    return caption, heat_map(cells, sharp, cell_m, sensors, building, area, label=label, least=least)
-
-
-def _area_warning(results: StudyResults, scenario: Scenario) -> str:
+def _area_warning(results: StudyResults, floor: FloorResolution) -> str:
     """Return a warning where no sensor sees an unvisited part of the area; "" otherwise or for cells of the floor."""
-    prepared, coverage = results.prepared, results.prepared.study.coverage
-    if coverage.of != "people":
+    if results.prepared.study.coverage.of != "people":
         return ""
-    sampled, area = results.coverage.targets.sampled_worlds, prepared.scene.area
-    cells = floor_cells(area, max(0.05, float(np.sqrt(np.prod(np.ptp(area, axis=0)) / _HEAT_CELLS))))
-    seen = np.zeros(len(cells), dtype=bool)
-    for name, each in scenario.sensors.items():
-        if not isinstance(each, FloorDescription):
-            least = coverage.beams if is_scanner(scenario, name) else coverage.px_per_m
-            seen |= SensorVisibility(scenario, name, coverage).resolution(sampled[0].empty(), cells)[-1] >= least
-    return unvisited_warning(visited_cells(sampled, cells), seen, results.coverage.targets.n)
+    targets = results.coverage.targets
+    return unvisited_warning(visited_cells(targets.sampled_worlds, floor.cells), floor.n_seeing > 0, targets.n)
 
 
-def _error_map(results: StudyResults, scenario: Any, sensors: list[PlanSensor]) -> tuple[str, str] | None:
-    """Draw the mean distance of tracks from people by place, for the validated tracker; None without one."""
+def _error_map(results: StudyResults, scenario: Scenario, sensors: list[PlanSensor]) -> list[tuple[str, str]]:
+    """Draw the mean distance of tracks from people by place, with caption, for the validated tracker if there is one."""
     prepared, study = results.prepared, results.prepared.study
     tracker, area = study.validated[0].tracker if study.validated else None, prepared.scene.area
     if tracker is None:
-        return None
+        return []
     seeds = (study.held_out.seeds if study.held_out is not None else study.seeds)[:_MOST_ERROR_SEEDS]
     code = whole_code()
     work = [
@@ -251,8 +234,7 @@ def _error_map(results: StudyResults, scenario: Any, sensors: list[PlanSensor]) 
     middles = low + (places[often] + 0.5) * _ERROR_CELL_M
     most = float(np.quantile(mean[often], 0.98))
     building = prepared.candidate_set.building
-    drawn = heat_map(middles, mean[often], _ERROR_CELL_M, sensors, building, area, label="m", most=most)
-    return caption, drawn
+    return [(caption, heat_map(middles, mean[often], _ERROR_CELL_M, sensors, building, area, label="m", most=most))]
 
 
 def _trial_map(results: StudyResults, sensors: list[PlanSensor]) -> tuple[str, str] | None:

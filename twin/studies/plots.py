@@ -16,7 +16,7 @@ from twin.report.palette import INK, QUIET, SHADE, plot_style, to_svg
 from twin.room.building import Building, room_outline
 from twin.scenario import Scenario
 from twin.scenario.housings import in_the_room
-from twin.scenario.sensors import FloorDescription, LaserDescription
+from twin.scenario.sensors import FloorDescription
 from twin.studies.devices import Cable, Constraints, KeepFreeZone
 
 if TYPE_CHECKING:
@@ -323,8 +323,3 @@ def trial_map(
         bar = figure.colorbar(dots, ax=axes, shrink=0.8, label=label, extend="min")
         bar.ax.tick_params(labelsize=8)
         return to_svg(figure)
-
-
-def is_scanner(scenario: Scenario, name: str) -> bool:
-    """Return True for a scanner."""
-    return isinstance(scenario.sensors[name], LaserDescription)

@@ -21,13 +21,12 @@ from twin.report.palette import data_uri
 from twin.run.inputs import NONE_TRUSTED, TrustedClasses
 from twin.scenario import Scenario, load_scenario
 from twin.scenario.load import dump_scenario
-from twin.scenario.sensors import FloorDescription
 from twin.studies.apply_placement import write_scenario
 from twin.studies.candidate_set import BASELINE, building_of
 from twin.studies.coverage import PoseCoverage, at_least, count_bits
 from twin.studies.interactive_plan import plan_data, section
 from twin.studies.page import study_template, write_page
-from twin.studies.plots import heat_map, is_scanner, plan_sensors
+from twin.studies.plots import heat_map, plan_sensors
 from twin.studies.preflight import prepare
 from twin.studies.results import StudyResults, summarize, write_table
 from twin.studies.search import Result, Searcher
@@ -44,7 +43,8 @@ from twin.studies.validation import (
 from twin.studies.visibility import (
     SampledWorld,
     SensorVisibility,
-    floor_cells,
+    floor_resolution,
+    looking_sensors,
     packed,
     unvisited_warning,
     visited_cells,
@@ -178,7 +178,7 @@ def write_coverage(scenario: Scenario, folder: Path, *, beams: int, px_per_m: fl
 
     Raises InputError without scanners and cameras.
     """
-    names = [name for name, each in scenario.sensors.items() if not isinstance(each, FloorDescription)]
+    names = looking_sensors(scenario)
     if not names:
         raise InputError(
             f"scenario {scenario.name!r}: sensors: none is a scanner or a camera; one that looks is expected"
@@ -187,18 +187,14 @@ def write_coverage(scenario: Scenario, folder: Path, *, beams: int, px_per_m: fl
     precomputed = PrecomputedScene.of(scenario, precompute_motion(scenario))
     times = ((np.arange(samples) + 0.5) / samples * scenario.duration_s).tolist()
     sampled = SampledWorld(scenario, precomputed, times)
-    area = sampled.area
-    cell_m = max(0.05, float(np.sqrt(np.prod(np.ptp(area, axis=0)) / _CELLS)))
-    cells = floor_cells(area, cell_m)
-    building = building_of(precomputed.scene)
-    visibilities = {name: SensorVisibility(scenario, name, asked) for name in names}
-    visible = {name: visibility.people(sampled) for name, visibility in visibilities.items()}
-    sharp = {name: visibility.resolution(sampled.empty(), cells) for name, visibility in visibilities.items()}
-    least = {name: float(beams) if is_scanner(scenario, name) else px_per_m for name in names}
+    area, building = sampled.area, building_of(precomputed.scene)
+    looking = {name: SensorVisibility(scenario, name, asked) for name in names}
+    visible = {name: each.people(sampled) for name, each in looking.items()}
+    floor = floor_resolution(scenario, looking, sampled.empty(), area, asked, _CELLS)
     bits = packed(np.array(list(visible.values())))
     n = max(sampled.n_person_frame, 1)
-    seen = np.any([sharp[name][-1] >= least[name] for name in names], axis=0)
-    visited = visited_cells([sampled], cells)
+    seen = floor.n_seeing > 0
+    visited = visited_cells([sampled], floor.cells)
     found: dict[str, Any] = {
         "scenario": scenario.name,
         "seed": scenario.seed,
@@ -210,34 +206,27 @@ def write_coverage(scenario: Scenario, folder: Path, *, beams: int, px_per_m: fl
         "area_unseen_unvisited": float((~seen & ~visited).mean()),
         "warnings": list(filter(None, [unvisited_warning(visited, seen, sampled.n_person_frame)])),
         "people_seen_by_at_least": {str(k): count_bits(at_least(bits, k)) / n for k in range(1, len(names) + 1)},
-        "floor_seen_by_at_least": {
-            str(k): float((np.sum([sharp[name][-1] >= least[name] for name in names], axis=0) >= k).mean())
-            for k in range(1, len(names) + 1)
-        },
+        "floor_seen_by_at_least": {str(k): float((floor.n_seeing >= k).mean()) for k in range(1, len(names) + 1)},
         "sensors": {
             name: {
                 "people": float(visible[name].mean()) if len(visible[name]) else None,
-                "floor": float((sharp[name][-1] >= least[name]).mean()),
+                "floor": float((floor.of_sensor[name] >= floor.least[name]).mean()),
             }
             for name in names
         },
     }
     sensors = plan_sensors(scenario, names, building)
     maps = []
-    for scanners, label in ((True, "beams on a body"), (False, "px/m")):
-        mine = [name for name in names if is_scanner(scenario, name) == scanners]
-        if mine:
-            best = np.max([sharp[name][-1] for name in mine], axis=0)
-            drawn = heat_map(cells, best, cell_m, sensors, building, area, label=label, least=least[mine[0]])
-            maps.append(
-                (f"{', '.join(mine)}: {label}, empty room; red: fewer than {least[mine[0]]:g}.", data_uri(drawn))
-            )
+    for scanners, mine, best, least in floor.best_of_kind(scenario):
+        label = "beams on a body" if scanners else "px/m"
+        drawn = heat_map(floor.cells, best, floor.cell_m, sensors, building, area, label=label, least=least)
+        maps.append((f"{', '.join(mine)}: {label}, empty room; red: fewer than {least:g}.", data_uri(drawn)))
     folder.mkdir(parents=True, exist_ok=True)
     with open_atomic(folder / "coverage.json") as stream:
         json.dump(found, stream, indent=2)
         stream.write("\n")
     template = study_template("coverage.html.j2")
-    plan = plan_data(scenario, names, building, area, asked, cell_m, extends=_SCENARIO, folder=folder)
+    plan = plan_data(scenario, names, building, area, asked, floor.cell_m, extends=_SCENARIO, folder=folder)
     with open_atomic(folder / _SCENARIO) as stream:
         stream.write(dump_scenario(scenario))
     with open_atomic(folder / "coverage.html") as stream:

@@ -7,7 +7,7 @@ floor at heights, in the empty room or once per sample.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +20,7 @@ from trackers.cameras import Intrinsics
 from twin.instant.snapshot import Snapshot
 from twin.scenario import Scenario
 from twin.scenario.housings import in_the_room
-from twin.scenario.sensors import LaserDescription
+from twin.scenario.sensors import FloorDescription, LaserDescription
 from twin.sensors.rays import RayFan, trace_rays
 from twin.studies.spec import Coverage
 from twin.truth.visibility import SensorView, first_hits, sensor_view
@@ -235,3 +235,65 @@ def packed(visible: Mask) -> NDArray[np.uint64]:
     padded = np.zeros((*visible.shape[:-1], -(-visible.shape[-1] // 64) * 64), dtype=bool)
     padded[..., : visible.shape[-1]] = visible
     return np.packbits(padded, axis=-1).view(np.uint64)
+
+
+def is_scanner(scenario: Scenario, name: str) -> bool:
+    """Return True for a scanner."""
+    return isinstance(scenario.sensors[name], LaserDescription)
+
+
+def looking_sensors(scenario: Scenario) -> list[str]:
+    """Name the scanners and cameras."""
+    return [name for name, each in scenario.sensors.items() if not isinstance(each, FloorDescription)]
+
+
+def cell_size_m(area: Array, most_cells: int) -> float:
+    """Return the side of a cell [m], 5 cm or more, at which about so many cover the box around the area."""
+    return max(0.05, float(np.sqrt(np.prod(np.ptp(area, axis=0)) / most_cells)))
+
+
+@dataclass(frozen=True, eq=False)
+class FloorResolution:
+    """Resolution on k cells of the empty room's floor, by scanner [beams on a body] and camera [px/m at greatest height].
+
+    least: of each sensor, for a cell to be seen.
+    """
+
+    cells: Array  # (k, 2) [m]
+    cell_m: float
+    of_sensor: Mapping[str, Array]  # (k,)
+    least: Mapping[str, float]
+
+    @property
+    def n_seeing(self) -> NDArray[np.intp]:
+        """Number of sensors that see each cell, (k,)."""
+        seen = np.zeros(len(self.cells), dtype=np.intp)
+        for name, resolution in self.of_sensor.items():
+            seen += resolution >= self.least[name]
+        return seen
+
+    def best_of_kind(self, scenario: Scenario) -> Iterator[tuple[bool, list[str], Array, float]]:
+        """Yield scanners, then cameras, if any: whether scanners, names, the best resolution (k,), and the least."""
+        for scanners in (True, False):
+            names = [name for name in self.of_sensor if is_scanner(scenario, name) == scanners]
+            if names:
+                yield scanners, names, np.max([self.of_sensor[name] for name in names], axis=0), self.least[names[0]]
+
+
+def floor_resolution(
+    scenario: Scenario,
+    sensors: Mapping[str, SensorVisibility],
+    empty_room: Snapshot,
+    area: Array,
+    coverage: Coverage,
+    most_cells: int,
+) -> FloorResolution:
+    """Compute the resolution of these sensors of a scenario on about so many cells of the area."""
+    cell_m = cell_size_m(area, most_cells)
+    cells = floor_cells(area, cell_m)
+    return FloorResolution(
+        cells,
+        cell_m,
+        {name: each.resolution(empty_room, cells)[-1] for name, each in sensors.items()},
+        {name: float(coverage.beams) if is_scanner(scenario, name) else coverage.px_per_m for name in sensors},
+    )
