@@ -141,7 +141,7 @@ def scan_scenario(
     `stations`: x, y or x, y, z [m] of each; none: places of greatest visibility. `noise` is a name in LASER_NOISE. Raises
     InputError for a station in objects, off the floor or blind.
     """
-    world = World(scenario)
+    world = World(scenario, pictures=False)
     snapshot = world.empty_snapshot(0.0)
     if stations:
         places = [(place[0], place[1], place[2] if len(place) > 2 else HEIGHT_M) for place in stations]

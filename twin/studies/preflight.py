@@ -58,7 +58,7 @@ def prepare(name: str | Path, *, seed_offset: int = 0, trusted: TrustedClasses =
     if faults:
         raise InputError("\n".join(dict.fromkeys(faults)))
     chosen = tuple(choose(study.trackers, first.trackers, str(path), trusted, STUDY)) if study.trackers else ()
-    scene = build_scene(first)
+    scene = build_scene(first, pictures=False)
     candidate_set = CandidateSet.of(study, first, scene, str(path))
     faults = list(_kind_faults(study, candidate_set, path)) or list(
         _unused_sensor_faults(study, candidate_set, chosen, scene, path)

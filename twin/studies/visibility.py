@@ -55,7 +55,7 @@ class SampledWorld:
     def __init__(self, scenario: Scenario, precomputed: PrecomputedScene | None, times_s: Sequence[float]) -> None:
         """Sample the world at ascending `times_s`; without any, only the empty room."""
         self.scenario = scenario
-        world = World(scenario, precomputed)
+        world = World(scenario, precomputed, pictures=False)
         self.area = world.scene.area
         area, ids = Area(self.area), np.array([world.scene.ids[name] for name in world.scene.names], dtype=np.int16)
         self.samples: list[WorldSample] = []

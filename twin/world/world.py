@@ -77,7 +77,7 @@ class PrecomputedScene:
 def precompute_motion(scenario: Scenario) -> PopulationMotion:
     """Step a scenario's people to its end and return their motion. Raises InputError as `build_scene` does."""
     scenario = randomized(scenario)
-    return populate(scenario, build_scene(scenario)).motion(scenario.duration_s + LONGEST_LOOK_S)
+    return populate(scenario, build_scene(scenario, pictures=False)).motion(scenario.duration_s + LONGEST_LOOK_S)
 
 
 _OUT_OF_THE_ROOM_M = -100.0
