@@ -5,7 +5,7 @@ Lenses that rig.yaml leaves out are taken from there; what it contradicts is rep
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -200,7 +200,8 @@ def motion_warnings(
     """Return one warning per cause that moves sensors; `frames`: the frame_ids of each sensor's messages.
 
     A transform moves a sensor if it lies between the sensor's frame and the root of the tree. A robot's odometry, or pose,
-    moves those sensors that stand on it, and all where no transform tells what stands on what.
+    moves those sensors that stand on it, and all where no transform tells what stands on what. A tree that does not tell on
+    what a sensor stands, for a gap or a circle, while something in it moves, is a cause, too.
     """
     chains = {name: tree.ancestors(own) for name, own in frames.items()}
     moved: dict[str, list[str]] = {}
@@ -215,11 +216,36 @@ def motion_warnings(
             moved.setdefault(_said(f"{edge.topic} ({edge.parent} to {child})", edge.parent_from_child), []).extend(
                 on_it
             )
-    return [
+    unmoved = {name: own for name, own in frames.items() if not any(name in each for each in moved.values())}
+    return [*_circles(tree, frames), *_untold(tree, unmoved)] + [
         f"{', '.join(names)} moves: {said}; tracks are in the sensor's own moving frame, in which things that stand look like "
         "people. A rig.yaml with odometry (`kind: odometry`), on which the sensor is `mounted_on`, is expected"
         for said, names in moved.items()
     ]
+
+
+def _circles(tree: TransformTree, frames: Mapping[str, Iterable[str]]) -> Iterator[str]:
+    """Yield a warning for each sensor above which transforms go in a circle."""
+    for name, own in frames.items():
+        try:
+            for frame in own:
+                tree.chain(frame)
+        except InputError as error:
+            yield f"{name} may move: {error}; it is taken to stand"
+
+
+def _untold(tree: TransformTree, frames: Mapping[str, Iterable[str]]) -> Iterator[str]:
+    """Yield a warning for each sensor that may move, since between it and what moves the tree has a gap."""
+    moving = [edge for edge in tree.edges.values() if edge.moves]
+    with_them = tree.ancestors(edge.child for edge in moving)
+    bases = ", ".join(f"{edge.child} (in {edge.parent})" for edge in moving[:5])
+    for name, own in frames.items():
+        if moving and not tree.ancestors(own) & with_them:
+            frame = ", ".join(map(repr, sorted(own)))
+            yield (
+                f"{name} may move: no transforms lead from its frame {frame} to {bases}, which moves; it is taken to stand. "
+                "A bag with the whole of /tf_static, or a rig.yaml in which it is `mounted_on` odometry, is expected"
+            )
 
 
 def _said(what: str, poses: Poses) -> str:

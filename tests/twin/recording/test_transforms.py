@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from math import cos, sin
 
 import numpy as np
@@ -102,6 +103,31 @@ def test_a_tree_that_tells_no_pose_is_refused(tmp_path, name):
     messages, said = BROKEN[name]
     with pytest.raises(InputError, match=rf"the rig: sensors.robot.frame, base_frame: .*{said}"):
         Recording(bag(tmp_path, messages), RIG)
+
+
+UNTOLD = {
+    "no transform of the scanner": (driving()[:-1], "no transforms lead from its frame 'waist' to base_link"),
+    "a gap": (
+        [*driving()[:-1], tf(STAMPS[0], "body", "waist", at(0.1), "/tf_static")],
+        "to base_link .in odom., which moves",
+    ),
+    "a circle": (
+        [*driving(), *(tf(STAMPS[0], *each, at(0.1)) for each in (("mast", "waist"), ("waist", "odom")))],
+        "scan may move: transforms go in a circle: waist > mast",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", UNTOLD)
+def test_without_a_rig_a_tree_that_does_not_tell_on_what_the_scanner_stands_is_told(tmp_path, name):
+    messages, said = UNTOLD[name]
+    recording = Recording(bag(tmp_path, messages))
+    assert recording.rig.mounted() == {} and re.search(said, recording.moving[0])
+
+
+def test_a_scanner_that_stands_beside_a_robot_is_not_doubted(tmp_path):
+    beside = [*driving(), tf(STAMPS[0], "odom", "waist", at(2.0), "/tf_static")]
+    assert Recording(bag(tmp_path, beside)).moving == []
 
 
 def test_odometry_that_jumps_or_stops_and_a_second_parent_are_told(tmp_path):
