@@ -183,6 +183,14 @@ def data_uri(picture: str | bytes) -> str:
     return f"data:image/{kind};base64,{base64.b64encode(content).decode()}"
 
 
+def encode_jpeg(rgb: NDArray[np.uint8], quality: int) -> bytes:
+    """Encode a picture (height, width, 3) RGB as a JPEG of this quality, 0 to 100."""
+    done, jpeg = cv2.imencode(".jpg", rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
+    if not done:
+        raise RuntimeError("OpenCV could not encode a JPEG")
+    return jpeg.tobytes()
+
+
 @cache
 def page_template(*packages_and_name: str) -> Template:
     """Load a template: packages in which it and its base are looked for, in this order, and its name."""

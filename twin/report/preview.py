@@ -25,7 +25,7 @@ from twin.recording.atomic_file import partial_path, unwritable
 from twin.report.birdseye import SHIFT, Polygon, fixed_point, plan_width_px
 from twin.report.camera_panel import MOST_CAMERAS, CameraGrid, widest_aspect
 from twin.report.floor_panel import BACKDROP, INK, PRESSED, QUIET, FloorPanel, TruePoses
-from twin.report.palette import BOLD, LAYER_COLOURS, IdentityColours, text_width, write
+from twin.report.palette import BOLD, LAYER_COLOURS, IdentityColours, encode_jpeg, text_width, write
 from twin.report.time_axis import format_time, time_origin_ns
 
 TIME_BASE = Fraction(1, 90_000)
@@ -250,10 +250,7 @@ class PreviewWriter:
         """Encode the last picture as a JPEG, for the report; raises ValueError before the first."""
         if self.n_frames == 0:
             raise ValueError("no frame has been drawn yet")
-        done, jpeg = cv2.imencode(".jpg", self._canvas[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
-        if not done:
-            raise RuntimeError("OpenCV could not encode a JPEG")
-        return jpeg.tobytes()
+        return encode_jpeg(self._canvas, quality)
 
     def close(self) -> None:
         """Finish the video and give it its name; raises InputError where the disk is full."""

@@ -7,7 +7,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,7 +16,7 @@ from trackers.tracks import TrackFrame
 from twin.report.birdseye import Polygon, plan_width_px
 from twin.report.camera_panel import CameraPanel
 from twin.report.floor_panel import FloorPanel, TruePoses
-from twin.report.palette import LAYER_COLOURS, IdentityColours
+from twin.report.palette import LAYER_COLOURS, IdentityColours, encode_jpeg
 
 _HIGH_PX = 360
 _QUALITY = 85
@@ -110,10 +109,7 @@ class SensorStills:
 
 
 def _still(rgb: NDArray[np.uint8], caption: str) -> Still:
-    done, jpeg = cv2.imencode(".jpg", rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
-    if not done:
-        raise RuntimeError("OpenCV could not encode a JPEG")
-    return Still(jpeg.tobytes(), caption, rgb.shape[1] / rgb.shape[0])
+    return Still(encode_jpeg(rgb, _QUALITY), caption, rgb.shape[1] / rgb.shape[0])
 
 
 _GAPS = 3.0

@@ -37,7 +37,7 @@ from twin.suites.spec import Suite, load_suite
 from twin.suites.store import DONE
 from twin.suites.store_files import read_store
 from twin.suites.tasks import State, Task, TaskListener, TaskResult
-from twin.suites.worker import TRUTH, Incident, record, renderer_of, resolved_scenario
+from twin.suites.worker import TRUTH, Incident, resolved_scenario, scenario_recording
 
 SUITE_FOLDER = "suite"
 """Folder of the suite's results within the reproduction's."""
@@ -184,9 +184,7 @@ def warn_of_failure(case_id: str, error: str) -> None:
 @contextmanager
 def case_recording(case: Case, cache: RecordingCache) -> Iterator[Path]:
     """Yield the folder of a case's recording, made again if no longer in the cache."""
-    scenario = resolved_scenario(case)
-    key = recording_key(case.resolved, renderer_of(scenario))
-    with cache.recording(key, lambda folder: record(scenario, folder)) as (entry, _):
+    with scenario_recording(resolved_scenario(case), cache, case.resolved) as entry:
         yield entry
 
 

@@ -18,7 +18,7 @@ from trackers.observations import NS_PER_S
 from trackers.prior import Prior
 from twin.recording.reader import Recording
 from twin.report.metrics_table import format_number
-from twin.report.palette import IDENTITY_COLOURS
+from twin.report.palette import IDENTITY_COLOURS, encode_jpeg
 from twin.report.preview import PreviewWriter, fitting_size
 from twin.room.building import room_outline
 from twin.run.feed import Feed, Preview
@@ -26,11 +26,10 @@ from twin.run.inputs import TrustedClasses, choose
 from twin.run.tracker_runner import tracker_runners
 from twin.scenario.scenario import TrackerChoice
 from twin.suites.cache import RecordingCache
-from twin.suites.cache_keys import recording_key
 from twin.suites.expansion import Case
 from twin.suites.metrics import METRICS, format_metric
 from twin.suites.results import Group, mean_over_seeds
-from twin.suites.worker import RECORDING, record, renderer_of, resolved_scenario
+from twin.suites.worker import RECORDING, resolved_scenario, scenario_recording
 from twin.world.world import World
 
 _OFFSETS_S = (-0.8, 0.0, 0.8)
@@ -60,9 +59,8 @@ def draw_filmstrip(work: FilmstripWork) -> bytes:
     defined = dict(_choice(text) for text in case.tracker_changes)
     chosen = choose([case.tracker], defined, case.id, TrustedClasses(every=True))  # checked by `expand`
     world = World(scenario)
-    key = recording_key(case.resolved, renderer_of(scenario))
     with (
-        work.cache.recording(key, lambda folder: record(scenario, folder)) as (entry, _),
+        scenario_recording(scenario, work.cache, case.resolved) as entry,
         tempfile.TemporaryDirectory(prefix="roomtwin-strip-") as temporary,
     ):
         folder = Path(temporary)
@@ -135,10 +133,7 @@ def _side_by_side(stills: Sequence[bytes]) -> bytes:
         pictures.append(cv2.resize(picture, (width, _STILL_HIGH_PX), interpolation=cv2.INTER_AREA))
     if not pictures:
         raise ValueError("no frame lies at or after the moment")
-    done, jpeg = cv2.imencode(".jpg", np.hstack(pictures), [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
-    if not done:
-        raise RuntimeError("OpenCV could not encode a JPEG")
-    return jpeg.tobytes()
+    return encode_jpeg(np.hstack(pictures)[..., ::-1], _QUALITY)
 
 
 _SHAPES = (

@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import cache, partial
 from itertools import pairwise
@@ -33,6 +33,7 @@ from twin.run.live import run_scenario
 from twin.run.replay import track_recording
 from twin.run.tracker_runner import file_name
 from twin.scenario import Scenario
+from twin.scenario.load import dump_scenario
 from twin.sensors.render import OffscreenRenderer
 from twin.suites.cache import RecordingCache, digests_of
 from twin.suites.cache_keys import people_key, recording_key, whole_code
@@ -181,9 +182,7 @@ def suite_recordings(
         if (bag := own[0].bag) is not None:
             recordings.append(RecordedCases(own[0].scenario, bag.path, _tables(own, results)))
             continue
-        scenario = resolved_scenario(own[0])
-        key = recording_key(resolved, renderer_of(scenario))
-        entry, _ = stack.enter_context(cache.recording(key, partial(record, scenario), on_warning))
+        entry = stack.enter_context(scenario_recording(resolved_scenario(own[0]), cache, resolved, on_warning))
         name = file_name("-".join(filter(None, (own[0].scenario, own[0].variant, str(own[0].seed)))))
         recordings.append(RecordedCases(name, entry / RECORDING, _tables(own, results)))
     return recordings
@@ -222,6 +221,16 @@ def _renderer() -> str:
 def record(scenario: Scenario, folder: Path, precomputed: PrecomputedScene | None = None) -> None:
     """Simulate a scenario into a folder: its recording, and the truth as a table. `precomputed`: precomputed motion, if any."""
     run_scenario(scenario, trackers=[], out=folder, video=False, precomputed=precomputed)
+
+
+@contextmanager
+def scenario_recording(
+    scenario: Scenario, cache: RecordingCache, resolved: str | None = None, on_warning: OnWarning | None = None
+) -> Iterator[Path]:
+    """Yield the folder of a scenario's recording in the cache, made if missing. resolved: the scenario as YAML, if at hand."""
+    key = recording_key(resolved or dump_scenario(scenario), renderer_of(scenario))
+    with cache.recording(key, partial(record, scenario), *filter(None, [on_warning])) as (entry, _):
+        yield entry
 
 
 def _run_recorded(case: Case, bag: RecordedInput) -> CaseResult:

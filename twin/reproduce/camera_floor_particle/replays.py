@@ -22,17 +22,15 @@ from twin.recording.reader import Recording
 from twin.recording.tables import TruthTable, read_truth, track_table
 from twin.report.camera_panel import CameraGrid
 from twin.report.floor_panel import FloorPanel, TruePoses
-from twin.report.palette import IdentityColours
+from twin.report.palette import IdentityColours, encode_jpeg
 from twin.reproduce.camera_floor_particle.results import OURS
 from twin.reproduce.results import ResultRow
 from twin.reproduce.suite_runs import case_recording
 from twin.scenario import Scenario, load_scenario
-from twin.scenario.load import dump_scenario
 from twin.streams import stream
 from twin.suites.cache import RecordingCache
-from twin.suites.cache_keys import recording_key
 from twin.suites.expansion import Case
-from twin.suites.worker import RECORDING, TRUTH, record, renderer_of
+from twin.suites.worker import RECORDING, TRUTH, scenario_recording
 
 CHOICE, TIME = "beyond the paper, choice", "beyond the paper, time"
 SEED = 1000
@@ -78,8 +76,7 @@ def compare_choices(cache: RecordingCache, on_progress: OnProgress | None) -> li
     for number, (where, name, scenario, change) in enumerate(runs):
         if on_progress is not None:
             on_progress("choices of the constants, and time by people", number, len(runs))
-        key = recording_key(dump_scenario(scenario), renderer_of(scenario))
-        with cache.recording(key, lambda folder, scenario=scenario: record(scenario, folder)) as (entry, _):
+        with scenario_recording(scenario, cache) as entry:
             found += _evaluate(where, name, change, Recording(entry / RECORDING), read_truth(entry / TRUTH))
     return found
 
@@ -180,10 +177,7 @@ def draw_debug_state(
     FloorPanel(rig, (), _SIDE_PX, _SIDE_PX).draw(
         right, {}, {}, frame.tracks, tails, colours, truth, {}, floors, maps=frame.maps
     )
-    done, jpeg = cv2.imencode(".jpg", np.hstack([left, right])[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
-    if not done:
-        raise RuntimeError("OpenCV could not encode a JPEG")
-    return jpeg.tobytes()
+    return encode_jpeg(np.hstack([left, right]), _QUALITY)
 
 
 def _outlined(rgb: np.ndarray, mask: np.ndarray) -> np.ndarray:

@@ -30,11 +30,9 @@ from twin.recording.situation_table import situation_table
 from twin.recording.tables import truth_table
 from twin.reproduce.results import Bootstrap, ResultRow, interval
 from twin.scenario import load_scenario
-from twin.scenario.load import dump_scenario
 from twin.streams import stream
 from twin.suites.cache import RecordingCache
-from twin.suites.cache_keys import recording_key
-from twin.suites.worker import RECORDING, record, renderer_of
+from twin.suites.worker import RECORDING, scenario_recording
 from twin.truth.frames import SituationKind
 
 NEAR_M = 1.5
@@ -218,8 +216,7 @@ def compare_choices(cache: RecordingCache, on_progress: OnProgress | None) -> li
     changes = [f"seed={SEED}", f"duration_s={DURATION_S}", "background=none"]
     people = load_scenario(_SCENARIO, changes).people
     scenario = load_scenario(_SCENARIO, changes + near_identical_clothes(people))
-    key = recording_key(dump_scenario(scenario), renderer_of(scenario))
-    with cache.recording(key, lambda place: record(scenario, place)) as (entry, _):
+    with scenario_recording(scenario, cache) as entry:
         decided = decide(entry / RECORDING, VARIANTS, "correlated")
     found = []
     for name, decisions in decided.items():

@@ -16,7 +16,7 @@ from trackers.observations import DepthImage, Observation
 from trackers.rgbd_head.tracker import HeadDebugState
 from trackers.rig import Rig, placed_camera
 from twin.recording.tables import TrackTable, TruthTable
-from twin.report.palette import IDENTITY_COLOURS, INK, QUIET, hex_colour, plot_style, to_svg
+from twin.report.palette import IDENTITY_COLOURS, INK, QUIET, encode_jpeg, hex_colour, plot_style, to_svg
 from twin.reproduce.rgbd_head.results import HeadErrors
 
 _HEIGHTS_M = (0.7, 1.2, 1.6)
@@ -132,7 +132,7 @@ def head_views(observations: Sequence[Observation], rig: Rig, t_s: float, head: 
                 start, end = np.rint(_TIMES * ends).astype(int).tolist()
                 cv2.arrowedLine(picture, start, end, (level, level, 0), 2, cv2.LINE_AA, tipLength=0.3)
         drawn.append(picture)
-    return _jpeg(_two_by_two(drawn))
+    return encode_jpeg(_two_by_two(drawn), _QUALITY)
 
 
 def weights_picture(
@@ -156,7 +156,7 @@ def weights_picture(
             cv2.circle(picture, at, 2, colours[k].tolist(), -1, cv2.LINE_AA)
         cv2.putText(picture, f"{what} weight", (10, 26), cv2.FONT_HERSHEY_SIMPLEX, 0.8, _WHITE, 2, cv2.LINE_AA)
         panels.append(picture)
-    return _jpeg(np.hstack(panels))
+    return encode_jpeg(np.hstack(panels), _QUALITY)
 
 
 def _picture(observations: Sequence[Observation], camera: str, t_s: float) -> Picture:
@@ -171,10 +171,3 @@ def _picture(observations: Sequence[Observation], camera: str, t_s: float) -> Pi
 def _two_by_two(pictures: Sequence[Picture]) -> Picture:
     padded = [*pictures, *([np.full_like(pictures[0], 255)] * (-len(pictures) % 2))]
     return np.vstack([np.hstack(padded[k : k + 2]) for k in range(0, len(padded), 2)])
-
-
-def _jpeg(picture: Picture) -> bytes:
-    done, jpeg = cv2.imencode(".jpg", picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
-    if not done:
-        raise RuntimeError("OpenCV could not encode a JPEG")
-    return jpeg.tobytes()
