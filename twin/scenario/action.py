@@ -22,7 +22,9 @@ JUMP_M_S = 12.0
 NEAREST_M = 0.7
 """Approximate least distance between walking people [m]."""
 
-WalkSpeed = Annotated[float, Field(gt=0, le=TOP_WALK_M_S)]
+SLOWEST_WALK_M_S = 0.05
+"""Least walking speed [m/s]; somebody slower stands."""
+WalkSpeed = Annotated[float, Field(ge=SLOWEST_WALK_M_S, le=TOP_WALK_M_S)]
 RunSpeed = Annotated[float, Field(ge=2.0, le=TOP_RUN_M_S)]
 Spacing = Annotated[float, Field(ge=0.45, le=1.5)]
 """Distance between people who walk together [m], at least what their shoulders need."""

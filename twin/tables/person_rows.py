@@ -271,6 +271,8 @@ def _holds_number(row: Sequence[str]) -> bool:
 
 WALKING_M_S = (0.5, 2.5)
 """Range of median walking speeds of a recording of pedestrians [m/s]."""
+WALKING_WARNING = "in the median, where"
+"""Words of a warning about walking speeds."""
 IMPOSSIBLE_M_S = 12.0
 """Speed that no runner reaches [m/s]."""
 _LEAST_WAY_M = 1.0
@@ -289,7 +291,7 @@ def check_plausibility(found: PersonRows) -> tuple[str, ...]:
     speed = walking_speed(found, x, y)
     slowest, fastest = WALKING_M_S
     if speed is not None and not slowest <= speed <= fastest:
-        text = f"{source}: people walk at {speed:.3g} m/s in the median, where {slowest:g} to {fastest:g} m/s are usual"
+        text = f"{source}: people walk at {speed:.3g} m/s {WALKING_WARNING} {slowest:g} to {fastest:g} m/s are usual"
         text += f"; {_remedy(speed, found)}"
         if speed > IMPOSSIBLE_M_S:
             raise InputError(f"{text} are expected")
@@ -303,17 +305,21 @@ def walking_speed(found: PersonRows, x: NDArray[np.float64], y: NDArray[np.float
     order = np.lexsort((found.stamps_ns, number))
     medians = []
     for rows in np.split(order, np.flatnonzero(np.diff(number[order])) + 1):
-        t = found.stamps_ns[rows] / NS_PER_S
-        if rows.size < 2:
-            continue
-        apart = max(1, min(rows.size - 1, round(_SPAN_S / float(np.median(np.diff(t))))))
-        speeds = np.hypot(x[rows][apart:] - x[rows][:-apart], y[rows][apart:] - y[rows][:-apart]) / (
-            t[apart:] - t[:-apart]
-        )
-        moving = speeds[speeds > _MOVING_SHARE * np.quantile(speeds, 0.95)]
-        if moving.size and max(np.ptp(x[rows]), np.ptp(y[rows])) >= _LEAST_WAY_M:
-            medians.append(float(np.median(moving)))
+        speed = speed_along(found.stamps_ns[rows] / NS_PER_S, x[rows], y[rows])
+        if speed is not None:
+            medians.append(speed)
     return float(np.median(medians)) if medians else None
+
+
+def speed_along(t: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]) -> float | None:
+    """Compute the median speed of a path [s], [m] while the person moves [m/s]; None for one who goes nowhere."""
+    if t.size < 2:
+        return None
+    apart = max(1, min(t.size - 1, round(_SPAN_S / float(np.median(np.diff(t))))))
+    speeds = np.hypot(x[apart:] - x[:-apart], y[apart:] - y[:-apart]) / (t[apart:] - t[:-apart])
+    moving = speeds[speeds > _MOVING_SHARE * np.quantile(speeds, 0.95)]
+    is_walk = moving.size and max(np.ptp(x), np.ptp(y)) >= _LEAST_WAY_M
+    return float(np.median(moving)) if is_walk else None
 
 
 def _remedy(speed: float, found: PersonRows) -> str:

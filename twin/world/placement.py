@@ -172,7 +172,7 @@ def _check_path(points: Array, walkable: Array, routes: Routes, field: str) -> N
     for number in np.flatnonzero(~area.contains(places))[:1]:
         _check_point(walkable, places[number], _path_position(points, float(t[number]), field))
     if len(routes.obstacles):
-        inside = routes.footprints.gaps(planar(places))[1].min(axis=1) <= 0
+        inside = routes.footprints.gaps(planar(places))[1].min(axis=1) < -TOLERANCE_M
         for number in np.flatnonzero(inside)[:1]:
             check_free(places[number], routes, _path_position(points, float(t[number]), field), 0.0)
 

@@ -163,9 +163,15 @@ def foot_shapes(scene: Scene) -> FootShapes:
 
 
 def _check_seats(scenario: Scenario, scene: Scene, measures: BodyMeasures) -> None:
-    """Raise InputError where a seat or bed of a script is unreachable."""
+    """Raise InputError where a seat or bed of a script is unreachable, or two people start on one seat."""
+    seated: dict[str, str] = {}
     for number, name in enumerate(scene.names):
         for place, action in enumerate(scenario.people[name].script):
+            if isinstance(action, Sit) and action.seated and (other := seated.setdefault(action.seat, name)) != name:
+                raise InputError(
+                    f"scenario {scenario.name!r}: people.{name}.script.{place}.seat: {other!r} sits on {action.seat!r} from the "
+                    "start too; a seat for each is expected"
+                )
             if not isinstance(action, Sit | Lie) or (isinstance(action, Sit) and action.seated):
                 continue
             asked, kind = (action.seat, "seat") if isinstance(action, Sit) else (action.bed, "bed")

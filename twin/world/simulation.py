@@ -18,7 +18,13 @@ from trackers.observations import NS_PER_S, Observation
 from trackers.rig import OdometrySensor, Rig, StereoSensor
 from twin.instant.snapshot import FootShapes, Snapshot
 from twin.people.population import Population, randomized
-from twin.people.script.recorded import close_calls, describe_close_calls, describe_late_actions
+from twin.people.script.recorded import (
+    WALKING_WARNING,
+    close_calls,
+    describe_close_calls,
+    describe_late_actions,
+    describe_speeds,
+)
 from twin.recording.ros_messages import Encoded, encode
 from twin.room.building import check_mount
 from twin.room.mjcf import DARK_LIGHT, light_of
@@ -320,6 +326,8 @@ class Simulation:
             *describe_late_actions(self.scenario.people, self.scenario.duration_s),
             *describe_late_starts(self.scenario),
         ]
+        if not any(WALKING_WARNING in each for each in self.scenario.warnings):  # a file of paths was judged as a whole
+            late += describe_speeds(self.scenario.people)
         messages = [*self.scenario.warnings, *blind, *dark, *late, *([f"people: {close}"] if close else [])]
         return tuple(f"scenario {self.scenario.name!r}: {each}" for each in messages)
 

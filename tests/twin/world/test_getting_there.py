@@ -11,6 +11,7 @@ from trackers.errors import InputError
 from twin.run.live import run_scenario
 from twin.scenario import Scenario, load_scenario
 from twin.view.activities import verb
+from twin.world.simulation import Simulation
 from twin.world.world import World
 
 ROOM = """<mujoco model="office">
@@ -91,3 +92,69 @@ def test_who_waits_for_a_seat_that_is_taken_is_told_and_said_to_be_on_the_way(tm
     assert len(late) == 1 and not any("anna has not" in warning for warning in told)
     assert "ben has not reached chair after" in run.files["report"].read_text(encoding="utf-8")
     assert verb("sit", under_way=True) == "goes to sit" and verb("sit") == "sits"
+
+
+NEVER = {
+    "nobody comes near": (
+        "{anna: {start: [1, 1], script: {kind: walk, when: {near: [5, 3], within_m: 0.5}, waypoints: [[2, 1]]}}}",
+        "anna waits since 0.0 s for [5, 3] to be within 0.5 m: walk has not begun",
+    ),
+    "each waits for the other": (
+        "{anna: {start: [1, 1], script: {kind: turn, by_deg: 9, when: {person: ben, does: turn}}}, "
+        "ben: {start: [3, 1], script: {kind: turn, by_deg: 9, when: {person: anna, does: turn}}}}",
+        "ben waits since 0.0 s for anna to turn: turn has not begun",
+    ),
+    "nobody leads": (
+        "{anna: {start: [1, 1], script: {kind: join, person: ben}}, ben: {start: [3, 1], script: {kind: stand}}}",
+        "anna waits since 0.0 s for ben to lead",
+    ),
+    "behind a fence": (
+        "{anna: {start: [1, 1], script: {kind: follow, person: ben}}, ben: {start: [5.5, 3.6], script: {kind: stand}}}",
+        "anna waits since 0.0 s for a way to ben, to whom furniture leaves none",
+    ),
+    "beside, behind a fence": (
+        "{anna: {start: [1, 1], script: {kind: follow, person: ben, beside: left}}, "
+        "ben: {start: [5.5, 3.6], script: {kind: wander}}}",
+        "ben waits since 0.0 s for a way out of where furniture leaves none",
+    ),
+    "has left": (
+        "{anna: {start: [1, 1], script: [{kind: stand, for_s: 4}, {kind: follow, person: ben}]}, "
+        "ben: {start: [5.3, 2], script: {kind: leave, to: [5.6, 2.2]}}}",
+        "anna does not follow ben, who has left, at 4.0 s",
+    ),
+    "somebody stands there": (
+        "{anna: {start: [1, 1.5], script: {kind: walk, waypoints: [[3, 1.5]]}}, ben: {start: [3, 1.5], script: {kind: stand}}}",
+        "which others have taken",
+    ),
+}
+FENCE = '<geom type="box" size=".02 .5 .5" pos="5 3.5 .5"/><geom type="box" size=".5 .02 .5" pos="5.5 3 .5"/>'
+
+
+@pytest.mark.parametrize(("people", "told"), NEVER.values(), ids=NEVER.keys())
+def test_whatever_of_a_script_is_never_done_is_told(people: str, told: str, tmp_path: Path) -> None:
+    scenario = scene(tmp_path, people)
+    room = tmp_path / "room.xml"
+    room.write_text(room.read_text().replace("</worldbody>", f"{FENCE}</worldbody>"))
+    late = at_end(World(scenario), 7.0).population.late()
+    assert any(told in each for each in late), late
+
+
+def test_two_people_on_one_seat_from_the_start_are_refused(tmp_path: Path) -> None:
+    seated = "{script: {kind: sit, seat: chair, seated: true}}"
+    with pytest.raises(InputError, match=r"people\.ben\.script\.0\.seat: 'anna' sits on 'chair' from the start too"):
+        World(scene(tmp_path, f"{{anna: {seated}, ben: {seated}}}"))
+
+
+@pytest.mark.parametrize("step_m", [0.05, 0.1, 0.15, 0.2])
+def test_a_recorded_path_through_furniture_is_refused_wherever_its_rows_touch_it(step_m: float, tmp_path: Path) -> None:
+    points = [[0.3 * k, 3 + step_m * k, 2.6] for k in range(round(2.4 / step_m))]
+    with pytest.raises(InputError, match=r"people\.anna\.script\.points.* is inside 'desk'"):
+        World(scene(tmp_path, f"{{anna: {{script: {{kind: path, points: {points}}}}}}}"))
+
+
+@pytest.mark.parametrize(("unit", "told"), [(1.0, False), (0.1, True), (4.0, True)])
+def test_speeds_of_a_recorded_path_that_nobody_walks_at_are_told(unit: float, told: bool, tmp_path: Path) -> None:
+    points = [[0.5 * k / unit, 1 + 0.6 * k, 3.7] for k in range(7)]
+    scenario = scene(tmp_path, f"{{anna: {{script: {{kind: path, points: {points}}}}}}}")
+    with Simulation(scenario, images=False) as simulation:
+        assert any("m/s in the median, where" in each for each in simulation.warnings) == told

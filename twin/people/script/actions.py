@@ -53,6 +53,7 @@ def perform(actor: Actor, script: Sequence[Action]) -> Commands:
         yield from _wait_for(actor, action)
         actor.context.doing[actor.number] = action.kind
         yield from _DOING[type(action)](actor, action)
+        actor.goes_on()
     actor.context.doing[actor.number] = "stand"
     while True:
         yield MotionCommand(None)
@@ -63,7 +64,18 @@ def _wait_for(actor: Actor, action: Action) -> Commands:
     if action.at_s is not None and actor.t < action.at_s:
         yield MotionCommand(None, until=action.at_s)
     while action.when is not None and not _holds(actor, action.when):
+        actor.waits(f"for {_in_words(action.when)}: {action.kind} has not begun")
         yield MotionCommand(None, until=actor.t + LOOKS_AGAIN_S)
+    actor.goes_on()
+
+
+def _in_words(condition: WaitCondition) -> str:
+    if condition.near is None:
+        return f"{condition.person} to {condition.does}"
+    what = (
+        condition.near if isinstance(condition.near, str) else f"[{', '.join(f'{each:g}' for each in condition.near)}]"
+    )
+    return f"{what} to be within {condition.within_m:g} m"
 
 
 def _holds(actor: Actor, condition: WaitCondition) -> bool:

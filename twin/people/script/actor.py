@@ -100,6 +100,8 @@ class WalkingGroup:
 class ScriptContext:
     """State shared by all actors: clock, positions and postures of all people, the room.
 
+    `waiting`: what each waits for, and since when [s]; `missed`: sentences on goals that were given up.
+
     `doing`: kind of action of each; `taken`: user of each seat or bed; `leaving`: people about to leave, `gone`: people who
     have left; `looks_until`: time at which a turned head is free again [s]; `going`: walks under way; `groups`: people who
     walk together, by the index of their leader.
@@ -117,10 +119,19 @@ class ScriptContext:
     looks_until: dict[int, float] = field(default_factory=dict)
     going: dict[int, Going] = field(default_factory=dict)
     groups: dict[int, WalkingGroup] = field(default_factory=dict)
+    waiting: dict[int, tuple[str, float]] = field(default_factory=dict)
+    missed: list[str] = field(default_factory=list)
 
     def late(self) -> list[str]:
-        """Describe people who have not arrived in twice the time that their way takes, one sentence each."""
-        messages = []
+        """Describe people who gave a goal up, who still wait, and who have not arrived in twice the time that their way takes."""
+        messages = [
+            *self.missed,
+            *(
+                f"{self.names[number]} waits since {since_s:.1f} s {what}"
+                for number, (what, since_s) in sorted(self.waiting.items())
+                if self.crowd.present[number]
+            ),
+        ]
         for number, going in sorted(self.going.items()):
             took_s = self.t - going.since_s
             if not self.crowd.present[number] or took_s <= _LATE * (going.takes_s or 0.0) + _SETS_OUT_S:
@@ -229,6 +240,24 @@ class Actor:
     def arrives(self) -> None:
         """Note the end of the way."""
         self.context.going.pop(self.number, None)
+
+    def waits(self, what: str) -> None:
+        """Note a wait, in words; it began when it was noted first, and lasts until `goes_on`."""
+        _, since_s = self.context.waiting.get(self.number, ("", self.t))
+        self.context.waiting[self.number] = what, since_s
+
+    def goes_on(self) -> None:
+        """Note the end of a wait."""
+        self.context.waiting.pop(self.number, None)
+
+    def misses(self, what: str) -> None:
+        """Note, in words, a goal that the person gives up."""
+        self.context.missed.append(f"{self.name} {what}, at {self.t:.1f} s")
+
+    @property
+    def name(self) -> str:
+        """Name of the person."""
+        return self.context.names[self.number]
 
     def has_left(self, name: str) -> bool:
         """Return whether a person has left for good."""

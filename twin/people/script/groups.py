@@ -16,7 +16,7 @@ from scipy.optimize import linear_sum_assignment
 from trackers.area import Area
 from twin.people.crowd.motion_command import MotionCommand
 from twin.people.script.actor import Actor, WalkingGroup
-from twin.people.script.walking import Commands, has_room, shoulders_m
+from twin.people.script.walking import FOR_A_WAY, Commands, for_a_way_to, has_room, shoulders_m
 from twin.scenario.behaviour import Join, Lead, Look
 
 _COMMANDS_EVERY_S = 0.1
@@ -71,6 +71,10 @@ def _lead_on(actor: Actor, action: Lead, group: WalkingGroup, until: float) -> C
     while actor.t < until:
         _space(actor, action, group)
         way = actor.way_to(goal)
+        if way:
+            actor.goes_on()
+        else:
+            actor.waits(FOR_A_WAY)
         speed = max(speed_m_s - action.slowdown_m_s * len(group.others), _LEAST_SPEED_M_S) * _waits(actor, group)
         if not way or speed < _STANDS_M_S:
             yield MotionCommand(None, until=min(actor.t + 3 * _COMMANDS_EVERY_S, until))
@@ -159,9 +163,11 @@ def join(actor: Actor, action: Join) -> Commands:
         if found is None or not context.crowd.present[leader]:
             if group is not None:
                 break
+            actor.waits(f"for {action.person} to lead")
             yield MotionCommand(None, until=actor.t + _COMMANDS_EVERY_S)
             continue
         if group is None:
+            actor.goes_on()
             group = found
             group.order.insert(int(actor.rng.integers(len(group.order) + 1)), actor.number)
         until = min(actor.t + _COMMANDS_EVERY_S, ends_at)
@@ -241,7 +247,9 @@ def _keep_place(actor: Actor, action: Join, group: WalkingGroup, goal: complex, 
     speed = min(max(abs(soon - here) / _DRAWS_LEVEL_S, _STANDS_M_S), action.speed_m_s)
     way = actor.way_to((soon.real, soon.imag)) or actor.way_to(actor.place_of(group.leader))
     if not way:
+        actor.waits(for_a_way_to(action.person))
         return MotionCommand(None, until=until, companions=others, companion_m=least_m, keeps_step=True)
+    actor.goes_on()
     return MotionCommand(
         way[0],
         speed,

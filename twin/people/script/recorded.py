@@ -16,6 +16,7 @@ from twin.people.crowd.ground import Ground
 from twin.scenario.action import RecordedPath
 from twin.scenario.behaviour import Action, Run, Walk
 from twin.scenario.person import Person
+from twin.tables.person_rows import WALKING_M_S, WALKING_WARNING, speed_along
 
 Planar = NDArray[np.complex128]
 
@@ -121,6 +122,20 @@ def close_calls(people: Mapping[str, Person], until_s: float = np.inf) -> list[C
                 found[pair] = float(apart[one, other]), tick * _LOOKS_EVERY_S
     calls = [CloseCall(names[one], names[other], t, apart) for (one, other), (apart, t) in found.items()]
     return sorted(calls, key=lambda call: call.t)
+
+
+def describe_speeds(people: Mapping[str, Person]) -> list[str]:
+    """Return one sentence per person whose recorded path is slower or faster than people walk."""
+    messages, (slowest, fastest) = [], WALKING_M_S
+    for name, person in people.items():
+        for place, action in enumerate(person.script):
+            speed = speed_along(*np.array(action.points).T) if isinstance(action, RecordedPath) else None
+            if speed is not None and not slowest <= speed <= fastest:
+                messages.append(
+                    f"people.{name}.script.{place}.points: {name} moves at {speed:.3g} m/s {WALKING_WARNING} {slowest:g} to "
+                    f"{fastest:g} m/s are usual; t in s, and x and y in m, are expected"
+                )
+    return messages
 
 
 def describe_close_calls(calls: Sequence[CloseCall]) -> str:

@@ -31,6 +31,9 @@ _CANDIDATES = 6
 _LEAST_WAY_M = 0.8
 _LOOK_AHEAD_M = 1.0
 _SHUT_IN_S = 0.5
+FOR_A_WAY = "for a way out of where furniture leaves none"
+_BESIDE_M = 0.8
+"""Distance from a taken place within which people stop beside who is there [m]."""
 
 
 def wander(actor: Actor, action: Wander) -> Commands:
@@ -48,11 +51,19 @@ def wander(actor: Actor, action: Wander) -> Commands:
         speed = rng.uniform(*action.speed_m_s)
         until = min(actor.t + 0.3 + rng.exponential(action.stretch_s), ends_at)
         way = actor.way_to(goal)
-        if not way:  # too close to furniture to find one: wait, since others may push
+        if way:
+            actor.goes_on()
+        else:  # too close to furniture to find one: wait, since others may push
+            actor.waits(FOR_A_WAY)
             yield MotionCommand(None, until=min(actor.t + _SHUT_IN_S, ends_at))
         for place in way:
             if (yield MotionCommand(place, speed, until)) != "arrived":
                 break
+
+
+def for_a_way_to(person: str) -> str:
+    """Return the words for a wait for a way to somebody."""
+    return f"for a way to {person}, to whom furniture leaves none"
 
 
 def _goal(actor: Actor) -> Array:
@@ -118,6 +129,10 @@ def _by_a_way(
                 actor, MotionCommand(place, speed_m_s, inf, arrive_m, halt and last, near=near), face
             )
             if last and halt and end == "taken" and not exactly:
+                if (apart_m := actor.distance_to((float(place_m[0]), float(place_m[1])))) > _BESIDE_M:
+                    actor.misses(
+                        f"stops {apart_m:.1f} m before [{place_m[0]:.6g}, {place_m[1]:.6g}], which others have taken"
+                    )
                 return
             if end == "taken":
                 yield MotionCommand(None, until=actor.t + actor.rng.uniform(0.3, 1.0))
@@ -169,6 +184,8 @@ def follow(actor: Actor, action: Follow) -> Commands:
         yield from _walk_abreast(actor, action)
         return
     ends_at = actor.ends_at(action.for_s)
+    if actor.has_left(action.person):
+        actor.misses(f"does not follow {action.person}, who has left")
     while actor.t < ends_at and not actor.has_left(action.person):
         until = min(actor.t + 2 * LOOKS_AGAIN_S, ends_at)
         gap = actor.distance_to(action.person) - action.keeps_m
@@ -191,8 +208,10 @@ def _one_step_on(actor: Actor, person: str, speed_m_s: float, until: float, dist
     before = (float(there[0]) - distance_m * cos(bearing), float(there[1]) - distance_m * sin(bearing))
     way = actor.way_to(there) or actor.way_to(before)
     if not way:
+        actor.waits(for_a_way_to(person))
         yield MotionCommand(None, until=until)
         return
+    actor.goes_on()
     goal = way[0] if len(way) > 1 else before
     yield MotionCommand(goal, speed_m_s, until, HALT_M, halt=len(way) == 1 and distance_m > 0)
 
@@ -203,6 +222,7 @@ def meet(actor: Actor, action: Meet) -> Commands:
     while actor.distance_to(action.person) > action.distance_m + 0.1:
         if actor.has_left(action.person):
             actor.arrives()
+            actor.misses(f"does not meet {action.person}, who has left")
             return
         if actor.distance_to(action.person) == inf:
             yield MotionCommand(None, until=actor.t + LOOKS_AGAIN_S)
@@ -260,7 +280,9 @@ def _keep_up(actor: Actor, action: Follow, other: int, goal: complex, until: flo
     speed = min(max(abs(soon - here) / _DRAWS_LEVEL_S, _STANDS_M_S), action.speed_m_s)
     way = actor.way_to((soon.real, soon.imag)) or actor.way_to(actor.target(action.person))
     if not way:
+        actor.waits(for_a_way_to(action.person))
         return MotionCommand(None, until=until, companions=(other,), companion_m=keeps_m)
+    actor.goes_on()
     return MotionCommand(
         way[0], speed, until, 0.05, halt=stands and len(way) == 1, companions=(other,), companion_m=keeps_m
     )
