@@ -13,6 +13,10 @@ OnWarning = Callable[[str], None]
 """Called with each warning about a result as soon as known."""
 
 
+def no_progress(what: str, done: float, total: float) -> None:
+    """Leave progress unreported."""
+
+
 def warn(warning: str) -> None:
     """Show a warning as Python does (UserWarning): the default of the functions that scripts and notebooks call."""
     warnings.warn(warning, stacklevel=3)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from trackers.environment import Environment, EnvironmentOptions, PointCloud, build_environment, save_environment
 from trackers.errors import InputError
 from twin.environment.scan import HEIGHT_M, TiltingScanner, chosen_stations, given_stations, scan_room
-from twin.messages import OnProgress
+from twin.messages import OnProgress, no_progress
 from twin.recording.atomic_file import atomic_path
 from twin.scenario import Scenario
 from twin.sensors.laser_noise import LASER_NOISE
@@ -134,7 +134,7 @@ def scan_scenario(
     *,
     noise: str = "default",
     scanner: TiltingScanner | None = None,
-    on_progress: OnProgress | None = None,
+    on_progress: OnProgress = no_progress,
 ) -> tuple[PointCloud, World]:
     """Scan the scenario's room without its people; return the point cloud and its world.
 
@@ -159,7 +159,7 @@ def write_environment(
     options: EnvironmentOptions | None = None,
     out: Path | None = None,
     cloud_path: Path | None = None,
-    on_progress: OnProgress | None = None,
+    on_progress: OnProgress = no_progress,
 ) -> dict[str, Path]:
     """Write the environment (default out/<room>.npz), its picture, and the cloud if requested; return the files by name."""
     out = out if out is not None else Path("out") / f"{scenario.room_name}.npz"

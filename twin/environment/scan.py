@@ -19,7 +19,7 @@ from trackers.environment import PointCloud
 from trackers.errors import InputError
 from trackers.observations import LaserScan
 from twin.instant.snapshot import Snapshot
-from twin.messages import OnProgress
+from twin.messages import OnProgress, no_progress
 from twin.people.crowd.crowd import planar
 from twin.room.building import check_mount
 from twin.room.obstacles import Footprints
@@ -71,7 +71,7 @@ def scan_room(
     noise: LaserNoise,
     seed: int,
     scanner: TiltingScanner | None = None,
-    on_progress: OnProgress | None = None,
+    on_progress: OnProgress = no_progress,
 ) -> PointCloud:
     """Return the point cloud of the room in a snapshot from stations (s, 3) [m], each with its own random stream.
 
@@ -80,8 +80,7 @@ def scan_room(
     scanner = scanner or TiltingScanner()
     points: list[Array] = []
     for number, place in enumerate(stations_m):
-        if on_progress is not None:
-            on_progress("scanning the room", number, len(stations_m))
+        on_progress("scanning the room", number, len(stations_m))
         rng = stream(seed, "environment scan", str(number))
         points.append(_scan_from(snapshot, np.asarray(place, dtype=float), noise, scanner, rng))
     station = np.repeat(np.arange(len(points), dtype=np.int16), [len(each) for each in points])

@@ -9,7 +9,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from twin.messages import OnProgress
+from twin.messages import OnProgress, no_progress
 
 if TYPE_CHECKING:
     from twin.reproduce.results import ResultRow
@@ -58,7 +58,7 @@ class Reproduction:
     options: frozenset[str] = frozenset()
     beyond: str | None = None
 
-    def run(self, folder: Path, request: Request, on_progress: OnProgress | None = None) -> Outputs:
+    def run(self, folder: Path, request: Request, on_progress: OnProgress = no_progress) -> Outputs:
         """Run the reproduction."""
         return import_module(self.module).reproduce(folder, request, on_progress)
 

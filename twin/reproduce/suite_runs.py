@@ -19,7 +19,7 @@ import numpy as np
 
 from trackers.arrays import Array
 from trackers.errors import InputError
-from twin.messages import OnProgress, printable
+from twin.messages import OnProgress, no_progress, printable
 from twin.models import cache_folder
 from twin.recording.atomic_file import open_atomic
 from twin.recording.tables import TrackTable, TruthTable, read_tracks, read_truth
@@ -120,7 +120,7 @@ def run_conditions(
     suite: Suite,
     path: Path,
     request: Request,
-    on_progress: OnProgress | None,
+    on_progress: OnProgress,
     trackers: Collection[str] | None = None,
 ) -> SuiteRuns:
     """Run the suite into `folder` and read its results. A run counts if all of `trackers` (None: all of its condition's) are
@@ -132,8 +132,7 @@ def run_conditions(
     make_folder(folder / SUITE_FOLDER)
 
     def state(now: State) -> None:
-        if on_progress is not None:
-            on_progress("twin runs", now.done + now.failed, now.waiting + now.running + now.done + now.failed)
+        on_progress("twin runs", now.done + now.failed, now.waiting + now.running + now.done + now.failed)
 
     cache = RecordingCache(cache_folder(), cache_limit_bytes())
     run_suite(
@@ -240,7 +239,7 @@ def draw_film_strips(
     names: Mapping[str, str],
     cache: RecordingCache,
     place: Workers,
-    on_progress: OnProgress | None = None,
+    on_progress: OnProgress = no_progress,
 ) -> list[FilmStrip]:
     """Draw the incidents in order; those that fail are left out with a warning. names: labels of trackers."""
     tasks = [
@@ -261,8 +260,7 @@ def draw_film_strips(
             warn_of_failure("strip", f"{end.task.work.case.id} at {end.task.work.t_s:.1f} s: no strip: {end.error}")
 
     def state(now: State) -> None:
-        if on_progress is not None:
-            on_progress("strips", now.done + now.failed, len(tasks))
+        on_progress("strips", now.done + now.failed, len(tasks))
 
     if tasks:
         with ExitStack() as stack:

@@ -16,7 +16,7 @@ from trackers.presets import make_tracker
 from trackers.prior import Prior
 from trackers.rig import NO_PRIOR, Rig
 from trackers.text_file import AnyPath
-from twin.messages import OnProgress, OnWarning, warn
+from twin.messages import OnProgress, OnWarning, no_progress, warn
 from twin.recording.atomic_file import open_atomic
 from twin.recording.losses import lines
 from twin.recording.situation_table import read_situations
@@ -68,7 +68,7 @@ def run_scenario(
     source: str | None = None,
     precomputed: PrecomputedScene | None = None,
     truth: TruthKept = "all",
-    on_progress: OnProgress = lambda what, done, total: None,
+    on_progress: OnProgress = no_progress,
     on_warning: OnWarning = warn,
     on_note: OnWarning = lambda note: None,
 ) -> RunResult:

@@ -21,7 +21,7 @@ from trackers.prior import Prior
 from trackers.rig import PriorFiles
 from trackers.text_file import AnyPath
 from trackers.tracks import TrackFrame
-from twin.messages import OnProgress, OnWarning, warn
+from twin.messages import OnProgress, OnWarning, no_progress, warn
 from twin.recording.atomic_file import open_atomic
 from twin.recording.losses import documents, lines
 from twin.recording.reader import Recording
@@ -77,7 +77,7 @@ def track_recording(
     video: bool = True,
     report: bool = True,
     bag_copy: AnyPath | None = None,
-    on_progress: OnProgress = lambda what, done, total: None,
+    on_progress: OnProgress = no_progress,
     on_warning: OnWarning = warn,
 ) -> RunResult:
     """Track a recording into `out`: tracks, report, and metrics where there is truth.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from trackers.arrays import Mask
 from trackers.errors import InputError
+from twin.messages import OnProgress, no_progress
 from twin.people.population import Population, randomized
 from twin.report.scene_pictures import (
     Portrait,
@@ -187,9 +188,7 @@ _AZIMUTH_ELSE_DEG = 30.0
 """Best viewing angle of an action, in degrees from the person's heading."""
 
 
-def write_people(
-    scenario: Scenario, path: Path, on_progress: Callable[[str, float, float], None] | None = None
-) -> list[Activity]:
+def write_people(scenario: Scenario, path: Path, on_progress: OnProgress = no_progress) -> list[Activity]:
     """Write a PNG of each person from the front, the side, behind and high, and of their activities; return these.
 
     Raises InputError for a scenario without people, a name not of an image, and a file that cannot be written.
@@ -213,7 +212,7 @@ def write_people(
 
 
 def _pictures(
-    scenario: Scenario, found: Sequence[Activity], on_progress: Callable[[str, float, float], None] | None
+    scenario: Scenario, found: Sequence[Activity], on_progress: OnProgress
 ) -> dict[Activity, NDArray[np.uint8]]:
     """Draw an image of each activity, in the order of time."""
     world = World(scenario)
@@ -245,8 +244,7 @@ def _pictures(
             pictures[activity] = render_picture(
                 renderer(), snapshot.data, stand.eye, stand.target, stand.half_height, _ACTIVITY_PX, finer=_FINER
             )
-            if on_progress is not None:
-                on_progress("pictures", done, len(found))
+            on_progress("pictures", done, len(found))
     return pictures
 
 

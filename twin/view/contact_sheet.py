@@ -14,7 +14,7 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation, Odometry
 from trackers.rig import CameraSensor, OdometrySensor, RigSensor
 from twin.instant.snapshot import Snapshot
-from twin.messages import OnProgress
+from twin.messages import OnProgress, no_progress
 from twin.report.assumed_poses import assumed_poses
 from twin.report.floor_panel import BACKDROP, INK, FloorPanel, TruePoses
 from twin.report.palette import (
@@ -233,7 +233,7 @@ def write_drawn(
     t: float,
     path: Path,
     *,
-    on_progress: OnProgress = lambda what, done, total: None,
+    on_progress: OnProgress = no_progress,
 ) -> tuple[str, ...]:
     """Write a PNG of a scenario at time t [s] under each seed: the room with its people, and the plan with all scans.
 

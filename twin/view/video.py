@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack
 from math import isfinite
 from pathlib import Path
@@ -14,6 +14,7 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S, FloorFrame, LaserScan, Observation
 from trackers.rig import FloorSensor, Rig
 from twin.instant.snapshot import Snapshot
+from twin.messages import OnProgress, no_progress
 from twin.people.population import randomized
 from twin.report.floor_panel import PRESSED, FloorPanel
 from twin.report.palette import LAYER_COLOURS, IdentityColours, write, write_tags
@@ -59,7 +60,7 @@ def write_video(
     start_s: float = 0.0,
     end_s: float | None = None,
     follow: str | None = None,
-    on_progress: Callable[[str, float, float], None] | None = None,
+    on_progress: OnProgress = no_progress,
 ) -> None:
     """Write an MP4 of the people from `start_s` to `end_s` [s] (None: the scenario's end), 25 images per second.
 
@@ -81,8 +82,7 @@ def write_video(
             for done, t in enumerate(times.tolist()):
                 shown = film.picture(t)
                 video.encode(shown, round(done / FPS / TIME_BASE))
-                if on_progress is not None:
-                    on_progress("pictures", done + 1, len(times))
+                on_progress("pictures", done + 1, len(times))
             if follow is not None and not film.followed:
                 raise InputError(
                     f"--follow {follow}: is not in the room from {start_s:g} to {end_s:g} s; another time is expected"

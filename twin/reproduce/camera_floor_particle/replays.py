@@ -67,15 +67,14 @@ def standing_people(n_person: int, duration_s: float = _STANDING_S) -> Scenario:
     return load_scenario("home-cameras", [f"duration_s={duration_s}", f"seed={SEED}", change])
 
 
-def compare_choices(cache: RecordingCache, on_progress: OnProgress | None) -> list[ResultRow]:
+def compare_choices(cache: RecordingCache, on_progress: OnProgress) -> list[ResultRow]:
     """Replay development recordings: one per choice of the constants, and one per number of people."""
     crossing = load_scenario(_SCENARIO, [f"seed={SEED}"])
     runs = [(CHOICE, name, crossing, change) for name, change in VARIANTS.items()]
     runs += [(TIME, f"{n} {'person' if n == 1 else 'people'}", standing_people(n), {}) for n in PEOPLE]
     found = []
     for number, (where, name, scenario, change) in enumerate(runs):
-        if on_progress is not None:
-            on_progress("choices of the constants, and time by people", number, len(runs))
+        on_progress("choices of the constants, and time by people", number, len(runs))
         with scenario_recording(scenario, cache) as entry:
             found += _evaluate(where, name, change, Recording(entry / RECORDING), read_truth(entry / TRUTH))
     return found

@@ -9,7 +9,7 @@ import numpy as np
 
 from trackers.arrays import Array
 from trackers.observations import NS_PER_S
-from twin.messages import OnProgress
+from twin.messages import OnProgress, no_progress
 from twin.recording.tables import TrackTable, TruthTable
 from twin.report.palette import IDENTITY_COLOURS, INK, QUIET, data_uri, hex_colour, plot_style, to_svg
 from twin.reproduce.camera_floor_particle.replays import (
@@ -52,7 +52,7 @@ _SHOWN = (("crossing", "figure 4"), ("going-back", "figure 4"), (PAIR, "one clus
 """Conditions of which a frame is drawn, and its figure in the paper."""
 
 
-def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = None) -> Outputs:
+def reproduce(folder: Path, request: Request, on_progress: OnProgress = no_progress) -> Outputs:
     """Run the suite and write results, plots, pictures of frames and the page into `folder`.
 
     Raises InputError for a suite without the paper's experiments, for a folder with another reproduction's runs (or the same

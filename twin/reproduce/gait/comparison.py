@@ -5,7 +5,6 @@ The sources are those of `models/people/gait.yaml`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +13,7 @@ import numpy as np
 from trackers.arrays import Array
 from trackers.errors import InputError
 from trackers.text_file import read_text
+from twin.messages import OnProgress, no_progress
 from twin.reproduce.gait.stride import (
     STANCE_POINTS,
     Stance,
@@ -164,17 +164,14 @@ def statures(seeds: range) -> list[float]:
     return drawn
 
 
-def simulate_gait(
-    seeds: range, subject: Subject | None, on_progress: Callable[[str, float, float], None] | None = None
-) -> GaitRuns:
+def simulate_gait(seeds: range, subject: Subject | None, on_progress: OnProgress = no_progress) -> GaitRuns:
     """Simulate all bodies at every speed, and one of the subject's stature as the subject walks."""
     people = statures(seeds)
     courses = {}
     speeds = (*sorted({*WALKS_M_S, *STANCE_S}), *RUNS_M_S)
     for done, speed in enumerate(speeds, start=1):
         courses[speed] = simulate_steady(speed, people)
-        if on_progress is not None:
-            on_progress("speeds", done, len(speeds))
+        on_progress("speeds", done, len(speeds))
     found = {speed: measure_people(course) for speed, course in courses.items()}
     person = simulate_steady(PERSON_SPEED_M_S, [PERSON_STATURE_M], 20.0)
     return GaitRuns(seeds, courses, found, person, None if subject is None else compare(subject))

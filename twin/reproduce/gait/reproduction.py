@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.messages import OnProgress
+from twin.messages import OnProgress, no_progress
 from twin.report.palette import IDENTITY_COLOURS, INK, QUIET, SHADE, hex_colour, plot_style, to_svg
 from twin.reproduce.gait.comparison import (
     CONTACT_S,
@@ -189,7 +189,7 @@ def _rate_hz(course: SteadyGait) -> float:
     return 1 / float(np.diff(course.t[:2])[0])
 
 
-def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = None) -> Outputs:
+def reproduce(folder: Path, request: Request, on_progress: OnProgress = no_progress) -> Outputs:
     """Let one body per seed walk and run; write results, plots and page into `folder`.
 
     `request.data`: folder of the subject's recording (None: published data only). Raises InputError for a missing or invalid

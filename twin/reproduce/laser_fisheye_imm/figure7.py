@@ -22,6 +22,7 @@ from trackers.arrays import Array
 from trackers.filters.imm import Imm, ImmState, kalman
 from trackers.filters.motion import HEADING, MEASUREMENT_VARIANCE_M2, SPEED, MotionModel, propagate
 from trackers.filters.particle import Cloud, ParticleFilter
+from twin.messages import OnProgress, no_progress
 from twin.reproduce.laser_fisheye_imm.walk import PERIOD_S, ManeuveringWalk
 from twin.reproduce.results import Bootstrap, ResultRow, interval
 from twin.streams import stream
@@ -77,9 +78,7 @@ class MonteCarlo:
     speed: dict[str, SquaredErrors]
 
 
-def simulate(
-    walk: ManeuveringWalk, seeds: range, on_progress: Callable[[str, float, float], None] | None = None
-) -> MonteCarlo:
+def simulate(walk: ManeuveringWalk, seeds: range, on_progress: OnProgress = no_progress) -> MonteCarlo:
     """Run the three filters on the walk, once per seed. The particles of a block of runs share a stream."""
     measured = measurements(walk, seeds)
     parts: dict[str, list[Estimates]] = {name: [] for name in FILTERS}
@@ -88,8 +87,7 @@ def simulate(
         parts[IMM].append(kalman_estimates(Imm(), some))
         parts[KALMAN].append(kalman_estimates(kalman(), some))
         parts[PARTICLE].append(particle_estimates(some, stream(seeds[first], "reproduce", "particles")))
-        if on_progress is not None:
-            on_progress("runs", min(first + _BLOCK, len(seeds)), len(seeds))
+        on_progress("runs", min(first + _BLOCK, len(seeds)), len(seeds))
     true_position, true_speed = walk.position[FIRST_SCAN:], walk.speed[FIRST_SCAN:]
     position = {name: np.concatenate([part.position for part in made]) for name, made in parts.items()}
     speed = {name: np.concatenate([part.speed for part in made]) for name, made in parts.items()}

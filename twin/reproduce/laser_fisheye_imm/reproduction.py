@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
-from twin.messages import OnProgress
+from twin.messages import OnProgress, no_progress
 from twin.recording.atomic_file import open_atomic
 from twin.report.palette import data_uri
 from twin.reproduce.laser_fisheye_imm.figure7 import (
@@ -257,7 +257,7 @@ N_RUN = 100
 """Monte-Carlo runs of figure 7, as in the paper."""
 
 
-def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = None) -> Outputs:
+def reproduce(folder: Path, request: Request, on_progress: OnProgress = no_progress) -> Outputs:
     """Run figure 7 and the suite and write results, plots, film strips and page into `folder`.
 
     Raises InputError for an invalid suite, for a folder with another reproduction's runs (or the same one's, without

@@ -11,7 +11,7 @@ import numpy as np
 
 from trackers.observations import NS_PER_S
 from twin.evaluate.accuracy import AFTER_S
-from twin.messages import OnProgress
+from twin.messages import OnProgress, no_progress
 from twin.recording.atomic_file import open_atomic
 from twin.report.palette import data_uri
 from twin.reproduce.laser_vision_learning.plots import densities_svg, figure11_svg
@@ -50,7 +50,7 @@ from twin.suites.cluster import Workers
 from twin.suites.worker import Incident, resolved_scenario
 
 
-def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = None) -> Outputs:
+def reproduce(folder: Path, request: Request, on_progress: OnProgress = no_progress) -> Outputs:
     """Run the suite and write results, plots, film strips and page into `folder`.
 
     Raises InputError for an invalid suite, for a folder with another reproduction's runs (or the same one's, without

@@ -209,10 +209,9 @@ SEED, DURATION_S = 1003, 16
 _SCENARIO = "library-hall-busy"
 
 
-def compare_choices(cache: RecordingCache, on_progress: OnProgress | None) -> list[ResultRow]:
+def compare_choices(cache: RecordingCache, on_progress: OnProgress) -> list[ResultRow]:
     """Record the busy place in near-identical clothes, and compare every choice's decisions when correlated people part."""
-    if on_progress is not None:
-        on_progress("choices of the classifiers", 0, 1)
+    on_progress("choices of the classifiers", 0, 1)
     changes = [f"seed={SEED}", f"duration_s={DURATION_S}", "background=none"]
     people = load_scenario(_SCENARIO, changes).people
     scenario = load_scenario(_SCENARIO, changes + near_identical_clothes(people))
@@ -228,6 +227,5 @@ def compare_choices(cache: RecordingCache, on_progress: OnProgress | None) -> li
         margin_interval = interval(mean / deviation)
         for column, each, unit in ((RIGHT, right, "%"), (MARGIN, margin_interval, "1")):
             found.append(ResultRow.of(CHOICE, name, column, each, unit, len(margin)))
-    if on_progress is not None:
-        on_progress("choices of the classifiers", 1, 1)
+    on_progress("choices of the classifiers", 1, 1)
     return found

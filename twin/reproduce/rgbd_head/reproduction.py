@@ -21,7 +21,7 @@ from trackers.rgbd_head.tracker import HeadDebugState
 from trackers.rig import Rig
 from trackers.tracks import TrackFrame
 from twin.environment.run import write_environment
-from twin.messages import OnProgress
+from twin.messages import OnProgress, no_progress
 from twin.recording.reader import Recording
 from twin.recording.tables import TrackTable, TruthTable, read_truth, track_table
 from twin.report.palette import data_uri
@@ -138,14 +138,13 @@ class LoadedRecording:
         return tracker.debug_state()
 
 
-def spread_results(seen: LoadedRecording, n_run: int, on_progress: OnProgress | None) -> list[ResultRow]:
+def spread_results(seen: LoadedRecording, n_run: int, on_progress: OnProgress) -> list[ResultRow]:
     """Compute table 3: the spread of runs on one recording with other random numbers, of ours and of the paper's system."""
     spreads = {}
     for number, (preset, options) in enumerate({OURS: {}, _ALIKE: {"start": seen.start()}}.items()):
         runs = {}
         for seed in range(n_run):
-            if on_progress is not None:
-                on_progress("runs of one recording", number * n_run + seed, 2 * n_run)
+            on_progress("runs of one recording", number * n_run + seed, 2 * n_run)
             runs[seed] = seen.track(preset, seed, options)
         spreads[preset] = {
             f"{axis} {name}": float(of(spread))
@@ -161,7 +160,7 @@ def spread_results(seen: LoadedRecording, n_run: int, on_progress: OnProgress | 
 
 
 def trap_results(
-    seen: LoadedRecording, n_run: int, on_progress: OnProgress | None
+    seen: LoadedRecording, n_run: int, on_progress: OnProgress
 ) -> tuple[list[ResultRow], dict[str, TrackTable]]:
     """Compute figures 11 and 12: the share of runs lost by the clock and out of the room; and the first run of each system."""
     found, first = [], {}
@@ -170,8 +169,7 @@ def trap_results(
         lost, left = np.zeros(n_run), np.zeros(n_run)
         options = {} if preset == OURS else {"start": seen.start()}
         for seed in range(n_run):
-            if on_progress is not None:
-                on_progress("runs of the trap", number * n_run + seed, len(_WAYS) * n_run)
+            on_progress("runs of the trap", number * n_run + seed, len(_WAYS) * n_run)
             tracks = seen.track(preset, seed, options, has_environment)
             first.setdefault(name, tracks)
             lost[seed] = head_errors(seen.truth, tracks, seen.rig).lost
@@ -192,7 +190,7 @@ _CLOCK = np.array([0.35, -2.45])
 """Place of the skin-coloured clock of the meeting room [m]."""
 
 
-def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = None) -> Outputs:
+def reproduce(folder: Path, request: Request, on_progress: OnProgress = no_progress) -> Outputs:
     """Scan the room, run the suite, and write results, plots, pictures and the page into `folder`.
 
     Raises InputError for a suite without the paper's experiments, for a folder with another reproduction's runs (or the same
@@ -212,7 +210,7 @@ def check_suite(suite: Suite, path: Path) -> None:
     check_entries(suite, path, needed, [OURS], {FIRST: [PAPER], SECOND: [PAPER]})
 
 
-def scan_environment(folder: Path, resume: bool, on_progress: OnProgress | None) -> Path:
+def scan_environment(folder: Path, resume: bool, on_progress: OnProgress) -> Path:
     """Scan the environment of the meeting room; a resumed reproduction keeps its own."""
     path = folder / "meeting_room.npz"
     if not (resume and path.is_file()):
@@ -222,7 +220,7 @@ def scan_environment(folder: Path, resume: bool, on_progress: OnProgress | None)
 
 
 def write_all(
-    folder: Path, runs: SuiteRuns, environment: Environment, request: Request, on_progress: OnProgress | None
+    folder: Path, runs: SuiteRuns, environment: Environment, request: Request, on_progress: OnProgress
 ) -> Outputs:
     """Write results, plots, pictures and page. Raises InputError where a file cannot be written."""
     conditions = read_conditions(runs)
