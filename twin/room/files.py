@@ -10,6 +10,7 @@ that a camera sees, a scanner's ray meets, or people walk around.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path, PureWindowsPath
@@ -35,7 +36,8 @@ REFUSED = {
 
 
 def check_elements(root: ElementTree.Element, where: str, *, is_model: bool) -> None:
-    """Raise InputError, with the prefix `where`, for an element of an MJCF file that the twin does not model.
+    """Raise InputError, with the prefix `where`, for an element of an MJCF file that the twin does not model, or a number in
+    it that is not finite.
 
     `is_model`: False for an included file.
     """
@@ -45,6 +47,23 @@ def check_elements(root: ElementTree.Element, where: str, *, is_model: bool) -> 
         if element.tag in REFUSED and len(element) + len(element.attrib):
             name = f" name={element.get('name')!r}" if element.get("name") else ""
             raise InputError(f"{where}: <{element.tag}{name}> {REFUSED[element.tag]}")
+        for attribute, value in element.attrib.items():
+            if attribute not in _NAMES and _NOT_FINITE.search(value) and _are_numbers(value):
+                raise InputError(
+                    f"{where}: <{element.tag} {attribute}={value!r}> is not finite; finite numbers are expected"
+                )
+
+
+_NOT_FINITE = re.compile(r"(?<![^\s+-])(?:nan|inf|infinity)(?!\S)", re.IGNORECASE)
+_NAMES = ("name", "class", "childclass", "file", "prefix", "model")
+
+
+def _are_numbers(value: str) -> bool:
+    """Return True for a text of numbers alone."""
+    try:
+        return bool([float(each) for each in value.split()])
+    except ValueError:
+        return False
 
 
 ROOM_ROOT = "TWIN_ROOM_ROOT"

@@ -227,7 +227,7 @@ def _put_at_rest(spec: mujoco.MjSpec) -> None:
         for element in list(getattr(spec, kind)):
             spec.delete(element)
     for body in spec.bodies:
-        body.mocap = False
+        body.mocap, body.sleep = False, mujoco.mjtSleepPolicy.mjSLEEP_AUTO
 
 
 def _set_settings(spec: mujoco.MjSpec) -> None:

@@ -110,7 +110,7 @@ NO_EFFECT: dict[str, tuple[str, str, str]] = {
         "",
     ),
     "body/joint": (
-        '<body pos="0 0 .5"><freejoint/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>'
+        '<body pos="0 0 .5" sleep="never" gravcomp="1"><freejoint/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>'
         '<body pos="0 0 .5"><joint/><geom size=".01" group="5"/></body>',
         "<default><joint armature='1'/></default>",
         "",

@@ -294,6 +294,25 @@ def test_a_room_attached_to_itself_is_refused_before_it_is_read_without_end(tmp_
         build_scene(scenario_of(tmp_path, room.format("other.xml")))
 
 
+@pytest.mark.parametrize(
+    ("element", "said"),
+    [
+        ('<geom type="box" size=".1 nan .1"/>', r"<geom size='.1 nan .1'> is not finite"),
+        ('<geom type="box" size=".1 .1 .1" rgba="NAN 0 0 1"/>', r"<geom rgba='NAN 0 0 1'>"),
+        ('<body pos="-inf 0 0"><geom size=".1"/></body>', r"<body pos='-inf 0 0'>"),
+        ('<light diffuse="+Infinity 0 0"/>', r"<light diffuse='\+Infinity 0 0'>"),
+        ('<site name="seat_x" pos="nan 0 0"/>', "<site pos='nan 0 0'>"),
+    ],
+)
+def test_numbers_that_are_not_finite_are_refused(tmp_path: Path, element: str, said: str) -> None:
+    with pytest.raises(InputError, match=f"mine.xml: {said}"):
+        scene_of(tmp_path, element)
+
+
+def test_a_name_may_read_like_a_number_that_is_not_finite(tmp_path: Path) -> None:
+    scene_of(tmp_path, '<geom name="nan" size=".1" pos="0 0 .1"/><body name="Infinity"/>')
+
+
 @pytest.mark.parametrize("geom", ['size="1e200 1 1"', 'size="1 1 1" pos="0 1e9 0"'])
 def test_a_thing_without_measure_is_named(tmp_path: Path, geom: str) -> None:
     with pytest.raises(InputError, match=r"mine.xml: 'moon' reaches .* m from the room's origin; at most 10000 m"):
