@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull, Delaunay
 from trackers.area import Area
 from trackers.arrays import Array, Mask
 from trackers.errors import InputError
-from twin.geometry.geom_hull import hull_points
+from twin.geometry.geom_hull import PLANE_M, hull_points
 from twin.instant.snapshot import RAY_GROUPS
 from twin.room.obstacles import OBSTACLE_REACH_M, Footprints
 from twin.room.walkable import ENCLOSED_M2, Plan, common_direction, outdoors_of, standing_footprints
@@ -94,7 +94,7 @@ class Building:
                     solid |= Delaunay(corners, qhull_options="QJ").find_simplex(places_m) >= 0
                 continue
             local = (places_m - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
-            solid |= within_geom(model.geom_type[geom], model.geom_size[geom], local)
+            solid |= within_geom(model.geom_type[geom], model.geom_size[geom], local, is_upright=is_upright(data, geom))
         return solid
 
     def is_walked(self, places_m: Array, below_m: float) -> Mask:
@@ -222,18 +222,31 @@ def check_mount(model: mujoco.MjModel, data: mujoco.MjData, field: str, xyz: NDA
         if model.body_weldid[model.geom_bodyid[geom]] != 0 or model.geom_rgba[geom, 3] == 0:
             continue
         local = (xyz - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
-        if within_geom(model.geom_type[geom], model.geom_size[geom], local[None]).any():
+        if within_geom(
+            model.geom_type[geom], model.geom_size[geom], local[None], is_upright=is_upright(data, geom)
+        ).any():
             thing = model.geom(geom).name or f"geom {geom}"
             where = f"[{xyz[0]:g}, {xyz[1]:g}, {xyz[2]:g}]"
             raise InputError(f"{field}: {where} is inside {thing!r} of the room; a point in free space is expected")
 
 
-def within_geom(kind: int, size: NDArray[np.float64], local: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return a mask (n,) of the points (n, 3), in the geom's frame, inside it; meshes and height fields count as empty."""
+def is_upright(data: mujoco.MjData, geom: int) -> bool:
+    """Return True where a geom's z axis is level."""
+    return bool(abs(data.geom_xmat[geom, 8]) < 0.5)
+
+
+def within_geom(
+    kind: int, size: NDArray[np.float64], local: NDArray[np.float64], *, is_upright: bool = False
+) -> NDArray[np.bool_]:
+    """Return a mask (n,) of the points (n, 3), in the geom's frame, inside it; meshes and height fields count as empty.
+
+    is_upright: its z axis is level; a finite plane that stands so is a thin wall.
+    """
     match kind:
         case mujoco.mjtGeom.mjGEOM_PLANE:
-            # One-sided: behind it is inside the wall. A size of 0 means infinite.
-            return (local[:, 2] < 0) & ((np.abs(local[:, :2]) <= size[:2]) | (size[:2] == 0)).all(axis=1)
+            # One-sided: behind it is inside the wall, at any depth behind an endless one or a floor. A size of 0 means infinite.
+            deep = local[:, 2] < -PLANE_M if is_upright and size[:2].all() else np.zeros(len(local), dtype=bool)
+            return (local[:, 2] < 0) & ~deep & ((np.abs(local[:, :2]) <= size[:2]) | (size[:2] == 0)).all(axis=1)
         case mujoco.mjtGeom.mjGEOM_BOX:
             return (np.abs(local) - size).max(axis=1) <= 0
         case mujoco.mjtGeom.mjGEOM_SPHERE:

@@ -26,6 +26,8 @@ Planar = NDArray[np.complex128]
 LOW_M, HIGH_M = 0.05, 2.0
 """Heights between which a geom is in a walking body's way [m]: excludes rugs, floor marks and lamps."""
 
+_LEVEL = 0.99
+"""Least vertical part of the normal of a level plane."""
 KEEP_FROM_EDGE_M = 0.15
 """Least distance of a person's middle from the edge of the area [m]."""
 KEEP_FROM_FURNITURE_M = 0.35
@@ -75,9 +77,7 @@ def obstacles_of(model: mujoco.MjModel, source: str = "room") -> list[Obstacle]:
             raise InputError(
                 f"{source}: geom {name!r} is a height field; boxes, planes, round shapes or meshes are expected"
             )
-        is_plane = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE
-        level = is_plane and abs(data.geom_xmat[geom, 8]) > 0.99  # a floor's underside, a ceiling
-        if level or points[:, 2].max() <= LOW_M or points[:, 2].min() >= HIGH_M:
+        if not is_in_the_way(model, data, geom, points):
             continue
         body = int(model.geom_bodyid[geom])
         furniture = (model.body(body).name or f"body {body}") if body else name
@@ -89,6 +89,14 @@ def obstacles_of(model: mujoco.MjModel, source: str = "room") -> list[Obstacle]:
     obstacles = [Obstacle(name, corners) for name, shapes in found.items() for corners in _merged(shapes)]
     covered = _covered(obstacles)
     return [each for each, hidden in zip(obstacles, covered, strict=True) if not (each.furniture in loose and hidden)]
+
+
+def is_in_the_way(model: mujoco.MjModel, data: mujoco.MjData, geom: int, points: Array) -> bool:
+    """Return True for a geom, of hull `points` (n, 3) [m], between the floor and the heads; a level plane has no thickness."""
+    low_m, high_m = points[:, 2].min(), points[:, 2].max()
+    if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE and abs(data.geom_xmat[geom, 8]) > _LEVEL:
+        low_m = high_m = data.geom_xpos[geom, 2]
+    return bool(high_m > LOW_M and low_m < HIGH_M)
 
 
 def within_reach(obstacles: Sequence[Obstacle], area: Array, reach_m: float) -> list[Obstacle]:

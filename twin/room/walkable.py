@@ -34,7 +34,7 @@ from trackers.arrays import Array
 from trackers.errors import InputError
 from twin.geometry.geom_hull import ENDLESS_M, hull_points
 from twin.geometry.polygon import inset, polygon_area
-from twin.room.obstacles import HIGH_M, KEEP_FROM_EDGE_M, LOW_M, OBSTACLE_REACH_M
+from twin.room.obstacles import KEEP_FROM_EDGE_M, OBSTACLE_REACH_M, is_in_the_way
 
 Mask = NDArray[np.uint8]
 
@@ -45,7 +45,6 @@ _DOOR_M = 1.5
 _EDGE_M = 2 * _DOOR_M
 _SEAM_M = 0.06
 """Gaps up to this width between pieces of floor are floor [m]."""
-_LEVEL = 0.99
 _ALIKE_DEG, _AGREED = 1.0, 0.2
 """Greatest angle between aligned edges [degrees], and their least share by length for turning the grid."""
 _FAR, _NEAR = (slice(1, None), slice(None)), (slice(-1), slice(None))
@@ -139,10 +138,8 @@ def standing_footprints(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[lis
     for geom in range(model.ngeom):
         if model.body_weldid[model.geom_bodyid[geom]] != 0 or model.geom_rgba[geom, 3] == 0:
             continue
-        if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE and abs(data.geom_xmat[geom, 8]) > _LEVEL:
-            continue
         points = hull_points(model, data, geom)
-        if points is None or points[:, 2].max() <= LOW_M or points[:, 2].min() >= HIGH_M:
+        if points is None or not is_in_the_way(model, data, geom, points):
             continue
         footprint = _outline(points[:, :2])
         standing.append(footprint)

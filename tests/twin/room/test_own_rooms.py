@@ -294,6 +294,18 @@ def test_a_room_attached_to_itself_is_refused_before_it_is_read_without_end(tmp_
         build_scene(scenario_of(tmp_path, room.format("other.xml")))
 
 
+def test_a_level_plane_is_a_table_top_and_an_upright_one_a_thin_wall(tmp_path: Path) -> None:
+    top, wall = '<geom name="top" type="plane" size=".5 .4 .1" pos="-1.5 0 .7"/>', '<geom name="wall" type="plane" {}/>'
+    assert [each.furniture for each in scene_of(tmp_path, top).ground.obstacles] == ["top"]
+    upright = wall.format('size="1 .5 .1" pos="0 0 1" euler="0 90 0"')  # faces along x; the scanner is behind it
+    scenario = scenario_of(tmp_path, f"<mujoco><worldbody>{SHELL}{upright}</worldbody></mujoco>")
+    with Simulation(scenario, images=False) as simulation:
+        assert [each.furniture for each in simulation.world.scene.ground.obstacles] == ["wall"]
+    endless = wall.format('size="0 0 .1" pos="0 -1.7 1" euler="-90 0 0"')
+    with pytest.raises(InputError, match="waist.mount.xyz: .* is inside 'wall'"):
+        Simulation(scenario_of(tmp_path, f"<mujoco><worldbody>{SHELL}{endless}</worldbody></mujoco>"), images=False)
+
+
 @pytest.mark.parametrize(
     ("element", "said"),
     [
