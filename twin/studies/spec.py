@@ -13,9 +13,8 @@ from trackers.plain_data import parse_yaml
 from trackers.text_file import read_text
 from twin import models
 from twin.studies.devices import Constraints, Device, Metres
-from twin.suites.fields import list_of, mapping_of, single
 from twin.suites.metrics import METRICS
-from twin.suites.spec import Overrides, OwnName, Seeds, Text, TrackerName
+from twin.suites.spec import Overrides, OwnName, Seeds, Text, TrackerName, list_of, mapping_of, single
 
 NOT_DETERMINISTIC = ("ms_per_frame.mean", "ms_per_frame.p95")
 """Metrics that depend on the machine's load: no objective may use them."""

@@ -9,10 +9,14 @@ differ, `twin.suites.permutation_test` adds an allowance for chance.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import operator
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator
 
 from trackers.errors import InputError
 from twin.report.metrics_table import (
@@ -156,3 +160,35 @@ def format_metric(key: str, value: float | None, sign: bool = False) -> str:
     """Format a metric with its unit; counts, which are means over seeds here, with one decimal."""
     metric = metric_named(key)
     return format_number(value, metric.decimals or 1, metric.unit, sign=sign)
+
+
+_COMPARISONS: Mapping[str, Callable[[float, float], bool]] = {
+    ">=": operator.ge,
+    "<=": operator.le,
+    ">": operator.gt,
+    "<": operator.lt,
+    "==": operator.eq,
+}
+
+_BOUND = re.compile(r"\s*(>=|<=|==|>|<)?\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*")
+
+_ROUNDING = 1e-9
+
+
+def _bound(value: str | float) -> str:
+    """Parse a bound like `>= 0.97`; a number alone means equality."""
+    found = _BOUND.fullmatch(str(value))
+    if found is None:
+        raise ValueError('a number, or a bound as in ">= 0.97", is expected')
+    return f"{found[1] or '=='} {found[2]}"
+
+
+Bound = Annotated[str, BeforeValidator(_bound, json_schema_input_type=str | float)]
+
+
+def holds(mean: float, bound: str) -> bool:
+    """Check a mean against a bound."""
+    sign, _, limit = bound.partition(" ")
+    # means of floats: that of a hundred times 0.97 is 0.97
+    rounded = float(limit) if abs(mean - float(limit)) <= _ROUNDING else mean
+    return _COMPARISONS[sign](rounded, float(limit))

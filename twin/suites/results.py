@@ -14,8 +14,7 @@ from scipy.stats import bootstrap
 
 from trackers.errors import InputError
 from twin.streams import stream
-from twin.suites.metrics import GATED, METRICS, format_metric
-from twin.suites.spec import holds
+from twin.suites.metrics import GATED, METRICS, format_metric, holds
 from twin.suites.store import DONE, EXPECTED, FAILED, RecordingInfo, ResultStore, StoredCase
 from twin.suites.worker import NO_RENDERER
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import operator
-import re
-from collections.abc import Callable, Mapping
 from itertools import product
 from math import prod
 from pathlib import Path
@@ -16,6 +13,8 @@ from pydantic import (
     Field,
     JsonValue,
     ValidationError,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
     field_validator,
     model_validator,
 )
@@ -25,28 +24,51 @@ from trackers.plain_data import parse_yaml
 from trackers.rig import Name
 from trackers.text_file import read_text
 from twin import models
-from twin.suites.fields import expected_error, list_of, mapping_of, single
-from twin.suites.metrics import GATED, GATED_SENSOR_METRICS, METRICS
-
-_COMPARISONS: Mapping[str, Callable[[float, float], bool]] = {
-    ">=": operator.ge,
-    "<=": operator.le,
-    ">": operator.gt,
-    "<": operator.lt,
-    "==": operator.eq,
-}
-
-_BOUND = re.compile(r"\s*(>=|<=|==|>|<)?\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*")
-
-_ROUNDING = 1e-9
+from twin.suites.metrics import GATED, GATED_SENSOR_METRICS, METRICS, Bound
 
 
-def _bound(value: str | float) -> str:
-    """Parse a bound like `>= 0.97`; a number alone means equality."""
-    found = _BOUND.fullmatch(str(value))
-    if found is None:
-        raise ValueError('a number, or a bound as in ">= 0.97", is expected')
-    return f"{found[1] or '=='} {found[2]}"
+def list_of(what: str, *, or_empty: bool = False) -> BeforeValidator:
+    """Make a validator of a list field, not empty unless `or_empty`; `what`: start of the error's sentence."""
+
+    def check(value: Any) -> Any:
+        if not isinstance(value, list | tuple) or not (value or or_empty):
+            raise expected_error(value, f"{what} is expected")
+        return value
+
+    return BeforeValidator(check)
+
+
+def mapping_of(what: str) -> BeforeValidator:
+    """Make a validator of a mapping field with texts as keys."""
+
+    def check(value: Any) -> Any:
+        if not isinstance(value, dict):
+            raise expected_error(value, f"{what} is expected")
+        for key in value:
+            if not isinstance(key, str):
+                raise ValueError(f"the key {key!r} is not a text; {what} is expected")
+        return value
+
+    return BeforeValidator(check)
+
+
+def single(what: str) -> WrapValidator:
+    """Make a validator of a single value; every error says what is expected."""
+
+    def check(value: Any, inner: ValidatorFunctionWrapHandler) -> Any:
+        if not isinstance(value, bool):
+            try:
+                return inner(value)
+            except ValidationError:
+                pass
+        raise expected_error(value, f"{what} is expected")
+
+    return WrapValidator(check)
+
+
+def expected_error(value: Any, sentence: str) -> ValueError:
+    """Make the error for a value; `validate` itself shows every value except mappings."""
+    return ValueError(f"{sentence} (got {value!r})" if isinstance(value, dict) else sentence)
 
 
 def _metric_name(name: str) -> str:
@@ -54,8 +76,6 @@ def _metric_name(name: str) -> str:
         raise ValueError(f"there is no metric {name!r}; valid are {', '.join(METRICS)}")
     return name
 
-
-Bound = Annotated[str, BeforeValidator(_bound, json_schema_input_type=str | float)]
 
 MetricBounds = Annotated[
     dict[Annotated[str, AfterValidator(_metric_name)], Bound],
@@ -67,14 +87,6 @@ Requirements = Annotated[
     mapping_of('a mapping of trackers, as in {sort: {mota: ">= 0.97", misidentifications: 0}},'),
 ]
 """Bounds on the mean over the seeds of each scenario, by tracker and metric."""
-
-
-def holds(mean: float, bound: str) -> bool:
-    """Check a mean against a bound."""
-    sign, _, limit = bound.partition(" ")
-    # means of floats: that of a hundred times 0.97 is 0.97
-    rounded = float(limit) if abs(mean - float(limit)) <= _ROUNDING else mean
-    return _COMPARISONS[sign](rounded, float(limit))
 
 
 Overrides = Annotated[dict[str, JsonValue], mapping_of("a mapping of fields' paths to values, as in {duration_s: 10},")]
