@@ -17,7 +17,7 @@ from trackers.presets import make_tracker
 from trackers.prior import Prior
 from trackers.rig import Rig
 from twin import Simulation
-from twin.reproduce.camera_floor_particle.replays import standing_people
+from twin.reproduce.camera_floor_particle.results import standing_people
 
 _S = 4
 _MINUTES = 10

@@ -20,14 +20,6 @@ from trackers.tracks import Hypotheses, Track, TrackFrame
 from trackers.vision.colour_bins import hsv_of
 from trackers.vision.views import View, Views
 from twin.report.floor_panel import TruePoses
-from twin.reproduce.camera_floor_particle.replays import (
-    PEOPLE,
-    VARIANTS,
-    closest_pair_s,
-    draw_debug_state,
-    lowest_head_s,
-    standing_people,
-)
 from twin.reproduce.camera_floor_particle.reproduction import check_suite, head_errors_since_detection, heads_svg
 from twin.reproduce.camera_floor_particle.results import (
     ABLATION,
@@ -40,9 +32,15 @@ from twin.reproduce.camera_floor_particle.results import (
     OURS,
     PAIR,
     PAPER,
+    PEOPLE,
+    VARIANTS,
+    closest_pair_s,
+    draw_debug_state,
+    lowest_head_s,
     mask_quality,
     read_conditions,
     results_of,
+    standing_people,
 )
 from twin.scenario import load_scenario
 from twin.scenario.load import dump_scenario

@@ -12,18 +12,10 @@ from trackers.observations import NS_PER_S
 from twin.messages import OnProgress, no_progress
 from twin.recording.tables import TrackTable, TruthTable
 from twin.report.palette import IDENTITY_COLOURS, INK, QUIET, data_uri, hex_colour, plot_style, to_svg
-from twin.reproduce.camera_floor_particle.replays import (
-    CHOICE,
-    SEED,
-    TIME,
-    closest_pair_s,
-    compare_choices,
-    frame_picture,
-    lowest_head_s,
-)
 from twin.reproduce.camera_floor_particle.results import (
     ABLATION,
     BEYOND,
+    CHOICE,
     COURSE,
     EXPERIMENTS,
     HOME,
@@ -31,6 +23,12 @@ from twin.reproduce.camera_floor_particle.results import (
     NEEDED,
     OURS,
     PAIR,
+    SEED,
+    TIME,
+    closest_pair_s,
+    compare_choices,
+    frame_picture,
+    lowest_head_s,
     mask_results,
     read_conditions,
     results_of,
