@@ -1,26 +1,38 @@
-"""Association of a look's measurements with tracks, by likelihood ratios against clutter and against not being shown.
+"""Association of looks' measurements with tracks, by likelihood ratios against clutter and against not being shown.
 
 A measurement z with covariance R is a track's by e p(z), p the density of its prediction; or clutter's, by its density λ. A track
 without a measurement was not shown, by 1 − e + e m (D. Mušicki, R. Evans and S. Stanković, "Integrated probabilistic data
 association", IEEE Trans. Automatic Control 39, 1994). One assignment of the greatest product of ratios pairs them.
+
+Looks of several cameras at one stamp are associated at once. A track's hypothesis takes one measurement or none of each, and
+the measurements of one person must agree: their density is ∫ p(x) Π p(z | x) dx. Hypotheses of different tracks share no
+measurement, which makes it an S-dimensional assignment (S. Deb, M. Yeddanapudi, K. Pattipati and Y. Bar-Shalom, "A generalized
+S-D assignment algorithm for multisensor-multitarget state estimation", IEEE Trans. Aerospace and Electronic Systems 33, 1997),
+solved exactly as an integer program. The order of the cameras does not matter.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.optimize import LinearConstraint, milp
 
 from trackers.arrays import Array, Index, Mask
+from trackers.filters.gating import distances, max_weight_assignment
 from trackers.filters.imm import ImmState
 from trackers.fusion.look import Look
 from trackers.fusion.people import People
-from trackers.tracking.roster import Stage, associate
 
 LEAST_EXISTENCE, _LEAST_MISSED, _LEAST_SHOWN = 1e-4, 1e-2, 1e-2
 _NEAR_M, _GATE = 0.3, 4.0
 """A measurement nearer than this to a prediction [m], or nearer than so many standard deviations, is never gated off."""
 
-_EXPLAINED = 3.0
+_MOST = 48
+"""Hypotheses of a track that are kept, the likeliest."""
+EXPLAINED = 3.0
 """A measurement nearer to a track than so many standard deviations initiates none."""
 
 
@@ -39,35 +51,188 @@ def log_density(
     return log.max(axis=1), np.sqrt(np.maximum(square.min(axis=1), 0.0))
 
 
-def pairs(
-    people: People, look: Look, missed: Float[Array, "n"], colour: Float[Array, "n k"] | float = 0.0
-) -> tuple[Int[Index, "p"], Int[Index, "p"], Float[Array, "p"]]:
-    """Pair tracks with measurements; return both, and the log-likelihood ratios against clutter.
+Pairs = tuple[Int[Index, "p"], Int[Index, "p"], Float[Array, "p"]]
+"""Tracks, measurements, and log-likelihood ratios against clutter."""
 
-    missed: how probably the look would not show each track; colour: log-likelihood ratios of what pictures show of each pair.
-    Measurements that a source has shared out itself keep their owners.
+
+def pairs(people: People, looks: Sequence[Look], missed: Sequence[Float[Array, "n"]]) -> list[Pairs]:
+    """Pair tracks with the measurements of looks at one stamp.
+
+    missed: how probably each look would not show each track. Measurements that a source has shared out keep their owners.
     """
-    log, away = log_density(people.state, look.position, look.covariance)
-    # a scanner that measures a person there sees that place; a silhouette may be of another one on the same line of sight
-    shown = people.posture.shown(look.by_posture) if look.is_sharp else 1 - missed
-    shown = np.maximum(shown, _LEAST_SHOWN)[:, None]
-    ratio = log - np.log(look.kind.clutter_m2) + np.log(shown)
+    log = [log_density(people.state, look.position, look.covariance) for look in looks]
+    weighed = [_weighed(people, *each) for each in zip(looks, missed, log, strict=True)]
+    if not len(people):
+        return [(np.empty(0, np.intp), np.empty(0, np.intp), np.empty(0)) for _ in looks]
+    if len(looks) == 1:
+        return [_by_one(people, looks[0], missed[0], *weighed[0])]
+    chosen = _by_several(people, looks, missed, [allowed for _, allowed in weighed])
+    return [(rows, columns, ratio[rows, columns]) for (rows, columns), (ratio, _) in zip(chosen, weighed, strict=True)]
+
+
+def _weighed(
+    people: People, look: Look, missed: Float[Array, "n"], log: tuple[Float[Array, "n k"], Float[Array, "n k"]]
+) -> tuple[Float[Array, "n k"], Bool[Mask, "n k"]]:
+    """Return the log-likelihood ratios of pairs against clutter, and which pairs may be."""
+    density, away = log
+    ratio = density - np.log(look.kind.clutter_m2) + _log_shown(people, look, missed)[:, None]
+    allowed = (away <= _GATE) | (distances(people.positions, look.position) < _NEAR_M)
     given = np.flatnonzero(look.owner >= 0)
-    owners = look.owner[given]
-    near = np.hypot(*(look.position - people.positions[:, None]).transpose(2, 0, 1)) < _NEAR_M
-    forbidden = ((away > _GATE) & ~near) | (look.owner >= 0)
-    forbidden[owners] = True
+    fits = allowed[look.owner[given], given]
+    allowed[:, given] = False
+    allowed[look.owner[given]] = False
+    allowed[look.owner[given], given] = fits
+    return ratio, allowed
+
+
+def _log_shown(people: People, look: Look, missed: Float[Array, "n"]) -> Float[Array, "n"]:
+    """Return ln P_D of each track where a look measured it.
+
+    A scanner that measures a person there sees that place; a silhouette may be of another one on the same line of sight.
+    """
+    shown = people.posture.shown(look.by_posture) if look.is_sharp else 1 - missed
+    return np.log(np.maximum(shown, _LEAST_SHOWN))
+
+
+def _by_one(
+    people: People,
+    look: Look,
+    missed: Float[Array, "n"],
+    ratio: Float[Array, "n k"],
+    allowed: Bool[Mask, "n k"],
+) -> Pairs:
+    """Pair the measurements of one look: an assignment of two dimensions."""
     e = np.maximum(people.existence, LEAST_EXISTENCE)
-    unpaired = -2 * np.log((1 - e + e * np.maximum(missed, _LEAST_MISSED)) / e)
-    every = np.ones(len(people), np.bool_)
-    rows, columns = associate([Stage(every, [-2 * (ratio + colour)], [forbidden], unpaired)])
-    fits = (away[owners, given] <= _GATE) | near[owners, given]
-    rows, columns = np.concatenate([owners[fits], rows]), np.concatenate([given[fits], columns])
+    unpaired = np.log((1 - e + e * np.maximum(missed, _LEAST_MISSED)) / e)
+    worth = np.where(allowed, ratio - unpaired[:, None], 0.0)
+    given = np.flatnonzero((look.owner >= 0) & allowed.any(axis=0))
+    worth[look.owner[given], given] = np.maximum(worth[look.owner[given], given], 1e-9)
+    rows, columns = max_weight_assignment(worth)
     return rows, columns, ratio[rows, columns]
+
+
+@dataclass(frozen=True, eq=False)
+class _Hypotheses:
+    """h hypotheses of each of n tracks: one measurement or none (−1) of each look so far, and what they tell of its place.
+
+    information: the prediction's and Σ R⁻¹; vector: Σ R⁻¹ d, of offsets d from the prediction.
+    """
+
+    column: Int[Index, "n h looks"]
+    information: Float[Array, "n h 2 2"]
+    vector: Float[Array, "n h 2"]
+    log: Float[Array, "n h"]  # of all but the exponential and the determinant of the joint density
+
+    @property
+    def worth(self) -> Float[Array, "n h"]:
+        """ln ∫ p(x) Π p(z | x) dx and what the looks count besides."""
+        a, b, c = self.information[..., 0, 0], self.information[..., 0, 1], self.information[..., 1, 1]
+        x, y = self.vector[..., 0], self.vector[..., 1]
+        determinant = a * c - b * b
+        return self.log + 0.5 * ((c * x * x - 2 * b * x * y + a * y * y) / determinant - np.log(determinant))
+
+    def best(self) -> _Hypotheses:
+        """Return the likeliest hypotheses of each track, at most `_MOST`."""
+        if self.log.shape[1] <= _MOST:
+            return self
+        kept = np.argsort(-self.worth, axis=1, kind="stable")[:, :_MOST]
+        row = np.arange(len(kept))[:, None]
+        return _Hypotheses(
+            self.column[row, kept], self.information[row, kept], self.vector[row, kept], self.log[row, kept]
+        )
+
+    def extended(
+        self,
+        look: Look,
+        off: Float[Array, "n k 2"],
+        log_shown: Float[Array, "n"],
+        log_missed: Float[Array, "n"],
+        allowed: Bool[Mask, "n k"],
+    ) -> _Hypotheses:
+        """Return each hypothesis with none, and with each allowed measurement of one more look."""
+        n, h = self.log.shape
+        most = int(allowed.sum(axis=1).max(initial=0))
+        column = np.argsort(~allowed, axis=1, kind="stable")[:, :most]  # (n, most)
+        inverse = np.linalg.inv(look.covariance)
+        R, vector, log = np.zeros((n, most + 1, 2, 2)), np.zeros((n, most + 1, 2)), np.empty((n, most + 1))
+        R[:, 1:] = inverse[column]
+        off = np.take_along_axis(off, column[..., None], axis=1)
+        vector[:, 1:] = np.einsum("nkab,nkb->nka", R[:, 1:], off)
+        log[:, 0] = log_missed
+        log[:, 1:] = 0.5 * (np.log(np.linalg.det(inverse))[column] - np.einsum("nka,nka->nk", vector[:, 1:], off))
+        log[:, 1:] += log_shown[:, None] - np.log(2 * np.pi * look.kind.clutter_m2)
+        log[:, 1:][~np.take_along_axis(allowed, column, axis=1)] = -np.inf
+        column = np.concatenate([np.full((n, 1), -1), column], axis=1)
+        size = (n, h * (most + 1))
+        return _Hypotheses(
+            np.concatenate([np.repeat(self.column, most + 1, axis=1), np.tile(column, (1, h))[..., None]], axis=2),
+            (self.information[:, :, None] + R[:, None]).reshape(*size, 2, 2),
+            (self.vector[:, :, None] + vector[:, None]).reshape(*size, 2),
+            (self.log[:, :, None] + log[:, None]).reshape(size),
+        ).best()
+
+
+def _by_several(
+    people: People, looks: Sequence[Look], missed: Sequence[Float[Array, "n"]], allowed: Sequence[Bool[Mask, "n k"]]
+) -> list[tuple[Int[Index, "p"], Int[Index, "p"]]]:
+    """Pair the measurements of looks at one stamp: an assignment of as many dimensions."""
+    n = len(people)
+    P = people.covariance
+    tried = _Hypotheses(
+        np.empty((n, 1, 0), np.intp),
+        np.linalg.inv(P).astype(np.float64)[:, None],
+        np.zeros((n, 1, 2)),
+        -0.5 * np.log(np.linalg.det(P))[:, None],
+    )
+    log_missed = [np.log(np.maximum(each, _LEAST_MISSED)) for each in missed]
+    for look, chance, log_miss, may in zip(looks, missed, log_missed, allowed, strict=True):
+        off = look.position - people.positions[:, None]
+        tried = tried.extended(look, off, _log_shown(people, look, chance), log_miss, may)
+    e = np.maximum(people.existence, LEAST_EXISTENCE)
+    nothing = np.log(1 - e + e * np.exp(sum(log_missed)))
+    shown = (tried.column >= 0).any(axis=2)
+    worth = np.where(shown, tried.worth + (np.log(e) - nothing)[:, None], 0.0)
+    chosen = _disjoint(worth, tried.column)
+    return [(rows := np.flatnonzero(each >= 0), each[rows]) for each in chosen.T]
+
+
+def _disjoint(worth: Float[Array, "n h"], column: Int[Index, "n h looks"]) -> Int[Index, "n looks"]:
+    """Choose a hypothesis of each track, or none, of the greatest total worth, such that no measurement is shared."""
+    n, c = len(column), column.shape[2]
+    size = column.max(axis=(0, 1), initial=-1) + 1
+    first = np.cumsum(size) - size
+    best = column[np.arange(n), worth.argmax(axis=1)]
+    chosen = np.where((worth.max(axis=1) > 0)[:, None], best, -1)
+    if np.bincount((chosen + first)[chosen >= 0], minlength=1).max() < 2:
+        return chosen
+    track, of = np.nonzero(worth > 0)
+    picked = column[track, of]  # (v, looks)
+    variable, look = np.nonzero(picked >= 0)
+    shares = np.zeros((n + size.sum(), track.size))
+    shares[track, np.arange(track.size)] = 1
+    shares[n + first[look] + picked[variable, look], variable] = 1
+    found = milp(-worth[track, of], integrality=1, bounds=(0, 1), constraints=LinearConstraint(shares, ub=1.0))
+    taken = np.flatnonzero(found.x > 0.5)
+    chosen = np.full((n, c), -1)
+    chosen[track[taken]] = picked[taken]
+    return chosen
 
 
 def explained(people: People, look: Look) -> Bool[Mask, "k"]:
     """Mark the measurements that a track explains, though it may have had another one."""
     if not len(people):
         return np.zeros(len(look.position), np.bool_)
-    return np.logical_or.reduce(log_density(people.state, look.position, look.covariance)[1] < _EXPLAINED, axis=0)
+    return np.logical_or.reduce(log_density(people.state, look.position, look.covariance)[1] < EXPLAINED, axis=0)
+
+
+def fused(
+    row: Int[Index, "p"], position: Float[Array, "p 2"], covariance: Float[Array, "p 2 2"]
+) -> tuple[Int[Index, "k"], Float[Array, "k 2"], Float[Array, "k 2 2"]]:
+    """Fuse the measurements of each track to one, of the same product of densities; return the tracks and both."""
+    rows, of = np.unique(row, return_inverse=True)
+    inverse = np.linalg.inv(covariance)
+    information, vector = np.zeros((rows.size, 2, 2)), np.zeros((rows.size, 2))
+    np.add.at(information, of, inverse)
+    np.add.at(vector, of, np.einsum("pab,pb->pa", inverse, position))
+    R = np.linalg.inv(information).astype(np.float64)
+    return rows, np.einsum("kab,kb->ka", R, vector), R

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -13,7 +12,7 @@ from trackers.arrays import Array, Mask
 from trackers.cameras.placed import PlacedCamera, through_people
 from trackers.environment import Environment
 from trackers.filters.gating import distances
-from trackers.fusion.look import Expected, Look, Source, detections_of, round_covariance
+from trackers.fusion.look import Expected, Look, detections_of, round_covariance
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.posture import DEPTH_SHOWN, SILHOUETTE_SHOWN
 from trackers.observations import DepthImage, Image, Observation
@@ -23,7 +22,7 @@ from trackers.vision.foreground import Foreground
 from trackers.vision.front_end import CameraFrontEnd, FrontEndOptions, PreparedPicture
 from trackers.vision.histogram import ColourHistogram
 from trackers.vision.person_detector import SILHOUETTES, PersonDetector
-from trackers.vision.stereo_picture import PackedPicture, StereoCamera, head_of, heads_in_plan, packed_without_depth
+from trackers.vision.stereo_picture import StereoCamera, head_of, heads_in_plan, packed_without_depth
 
 _CHEST_M, _CROWN_M, _SHADOW_M = 1.1, 1.65, 0.25
 """Heights of a chest and of a crown, and how near to another's axis a line of sight is hidden [m]."""
@@ -42,15 +41,6 @@ _LEAST_M2 = 0.06
 _TORSO = np.stack(np.meshgrid(np.linspace(-0.12, 0.12, 8), np.linspace(0.54, 0.8, 10)), axis=-1)
 """Across the line of sight [m], and up as a share of the stature: where clothes are looked at."""
 _LEAST_SAMPLES = 12
-
-
-@dataclass(frozen=True, eq=False)
-class Picture:
-    """The newest picture of a camera, prepared."""
-
-    ns: int
-    prepared: PreparedPicture
-    packed: PackedPicture
 
 
 class Camera:
@@ -78,7 +68,9 @@ class Camera:
             self._kind = options.camera
             self._silhouettes = Foreground(sensor.intrinsics, self._front_end.empty_room, SILHOUETTES)
             self._detector = PersonDetector(self.camera, rig.area)
-        self.picture: Picture | None = None
+        self.picture = packed_without_depth(np.zeros((1, 1, 3), np.uint8), np.zeros((1, 1), np.bool_))
+        """The newest picture."""
+        self._rgb = np.zeros((1, 1, 3), np.uint8)
 
     @property
     def learns_background(self) -> bool:
@@ -93,7 +85,6 @@ class Camera:
     def look(self, observations: Mapping[str, Observation], expected: Expected, ns: int) -> Look | None:
         """Return the people in the camera's picture; None where there is none, or a blind one."""
         image = observations.get(self.names[0])
-        self.picture = None
         if not isinstance(image, Image | DepthImage):
             return None
         prepared = self._front_end.prepare(image)
@@ -103,7 +94,7 @@ class Camera:
             return None
         if self._stereo is not None and isinstance(image, DepthImage):
             return self._by_depth(prepared, expected, ns)
-        self.picture = Picture(ns, prepared, packed_without_depth(prepared.image.rgb, prepared.mask))
+        self._rgb, self.picture = prepared.image.rgb, packed_without_depth(prepared.image.rgb, prepared.mask)
         return self._by_silhouettes(prepared, expected, ns)
 
     def _by_silhouettes(self, prepared: PreparedPicture, expected: Expected, ns: int) -> Look:
@@ -125,9 +116,8 @@ class Camera:
     def _by_depth(self, prepared: PreparedPicture, expected: Expected, ns: int) -> Look:
         """Return heads at the tops of what stands before the room, first of those who are expected."""
         assert self._stereo is not None
-        packed = self._stereo.packed(prepared)
-        self.picture = Picture(ns, prepared, packed)
-        points = self._stereo.foreground_points(packed)
+        self._rgb, self.picture = prepared.image.rgb, self._stereo.packed(prepared)
+        points = self._stereo.foreground_points(self.picture)
         away = distances(expected.head[:, :2], points[:2].T)
         nearest = away.argmin(axis=0) if len(away) else np.zeros(points.shape[1], np.intp)
         own = (away < np.where(points[2] < expected.head[:, 2:] - _BELOW_M, _LEGS_M, _OWN_M)).any(axis=0)
@@ -188,24 +178,30 @@ class Camera:
             seen &= ~hidden(self.camera.eye_m, points, others, _SHADOW_M).any(axis=1)
         return seen
 
+    def stands_alone(self, heads: Float[Array, "n 3"], places: Float[Array, "n 2"]) -> Bool[Mask, "n"]:
+        """Mark heads [m] whose outlines are their own: depths tell them from others, silhouettes where nobody is on the sight."""
+        if self._stereo is not None:
+            return np.ones(len(heads), np.bool_)
+        meets, _ = through_people(self.camera.eye_m, heads, places, _SHADOW_M, _CROWN_M)
+        return ~np.logical_or.reduce(meets & ~np.eye(len(heads), dtype=np.bool_), axis=1)
+
     def colours(
         self, place: Float[Array, "n 2"], stature_m: Float[Array, "n"]
     ) -> tuple[Float[Array, "n bins"], Bool[Mask, "n"]]:
         """Return histograms of the clothes of people at these places [m], and whose are clearly seen, in the newest picture."""
         n = len(place)
-        assert self.picture is not None
         sight = place - self.camera.eye_m[:2]
         right = np.stack([sight[:, 1], -sight[:, 0]], axis=1) / np.maximum(np.linalg.norm(sight, axis=1), 1e-6)[:, None]
         points = np.empty((n, *_TORSO.shape[:2], 3))
         points[..., :2] = place[:, None, None] + _TORSO[..., :1] * right[:, None, None]
         points[..., 2] = _TORSO[..., 1] * stature_m[:, None, None]
         pixels, inside = self.camera.project(points)
-        mask = self.picture.prepared.mask
+        mask = self.picture.mask
         column, row = np.nan_to_num(np.moveaxis(pixels, -1, 0)).round().astype(np.intp)
         inside &= mask[row.clip(0, mask.shape[0] - 1), column.clip(0, mask.shape[1] - 1)]
         chest = np.column_stack([place, 0.65 * stature_m])
         clear = (inside.sum(axis=(1, 2)) >= _LEAST_SAMPLES) & self.sees(chest, place)
-        return self._histogram.of_windows(self.picture.prepared.image.rgb, pixels, inside), clear
+        return self._histogram.of_windows(self._rgb, pixels, inside), clear
 
 
 def hidden(
@@ -214,25 +210,6 @@ def hidden(
     """Mark points [m] that people at other places hide, as upright cylinders of this radius; nobody hides their own."""
     meets, along = through_people(eye_m, points, others, radius_m, _CROWN_M)
     return meets & (along < 1) & (distances(points[:, :2], others) >= _SAME_M)
-
-
-def clearest_first(sources: Sequence[Source], places: Float[Array, "n 2"]) -> list[int]:
-    """Return the numbers of sources in order, cameras among them by the least angle between people at places [m].
-
-    Where two are one silhouette for a camera, another that sees them beside each other tells first who is where.
-    """
-    cameras = {k: each for k, each in enumerate(sources) if isinstance(each, Camera)}
-    apart = {k: _least_angle(places, each.camera.eye_m) for k, each in cameras.items()}
-    ordered = iter(sorted(cameras, key=lambda k: -apart[k]))
-    return [next(ordered) if k in cameras else k for k in range(len(sources))]
-
-
-def _least_angle(places: Float[Array, "n 2"], eye_m: Float[Array, "3"]) -> float:
-    """Return the least angle between two places [m], seen from above by an eye [rad]; π for fewer than two."""
-    off = places - eye_m[:2]
-    bearing = np.sort(np.arctan2(off[:, 1], off[:, 0]))
-    gaps = np.diff(bearing, append=bearing[:1] + 2 * np.pi)
-    return float(gaps.min()) if len(places) > 1 else np.pi
 
 
 def cameras_of(

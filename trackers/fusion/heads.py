@@ -1,16 +1,20 @@
-"""Heads: a Gaussian each over place and velocity, weighed at points by every picture; and the direction that each faces.
+"""Heads: a Gaussian each over the offset from the body and the height, weighed at points by all pictures of a stamp.
 
-A picture's likelihood of a head's place is no Gaussian, so the density is taken at fixed points z of the unit Gaussian,
-x = m + L z, weighed, and made Gaussian again by its sums (J. Kotecha and P. Djurić, "Gaussian particle filtering", IEEE Trans.
-Signal Processing 51, 2003). The points are those of an additive recurrence with irrational steps, so that nothing is random.
-Directions are a density over a whole turn: colours of face and hair weigh it, and people who walk face ahead.
+A head is at the body's place x plus an offset o that stays for a while: an Ornstein-Uhlenbeck process about 0, with the variance
+of the posture, and about the height of the posture. A picture shows x + o, and so tells of both in the share of their variances.
+A likelihood of a head's place is no Gaussian, so the density is taken at fixed points z of the unit Gaussian, m + L z, weighed,
+and made Gaussian again by its sums (J. Kotecha and P. Djurić, "Gaussian particle filtering", IEEE Trans. Signal Processing 51,
+2003), in parts where few points would count (tempering). The points are those of an additive recurrence with irrational steps,
+so that nothing is random. Directions are a density over a whole turn: colours of face and hair weigh it, and people who walk
+face ahead.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Self
+from typing import Protocol, Self
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -27,17 +31,34 @@ from trackers.vision.head_colours import HeadColours, HeadModel
 from trackers.vision.head_outlines import ASPECTS
 from trackers.vision.stereo_picture import PackedPicture
 
+
+class HeadView(Protocol):
+    """A camera with its newest picture."""
+
+    @property
+    def camera(self) -> PlacedCamera:
+        """The camera."""
+        ...
+
+    @property
+    def picture(self) -> PackedPicture:
+        """The picture."""
+        ...
+
+
 _DIRECTIONS = (np.arange(ASPECTS[0]) + 0.5) * (2 * np.pi / ASPECTS[0])
-_UPRIGHT_M, _UPRIGHT_SIGMA_M = 1.55, 0.17
-"""Height of the middle of a head that nobody has seen yet [m]."""
-_FAR_M, _LOWEST_M, _SAME_M = 0.4, 0.2, 0.18
-"""Largest offset of a head from an upright body, lowest head, and distance within which two heads are one [m]."""
+_UPRIGHT_M, _UPRIGHT_SIGMA_M = 1.55, np.array([0.05, 0.05, 0.17])
+"""Height of the middle of a head that nobody has seen yet, and standard deviations [m]."""
+_SAME_M = 0.18
+"""Distance within which two heads are one [m]."""
 _LEAST_SIGMA_M = 0.012
 """No picture tells a place better than this [m]."""
 _KNOWS_NOTHING = 0.1
 """Information of a place from which on a picture tells something of it [1/m²]."""
 _OUTSIDE = 20.0
 """Log-likelihood that a head outside the area loses."""
+_PASSES, _LEAST_ESS = 3, 12.0
+"""A likelihood is taken in at most so many parts, such that as many points count in each."""
 _LEAST_SHOWN = 0.4
 """Share of foreground in an ellipse times that of background over it, from which a head is seen."""
 _TURNS_RAD2_S = 0.6
@@ -52,21 +73,17 @@ _SURE = 0.6
 class Heads(Rows):
     """Heads of n people."""
 
-    mean: Float[Array, "n 6"]  # place and velocity [m, m/s]
-    covariance: Float[Array, "n 6 6"]
+    mean: Float[Array, "n 3"]  # offset from the place of the body, and height [m]
+    covariance: Float[Array, "n 3 3"]
     facing: Float[Array, "n directions"]
     seen_ns: Int[Index, "n"]
     colours: HeadColours
 
     @classmethod
-    def over(cls, place: Float[Array, "n 2"]) -> Self:
-        """Make heads that nobody has seen, over people's places [m]."""
-        n = len(place)
-        mean = np.zeros((n, 6))
-        mean[:, :2], mean[:, 2] = place, _UPRIGHT_M
-        sigma = np.array([0.12, 0.12, _UPRIGHT_SIGMA_M, 0.7, 0.7, 0.2])
+    def over(cls, n: int) -> Self:
+        """Make n heads that nobody has seen, over their bodies."""
         facing = np.full((n, ASPECTS[0]), 1 / ASPECTS[0])
-        covariance = np.tile(np.diag(sigma**2), (n, 1, 1))
+        mean, covariance = np.tile([0.0, 0.0, _UPRIGHT_M], (n, 1)), np.tile(np.diag(_UPRIGHT_SIGMA_M**2), (n, 1, 1))
         return cls(mean, covariance, facing, np.full(n, NEVER_NS), HeadColours.unknown(n))
 
     @property
@@ -75,44 +92,37 @@ class Heads(Rows):
         resultant = self.facing @ np.exp(1j * _DIRECTIONS)
         return np.angle(resultant), np.abs(resultant)
 
-    def predicted(self, dt: float, velocity: Float[Array, "n 2"], options: HeadEvidenceOptions) -> Self:
-        """Return the heads `dt` later [s]; velocity: of the bodies [m/s], the way of which walkers face."""
-        F, acceleration = np.eye(6), options.acceleration_m_s2**2
-        F[:3, 3:] = dt * np.eye(3)
-        Q = np.kron(np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]) * 0.1 * acceleration, np.eye(3))
+    def predicted(
+        self,
+        dt: float,
+        velocity: Float[Array, "n 2"],
+        height_m: Float[Array, "n"],
+        variance_m2: Float[Array, "n 3"],
+        options: HeadEvidenceOptions,
+    ) -> Self:
+        """Return the heads `dt` later [s]; velocity: of the bodies [m/s], the way of which walkers face.
+
+        height_m, variance_m2: of where heads are from their bodies in the long run, by posture.
+        """
+        kept = np.exp(-dt / options.stays_s)
+        usual = np.column_stack([np.zeros_like(velocity), height_m])
         spread = np.fft.rfft(_turned(_TURNS_RAD2_S * dt))
         facing = np.maximum(np.fft.irfft(np.fft.rfft(self.facing, axis=1) * spread, ASPECTS[0], axis=1), 1e-12)
         speed = np.hypot(*velocity.T)
         ahead = np.cos(_DIRECTIONS - np.arctan2(velocity[:, 1], velocity[:, 0])[:, None])
         facing = facing * np.exp(_AHEAD * dt * np.where(speed > _WALKS_M_S, 1.0, 0.0)[:, None] * ahead)
         return self.changed(
-            mean=self.mean @ F.T,
-            covariance=F @ self.covariance @ F.T + Q,
+            mean=kept * self.mean + (1 - kept) * usual,
+            covariance=kept**2 * self.covariance + (1 - kept**2) * variance_m2[:, :, None] * np.eye(3),
             facing=facing / facing.sum(axis=1, keepdims=True),
         )
 
-    def measured(self, row: Int[Index, "k"], place: Float[Array, "k d"], variance_m2: Float[Array, "k d"]) -> Self:
-        """Update the heads at `row` by the first d coordinates of their places [m], each with a variance: a Kalman filter."""
-        d = place.shape[1]
+    def measured(self, row: Int[Index, "k"], offset: Float[Array, "k 3"], covariance: Float[Array, "k 3 3"]) -> Self:
+        """Update the heads at `row` by offsets and heights [m], each with a covariance [m²]: a Kalman filter."""
         P = self.covariance[row]
-        S = P[:, :d, :d] + variance_m2[:, :, None] * np.eye(d)
-        gain = P[:, :, :d] @ np.linalg.inv(S)
-        mean = self.mean[row] + np.einsum("nab,nb->na", gain, place - self.mean[row, :d])
-        covariance = P - gain @ S @ gain.transpose(0, 2, 1)
-        return self.changed(mean=written(self.mean, row, mean), covariance=written(self.covariance, row, covariance))
-
-    def again_over(self, place: Float[Array, "n 2"]) -> Heads:
-        """Return the heads, those that have strayed from their bodies at these places [m] as nobody has seen them."""
-        off_m = np.hypot(*(self.mean[:, :2] - place).T)
-        strayed = np.flatnonzero(
-            (off_m > _FAR_M + np.maximum(_UPRIGHT_M - self.mean[:, 2], 0)) | (self.mean[:, 2] < _LOWEST_M)
-        )
-        return Heads.replaced(self, strayed, Heads.over(place[strayed])) if strayed.size else self
-
-    @property
-    def own(self) -> Bool[Mask, "n"]:
-        """The heads that are in no older one."""
-        return ~np.logical_or.reduce(np.tril(distances(self.mean[:, :2], self.mean[:, :2]) < _SAME_M, -1), axis=1)
+        gain = P @ np.linalg.inv(P + covariance)
+        mean = self.mean[row] + np.einsum("nab,nb->na", gain, offset - self.mean[row])
+        return self.changed(mean=written(self.mean, row, mean), covariance=written(self.covariance, row, P - gain @ P))
 
     def at(self, place: Float[Array, "n 3"]) -> Float[Array, "4 1 n"]:
         """Return heads at places as pictures are asked about them, with their directions."""
@@ -120,78 +130,157 @@ class Heads(Rows):
 
 
 class HeadWeighing:
-    """Weighs heads by the pictures of one camera. area: where people are (None: everywhere)."""
+    """Weighs heads by pictures of one stamp. model: of heads; area: where people are (None: everywhere)."""
 
-    def __init__(self, camera: PlacedCamera, model: HeadModel, options: HeadEvidenceOptions, area: Area | None) -> None:
-        self._area = area
-        self._common = model.common
-        self._heads = StereoHeads([camera], model, StereoHeadOptions())
+    def __init__(self, model: HeadModel, options: HeadEvidenceOptions, area: Area | None) -> None:
+        self._area, self._model = area, model
         self._z = unit_points(options.samples)
+        self._by_cameras: dict[tuple[int, ...], StereoHeads] = {}
 
     def updated(
-        self, heads: Heads, row: Int[Index, "k"], picture: PackedPicture, share: Float[Array, "k"], ns: int
-    ) -> tuple[Heads, Bool[Mask, "k"]]:
-        """Update the heads at `row` by a picture; return them, and which of those it shows. share: of a look's evidence."""
-        if not row.size:
-            return heads, np.empty(0, np.bool_)
-        prior = heads.select(row)
-        root = np.linalg.cholesky(prior.covariance[:, :3, :3] + 1e-10 * np.eye(3)).astype(np.float64)
-        places = prior.mean[:, None, :3] + self._z @ root.transpose(0, 2, 1)  # (k, p, 3)
-        asked = np.concatenate(
-            [places.transpose(2, 0, 1), np.tile(prior.direction[0][:, None], (1, len(self._z)))[None]]
-        )
-        found = self._heads.log_likelihood([picture], asked[:, None].astype(np.float32), None)[0]
-        log = (found.colour + found.depth).reshape(len(row), -1).astype(float) * share[:, None]
-        if self._area is not None:
-            log[~self._area.contains(places[..., :2].reshape(-1, 2)).reshape(log.shape)] -= _OUTSIDE
-        weight = np.exp(log - log.max(axis=1, keepdims=True))
-        weight /= weight.sum(axis=1, keepdims=True)
-        shown = (weight * found.p_detect.reshape(weight.shape)).sum(axis=1) >= _LEAST_SHOWN
-        shown &= found.seen.reshape(weight.shape).all(axis=1)
-        posterior = _regressed(prior, root, self._z, weight)
-        heads = heads.replaced(row[shown], posterior.select(shown))
-        heads = heads.changed(seen_ns=written(heads.seen_ns, row[shown], ns))
-        return self._faced(heads, row[shown], picture, share[shown]), shown
+        self,
+        heads: Heads,
+        body: Float[Array, "n 2"],
+        body_covariance: Float[Array, "n 2 2"],
+        views: Sequence[HeadView],
+        in_view: Bool[Mask, "c n"],
+        outlined: Bool[Mask, "c n"],
+        share: Float[Array, "n"],
+        ns: int,
+    ) -> tuple[Heads, Float[Array, "n"], Float[Array, "n 3"], Float[Array, "n 3 3"]]:
+        """Update heads over bodies [m] by all pictures of a stamp at once.
 
-    def _faced(self, heads: Heads, row: Int[Index, "k"], picture: PackedPicture, share: Float[Array, "k"]) -> Heads:
-        """Weigh the directions of heads that a picture shows, and learn the colours of those whose is known."""
+        in_view: which heads nothing is known to hide from each camera; outlined: which of them have nobody about them; share: of
+        a look's evidence. Return the heads; the share of pictures of each that show it, less that of empty ones; and where
+        pictures alone show them [m], with covariances [m²].
+        """
+        row, shown = np.flatnonzero(outlined.any(axis=0)), np.full(len(heads), np.nan)
+        place, R = np.zeros((len(heads), 3)), np.tile(np.eye(3), (len(heads), 1, 1))
+        if not row.size:
+            return heads, shown, place, R
+        C = heads.covariance[row].copy()
+        C[:, :2, :2] += body_covariance[row]
+        mean = heads.mean[row] + np.pad(body[row], ((0, 0), (0, 1)))
+        showing, left, before = outlined[:, row], share[row].copy(), (mean, C)
+        empty = np.zeros_like(showing)
+        for number in range(_PASSES):
+            root = np.linalg.cholesky(C + 1e-10 * np.eye(3))
+            log, outside, sees, none = self._weighed(
+                mean[:, None] + self._z @ root.transpose(0, 2, 1), heads.select(row), views
+            )
+            if number == 0:
+                showing, empty = showing & sees, showing & none
+            log = (log * showing[..., None]).sum(axis=0)
+            power = 1.0 if number == _PASSES - 1 else _tempered(log * left[:, None] - outside)
+            weight = _normalized(log * (left * power)[:, None] - outside)
+            left = left * (1 - power)
+            off = weight @ self._z
+            second = np.einsum("kp,pa,pb->kab", weight, self._z, self._z) - off[:, :, None] * off[:, None, :]
+            mean, C = mean + np.einsum("kab,kb->ka", root, off), root @ second @ root.transpose(0, 2, 1)
+            C[:, [0, 1, 2], [0, 1, 2]] += _LEAST_SIGMA_M**2 / 4
+            if (left < 1e-6).all():
+                break
+        shown[row] = (showing.sum(axis=0) - empty.sum(axis=0)) / outlined[:, row].sum(axis=0)
+        here = showing.any(axis=0)
+        row = row[here]
+        place[row], R[row] = gained(*(each[here] for each in (*before, mean, C)))
+        offset, by_body = place[row].copy(), R[row].copy()
+        offset[:, :2] -= body[row]
+        by_body[:, :2, :2] += body_covariance[row]
+        heads = heads.measured(row, offset, by_body)
+        heads = heads.changed(seen_ns=written(heads.seen_ns, row, ns))
+        return self._faced(heads, row, mean[here], views, in_view[:, row], share[row]), shown, place, R
+
+    def _weighed(
+        self, places: Float[Array, "k p 3"], heads: Heads, views: Sequence[HeadView]
+    ) -> tuple[Float[Array, "c k p"], Float[Array, "k p"], Bool[Mask, "c k"], Bool[Mask, "c k"]]:
+        """Weigh places of each head [m] by each picture.
+
+        Return log-likelihoods, what places outside the area lose, which pictures show which head, and
+        which show none.
+        """
+        asked = np.empty((4, len(views), *places.shape[:2]), np.float32)
+        asked[:3], asked[3] = places.transpose(2, 0, 1)[:, None], heads.direction[0][:, None]
+        found = self._heads(views).log_likelihood([each.picture for each in views], asked, None)
+        colour, depth, p_detect, seen = (
+            np.array([getattr(each, name) for each in found]).reshape(asked.shape[1:])
+            for name in ("colour", "depth", "p_detect", "seen")
+        )
+        log: Array = (colour + depth).astype(np.float64)
+        outside: Array = np.zeros(places.shape[:2])
+        if self._area is not None:
+            outside[~self._area.contains(places[..., :2].reshape(-1, 2)).reshape(outside.shape)] = _OUTSIDE
+        sees = (_normalized(log - outside) * p_detect).sum(axis=2) >= _LEAST_SHOWN
+        seen = seen.all(axis=2)
+        return log, outside, sees & seen, seen & (p_detect.max(axis=2) < _LEAST_SHOWN)
+
+    def _heads(self, views: Sequence[HeadView]) -> StereoHeads:
+        """Return the likelihood by these cameras' pictures."""
+        cameras = tuple(id(each.camera) for each in views)
+        if cameras not in self._by_cameras:
+            self._by_cameras[cameras] = StereoHeads([each.camera for each in views], self._model, StereoHeadOptions())
+        return self._by_cameras[cameras]
+
+    def _faced(
+        self,
+        heads: Heads,
+        row: Int[Index, "k"],
+        place: Float[Array, "k 3"],
+        views: Sequence[HeadView],
+        in_view: Bool[Mask, "c k"],
+        share: Float[Array, "k"],
+    ) -> Heads:
+        """Weigh the directions of heads that pictures show, and learn the colours of those whose is known."""
         if not row.size:
             return heads
-        seen = heads.select(row)
-        at = seen.at(seen.mean[:, :3])
-        log = self._heads.facing([picture], at, seen.colours.expected(self._common).tables)[0] * share[:, None]
-        facing = seen.facing * np.exp(log - log.max(axis=1, keepdims=True))
+        by, common, seen = self._heads(views), self._model.common, heads.select(row)
+        at = np.repeat(seen.at(place), len(views), axis=1)
+        log = by.facing([each.picture for each in views], at, seen.colours.expected(common).tables)
+        facing = seen.facing * _normalized((log * in_view[..., None]).sum(axis=0) * share[:, None])
         seen = seen.changed(facing=facing / facing.sum(axis=1, keepdims=True))
-        length = seen.direction[1]
-        sure = np.flatnonzero(length > _SURE)
-        if sure.size:
-            person, step, colour = self._heads.colours_on([picture], seen.at(seen.mean[:, :3])[..., sure])
-            seen = seen.changed(colours=seen.colours.learned(sure[person], step, colour, self._common))
+        sure = seen.direction[1] > _SURE
+        found = []
+        for view, of in zip(views, in_view, strict=True):
+            learns = np.flatnonzero(sure & of)
+            person, step, colour = self._heads([view]).colours_on([view.picture], at[:, :1, learns])
+            found.append([learns[person], step, colour])
+        person, step, colour = np.concatenate(found, axis=1)
+        seen = seen.changed(colours=seen.colours.learned(person, step, colour, common))
         return heads.replaced(row, seen)
 
 
-def _regressed(prior: Heads, root: Float[Array, "k 3 3"], z: Float[Array, "p 3"], weight: Float[Array, "k p"]) -> Heads:
-    """Return heads with the mean and the covariance of the weighed points, velocities by their covariance with places."""
-    mean = weight @ z
-    second = np.einsum("kp,pa,pb->kab", weight, z, z) - mean[:, :, None] * mean[:, None, :]
-    gain = np.linalg.solve(root, prior.covariance[:, :3]).transpose(0, 2, 1)  # P Hᵀ L⁻ᵀ
-    covariance = prior.covariance + gain @ (second - np.eye(3)) @ gain.transpose(0, 2, 1)
-    covariance[:, [0, 1, 2], [0, 1, 2]] += _LEAST_SIGMA_M**2 / 4
-    return prior.changed(mean=prior.mean + np.einsum("kab,kb->ka", gain, mean), covariance=covariance)
+def _tempered(log: Float[Array, "k p"]) -> Float[Array, "k"]:
+    """Return the power of a likelihood at which enough points count (ESS, the effective sample size), at most 1."""
+    power = np.array([0.03, 0.1, 0.2, 0.4, 0.7, 1.0])
+    ess = 1 / (_normalized(log[:, None] * power[:, None]) ** 2).sum(axis=2)  # (k, powers)
+    return power[np.maximum((ess >= _LEAST_ESS).cumprod(axis=1).sum(axis=1) - 1, 0)]
 
 
-def gained(before: Heads, after: Heads) -> tuple[Float[Array, "k 2"], Float[Array, "k 2 2"]]:
-    """Return what pictures alone told of the ground points of heads: places [m] and covariances, large where they told nothing.
+def _normalized(log: Float[Array, "*n p"]) -> Float[Array, "*n p"]:
+    """Return weights that sum to one along the last axis, of these logarithms."""
+    weight = np.exp(log - log.max(axis=-1, keepdims=True))
+    return weight / weight.sum(axis=-1, keepdims=True)
+
+
+def own(place: Float[Array, "n 3"]) -> Bool[Mask, "n"]:
+    """Mark the heads at places [m] that are in no older one."""
+    return ~np.logical_or.reduce(np.tril(distances(place[:, :2], place[:, :2]) < _SAME_M, -1), axis=1)
+
+
+def gained(
+    mean: Float[Array, "k d"], covariance: Float[Array, "k d d"], after: Float[Array, "k d"], P: Float[Array, "k d d"]
+) -> tuple[Float[Array, "k d"], Float[Array, "k d d"]]:
+    """Return what made a Gaussian another one: places [m] and covariances, large where nothing was told.
 
     The information of a likelihood is that of the posterior less that of the prior, so that nothing is counted twice.
     """
-    P, prior = (np.linalg.inv(each.covariance[:, :2, :2]) for each in (after, before))
-    values, axes = np.linalg.eigh(P - prior)
+    inverse = np.linalg.inv(P)
+    values, axes = np.linalg.eigh(inverse - np.linalg.inv(covariance))
     variance = 1 / np.maximum(values, _KNOWS_NOTHING)
-    covariance = np.einsum("kab,kb,kcb->kac", axes, variance, axes)
-    moved = np.einsum("kab,kb->ka", P, after.mean[:, :2] - before.mean[:, :2])
+    R = np.einsum("kab,kb,kcb->kac", axes, variance, axes)
+    moved = np.einsum("kab,kb->ka", inverse, after - mean)
     informative = np.where(values > _KNOWS_NOTHING, variance, 0.0)
-    return before.mean[:, :2] + np.einsum("kab,kb,kcb,kc->ka", axes, informative, axes, moved), covariance
+    return mean + np.einsum("kab,kb,kcb,kc->ka", axes, informative, axes, moved), R
 
 
 @lru_cache(maxsize=4)

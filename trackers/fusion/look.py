@@ -51,6 +51,11 @@ class Look:
     load_n: Float[Array, "k"] | None = None
     shown: tuple[Detection, ...] = field(default=())
 
+    @property
+    def heads(self) -> Float[Array, "k 3"]:
+        """Places of heads [m], NaN where none are measured."""
+        return np.full((len(self.position), 3), np.nan) if self.head is None else self.head
+
 
 class Source(Protocol):
     """Sensors of one kind that are looked at together."""

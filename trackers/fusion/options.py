@@ -35,11 +35,11 @@ class HeadEvidenceOptions(Strict):
     """Options of heads, told by silhouettes and distances."""
 
     samples: PositiveInt = Field(default=96, ge=8, le=4096, description="points at which a head's density is weighed")
-    acceleration_m_s2: float = Field(
-        default=2.0, gt=0, description="standard deviation of the acceleration of a head on each axis [m/s²]"
+    stays_s: float = Field(
+        default=0.3, gt=0, description="time constant in which a head forgets where it was from the body [s]"
     )
     over_body_m: float = Field(
-        default=0.03,
+        default=0.02,
         gt=0,
         description="standard deviation of an upright person's head over the pelvis, on each axis [m]",
     )

@@ -51,7 +51,7 @@ class People(ImmTracks):
         return cls(
             serial=first_serial + np.arange(n),
             roster=Roster.started(state, ns),
-            heads=Heads.over(place),
+            heads=Heads.over(n),
             clothes=Appearance.started(np.zeros((n, n_colour)), np.zeros(n, np.int64)),
             stature_m=np.full(n, np.nan),
             load_n=np.full(n, np.nan),
@@ -70,6 +70,17 @@ class People(ImmTracks):
         return (self.state.mean[2:] * self.state.probability).sum(axis=1).T
 
     @property
+    def covariance(self) -> Float[Array, "n 2 2"]:
+        """Covariance of the place over the modes [m²]."""
+        off, weight = self.state.mean[:2] - self.positions.T[:, None], self.state.probability
+        return np.einsum("mn,abmn->nab", weight, self.state.covariance[:2, :2] + off[:, None] * off)
+
+    @property
+    def head(self) -> Float[Array, "n 3"]:
+        """Places of heads [m]."""
+        return self.heads.mean + np.pad(self.positions, ((0, 0), (0, 1)))
+
+    @property
     def stature(self) -> Float[Array, "n"]:
         """Statures [m], the usual one where it is not known."""
         return np.where(np.isnan(self.stature_m), _USUAL_STATURE_M, self.stature_m)
@@ -80,9 +91,7 @@ class People(ImmTracks):
 
     def expected(self) -> Expected:
         """Return what sources are told of the tracks."""
-        return Expected(
-            self.positions, self.heads.mean[:, :3], self.confirmed, self.posture.seated_knees, self.posture.lies
-        )
+        return Expected(self.positions, self.head, self.confirmed, self.posture.seated_knees, self.posture.lies)
 
     def learn_stature(self, row: Int[Index, "k"], memory: float) -> Self:
         """Learn the statures of people at `row`, whose heads are seen, while they stand: sooner higher ones than lower."""

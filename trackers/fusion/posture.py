@@ -98,14 +98,21 @@ class Posture(Rows):
         return self.changed(probability=self.probability @ expm(elapsed_s * (rates - np.diag(rates.sum(axis=1)))))
 
     def weighed(self, row: Int[Index, "k"], log_likelihood: Float[Array, "k 3"]) -> Self:
-        """Return the postures, those at `row` weighed by log-likelihoods of what is seen."""
-        log = log_likelihood - log_likelihood.max(axis=1, keepdims=True)
-        p = self.probability[row] * np.exp(log) + 1e-6
-        return self.changed(probability=written(self.probability, row, p / p.sum(axis=1, keepdims=True)))
+        """Return the postures, those at `row`, some of them repeatedly, weighed by log-likelihoods of what is seen."""
+        log = np.zeros((len(self), 3))
+        np.add.at(log, row, log_likelihood)
+        p = self.probability * np.exp(log - log.max(axis=1, keepdims=True)) + 1e-6
+        weighed = written(self.probability, row, (p / p.sum(axis=1, keepdims=True))[row])
+        return self.changed(probability=weighed)
 
-    def detected(self, row: Int[Index, "k"], shares: Shares, share: Float[Array, "k"]) -> Self:
-        """Weigh those at `row` by a detection: they do not lie. Sensors that show people who sit do so look after look."""
-        return self.weighed(row, share[:, None] * np.log([1.0, 1.0, shares[2]]))
+    def detected(self, row: Int[Index, "k"], of_lying: Float[Array, "k"], share: Float[Array, "k"]) -> Self:
+        """Weigh those at `row` by a detection: they do not lie. Sensors that show people who sit do so look after look.
+
+        of_lying: detection probability of people who lie, in that of those who stand.
+        """
+        log = np.zeros((row.size, 3))
+        log[:, 2] = share * np.log(of_lying)
+        return self.weighed(row, log)
 
     def by_head(
         self,

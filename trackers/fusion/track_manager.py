@@ -86,31 +86,50 @@ class FusionTrackManager(TrackManager):
         row: Int[Index, "p"],
         log_ratio: Float[Array, "p"],
         share: Float[Array, "p"],
-        look: Look,
+        p_detect: Float[Array, "p"],
     ) -> People:
-        """Return the tracks with those at `row` measured, at log-likelihood ratios against clutter; share: of the evidence."""
-        before = np.maximum(people.existence[row], LEAST_EXISTENCE)
+        """Return the tracks with those at `row` measured, some repeatedly, at log-likelihood ratios against clutter.
+
+        share: of the evidence; p_detect: of the sensor.
+        """
         # what is no person and stays looks like one at every look: a sensor shows no more than that it detects people
-        most = _TRUST * np.log(look.kind.p_detect / (1 - look.kind.p_detect))
-        existence = existence_after_detection(before, np.exp(share * np.clip(log_ratio, -most, most)))
-        existence = written(people.existence, row, np.minimum(existence, 1 - 1e-6))
-        return people.changed(existence=existence)
+        most = _TRUST * np.log(p_detect / (1 - p_detect))
+        log = np.bincount(row, share * np.clip(log_ratio, -most, most), len(people))[row]
+        before = np.maximum(people.existence[row], LEAST_EXISTENCE)
+        existence = existence_after_detection(before, np.exp(np.minimum(log, 50.0)))
+        return people.changed(existence=written(people.existence, row, np.minimum(existence, 1 - 1e-6)))
+
+    @staticmethod
+    def existence_of_new(p_detect: list[float]) -> float:
+        """Return the existence of a track that a sensor has measured first, and others of these P_D with it."""
+        return float(1 / (1 + np.prod([(1 / p - 1) ** _TRUST for p in p_detect])))
 
     def head_shown(
-        self, people: People, row: Int[Index, "k"], kind: KindOptions, share: Float[Array, "k"], ns: int
+        self, people: People, shown: Float[Array, "n"], kind: KindOptions, share: Float[Array, "n"], ns: int
     ) -> People:
-        """Return the tracks, those at `row` likelier to exist that rest where no other is, and whose heads a picture shows."""
+        """Return the tracks that rest where no other is, likelier to exist by the pictures that show their heads.
+
+        shown: share of the pictures that could, less that of those without any; NaN: none could. share: of a look's evidence.
+        """
+        row = np.flatnonzero(~np.isnan(shown))
         most = _TRUST * np.log(kind.p_detect / (1 - kind.p_detect))
         others = people.positions[people.confirmed & (people.roster.measured_ns == ns)]
         rests = 1 - people.posture.probability[row, 0]
-        share = share * rests * clear_of(people.heads.mean[row, :2], others, _HEAD_M)
-        existence = existence_after_detection(people.existence[row], np.exp(share * most))
-        return people.changed(existence=written(people.existence, row, np.minimum(existence, 1 - 1e-6)))
+        log = share[row] * rests * clear_of(people.head[row, :2], others, _HEAD_M) * most * shown[row]
+        existence = existence_after_detection(people.existence[row], np.exp(log))
+        return people.changed(existence=written(people.existence, row, np.clip(existence, LEAST_EXISTENCE, 1 - 1e-6)))
 
     def updated_missed(
-        self, people: People, look: Look, share: float, elapsed_s: float, ns: int, number: int
+        self, people: People, look: Look, shown: Bool[Mask, "n"], share: float, elapsed_s: float, ns: int
     ) -> People:
-        """Update the tracks that a look did not show: likelier hidden, lower, or not to exist. share: of a look's evidence."""
+        """Update the tracks that a look did not show: lower, and those that no other did likelier hidden, or not to exist.
+
+        share: of a look's evidence.
+        """
+        row = np.flatnonzero(~shown & (people.roster.measured_ns == ns))
+        seen = 1 - look.missed(people.positions[row].T) ** share
+        lower = np.log(np.maximum(1 - seen[:, None] * look.by_posture, 1e-3))
+        people = people.changed(posture=people.posture.weighed(row, lower))
         row = np.flatnonzero(people.roster.measured_ns < ns)
         if not row.size:
             return people
@@ -184,4 +203,7 @@ class FusionTrackManager(TrackManager):
         exists = people.existence > np.where(people.confirmed, 0.2, 0.05)
         if self.area is not None:
             lasting |= people.confirmed & (people.existence > 0.5)
-        return people.select(inside & lasting & exists)
+        apart = people.confirmed | self.clear_of_seats(
+            people, people.positions
+        )  # limbs of a resting person are no track
+        return people.select(inside & lasting & exists & apart)

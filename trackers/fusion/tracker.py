@@ -26,10 +26,10 @@ from trackers.filters.motion import VelocityMotion
 from trackers.filters.negative_information import radius_containing
 from trackers.filters.rows import written
 from trackers.fusion.agreement import Agreement
-from trackers.fusion.association import explained, pairs
-from trackers.fusion.cameras import Camera, cameras_of, clearest_first
+from trackers.fusion.association import EXPLAINED, Pairs, explained, fused, pairs
+from trackers.fusion.cameras import Camera, cameras_of
 from trackers.fusion.floors import FusedFloor
-from trackers.fusion.heads import HeadWeighing, gained
+from trackers.fusion.heads import HeadWeighing, own
 from trackers.fusion.lasers import scanners_of
 from trackers.fusion.look import Look, Source
 from trackers.fusion.options import FusionOptions
@@ -47,14 +47,13 @@ from trackers.vision.head_colours import SHIPPED, load_head_model
 
 logger = logging.getLogger(__name__)
 
-_START_SPEED_M_S = 1.0
+_START_SPEED_M_S, _UNKNOWN_M = 1.0, 3.0
+"""Standard deviations of the speed [m/s] and of the place [m] of a person before the first measurement."""
 _LEAST_SHARE = 0.02
 _LEAN_M, _FEET_M = 0.2, 0.35
 """Standard deviation, on each axis, of what is seen of a sitting person, and stood on, from the pelvis [m]."""
 _TOGETHER_S = 0.15
 """A trunk measured no longer ago tells where the legs are from there [s]."""
-_OVER_M, _LEAST_OVER = 0.2, 0.2
-"""Standard deviation of a head from over the body [m], and share of that which one picture tells."""
 _STATURE_M = 0.2
 """Standard deviation of statures [m]."""
 _HEAD_SHOWN_S = 1.0
@@ -84,9 +83,6 @@ class Fusion(SynchronizedTracker):
         main = rig.main if rig.main in used else None
         prior, rig = Prior.of(background), rig.model_copy(update={"sensors": used, "main": main})
         self._main = rig.main_sensor
-        # what one source shows is known to the next: in an order that neither the file's nor the names' changes
-        placed = dict(sorted(used.items(), key=lambda each: each[1].room_from_sensor.matrix.ravel().tolist()))
-        rig = rig.model_copy(update={"sensors": placed, "main": self._main})
         empty_room = list(prior)
         self._imm = Imm(VelocityMotion())
         self._manager = FusionTrackManager(self.options, rig.area, self._imm)
@@ -95,12 +91,11 @@ class Fusion(SynchronizedTracker):
         floors = [FusedFloor(name, each, empty_room, self.options.floor) for name, each in rig.floors().items()]
         self._scanners = scanners_of(rig, empty_room, self.options, area)
         self._sources: list[Source] = [*self._scanners, *cameras, *floors]
-        self._weighings: dict[str, HeadWeighing] = {}
-        if cameras:
-            model = load_head_model(prior.learned.get("heads", SHIPPED))
-            self._weighings = {
-                each.names[0]: HeadWeighing(each.camera, model, self.options.head, area) for each in cameras
-            }
+        alone = len(self._scanners)
+        self._groups = [*([k] for k in range(alone)), list(range(alone, alone + len(cameras)))]
+        self._groups += [[k] for k in range(alone + len(cameras), len(self._sources))]
+        """Numbers of the sources that are associated at once, in the order in which they are looked at."""
+        self._weighing = HeadWeighing(load_head_model(prior.learned.get("heads", SHIPPED)), self.options.head, area)
         self.background_learned_causally = any(each.learns_background for each in self._sources)
         super().__init__(
             SyncPolicy(tuple(rig.sensors), main=self._main, within_s=0.0, max_wait_s=self.options.max_wait_s)
@@ -108,7 +103,8 @@ class Fusion(SynchronizedTracker):
         self._sees_waists = bool(self._scanners) and self._scanners[0].role == "waist"
         self._n_colour = cameras[0].n_colour if cameras else 1
         self._next_serial = 1
-        self._people = self._started(np.empty((0, 2)), 0)
+        no_track = self._imm.start(np.empty((0, 2)))
+        self._people = People.started(no_track, np.empty((0, 2)), 0, self._n_colour, len(self._sources), 0)
         self._ns: int | None = None
         self._looked_ns: dict[int, int] = {}
         self._main_ns: list[int] = []
@@ -136,7 +132,7 @@ class Fusion(SynchronizedTracker):
         position, velocity, heads = people.positions, people.velocity, people.heads
         radius_m = radius_containing(people.state, position, 0.95, people.offset_m2)
         shown = ns - heads.seen_ns <= _HEAD_SHOWN_S * NS_PER_S
-        head = np.where(shown[:, None], heads.mean[:, :3], nan)
+        head = np.where(shown[:, None], people.head, nan)
         yaw = np.where(shown, heads.direction[0], nan)
         fresh = self._manager.is_fresh(people, ns)
         values = np.column_stack([position, velocity, np.full(len(people), nan), head, yaw]).tolist()
@@ -173,13 +169,16 @@ class Fusion(SynchronizedTracker):
 
     def _work(self, synced: SyncedFrame) -> None:
         self._predict(synced.ns)
-        people = self._people
-        for number in clearest_first(self._sources, people.positions[people.confirmed]):
-            source = self._sources[number]
-            look = source.look(synced.observations, self._people.expected(), synced.ns)
-            if look is not None:
-                self._detections.extend(look.shown)
-                self._take(look, number, synced.ns)
+        for group in self._groups:
+            expected = self._people.expected()
+            looks = {
+                number: look
+                for number in group
+                if (look := self._sources[number].look(synced.observations, expected, synced.ns)) is not None
+            }
+            if looks:
+                self._detections.extend(each for look in looks.values() for each in look.shown)
+                self._take(looks, synced.ns)
         self._people = self._manager.kept(self._people, synced.ns)
 
     def _predict(self, ns: int) -> None:
@@ -189,37 +188,58 @@ class Fusion(SynchronizedTracker):
         people = self._manager.after_gap(self._people, last_ns, ns)
         if elapsed_s > 0 and len(people):
             people = people.in_state(self._imm.predict_over(people.state, elapsed_s, self.options.step_s))
-            heads = people.heads.predicted(elapsed_s, people.velocity, self.options.head)
+            height_m, variance_m2 = self._over_bodies(people)
+            heads = people.heads.predicted(elapsed_s, people.velocity, height_m, variance_m2, self.options.head)
             people = self._manager.aged(people.changed(heads=heads), elapsed_s)
             people = self._manager.without_doubles(people, elapsed_s)
         self._people = people
 
-    def _take(self, look: Look, number: int, ns: int) -> None:
-        """Take what one source measured: associate, update, initiate. number: of the source."""
-        elapsed_s = (ns - self._looked_ns.get(number, ns - round(look.kind.lasts_s * NS_PER_S))) / NS_PER_S
-        self._looked_ns[number] = ns
-        share = min(elapsed_s / look.kind.lasts_s, 1.0)
-        people, doubted = self._people, bool(self._doubted[number])
-        if doubted:
-            people = people if look.feet is None else people.upright()
-            look = self._agreement.of_doubted(look, number)
-        missed = self._manager.missed(people, look)
-        row, column, ratio = pairs(people, look, missed)
-        self._compare(people, look, row, column, missed, share, number, ns)
-        people = self._measured(people, row, column, ratio, look, number, ns)
-        source = self._sources[number]
-        if isinstance(source, Camera) and source.picture is not None:
-            people = self._by_picture(people, source, number, ns)
-        if not doubted:
-            people = self._manager.updated_missed(people, look, share, elapsed_s, ns, number)
-        people = self._manager.confirmed(people, ns, elapsed_s)
-        taken = np.zeros(len(look.position), np.bool_)
-        taken[column] = True
-        start = look.starts & ~taken & ~explained(people, look) & self._manager.clear_of_seats(people, look.position)
-        start &= self._manager.may_start(look.position, np.concatenate([people.positions, look.position[taken]]))
-        if start.any():
-            people = people.joined(self._started(look.position[start], ns, number))
-        self._people = people
+    def _take(self, looks: dict[int, Look], ns: int) -> None:
+        """Take what sources measured at once, by their numbers: associate, update, initiate."""
+        people, numbers, doubted = self._people, list(looks), self._doubted
+        if any(doubted[number] and look.feet is not None for number, look in looks.items()):
+            people = people.upright()
+        looks = {k: self._agreement.of_doubted(look, k) if doubted[k] else look for k, look in looks.items()}
+        elapsed_s, share = {}, {}
+        for number, look in looks.items():
+            since_s = (ns - self._looked_ns.get(number, ns - round(look.kind.lasts_s * NS_PER_S))) / NS_PER_S
+            self._looked_ns[number], elapsed_s[number] = ns, since_s
+            share[number] = min(since_s / look.kind.lasts_s, 1.0)
+        missed = [self._manager.missed(people, look) for look in looks.values()]
+        paired = pairs(people, list(looks.values()), missed)
+        self._agreement.age(ns)
+        for number, chance, (row, column, _) in zip(numbers, missed, paired, strict=True):
+            self._compare(people, looks[number], row, column, chance, share[number], number, ns)
+        people = self._measured(people, paired, looks, ns)
+        people = self._by_pictures(people, [each for k in numbers if isinstance(each := self._sources[k], Camera)], ns)
+        for (number, look), (row, *_) in zip(looks.items(), paired, strict=True):
+            if not doubted[number]:
+                shown = written(np.zeros(len(people), np.bool_), row, True)
+                people = self._manager.updated_missed(people, look, shown, share[number], elapsed_s[number], ns)
+        people = self._initiated(people, looks, [column for _, column, _ in paired], ns)
+        self._people = self._manager.confirmed(people, ns, max(elapsed_s.values()))
+
+    def _initiated(self, people: People, looks: dict[int, Look], paired: list[Int[Index, "p"]], ns: int) -> People:
+        """Return the tracks and those that begin at measurements that no track explains, one of each person."""
+        place, number, R, near = [], [], [], [people.positions]
+        for (source, look), column in zip(looks.items(), paired, strict=True):
+            start = look.starts & ~explained(people, look) & self._manager.clear_of_seats(people, look.position)
+            start[column] = False
+            near.append(look.position[column])
+            place.append(look.position[start])
+            number.append(np.full(start.sum(), source))
+            R.append(look.covariance[start])
+        place, number, R = np.concatenate(place), np.concatenate(number), np.concatenate(R)
+        free = self._manager.may_start(place, np.concatenate(near))
+        for k in np.lexsort((*place.T, R.trace(axis1=1, axis2=2))):  # the sharpest first
+            if free[k]:
+                off = place - place[k]
+                same = np.einsum("ka,kab,kb->k", off, np.linalg.inv(R + R[k]), off) < EXPLAINED**2
+                _, own = np.unique(np.where(same & free, number, -1), return_index=True)
+                own = np.union1d(own[(same & free)[own]], [k])
+                people = people.joined(self._started(place[own], R[own], ns, number[own], looks))
+                free &= ~same & self._manager.may_start(place, place[[k]])
+        return people
 
     def _compare(
         self,
@@ -234,7 +254,6 @@ class Fusion(SynchronizedTracker):
     ) -> None:
         """Compare what a source measured with what the others did, and say once what contradicts them."""
         agreement = self._agreement
-        agreement.age(ns)
         sigma_m = np.sqrt(look.covariance[column].trace(axis1=1, axis2=2) / 2)
         agreement.take(number, people, row, look.position[column], sigma_m, ns)
         others_ns = np.delete(people.seen_ns, number, axis=1).max(axis=1, initial=NEVER_NS)
@@ -246,102 +265,127 @@ class Fusion(SynchronizedTracker):
         for sentence in agreement.found():
             logger.warning(sentence)
 
-    def _measured(
-        self,
-        people: People,
-        row: Int[Index, "p"],
-        column: Int[Index, "p"],
-        ratio: Float[Array, "p"],
-        look: Look,
-        number: int,
-        ns: int,
-    ) -> People:
-        """Update the tracks at `row` by the measurements at `column`; those that follow soon tell together what one tells."""
+    def _measured(self, people: People, paired: list[Pairs], looks: dict[int, Look], ns: int) -> People:
+        """Update tracks by their measurements; those of one source that follow soon tell together what one tells."""
+        row, column, ratio = (np.concatenate(each) for each in zip(*paired, strict=True))
         if not row.size:
             return people
-        kind = look.kind
+        number = np.repeat(list(looks), [len(each[0]) for each in paired])
+        kind = {k: np.array([getattr(looks[n].kind, k) for n in number]) for k in ("lasts_s", "offset_m", "p_detect")}
+        place, covariance, of_head = (
+            np.concatenate([getattr(look, name)[each[1]] for look, each in zip(looks.values(), paired, strict=True)])
+            for name in ("position", "covariance", "heads")
+        )
         since_s = np.minimum((ns - people.seen_ns[row, number]) / NS_PER_S, 1.0)
-        share = np.clip(since_s / kind.lasts_s, _LEAST_SHARE, 1.0)
-        R = look.covariance[column] / share[:, None, None]
-        posture = people.posture.detected(row, look.by_posture, share)
-        posture = posture.by_place(row, look.position[column], np.hypot(*people.velocity[row].T), share)
+        share = np.clip(since_s / kind["lasts_s"], _LEAST_SHARE, 1.0)
+        posture = people.posture.detected(row, np.array([looks[n].by_posture[2] for n in number]), share)
+        posture = posture.by_place(row, place, np.hypot(*people.velocity[row].T), share)
+        look = next(iter(looks.values()))
         if look.feet is not None and self._sees_waists:
             known = np.flatnonzero(ns - people.seen_ns[row, 0] <= _TOGETHER_S * NS_PER_S)
             known = known[look.feet[column[known]] | posture.rests[row[known]]]
-            legs = look.position[column[known]] + posture.seated_knees[row[known]] - people.seen_at[row[known], 0]
+            legs = place[known] + posture.seated_knees[row[known]] - people.seen_at[row[known], 0]
             posture = posture.by_legs(row[known], legs, since_s[known])
-        rests = posture.rests[row, None, None]
         upright = np.maximum(1 - posture.low[row], _LEAST_SHARE)  # a lying person is not where a standing one would be
-        R = (R + (_LEAN_M if look.load_n is None else _FEET_M) ** 2 * np.eye(2) * rests) / upright[:, None, None]
-        people = people.changed(posture=posture)
-        state = self._imm.update(people.state, row, look.position[column], R)
-        people = people.changed(roster=people.roster.measured(row, ns, state))
-        people = self._manager.detected(people, row, ratio, share * upright, look)
-        offset = 0.8 * people.offset_m2[row] + 0.2 * kind.offset_m**2
+        lean_m = np.where(posture.rests[row], _LEAN_M if look.load_n is None else _FEET_M, 0.0)
+        R = (covariance / share[:, None, None] + (lean_m**2)[:, None, None] * np.eye(2)) / upright[:, None, None]
+        by_head = np.flatnonzero(~np.isnan(of_head[:, 0]))  # of a place and an offset, in the share of their variances
+        seen, before = row[by_head], people.heads
+        R[by_head] = covariance[by_head] / share[by_head, None, None] + before.covariance[seen, :2, :2]
+        body = np.zeros((len(place), 2))
+        body[by_head] = before.mean[seen, :2]
+        error = np.pad(
+            people.covariance[seen] + covariance[by_head] / share[by_head, None, None], ((0, 0), (0, 1), (0, 1))
+        )
+        error[:, 2, 2] = covariance[by_head, 0, 0] / share[by_head]
+        offset = of_head[by_head] - np.pad(people.positions[seen], ((0, 0), (0, 1)))
+        people = people.changed(posture=posture, heads=before.measured(seen, offset, error))
+        each, fused_at, fused_R = fused(row, place - body, R)
+        state = self._imm.update(people.state, each, fused_at, fused_R)
+        people = people.changed(roster=people.roster.measured(each, ns, state))
+        people = self._manager.detected(people, row, ratio, share * upright, kind["p_detect"])
+        n = len(people)
+        offset_m2 = np.bincount(row, kind["offset_m"] ** 2, n)[each] / np.bincount(row, minlength=n)[each]
         seen_ns, seen_at = people.seen_ns.copy(), people.seen_at.copy()
-        seen_ns[row, number], seen_at[row, number] = ns, look.position[column]
+        seen_ns[row, number], seen_at[row, number] = ns, place
         people = people.changed(
-            place=written(people.place, row, people.positions[row]),
+            place=written(people.place, each, people.positions[each]),
             posture=people.posture.settled(people.positions),
-            offset_m2=written(people.offset_m2, row, offset),
+            offset_m2=written(people.offset_m2, each, 0.8 * people.offset_m2[each] + 0.2 * offset_m2),
             seen_ns=seen_ns,
             seen_at=seen_at,
         )
-        if look.load_n is not None:
-            old = people.load_n[row]
-            load_n = np.where(np.isnan(old), look.load_n[column], 0.95 * old + 0.05 * look.load_n[column])
-            people = people.changed(load_n=written(people.load_n, row, load_n))
-        if look.head is not None:
-            variance = np.full((row.size, 3), kind.sigma_m**2) / share[:, None]
-            people = people.changed(heads=people.heads.measured(row, look.head[column], variance))
+        for look, (row, column, _) in zip(looks.values(), paired, strict=True):
+            if look.load_n is not None:
+                old = people.load_n[row]
+                load_n = np.where(np.isnan(old), look.load_n[column], 0.95 * old + 0.05 * look.load_n[column])
+                people = people.changed(load_n=written(people.load_n, row, load_n))
         return people
 
-    def _by_picture(self, people: People, camera: Camera, number: int, ns: int) -> People:
-        """Update heads by a picture, bodies by their heads, and colours."""
-        picture, kind = camera.picture, self.options.camera
-        assert picture is not None
-        unsure_m2 = np.where(np.isnan(people.stature_m), _STATURE_M**2, 0.0)
-        height_m, spread_m2 = people.posture.head_height(people.stature)
-        over = np.column_stack([people.positions, height_m])  # heads are over bodies, more or less
-        flat_m2 = np.full(len(people), _OVER_M**2)
-        variance = np.column_stack([flat_m2, flat_m2, spread_m2 + unsure_m2]) / _LEAST_OVER
-        heads = people.heads.measured(np.arange(len(people)), over, variance)
-        heads = heads.again_over(people.positions)
-        in_view = np.flatnonzero(people.confirmed & heads.own & camera.sees(heads.mean[:, :3], people.positions))
-        since_s = np.minimum((ns - heads.seen_ns[in_view]) / NS_PER_S, 1.0)
+    def _by_pictures(self, people: People, cameras: list[Camera], ns: int) -> People:
+        """Update heads by pictures, bodies by their heads, and colours."""
+        if not cameras or not len(people):
+            return people
+        kind = self.options.camera
+        before, head = people.heads, people.head
+        asked = people.confirmed & own(head)
+        in_view = np.array([each.sees(head, people.positions) for each in cameras]) & asked
+        outlined = np.array([each.stands_alone(head, people.positions) for each in cameras]) & in_view
+        since_s = np.minimum((ns - before.seen_ns) / NS_PER_S, 1.0)
         share = np.clip(since_s / 0.05, 0.25, 1.0)
-        before = heads
-        heads, shown = self._weighings[camera.names[0]].updated(heads, in_view, picture.packed, share, ns)
-        people, row = people.changed(heads=heads), in_view[shown]
+        heads, shown, place, R = self._weighing.updated(
+            before, people.positions, people.covariance, cameras, in_view, outlined, share, ns
+        )
+        people, row = people.changed(heads=heads), np.flatnonzero(shown > 0)
+        people = self._manager.head_shown(people, shown, kind, share, ns)
         if row.size:
-            variance = heads.covariance[row, 2, 2] + unsure_m2[row]
-            posture = people.posture.by_head(row, heads.mean[row, 2], variance, people.stature[row], since_s[shown])
-            people = self._manager.head_shown(people.changed(posture=posture), row, kind, share[shown], ns)
-            people = people.learn_stature(row, self.options.identity.memory)
-            variance = self.options.head.over_body_m**2 * people.posture.shown(OFF_BODY)[row]
-            share = np.clip(since_s[shown] / kind.lasts_s, _LEAST_SHARE, 1.0)
-            place, covariance = gained(before.select(row), heads.select(row))
-            R = covariance + (variance / share)[:, None, None] * np.eye(2)
-            state = self._imm.update(people.state, row, place, R)
+            variance = heads.covariance[row, 2, 2] + self._unsure_m2(people)[row]
+            posture = people.posture.by_head(row, heads.mean[row, 2], variance, people.stature[row], since_s[row])
+            people = people.changed(posture=posture).learn_stature(row, self.options.identity.memory)
+            R = (R + before.covariance)[row, :2, :2]
+            state = self._imm.update(people.state, row, place[row, :2] - before.mean[row, :2], R)
             people = people.changed(roster=people.roster.measured(row, ns, state))
-        histograms, clear = camera.colours(people.positions, people.stature)
-        looked = np.flatnonzero(clear & (people.roster.measured_ns == ns) & ~people.posture.lies)
+        seen = [each.colours(people.positions, people.stature) for each in cameras]
+        clear = np.array([each for _, each in seen]) & (people.roster.measured_ns == ns) & ~people.posture.lies
+        looked = np.flatnonzero(clear.any(axis=0))
         if looked.size:
-            memory = self.options.identity.memory
-            clothes = people.clothes.learned(looked, histograms[looked], np.zeros(looked.size, np.bool_), 0, memory)
+            histograms = np.einsum("cn,cnb->nb", clear / np.maximum(clear.sum(axis=0), 1), [each for each, _ in seen])
+            memory, doubtful = self.options.identity.memory, np.zeros(looked.size, np.bool_)
+            clothes = people.clothes.learned(looked, histograms[looked], doubtful, 0, memory)
             people = people.changed(clothes=clothes)
         return people
 
-    def _started(self, place: Float[Array, "n 2"], ns: int, number: int | None = None) -> People:
-        """Make tentative tracks that a source has measured first."""
-        state = self._imm.start(place, None, self.options.trunk.sigma_m**2, _START_SPEED_M_S**2)
-        self._next_serial += len(place)
-        first = self._next_serial - len(place)
-        people = People.started(state, place, ns, self._n_colour, len(self._sources), first)
-        if number is None:
-            return people
-        people.seen_ns[:, number], people.seen_at[:, number] = ns, place
-        return people
+    @staticmethod
+    def _unsure_m2(people: People) -> Float[Array, "n"]:
+        """Return the variances of statures [m²]: 0 of those that are known."""
+        return np.where(np.isnan(people.stature_m), _STATURE_M**2, 0.0)
+
+    def _over_bodies(self, people: People) -> tuple[Float[Array, "n"], Float[Array, "n 3"]]:
+        """Return heights of heads [m] and variances of them and of offsets from bodies [m²], by posture."""
+        height_m, spread_m2 = people.posture.head_height(people.stature)
+        flat_m2 = self.options.head.over_body_m**2 * people.posture.shown(OFF_BODY)
+        return height_m, np.column_stack([flat_m2, flat_m2, spread_m2 + self._unsure_m2(people)])
+
+    def _started(
+        self,
+        place: Float[Array, "k 2"],
+        R: Float[Array, "k 2 2"],
+        ns: int,
+        number: Int[Index, "k"],
+        looks: dict[int, Look],
+    ) -> People:
+        """Make a tentative track of measurements by sources, each with a covariance."""
+        one = np.zeros(len(place), np.intp)
+        row, at, covariance = fused(one, place, R)
+        state = self._imm.start(at, None, _UNKNOWN_M**2, _START_SPEED_M_S**2)
+        people = People.started(
+            self._imm.update(state, row, at, covariance), at, ns, self._n_colour, len(self._sources), self._next_serial
+        )
+        self._next_serial += 1
+        people.seen_ns[0, number], people.seen_at[0, number] = ns, place
+        roster = people.roster.changed(n_measured=np.array([len(place)]))
+        existence = np.array([self._manager.existence_of_new([looks[k].kind.p_detect for k in number[1:].tolist()])])
+        return people.changed(roster=roster, existence=existence)
 
 
 def _is_fixed(sensor: RigSensor) -> bool:

@@ -27,7 +27,7 @@ def test_probabilities_stay_so_and_a_lying_person_who_is_shown_as_standing_gets_
     assert lying.shown(TRUNK_SHOWN)[0] < 0.05 < lying.shown(SILHOUETTE_SHOWN)[0] + 0.05
     up = lying
     for _ in range(6):
-        up = up.detected(ROW, TRUNK_SHOWN, ONE)
+        up = up.detected(ROW, TRUNK_SHOWN[2] * ONE, ONE)
     assert not up.lies[0]
     np.testing.assert_allclose([each.probability.sum() for each in (lying, up)], 1)
 
