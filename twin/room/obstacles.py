@@ -92,9 +92,14 @@ def obstacles_of(model: mujoco.MjModel, source: str = "room") -> list[Obstacle]:
 
 
 def is_in_the_way(model: mujoco.MjModel, data: mujoco.MjData, geom: int, points: Array) -> bool:
-    """Return True for a geom, of hull `points` (n, 3) [m], between the floor and the heads; a level plane has no thickness."""
+    """Return True for a geom, of hull `points` (n, 3) [m], between the floor and the heads.
+
+    A level plane has no thickness; one that faces down is a ceiling.
+    """
     low_m, high_m = points[:, 2].min(), points[:, 2].max()
     if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE and abs(data.geom_xmat[geom, 8]) > _LEVEL:
+        if data.geom_xmat[geom, 8] < 0:
+            return False
         low_m = high_m = data.geom_xpos[geom, 2]
     return bool(high_m > LOW_M and low_m < HIGH_M)
 
