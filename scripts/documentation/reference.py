@@ -79,8 +79,9 @@ def _type(field: Schema) -> str:
             return "[" + ", ".join(_type(each) for each in field["prefixItems"]) + "]"
         items = field.get("items") or {}
         return f"list of {_type(items)}" if items else "list"
-    if kind == "object" and isinstance(field.get("additionalProperties"), Mapping):
-        return f"mapping to {_type(field['additionalProperties'])}"
+    values = [*field.get("patternProperties", {}).values(), field.get("additionalProperties")]
+    if kind == "object" and isinstance(values[0], Mapping):
+        return f"mapping of names to {_type(values[0])}"
     return {"object": "mapping", "null": "none", "string": "text"}.get(str(kind), str(kind)) + _bounds(field)
 
 

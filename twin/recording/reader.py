@@ -33,6 +33,7 @@ from twin.recording.sensor_topics import (
     odometry_losses,
     sensor_topics,
     times_of,
+    unused_topics,
 )
 from twin.recording.situation_table import decode_situation
 from twin.recording.transforms import Edge, Poses, TransformTree, read_poses
@@ -83,6 +84,9 @@ class Recording:
             else:
                 self.rig, silent = guess_rig(path, self.topics, tree, poses, partial(first_frame, bag))
             self.sensor_topics = sensor_topics(path, self.topics, self.rig, source)
+            if rig is not None and not self.is_twin:
+                used = self.sensor_topics.sensors | self.sensor_topics.depths
+                silent += unused_topics(self.topics, used)
             add_transforms(self.sensor_topics, tree, self.rig, source)
             times = read_times(bag, self.sensor_topics.types)
             self._check_has_messages(times)

@@ -189,12 +189,12 @@ def guess_rig(
     if scans:
         raise InputError(
             f"{path}: has {len(scans)} LaserScan topics ({', '.join(scans)}); "
-            f"a rig.yaml that says which sensor each is and where it stands is expected"
+            f"a rig.yaml (--rig) that says which sensor each is and where it stands is expected"
         )
     if images:
         raise InputError(
             f"{path}: has no LaserScan topic, only images ({', '.join(images)}); "
-            f"a rig.yaml with the place and the lens of each camera is expected"
+            f"a rig.yaml (--rig) with the place and the lens of each camera is expected"
         )
     have = ", ".join(f"{name} ({topic.msgtype})" for name, topic in sorted(topics.items())) or "none"
     raise InputError(f"{path}: has no usable topic, its topics are: {have}; a {LASER_SCAN} topic is expected")
@@ -239,6 +239,13 @@ def _name_of(topic: str) -> str:
     """Return a topic as the name of a sensor."""
     name = re.sub(r"[^A-Za-z0-9_-]", "_", topic.strip("/"))[:90]
     return name if name[:1].isalpha() else f"scan_{name}"
+
+
+def unused_topics(topics: Mapping[str, Topic], used: Collection[str]) -> list[Loss]:
+    """Return one loss that names the bag's scans and pictures that no sensor of a rig uses; none where all are used."""
+    unused = sorted(set(topics_of(topics, LASER_SCAN, *_PICTURES)) - set(used))
+    what = f"does not use {', '.join(unused)} of the bag"
+    return [Loss("the rig", 0, 0, what, always=True)] if unused else []
 
 
 def topics_of(topics: Mapping[str, Topic], *msgtypes: str) -> list[str]:

@@ -41,6 +41,16 @@ class CandidatePose:
     cable_m: float
 
 
+def _no_pose(device: Device) -> str:
+    """State the reason that a device has no pose, and the remedy."""
+    if device.ceiling is not None and not (device.walls or device.places or device.box):
+        return (
+            "no place on the grid is under a ceiling; a geom of the room above 2 m, a finer every_m, or heights in a box "
+            "(x_m, y_m, z_m) are expected"
+        )
+    return "there is no pose in the room; larger ranges are expected"
+
+
 @dataclass(frozen=True, eq=False)
 class CandidateSet:
     """All candidate poses that keep the constraints.
@@ -76,7 +86,7 @@ class CandidateSet:
                 )
                 continue
             if not mounts:
-                faults.append(f"{source}: devices.{name}: there is no pose in the room; larger ranges are expected")
+                faults.append(f"{source}: devices.{name}: {_no_pose(device)}")
                 continue
             held = [sensor_positions(device, scenario, each) for each in mounts]
             reasons = rejection_reasons(study, building, scene, scenario, device, mounts, held)

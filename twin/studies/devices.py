@@ -24,6 +24,10 @@ def _one_is_both(value: object) -> object:
 
 Range = Annotated[tuple[FiniteFloat, FiniteFloat], BeforeValidator(_one_is_both)]
 """From and to; one value is both."""
+CountRange = Annotated[
+    tuple[Annotated[int, Field(ge=0, le=32)], Annotated[int, Field(ge=1, le=32)]], BeforeValidator(_one_is_both)
+]
+"""Least and most; one number is both."""
 
 
 def steps(low_high: Range, every: float) -> list[float]:
@@ -51,7 +55,7 @@ class FixedPose(Strict):
 class WallPoses(Strict):
     """Poses along the walls, facing into the room."""
 
-    height_m: Range = Field(description="lowest and highest place [m]")
+    height_m: Range = Field(description="lowest and highest place, or one height [m]")
     height_every_m: float = Field(default=0.25, gt=0, description="largest step between heights [m]")
     off_m: Metres = Field(default=0.1, description="how far off the wall [m]")
     every_m: float = Field(default=1.0, gt=0, description="largest step along the wall [m]")
@@ -63,7 +67,7 @@ class WallPoses(Strict):
 
 
 class CeilingPoses(Strict):
-    """Poses below the ceiling, on a grid."""
+    """Poses below the ceiling, on a grid. A room without a geom above 2 m has none: name heights in a `box`."""
 
     every_m: float = Field(default=1.0, gt=0, description="largest step of the grid [m]")
     off_m: Metres = Field(default=0.1, description="how far below the ceiling [m]")
@@ -126,11 +130,11 @@ class Device(Strict):
     box: BoxPoses | None = Field(default=None, description="places in a box; none: not there")
     yaw_deg: Range | None = Field(
         default=None,
-        description="turns to try, from the place's own direction, off the wall for one [deg]; none: that alone",
+        description="directions to try, relative to the place's own (of a wall: into the room) [deg]; none: the place's own",
     )
     yaw_every_deg: float = Field(default=15.0, gt=0, description="largest step between turns [deg]")
     tilt_deg: Range | None = Field(
-        default=None, description="how far down to look, from and to [deg]; none: the place's own"
+        default=None, description="how far down to look, from and to [deg]; 90: straight down; none: the place's own"
     )
     tilt_every_deg: float = Field(default=15.0, gt=0, description="largest step between tilts [deg]")
     aim: Literal["area"] | None = Field(
@@ -142,8 +146,9 @@ class Device(Strict):
     mirrored: MirrorLine | None = Field(
         default=None, description="places in pairs on both sides of a line; none: single"
     )
-    count: tuple[Annotated[int, Field(ge=0, le=32)], Annotated[int, Field(ge=1, le=32)]] | None = Field(
-        default=None, description="least and most of them (of pairs, where mirrored); none: as many as in the scenario"
+    count: CountRange | None = Field(
+        default=None,
+        description="least and most of them, or one number (of pairs, where mirrored); none: as many as in the scenario",
     )
     price: float = Field(default=0.0, ge=0, description="what one costs")
 

@@ -205,9 +205,16 @@ def _print(console: Console, found: dict[str, Any]) -> None:
         title=f"{found['study']}: {found['candidates'] - 1} placements beside the baseline", title_justify="left"
     )
     covers = objective == "coverage"
-    for heading in ("placement", objective, *(() if covers else ("coverage",)), "price", "seeds"):
-        table.add_column(heading, justify="left" if heading == "placement" else "right")
     shown = {each["candidate"]: each for each in (found["baseline"], found["best"], *found["pareto"])}
+    tracks = any(each["seeds"] for each in shown.values())
+    for heading in (
+        "placement",
+        objective,
+        *(() if covers else ("coverage",)),
+        "price",
+        *(("seeds",) if tracks else ()),
+    ):
+        table.add_column(heading, justify="left" if heading == "placement" else "right")
     for each in shown.values():
         mark = "recommended: " if each["candidate"] == found["best"]["candidate"] else ""
         table.add_row(
@@ -215,24 +222,23 @@ def _print(console: Console, found: dict[str, Any]) -> None:
             _text(each.get(objective)),
             *(() if covers else (_text(each["coverage"]),)),
             f"{each['price']:g}",
-            str(each["seeds"]),
+            *((str(each["seeds"]),) if tracks else ()),
         )
     console.print(table)
     for row in found["held_out"]:
         console.print(f"held out, {row['what']}: {_text(row['other'])} -> {_text(row['ours'])}, {_interval(row)}")
     for row in found["proven"]:
         devices = ", ".join(f"{count} {name}" for name, count in row["devices"].items())
-        exact = (
-            f", exact {_text(row['exact'])} ({row['exact_is']}), greedy over exact {_text(row['greedy_over_exact'])}"
+        found_by = (
+            f"{_text(row['exact'])} by exact search ({row['exact_is']}), {_text(row['greedy'])} by greedy search"
             if "exact" in row
-            else ""
+            else f"{_text(row['greedy'])} by greedy search, no placement has more than {_text(row['greedy_bound'])}"
         )
-        console.print(
-            f"coverage, {devices}: greedy {_text(row['greedy'])}, none above {_text(row['greedy_bound'])}{exact}"
-        )
+        console.print(f"coverage of {devices}: {found_by}")
     for row in found["displaced"]:
         console.print(f"displaced by {row['what']}: {_interval(row)}")
-    console.print(f"not distinguishable from the best: {len(found['indistinguishable'])}")
+    if found["indistinguishable"]:
+        console.print(f"placements not distinguishable from the best: {len(found['indistinguishable'])}")
 
 
 def _text(value: float | None) -> str:

@@ -198,6 +198,11 @@ class Study(Strict):
                 faults.append(
                     f"objectives.{place}.tracker: {objective.tracker!r} is none of the trackers; valid are {valid}"
                 )
+        if self.held_out is not None and not self.validated:
+            faults.append(
+                "held_out: validates trackers' metrics, and no objective is one; an objective {kind: metric}, or a study "
+                "without held_out, is expected"
+            )
         if self.held_out is not None and (shared := sorted(set(self.seeds) & set(self.held_out.seeds))):
             faults.append(
                 f"held_out.seeds: {shared[0]} is a search seed too; others than {_seed_range(self.seeds)} are expected"

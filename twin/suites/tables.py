@@ -144,7 +144,7 @@ def print_comparison(
     for word in shown:
         changes = comparison.worse if word == "worse" else comparison.better
         if changes:
-            console.print(f"{len(changes)} metrics got {word}")
+            console.print(f"{len(changes)} metric{'s' if len(changes) > 1 else ''} got {word}")
             console.print(_changes_table(changes[:_MOST_ROWS]))
             if len(changes) > _MOST_ROWS:
                 console.print(f"and {len(changes) - _MOST_ROWS} more, in summary.json")
@@ -159,14 +159,14 @@ def print_comparison(
         )
     elif not comparison.worse:
         console.print(f"nothing got worse: {len(comparison.changes)} metrics compared")
-    console.print("minimum detectable change")
+    console.print("minimum detectable change: the smallest loss, equal in every recording, that raises an alarm")
     console.print(_detectable_table(comparison))
 
 
 def _detectable_table(comparison: Comparison) -> Table:
     """Tabulate the minimum detectable change of the headline metrics."""
     table = Table()
-    table.add_column("where the metric is lost")
+    table.add_column("the loss is")
     shown = [each for each in comparison.detectable if each.metric in HEADLINE_METRICS]
     for each in shown:
         table.add_column(_heading(each.metric), justify="right")

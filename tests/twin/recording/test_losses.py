@@ -195,3 +195,10 @@ def test_a_copy_of_a_robots_bag_holds_tracks_where_the_scans_are(tmp_path, suffi
         assert 2 * np.arctan2(place.rotation.z, place.rotation.w) == pytest.approx(turn)
         there = np.array(clean.rig.sensors["waist"].room_from_sensor.xyz[:2]) - 0.1 * np.array([cos(turn), sin(turn)])
         assert (place.translation.x, place.translation.y) == pytest.approx(tuple(there))
+
+
+def test_scans_that_the_rig_does_not_use_are_named(tmp_path):
+    messages = [*scan_messages("/scan", STAMPS), *scan_messages("/other", STAMPS)]
+    write_ros2_bag(tmp_path / "bag", sorted(messages, key=lambda each: each[2]))
+    recording = Recording(tmp_path / "bag", Rig(sensors={"low": LaserSensor(topic="/scan")}))
+    assert lines(recording.losses()) == ["the rig: does not use /other of the bag"]

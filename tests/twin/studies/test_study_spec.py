@@ -55,12 +55,21 @@ def test_every_fault_is_named_at_once(tmp_path: Path) -> None:
     assert len(lines) == 4 and all(line.startswith(str(path)) for line in lines)
 
 
+def test_a_range_of_one_value_is_that_value(tmp_path: Path) -> None:
+    study, _ = load_study(written(tmp_path, devices__rig__count=2, devices__rig__walls__height_m=0.9))
+    assert study.devices["rig"].counts == (2, 2)
+    assert study.devices["rig"].walls is not None and study.devices["rig"].walls.height_m == (0.9, 0.9)
+
+
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
         ({"devices__rig__walls__height_m": [2, 1]}, "height_m: 2 to 1 is upside down; the lower end first is expected, as in"),
         ({"devices__rig__count": [3, 1]}, "count: 3 to 1 is upside down"),
         ({"held_out__seeds": [1000]}, "held_out.seeds: 1000 is a search seed too; others than 1000, 1001 are expected"),
+        ({"objectives": [{"kind": "coverage"}]}, "held_out: validates trackers' metrics, and no objective is one"),
+        ({"devices__rig__walls": None, "devices__rig__aim": None, "devices__rig__ceiling": {"every_m": 50}},
+         "devices.rig: no place on the grid is under a ceiling; a geom of the room above 2 m, a finer every_m"),
         ({"search__replicates": [2, 16]}, "search.replicates: 16 seeds are asked for and seeds has 2"),
         ({"search__method": "exact"}, "search.method: 'exact' goes by coverage as a share, and objectives.0 is laser-imm: hota"),
         ({"objectives": [{"kind": "metric", "metric": "hot"}]}, "unknown metric 'hot'; valid are mota, motp_m"),

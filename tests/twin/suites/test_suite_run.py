@@ -266,7 +266,7 @@ def test_a_scanner_that_got_noisier_fails_the_gate_though_no_tracker_did_and_wha
     monkeypatch.setenv("SYNTHETIC_NOISE", "1.4")
     noisier = ["--set", "sensors.knee.noise.sigma_m=0.01"]
     code, text, _ = command(monkeypatch, *common, *noisier, "--out", str(now))
-    assert code == 1 and "1 metrics got worse" in text and "show the people of the baseline on the same ways" in text
+    assert code == 1 and "1 metric got worse" in text and "show the people of the baseline on the same ways" in text
     assert "Scatter of ranges" in text and "+0.0032 m" in text
     junit = (now / "junit.xml").read_text()
     assert junit.count("<failure") == 1 and "Scatter of ranges 0.0080 m → 0.0112 m" in junit
