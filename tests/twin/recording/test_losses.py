@@ -201,4 +201,4 @@ def test_scans_that_the_rig_does_not_use_are_named(tmp_path):
     messages = [*scan_messages("/scan", STAMPS), *scan_messages("/other", STAMPS)]
     write_ros2_bag(tmp_path / "bag", sorted(messages, key=lambda each: each[2]))
     recording = Recording(tmp_path / "bag", Rig(sensors={"low": LaserSensor(topic="/scan")}))
-    assert lines(recording.losses()) == ["the rig: does not use /other of the bag"]
+    assert lines(recording.losses) == ["the rig: does not use /other of the bag"]

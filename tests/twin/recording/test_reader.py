@@ -275,7 +275,7 @@ def test_two_scanners_need_a_rig(robot_bag):
 def test_a_camera_alone_needs_a_rig(tmp_path):
     encoded = encode(an_image(EPOCH_NS))
     write_ros2_bag(tmp_path / "bag", [("/eye", encoded.msgtype, EPOCH_NS, encoded.data)])
-    with pytest.raises(InputError, match=r"only images \(/eye\); a rig\.yaml with the place and the lens"):
+    with pytest.raises(InputError, match=r"only images \(/eye\); a rig\.yaml \(--rig\) with the place and the lens"):
         Recording(tmp_path / "bag")
 
 
