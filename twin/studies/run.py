@@ -215,8 +215,7 @@ def write_coverage(scenario: Scenario, folder: Path, *, beams: int, px_per_m: fl
             for name in names
         },
     }
-    sensors = plan_sensors(scenario, names, building)
-    maps = []
+    sensors, maps = plan_sensors(scenario, names, building), []
     for scanners, mine, best, least in floor.best_of_kind(scenario):
         label = "beams on a body" if scanners else "px/m"
         drawn = heat_map(floor.cells, best, floor.cell_m, sensors, building, area, label=label, least=least)

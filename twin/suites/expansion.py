@@ -143,49 +143,48 @@ def expand(
     twice. Nothing is simulated.
     """
     cases: dict[str, Case] = {}
-    faults: dict[str, None] = {}
     check = TrackerCheck(path, plug_ins=plug_ins, trusted=trusted)
-    for change in changes:
-        if change.partition("=")[0].strip() == "seed":
-            faults[f"--set {change}: a suite has its seeds under seeds:; --seed N, which adds to each, is expected"] = (
-                None
-            )
+    faults = [
+        f"--set {change}: a suite has its seeds under seeds:; --seed N, which adds to each, is expected"
+        for change in changes
+        if change.partition("=")[0].strip() == "seed"
+    ]
     checked: list[_Checked] = []
     for number in range(len(suite.scenarios)):
         try:
             checked += _check_entry(suite, number, path, changes, check, limits=limits)
         except InputError as error:
-            faults |= dict.fromkeys(str(error).splitlines())
+            faults += str(error).splitlines()
     recorded: list[Case] = []
     for number in range(len(suite.recordings)):
         try:
             recorded += _recorded_cases(suite, number, path, changes, check)
         except InputError as error:
-            faults |= dict.fromkeys(f"{path}: recordings.{number}: {line}" for line in str(error).splitlines())
-    faults |= dict.fromkeys(check.faults())
+            faults += [f"{path}: recordings.{number}: {line}" for line in str(error).splitlines()]
+    faults += check.faults()
     if faults:  # before each seed draws a room of its own
-        raise InputError("\n".join(faults))
+        raise InputError("\n".join(dict.fromkeys(faults)))
     for entry in checked:
         try:
             found = list(_cases_of(suite, entry, path, changes, limits=limits))
         except InputError as error:  # of a scene drawn by one seed
-            faults |= dict.fromkeys(f"{path}: scenarios.{entry.number}: {line}" for line in str(error).splitlines())
+            faults += [f"{path}: scenarios.{entry.number}: {line}" for line in str(error).splitlines()]
             continue
         for case in found:
             if case.id in cases:
-                faults[
+                faults.append(
                     f"{path}: scenarios.{entry.number}: {_title(case.scenario, case.variant)}, seed {case.seed}, "
                     f"{case.tracker} is there twice; a name of its own for each entry is expected"
-                ] = None
+                )
             cases[case.id] = case
     for case in recorded:
         if case.id in cases:
-            faults[
+            faults.append(
                 f"{path}: recordings: {case.scenario} is there twice; a name of its own for each entry is expected"
-            ] = None
+            )
         cases[case.id] = case
     if faults:
-        raise InputError("\n".join(faults))
+        raise InputError("\n".join(dict.fromkeys(faults)))
     return list(cases.values())
 
 
