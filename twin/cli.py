@@ -150,11 +150,16 @@ def _describe_usage_error(error: Any) -> str:
     return f"{text} Valid are {', '.join(error.ctx.command.list_commands(error.ctx))}"
 
 
+_UNWRITABLE = (
+    errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EACCES, errno.EROFS, errno.ENOTDIR, errno.EISDIR
+)  # fmt: skip
+
+
 def _describe_path_error(error: OSError) -> str | None:
     """Describe an error of a path that cannot exist or be written; None for any other system error."""
     if error.errno in (errno.ENAMETOOLONG, errno.ELOOP):
         return f"{error.filename}: {error.strerror}; the path of a file or folder is expected"
-    if error.errno not in (errno.ENOSPC, errno.EACCES, errno.EROFS, errno.EDQUOT, errno.ENOTDIR, errno.EISDIR):
+    if error.errno not in _UNWRITABLE:
         return None
     return f"{error.filename or 'output'}: {error.strerror}; a folder that can be written, with space, is expected"
 

@@ -11,6 +11,9 @@ from typing import TextIO
 
 from trackers.errors import InputError
 
+NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""Errors of a full disk, a used-up quota, and a limit on the size of files (`ulimit -f`)."""
+
 
 @contextmanager
 def atomic_path(path: Path) -> Iterator[Path]:
@@ -32,7 +35,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
             yield partial
         except OSError as error:
             # Another OSError of the block is not about this file and passes unchanged.
-            if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            if error.errno in NO_SPACE:
                 raise unwritable(path, error) from error
             raise
         try:

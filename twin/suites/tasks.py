@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import faulthandler
 import os
 import sys
@@ -16,13 +15,12 @@ from pathlib import Path
 from typing import Any, Literal
 
 from trackers.errors import InputError, PlugInError
+from twin.recording.atomic_file import NO_SPACE
 from twin.run.tracker_runner import first_line
 
 CallStatus = Literal["done", "bad input", "no space", "raised"]
 
 _LOG_TAIL_BYTES = 4000
-
-_NO_SPACE = (errno.ENOSPC, errno.EDQUOT)
 
 
 @dataclass(frozen=True)
@@ -52,10 +50,10 @@ def call_task(function: Callable[[Any], Any], work: Any, limit_s: float, log: Pa
             return CallResult("done", function(work), spent_s())
     except InputError as error:
         cause = error.__cause__
-        full = isinstance(cause, OSError) and cause.errno in _NO_SPACE
+        full = isinstance(cause, OSError) and cause.errno in NO_SPACE
         return CallResult("no space" if full else "bad input", None, spent_s(), str(error))
     except OSError as error:  # also of the log: a full disk can prevent opening or writing it
-        if error.errno in _NO_SPACE:
+        if error.errno in NO_SPACE:
             message = f"{error.filename or log or 'a file'}: cannot be written ({error.strerror})"
             return CallResult("no space", None, spent_s(), message)
         return CallResult("raised", None, spent_s(), _format_error(error))
