@@ -356,5 +356,5 @@ def test_an_empty_argument_is_one_sentence_and_nothing_is_written(tmp_path: Path
 def test_a_path_that_names_no_file_is_one_sentence(tmp_path: Path, arguments: tuple[str, ...]) -> None:
     done = twin(*arguments, cwd=tmp_path)
     refused(done, "is expected")
-    said = [line for line in done.stderr.splitlines() if line and not line.startswith("twin: to make: ")]
+    said = [line for line in done.stderr.splitlines() if line and not line.startswith("twin: planned: ")]
     assert len(said) == 1

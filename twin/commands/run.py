@@ -134,7 +134,7 @@ def _print_size(scenario: Scenario, *, images: bool) -> None:
     from twin.scenario.run_size import check_size, size_of
 
     check_size(scenario, images=images)
-    sys.stderr.write(f"twin: to make: {size_of(scenario, images=images)}\n")
+    sys.stderr.write(f"twin: planned: {size_of(scenario, images=images)}\n")
 
 
 _NOISE = ("off", "default", "worse")

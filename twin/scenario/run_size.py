@@ -32,16 +32,17 @@ _DEPTH_BYTES_PER_PIXEL = 0.77
 
 @dataclass(frozen=True)
 class RunSize:
-    """Size of runs: simulated seconds, people, observations, and approximate bytes of recording."""
+    """Size of a run: simulated seconds, people, observations, about how many bytes; of several, `people` is the most."""
 
     seconds: float = 0.0
     people: int = 0
     observations: int = 0
     n_bytes: float = 0.0
+    of_several: bool = False
 
     def __str__(self) -> str:
         return (
-            f"{self.seconds:g} s, {_counted(self.people, 'person', 'people')}, "
+            f"{self.seconds:g} s, {'at most ' * self.of_several}{_counted(self.people, 'person', 'people')}, "
             f"{_counted(self.observations, 'observation', 'observations')}, about {_bytes(self.n_bytes)}"
         )
 
@@ -69,6 +70,7 @@ def total(sizes: Iterable[RunSize]) -> RunSize:
         max((each.people for each in sizes), default=0),
         sum(each.observations for each in sizes),
         sum(each.n_bytes for each in sizes),
+        of_several=len(sizes) > 1,
     )
 
 

@@ -24,11 +24,13 @@ if TYPE_CHECKING:
 
 _MM = 1 / 25.4
 _WIDEST_MM, _HIGHEST_MM = 180.0, 215.0
+_BAR_MM = 6.0
+"""Height of the strip below the plan for the scale bar."""
 _SCALES = (10, 20, 25, 50, 100, 150, 200, 250, 500, 1000)
 _MARGIN_M = 0.4
 _WALL_M = 0.4
 """Thickness above which a wall is drawn as furniture [m]."""
-_SHORTEST_MM = 5.0
+_SHORTEST_MM = 9.0
 _TEXT_PT = 7.0
 """Size of all text on the plan."""
 _DOT_PT = 9.5
@@ -93,11 +95,10 @@ def floor_plan(
     from matplotlib.figure import Figure
 
     low, high = building.outline.min(axis=0) - _MARGIN_M, building.outline.max(axis=0) + _MARGIN_M
+    most_mm = np.array([_WIDEST_MM, _HIGHEST_MM - _BAR_MM])
+    scale = next((each for each in _SCALES if np.all(1000 * (high - low) / each <= most_mm)), _SCALES[-1])
+    low[1] -= _BAR_MM * scale / 1000
     size_m = high - low
-    scale = next(
-        (each for each in _SCALES if 1000 * size_m[0] / each <= _WIDEST_MM and 1000 * size_m[1] / each <= _HIGHEST_MM),
-        _SCALES[-1],
-    )
     width_mm, height_mm = 1000 * size_m / scale
     with plot_style():
         figure = Figure(figsize=(width_mm * _MM, height_mm * _MM))

@@ -79,7 +79,7 @@ def suite_progress() -> Iterator[ProgressListener]:
             failed=failed,
             warned=lambda warning: console.print(f"warning: {warning}", soft_wrap=True),
             state=state,
-            planned=lambda what: print(f"twin: to make: {what}", file=sys.stderr, flush=True),
+            planned=lambda what: print(f"twin: planned: {what}", file=sys.stderr, flush=True),
         )
 
 

@@ -268,7 +268,7 @@ def test_environment_on_the_command_line(house: House) -> None:
     ):
         done = house.twin(*command, "--environment", given)
         assert done.returncode == 2 and said in done.stderr, done.stderr
-        lines = [line for line in done.stderr.splitlines() if line.startswith("twin: ") and "to make" not in line]
+        lines = [line for line in done.stderr.splitlines() if line.startswith("twin: ") and "planned" not in line]
         assert len(lines) == 1
     assert not (house.folder / "other").exists() and not house.handed()
 

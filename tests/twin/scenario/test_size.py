@@ -70,7 +70,7 @@ def test_a_run_says_what_it_makes_and_writes_nothing_where_that_is_too_much(tmp_
     assert refused.returncode == 2 and "or --no-limits, is expected" in refused.stderr
     assert not list(tmp_path.iterdir())
     told = twin("render", "lab-five-people", "--duration", "0.1", "--no-images", "--no-video", cwd=tmp_path)
-    assert told.returncode == 0 and "twin: to make: 0.1 s, 5 people, 2 observations, about " in told.stderr
+    assert told.returncode == 0 and "twin: planned: 0.1 s, 5 people, 2 observations, about " in told.stderr
 
 
 def test_a_flag_lifts_the_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
