@@ -95,6 +95,13 @@ REPRODUCTIONS: Mapping[str, Reproduction] = {
         options=SUITE_OPTIONS | {"--runs"},
         beyond="beyond the paper",
     ),
+    "fusion": Reproduction(
+        "the tracker of all sensors beside the published systems, rig by rig, and with sensors taken away",
+        "twin.reproduce.fusion.reproduction",
+        n_seed=2,
+        options=SUITE_OPTIONS | {"--runs"},
+        beyond="subsets of sensors",
+    ),
     "gait": Reproduction(
         "how people load the floor", "twin.reproduce.gait.reproduction", n_seed=100, options=frozenset({"--data"})
     ),

@@ -198,14 +198,14 @@ def test_results_and_curves_share_their_replicates(runs):
 def test_bad_input_is_named(tmp_path):
     with pytest.raises(
         InputError,
-        match="'laser'; valid are laser-fisheye-imm, laser-vision-learning, camera-floor-particle, rgbd-head, gait",
+        match="'laser'; valid are laser-fisheye-imm, laser-vision-learning, camera-floor-particle, rgbd-head, fusion, gait",
     ):
         reproduce("laser")
     with pytest.raises(InputError, match="--seeds 1: .* 2 or more"):
         reproduce("laser-fisheye-imm", seeds=1)
     with pytest.raises(InputError, match="--runs 1: .* 2 or more"):
         reproduce("laser-fisheye-imm", runs=1)
-    with pytest.raises(InputError, match="camera-floor-particle, rgbd-head` only"):
+    with pytest.raises(InputError, match="camera-floor-particle, rgbd-head, fusion` only"):
         reproduce("gait", jobs=2)
     with pytest.raises(InputError, match="suite 'tables'"):
         reproduce("laser-fisheye-imm", suite="tables", out=tmp_path)
