@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from math import isfinite
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -77,6 +78,11 @@ def evaluate_with_details(
     OSPA (c = 1 m, p = 1) and GOSPA (c = 1 m, p = 2, α = 2) are means over frames. `judged` holds the n of the metrics.
     """
     _check_gate(gate_m)
+    if not isinstance(truth, TruthTable) or not isinstance(tracks, TrackTable):
+        raise InputError(
+            f"truth is a {type(truth).__name__} and tracks a {type(tracks).__name__}; a TruthTable (twin.read_truth) and a "
+            "TrackTable (twin.read_tracks), in this order, are expected"
+        )
     aligned = align(truth, tracks)
     frames = aligned.frames
     all_people = match_all_people(frames, gate_m)
@@ -125,8 +131,9 @@ def evaluate_with_details(
 
 def _check_gate(gate_m: float) -> None:
     """Raise InputError for a gate that is not a positive distance."""
-    if not (isfinite(gate_m) and gate_m > 0):
-        raise InputError(f"gate is {gate_m} m; a positive number of metres is expected")
+    is_number = isinstance(gate_m, Real) and not isinstance(gate_m, bool | np.bool_)
+    if not (is_number and isfinite(gate_m) and gate_m > 0):
+        raise InputError(f"gate is {gate_m!r} m; a positive number of metres is expected")
 
 
 def _matched_pairs(judged: Sequence[Frame], matches: Sequence[FrameMatches]) -> dict[str, NDArray[Any]]:

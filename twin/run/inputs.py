@@ -89,6 +89,13 @@ def import_from_here(typed: Iterable[str], *, files_trusted: bool = False) -> No
         sys.path.append(os.getcwd())  # last: the folder's content replaces nothing installed
 
 
+def listed(trackers: Sequence[str]) -> list[str]:
+    """Return names of trackers as a list; raises InputError for a text, whose letters would be names."""
+    if isinstance(trackers, str):
+        raise InputError(f"trackers {trackers!r}: a list of names is expected, as [{trackers!r}]")
+    return list(trackers)
+
+
 def choose(
     names: Sequence[str],
     defined: Mapping[str, TrackerChoice],

@@ -26,7 +26,7 @@ from twin.recording.truth_tables import DETAIL_FILES, detail_writer, feet_writer
 from twin.recording.writer import BagWriter
 from twin.report.page import RunFacts
 from twin.run.feed import Feed, open_feed
-from twin.run.inputs import NONE_TRUSTED, ChosenTracker, TrustedClasses, choose
+from twin.run.inputs import NONE_TRUSTED, ChosenTracker, TrustedClasses, choose, listed
 from twin.run.out_folder import OutFolder, out_folder
 from twin.run.outcome import (
     RunResult,
@@ -83,7 +83,7 @@ def run_scenario(
     """
     if not isinstance(scenario, Scenario):
         raise InputError(f"{scenario!r} is no Scenario; twin.load_scenario makes one of a name or file")
-    names = list(trackers) if trackers is not None else list(scenario.trackers) or [DEFAULT_TRACKER]
+    names = listed(trackers) if trackers is not None else list(scenario.trackers) or [DEFAULT_TRACKER]
     folder = Path(out) if out is not None else Path("out") / f"{scenario.name}-{scenario.seed}"
     source = source or f"scenario {scenario.name}"
     chosen = choose(names, scenario.trackers, source, trusted)

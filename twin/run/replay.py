@@ -37,6 +37,7 @@ from twin.run.inputs import (
     ChosenTracker,
     chosen_trackers,
     files_for,
+    listed,
     scenario_of,
 )
 from twin.run.out_folder import OutFolder, out_folder
@@ -90,11 +91,11 @@ def track_recording(
     the bag. Raises InputError for bad input, before anything is written, and PlugInError when every tracker has failed;
     where others are left, the result says which did.
     """
+    names = listed(trackers)
     recording, rig_path, out, bag_copy = Path(recording), _path(rig_path), _path(out), _path(bag_copy)
     bag = Recording(recording, rig_path)
     truth = _labels(Path(truth_path), bag) if truth_path is not None else None
     scenario = scenario_of(bag)
-    names = list(trackers)
     chosen = chosen_trackers(bag, scenario, names, changes)
     files, missing = files_for(bag, scenario, rig_path, changes)
     if bag_copy is not None:

@@ -13,6 +13,7 @@ from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from functools import cache
 from itertools import islice
 from multiprocessing import get_context
+from typing import Any
 
 import numpy as np
 import pytest
@@ -162,11 +163,20 @@ def test_simulation_with_images_is_iterated_in_one_thread_and_closed_in_another(
         (lambda: twin.Simulation("lab-five-people"), "twin.load_scenario makes one"),  # pyright: ignore[reportArgumentType]
         (lambda: twin.run_scenario("lab-five-people"), "twin.load_scenario makes one"),  # pyright: ignore[reportArgumentType]
         (lambda: twin.load_scenario("lab-five-people", "seed=3"), "a list of texts is expected"),
+        (lambda: twin.run_scenario(twin.load_scenario("pair"), trackers="sort"), r"expected, as \['sort'\]"),
+        (lambda: twin.track_recording("none.mcap", trackers="sort"), r"expected, as \['sort'\]"),
+        (lambda: twin.evaluate_tracks("truth.csv", "tracks.csv"), "twin.read_truth"),  # pyright: ignore[reportArgumentType]
     ],
 )
-def test_name_where_a_scenario_is_expected_is_refused_in_a_sentence(call: Callable[[], object], said: str) -> None:
+def test_what_is_not_what_is_expected_is_refused_in_a_sentence(call: Callable[[], object], said: str) -> None:
     with pytest.raises(twin.InputError, match=said):
         call()
+
+
+@pytest.mark.parametrize("seed", [None, 3.0, "3"])
+def test_stream_without_a_whole_seed_is_refused(seed: Any) -> None:
+    with pytest.raises(TypeError):
+        twin.stream(seed, "person", "ann")
 
 
 def test_warnings_of_a_run_are_pythons_where_nobody_asks_for_them(tmp_path) -> None:
