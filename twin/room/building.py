@@ -93,8 +93,7 @@ class Building:
                 if corners is not None:
                     solid |= Delaunay(corners, qhull_options="QJ").find_simplex(places_m) >= 0
                 continue
-            local = (places_m - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
-            solid |= within_geom(model.geom_type[geom], model.geom_size[geom], local, is_upright=is_upright(data, geom))
+            solid |= is_within(model, data, geom, places_m)
         return solid
 
     def is_walked(self, places_m: Array, below_m: float) -> Mask:
@@ -221,32 +220,48 @@ def check_mount(model: mujoco.MjModel, data: mujoco.MjData, field: str, xyz: NDA
     for geom in range(model.ngeom):
         if model.body_weldid[model.geom_bodyid[geom]] != 0 or model.geom_rgba[geom, 3] == 0:
             continue
-        local = (xyz - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
-        if within_geom(
-            model.geom_type[geom], model.geom_size[geom], local[None], is_upright=is_upright(data, geom)
-        ).any():
+        if is_within(model, data, geom, xyz[None]).any():
             thing = model.geom(geom).name or f"geom {geom}"
             where = f"[{xyz[0]:g}, {xyz[1]:g}, {xyz[2]:g}]"
             raise InputError(f"{field}: {where} is inside {thing!r} of the room; a point in free space is expected")
 
 
-def is_upright(data: mujoco.MjData, geom: int) -> bool:
-    """Return True where a geom's z axis is level."""
-    return bool(abs(data.geom_xmat[geom, 8]) < 0.5)
+def is_within(model: mujoco.MjModel, data: mujoco.MjData, geom: int, places_m: Array) -> Mask:
+    """Return a mask of the places (n, 3) [m] inside a geom; meshes and height fields count as empty.
 
-
-def within_geom(
-    kind: int, size: NDArray[np.float64], local: NDArray[np.float64], *, is_upright: bool = False
-) -> NDArray[np.bool_]:
-    """Return a mask (n,) of the points (n, 3), in the geom's frame, inside it; meshes and height fields count as empty.
-
-    is_upright: its z axis is level; a finite plane that stands so is a thin wall.
+    Behind a plane is inside it at any depth, but for an upright one with things behind it: a partition, which is thin.
     """
+    local = (places_m - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
+    inside = _within_shape(model.geom_type[geom], model.geom_size[geom], local)
+    if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE and inside.any() and _is_partition(model, data, geom):
+        inside &= local[:, 2] >= -PLANE_M
+    return inside
+
+
+def _is_partition(model: mujoco.MjModel, data: mujoco.MjData, plane: int) -> bool:
+    """Return True for a finite upright plane straight behind which something else stands."""
+    horizontal = np.hypot(data.geom_xmat[:, 2], data.geom_xmat[:, 5])  # component of each geom's z axis
+    if horizontal[plane] < _UPRIGHT or not model.geom_size[plane, :2].all():
+        return False
+    is_floor = (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) & (horizontal < _UPRIGHT)
+    for geom in np.flatnonzero(~is_floor & (model.geom_rgba[:, 3] > 0)).tolist():
+        if geom == plane:
+            continue
+        points = hull_points(model, data, geom)
+        if points is None:
+            continue
+        local = (points - data.geom_xpos[plane]) @ data.geom_xmat[plane].reshape(3, 3)
+        straight = (np.abs(local[:, :2]) <= model.geom_size[plane, :2]).all(axis=1)
+        if (straight & (local[:, 2] < -2 * PLANE_M)).any():
+            return True
+    return False
+
+
+def _within_shape(kind: int, size: NDArray[np.float64], local: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return a mask (n,) of the points (n, 3), in the geom's frame, inside it."""
     match kind:
         case mujoco.mjtGeom.mjGEOM_PLANE:
-            # One-sided: behind it is inside the wall, at any depth behind an endless one or a floor. A size of 0 means infinite.
-            deep = local[:, 2] < -PLANE_M if is_upright and size[:2].all() else np.zeros(len(local), dtype=bool)
-            return (local[:, 2] < 0) & ~deep & ((np.abs(local[:, :2]) <= size[:2]) | (size[:2] == 0)).all(axis=1)
+            return (local[:, 2] < 0) & ((np.abs(local[:, :2]) <= size[:2]) | (size[:2] == 0)).all(axis=1)
         case mujoco.mjtGeom.mjGEOM_BOX:
             return (np.abs(local) - size).max(axis=1) <= 0
         case mujoco.mjtGeom.mjGEOM_SPHERE:
