@@ -36,10 +36,10 @@ class HeadEvidenceOptions(Strict):
 
     samples: PositiveInt = Field(default=96, ge=8, le=4096, description="points at which a head's density is weighed")
     stays_s: float = Field(
-        default=0.3, gt=0, description="time constant in which a head forgets where it was from the body [s]"
+        default=0.6, gt=0, description="time constant in which a head forgets where it was from the body [s]"
     )
     over_body_m: float = Field(
-        default=0.02,
+        default=0.025,
         gt=0,
         description="standard deviation of an upright person's head over the pelvis, on each axis [m]",
     )

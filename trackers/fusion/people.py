@@ -17,7 +17,8 @@ from trackers.fusion.posture import Posture
 from trackers.tracking.appearance import Appearance
 from trackers.tracking.roster import NEVER_NS, ImmTracks, Roster
 
-_USUAL_STATURE_M = 1.7
+_USUAL_STATURE_M, _LEAST_STATURE_M = 1.7, 1.0
+"""Stature of a person of whom it is not known, and that of small children [m]: who is lower does not stand."""
 _SINKS, _SURE_M = 0.005, 0.06
 """Share by which a stature sinks to a lower head, and standard deviation of a height from which on one is known [m]."""
 _CROWN_M = 0.12
@@ -100,5 +101,5 @@ class People(ImmTracks):
         slowly = 1 - _SINKS * stands
         learned = np.where(crown > old, memory * old + (1 - memory) * crown, slowly * old + (1 - slowly) * crown)
         sure = self.heads.covariance[row, 2, 2] < _SURE_M**2
-        first = np.where((stands > 0.5) & sure, crown, np.nan)
+        first = np.where((stands > 0.5) & sure & (crown > _LEAST_STATURE_M), crown, np.nan)
         return self.changed(stature_m=written(self.stature_m, row, np.where(np.isnan(old), first, learned)))
