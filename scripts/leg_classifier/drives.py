@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from trackers.arrays import Array
 from trackers.frames.scan_matching import between, compose
-from trackers.observations import LaserScan
+from trackers.observations import NS_PER_S, LaserScan
 from twin.instant.snapshot import Snapshot
 from twin.streams import stream
 from twin.world.world import PoseCache
@@ -37,6 +37,12 @@ ROBOTS = 3
 DRIVE_S = 12.0
 _STANDS, _NO_PERSON = 0.25, 0.25
 """Share of scanners that do not drive, and of those that nobody is near."""
+RATES_HZ = (3.0, 40.0)
+"""Rates of scanners, drawn by their logarithm."""
+_JITTER, _DRIFT_PPM = 0.05, 1000.0
+"""Deviation of stamps from when a sweep began, in periods, and the most by which the clock of a robot is fast or slow."""
+_STEP_S = 0.05
+"""Time from pose to pose of the way, and of odometry."""
 _SECTORS = 6
 """Parts of a sweep, each from where the scanner is by then."""
 _CLEAR_M = 0.3
@@ -44,7 +50,10 @@ _CLEAR_M = 0.3
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """One sweep of a drive: the scan, the scanner's pose (3,) at its stamp and by odometry, and people's places (p, 2) by id."""
+    """One sweep of a drive: the scan, the scanner's pose (3,) as it begins, and people's places (p, 2) by id.
+
+    odometry: poses that were told since the sweep before, (k, 4): the stamp [s], x, y [m] and yaw.
+    """
 
     scan: LaserScan
     leg: NDArray[np.int16]  # that each beam met: 2 id, 2 id + 1 for the right one; 0: none
@@ -59,16 +68,19 @@ class Sweep:
         return np.bincount(self.leg // 2, minlength=int(self.ids.max(initial=0)) + 1)[self.ids]
 
 
-def drives(seed: int, *, people: bool | None = None, is_driving: bool | None = None) -> Iterator[list[Sweep]]:
-    """Yield the drive of each robot in the room of a seed; people, is_driving: drawn where they are None."""
+def drives(
+    seed: int, *, people: bool | None = None, is_driving: bool | None = None, rate_hz: float | None = None
+) -> Iterator[list[Sweep]]:
+    """Yield the drive of each robot in the room of a seed; people, is_driving, rate_hz: drawn where they are None."""
     rng = stream(seed, "leg drives", "")
     with tempfile.TemporaryDirectory() as folder:
         world, area, is_wide = drawn_world(seed, Path(folder), rng, DRIVE_S)
-    rate_hz = rng.uniform(7, 20)
-    times = np.arange(0.3, DRIVE_S - 0.2, 1 / rate_hz)
+    slowest, fastest = np.log(RATES_HZ).tolist()
+    drawn_hz = np.exp(rng.uniform(slowest, fastest, ROBOTS))
+    times = [np.arange(0.3, DRIVE_S - 0.2, 1 / each) for each in (drawn_hz if rate_hz is None else [rate_hz] * ROBOTS)]
     world.pose_cache = PoseCache(world.scene.person_of_geom)
-    moments = [people_in(of_legs(world.snapshot(float(t)))) for t in times]
-    legs_at = np.concatenate([legs for _, _, legs in moments])
+    moments = {t: people_in(of_legs(world.snapshot(t))) for t in np.unique(np.concatenate(times)).tolist()}
+    legs_at = np.concatenate([legs for _, _, legs in moments.values()])
     trousers_m = drawn_trousers_m(rng)
     for robot in range(ROBOTS):
         own = stream(seed, "leg drive", str(robot))
@@ -78,16 +90,22 @@ def drives(seed: int, *, people: bool | None = None, is_driving: bool | None = N
         scanner = Scanner.drawn(own)
         poses = _way(world.empty_snapshot(0.0), clutter, area, scanner.height_m, own)
         poses = poses if drive else np.tile(poses[:1], (len(poses), 1))
-        sweep_s = own.uniform(0.5, 0.9) / rate_hz
-        odometry = list(_odometry(np.stack([_at(poses, t) for t in times]), own))
-        empty, sweeps = of_legs(world.empty_snapshot(0.0)), []
-        for k, t in enumerate(times.tolist()):
+        period_s = float(np.diff(times[robot][:2])[0])
+        sweep_s, pace = own.uniform(0.5, 0.9) * period_s, 1 + 1e-6 * own.uniform(-_DRIFT_PPM, _DRIFT_PPM)
+        told = np.column_stack([_STEP_S * pace * np.arange(len(poses)), np.stack(list(_odometry(poses, own)))]).astype(
+            float
+        )
+        empty, sweeps, before = of_legs(world.empty_snapshot(0.0)), [], -np.inf
+        for t in times[robot].tolist():
             snapshot = replace(world.snapshot(t), person_of_geom=empty.person_of_geom) if there else empty
             scenes = (snapshot, clutter, worn_by(snapshot, trousers_m)) if there else (snapshot, clutter)
             sectors = np.stack([_at(poses, t + sweep_s * (each + 0.5) / _SECTORS) for each in range(_SECTORS)])
-            scan, leg = scanned(scenes, scanner, sectors, own, round(t * 1e9), sweep_s)
-            ids, places, _ = moments[k] if there else (np.empty(0, np.int16), np.empty((0, 2)), None)
-            sweeps.append(Sweep(scan, leg, _at(poses, t), odometry[k], ids, places))
+            stamp_s = t * pace + _JITTER * period_s * own.normal()
+            scan, leg = scanned(scenes, scanner, sectors, own, round(stamp_s * NS_PER_S), sweep_s)
+            ids, places, _ = moments[t] if there else (np.empty(0, np.int16), np.empty((0, 2)), None)
+            since = told[(told[:, 0] > before) & (told[:, 0] <= stamp_s)]
+            before = stamp_s
+            sweeps.append(Sweep(scan, leg, _at(poses, t), since, ids, places))
         yield sweeps
 
 
@@ -101,26 +119,26 @@ def _odometry(poses: Array, rng: np.random.Generator) -> Iterator[Array]:
 
 
 def _at(poses: Array, t: float) -> Array:
-    """Interpolate poses that are 0.05 s apart."""
-    place = min(max(t / 0.05, 0.0), len(poses) - 1.001)
+    """Interpolate poses that are `_STEP_S` apart."""
+    place = min(max(t / _STEP_S, 0.0), len(poses) - 1.001)
     first, share = int(place), place - int(place)
     return compose(poses[first], share * between(poses[first], poses[first + 1]))
 
 
 def _way(empty: Snapshot, clutter: Snapshot, area: Array, height_m: float, rng: np.random.Generator) -> Array:
-    """Drive from place to place where nothing stands, turning on the way; poses (n, 3) 0.05 s apart."""
+    """Drive from place to place where nothing stands, turning on the way; poses (n, 3) `_STEP_S` apart."""
     speed, turn = rng.uniform(0.3, 1.2), rng.uniform(0.5, 1.2)
     places = places_in(area, 60, rng)
     here = places[0]
     yaw = rng.uniform(-np.pi, np.pi)
     poses = [np.array([*here, yaw])]
     aim = None
-    while len(poses) < DRIVE_S / 0.05 + 20:
+    while len(poses) < DRIVE_S / _STEP_S + 20:
         if aim is None:
             drawn = places[rng.permutation(len(places))]
             aim = next((each for each in drawn if _is_free(empty, clutter, here, each, height_m)), None)
             if aim is None:
-                poses.append(compose(poses[-1], np.array([0, 0, 0.05 * turn])))
+                poses.append(compose(poses[-1], np.array([0, 0, _STEP_S * turn])))
                 here = poses[-1][:2]
                 continue
         off = aim - here
@@ -129,9 +147,9 @@ def _way(empty: Snapshot, clutter: Snapshot, area: Array, height_m: float, rng: 
             aim = None
             continue
         error = (np.arctan2(off[1], off[0]) - yaw + np.pi) % (2 * np.pi) - np.pi
-        yaw += float(np.clip(error, -0.05 * turn, 0.05 * turn))
+        yaw += float(np.clip(error, -_STEP_S * turn, _STEP_S * turn))
         if abs(error) < 0.6:
-            here = here + min(0.05 * speed, to_go) * np.array([np.cos(yaw), np.sin(yaw)])
+            here = here + min(_STEP_S * speed, to_go) * np.array([np.cos(yaw), np.sin(yaw)])
         poses.append(np.array([*here, yaw]))
     return np.array(poses)
 

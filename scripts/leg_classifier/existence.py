@@ -16,11 +16,11 @@ from trackers.filters.gating import distances, max_weight_assignment
 from trackers.frames.scan_matching import compose, inverse, placed
 from trackers.laser_legs.evidence import TRACK_FEATURES
 from trackers.laser_legs.tracker import LaserLegs
-from trackers.observations import Odometry
+from trackers.observations import NS_PER_S, Odometry
 from trackers.rig import LaserSensor, OdometrySensor, Rig
 
-_EVERY = 2
-"""Scans of which the tracks of one are taken; those between are much the same."""
+_EVERY_S = 0.2
+"""Time from scans whose tracks are taken to the next ones; those between are much the same."""
 _ON_M = 0.45
 _GATE_M = 0.5
 _LEAST_BEAMS = 3
@@ -38,9 +38,11 @@ def track_samples(seed: int) -> TrackSamples:
     """Track the drives in the room of a seed."""
     features, is_person = [np.empty((0, len(TRACK_FEATURES)))], [np.empty(0, np.bool_)]
     for robot in tracked(seed):
-        for place, (sweep, tracker) in enumerate(robot):
-            if place % _EVERY or len(tracker.roster) == 0:
+        next_ns = 0
+        for sweep, tracker in robot:
+            if sweep.scan.stamp_ns < next_ns or len(tracker.roster) == 0:
                 continue
+            next_ns = sweep.scan.stamp_ns + round(_EVERY_S * NS_PER_S)
             updated = len(tracker.features)
             features.append(tracker.features[:updated])
             is_person.append(_of_people(in_room(tracker, sweep, tracker.places()[:updated]), sweep))
@@ -48,18 +50,23 @@ def track_samples(seed: int) -> TrackSamples:
 
 
 def tracked(
-    seed: int, *, people: bool | None = None, is_driving: bool | None = None, **options: Any
+    seed: int,
+    *,
+    people: bool | None = None,
+    is_driving: bool | None = None,
+    rate_hz: float | None = None,
+    **options: Any,
 ) -> Iterator[Iterator[tuple[Sweep, LaserLegs]]]:
     """Yield each robot's sweeps, and the tracker once it has taken them.
 
-    Every other robot tells its odometry; by the rigs of the others the scanner stands where it begins. Of every third pair of
-    robots every other sweep is left out, so that scanners are slow, too.
+    Every other robot tells its odometry; by the rigs of the others the scanner stands where it begins.
     """
-    for robot, sweeps in enumerate(drives(seed, people=people, is_driving=is_driving), start=ROBOTS * seed):
-        has_odometry, is_slow = robot % 2 == 0, robot // 2 % 3 == 0
+    every = drives(seed, people=people, is_driving=is_driving, rate_hz=rate_hz)
+    for robot, sweeps in enumerate(every, start=ROBOTS * seed):
+        has_odometry = robot % 2 == 0
         given: dict[str, Any] = {"report_in": "matched", **options}
         tracker = LaserLegs(_rig(sweeps[0].pose, has_odometry), **given)
-        yield _taken(sweeps[:: 2 if is_slow else 1], tracker, has_odometry)
+        yield _taken(sweeps, tracker, has_odometry)
 
 
 def _rig(pose: Array, has_odometry: bool) -> Rig:
@@ -74,8 +81,9 @@ def _rig(pose: Array, has_odometry: bool) -> Rig:
 def _taken(sweeps: list[Sweep], tracker: LaserLegs, has_odometry: bool) -> Iterator[tuple[Sweep, LaserLegs]]:
     for sweep in sweeps:
         if has_odometry:
-            x, y, yaw = (float(each) for each in sweep.odometry)
-            tracker.update(Odometry("base", sweep.scan.stamp_ns, Pose(xyz=(x, y, 0), rpy=(0, 0, yaw)).matrix))
+            for t, x, y, yaw in sweep.odometry.tolist():
+                pose = Pose(xyz=(x, y, 0), rpy=(0, 0, yaw % (2 * np.pi)))
+                tracker.update(Odometry("base", round(t * NS_PER_S), pose.matrix))
         tracker.update(sweep.scan)
         yield sweep, tracker
 
@@ -105,13 +113,13 @@ class DriveCounts:
             setattr(self, name, getattr(self, name) + value)
 
 
-def counted(seed: int, *, people: bool) -> DriveCounts:
+def counted(seed: int, *, people: bool, rate_hz: float | None = None) -> DriveCounts:
     """Count the errors of scanners that drive; gate 0.5 m, last scan's pairs are kept.
 
     A person that fewer than `_LEAST_BEAMS` beams meet is not owed, and a track of them is not false.
     """
     counts = DriveCounts()
-    for robot in tracked(seed, people=people, is_driving=True):
+    for robot in tracked(seed, people=people, is_driving=True, rate_hz=rate_hz):
         last: dict[int, int] = {}
         for sweep, tracker in robot:
             _count(counts, last, sweep, tracker)

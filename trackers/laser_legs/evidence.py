@@ -23,9 +23,10 @@ TRACK_FEATURES = (
     "legs", "second_leg", "best_leg", "both", "looks_s", "missed", "farthest", "speed", "age", "range",
     "driven", "free_share", "free", "hit", "spread", "beside",
     "varies", "samples", "width", "width_varies", "around", "surprise", "gap", "last", "driving", "spacing", "near", "rival",
+    "gap_varies", "period",
 )  # fmt: skip
 """Names of what the forest is shown of a track, in their order."""
-SHOWN = ("look", "leg", "second_leg", "both", "leg²", "samples", "width", "width²", "around", "surprise", "gap")
+SHOWN = ("look", "leg", "second_leg", "both", "leg²", "samples", "width", "width²", "around", "surprise", "gap", "gap²")
 """Names of what a look adds to a track's sums, in their order."""
 MEMORY_S = 1.0
 """Time over which looks are summed [s]."""
@@ -91,17 +92,19 @@ class LegTracks(Rows):
 
     def features(
         self, places: Float[Array, "n 2"], speed: Float[Array, "n"], spread: Float[Array, "n"], age: Float[Array, "n"],
-        scanner: Float[Array, "2"], driving: float, step_rad: float,
+        scanner: Float[Array, "2"], driving: float, step_rad: float, period_s: float,
     ) -> Float[Array, "n features"]:  # fmt: skip
         """Return `TRACK_FEATURES` of the tracks at these places [m].
 
-        scanner: where it is [m]; driving: its speed [m/s] and turn rate [rad/s] together; step_rad: between its beams.
+        scanner: where it is [m]; driving: its speed [m/s] and turn rate [rad/s] together; step_rad: between its beams;
+        period_s: since the scan before, for a slow scanner says as much about a track in one look as a fast one in many.
         """
         look, *others = self.sums.T
-        leg, second, both, square, samples, width, width_square, around, surprise, _ = (
+        leg, second, both, square, samples, width, width_square, around, surprise, *_ = (
             each / np.maximum(look, 1e-6) for each in others
         )
-        gap = self.sums[:, -1] / np.maximum(self.sums[:, SHOWN.index("both")], 1e-6)
+        both_s = np.maximum(self.sums[:, SHOWN.index("both")], 1e-6)
+        gap, gap_square = (self.sums[:, SHOWN.index(name)] / both_s for name in ("gap", "gap²"))
         apart = distances(places, places)
         better = (self.log_odds > self.log_odds[:, None]) | (
             (self.log_odds == self.log_odds[:, None]) & (age > age[:, None])
@@ -115,4 +118,5 @@ class LegTracks(Rows):
             np.log1p(self.hit), spread, beside, np.sqrt(np.maximum(square - leg**2, 0)), samples, width,
             np.sqrt(np.maximum(width_square - width**2, 0)), around, surprise, gap, self.last,
             np.full(len(self), driving), away * step_rad, (apart < _NEAR_M).sum(axis=1) - 1.0, rival,
+            np.sqrt(np.maximum(gap_square - gap**2, 0)), np.full(len(self), min(period_s, MEMORY_S)),
         ])  # fmt: skip

@@ -239,6 +239,7 @@ class LaserLegs(SynchronizedTracker):
             frame.pose[:2],
             frame.driving,
             step_rad,
+            elapsed,
         )
         verdict = self._existence.score(self.features)
         follow = 1 - np.exp(-max(elapsed, 1e-3) / _EXISTENCE_S)
@@ -320,10 +321,11 @@ def _shown(
         ((distances(places[first], places) < _AROUND_M) & strong).sum(axis=1) - strong[first] - (both & strong[second])
     )
     width = legs.width_m[first]
+    gap = np.where(both, np.hypot(*(places[first] - places[second]).T), 0.0)
     return np.column_stack([
         np.ones(len(first)), evidence[first], np.where(both, evidence[second], NO_LEG), both.astype(float), evidence[first] ** 2,
         np.log2(legs.n_sample[first]), width, width**2, around, surprise,
-        np.where(both, np.hypot(*(places[first] - places[second]).T), 0.0),
+        gap, gap**2,
     ])  # fmt: skip
 
 
