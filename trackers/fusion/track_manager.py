@@ -17,7 +17,7 @@ from trackers.filters.negative_information import (
     update_missed,
 )
 from trackers.filters.rows import written
-from trackers.fusion.association import LEAST_EXISTENCE
+from trackers.fusion.association import EXPLAINED, LEAST_EXISTENCE, explained, fused
 from trackers.fusion.identity import reidentified
 from trackers.fusion.look import Look, round_covariance
 from trackers.fusion.options import FusionOptions, KindOptions
@@ -26,6 +26,8 @@ from trackers.fusion.posture import LAIN_M, LENGTH_M
 from trackers.observations import NS_PER_S
 from trackers.tracking.track_manager import TrackManager, clear_of, nanoseconds
 
+_START_SPEED_M_S, _UNKNOWN_M = 1.0, 3.0
+"""Standard deviations of the speed [m/s] and of the place [m] of a person before the first measurement."""
 _FRESH_S = 0.25
 """A track measured no longer ago is confirmed, else it coasts [s]."""
 _SURE = 0.9
@@ -53,6 +55,56 @@ class FusionTrackManager(TrackManager):
         super().__init__(options.track_management, corners)
         self._rules, self._step_s, self._imm = options.track_management, options.step_s, imm
         self._identity = options.identity
+        self._next_serial = 1
+
+    def initiated(self, people: People, looks: dict[int, Look], paired: list[Int[Index, "p"]], ns: int) -> People:
+        """Return the tracks and those that begin at measurements that no track explains, one of each person."""
+        place, number, R, near = [], [], [], [people.positions]
+        for (source, look), column in zip(looks.items(), paired, strict=True):
+            start = look.starts & ~explained(people, look) & self.clear_of_seats(people, look.position)
+            start[column] = False
+            near.append(look.position[column])
+            place.append(look.position[start])
+            number.append(np.full(start.sum(), source))
+            R.append(look.covariance[start])
+        place, number, R = np.concatenate(place), np.concatenate(number), np.concatenate(R)
+        free = self.may_start(place, np.concatenate(near))
+        for k in np.lexsort((*place.T, R.trace(axis1=1, axis2=2))):  # the sharpest first
+            if free[k]:
+                off = place - place[k]
+                same = np.einsum("ka,kab,kb->k", off, np.linalg.inv(R + R[k]), off) < EXPLAINED**2
+                _, own = np.unique(np.where(same & free, number, -1), return_index=True)
+                own = np.union1d(own[(same & free)[own]], [k])
+                people = people.joined(self._started(people, place[own], R[own], ns, number[own], looks))
+                free &= ~same & self.may_start(place, place[[k]])
+        return people
+
+    def _started(
+        self,
+        others: People,
+        place: Float[Array, "k 2"],
+        R: Float[Array, "k 2 2"],
+        ns: int,
+        number: Int[Index, "k"],
+        looks: dict[int, Look],
+    ) -> People:
+        """Make a tentative track of measurements by sources, each with a covariance."""
+        one = np.zeros(len(place), np.intp)
+        row, at, covariance = fused(one, place, R)
+        state = self._imm.start(at, None, _UNKNOWN_M**2, _START_SPEED_M_S**2)
+        people = People.started(
+            self._imm.update(state, row, at, covariance),
+            at,
+            ns,
+            others.clothes.reference.shape[1],
+            self._n_source(others),
+            self._next_serial,
+        )
+        self._next_serial += 1
+        people.seen_ns[0, number], people.seen_at[0, number] = ns, place
+        roster = people.roster.changed(n_measured=np.array([len(place)]))
+        existence = np.array([self.existence_of_new([looks[k].kind.p_detect for k in number[1:].tolist()])])
+        return people.changed(roster=roster, existence=existence)
 
     def after_gap(self, people: People, last_ns: int, ns: int) -> People:
         """Return the tracks still followed at a look; none after a gap in all sensors longer than `coast_s`."""

@@ -26,7 +26,7 @@ from trackers.filters.motion import VelocityMotion
 from trackers.filters.negative_information import radius_containing
 from trackers.filters.rows import written
 from trackers.fusion.agreement import Agreement
-from trackers.fusion.association import EXPLAINED, Pairs, explained, fused, pairs
+from trackers.fusion.association import Pairs, fused, pairs
 from trackers.fusion.cameras import Camera, cameras_of
 from trackers.fusion.floors import FusedFloor
 from trackers.fusion.heads import HeadWeighing, own
@@ -47,8 +47,6 @@ from trackers.vision.head_colours import SHIPPED, load_head_model
 
 logger = logging.getLogger(__name__)
 
-_START_SPEED_M_S, _UNKNOWN_M = 1.0, 3.0
-"""Standard deviations of the speed [m/s] and of the place [m] of a person before the first measurement."""
 _LEAST_SHARE = 0.02
 _LEAN_M, _FEET_M = 0.2, 0.35
 """Standard deviation, on each axis, of what is seen of a sitting person, and stood on, from the pelvis [m]."""
@@ -101,10 +99,8 @@ class Fusion(SynchronizedTracker):
             SyncPolicy(tuple(rig.sensors), main=self._main, within_s=0.0, max_wait_s=self.options.max_wait_s)
         )
         self._sees_waists = bool(self._scanners) and self._scanners[0].role == "waist"
-        self._n_colour = cameras[0].n_colour if cameras else 1
-        self._next_serial = 1
-        no_track = self._imm.start(np.empty((0, 2)))
-        self._people = People.started(no_track, np.empty((0, 2)), 0, self._n_colour, len(self._sources), 0)
+        no_track, n_colour = self._imm.start(np.empty((0, 2))), cameras[0].n_colour if cameras else 1
+        self._people = People.started(no_track, np.empty((0, 2)), 0, n_colour, len(self._sources), 0)
         self._ns: int | None = None
         self._looked_ns: dict[int, int] = {}
         self._main_ns: list[int] = []
@@ -216,30 +212,8 @@ class Fusion(SynchronizedTracker):
             if not doubted[number]:
                 shown = written(np.zeros(len(people), np.bool_), row, True)
                 people = self._manager.updated_missed(people, look, shown, share[number], elapsed_s[number], ns)
-        people = self._initiated(people, looks, [column for _, column, _ in paired], ns)
+        people = self._manager.initiated(people, looks, [column for _, column, _ in paired], ns)
         self._people = self._manager.confirmed(people, ns, max(elapsed_s.values()))
-
-    def _initiated(self, people: People, looks: dict[int, Look], paired: list[Int[Index, "p"]], ns: int) -> People:
-        """Return the tracks and those that begin at measurements that no track explains, one of each person."""
-        place, number, R, near = [], [], [], [people.positions]
-        for (source, look), column in zip(looks.items(), paired, strict=True):
-            start = look.starts & ~explained(people, look) & self._manager.clear_of_seats(people, look.position)
-            start[column] = False
-            near.append(look.position[column])
-            place.append(look.position[start])
-            number.append(np.full(start.sum(), source))
-            R.append(look.covariance[start])
-        place, number, R = np.concatenate(place), np.concatenate(number), np.concatenate(R)
-        free = self._manager.may_start(place, np.concatenate(near))
-        for k in np.lexsort((*place.T, R.trace(axis1=1, axis2=2))):  # the sharpest first
-            if free[k]:
-                off = place - place[k]
-                same = np.einsum("ka,kab,kb->k", off, np.linalg.inv(R + R[k]), off) < EXPLAINED**2
-                _, own = np.unique(np.where(same & free, number, -1), return_index=True)
-                own = np.union1d(own[(same & free)[own]], [k])
-                people = people.joined(self._started(place[own], R[own], ns, number[own], looks))
-                free &= ~same & self._manager.may_start(place, place[[k]])
-        return people
 
     def _compare(
         self,
@@ -365,27 +339,6 @@ class Fusion(SynchronizedTracker):
         height_m, spread_m2 = people.posture.head_height(people.stature)
         flat_m2 = self.options.head.over_body_m**2 * people.posture.shown(OFF_BODY)
         return height_m, np.column_stack([flat_m2, flat_m2, spread_m2 + self._unsure_m2(people)])
-
-    def _started(
-        self,
-        place: Float[Array, "k 2"],
-        R: Float[Array, "k 2 2"],
-        ns: int,
-        number: Int[Index, "k"],
-        looks: dict[int, Look],
-    ) -> People:
-        """Make a tentative track of measurements by sources, each with a covariance."""
-        one = np.zeros(len(place), np.intp)
-        row, at, covariance = fused(one, place, R)
-        state = self._imm.start(at, None, _UNKNOWN_M**2, _START_SPEED_M_S**2)
-        people = People.started(
-            self._imm.update(state, row, at, covariance), at, ns, self._n_colour, len(self._sources), self._next_serial
-        )
-        self._next_serial += 1
-        people.seen_ns[0, number], people.seen_at[0, number] = ns, place
-        roster = people.roster.changed(n_measured=np.array([len(place)]))
-        existence = np.array([self._manager.existence_of_new([looks[k].kind.p_detect for k in number[1:].tolist()])])
-        return people.changed(roster=roster, existence=existence)
 
 
 def _is_fixed(sensor: RigSensor) -> bool:
