@@ -80,7 +80,7 @@ def _ranked(name: str, rows: Array) -> Iterator[Figure]:
     """Yield Spearman's rank correlation of all trackers, of those that no twin taught, and how far their F1 are apart."""
     untaught = [place for place, tracker in enumerate(TRACKERS) if tracker not in TAUGHT_BY_TWINS]
     for which, some in (("all trackers", rows), ("trackers that no twin taught", rows[untaught])):
-        value = float(spearmanr(some[:, 0], some[:, 1]).statistic)
+        value = round(float(spearmanr(some[:, 0], some[:, 1]).statistic), 9)  # a fraction, so that 0.9 is 0.9
         yield Figure(f"{name}: rank correlation of {len(some)}, {which}", value, "", ">= 0.9")
         apart = float(np.abs(some[:, 1] - some[:, 0]).mean())
         yield Figure(f"{name}: mean difference of F1, {which}", apart, "", "")
