@@ -1,7 +1,7 @@
 """From foreground samples to clusters: split where neighbouring samples jump, one representative point each.
 
-All in the scanner's frame (x ahead, y left), samples in order of angle. In a full turn the first beam follows the last, and
-a cluster may cross the seam.
+Clusters are in the scanner's frame (x ahead, y left), the detections made of them in the room's. Samples are in order of
+angle. In a full turn the first beam follows the last, and a cluster may cross the seam.
 """
 
 from __future__ import annotations
@@ -177,3 +177,34 @@ def _hidden(
 def _none() -> Clusters:
     index, number, mask = np.empty(0, np.intp), np.empty(0), np.empty(0, np.bool_)
     return Clusters(index, index, index, np.empty((0, 2)), number, number, mask, mask)
+
+
+@dataclass(frozen=True, eq=False)
+class Detections(Rows):
+    """k detections in front of the room in the scans of one frame; positions are in the room frame."""
+
+    position: Float[Array, "k 2"]  # of the body's or leg's axis [m]
+    variance_m2: Float[Array, "k"]  # of the position on each axis, beyond the measurement noise
+    n_sample: Int[Index, "k"]  # of all scanners
+    width_m: Float[Array, "k"]
+    range_m: Float[Array, "k"]  # from the first scanner that detects it to the middle of the samples
+    angle: Float[Array, "k 2"]  # of the first sample and the last in that scanner's frame [rad]
+    scanner: Bool[Mask, "k s"]  # which of s scanners detect it
+
+    def of_scanner(self, column: int, n_scanner: int) -> Detections:
+        """Return the detections as one of several scanners'."""
+        scanner = np.zeros((len(self), n_scanner), np.bool_)
+        scanner[:, column] = True
+        return self.changed(scanner=scanner)
+
+    def sight_lines(self, origins: Float[Array, "s 2"]) -> Float[Array, "k s 2"]:
+        """Return unit vectors to the detections from the scanners, at `origins` [m], that detect them; 0 from the others."""
+        along = self.position[:, None] - origins
+        length_m = np.maximum(np.hypot(along[..., 0], along[..., 1]), 1e-9)
+        return along * (self.scanner / length_m)[..., None]
+
+    @classmethod
+    def none(cls, n_scanner: int = 1) -> Detections:
+        """No detections."""
+        nothing, by_none = np.empty(0), np.empty((0, n_scanner), np.bool_)
+        return cls(np.empty((0, 2)), nothing, np.empty(0, np.intp), nothing, nothing, np.empty((0, 2)), by_none)

@@ -23,7 +23,7 @@ from trackers.errors import InputError
 from trackers.filters.gating import distances, global_nearest_neighbour
 from trackers.filters.motion import MEASUREMENT_VARIANCE_M2
 from trackers.filters.rows import Rows
-from trackers.laser.detections import Detections
+from trackers.laser.clusters import Detections
 from trackers.laser.grouping import PAIR_M, STRIDE_M, pair_off, take_legs
 from trackers.laser.layer import KneeOptions, LaserLayer, LayerOptions, WaistOptions
 from trackers.observations import LaserScan, Observation

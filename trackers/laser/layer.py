@@ -13,8 +13,15 @@ from trackers.arrays import Array, Mask
 from trackers.configuration import Strict, described
 from trackers.laser.background import BackgroundOptions, KnownBackground, LearnedBackground, returns
 from trackers.laser.bearings import DetectionModel, DetectionOptions, beams_of_turn, counter_clockwise
-from trackers.laser.clusters import ClusterOptions, Clusters, directions, find_clusters, padded_ranges, pushed_back
-from trackers.laser.detections import Detections
+from trackers.laser.clusters import (
+    ClusterOptions,
+    Clusters,
+    Detections,
+    directions,
+    find_clusters,
+    padded_ranges,
+    pushed_back,
+)
 from trackers.laser.grouping import trunks
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float
 from trackers.area import Area
 from trackers.arrays import Array, Mask
 from trackers.errors import InputError
-from trackers.laser.detections import Detections
+from trackers.laser.clusters import Detections
 from trackers.laser.group import ScannerGroup, scanners_by_role
 from trackers.laser_fisheye_imm.options import TORSO_HISTOGRAM, LaserFisheyeImmOptions
 from trackers.observations import Image, Observation

@@ -17,7 +17,7 @@ from trackers.arrays import Array, Index, Mask
 from trackers.configuration import Strict
 from trackers.filters.gating import distances, mahalanobis_distances, validation_region
 from trackers.filters.imm import ImmState
-from trackers.laser.detections import Detections
+from trackers.laser.clusters import Detections
 from trackers.laser.grouping import PAIR_M, STRIDE_M, pair_off, take_legs
 
 

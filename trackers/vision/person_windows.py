@@ -23,7 +23,7 @@ from trackers.arrays import Array, Mask
 from trackers.cameras.placed import PlacedCamera
 from trackers.configuration import Strict
 from trackers.filters.rows import Rows
-from trackers.laser.detections import Detections
+from trackers.laser.clusters import Detections
 from trackers.rig import FisheyeSensor, LaserSensor, PinholeSensor, placed_camera
 
 HEIGHT_M, DEPTH_M = 1.75, 0.5

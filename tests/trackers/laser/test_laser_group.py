@@ -8,7 +8,7 @@ import pytest
 from synthetic_room import Walk, empty_room, observe, rig, scan, score, straight_walk
 
 from trackers.feeding import track_frames
-from trackers.laser.detections import Detections
+from trackers.laser.clusters import Detections
 from trackers.laser.group import ScannerGroup, fused, scanners_by_role
 from trackers.laser.layer import KneeOptions, LaserLayer, WaistOptions
 from trackers.observations import NS_PER_S

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from trackers.filters.imm import Imm
-from trackers.laser.detections import Detections
+from trackers.laser.clusters import Detections
 from trackers.laser_fisheye_imm.association import Association, Matches
 from trackers.laser_fisheye_imm.detection import Seen
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions

@@ -7,7 +7,7 @@ import pytest
 from synthetic_room import empty_room, rig
 from test_laser_fisheye_association import detections
 
-from trackers.laser.detections import Detections
+from trackers.laser.clusters import Detections
 from trackers.laser_fisheye_imm.detection import Seen
 from trackers.laser_fisheye_imm.people import LegPosture, PostureOptions
 from trackers.laser_fisheye_imm.tracker import LaserFisheyeImm

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from synthetic_room import INTRINSICS, SHIRTS, camera_pose, image, rig, straight_walk
 
-from trackers.laser.detections import Detections
+from trackers.laser.clusters import Detections
 from trackers.rig import FisheyeSensor
 from trackers.vision.histogram import ColourHistogram, HistogramOptions, chi_squared_distance, updated_reference
 from trackers.vision.person_windows import TorsoOptions, TorsoProjector

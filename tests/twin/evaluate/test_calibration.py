@@ -6,7 +6,7 @@ import pytest
 from trackers.filters.imm import Imm, ImmState
 from trackers.filters.motion import AGILE, VelocityMotion
 from trackers.filters.negative_information import probability_within, radius_containing
-from trackers.laser.detections import Detections
+from trackers.laser.clusters import Detections
 from trackers.likelihood.legs import TrunkOptions, offset_variance_m2
 from trackers.tracks import Track, TrackFrame
 from twin.evaluate import evaluate_tracks
