@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import gc
 import os
 import re
 import resource
@@ -11,6 +12,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from types import FrameType
 
 import typer
@@ -65,6 +67,16 @@ def _importing(frame: FrameType | None) -> bool:
             return True
         frame = frame.f_back
     return False
+
+
+@contextmanager
+def loading() -> Iterator[None]:
+    """Import modules without searching for garbage meanwhile: they keep most of what they make."""
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
 
 
 _LEAST_MB = 200

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from trackers.errors import InputError
-from twin.commands.memory import exit_with_failures
+from twin.commands.memory import exit_with_failures, loading
 from twin.options import (
     AllowPlugins,
     Duration,
@@ -51,10 +51,17 @@ def run(
     verbose: Verbose = False,
 ) -> None:
     """Simulate, record, track, evaluate and report."""
-    from twin.console import print_metrics, print_paths, print_warning, progress
-    from twin.run.inputs import TrustedClasses, environment_change, import_from_here, typed_classes, typed_schedulers
-    from twin.run.live import run_scenario
-    from twin.scenario import load_scenario
+    with loading():
+        from twin.console import print_metrics, print_paths, print_warning, progress
+        from twin.run.inputs import (
+            TrustedClasses,
+            environment_change,
+            import_from_here,
+            typed_classes,
+            typed_schedulers,
+        )
+        from twin.run.live import run_scenario
+        from twin.scenario import load_scenario
 
     loaded = load_scenario(scenario, [*overrides(set_, seed, duration), *environment_change(environment)])
     _print_size(loaded, images=not no_images)
@@ -94,9 +101,10 @@ def render(
     verbose: Verbose = False,
 ) -> None:
     """Simulate and record only."""
-    from twin.console import print_paths, print_warning, progress
-    from twin.run.live import run_scenario
-    from twin.scenario import load_scenario
+    with loading():
+        from twin.console import print_paths, print_warning, progress
+        from twin.run.live import run_scenario
+        from twin.scenario import load_scenario
 
     loaded = load_scenario(scenario, overrides(set_, seed, duration))
     _print_size(loaded, images=not no_images)

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from twin.commands.memory import exit_with_failures
+from twin.commands.memory import exit_with_failures, loading
 from twin.options import Environment, NoLimits, NoVideo, Rig, Seed, Set, Trackers
 
 
@@ -35,10 +35,11 @@ def track(
     no_limits: NoLimits = False,
 ) -> None:
     """Track a recording: the twin's or a robot's."""
-    from twin.console import print_metrics, print_paths, print_warning, progress
-    from twin.evaluate.judged_frames import describe_judged
-    from twin.run.inputs import environment_change, import_from_here, typed_classes
-    from twin.run.replay import track_recording
+    with loading():
+        from twin.console import print_metrics, print_paths, print_warning, progress
+        from twin.evaluate.judged_frames import describe_judged
+        from twin.run.inputs import environment_change, import_from_here, typed_classes
+        from twin.run.replay import track_recording
 
     import_from_here([*typed_classes(set_ or []), *(tracker or [])])
     with progress() as report:
