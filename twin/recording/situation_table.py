@@ -23,7 +23,7 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from twin.recording.atomic_file import open_atomic
 from twin.recording.ros_messages import string_message
-from twin.recording.tables import CsvRows, Row, known, seconds_cell
+from twin.recording.tables import Row, cell, plain, seconds_cell
 from twin.tables.columns import read_csv_columns
 from twin.truth.frames import Separation, Situation, SituationKind
 
@@ -80,11 +80,12 @@ class SituationWriter:
     """Writer of situations as they end; made by `situation_writer`."""
 
     def __init__(self, stream: TextIO) -> None:
-        self._rows = CsvRows(stream, SITUATION_COLUMNS)
+        self._stream = stream
+        stream.write(",".join(SITUATION_COLUMNS) + "\n")
 
     def write(self, situation: Situation) -> None:
         """Write one situation; raises ValueError for a number that is infinite."""
-        self._rows.write([], [_row(situation, seconds_cell)])
+        self._stream.write(",".join(map(cell, _row(situation, seconds_cell).values())) + "\n")
 
 
 @contextmanager
@@ -143,7 +144,7 @@ def situation_table(situations: Iterable[Situation], source: str = "situations")
 
 def encode_situation(situation: Situation) -> memoryview:
     """Encode a `std_msgs/String` (CDR): a JSON list of one object, the columns of truth_situations.csv, null where unknown."""
-    return string_message([_row(situation, lambda ns: ns / NS_PER_S)])
+    return string_message([plain(_row(situation, lambda ns: ns / NS_PER_S))])
 
 
 def _row(situation: Situation, time: Callable[[int], float | str]) -> Row:
@@ -157,7 +158,7 @@ def _row(situation: Situation, time: Callable[[int], float | str]) -> Row:
         "end_t": time(situation.end_ns),
         "complete": int(situation.complete),
         "how": situation.how or None,
-        "least_m": known([situation.least_m])[0],
+        "least_m": float(situation.least_m),
     }
 
 

@@ -7,14 +7,12 @@ numbers are the shortest decimals that read back to the same float. Room frame, 
 
 from __future__ import annotations
 
-import csv
 import os
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from math import inf, isfinite, nan
+from math import isfinite, isnan, nan
 from numbers import Integral
-from operator import attrgetter
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -95,7 +93,10 @@ class TruthWriter:
 
     def write(self, frame: TruthFrame) -> None:
         """Write one frame; raises ValueError for a stamp not later than the last, a repeated id or a bad number."""
-        self._rows.write(frame.stamp_ns, frame.people, lambda person: person_row(person, self._sensors))
+        self._rows.write(frame.stamp_ns, frame.people, self._cells)
+
+    def _cells(self, person: PersonTruth) -> list[str]:
+        return [cell(value) for value in list(person_row(person, self._sensors).values())[1:]]
 
 
 class TrackWriter:
@@ -106,46 +107,26 @@ class TrackWriter:
 
     def write(self, frame: TrackFrame) -> None:
         """Write one frame; raises ValueError for a stamp not later than the last, a repeated id or a bad number."""
-        for track in frame.tracks:
-            if track.status not in STATUSES:
-                raise ValueError(f"track {track.id}: status {track.status!r} is none of {STATUSES}")
-        self._rows.write(frame.stamp_ns, frame.tracks, track_row)
+        self._rows.write(frame.stamp_ns, frame.tracks, self._cells)
+
+    @staticmethod
+    def _cells(track: Track) -> list[str]:
+        if track.status not in STATUSES:
+            raise ValueError(f"track {track.id}: status {track.status!r} is none of {STATUSES}")
+        return [cell(value) for value in list(track_row(track).values())[1:]]
 
 
-Value = float | str | Sequence[int] | None
-Row = dict[str, Value]
-"""A row of a table by its columns, null where unknown: the same in the file and in a message."""
-
-
-def known(numbers: Iterable[float]) -> list[float | None]:
-    """Return numbers as rows hold them: null for NaN; raises ValueError for an infinite one."""
-    found = [number if number == number else None for number in map(float, numbers)]  # NaN is not equal to itself
-    if inf in found or -inf in found:
-        raise ValueError("inf in a table; a finite number, or NaN for one that is not known, is needed")
-    return found
-
-
-def numbers_of(*names: str) -> Callable[[object], Row]:
-    """Return a function that reads these attributes of an object as a row holds them."""
-    read = attrgetter(*names)
-    return lambda entry: dict(zip(names, known(read(entry)), strict=True))
-
-
-_numbers_of_person, _numbers_of_track = numbers_of(*_TRUTH_NUMBERS), numbers_of(*_TRACK_NUMBERS)
-
-
-def person_row(person: PersonTruth, sensors: Collection[str]) -> Row:
+def person_row(person: PersonTruth, sensors: Iterable[str]) -> Row:
     """Return a person's row of `truth.csv` after t, with a column visible_<sensor> per sensor."""
-    shares = zip(sensors, known(person.visible.get(sensor, nan) for sensor in sensors), strict=True)
-    visible = {_VISIBLE + sensor: share for sensor, share in shares}
-    return {"id": person.id, **_numbers_of_person(person), "in_area": int(person.in_area), **visible}
+    numbers = {name: float(getattr(person, name)) for name in _TRUTH_NUMBERS}
+    visible = {_VISIBLE + sensor: person.visible.get(sensor, nan) for sensor in sensors}
+    return {"id": person.id, **numbers, "in_area": int(person.in_area), **visible}
 
 
 def track_row(track: Track) -> Row:
     """Return a track's row of `tracks/<tracker>.csv` after t."""
-    return {
-        "id": track.id, **_numbers_of_track(track), "status": track.status, "radius95_m": known([track.radius95_m])[0],
-    }  # fmt: skip
+    numbers = {name: float(getattr(track, name)) for name in _TRACK_NUMBERS}
+    return {"id": track.id, **numbers, "status": track.status, "radius95_m": float(track.radius95_m)}
 
 
 def person_of(row: Mapping[str, Any]) -> PersonTruth:
@@ -279,27 +260,16 @@ def track_table(frames: Iterable[TrackFrame], source: str = "tracks") -> TrackTa
     return TrackTable(source, frame_stamps, stamps, ids, **dict[str, Any](numbers), status=status)
 
 
-class CsvRows:
-    """Writer of a CSV table whose rows begin with the same cells in one frame; empty cells for null."""
-
-    def __init__(self, stream: TextIO, columns: Sequence[str]) -> None:
-        self._write, self._n_column = csv.writer(stream, lineterminator="\n").writerows, len(columns)
-        self._write([columns])
-
-    def write(self, head: Sequence[Value], rows: Iterable[Row]) -> None:
-        """Write the rows of a frame, each after the cells `head`; the head alone if there are none."""
-        lines = [[*head, *row.values()] for row in rows]
-        self._write(lines or [[*head, *[None] * (self._n_column - len(head))]])
-
-
 class _RowWriter:
     """The shared part of both writers: the header, the order of time, the frames without rows."""
 
     def __init__(self, stream: TextIO, columns: Sequence[str]) -> None:
-        self._rows = CsvRows(stream, columns)
+        self._stream = stream
+        self._empty_cells = "," * (len(columns) - 1)
         self._last_stamp_ns: int | None = None
+        stream.write(",".join(columns) + "\n")
 
-    def write(self, stamp_ns: int, entries: Sequence, row_of: Callable[[Any], Row]) -> None:
+    def write(self, stamp_ns: int, entries: Sequence, cells_of) -> None:
         if self._last_stamp_ns is not None and stamp_ns <= self._last_stamp_ns:
             raise ValueError(
                 f"frame at {stamp_ns} ns comes after the one at {self._last_stamp_ns} ns; stamps must grow"
@@ -307,10 +277,13 @@ class _RowWriter:
         ids = [_id(stamp_ns, entry.id) for entry in entries]
         if len(set(ids)) < len(ids):
             raise ValueError(f"frame at {stamp_ns} ns: an id is repeated in {ids}")
+        t = seconds_cell(stamp_ns)
+        lines = []
         for id_, entry in zip(ids, entries, strict=True):
             if not (isfinite(entry.x) and isfinite(entry.y)):
                 raise ValueError(f"frame at {stamp_ns} ns: id {id_} is at ({entry.x}, {entry.y}); a place is needed")
-        self._rows.write([seconds_cell(stamp_ns)], map(row_of, entries))
+            lines.append(",".join([t, str(id_), *cells_of(entry)]) + "\n")
+        self._stream.write("".join(lines) or t + self._empty_cells + "\n")
         self._last_stamp_ns = stamp_ns
 
 
@@ -324,6 +297,34 @@ def seconds_cell(stamp_ns: int) -> str:
     """Format a stamp [ns] as seconds with nine decimals."""
     whole, rest = divmod(abs(int(stamp_ns)), NS_PER_S)
     return f"{'-' if stamp_ns < 0 else ''}{whole}.{rest:09d}"
+
+
+Value = float | str | Sequence[int] | None
+Row = dict[str, Value]
+"""A row of a table by its columns: the same in the file (`cell`) and in a message (`plain`)."""
+
+
+def cell(value: Value) -> str:
+    """Format a value: empty for None and NaN, whole numbers separated by blanks."""
+    if isinstance(value, float):
+        return number_cell(value)
+    if value is None or isinstance(value, str):
+        return value or ""
+    return str(value) if isinstance(value, int) else " ".join(map(str, value))
+
+
+def plain(row: Mapping[str, Value]) -> Row:
+    """Return a row as JSON holds it: null for NaN."""
+    return {name: None if isinstance(value, float) and isnan(value) else value for name, value in row.items()}
+
+
+def number_cell(value: float) -> str:
+    """Format a number: empty for NaN; raises ValueError for an infinite one."""
+    if isfinite(value):
+        return repr(float(value))
+    if isnan(value):
+        return ""
+    raise ValueError(f"{value} in a table; a finite number, or NaN for one that is not known, is needed")
 
 
 def _numbers(rows: CsvColumns, name: str) -> NDArray[np.float64]:

@@ -26,7 +26,7 @@ from twin.recording.bag import normal_type, open_bag
 from twin.recording.bag_files import McapFile
 from twin.recording.reader import Recording
 from twin.recording.ros_messages import STRING, TYPESTORE, string_message
-from twin.recording.tables import track_row
+from twin.recording.tables import plain, track_row
 from twin.recording.transforms import TransformTree
 from twin.recording.truth_messages import MARKER_ARRAY, MarkerStyle, PeopleMarkers
 from twin.recording.writer import TF_MESSAGE, latched, transform_message
@@ -53,7 +53,7 @@ def markers_topic(topic: str) -> str:
 def encode_tracks(frame: TrackFrame) -> memoryview:
     """Encode a `std_msgs/String` (CDR): a JSON list with one object per track, the table's columns, null where not estimated."""
     t = frame.stamp_ns / NS_PER_S
-    rows = [{"t": t} | track_row(track) for track in frame.tracks]
+    rows = [{"t": t} | plain(track_row(track)) for track in frame.tracks]
     return string_message(rows)
 
 

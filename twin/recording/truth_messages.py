@@ -27,7 +27,7 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.tracks import Track
 from twin.recording.ros_messages import TYPESTORE, string_message, time_message
-from twin.recording.tables import TRUTH_COLUMNS, person_of, person_row
+from twin.recording.tables import TRUTH_COLUMNS, person_of, person_row, plain
 from twin.recording.topics import ROOM_FRAME
 from twin.tables.columns import MAX_INT64
 from twin.truth.frames import PersonTruth, TruthFrame
@@ -58,7 +58,7 @@ TRUTH_STYLE = MarkerStyle("people", "names", width_m=0.45, opacity=0.4)
 def encode_people(frame: TruthFrame) -> memoryview:
     """Encode a `std_msgs/String` (CDR): a JSON list with one object per person, the columns of truth.csv, null where unknown."""
     t = frame.stamp_ns / NS_PER_S
-    people = [{"t": t} | person_row(person, person.visible) for person in frame.people]
+    people = [{"t": t} | plain(person_row(person, person.visible)) for person in frame.people]
     return string_message(people)
 
 

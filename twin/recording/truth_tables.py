@@ -20,11 +20,12 @@ A frame without people is one row with its stamp (and its sensor) alone. Numbers
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 
@@ -34,14 +35,13 @@ from twin.recording import topics
 from twin.recording.atomic_file import open_atomic
 from twin.recording.ros_messages import string_message
 from twin.recording.situation_table import encode_situation, situation_writer
-from twin.recording.tables import CsvRows, Row, TruthTable, numbers_of, seconds_cell
+from twin.recording.tables import Row, TruthTable, cell, plain, seconds_cell
 from twin.truth.frames import Box, BoxFrame, FootTruth, PersonTruth, RayFrame, Situation, TruthDetail, TruthFrame
 
 PEOPLE_COLUMNS = ("id", "name")
 _FOOT_NUMBERS = ("x", "y", "z", "yaw", "load_n", "pressure_x", "pressure_y")
 FEET_COLUMNS = ("t", "id", "foot", *_FOOT_NUMBERS, "contact")
 _CELLS = "cells_"
-_numbers_of_foot = numbers_of(*_FOOT_NUMBERS)
 BOX_COLUMNS = ("t", "camera", "id", "left", "top", "width", "height", "visible_px", "truncated")
 RAY_COLUMNS = ("t", "sensor", "id", "first_beam", "last_beam")
 DETAIL_FILES = ("truth_boxes.csv", "truth_rays.csv", "truth_situations.csv")
@@ -68,18 +68,11 @@ def feet_writer(path: Path, floors: Sequence[str] = ()) -> Iterator[Callable[[Tr
     """
     columns = (*FEET_COLUMNS, *(_CELLS + floor for floor in floors))
     with open_atomic(path) as stream:
-        rows = CsvRows(stream, columns)
+        stream.write(",".join(columns) + "\n")
 
         def write(frame: TruthFrame) -> None:
-            rows.write(
-                [seconds_cell(frame.stamp_ns)],
-                (
-                    _foot_row(person, foot)
-                    | {_CELLS + floor: " ".join(map(str, foot.cells.get(floor, ()))) for floor in floors}
-                    for person in frame.people
-                    for foot in person.feet
-                ),
-            )
+            feet = [_foot_row(person, foot, floors) for person in frame.people for foot in person.feet]
+            _write_rows(stream, seconds_cell(frame.stamp_ns), feet, len(columns))
 
         yield write
 
@@ -87,17 +80,15 @@ def feet_writer(path: Path, floors: Sequence[str] = ()) -> Iterator[Callable[[Tr
 def encode_feet(frame: TruthFrame) -> memoryview:
     """Encode a frame as a `std_msgs/String` (CDR): a JSON list with one object per foot, null where unknown."""
     t = frame.stamp_ns / NS_PER_S
-    feet = [
-        {"t": t} | _foot_row(person, foot) | {_CELLS + floor: cells for floor, cells in foot.cells.items()}
-        for person in frame.people
-        for foot in person.feet
-    ]
+    feet = [{"t": t} | plain(_foot_row(person, foot, foot.cells)) for person in frame.people for foot in person.feet]
     return string_message(feet)
 
 
-def _foot_row(person: PersonTruth, foot: FootTruth) -> Row:
-    """Return a foot's row after t, without cells."""
-    return {"id": person.id, "foot": foot.side, **_numbers_of_foot(foot), "contact": int(foot.contact)}
+def _foot_row(person: PersonTruth, foot: FootTruth, floors: Iterable[str]) -> Row:
+    """Return a foot's row after t, with a column cells_<floor> per floor."""
+    numbers = {name: float(getattr(foot, name)) for name in _FOOT_NUMBERS}
+    loaded = {_CELLS + floor: foot.cells.get(floor, ()) for floor in floors}
+    return {"id": person.id, "foot": foot.side, **numbers, "contact": int(foot.contact), **loaded}
 
 
 @contextmanager
@@ -108,8 +99,9 @@ def detail_writer(folder: Path) -> Iterator[Callable[[TruthDetail], None]]:
     """
     with ExitStack() as stack:
         box_file, ray_file, situation_file = (folder / name for name in DETAIL_FILES)
-        boxes = CsvRows(stack.enter_context(open_atomic(box_file)), BOX_COLUMNS)
-        rays = CsvRows(stack.enter_context(open_atomic(ray_file)), RAY_COLUMNS)
+        boxes, rays = (stack.enter_context(open_atomic(path)) for path in (box_file, ray_file))
+        boxes.write(",".join(BOX_COLUMNS) + "\n")
+        rays.write(",".join(RAY_COLUMNS) + "\n")
         situations = stack.enter_context(situation_writer(situation_file))
 
         def write(detail: TruthDetail) -> None:
@@ -149,9 +141,9 @@ def decode_boxes(text: str, stamp_ns: int) -> BoxFrame:
         ) from error
 
 
-def _write_frame(table: CsvRows, frame: BoxFrame | RayFrame, columns: Sequence[str]) -> None:
+def _write_frame(stream: TextIO, frame: BoxFrame | RayFrame, columns: Sequence[str]) -> None:
     sensor, rows = _frame_rows(frame, columns)
-    table.write([seconds_cell(frame.stamp_ns), sensor], rows)
+    _write_rows(stream, f"{seconds_cell(frame.stamp_ns)},{sensor}", rows, len(columns) - 1)
 
 
 def _encode_frame(frame: BoxFrame | RayFrame, columns: Sequence[str]) -> memoryview:
@@ -166,6 +158,12 @@ def _frame_rows(frame: BoxFrame | RayFrame, columns: Sequence[str]) -> tuple[str
     sensor, entries = (frame.camera, frame.boxes) if isinstance(frame, BoxFrame) else (frame.sensor, frame.runs)
     read = attrgetter(*columns[2:])
     return sensor, [dict(zip(columns[2:], map(int, read(entry)), strict=True)) for entry in entries]
+
+
+def _write_rows(stream: TextIO, head: str, rows: Sequence[Row], n_column: int) -> None:
+    """Write the lines of a frame that begin with `head`; `n_column`: columns, those of the head counted as one."""
+    lines = [",".join([head, *map(cell, row.values())]) + "\n" for row in rows]
+    stream.write("".join(lines) or head + "," * (n_column - 1) + "\n")
 
 
 def truth_frames(table: TruthTable) -> Iterator[TruthFrame]:

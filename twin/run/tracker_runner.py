@@ -33,7 +33,7 @@ from trackers.tracks import Detection, Tracker, TrackFrame, detections_of, misre
 from twin.messages import OnWarning
 from twin.recording.losses import dropped_by, lines
 from twin.recording.reader import Recording
-from twin.recording.tables import CsvRows, Row, TrackWriter, numbers_of, seconds_cell, track_writer
+from twin.recording.tables import TrackWriter, number_cell, seconds_cell, track_writer
 from twin.run.inputs import ChosenTracker, chosen_trackers, files_for, scenario_of
 from twin.streams import stream
 
@@ -262,7 +262,6 @@ def _given(steps: list[tuple[FrameType, int]]) -> str:
 
 
 COLUMNS = ("t", "sensors", "role", "x", "y", "variance", "width")
-_numbers = numbers_of("x", "y", "variance_m2", "width_m")
 
 
 def write_detections(
@@ -296,14 +295,9 @@ def write_detections(
         raise InputError(
             f"--tracker {tracker}: does not tell what its detector sees; one that has detections() is expected, like sort"
         )
-    rows = CsvRows(file, COLUMNS)
+    file.write(",".join(COLUMNS) + "\n")
     n_fed: Counter[str] = Counter()
-
-    def write() -> None:
-        for each in detections():
-            rows.write([], [_row(each)])
-
-    fed = FedTracker(made.tracker, bag.rig, on_worked=write)
+    fed = FedTracker(made.tracker, bag.rig, on_worked=lambda: file.writelines(map(_row, detections())))
     for observation in bag.observations():
         n_fed[observation.sensor] += 1
         _called(chosen, made.tracker, partial(fed.update, observation))
@@ -325,5 +319,6 @@ def _called(chosen: ChosenTracker, tracker: Any, call: Callable[[], object]) -> 
         raise PlugInError(plug_in_fault(chosen, tracker, error)) from error
 
 
-def _row(each: Detection) -> Row:
-    return {"t": seconds_cell(each.stamp_ns), "sensors": "+".join(each.sensors), "role": each.role, **_numbers(each)}
+def _row(each: Detection) -> str:
+    numbers = map(number_cell, (each.x, each.y, each.variance_m2, each.width_m))
+    return ",".join([seconds_cell(each.stamp_ns), "+".join(each.sensors), each.role, *numbers]) + "\n"

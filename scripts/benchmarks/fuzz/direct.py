@@ -18,7 +18,7 @@ from trackers.feeding import track_frames
 from trackers.observations import NS_PER_S, Image, LaserScan, Observation
 from trackers.presets import PRESETS, make_tracker
 from twin.recording.reader import Recording
-from twin.recording.tables import known
+from twin.recording.tables import number_cell
 from twin.suites.worker import CaseResult, CaseWork, Incident
 
 _JUMPS_S = (0.05, -0.05, 1.0, -1.0, 86_400 * 30, -86_400 * 30, 1_700_000_000, 9e9)
@@ -36,7 +36,8 @@ def track_messages(arguments: list[str]) -> None:
         for track in frame.tracks:
             if not np.isfinite([track.x, track.y]).all():
                 raise ValueError(f"track {track.id} is at ({track.x}, {track.y})")
-            known([track.vx, track.vy])
+            number_cell(track.vx)
+            number_cell(track.vy)
 
 
 def _spoiled(observations: list[Observation], rng: Random) -> list[Observation]:
