@@ -24,7 +24,7 @@ class MissingFigureError(Exception):
 
 
 def fill(text: str) -> str:
-    """Replace every placeholder of a page. Raises MissingFigureError for a figure that is not there."""
+    """Put the figures into a page, where it names them. Raises MissingFigureError for a figure that is not there."""
 
     def filled(found: re.Match[str]) -> str:
         kind, given = found[1], found[2].strip()

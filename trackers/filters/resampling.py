@@ -59,7 +59,7 @@ def _residual(weights: Float[Array, "n p"], rng: np.random.Generator) -> Int[Ind
     certain = np.floor(expected * (1 + 1e-12))  # 49 · (1/49) is a whole copy, despite rounding
     left = np.maximum(expected - certain, 0.0)
     missing = p - certain.sum(axis=1)  # (n,): number still to be drawn
-    # a row without a remainder draws nothing; its weights are placeholders against a division by 0
+    # a row without a remainder draws nothing; its weights only keep the sum from being 0
     remainder = np.where(missing[:, None] > 0, left, weights)
     drawn = _inverse(_cumulative(remainder), rng.random(weights.shape))
     needed = np.arange(p) < missing[:, None]

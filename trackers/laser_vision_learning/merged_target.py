@@ -25,7 +25,7 @@ _SIGMA_M = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Clusters:
+class GroupClusters:
     """Clusters of points of n tracks, of which those of merged groups matter, in a frame."""
 
     together: Bool[Mask, "n n"]  # pairs of one group whose points are in one cluster, or in none
@@ -35,7 +35,7 @@ class Clusters:
 
 def clusters_of(
     before: Situations, places: Float[Array, "n 2"], points: Points, whose: Shares, least_legs: float
-) -> Clusters:
+) -> GroupClusters:
     """Cluster the points of each group that was merged before, and allot its members to the clusters.
 
     places: of the tracks [m]; least_legs: legs' widths of points from which a cluster is somebody.
@@ -62,10 +62,12 @@ def clusters_of(
         for number, cluster in enumerate(wide.tolist()):
             its = own[label == cluster]
             middle[rows[part == number]] = np.average(points.place[its], axis=0, weights=whose.weight[its])
-    return Clusters(together, middle, taken)
+    return GroupClusters(together, middle, taken)
 
 
-def as_one(cloud: Cloud, moved: Cloud, before: Bool[Mask, "n n"], now: Bool[Mask, "n n"], clusters: Clusters) -> Cloud:
+def as_one(
+    cloud: Cloud, moved: Cloud, before: Bool[Mask, "n n"], now: Bool[Mask, "n n"], clusters: GroupClusters
+) -> Cloud:
     """Return the particles with one set for each merged group, and of each track that has split from one.
 
     cloud: weighed by points; moved: the same before. before, now: pairs that were, and are, merged.

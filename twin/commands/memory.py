@@ -72,11 +72,13 @@ def _importing(frame: FrameType | None) -> bool:
 @contextmanager
 def loading() -> Iterator[None]:
     """Import modules without searching for garbage meanwhile: they keep most of what they make."""
+    was_enabled = gc.isenabled()
     gc.disable()
     try:
         yield
     finally:
-        gc.enable()
+        if was_enabled:
+            gc.enable()
 
 
 _LEAST_MB = 200

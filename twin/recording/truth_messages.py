@@ -126,7 +126,7 @@ class PeopleMarkers:
         return person.x, person.y, height / 2, height, name_x, name_y, height + _NAME_ABOVE_M
 
     def _layout(self, ids: tuple[int, ...], left: list[int]) -> bytes:
-        """Serialize the message with placeholders for numbers, and note their positions."""
+        """Serialize the message with marks where numbers go, and note their positions."""
         markers = []
         for id_ in ids:
             markers += [self._cylinder(id_), self._name(id_)]
