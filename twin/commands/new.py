@@ -149,7 +149,7 @@ class Mine:
 
 
 app = typer.Typer(
-    help="Write a commented start of your own: room, scenario, tracker, suite, study; or a scene drawn at random.",
+    help="Write a commented start of your own: room, scenario, tracker, suite, study; a bag's rig; or a scene drawn at random.",
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
@@ -217,7 +217,25 @@ def study(out: Annotated[Path, typer.Option(metavar="FILE.yaml", help="File to w
     _write("study", STUDY, out, ".yaml")
 
 
-def _write(what: str, text: str, path: Path, suffix: str) -> None:
+@app.command(epilog="Example: twin new rig walk.bag --out rig.yaml; twin check rig.yaml")
+def rig(
+    recording: Annotated[Path, typer.Argument(help="A ROS 1 or ROS 2 bag.")],
+    frame: Annotated[
+        str | None, typer.Option(help="Frame in which poses are told, as map; default: the highest above each sensor.")
+    ] = None,
+    out: Annotated[Path, typer.Option(metavar="FILE.yaml", help="File to write.")] = Path("rig.yaml"),
+) -> None:
+    """Write a rig.yaml of a bag's sensors: topics, lenses and poses that its messages tell, the rest marked."""
+    from twin.console import print_warning
+    from twin.recording.rig_guess import describe_rig
+
+    text, todo = describe_rig(recording, frame)
+    _write("rig", text, out, ".yaml", is_template=False)
+    for each in todo:
+        print_warning(each)
+
+
+def _write(what: str, text: str, path: Path, suffix: str, *, is_template: bool = True) -> None:
     from trackers.errors import InputError
     from twin.console import print_paths
     from twin.recording.atomic_file import open_atomic
@@ -230,7 +248,9 @@ def _write(what: str, text: str, path: Path, suffix: str) -> None:
     if path.exists():
         raise InputError(f"--out {path}: is there already; the name of a new file is expected")
     with open_atomic(path) as stream:
-        stream.write(text.format(name=_name(path.with_suffix("")), file=path, module=path.stem))
+        stream.write(
+            text.format(name=_name(path.with_suffix("")), file=path, module=path.stem) if is_template else text
+        )
     print_paths({what: path})
 
 

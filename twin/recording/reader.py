@@ -21,6 +21,7 @@ from twin.recording.clock_correction import OF_NO_ORDER, CorrectedClocks, correc
 from twin.recording.decoding import ObservationReader
 from twin.recording.losses import Loss, crowded
 from twin.recording.rig_checks import compare_lenses, motion_warnings, with_intrinsics
+from twin.recording.rig_guess import guess_rig
 from twin.recording.ros_messages import STRING
 from twin.recording.sensor_clock import MessageTimes, all_pause, first_frame, read_times, read_times_as_written
 from twin.recording.sensor_topics import (
@@ -29,7 +30,6 @@ from twin.recording.sensor_topics import (
     SensorTopics,
     absent_messages,
     add_transforms,
-    guess_rig,
     odometry_losses,
     sensor_topics,
     times_of,

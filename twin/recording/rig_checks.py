@@ -129,6 +129,18 @@ def _lens(content: Mapping[str, Any], lens: Intrinsics) -> Intrinsics:
     return FisheyeIntrinsics.model_validate({**content, "field_of_view_rad": field_rad})
 
 
+def kind_of_lens(bag: Bag, topic: str) -> str:
+    """Return the kind of camera that the first CameraInfo beside a topic of images tells: camera, fisheye, or '' for none."""
+    info = _info_topic(topic)
+    if info in bag.topics and bag.topics[info].msgtype == _TYPE:
+        for _, _, message in bag.messages([info]):
+            is_rectified = any("rect" in part for part in topic.split("/"))
+            model = "" if is_rectified else message.distortion_model
+            is_known = _projection(message, is_rectified=is_rectified)[0] is not None
+            return ("fisheye" if model in _FISHEYE else "camera" if model in _PINHOLE else "") if is_known else ""
+    return ""
+
+
 def with_intrinsics(bag: Bag, content: Any) -> Any:
     """Return the content of a `rig.yaml`, in which cameras without intrinsics have those of the bag's CameraInfo.
 

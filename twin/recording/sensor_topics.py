@@ -1,10 +1,9 @@
-"""Topics of a bag by sensor, from a rig, or for a single scanner without one."""
+"""Topics of a bag by sensor, from a rig."""
 
 from __future__ import annotations
 
-import re
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,7 +12,7 @@ import numpy as np
 from trackers.arrays import Nanoseconds
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, Odometry
-from trackers.rig import LaserSensor, OdometrySensor, Pose, Rig, RigSensor, StereoSensor, normal_topic
+from trackers.rig import OdometrySensor, Rig, RigSensor, StereoSensor, normal_topic
 from twin.recording.bag import Topic
 from twin.recording.depth_images import DepthPairs, tolerance_ns
 from twin.recording.losses import Loss, crowded, missing
@@ -157,88 +156,6 @@ def absent_messages(
             others = ", ".join(repr(other) for other in each.frames if other != frame)
             what = f"are of frame {others}, the others of {frame!r}: two sensors on one topic"
             yield Loss(label, n - most, n, what, "a topic for each sensor is expected")
-
-
-def guess_rig(
-    path: Path,
-    topics: Mapping[str, Topic],
-    tree: TransformTree,
-    poses: Mapping[str, PoseTopic],
-    frame: Callable[[str], str],
-) -> tuple[Rig, list[Loss]]:
-    """Return a rig of the bag's one scanner, named after its topic, and scanners without a message as losses.
-
-    It is at the origin, or mounted on a base that moves, where the bag tells of one; `frame` tells the frame_id on a topic.
-    Raises InputError for a bag with another number of scanners that have messages.
-    """
-    scans, images = topics_of(topics, LASER_SCAN), topics_of(topics, *_PICTURES)
-    said = [topic for topic in scans if topics[topic].count_of(LASER_SCAN)]
-    if len(said) == 1 or len(scans) == 1:
-        (topic,) = said or scans
-        silent = [absent(each, each, "it is empty") for each in scans if each != topic]
-        name = _name_of(topic)
-        base = "odometry" if name != "odometry" else "base"
-        odometry, pose, assumed = _guess_base(frame(topic), tree, poses)
-        if odometry is None:
-            return Rig(sensors={name: LaserSensor(topic=topic)}), silent
-        scanner = LaserSensor(topic=topic, mounted_on=base, room_from_sensor=pose)
-        silent += [Loss(name, 0, 0, assumed, "a rig.yaml that says where it sits is expected", always=True)] * bool(
-            assumed
-        )
-        return Rig(sensors={name: scanner, base: odometry}), silent
-    if scans:
-        raise InputError(
-            f"{path}: has {len(scans)} LaserScan topics ({', '.join(scans)}); "
-            f"a rig.yaml (--rig) that says which sensor each is and where it stands is expected"
-        )
-    if images:
-        raise InputError(
-            f"{path}: has no LaserScan topic, only images ({', '.join(images)}); "
-            f"a rig.yaml (--rig) with the place and the lens of each camera is expected"
-        )
-    have = ", ".join(f"{name} ({topic.msgtype})" for name, topic in sorted(topics.items())) or "none"
-    raise InputError(f"{path}: has no usable topic, its topics are: {have}; a {LASER_SCAN} topic is expected")
-
-
-def _guess_base(
-    frame: str, tree: TransformTree, poses: Mapping[str, PoseTopic]
-) -> tuple[OdometrySensor | None, Pose, str]:
-    """Return the odometry of the base that moves a frame, the frame's pose on it, and what had to be assumed.
-
-    The base is the first frame above that moves against its parent; the frame that stands is one called odom (REP 105, it
-    never jumps), else the highest whose child moves. Without transforms, the only Odometry that moves.
-    """
-    try:
-        chain = tree.chain(frame)
-    except InputError:
-        chain = []
-    moving = [number for number, edge in enumerate(chain) if edge.moves]
-    if moving:
-        base = chain[moving[0]].child
-        above = chain[moving[0] : moving[-1] + 1]
-        stands = next((edge.parent for edge in above if edge.parent.split("/")[-1] == "odom"), above[-1].parent)
-        odometry = OdometrySensor(topic=above[0].topic, frame=stands, base_frame=base)
-        return odometry, _pose_on(tree, frame, base), ""
-    on_it = tree.ancestors([frame])
-    found = {topic: each for topic, each in poses.items() if each.msgtype == ODOMETRY and each.moves}
-    for topic, each in found.items():
-        if each.child in on_it:
-            return OdometrySensor(topic=topic), _pose_on(tree, frame, each.child), ""
-    if len(found) == 1 and not any(each in tree.edges for each in on_it):
-        ((topic, each),) = found.items()
-        assumed = f"moves with {each.child or 'the base'} of {topic}, and no transform tells where it sits on it: at its origin"
-        return OdometrySensor(topic=topic), Pose(), assumed
-    return None, Pose(), ""
-
-
-def _pose_on(tree: TransformTree, frame: str, base: str) -> Pose:
-    return Pose.from_transform(np.eye(4) if frame.strip("/") == base else tree.static_pose(frame, base))
-
-
-def _name_of(topic: str) -> str:
-    """Return a topic as the name of a sensor."""
-    name = re.sub(r"[^A-Za-z0-9_-]", "_", topic.strip("/"))[:90]
-    return name if name[:1].isalpha() else f"scan_{name}"
 
 
 def unused_topics(topics: Mapping[str, Topic], used: Collection[str]) -> list[Loss]:

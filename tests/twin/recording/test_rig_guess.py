@@ -1,0 +1,123 @@
+"""`twin new rig`: a rig.yaml of a bag's sensors, as its topics, CameraInfo and transforms tell them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from recorded import MS, a_scan, write_ros2_bag
+from scipy.spatial.transform import Rotation
+from test_recorded_rigs import EPOCH_NS, LENS, info
+from typer.testing import CliRunner
+
+from trackers.errors import InputError
+from trackers.observations import Image
+from trackers.rig import LaserSensor, OdometrySensor, PinholeSensor, Pose, Rig
+from twin.cli import app
+from twin.recording.reader import Recording
+from twin.recording.rig_guess import describe_rig
+from twin.recording.ros_messages import TYPESTORE, encode
+
+T = TYPESTORE.types
+STAMPS_NS = [EPOCH_NS + k * 100 * MS for k in range(20)]
+SCAN = "sensor_msgs/msg/LaserScan"
+TF = "tf2_msgs/msg/TFMessage"
+
+
+def _transform(parent: str, child: str, pose: Pose, stamp_ns: int) -> Any:
+    header = T["std_msgs/msg/Header"](T["builtin_interfaces/msg/Time"](*divmod(stamp_ns, 10**9)), parent)
+    quaternion = Rotation.from_matrix(pose.rotation).as_quat()
+    transform = T["geometry_msgs/msg/Transform"](
+        T["geometry_msgs/msg/Vector3"](*pose.xyz), T["geometry_msgs/msg/Quaternion"](*quaternion)
+    )
+    return T[TF]([T["geometry_msgs/msg/TransformStamped"](header, child, transform)])
+
+
+def _scans(topic: str, frame: str) -> list[tuple[str, str, int, Any]]:
+    return [(topic, SCAN, stamp + 5 * MS, encode(a_scan(stamp, frame)).data) for stamp in STAMPS_NS]
+
+
+def _is_near(pose: Pose, other: Pose) -> bool:
+    return bool(np.allclose(pose.matrix, other.matrix, atol=2e-5))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_still_rig_is_found_whole(tmp_path: Path, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    poses = {
+        name: Pose(
+            xyz=(*rng.uniform(-5, 5, 2), rng.uniform(2, 3)), rpy=(*rng.uniform(-0.05, 0.05, 2), rng.uniform(-3, 3))
+        )
+        for name in ("mast", "waist", "knee", "cam")
+    }
+    messages = [*_scans("/front/scan", "waist"), *_scans("/low/scan", "knee")]
+    messages += [("/cam/image_raw/compressed", e.msgtype, s, e.data) for s, e in _pictures()]
+    messages += [("/cam/camera_info", "sensor_msgs/msg/CameraInfo", STAMPS_NS[0], info())]
+    poses["mast"] = poses["mast"].model_copy(update={"xyz": (1.0, -2.0, 0.1)})
+    parents: dict[str, str] = {"mast": "map", "waist": "mast", "knee": "mast", "camera": "map"}
+    for child, parent in parents.items():
+        message = _transform(parent, child, poses[child[:3] if child == "camera" else child], STAMPS_NS[0])
+        messages.append(("/tf_static", TF, STAMPS_NS[0], message))
+    write_ros2_bag(tmp_path / "bag", sorted(messages, key=lambda each: each[2]))
+
+    (tmp_path / "rig.yaml").write_text(describe_rig(tmp_path / "bag")[0])
+    rig = Recording(tmp_path / "bag", tmp_path / "rig.yaml").rig
+    front, low, camera = (rig.sensors[name] for name in ("front_scan", "low_scan", "cam_image_raw_compressed"))
+    assert isinstance(front, LaserSensor) and isinstance(low, LaserSensor) and isinstance(camera, PinholeSensor)
+    mast = poses["mast"].matrix
+    assert _is_near(front.room_from_sensor, Pose.from_transform(mast @ poses["waist"].matrix))
+    assert _is_near(low.room_from_sensor, Pose.from_transform(mast @ poses["knee"].matrix))
+    assert _is_near(camera.room_from_sensor, poses["cam"])
+    assert camera.intrinsics == LENS
+
+    on_mast = Rig.parse(describe_rig(tmp_path / "bag", "mast")[0], "text").sensors["low_scan"].room_from_sensor
+    assert _is_near(on_mast, poses["knee"])
+    with pytest.raises(InputError, match="no transform names a frame 'attic'.*map"):
+        describe_rig(tmp_path / "bag", "attic")
+
+
+def _pictures() -> list[tuple[int, Any]]:
+    rgb = np.zeros((LENS.height, LENS.width, 3), np.uint8)
+    return [(stamp, encode(Image("camera", stamp, rgb))) for stamp in STAMPS_NS[::5]]
+
+
+def test_sensors_of_a_robot_are_mounted_on_its_base(tmp_path: Path) -> None:
+    on_base = {"knee": Pose(xyz=(0.2, 0, 0.3)), "waist": Pose(xyz=(-0.1, 0, 0.9), rpy=(0, 0, 1))}
+    messages = [*_scans("/scan", "knee"), *_scans("/high", "waist")]
+    for number, stamp in enumerate(STAMPS_NS):
+        messages.append(("/tf", TF, stamp, _transform("odom", "base", Pose(xyz=(0.05 * number, 0, 0)), stamp)))
+    for frame, pose in on_base.items():
+        messages.append(("/tf_static", TF, STAMPS_NS[0], _transform("base", frame, pose, STAMPS_NS[0])))
+    write_ros2_bag(tmp_path / "bag", sorted(messages, key=lambda each: each[2]))
+
+    text, todo = describe_rig(tmp_path / "bag")
+    assert not todo
+    rig = Rig.parse(text, "text")
+    (base,) = rig.odometry()
+    assert rig.sensors[base] == OdometrySensor(topic="/tf", frame="odom", base_frame="base")
+    assert rig.mounted() == {"scan": base, "high": base}
+    assert _is_near(rig.sensors["scan"].room_from_sensor, on_base["knee"])
+    assert _is_near(rig.sensors["high"].room_from_sensor, on_base["waist"])
+
+
+def test_what_the_bag_does_not_tell_is_marked(tmp_path: Path) -> None:
+    messages = [*_scans("/a/scan", "a"), *_scans("/a_scan", "b")]  # of one name but for the slash
+    messages += [("/cam/image_raw/compressed", e.msgtype, s, e.data) for s, e in _pictures()]
+    write_ros2_bag(tmp_path / "bag", sorted(messages, key=lambda each: each[2]))
+    out = tmp_path / "rig.yaml"
+    result = CliRunner().invoke(app, ["new", "rig", str(tmp_path / "bag"), "--out", str(out)])
+    assert result.exit_code == 0
+    assert out.read_text().count("CHECK: no transform") == 3
+    assert "cam_image_raw_compressed: the bag does not tell its lens" in result.stderr
+    with pytest.raises(InputError, match=r"sensors.cam_image_raw_compressed.intrinsics is missing"):
+        Recording(tmp_path / "bag", out)
+    again = CliRunner().invoke(app, ["new", "rig", str(tmp_path / "bag"), "--out", str(out)])
+    assert isinstance(again.exception, InputError) and "is there already" in str(again.exception)
+
+
+def test_a_bag_without_sensors_is_refused(tmp_path: Path) -> None:
+    write_ros2_bag(tmp_path / "bag", [("/tf", TF, 0, _transform("a", "b", Pose(), 0))])
+    with pytest.raises(InputError, match="neither scans nor pictures"):
+        describe_rig(tmp_path / "bag")

@@ -1,0 +1,256 @@
+"""A rig guessed from a bag: its one scanner without a `rig.yaml`, or a commented `rig.yaml` of all its sensors."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from trackers.errors import InputError
+from trackers.rig import LaserSensor, OdometrySensor, Pose, Rig
+from trackers.text_file import AnyPath
+from twin.recording import topics as names
+from twin.recording.bag import Bag, Topic, decoded, open_bag
+from twin.recording.losses import Loss
+from twin.recording.rig_checks import kind_of_lens, with_intrinsics
+from twin.recording.ros_messages import COMPRESSED_IMAGE, LASER_SCAN, ODOMETRY, RAW_IMAGE
+from twin.recording.sensor_clock import first_frame
+from twin.recording.sensor_topics import absent, topics_of
+from twin.recording.transforms import Edge, PoseTopic, TransformTree, read_poses
+
+_PICTURES = (COMPRESSED_IMAGE, RAW_IMAGE)
+
+
+def guess_rig(
+    path: Path,
+    topics: Mapping[str, Topic],
+    tree: TransformTree,
+    poses: Mapping[str, PoseTopic],
+    frame: Callable[[str], str],
+) -> tuple[Rig, list[Loss]]:
+    """Return a rig of the bag's one scanner, named after its topic, and scanners without a message as losses.
+
+    It is at the origin, or mounted on a base that moves, where the bag tells of one; `frame` tells the frame_id on a topic.
+    Raises InputError for a bag with another number of scanners that have messages.
+    """
+    scans, images = topics_of(topics, LASER_SCAN), topics_of(topics, *_PICTURES)
+    said = [topic for topic in scans if topics[topic].count_of(LASER_SCAN)]
+    if len(said) == 1 or len(scans) == 1:
+        (topic,) = said or scans
+        silent = [absent(each, each, "it is empty") for each in scans if each != topic]
+        name = _name_of(topic)
+        base = "odometry" if name != "odometry" else "base"
+        odometry, pose, assumed = _guess_base(frame(topic), tree, poses)
+        if odometry is None:
+            return Rig(sensors={name: LaserSensor(topic=topic)}), silent
+        scanner = LaserSensor(topic=topic, mounted_on=base, room_from_sensor=pose)
+        silent += [Loss(name, 0, 0, assumed, "a rig.yaml that says where it sits is expected", always=True)] * bool(
+            assumed
+        )
+        return Rig(sensors={name: scanner, base: odometry}), silent
+    if scans:
+        raise InputError(
+            f"{path}: has {len(scans)} LaserScan topics ({', '.join(scans)}); "
+            f"a rig.yaml (--rig) that says which sensor each is and where it stands is expected; `twin new rig {path}` writes one"
+        )
+    if images:
+        raise InputError(
+            f"{path}: has no LaserScan topic, only images ({', '.join(images)}); "
+            f"a rig.yaml (--rig) with the place and the lens of each camera is expected; `twin new rig {path}` writes one"
+        )
+    have = ", ".join(f"{name} ({topic.msgtype})" for name, topic in sorted(topics.items())) or "none"
+    raise InputError(f"{path}: has no usable topic, its topics are: {have}; a {LASER_SCAN} topic is expected")
+
+
+def _guess_base(
+    frame: str, tree: TransformTree, poses: Mapping[str, PoseTopic]
+) -> tuple[OdometrySensor | None, Pose, str]:
+    """Return the odometry of the base that moves a frame, the frame's pose on it, and what had to be assumed.
+
+    The base is the first frame above that moves against its parent; the frame that stands is one called odom (REP 105, it
+    never jumps), else the highest whose child moves. Without transforms, the only Odometry that moves.
+    """
+    try:
+        chain = tree.chain(frame)
+    except InputError:
+        chain = []
+    moving = [number for number, edge in enumerate(chain) if edge.moves]
+    if moving:
+        base = chain[moving[0]].child
+        above = chain[moving[0] : moving[-1] + 1]
+        stands = next((edge.parent for edge in above if edge.parent.split("/")[-1] == "odom"), above[-1].parent)
+        odometry = OdometrySensor(topic=above[0].topic, frame=stands, base_frame=base)
+        return odometry, _pose_on(tree, frame, base), ""
+    on_it = tree.ancestors([frame])
+    found = {topic: each for topic, each in poses.items() if each.msgtype == ODOMETRY and each.moves}
+    for topic, each in found.items():
+        if each.child in on_it:
+            return OdometrySensor(topic=topic), _pose_on(tree, frame, each.child), ""
+    if len(found) == 1 and not any(each in tree.edges for each in on_it):
+        ((topic, each),) = found.items()
+        assumed = f"moves with {each.child or 'the base'} of {topic}, and no transform tells where it sits on it: at its origin"
+        return OdometrySensor(topic=topic), Pose(), assumed
+    return None, Pose(), ""
+
+
+def _pose_on(tree: TransformTree, frame: str, base: str) -> Pose:
+    return Pose.from_transform(np.eye(4) if frame.strip("/") == base else tree.static_pose(frame, base))
+
+
+def _name_of(topic: str) -> str:
+    """Return a topic as the name of a sensor."""
+    name = re.sub(r"[^A-Za-z0-9_-]", "_", topic.strip("/"))[:90]
+    return name if name[:1].isalpha() else f"scan_{name}"
+
+
+_TODO = "CHECK"
+"""Marks the lines of a written rig.yaml that the bag does not decide."""
+_DEPTHS = ("16UC1", "32FC1", "mono16", "compressedDepth")
+"""Encodings of depth pictures, whole or as part of a compressed picture's format."""
+
+
+def describe_rig(path: AnyPath, standing: str | None = None) -> tuple[str, list[str]]:
+    """Describe all sensors of a bag as the text of a commented `rig.yaml`, and list what is left to fill in.
+
+    Scanners, cameras with the lens of their CameraInfo, depth beside colour of one frame, and bases that move are found by
+    types of topics; poses by the bag's transforms, in the frame `standing` (None: the highest above each sensor). A bag of
+    the twin has a rig of its own. Raises InputError for a bag without scans and pictures, and for an unknown frame.
+    """
+    path = Path(path)
+    with open_bag(path) as bag:
+        if names.RIG in bag.topics:
+            for _, _, message in bag.messages([names.RIG]):
+                own = Rig.parse(message.data, f"{path}, topic {names.RIG}")
+                return f"# The rig of {path.name}, as the twin recorded it.\n{own.dump_yaml()}", []
+        found = _SensorsOfBag(bag, standing)
+        if not found.lines:
+            raise InputError(
+                f"{path}: has neither scans nor pictures; a bag with a topic of {LASER_SCAN} or {RAW_IMAGE} is expected"
+            )
+        head = [
+            f"# Sensors of {path.name} ({bag.duration_s:.0f} s), as its messages tell them. Where it says {_TODO}, they do not.",
+            "# Lengths in metres; rpy: roll, pitch, yaw about fixed axes, in radians. `twin schema rig` lists all fields.",
+            "sensors:",
+        ]
+        area = "# area: [[-2, -2], [2, -2], [2, 2], [-2, 2]]  # polygon in which people are tracked; none: everywhere"
+        text = "\n".join([*head, *found.lines, area, ""])
+        todo = list(found.todo)
+        try:
+            Rig.parse(text, "the rig")
+        except InputError as error:
+            todo += str(error).splitlines()
+    return text, todo
+
+
+class _SensorsOfBag:
+    """Lines of a rig.yaml for each sensor of an open bag, and what is left to do about them."""
+
+    def __init__(self, bag: Bag, standing: str | None) -> None:
+        self._bag, self._topics = bag, bag.topics
+        self._tree, self._poses = TransformTree.read(bag), read_poses(bag)
+        self._standing = None if standing is None else standing.strip("/")
+        self._bases: dict[str, OdometrySensor] = {}
+        self._names: dict[str, str] = {}
+        self.lines: list[str] = []
+        self.todo: list[str] = []
+        for topic in self._with_messages(LASER_SCAN):
+            self._add(topic, first_frame(bag, topic), "laser", [])
+        pictures = {topic: first_frame(bag, topic) for topic in self._with_messages(*_PICTURES)}
+        depths = {topic: frame for topic, frame in pictures.items() if self._is_depth(topic)}
+        for topic, frame in pictures.items():
+            if topic not in depths:
+                depth = next((other for other in depths if frame and depths[other] == frame), None)
+                self._add_camera(topic, frame, depth)
+        for name, base in self._bases.items():
+            fields = {"topic": base.topic, "frame": base.frame, "base_frame": base.base_frame}
+            lines = [f"    {field}: {_plain(text)}" for field, text in fields.items() if text]
+            self.lines += [f"  {name}:", "    kind: odometry", *lines]
+
+    def _with_messages(self, *msgtypes: str) -> list[str]:
+        """Return the topics of these types that have messages."""
+        return [topic for topic in topics_of(self._topics, *msgtypes) if self._topics[topic].message_count]
+
+    def _is_depth(self, topic: str) -> bool:
+        """Return True for a topic whose first message has an encoding of depth."""
+        msgtype = self._topics[topic].msgtype
+        for _, _, data, is_ros1 in self._bag.encoded_messages({topic: msgtype}):
+            message = decoded(data, msgtype, is_ros1)
+            return any(each in getattr(message, "format", getattr(message, "encoding", "")) for each in _DEPTHS)
+        return False
+
+    def _name(self, topic: str) -> str:
+        """Return the name of a topic's sensor, its own among all."""
+        if topic not in self._names:
+            name, taken = _name_of(topic), self._names.values()
+            self._names[topic] = name if name not in taken else f"{name}_{len(self._names) + 1}"
+        return self._names[topic]
+
+    def _add_camera(self, topic: str, frame: str, depth: str | None) -> None:
+        lens = kind_of_lens(self._bag, topic)
+        kind = "stereo" if depth and lens != "fisheye" else lens or "camera"
+        fields = [f"    depth_topic: {_plain(depth)}"] if depth and kind == "stereo" else []
+        if not lens:
+            self.todo.append(f"{self._name(topic)}: the bag does not tell its lens; intrinsics are expected")
+            sizes = "{width: 640, height: 480, fx: 500, fy: 500, cx: 319.5, cy: 239.5}"
+            fields.append(f"    # intrinsics: {sizes}  # {_TODO}: the bag has no CameraInfo of it that tells its lens")
+        else:
+            sensor = {"kind": kind, "topic": topic}
+            intrinsics = with_intrinsics(self._bag, {"sensors": {"it": sensor}})["sensors"]["it"]["intrinsics"]
+            typed = ", ".join(f"{field}: {value}" for field, value in intrinsics.items())
+            remark = f"  # {_TODO}: no CameraInfo tells a field of view" if kind == "fisheye" else ""
+            fields.append(f"    intrinsics: {{{typed}}}{remark}")
+        self._add(topic, frame, kind, fields)
+
+    def _add(self, topic: str, frame: str, kind: str, fields: list[str]) -> None:
+        """Add the lines of a sensor: topic, further fields, and where it is."""
+        count, took_s = self._topics[topic].message_count, self._bag.duration_s
+        rate = f", {(count - 1) / took_s:.3g} Hz" if took_s > 0 else ""
+        self.lines += [
+            f"  {self._name(topic)}:",
+            f"    kind: {kind}",
+            f"    topic: {_plain(topic)}  # {count} messages{rate}, frame {_plain(frame) or 'not named'}",
+            *fields,
+            *self._where(topic, frame),
+        ]
+
+    def _where(self, topic: str, frame: str) -> list[str]:
+        """Return the lines that tell a sensor's pose, on its base if it has one that moves."""
+        base, pose, assumed = _guess_base(frame, self._tree, self._poses)
+        if base is not None:
+            name = next((name for name, each in self._bases.items() if each == base), None)
+            name = name or f"odometry_{len(self._bases) + 1}"
+            self._bases[name] = base
+            if assumed:
+                self.todo.append(f"{self._name(topic)}: {assumed}")
+            where = (
+                f"{_TODO}: {assumed}" if assumed else f"of {_plain(frame)} on {_plain(base.base_frame or 'the base')}"
+            )
+            return [f"    mounted_on: {name}", f"    {_yaml(pose)}  # {where}"]
+        edges = self._chain(frame)
+        if not edges and frame != self._standing:
+            self.todo.append(
+                f"{self._name(topic)}: no transform of the bag tells where it is; room_from_sensor is expected"
+            )
+            return [f"    {_yaml(Pose())}  # {_TODO}: no transform of the bag tells where it is"]
+        stands = self._standing or edges[-1].parent
+        return [f"    {_yaml(_pose_on(self._tree, frame, stands))}  # of {_plain(frame)} in {_plain(stands)}"]
+
+    def _chain(self, frame: str) -> list[Edge]:
+        try:
+            return self._tree.chain(frame)
+        except InputError as error:
+            self.todo.append(str(error))
+            return []
+
+
+def _plain(text: str) -> str:
+    """Quote a name that YAML would not read as it stands."""
+    return text if re.fullmatch(r"[\w/][\w/.-]*|", text) else json.dumps(text)
+
+
+def _yaml(pose: Pose) -> str:
+    xyz, rpy = ([round(each, 5) + 0.0 for each in part] for part in (pose.xyz, pose.rpy))
+    return f"room_from_sensor: {{xyz: {xyz}, rpy: {rpy}}}"
