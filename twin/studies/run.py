@@ -44,6 +44,7 @@ from twin.studies.visibility import (
     SampledWorld,
     SensorVisibility,
     floor_resolution,
+    is_scanner,
     looking_sensors,
     packed,
     unvisited_warning,
@@ -204,13 +205,17 @@ def write_coverage(scenario: Scenario, folder: Path, *, beams: int, px_per_m: fl
         "area_visited": float(visited.mean()),
         "area_unseen": float((~seen).mean()),
         "area_unseen_unvisited": float((~seen & ~visited).mean()),
-        "warnings": list(filter(None, [unvisited_warning(visited, seen, sampled.n_person_frame)])),
+        "warnings": [
+            *filter(None, [unvisited_warning(visited, seen, sampled.n_person_frame)]),
+            *floor.blind_warnings(scenario),
+        ],
         "people_seen_by_at_least": {str(k): count_bits(at_least(bits, k)) / n for k in range(1, len(names) + 1)},
         "floor_seen_by_at_least": {str(k): float((floor.n_seeing >= k).mean()) for k in range(1, len(names) + 1)},
         "sensors": {
             name: {
                 "people": float(visible[name].mean()) if len(visible[name]) else None,
                 "floor": float((floor.of_sensor[name] >= floor.least[name]).mean()),
+                "wanted": f"{floor.least[name]:g} {'beams on a body' if is_scanner(scenario, name) else 'px/m'}",
             }
             for name in names
         },
@@ -247,4 +252,6 @@ def print_coverage(found: dict[str, Any]) -> None:
         )
     for name, each in found["sensors"].items():
         people = "–" if each["people"] is None else f"{100 * each['people']:.1f} %"
-        console.print(f"{name}: {people} of person-frames, {100 * each['floor']:.1f} % of the floor")
+        console.print(
+            f"{name}: {people} of person-frames, {100 * each['floor']:.1f} % of the floor, at {each['wanted']} or more"
+        )

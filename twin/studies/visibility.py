@@ -272,6 +272,21 @@ class FloorResolution:
             seen += resolution >= self.least[name]
         return seen
 
+    def blind_warnings(self, scenario: Scenario) -> list[str]:
+        """Return a warning for each sensor that sees no cell, with the reason."""
+        found = []
+        for name, resolution in self.of_sensor.items():
+            best, least = float(resolution.max(initial=0.0)), self.least[name]
+            unit, option = ("beams on a body", "--beams") if is_scanner(scenario, name) else ("px/m", "--px-per-m")
+            if best == 0:
+                found.append(f"{name} sees no place of the area: all is outside its view or hidden; see its mount")
+            elif best < least:
+                found.append(
+                    f"{name} sees no place of the area with {least:g} {unit}: its best has {best:.3g} ({option}, a finer "
+                    "sensor, or one nearer by)"
+                )
+        return found
+
     def best_of_kind(self, scenario: Scenario) -> Iterator[tuple[bool, list[str], Array, float]]:
         """Yield scanners, then cameras, if any: whether scanners, names, the best resolution (k,), and the least."""
         for scanners in (True, False):

@@ -12,6 +12,7 @@ from twin.instant.snapshot import RAY_GROUPS
 from twin.scenario import load_scenario
 from twin.studies.spec import Coverage
 from twin.studies.visibility import (
+    FloorResolution,
     SampledWorld,
     SensorVisibility,
     WorldSample,
@@ -117,3 +118,13 @@ def test_a_part_of_the_area_that_nobody_visited_and_no_sensor_sees_is_warned_of(
     warning = unvisited_warning(visited, np.array([False, True, True, False]), 2)
     assert "50.0 % of the area" in warning and "25.0 % of it" in warning and "2 person-frames" in warning
     assert not visited_cells([], cells).any()
+
+
+@pytest.mark.parametrize(
+    ("resolution", "said"),
+    [([0.0, 0.0], "outside its view or hidden"), ([30.0, 62.5], "its best has 62.5"), ([124.0, 125.0], None)],
+)
+def test_a_sensor_that_sees_no_place_is_told_why(resolution: list[float], said: str | None) -> None:
+    floor = FloorResolution(np.zeros((2, 2)), 0.1, {"fisheye": np.array(resolution)}, {"fisheye": 125.0})
+    warnings = floor.blind_warnings(load_scenario("lab-five-people"))
+    assert len(warnings) == (said is not None) and (said or "") in "".join(warnings)
