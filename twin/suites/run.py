@@ -113,6 +113,7 @@ def _run_cases(
     done = {each.id for each in store.cases() if each.status == DONE}
     facts = store.facts()
     renderers, tracker_warnings = set(facts["renderers"]), dict(facts.get("tracker_warnings", {}))
+    warned: set[str] = set()
     code = whole_code()
 
     def ended(end: TaskResult) -> None:
@@ -123,7 +124,9 @@ def _run_cases(
             return
         result: CaseResult = end.value
         for warning in result.warnings:
-            progress.warned(warning)
+            if warning not in warned:  # once, for all trackers of a recording
+                progress.warned(warning)
+        warned.update(result.warnings)
         for each in result.tracker_warnings:
             if each not in tracker_warnings:  # once, whatever its number of cases
                 progress.warned(f"{case.id}: {each}")

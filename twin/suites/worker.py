@@ -136,6 +136,7 @@ def run_case(work: CaseWork) -> CaseResult:
                 out=folder,
                 video=False,
                 report=case.report,
+                on_warning=_collected,
             )
             if result.metrics is None:
                 raise RuntimeError(f"{entry / RECORDING} holds no truth")
@@ -233,13 +234,17 @@ def scenario_recording(
         yield entry
 
 
+def _collected(warning: str) -> None:
+    """Leave a warning for the case's result, which holds them all."""
+
+
 def _run_recorded(case: Case, bag: RecordedInput) -> CaseResult:
     """Track a bag as it is; evaluate against its table of truth, else the truth in it, else count tracks alone."""
     with tempfile.TemporaryDirectory(prefix="roomtwin-case-") as temporary:
         folder = Path(temporary)
         result = track_recording(
             bag.path, trackers=[case.tracker], rig_path=bag.rig, truth_path=bag.truth, changes=case.tracking_changes,
-            seed=case.seed, out=folder, video=False, report=case.report,
+            seed=case.seed, out=folder, video=False, report=case.report, on_warning=_collected,
         )  # fmt: skip
         name = f"tracks/{file_name(case.tracker)}.csv"
         tracks = read_tracks(folder / name)
@@ -257,6 +262,9 @@ def _run_recorded(case: Case, bag: RecordedInput) -> CaseResult:
             recorded=False,
             record_s=0.0,
             recording=bag.digest[:_DIGEST],
+            warnings=tuple(
+                f"{bag.path.name}: {each}" for each in result.warnings if each not in result.tracker_warnings
+            ),
             tracker_warnings=result.tracker_warnings,
         )
 

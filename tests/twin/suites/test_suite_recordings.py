@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import shutil
+import warnings
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from trackers.errors import InputError
+from trackers.rig import Rig
 from twin.cli import app
 from twin.recording.bag import open_bag
 from twin.recording.bag_files import McapFile
@@ -112,3 +114,16 @@ def test_suite_of_nothing_is_refused(tmp_path: Path) -> None:
     (tmp_path / "none.yaml").write_text("name: none\ntrackers: [sort]\n")
     with pytest.raises(InputError, match="a list of scenarios, or recordings, is expected"):
         load_suite(tmp_path / "none.yaml")
+
+
+def test_what_a_bag_has_lost_is_told_once_and_what_a_tracker_leaves_out_not_at_all(bags: Path, tmp_path: Path) -> None:
+    rig = Rig.load(bags / "rig.yaml")
+    low_alone = rig.model_copy(update={"sensors": {"knee": rig.sensors["knee"]}})
+    (tmp_path / "rig.yaml").write_text(low_alone.dump_yaml())
+    entry = f"recording: {bags / 'bare.mcap'}, rig: {tmp_path / 'rig.yaml'}, trackers: [sort, laser-imm]"
+    with warnings.catch_warnings(record=True) as shown:
+        warnings.simplefilter("always")
+        done = _run(_suite(tmp_path, entry), tmp_path / "out")
+    assert done.exit_code == 0, done.output
+    assert not [each for each in shown if each.category is UserWarning]
+    assert done.stderr.count("does not use /waist/scan") == 1
