@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from twin.evaluate.clear import FrameMatches, PairMatrix, match_frames
-from twin.evaluate.report_clock import TICK_SHARE, report_clock, silent_stamps, with_stamps_between
+from twin.evaluate.report_clock import JITTER_SHARE, report_clock, silent_stamps, with_stamps_between
 from twin.recording.tables import TrackTable, TruthTable
 
 MAX_TRUTH_GAP_NS = NS_PER_S // 4
@@ -92,7 +92,7 @@ def align(truth: TruthTable, tracks: TrackTable, *, interpolate: bool = True) ->
     clock = report_clock(tracks.frame_stamps_ns, near)
     if interpolate and clock is not None:
         # Truth as frequent as the tracker's frames has holes where a sensor failed: no frame was owed there.
-        as_often = usual_ns <= (1 + TICK_SHARE) * clock.period_ns
+        as_often = usual_ns <= (1 + JITTER_SHARE) * clock.period_ns
         longest_ns = min(gap_ns, clock.silence_ns) if as_often else gap_ns
         near = with_stamps_between(near, longest_ns, max(clock.period_ns, usual_ns / MOST_BETWEEN))
     silent = silent_stamps(near, tracks.frame_stamps_ns, clock)

@@ -262,3 +262,65 @@ def test_a_long_silence_weighs_its_time_under_sparse_truth_too() -> None:
     silent = (stamps > 5) & (stamps < 15)
     metrics = evaluate_with_details(truth_at(np.arange(0, 20.3, 0.4)), tracks_at(stamps[~silent])).metrics
     assert (metrics["misses"], metrics["judged"]["frames"]) == (2 * silent.sum(), stamps.size)
+
+
+mixes = st.lists(st.tuples(st.floats(3, 40), st.floats(0, 1)), min_size=1, max_size=6)
+
+
+def mix(sensors: list[tuple[float, float]], jitter: float, rng: np.random.Generator) -> np.ndarray:
+    """Stamps of sensors of these rates [Hz] and phases, each frame off by up to `jitter` periods [s]."""
+    return np.unique(np.round(np.concatenate([comb(rate, phase, jitter, rng) for rate, phase in sensors]), 6))
+
+
+@settings(max_examples=40, deadline=None)
+@given(sensors=mixes, jitter=st.floats(0, 0.1), truth=st.sampled_from(TRUTHS[:3]), seed=st.integers(0, 2**16))
+def test_any_mix_of_rates_owes_nothing(sensors, jitter, truth, seed) -> None:
+    rng = np.random.default_rng(seed)
+    stamps = mix(sensors, jitter, rng)
+    assert owed(truth_at(truth_of(truth, stamps, rng)), tracks_at(stamps))[0] <= 0.01 * stamps.size
+
+
+@settings(max_examples=40, deadline=None)
+@given(sensors=mixes, jitter=st.floats(0, 0.1), truth=st.sampled_from(TRUTHS[:3]), seed=st.integers(0, 2**16))
+def test_two_silent_seconds_are_owed_by_any_mix_of_rates(sensors, jitter, truth, seed) -> None:
+    rng = np.random.default_rng(seed)
+    stamps = mix(sensors, jitter, rng)
+    reported = stamps[(stamps < 5) | (stamps >= 7)]
+    frames = align(truth_at(truth_of(truth, stamps, rng)), tracks_at(reported)).frames
+    without = np.array([frame.stamp_ns / NS_PER_S for frame in frames if frame.track_ids.size == 0])
+    before, after = reported[reported < 5][-1], reported[reported > 5][0]
+    in_silence = np.count_nonzero((without > before) & (without < after))
+    expected = (after - before) / np.diff(reported[reported < 5]).mean()
+    # sensors of one phase have stamps at few of the times due
+    least = expected if truth != "sensors" else (after - before) * max(rate for rate, _ in sensors)
+    assert 0.7 * least - 1 <= in_silence <= 1.3 * expected + 1
+    assert without.size - in_silence <= 0.01 * stamps.size
+
+
+@settings(max_examples=25, deadline=None)
+@given(sensors=mixes, lost=st.floats(0.01, 0.2), truth=st.sampled_from(TRUTHS[:3]), seed=st.integers(0, 2**16))
+def test_a_mix_with_frames_left_out_owes_no_more_than_these(sensors, lost, truth, seed) -> None:
+    rng = np.random.default_rng(seed)
+    stamps = mix(sensors, 0.05, rng)
+    left_out = rng.random(stamps.size) < lost
+    left_out[[0, -1]] = False
+    silent, _ = owed(truth_at(truth_of(truth, stamps, rng)), tracks_at(stamps[~left_out]))
+    assert silent <= left_out.sum() + 0.01 * stamps.size
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    slow=st.floats(5, 20),
+    faster=st.floats(1.02, 1.4),
+    phase=st.floats(0, 1),
+    apart=st.floats(0.3, 0.45),
+    seed=st.integers(0),
+)
+@example(slow=10.0, faster=1.27, phase=0.0, apart=0.41, seed=0)
+def test_a_tracker_that_joins_scans_of_close_rates_owes_nothing(slow, faster, phase, apart, seed) -> None:
+    rng = np.random.default_rng(seed)
+    first, second = comb(slow, 0.0, 0.01, rng), comb(slow * faster, phase, 0.01, rng)
+    far = np.abs(second[:, None] - first).min(axis=1) > apart / slow  # nearer ones join the frame of the slower scanner
+    stamps = np.unique(np.round(np.concatenate([first, second[far]]), 6))
+    truth = truth_at(np.unique(np.round(np.concatenate([first, second]), 6)))
+    assert owed(truth, tracks_at(stamps))[0] == 0
