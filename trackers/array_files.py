@@ -19,7 +19,7 @@ import numpy as np
 
 from trackers.arrays import AnyArray
 from trackers.errors import InputError
-from trackers.text_file import AnyPath, check_limit
+from trackers.text_file import AnyPath, as_path, check_limit
 
 _WORDS = {"U": "text is", "iu": "whole numbers are", "u": "bytes are", "f": "numbers are", "b": "booleans are"}
 _LONGEST_HEADER = 10_000
@@ -80,7 +80,7 @@ def read_arrays(path: AnyPath, specs: Mapping[str, ArraySpec], expected: str) ->
     Types, shapes and sizes are checked in the headers, before decoding; ranges afterwards. Raises InputError naming the
     file, the array, its content and what is expected.
     """
-    path = Path(path)
+    path = as_path(path, expected)
     try:
         with path.open("rb") as file:
             if file.read(6) == b"\x93NUMPY":

@@ -16,11 +16,14 @@ from pydantic import Field, model_validator
 from trackers.arrays import Array
 from trackers.configuration import Strict
 from trackers.errors import InputError
+from trackers.text_file import check_limit
 
 NS_PER_S = 1_000_000_000
 _FARTHEST_BEARING_RAD = 4 * pi + 1e-3
 _WIDEST_RAD = 1.1 * 2 * pi
 """From the first beam to the last: scanners that turn all around may go on a little."""
+MOST_BEAMS = 1_000_000
+"""Greatest number of beams of a scan, a hundred times that of any scanner; each takes some 70 bytes at work."""
 _RIGID = 1e-3
 """Largest error of a rotation matrix's Gram matrix: that of a quaternion in float32 is a thousandth of it."""
 
@@ -59,6 +62,7 @@ class LaserScan(_Stamped):
     def __post_init__(self) -> None:
         if self.ranges_m.ndim != 1:
             raise InputError(f"scan of {self.sensor!r}: ranges have shape {self.ranges_m.shape}; one row is expected")
+        check_limit(self.ranges_m.size, MOST_BEAMS, f"scan of {self.sensor!r}: has", "beams")
         if not 0 <= self.range_min_m < self.range_max_m:
             raise InputError(
                 f"scan of {self.sensor!r}: range_min is {self.range_min_m:g} m and range_max {self.range_max_m:g} m; "

@@ -32,7 +32,7 @@ from trackers.rig_sensors import (
     StereoSensor,
     placed_camera,
 )
-from trackers.text_file import AnyPath, is_file, read_text
+from trackers.text_file import AnyPath, as_path, is_file, read_text
 
 __all__ = [
     "NO_PRIOR",
@@ -264,7 +264,7 @@ class Rig(Strict):
 
         complete: makes of the file's plain content that of a whole rig, by what else is known of its sensors.
         """
-        path = Path(path)
+        path = as_path(path, "rig")
         rig = cls.parse(read_text(path, "a rig.yaml"), str(path), complete)
         return rig.model_copy(update={"prior": rig.prior.within(path.parent)})
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import codecs
 import io
 import os
+import reprlib
 import stat
 from pathlib import Path
 
@@ -51,6 +52,20 @@ def check_limit(asked: float, most: float, said: str, unit: str = "") -> None:
 AnyPath = str | os.PathLike[str]
 """A path in any form accepted from callers."""
 
+
+def as_path(given: AnyPath, name: str) -> Path:
+    """Return a caller's path. Raises InputError for anything but a text or an `os.PathLike`; `name`: of the argument."""
+    try:
+        text = os.fspath(given)
+    except TypeError:
+        text = b""
+    if not isinstance(text, str):
+        raise InputError(f"{name}: {reprlib.repr(given)} is no path; a text or an os.PathLike is expected")
+    if not text or "\0" in text:
+        raise InputError(f"{name}: {reprlib.repr(text)} is no path; a text that is not empty, without NUL, is expected")
+    return Path(text)
+
+
 MOST_TEXT_BYTES = 64 * 1024 * 1024
 """Size above which a text file is rejected unread, since people do not write such files."""
 
@@ -61,7 +76,7 @@ def read_text(source: AnyPath, expected: str, most_bytes: int | None = MOST_TEXT
 
     At most `most_bytes` are read (None: all) unless the limits are lifted. A device, which may never end, is rejected.
     """
-    source = Path(source)
+    source = as_path(source, expected)
     try:
         mode = source.stat().st_mode
         if stat.S_ISCHR(mode) or stat.S_ISBLK(mode):

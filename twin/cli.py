@@ -33,7 +33,7 @@ from twin.commands.new import app as new
 from twin.commands.run import environment, render, run
 from twin.commands.track import detections, evaluate, track
 from twin.commands.view import view
-from twin.messages import printable
+from twin.messages import sentence
 
 app = typer.Typer(
     name="twin",
@@ -175,7 +175,7 @@ def _check_none_is_empty(arguments: Sequence[str]) -> None:
 
 
 def _end_with(message: str, code: int = EXIT_BAD_INPUT) -> int:
-    sys.stderr.write(f"twin: {printable(message)}\n")
+    sys.stderr.write(f"twin: {sentence(message)}\n")
     return code
 
 

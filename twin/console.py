@@ -13,7 +13,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
-from twin.messages import OnProgress, printable
+from twin.messages import OnProgress, printable, sentence
 from twin.report.metrics_table import METRICS, format_judged, format_value, metric_value
 
 _SHOWN = (
@@ -88,7 +88,7 @@ def print_warnings(warnings: Iterable[str]) -> None:
 
 def print_warning(warning: str) -> None:
     """Print one warning about a result on stderr."""
-    sys.stderr.write(f"twin: warning: {printable(warning)}\n")
+    sys.stderr.write(f"twin: warning: {sentence(warning)}\n")
 
 
 def print_paths(files: Mapping[str, Path]) -> None:

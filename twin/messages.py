@@ -26,6 +26,17 @@ _UNPRINTABLE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e
 """Control characters but tab and newline, marks of writing direction, and bytes of names that are no UTF-8."""
 
 
+_LONGEST_LINE, _LONGEST_END = 2000, 600
+
+
+def sentence(text: str) -> str:
+    """Return a text as printable, with the middle of each overlong line left out: input may name thousands of things."""
+    return "\n".join(
+        line if len(line) <= _LONGEST_LINE else f"{line[: _LONGEST_LINE - _LONGEST_END]} … {line[-_LONGEST_END:]}"
+        for line in printable(text).split("\n")
+    )
+
+
 def printable(text: str) -> str:
     """Escape control characters as Python does, so that no name of a file or field moves the cursor."""
     return _UNPRINTABLE.sub(lambda found: found[0].encode("unicode_escape").decode(), text)

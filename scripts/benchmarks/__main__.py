@@ -18,6 +18,7 @@ from benchmarks import (
     filters,
     gate_bugs,
     hall,
+    kills,
     laser_learning,
     learning,
     metamorphic,
@@ -97,6 +98,7 @@ BENCHMARKS: dict[str, Callable[[], Iterator[Figure]]] = {
     "metamorphic": metamorphic.measure,
     "fuzz": fuzz.measure,
     "bags": bag_drill.measure,
+    "kills": kills.measure,
     "cases": cases.measure,
 }
 

@@ -34,7 +34,7 @@ from trackers.environment.model import Environment
 from trackers.environment.planes import find_ceiling, find_floor, find_walls
 from trackers.errors import InputError
 from trackers.rig import Rig
-from trackers.text_file import AnyPath, refuse_unless_lifted
+from trackers.text_file import AnyPath, as_path, refuse_unless_lifted
 
 _FEWEST_POINTS = 1000
 _STRAY = 0.0005
@@ -218,7 +218,7 @@ def save_environment(environment: Environment, path: AnyPath) -> str:
     """Write the environment and return its fingerprint; equal environments give equal bytes."""
     arrays = _arrays(environment)
     arrays["fingerprint"] = np.array(_fingerprint(arrays))
-    with zipfile.ZipFile(path, "w") as archive:
+    with zipfile.ZipFile(as_path(path, "environment"), "w") as archive:
         for name, array in arrays.items():
             # numpy's own savez stores the time of day.
             info = zipfile.ZipInfo(f"{name}.npy", (1980, 1, 1, 0, 0, 0))
@@ -234,7 +234,7 @@ def load_environment(path: AnyPath, rig: Rig | None = None) -> Environment:
     Raises InputError for an invalid, damaged or incomplete file, for another version, for a grid of more than `MOST_VOXELS`,
     before decoding it, and for the environment of another room.
     """
-    path = Path(path)
+    path = as_path(path, "environment")
     head = read_arrays(path, _HEAD, _EXPECTED)
     if str(head["format"]) != FORMAT:
         raise InputError(f"{path}: format: {str(head['format'])!r} is not known here; {FORMAT!r} is expected")

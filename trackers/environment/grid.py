@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt32
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 
 from trackers.arrays import Array, Index, Mask
 from trackers.errors import InputError
-from trackers.text_file import AnyPath
+from trackers.text_file import AnyPath, as_path
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +56,7 @@ class PointCloud:
         head += [f"comment station {place[0]:.6f} {place[1]:.6f} {place[2]:.6f}" for place in self.origins_m]
         head += [f"element vertex {len(rows)}", *(f"property float {axis}" for axis in "xyz"), "property short station"]
         head += ["end_header", ""]
-        Path(path).write_bytes("\n".join(head).encode() + rows.tobytes())
+        as_path(path, "point cloud").write_bytes("\n".join(head).encode() + rows.tobytes())
 
 
 Counts = NDArray[np.uint32]

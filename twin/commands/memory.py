@@ -18,7 +18,7 @@ from types import FrameType
 import typer
 
 from trackers.errors import InputError
-from twin.messages import printable
+from twin.messages import sentence
 
 _AGAIN_S = 0.05
 _LONGEST_IMPORT_S = 10.0
@@ -28,7 +28,7 @@ EXIT_DONE, EXIT_FELL_SHORT, EXIT_BAD_INPUT, EXIT_OUR_FAULT, EXIT_INTERRUPTED, EX
 def exit_with_failures(failures: Sequence[str]) -> None:
     """Print the failures of plug-ins; with any, exit as a failed check does."""
     for failure in failures:
-        sys.stderr.write(f"twin: {printable(failure)}\n")
+        sys.stderr.write(f"twin: {sentence(failure)}\n")
     if failures:
         raise typer.Exit(EXIT_FELL_SHORT)
 

@@ -25,7 +25,7 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.plain_data import dump_yaml
 from trackers.rig import CameraSensor
-from trackers.text_file import AnyPath
+from trackers.text_file import AnyPath, as_path
 from twin.messages import OnWarning
 from twin.recording import topics
 from twin.recording.bag import decoded, open_bag
@@ -89,7 +89,7 @@ def open_recorded(
 
     `name`: of its sequence (default: that of the run or the bag). Raises InputError for a path that is neither.
     """
-    path = Path(path)
+    path = as_path(path, "recording")
     is_run = path.is_dir() and (path / RECORDING).is_file()
     recording = Recording(path / RECORDING if is_run else path, rig)
     if tables is None and is_run:

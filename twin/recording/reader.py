@@ -14,7 +14,7 @@ from trackers.arrays import Nanoseconds
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, Observation
 from trackers.rig import Rig, RigSensor, StereoSensor
-from trackers.text_file import AnyPath
+from trackers.text_file import AnyPath, as_path
 from twin.recording import topics
 from twin.recording.bag import Bag, Topic, open_bag
 from twin.recording.clock_correction import OF_NO_ORDER, CorrectedClocks, correct_clocks
@@ -64,7 +64,7 @@ class Recording:
         InputError for a file that is missing, no bag or damaged, and for a bag that lacks what the rig says or has nothing
         that can be used.
         """
-        self.path = path = Path(path)
+        self.path = path = as_path(path, "recording")
         with open_bag(path) as bag:
             self.topics: dict[str, Topic] = bag.topics
             self.duration_s = bag.duration_s

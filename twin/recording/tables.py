@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from trackers.area import Area
 from trackers.observations import NS_PER_S
-from trackers.text_file import AnyPath
+from trackers.text_file import AnyPath, as_path
 from trackers.tracks import Track, TrackFrame
 from twin.recording.atomic_file import open_atomic
 from twin.tables.columns import MAX_INT64, CsvColumns, StampedRows
@@ -180,7 +180,7 @@ def read_truth(
     naming file, line, column and value.
     """
     found = read_person_rows(
-        Path(path), "a truth table", most_bytes, frame_rate_hz, rate_field, "truth" if mot else None
+        as_path(path, "a truth table"), "a truth table", most_bytes, frame_rate_hz, rate_field, "truth" if mot else None
     )
     rows = found.rows
     visible = {}
@@ -219,7 +219,12 @@ def read_tracks(
     contract does not name are passed over. `mot` as in `read_truth`. Raises InputError naming file, line, column and value.
     """
     found = read_person_rows(
-        Path(path), "a tracks table", most_bytes, frame_rate_hz, rate_field, "tracks" if mot else None
+        as_path(path, "a tracks table"),
+        "a tracks table",
+        most_bytes,
+        frame_rate_hz,
+        rate_field,
+        "tracks" if mot else None,
     )
     rows = found.rows
     numbers = {name: _numbers(rows, name) for name in _TRACK_NUMBERS}

@@ -182,8 +182,18 @@ def compiled(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
     except ValueError as error:
         raise InputError(f"{path}: does not compile ({what_is_wrong(error)}); a valid MJCF room is expected") from error
     _check_groups(model, path)
+    _check_textures(model, path)
     _agree_where_hidden(model)
     return model
+
+
+def _check_textures(model: mujoco.MjModel, path: Path) -> None:
+    """Raise InputError for a texture that the renderer leaves out: of one channel, as of a file that it does not decode."""
+    for place in np.flatnonzero(~np.isin(model.tex_nchannel, (3, 4)))[:1]:
+        raise InputError(
+            f"{path}: texture {model.tex(int(place)).name or int(place)!r} has {model.tex_nchannel[place]} channel, which "
+            "is not drawn; a PNG image, and nchannel of 3 or 4, is expected"
+        )
 
 
 def what_is_wrong(error: Exception) -> str:

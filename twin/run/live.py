@@ -15,7 +15,7 @@ from trackers.observations import NS_PER_S
 from trackers.presets import make_tracker
 from trackers.prior import Prior
 from trackers.rig import NO_PRIOR, Rig
-from trackers.text_file import AnyPath
+from trackers.text_file import AnyPath, as_path
 from twin.messages import OnProgress, OnWarning, no_progress, warn
 from twin.recording.atomic_file import open_atomic
 from twin.recording.losses import lines
@@ -84,7 +84,7 @@ def run_scenario(
     if not isinstance(scenario, Scenario):
         raise InputError(f"{scenario!r} is no Scenario; twin.load_scenario makes one of a name or file")
     names = listed(trackers) if trackers is not None else list(scenario.trackers) or [DEFAULT_TRACKER]
-    folder = Path(out) if out is not None else Path("out") / f"{scenario.name}-{scenario.seed}"
+    folder = as_path(out, "out") if out is not None else Path("out") / f"{scenario.name}-{scenario.seed}"
     source = source or f"scenario {scenario.name}"
     chosen = choose(names, scenario.trackers, source, trusted)
     if chosen:

@@ -78,9 +78,9 @@ def locked_folder(folder: Path) -> Iterator[None]:
     The system releases the lock when the process ends in any way. Raises InputError where another process holds it, and
     where the folder cannot be made.
     """
-    missing = [each for each in (folder, *folder.parents) if not each.exists()]
     path = folder / LOCK
     try:
+        missing = [each for each in (folder, *folder.parents) if not each.exists()]
         folder.mkdir(parents=True, exist_ok=True)
         lock = FileLock(path, timeout=_WAIT_S, poll_interval=_WAIT_S / 3)
         lock.acquire()

@@ -19,7 +19,7 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S, LaserScan, Observation, Odometry
 from trackers.prior import Prior
 from trackers.rig import PriorFiles
-from trackers.text_file import AnyPath
+from trackers.text_file import AnyPath, as_path
 from trackers.tracks import TrackFrame
 from twin.messages import OnProgress, OnWarning, no_progress, warn
 from twin.recording.atomic_file import open_atomic
@@ -92,9 +92,11 @@ def track_recording(
     where others are left, the result says which did.
     """
     names = listed(trackers)
-    recording, rig_path, out, bag_copy = Path(recording), _path(rig_path), _path(out), _path(bag_copy)
+    recording, out = as_path(recording, "recording"), _path(out, "out")
+    rig_path, truth_path = _path(rig_path, "rig_path"), _path(truth_path, "truth_path")
+    bag_copy = _path(bag_copy, "bag_copy")
     bag = Recording(recording, rig_path)
-    truth = _labels(Path(truth_path), bag) if truth_path is not None else None
+    truth = _labels(truth_path, bag) if truth_path is not None else None
     scenario = scenario_of(bag)
     chosen = chosen_trackers(bag, scenario, names, changes)
     files, missing = files_for(bag, scenario, rig_path, changes)
@@ -113,7 +115,7 @@ def track_recording(
         video=video,
         report=report,
         bag_copy=bag_copy,
-        command=_command(recording, names, rig_path, _path(truth_path), changes, seed),
+        command=_command(recording, names, rig_path, truth_path, changes, seed),
         on_progress=on_progress,
         on_warning=on_warning,
     )
@@ -126,8 +128,8 @@ def track_recording(
         return replay.finish(fed)
 
 
-def _path(given: AnyPath | None) -> Path | None:
-    return None if given is None else Path(given)
+def _path(given: AnyPath | None, name: str) -> Path | None:
+    return None if given is None else as_path(given, name)
 
 
 @dataclass(frozen=True, eq=False)

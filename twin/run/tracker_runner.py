@@ -37,6 +37,8 @@ from twin.recording.tables import TrackWriter, number_cell, seconds_cell, track_
 from twin.run.inputs import ChosenTracker, chosen_trackers, files_for, scenario_of
 from twin.streams import stream
 
+PLUG_IN_ERRORS = (Exception, SystemExit, GeneratorExit)
+"""All that a plug-in may raise without ending the run: all but the user's Ctrl-C."""
 _ENOUGH_FRAMES, _OFTEN = 20, 0.2
 """Number of frames, and share of them with detections, above which a tracker without any track is warned about."""
 
@@ -74,7 +76,7 @@ class TrackerRunner:
         try:
             self.tracker = made(self.name)
             faults = misreported(self.tracker, self.rig)
-        except (Exception, SystemExit) as error:
+        except PLUG_IN_ERRORS as error:
             if isinstance(error, InputError):
                 raise
             self._fail(error, "before the first observation")
@@ -117,7 +119,7 @@ class TrackerRunner:
         try:
             frames = call(self._fed)
             self._pending_ms += 1e3 * (time.thread_time() - start)
-        except (Exception, SystemExit) as error:
+        except PLUG_IN_ERRORS as error:
             self._fail(error)
             return []
         for frame in frames:
@@ -133,7 +135,7 @@ class TrackerRunner:
         if frames:
             try:
                 self._note_silence(frames)
-            except (Exception, SystemExit) as error:
+            except PLUG_IN_ERRORS as error:
                 self._fail(error, "when asked for its detections")
                 return []
             self._frame_ms += [self._pending_ms / len(frames)] * len(frames)

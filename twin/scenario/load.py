@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from copy import deepcopy
@@ -16,7 +15,7 @@ from trackers.configuration import checked_current_names, current_path, keys_of,
 from trackers.errors import InputError
 from trackers.plain_data import DEEPEST, deep_merge, dump_yaml, parse_yaml, parse_yaml_value
 from trackers.rig import Name, files_within
-from trackers.text_file import AnyPath, read_text
+from trackers.text_file import AnyPath, as_path, read_text
 from twin import models
 from twin.drawn.distributions import DrawnPeople, DrawnRoom, DrawnSensors, drawn_fields
 from twin.scenario.pedestrians import Pedestrians, people_from
@@ -67,7 +66,7 @@ def load_scenario(
     """
     if isinstance(overrides, str) or not all(isinstance(each, str) for each in overrides):
         raise InputError(f"overrides {overrides!r}: a list of texts is expected, as ['sensors.waist.rate_hz=20']")
-    path, folder = models.find("scenarios", os.fspath(name)), Path(folder)
+    path, folder = models.find("scenarios", str(as_path(name, "scenario"))), as_path(folder, "folder")
     content = _read(path, ())
     content = apply_overrides(content, suites)
     _resolve(content, folder, "set: room")

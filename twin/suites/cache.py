@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from trackers.errors import InputError
-from twin.messages import printable
+from twin.messages import sentence
 
 DEFAULT_LIMIT_GB = 20.0
 
@@ -44,7 +44,7 @@ def cache_limit_bytes() -> int:
 
 
 def _warn(message: str) -> None:
-    sys.stderr.write(f"twin: warning: {printable(message)}\n")
+    sys.stderr.write(f"twin: warning: {sentence(message)}\n")
 
 
 @dataclass(frozen=True)

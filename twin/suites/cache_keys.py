@@ -11,6 +11,7 @@ import sysconfig
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from functools import cache
+from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import Any
 
@@ -170,15 +171,17 @@ def _room(name: str) -> Iterator[bytes]:
 
 
 def _own_sources(module: str) -> set[Path]:
-    """Find the files of a loaded module and of its imports; of installed packages only its own."""
+    """Find the files of a loaded module and of its imports, loaded or not: a function may import at its first call.
+
+    Of installed packages only its own.
+    """
     own = module.partition(".")[0]
     installed = [Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib", "purelib", "platlib")]
     waiting, found = [module], set()
     while waiting:
         name = waiting.pop()
-        loaded = sys.modules.get(name)
-        file = getattr(loaded, "__file__", None)
-        if loaded is None or not file or name.partition(".")[0] in _PACKAGES:
+        file = None if name.partition(".")[0] in _PACKAGES else _source_of(name)
+        if file is None:
             continue
         path = Path(file).resolve()
         is_installed = any(path.is_relative_to(folder) for folder in installed)
@@ -187,7 +190,7 @@ def _own_sources(module: str) -> set[Path]:
         found.add(path)
         if "." in name:
             waiting.append(name.rpartition(".")[0])
-        package = getattr(loaded, "__package__", None) or ""
+        package = name if path.name == "__init__.py" else name.rpartition(".")[0]
         for node in ast.walk(ast.parse(path.read_bytes())):
             if isinstance(node, ast.Import):
                 waiting += [alias.name for alias in node.names]
@@ -196,6 +199,19 @@ def _own_sources(module: str) -> set[Path]:
                 start = ".".join(part for part in (base, node.module) if part)
                 waiting += [start, *(f"{start}.{alias.name}" for alias in node.names)]
     return found
+
+
+def _source_of(name: str) -> str | None:
+    """Find the file of a module without importing it; None for one without, or that is not there."""
+    if (loaded := sys.modules.get(name)) is not None:
+        return getattr(loaded, "__file__", None)
+    places, spec = None, None
+    for part in name.split("."):
+        spec = PathFinder.find_spec(part, places)
+        if spec is None:
+            return None
+        places = spec.submodule_search_locations or ()
+    return spec.origin if spec is not None else None
 
 
 def _modules(names: Iterable[str]) -> set[Path]:

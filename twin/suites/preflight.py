@@ -30,6 +30,7 @@ from twin.run.inputs import (
     not_trusted,
     redefined,
 )
+from twin.run.tracker_runner import PLUG_IN_ERRORS
 from twin.scenario import Scenario
 from twin.scenario.housings import assumed_rig
 from twin.scenario.scenario import TrackerChoice
@@ -259,7 +260,7 @@ def _faults(
         if target in PRESETS or not unlike_a_run:
             yield from (_by_option(line, options) for line in str(error).splitlines())
         return
-    except (Exception, SystemExit):  # a plug-in's own fault: its case fails with its traceback, and the rest goes on
+    except PLUG_IN_ERRORS:  # a plug-in's own fault: its case fails with its traceback, and the rest goes on
         return
     if not isinstance(tracker, Tracker):
         yield "", f"{type(tracker).__name__} has not both update(observation) and tracks(); a tracker has"

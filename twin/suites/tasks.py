@@ -16,7 +16,7 @@ from typing import Any, Literal
 
 from trackers.errors import InputError, PlugInError
 from twin.recording.atomic_file import NO_SPACE
-from twin.run.tracker_runner import first_line
+from twin.run.tracker_runner import PLUG_IN_ERRORS, first_line
 
 CallStatus = Literal["done", "bad input", "no space", "raised"]
 
@@ -57,7 +57,7 @@ def call_task(function: Callable[[Any], Any], work: Any, limit_s: float, log: Pa
             message = f"{error.filename or log or 'a file'}: cannot be written ({error.strerror})"
             return CallResult("no space", None, spent_s(), message)
         return CallResult("raised", None, spent_s(), _format_error(error))
-    except (Exception, SystemExit) as error:  # a plug-in that exits is only a failed case
+    except PLUG_IN_ERRORS as error:  # a plug-in that exits is only a failed case
         return CallResult("raised", None, spent_s(), _format_error(error))
 
 

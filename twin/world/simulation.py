@@ -8,7 +8,7 @@ from functools import partial
 from itertools import groupby
 from operator import attrgetter
 from types import TracebackType
-from typing import Self
+from typing import NoReturn, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -167,6 +167,10 @@ class Simulation:
         self._coming = None
         trim_heap()
 
+    def __reduce__(self) -> NoReturn:
+        named = f"the simulation of {self.scenario.name!r}"
+        raise TypeError(f"{named} cannot be copied or pickled; copy its scenario, and make another Simulation of that")
+
     def __iter__(self) -> Iterator[Observation]:
         return (delivered.observation for delivered in self.deliveries())
 
@@ -202,13 +206,13 @@ class Simulation:
         return (delivered for delivered in self._coming)  # a loop that is left closes its own iterator, not this one
 
     def _deliver(self) -> Iterator[Delivered]:
-        self._over = "was stopped by an error"
+        self._over = stopped = "was stopped by an error, or is in the loop of another thread"
         for delivery in self._schedule.observe(self):
             encoded = encode(delivery.reading.observation)
             read = self.as_read(encoded)
             self._over = ""
             yield Delivered(encoded, delivery.arrival_ns, delivery.reading, read, delivery.stamp_ns)
-            self._over = "was stopped by an error"
+            self._over = stopped
         self._tell_truth_until(self.scenario.duration_s)
         if self._details is not None:
             self._details.finish(round(self.scenario.duration_s * NS_PER_S))

@@ -120,6 +120,14 @@ def test_copied_scenario_gives_the_same(of: Callable[[Scenario], Scenario]) -> N
     assert whole(of(SCENARIO)) == usual()
 
 
+@pytest.mark.parametrize("of", [copy.copy, copy.deepcopy, pickle.dumps])
+def test_copying_a_simulation_is_refused_in_a_sentence(of: Callable[[twin.Simulation], object]) -> None:
+    with twin.Simulation(SCENARIO, images=False) as simulation:
+        with pytest.raises(TypeError, match="cannot be copied or pickled; copy its scenario"):
+            of(simulation)
+        assert told(list(simulation)) == usual()
+
+
 def test_interleaved_simulations_do_not_meet() -> None:
     other = SCENARIO.model_copy(update={"seed": 3})
     with twin.Simulation(SCENARIO, images=False) as first, twin.Simulation(other, images=False) as second:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from pydantic import BaseModel
 
@@ -68,6 +69,32 @@ def test_no_public_parameter_is_a_path_alone() -> None:
     assert found["twin.run_scenario(out)"] == "AnyPath | None"
     only = {name: annotation for name, annotation in found.items() if re.search(r"(?<!Any)Path\b", annotation)}
     assert not {name for name in only if "(learned)" not in name}  # a mapping, of Paths, which trackers read
+
+
+TAKERS: dict[str, Callable[[Any], object]] = {
+    "scenario": twin.load_scenario,
+    "folder": lambda given: twin.load_scenario("pair", folder=given),
+    "recording": twin.Recording,
+    "rig": Rig.load,
+    "a truth table": twin.read_truth,
+    "a tracks table": twin.read_tracks,
+    "out": lambda given: twin.run_scenario(twin.load_scenario("pair"), trackers=["sort"], out=given),
+    "rig_path": lambda given: twin.track_recording("none.bag", trackers=["sort"], rig_path=given),
+    "truth_path": lambda given: twin.track_recording("none.bag", trackers=["sort"], truth_path=given),
+    "bag_copy": lambda given: twin.track_recording("none.bag", trackers=["sort"], bag_copy=given),
+}
+
+
+@pytest.mark.parametrize("taken", TAKERS)
+@pytest.mark.parametrize("given", [3, b"pair", ["pair"], np.zeros(3), "", "a\0b"], ids=repr)
+def test_what_is_no_path_is_refused_in_a_sentence(taken: str, given: Any) -> None:
+    with pytest.raises(twin.InputError, match=rf"^{taken}: .* is no path; a text .* is expected$"):
+        TAKERS[taken](given)
+
+
+def test_a_path_too_long_for_any_folder_is_refused_in_a_sentence() -> None:
+    with pytest.raises(twin.InputError, match=r"^--out a+: cannot be written \(File name too long\)"):
+        twin.run_scenario(twin.load_scenario("pair"), trackers=["sort"], out="a" * 5000)
 
 
 @pytest.mark.slow

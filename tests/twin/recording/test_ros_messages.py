@@ -18,7 +18,7 @@ from rosbags.typesys.stores.ros2_humble import (
 )
 
 from trackers.errors import InputError
-from trackers.observations import Image, LaserScan
+from trackers.observations import MOST_BEAMS, Image, LaserScan
 from twin.recording.ros_messages import LASER_SCAN, TYPESTORE, decode, encode, from_message, time_message
 
 HEADER = Header(time_message(7), "camera")
@@ -148,6 +148,7 @@ def test_images_that_cannot_be_used(message, complaint):
         ({"angle_increment": np.nan}, "angle_increment is nan rad"),
         ({"angle_min": np.inf}, "angle_min is inf rad"),
         ({"angle_min": np.nan}, "angle_min is nan rad"),
+        ({"ranges": np.zeros(2 * MOST_BEAMS, np.float32)}, "has 2e\\+06 beams; at most 1e\\+06"),
         ({"range_min": np.nan}, "range_min is nan m"),
         ({"range_max": np.nan}, "range_max nan m"),
         ({"time_increment": np.inf}, "finite time_increment"),

@@ -370,6 +370,13 @@ def test_lamps_that_are_drawn_as_others_are_refused(tmp_path: Path, kind: str) -
         build_scene(scenario_in(tmp_path, room_of(lamp=f'<light name="l" type="{kind}"/>')))
 
 
+def test_textures_that_the_renderer_leaves_out_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "t.ktx").write_bytes(b"KTX")
+    asset = '<asset><texture name="rug" type="2d" file="t.ktx"/></asset>'
+    with pytest.raises(InputError, match=r"room\.xml: texture 'rug' has 1 channel, which is not drawn; a PNG image"):
+        build_scene(scenario_in(tmp_path, room_of(before=asset)))
+
+
 @pytest.mark.parametrize("group", [-1, 6, 2**20])
 def test_groups_that_mujoco_does_not_tell_apart_are_refused(tmp_path: Path, group: int) -> None:
     with pytest.raises(InputError, match=rf"room\.xml: geom 'b' is in group {group}; a group from 0 to 5 is expected"):

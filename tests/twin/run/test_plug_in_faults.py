@@ -45,6 +45,10 @@ class Leaves(Fine):
     def at_the_third(self):
         sys.exit(3)
 
+class Closes(Fine):
+    def at_the_third(self):
+        raise GeneratorExit
+
 class InTracks(Fine):
     def tracks(self):
         return [Track(id=1, x=1 / (self.n - self.n), y=1.5)]
@@ -90,6 +94,7 @@ FAULTS = {
     r"(waist|knee) stamped 0.\d+ s",
     "plug_lab:InputInUpdate": r"update\(\) raised InputError: I want another scan \(plug_lab.py, line \d+\) at the LaserScan",
     "plug_lab:Leaves": r"update\(\) raised SystemExit: 3 \(plug_lab.py, line \d+\) at the LaserScan of ",
+    "plug_lab:Closes": r"update\(\) raised GeneratorExit \(plug_lab.py, line \d+\) at the LaserScan of ",
     "plug_lab:InTracks": r"tracks\(\) raised ZeroDivisionError: division by zero \(plug_lab.py, line \d+\) at the LaserScan",
     "plug_lab:NoTracks": r"what it gave raised TypeError: .* at the LaserScan of ",
     "plug_lab:BadTrack": r"what it gave raised ValueError: track 1: status 'lost' .* in the frame stamped 0.\d+ s",

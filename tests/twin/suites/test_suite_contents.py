@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import csv
+import importlib
 import json
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
 
 from twin.scenario import load_scenario
+from twin.suites.cache_keys import plug_in_code
 from twin.suites.metrics import GATED_SENSOR_METRICS
 from twin.suites.permutation_test import start_digest
 from twin.suites.worker import RECORDING, TRUTH, people_digest, range_scatter_m, record
@@ -113,3 +116,24 @@ def test_scanners_without_a_scan_have_no_scatter(tmp_path: Path) -> None:
     scenario = load_scenario("lab-five-people", [*LASERS, "sensors.knee.dropout=1", "seed=1800"])
     record(scenario, tmp_path)
     assert set(range_scatter_m(tmp_path / RECORDING, scenario)) == SCANNERS - {"scanner at 0, 0, 0.45"}
+
+
+@pytest.mark.parametrize("changed", ["lazy_lab/__init__.py", "lazy_lab/gain.py", "lazy_gain.py", "lazy_parts/deep.py"])
+def test_the_code_of_a_tracker_is_all_that_it_may_import_at_its_first_call(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changed: str
+) -> None:
+    for name, text in {
+        "lazy_lab/__init__.py": "from . import mine\n",
+        "lazy_lab/mine.py": "def update():\n    from .gain import G\n    import lazy_gain, lazy_parts.deep\n",
+        "lazy_lab/gain.py": "G = 1\n",
+        "lazy_gain.py": "G = 1\n",
+        "lazy_parts/deep.py": "G = 1\n",  # without __init__: a namespace
+    }.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+    importlib.import_module("lazy_lab.mine")
+    before = plug_in_code("lazy_lab.mine:Mine")
+    (tmp_path / changed).write_text("G = 2\n")
+    assert plug_in_code("lazy_lab.mine:Mine") != before
+    assert not {"lazy_gain", "lazy_parts", "lazy_lab.gain"} & set(sys.modules)

@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from distributed import LocalCluster
 from synthetic_cases import do, work_of
 
 from trackers.errors import InputError
-from twin.suites import dask_runner, tasks
+from twin.suites import cluster as clusters, dask_runner, tasks
 from twin.suites.cluster import Cluster, open_cluster, read_resources
 from twin.suites.dask_runner import run_on
 from twin.suites.tasks import MAX_RETRIES, OutOfSpaceError, State, Task, TaskListener, TaskResult, run_serial
@@ -220,6 +221,14 @@ def test_a_scheduler_that_is_gone_is_told_in_one_sentence(monkeypatch: pytest.Mo
         left = TaskListener(ended=lambda end: theirs.close())
         with pytest.raises(InputError, match=r"^the Dask scheduler is gone; .*--resume"):
             run_on(elsewhere, [Task(str(k), work_of("sleep", s=0.6), 60) for k in range(6)], do, left)
+
+
+def test_a_cluster_that_is_closed_while_a_worker_starts_closes_in_silence() -> None:
+    class Starting:
+        def close(self, timeout: float) -> None:
+            raise AssertionError("Status.init")  # as Dask does
+
+    clusters._close(cast("LocalCluster", Starting()))  # pyright: ignore[reportPrivateUsage]
 
 
 def test_bad_places_are_told_in_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
