@@ -33,6 +33,8 @@ _own = threading.local()
 _drawn_in: int | None = None  # process that made the first context
 _goes_on = True  # whether children of that process can draw
 _opencv_threads: list[int] = []  # before the present fork
+_idle: list[Any] = []  # contexts of closed renderers, current in no thread
+_MOST_IDLE = 2
 _gl_errors: tuple[
     type[Exception], ...
 ] = ()  # OpenGL's own; known from the first context on, as nothing is imported at exit
@@ -155,8 +157,9 @@ def gl_info() -> GlInfo:
 
 
 def make_context() -> Any:
-    """Make an EGL context of our own, whatever `import mujoco` was configured to use.
+    """Return an EGL context of our own, whatever `import mujoco` was configured to use: an idle one, else a new one.
 
+    In an idle one the shaders are compiled already, which takes a quarter of a second in software.
     MuJoCo's C code reads MUJOCO_GL when the first context is made, its Python code when it is imported; importing `mujoco.egl`
     here leaves a machine without EGL free to import mujoco for all but images. Raises InputError where there is none, or none
     that survived a fork.
@@ -167,6 +170,11 @@ def make_context() -> Any:
     os.environ.setdefault("LP_NUM_THREADS", "0")
     global _gl_errors
     check_process()
+    with _state:
+        idle = _idle.pop() if _idle else None
+    if idle is not None:
+        idle.make_current()
+        return idle
     try:
         from mujoco.egl import GLContext
         from OpenGL.error import Error as OpenGlError
@@ -215,11 +223,11 @@ def fitted(mjr: mujoco.MjrContext | None, width: int, height: int) -> mujoco.Mjr
 
 
 def free(context: Any, maker: tuple[int, int], *drawers: mujoco.MjrContext | None) -> None:
-    """Free a context made by `maker`, a process and its thread, and MuJoCo's parts of it.
+    """Free MuJoCo's parts of a context made by `maker`, a process and its thread, and keep the context for the next renderer.
 
     One that is still current in another thread, which EGL leaves even when that ends, is kept until the process ends.
     """
-    if is_lost(*maker):
+    if is_lost(*maker) or sys.is_finalizing():
         abandon(context, *drawers)
         return
     try:
@@ -232,7 +240,28 @@ def free(context: Any, maker: tuple[int, int], *drawers: mujoco.MjrContext | Non
             raise
         abandon(context, *drawers)
         return
-    context.free()
+    _keep(context)
+
+
+def _keep(context: Any) -> None:
+    """Leave a context current in no thread, to be used again by any; free it where enough are kept."""
+    from mujoco.egl import EGL, EGL_DISPLAY
+
+    with _state:
+        is_kept = EGL_DISPLAY is not None and len(_idle) < _MOST_IDLE
+        if is_kept:
+            current = EGL.eglGetCurrentContext()
+            if current and current.address == context._context.address:
+                EGL.eglMakeCurrent(EGL_DISPLAY, EGL.EGL_NO_SURFACE, EGL.EGL_NO_SURFACE, EGL.EGL_NO_CONTEXT)
+            _idle.append(context)
+    if not is_kept:
+        context.free()
+
+
+@atexit.register
+def _leave_idle() -> None:
+    """Leave idle contexts to the end of the process, when OpenGL's modules may be gone before them."""
+    abandon(*_idle)
 
 
 def _no_egl(error: Exception) -> str:

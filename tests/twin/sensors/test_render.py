@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import cv2
@@ -93,6 +94,37 @@ def test_closed_means_closed(world: CapsuleWorld):
     renderer.close()
     with pytest.raises(RuntimeError, match="closed"):
         draw(renderer, world)
+
+
+def test_a_context_used_before_draws_the_same():
+    """Shaders, lights, samples and sizes of the renderer before leave nothing behind in the context that is used again."""
+    room = ROOM.replace('shadowsize="0"', 'shadowsize="1024"')
+    plain, lit = CapsuleWorld(capsule_model()), CapsuleWorld(capsule_model({}, room=room))
+    drawn = []
+    for world, switches in [(plain, {}), (lit, {"shadows": True, "samples": 4}), (plain, {})]:
+        with OffscreenRenderer(world.model, **switches) as renderer:
+            drawn.append(draw(renderer, world))
+            context = renderer._context
+    with OffscreenRenderer(plain.model) as again, OffscreenRenderer(plain.model) as beside:
+        assert again._context is context
+        assert beside._context is not context
+        drawn += [draw(beside, plain), draw(again, plain)]
+    for each in (drawn[2], *drawn[3:]):
+        np.testing.assert_array_equal(each, drawn[0])
+    assert (drawn[1] != drawn[0]).any()
+
+
+def test_a_context_of_one_thread_is_used_in_another():
+    world = CapsuleWorld(capsule_model())
+
+    def picture(_: int) -> NDArray[np.uint8]:
+        with OffscreenRenderer(world.model) as renderer:
+            return draw(renderer, world)
+
+    with ThreadPoolExecutor(1) as first, ThreadPoolExecutor(1) as second:
+        pictures = [one.submit(picture, 0).result() for one in (first, second, first)]
+    for each in pictures:
+        np.testing.assert_array_equal(each, picture(0))
 
 
 _RENDER = """
