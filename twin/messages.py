@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 import warnings
 from collections.abc import Callable
 
@@ -18,8 +19,11 @@ def no_progress(what: str, done: float, total: float) -> None:
 
 
 def warn(warning: str) -> None:
-    """Show a warning as Python does (UserWarning): the default of the functions that scripts and notebooks call."""
-    warnings.warn(warning, stacklevel=3)
+    """Show a warning as Python does (UserWarning), at the caller's own line: the default in scripts and notebooks."""
+    frame, level = sys._getframe(1), 2  # pyright: ignore[reportPrivateUsage]
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").split(".")[0] in ("twin", "contextlib"):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(warning, stacklevel=level)
 
 
 _UNPRINTABLE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")

@@ -55,7 +55,7 @@ def test_the_same_readings_give_the_same_tracks(name, tracker, known):
     first, spread = tracked(tracker, known)
     restated = EXACT[name](lasers(known))
     if tracker in SAMPLING and name in REDRAWN:
-        assert redrawn_disagreement(first, restated, tracker) <= spread + UNLIKE
+        assert redrawn_disagreement(first, restated, tracker, spread + UNLIKE) <= spread + UNLIKE
         return
     assert deviation_m(first, restated, restated.scene.frames(tracker)) <= ROUNDING_M
 

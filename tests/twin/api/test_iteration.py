@@ -189,5 +189,6 @@ def test_stream_without_a_whole_seed_is_refused(seed: Any) -> None:
 
 def test_warnings_of_a_run_are_pythons_where_nobody_asks_for_them(tmp_path) -> None:
     scenario = twin.load_scenario("lab-five-people", ["duration_s=0.3"])
-    with pytest.warns(UserWarning, match="sort: makes no use of fisheye"):
+    with pytest.warns(UserWarning, match="sort: makes no use of fisheye") as shown:
         twin.run_scenario(scenario, trackers=["sort"], out=tmp_path / "run", video=False)
+    assert {each.filename for each in shown if each.category is UserWarning} == {__file__}
