@@ -50,6 +50,8 @@ DEEPEST = 64
 _TOO_DEEP = f"more than {DEEPEST} lists and mappings in each other"
 MOST_VALUES = 1_000_000
 """Greatest number of keys, values, lists and mappings of a text, counting repetitions by aliases."""
+MOST_KEYS = 10_000
+"""Greatest number of keys of a mapping: each names a thing that its reader validates, in some tenths of a millisecond."""
 LONGEST_NUMBER = 64
 """Greatest length of a number, in characters."""
 
@@ -183,6 +185,9 @@ class _Loader(Composer, SafeConstructor, _PlainResolver, _Events):  # pyright: i
     def construct_mapping(self, node: MappingNode, deep: bool = False) -> dict[Any, Any]:
         """Construct the mapping; reject a repeated key, which plain YAML would silently overwrite."""
         seen = set()
+        if isinstance(node, MappingNode) and len(node.value) > MOST_KEYS and not are_limits_lifted():
+            what = f"a mapping of {len(node.value)} keys; at most {MOST_KEYS}, or --no-limits"
+            raise ConstructorError(None, None, what, node.start_mark)
         for key_node, value_node in node.value if isinstance(node, MappingNode) else ():
             if isinstance(value_node, ScalarNode) and value_node.value == "":
                 self._check_no_colour(key_node.end_mark)

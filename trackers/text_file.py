@@ -8,7 +8,6 @@ time, not those bounded by a format or OpenGL.
 from __future__ import annotations
 
 import codecs
-import io
 import os
 import reprlib
 import stat
@@ -93,7 +92,7 @@ def read_text(source: AnyPath, expected: str, most_bytes: int | None = MOST_TEXT
         refuse_unless_lifted(f"{source}: holds more than {most_bytes / 2**20:g} MiB", f"{expected} of no more")
     encoding = "utf-16" if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else "utf-8"
     try:
-        return io.StringIO(content.decode(encoding), newline=None).read()
+        return content.decode(encoding).replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
         raise InputError(f"{source}: is not a text file in UTF-8 (line {line}); {expected} is expected") from error

@@ -23,6 +23,8 @@ from twin.scenario.person import Person
 from twin.scenario.scenario import Scenario
 from twin.scenario.sensors import SensorDescription
 
+_LONGEST_CHAIN = 20
+"""Greatest number of scenarios that extend each other in turn."""
 _MOST_SHOWN = 200
 """Greatest number of characters of an override in an error."""
 
@@ -96,6 +98,10 @@ def _read(path: Path, children: tuple[Path, ...]) -> dict[str, Any]:
     if not isinstance(parent, str):
         raise InputError(f"{path}: extends: {parent!r} is not a name; the name or path of one scenario is expected")
     found = models.find("scenarios", parent, path.parent, f"{path}: extends")
+    if len(children) == _LONGEST_CHAIN:
+        raise InputError(
+            f"{path}: extends: {parent!r} is the parent of {_LONGEST_CHAIN} in turn; a shorter chain is expected"
+        )
     if found.resolve() in (path.resolve(), *children):
         raise InputError(f"{path}: extends: {parent!r} extends itself in the end; a chain without a circle is expected")
     base = _read(found, (path.resolve(), *children))

@@ -6,7 +6,6 @@ The dialect is found first: separator, quotes, comments, header, and decimal com
 from __future__ import annotations
 
 import csv
-import io
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -20,8 +19,10 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
-from trackers.text_file import read_text
+from trackers.text_file import check_limit, read_text
 
+LONGEST_LINE = 100_000
+"""Greatest number of characters of a row: each of its cells takes some sixty bytes."""
 _COMMENTS = ("#", "%", "//")
 _SEPARATORS = (";", "\t", "|", ",")
 _QUOTED = re.compile(r'"[^"]*"')
@@ -43,16 +44,18 @@ class Cells:
 
 
 class _Lines:
-    """Lines of a text except comments; `number` is that of the last one taken."""
+    """Lines of a text except comments; `number` is that of the last one taken. Raises InputError for an endless line."""
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, path: Path, text: str) -> None:
+        self._path = path
         self.number = 0
         self.comments: list[tuple[int, str]] = []
-        self._lines = enumerate(io.StringIO(text), start=1)
+        self._lines = enumerate(_split(text), start=1)
 
     def __iter__(self) -> Iterator[str]:
         for number, line in self._lines:
             self.number = number
+            check_limit(len(line), LONGEST_LINE, f"{self._path}: line {number}: has", "characters")
             if line.lstrip().startswith(_COMMENTS):
                 self.comments.append((self.number, line.lstrip().lstrip("#%/").strip()))
             elif line.strip():
@@ -73,7 +76,7 @@ def read_cells(path: Path, expected: str, most_bytes: int | None) -> Cells:
         raise InputError(
             f"{path}: line {line}: holds NUL characters: a damaged file, or text in UTF-16; {expected} in UTF-8 is expected"
         )
-    source = _Lines(text)
+    source = _Lines(path, text)
     lines = iter(source)
     first = next(lines, None)
     given = _SEPARATOR_LINE.fullmatch(first.strip()) if first is not None else None
@@ -120,6 +123,15 @@ def read_cells(path: Path, expected: str, most_bytes: int | None) -> Cells:
         if len(row) != width:
             raise InputError(f"{path}: line {line}: has {len(row)} cells; {width} as in {what} are expected")
     return Cells(source.comments, header, header_line, rows, numbers)
+
+
+def _split(text: str) -> Iterator[str]:
+    """Yield the lines of a text with their ends; io.StringIO would take four bytes a character."""
+    start = 0
+    while start < len(text):
+        end = text.find("\n", start) + 1 or len(text)
+        yield text[start:end]
+        start = end
 
 
 def split_line(line: str, separator: str) -> list[str]:

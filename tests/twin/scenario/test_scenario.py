@@ -75,6 +75,13 @@ def test_bad_files(tmp_path: Path, text: str, said: str) -> None:
         load_scenario(write(tmp_path, text))
 
 
+def test_a_chain_of_scenarios_without_end_is_refused(tmp_path: Path) -> None:
+    for number in range(2000):
+        write(tmp_path, f"extends: {number + 1}.yaml\n", f"{number}.yaml")
+    with pytest.raises(InputError, match=r"20\.yaml: extends: '21\.yaml' is the parent of 20 in turn; a shorter chain"):
+        load_scenario(tmp_path / "0.yaml")
+
+
 def test_missing_scenario_lists_what_is_shipped() -> None:
     with pytest.raises(InputError, match="lab-five-people"):
         load_scenario("lab-five-peple")

@@ -172,6 +172,7 @@ def read_truth_of(text: str, folder: Path):
     ("text", "said"),
     [
         (BASE.encode("utf-16-le"), "line 1: holds NUL characters"),
+        (BASE.encode() + b"1," * 60_000, f"line {len(ROWS) + 2}: has 120000 characters; at most 100000"),
         ("# Größe\nt,id,x,y\n".encode("latin-1"), "is not a text file in UTF-8 (line 1)"),
         (BASE.encode() + bytes(99), f"line {len(ROWS) + 2}: holds NUL characters"),
         (b"t,id,x,y\n1e999999999,1,2,3\n", "line 2: t is '1e999999999'; a time in seconds is expected"),
