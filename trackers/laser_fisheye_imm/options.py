@@ -54,6 +54,12 @@ class ImmTrackManagementOptions(TrackManagementOptions, ReidentificationOptions)
         ge=0,
         description="a confirmed track not measured for longer is deleted [s], but for one that still exists",
     )
+    tentative_coast_s: float = Field(
+        default=0.0,
+        ge=0,
+        description=described(TrackManagementOptions, "tentative_coast_s")
+        + "; with `survival_s`, one that no scan contradicts waits for the scanners that have not scanned since (ours)",
+    )
     survival_s: float | None = Field(
         default=30.0,
         gt=0,

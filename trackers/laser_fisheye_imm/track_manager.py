@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -20,6 +20,7 @@ from trackers.tracking.track_manager import TrackManager, clear_of, measured_now
 
 _AT_REST = 0.01
 """Variance of a lying person's speed [m²/s²]."""
+_LIKELY = 0.5
 
 
 class ImmTrackManager(TrackManager):
@@ -31,11 +32,11 @@ class ImmTrackManager(TrackManager):
     def __init__(self, options: LaserFisheyeImmOptions, corners: ArrayLike | None, imm: Imm) -> None:
         super().__init__(options.track_management, corners)
         self._options, self._imm = options, imm
-        self._looked_ns = 0
+        self._scanned_ns: dict[str, int] = {}  # stamp of the frame with each scanner's last scan
 
-    def looked(self, ns: int) -> None:
-        """Note a scan at stamp ns."""
-        self._looked_ns = ns
+    def looked(self, ns: int, scanners: Iterable[str]) -> None:
+        """Note the scans of these scanners in the frame at stamp ns."""
+        self._scanned_ns |= dict.fromkeys(scanners, ns)
 
     def confirmed(self, people: People, ns: int, knows_room: bool) -> People:
         """Confirm tracks that were measured long enough, and have moved if only that distinguishes them from the room."""
@@ -129,11 +130,27 @@ class ImmTrackManager(TrackManager):
             there &= chance > self._options.track_management.exists_above
         return reported & (measured | there)
 
-    def remaining(self, people: People, ns: int) -> People:
-        """Delete tracks that have left the area, or were missed for long."""
+    def remaining(
+        self, people: People, ns: int, missed: Callable[[Float[Array, "2 *n"]], Float[Array, "*n"]]
+    ) -> People:
+        """Delete tracks that have left the area, or were missed for long; missed: as in `update_missed_tracks`."""
         # a prediction outside the area is not yet a person who has left
         inside = self.inside(people.positions) | ~measured_now(people.roster, ns)
-        return people.select(self._kept(people, ns) & inside)
+        return people.select((self._kept(people, ns) | self._awaits_scan(people, ns, missed)) & inside)
+
+    def _awaits_scan(
+        self, people: People, ns: int, missed: Callable[[Float[Array, "2 *n"]], Float[Array, "*n"]]
+    ) -> Bool[Mask, "n"]:
+        """Return a mask of the tentative tracks that a scanner, slower than others, may still confirm.
+
+        It has not scanned since the track was measured, and the scans of this frame would rather not have shown the person.
+        """
+        rules, roster = self._options.track_management, people.roster
+        due_ns = [each for each in self._scanned_ns.values() if ns - each <= nanoseconds(rules.coast_s)]
+        awaits = ~roster.confirmed & ~measured_now(roster, ns) & (roster.measured_ns >= min(due_ns, default=ns))
+        if rules.survival_s is None or not awaits.any():
+            return np.zeros(len(people), np.bool_)
+        return written(awaits, awaits, missed(people.positions[awaits].T) > _LIKELY)
 
     def before(self, people: People, last_ns: int, ns: int) -> People:
         """Return the tracks kept at the frame of stamp ns, if the one before was at `last_ns`.
@@ -147,7 +164,7 @@ class ImmTrackManager(TrackManager):
         """Return a mask of the tracks kept after a frame: recently measured ones, and longer if they probably exist."""
         rules, roster = self._options.track_management, people.roster
         kept = self.lasting(roster, ns)
-        looked = ns - self._looked_ns <= nanoseconds(rules.coast_s)
+        looked = ns - max(self._scanned_ns.values(), default=0) <= nanoseconds(rules.coast_s)
         # without an area there is always room behind the walls
         if looked and rules.survival_s is not None and self.area is not None:
             kept |= roster.confirmed & self._exists(people)

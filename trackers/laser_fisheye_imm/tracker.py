@@ -158,8 +158,8 @@ class LaserFisheyeImm(SynchronizedTracker):
         self._seen.append((synced.ns, seen))
         elapsed_s = self._predict(synced.ns)
         waists = self._detector.sees_waists
-        if any(isinstance(each, LaserScan) for each in synced.observations.values()):
-            self._track_manager.looked(synced.ns)
+        scans = synced.observations.items()
+        self._track_manager.looked(synced.ns, [name for name, each in scans if isinstance(each, LaserScan)])
         knows_room = not self._detector.is_learning
         share = min(elapsed_s / self.options.step_s, 1.0)
 
@@ -176,7 +176,7 @@ class LaserFisheyeImm(SynchronizedTracker):
         self._learn_colours(matches, seen)
         people = self._track_manager.confirmed(self._people, synced.ns, knows_room)
         people = self._track_manager.update_missed_tracks(people, synced.ns, elapsed_s, missed)
-        self._people = self._track_manager.remaining(people, synced.ns)
+        self._people = self._track_manager.remaining(people, synced.ns, missed)
         self._start(matches, seen, synced.ns)
 
     # --- predict

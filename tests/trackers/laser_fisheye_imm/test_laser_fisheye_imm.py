@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import two_scanners
 from synthetic_room import AREA, empty_room, observe, rig, scan, score, straight_walk, wandering
 
 from trackers.area import Area
@@ -442,3 +443,25 @@ def test_whoever_is_hidden_for_longer_than_tracks_coast_is_known_again():
 
     assert len(ids()) == 1
     assert len(ids(survival_s=1.0)) == 2
+
+
+@pytest.mark.parametrize("rate_hz", [13.0, 23.0, 40.0])
+def test_a_faster_scanner_that_sees_only_a_wall_delays_nobody(rate_hz):
+    walk = straight_walk([(-0.8, 1.5)], [(0.5, 0.0)], 30)
+    empty = [each for each in two_scanners.EMPTY if each.sensor == "front"]
+    front = [two_scanners.one_scan(walk, k, 1 + 0.1 * k, False, 3) for k in range(len(walk))]
+    wall = replace(front[0], sensor="back", ranges_m=np.full_like(front[0].ranges_m, 0.6))
+    noise = np.random.default_rng(5)
+
+    def facing_wall(t_s):
+        ranges_m = np.round(wall.ranges_m + noise.normal(0, 0.005, wall.ranges_m.size), 3).astype(np.float32)
+        return replace(wall, stamp_ns=round(t_s * NS_PER_S), ranges_m=ranges_m)
+
+    faster = [facing_wall(1.02 + k / rate_hz) for k in range(int(2.9 * rate_hz))]
+    both = sorted([*front, *faster], key=lambda each: each.stamp_ns)
+    background = [*empty, *(facing_wall(0.1 * k) for k in range(6))]
+    alone, _ = tracked(walk, "laser-imm", two_scanners.RIG, background, observations=front)
+    together, _ = tracked(walk, "laser-imm", two_scanners.RIG, background, observations=both)
+    first_ns = [next(frame.stamp_ns for frame in frames if frame.tracks) for frames in (alone, together)]
+    assert first_ns[1] - first_ns[0] <= 0.06 * NS_PER_S  # a scan may join a frame of the other scanner
+    assert {track.id for frame in together for track in frame.tracks} == {1}
