@@ -311,7 +311,8 @@ def _try(
     said = process.said()
     if any("Traceback" in line for line in said):
         return "traceback of the killed run", said
-    if target == "parent" and alive and number != signal.SIGKILL and code not in (0, 130):
+    # By the signal itself: before the command has begun, or after it has done everything.
+    if target == "parent" and alive and number != signal.SIGKILL and code not in (0, 130, -number):
         return f"exit {code} of the killed run", said
     if target == "worker" and alive and code not in (0, 2, 130):
         return f"exit {code} after the death of a worker", said

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from trackers.errors import InputError
 from twin.messages import sentence
+from twin.recording.atomic_file import NO_SPACE
 
 DEFAULT_LIMIT_GB = 20.0
 
@@ -73,10 +74,12 @@ class RecordingCache:
             self._entries.mkdir(parents=True, exist_ok=True)
             yield
         except OSError as error:
-            raise InputError(
-                f"{self._entries}: cannot be written ({error.strerror}); ROOMTWIN_CACHE naming a folder with free space "
-                "is expected"
-            ) from error
+            raise self._unwritable(error) from error
+
+    def _unwritable(self, error: OSError) -> InputError:
+        return InputError(
+            f"{self._entries}: cannot be written ({error.strerror}); ROOMTWIN_CACHE naming a folder with free space is expected"
+        )
 
     @contextmanager
     def recording(
@@ -123,8 +126,10 @@ class RecordingCache:
             make(partial)
             _write_sums(partial)
             os.replace(partial, entry)
-        except BaseException:
+        except BaseException as error:
             shutil.rmtree(partial, ignore_errors=True)
+            if isinstance(error, OSError) and error.errno in NO_SPACE:
+                raise self._unwritable(error) from error
             raise
 
     def size(self) -> tuple[int, int]:

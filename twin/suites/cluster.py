@@ -6,7 +6,6 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, cast
 
 from trackers.errors import InputError
@@ -100,7 +99,7 @@ def open_cluster(
     Raises InputError where no scheduler answers.
     """
     from dask import config
-    from distributed import Client, LocalCluster
+    from distributed import Client
     from distributed.security import Security
 
     needs = dict(resources or {})
@@ -108,7 +107,7 @@ def open_cluster(
     with ExitStack() as stack:
         if scheduler is None:
             stack.enter_context(config.set(_CONFIGURATION))
-            local = LocalCluster(
+            local = _started(
                 n_workers=n_worker,
                 threads_per_worker=1,
                 processes=True,
@@ -116,7 +115,6 @@ def open_cluster(
                 # Access to a scheduler means running code as its user: this run's certificate, never on disk, keeps
                 # others out.
                 security=Security.temporary(),
-                dashboard_address=cast("str", "127.0.0.1:0" if _has_dashboard() else None),  # None: no page
                 silence_logs=50,
                 env=ENVIRONMENT,
                 resources=needs,
@@ -126,19 +124,31 @@ def open_cluster(
         else:
             client = connected(scheduler, f"--scheduler {scheduler}")
         stack.callback(_close, client)
-        dashboard = client.dashboard_link if scheduler is not None or _has_dashboard() else None
+        dashboard = client.dashboard_link if scheduler is not None else None
         yield Cluster(client, dashboard or None, local, n_worker, needs)
+
+
+def _started(n_workers: int, **options: Any) -> LocalCluster:
+    """Start processes of this machine. Raises InputError where they cannot be started, or one dies meanwhile."""
+    from twin.suites.local_cluster import PrivateCluster
+
+    try:
+        return PrivateCluster(n_workers=n_workers, **options)
+    except (RuntimeError, OSError) as error:
+        causes: list[BaseException] = [error]
+        while (cause := causes[-1].__cause__ or causes[-1].__context__) is not None:
+            causes.append(cause)
+        what = str(causes[-1]) or type(causes[-1]).__name__
+        raise InputError(
+            f"--jobs {n_workers}: the workers cannot be started ({what}); memory and open files (ulimit -v, -n) for so "
+            "many processes, or --jobs 1, are expected"
+        ) from error
 
 
 def _close(opened: Client | LocalCluster) -> None:
     """Close; workers that take longer, for example while starting, end with this process."""
-    with suppress(TimeoutError, AssertionError):  # Dask asserts that none of its nannies is just starting
+    with suppress(TimeoutError):
         opened.close(timeout=_CLOSE_S)
-
-
-def _has_dashboard() -> bool:
-    """Return whether bokeh, with which Dask draws its dashboard, is installed; it is not among our dependencies."""
-    return find_spec("bokeh") is not None
 
 
 def read_resources(texts: Sequence[str]) -> dict[str, float]:

@@ -19,10 +19,11 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
-from trackers.text_file import check_limit, read_text
+from trackers.text_file import check_limit, read_text, refuse_unless_lifted
 
 LONGEST_LINE = 100_000
 """Greatest number of characters of a row: each of its cells takes some sixty bytes."""
+MOST_LINES = 5_000_000
 _COMMENTS = ("#", "%", "//")
 _SEPARATORS = (";", "\t", "|", ",")
 _QUOTED = re.compile(r'"[^"]*"')
@@ -55,6 +56,8 @@ class _Lines:
     def __iter__(self) -> Iterator[str]:
         for number, line in self._lines:
             self.number = number
+            if number > MOST_LINES:
+                refuse_unless_lifted(f"{self._path}: has more than {MOST_LINES} lines", "a shorter table")
             check_limit(len(line), LONGEST_LINE, f"{self._path}: line {number}: has", "characters")
             if line.lstrip().startswith(_COMMENTS):
                 self.comments.append((self.number, line.lstrip().lstrip("#%/").strip()))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import signal
@@ -10,19 +11,22 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from functools import partial
+from http.client import HTTPException
 from pathlib import Path
-from typing import cast
+from urllib.request import urlopen
 
 import numpy as np
+import psutil
 import pytest
 from dask import config
 from distributed import LocalCluster
 from synthetic_cases import do, work_of
 
 from trackers.errors import InputError
-from twin.suites import cluster as clusters, dask_runner, tasks
+from twin.suites import dask_runner, tasks
 from twin.suites.cluster import Cluster, open_cluster, read_resources
 from twin.suites.dask_runner import run_on
+from twin.suites.local_cluster import PrivateCluster
 from twin.suites.tasks import MAX_RETRIES, OutOfSpaceError, State, Task, TaskListener, TaskResult, run_serial
 
 pytestmark = pytest.mark.slow
@@ -223,14 +227,6 @@ def test_a_scheduler_that_is_gone_is_told_in_one_sentence(monkeypatch: pytest.Mo
             run_on(elsewhere, [Task(str(k), work_of("sleep", s=0.6), 60) for k in range(6)], do, left)
 
 
-def test_a_cluster_that_is_closed_while_a_worker_starts_closes_in_silence() -> None:
-    class Starting:
-        def close(self, timeout: float) -> None:
-            raise AssertionError("Status.init")  # as Dask does
-
-    clusters._close(cast("LocalCluster", Starting()))  # pyright: ignore[reportPrivateUsage]
-
-
 def test_bad_places_are_told_in_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("trackers.scheduler._CONNECT_S", 0.2)
     with pytest.raises(InputError, match=r"^--scheduler tcp://127.0.0.1:9: nobody answers there"):
@@ -263,10 +259,18 @@ def test_a_host_that_does_not_exist_and_one_that_is_no_scheduler_are_said(monkey
     assert read_resources(["GPU=1", "lidar=2"]) == {"GPU": 1.0, "lidar": 2.0}
 
 
+def listening() -> set[int]:
+    """Ports at which this process or one of its descendants listens."""
+    processes = [psutil.Process(), *psutil.Process().children(recursive=True)]
+    found = [each for process in processes for each in process.net_connections("tcp")]
+    return {each.laddr.port for each in found if each.status == psutil.CONN_LISTEN}
+
+
 def test_who_has_not_the_certificate_of_the_run_cannot_reach_its_scheduler_or_workers() -> None:
     from distributed import Client
     from distributed.security import Security
 
+    before = listening()
     with open_cluster(jobs=2) as cluster:  # of its own: those that other tests kill workers of are never quite at rest
         assert cluster.local is not None
         cluster.client.wait_for_workers(2, timeout=60)
@@ -277,3 +281,20 @@ def test_who_has_not_the_certificate_of_the_run_cannot_reach_its_scheduler_or_wo
             for scheme, security in (("tcp", None), ("tls", Security.temporary())):
                 with pytest.raises((OSError, TimeoutError)):
                     Client(f"{scheme}://{host}:{port}", timeout=2, set_as_default=False, security=security)
+        ports = listening() - before
+        assert len(ports) >= len(addresses)
+        for port in ports:  # no web page either
+            with pytest.raises((OSError, HTTPException)), urlopen(f"http://127.0.0.1:{port}/health", timeout=5):
+                pass
+
+
+def test_workers_that_cannot_be_started_are_told_in_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    def start(self: PrivateCluster) -> None:
+        try:
+            raise OSError(errno.EMFILE, "Too many open files")
+        except OSError as error:
+            raise RuntimeError("Nanny failed to start.") from error
+
+    monkeypatch.setattr(PrivateCluster, "_correct_state", start)
+    with pytest.raises(InputError, match=r"^--jobs 1: the workers cannot be started \(.*Too many open files\); memory"):
+        open_cluster(jobs=1).__enter__()

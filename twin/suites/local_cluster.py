@@ -1,0 +1,46 @@
+"""Dask's processes of this machine without their web servers, which other users of the machine could read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import Any, cast
+
+from distributed import LocalCluster, Nanny, Scheduler, SpecCluster, Worker
+
+
+class _WithoutWebServer:
+    def start_http_server(self, *arguments: Any, **options: Any) -> None:
+        """Start none: it would show tasks, logs and call stacks to everybody on this machine."""
+
+
+class _Scheduler(_WithoutWebServer, Scheduler):
+    """Scheduler that answers only who has the certificate of the run."""
+
+
+class _Worker(_WithoutWebServer, Worker):
+    """Worker that answers only who has the certificate of the run."""
+
+
+class _Nanny(Nanny):
+    """Process that keeps one such worker alive."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options, worker_class=_Worker)
+
+
+class _OfOurScheduler(SpecCluster):
+    def __init__(self, *, scheduler: Mapping[str, Any], **options: Any) -> None:
+        super().__init__(scheduler={**scheduler, "cls": _Scheduler}, **options)
+
+
+class PrivateCluster(LocalCluster, _OfOurScheduler):
+    """Scheduler and workers of this machine that listen for holders of the run's certificate alone."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options, worker_class=_Nanny, dashboard_address=cast("str", None))
+
+    def close(self, timeout: float | None = None) -> Any:
+        """Close, also while workers start: Dask asserts that none does, and they end with this process."""
+        with suppress(AssertionError):
+            return super().close(timeout)
