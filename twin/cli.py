@@ -25,7 +25,7 @@ from twin.commands.memory import (
     EXIT_INTERRUPTED,
     EXIT_OUR_FAULT,
     check_memory,
-    describe_lack_of_memory,
+    describe_lack,
     raise_on_signals,
     run_in_child,
 )
@@ -113,7 +113,7 @@ def _code_of_run() -> int:
             sys.stderr.write("twin: interrupted; no file was left half-written under its final name\n")
         return code if isinstance(code, int) else EXIT_DONE
     except InputError as error:
-        return _end_with(describe_lack_of_memory(error) or str(error))
+        return _end_with(describe_lack(error) or str(error))
     except PlugInError as error:
         return _end_with(str(error), EXIT_FELL_SHORT)
     except BrokenPipeError:
@@ -123,7 +123,7 @@ def _code_of_run() -> int:
             raise error.__context__ from None
         raise
     except Exception as error:
-        if (lack := describe_lack_of_memory(error)) is not None:
+        if (lack := describe_lack(error)) is not None:
             return _end_with(lack)
         if isinstance(error, OSError) and (fault := _describe_path_error(error)):
             return _end_with(fault)

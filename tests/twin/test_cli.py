@@ -6,6 +6,7 @@ import csv
 import errno
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -17,6 +18,8 @@ from pathlib import Path
 import pytest
 from command_line import twin
 
+from trackers.errors import InputError
+from twin.commands.memory import describe_lack
 from twin.recording import bag_files
 from twin.recording.tables import read_truth
 from twin.scenario import load_scenario
@@ -358,3 +361,12 @@ def test_a_path_that_names_no_file_is_one_sentence(tmp_path: Path, arguments: tu
     refused(done, "is expected")
     said = [line for line in done.stderr.splitlines() if line and not line.startswith("twin: planned: ")]
     assert len(said) == 1
+
+
+@pytest.mark.parametrize("number", [errno.EMFILE, errno.ENFILE])
+def test_a_lack_of_open_files_is_said_whatever_failed_for_it(number: int) -> None:
+    error = InputError("out: cannot be written; free space is needed")
+    error.__cause__ = OSError(number, "Too many open files")
+    said = describe_lack(error)
+    assert said is not None and re.fullmatch(r"open files: .* \d+ at once \(ulimit -n\), .*; more are expected", said)
+    assert describe_lack(InputError("out: cannot be written")) is None

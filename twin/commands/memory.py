@@ -125,8 +125,15 @@ def check_memory() -> None:
         raise InputError(_sentence(limit))
 
 
-def describe_lack_of_memory(error: BaseException) -> str | None:
-    """Describe an error caused by lack of memory; None for any other."""
+def describe_lack(error: BaseException) -> str | None:
+    """Describe an error caused by lack of open files or of memory, whatever it says; None for any other."""
+    if any(isinstance(each, OSError) and each.errno in (errno.EMFILE, errno.ENFILE) for each in _chain(error)):
+        most, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+        return f"open files: this process may open {most} at once (ulimit -n), which is not enough; more are expected"
+    return _describe_lack_of_memory(error)
+
+
+def _describe_lack_of_memory(error: BaseException) -> str | None:
     limit = _limit_mb()
     is_described = isinstance(error, InputError)  # its sentence is wrong only if about memory
     for each in _chain(error):

@@ -42,6 +42,7 @@ RECORDING = "recording.mcap"
 TRACK_NUMBERS = tuple(name for name in TRACK_COLUMNS[2:] if name != "status")
 """Numeric columns of a table of tracks, after t and id."""
 _TRACKS = "/tracks/"
+_LONGEST_S = 1e9
 _TRUTH_WITHIN_NS = NS_PER_S // 1000
 """Greatest distance to a stamp of the truth, which exists at every stamp of every sensor."""
 
@@ -104,7 +105,10 @@ def _bag_name(path: Path) -> str:
 
 
 def _tracks_in(recording: Recording) -> dict[str, TrackTable]:
-    """Read the tracks that a bag holds under `/tracks`, by tracker."""
+    """Read the tracks that a bag holds under `/tracks`, by tracker.
+
+    Their stamps are those that they state; an empty frame, which states none, has its log time.
+    """
     found: dict[str, list[dict[str, Any]]] = {
         name.removeprefix(_TRACKS): []
         for name, topic in recording.topics.items()
@@ -116,6 +120,9 @@ def _tracks_in(recording: Recording) -> dict[str, TrackTable]:
             name, stamp_ns = topic.removeprefix(_TRACKS), log_time_ns - recording.start_ns - recording.logged_after_ns
             try:
                 rows = json.loads(message.data)
+                stated = {float(row["t"]) for row in rows if row.get("t") is not None}
+                if len(stated) == 1 and abs(t := stated.pop()) < _LONGEST_S:
+                    stamp_ns = round(t * NS_PER_S)
                 found[name] += [{**row, "stamp_ns": stamp_ns} for row in rows if row["id"] is not None]
             except (ValueError, KeyError, TypeError) as error:
                 raise InputError(

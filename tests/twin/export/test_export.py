@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from rosbags import rosbag2
 from rosbags.highlevel import AnyReader
 from typer.testing import CliRunner
 
@@ -14,7 +15,10 @@ from trackers.rig import placed_camera
 from twin.cli import app
 from twin.export.coco import run_lengths
 from twin.export.labels import KEYPOINTS
+from twin.export.pictures import open_recorded
+from twin.recording.bag import open_bag
 from twin.recording.reader import Recording
+from twin.recording.ros_messages import TYPESTORE
 from twin.recording.tables import read_truth
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
@@ -324,3 +328,17 @@ def _without_truth(source: Path, target: Path) -> None:
         copies = {each.id: bag.connect_as(each) for each in kept}
         for connection, log_time_ns, data in original.raw_messages(kept):
             bag.write_on(copies[connection.id], log_time_ns, data)
+
+
+def test_tracks_of_a_bag_have_the_stamps_that_they_state_however_late_they_were_logged(
+    run: Path, tmp_path: Path
+) -> None:
+    source = _export(run, "foxglove", tmp_path / "foxglove") / "run.mcap"
+    with open_bag(source) as bag, rosbag2.Writer(tmp_path / "late", version=9) as writer:
+        kept = {name: topic.msgtype for name, topic in bag.topics.items() if not name.startswith(("/truth", "/camera"))}
+        of = {name: writer.add_connection(name, kind, typestore=TYPESTORE) for name, kind in kept.items()}
+        for name, log_ns, message in bag.messages(list(kept)):
+            late_ns = log_ns + 30_000_000 * name.startswith("/tracks")
+            writer.write(of[name], late_ns, TYPESTORE.serialize_cdr(message, kept[name]))
+    tracks, late = open_recorded(source).tracks["sort"], open_recorded(tmp_path / "late").tracks["sort"]
+    assert len(tracks.t) and late.stamps_ns.tolist() == tracks.stamps_ns.tolist()
