@@ -37,7 +37,7 @@ def scenario(room, **more):
     return validate(Scenario, content, "test")
 
 
-@pytest.fixture(scope="module", params=ROOMS)
+@pytest.fixture(scope="module", params=[pytest.param(ROOMS[0], marks=pytest.mark.nightly), *ROOMS[1:]])
 def scanned(request):
     cloud, world = scan_scenario(scenario(request.param))
     return request.param, cloud, build_environment(cloud, room=request.param), world.empty_snapshot(0.0)

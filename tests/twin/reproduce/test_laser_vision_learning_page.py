@@ -49,10 +49,10 @@ set: {duration_s: 4, sensors.camera: null, sensors.west.rate_hz: 7, sensors.east
 scenarios:
   - {scenario: library-hall, name: hall}
   - {scenario: library-hall-busy, name: busy, set: {area: [[-3, -2], [3, -2], [3, 2], [-3, 2]]}}
-  - {scenario: library-hall-busy, name: people-3, set: {people: {p01: {}, p02: {}, p03: {}}}}
+  - {scenario: library-hall-busy, name: people-3, set: {duration_s: 2, people: {p01: {}, p02: {}, p03: {}}}}
   - scenario: library-hall-busy
     name: east-silent
-    set: {people: {p01: {}, p02: {}}, faults: {silent: {sensor: east, kind: dropout, from_s: 2}}}
+    set: {duration_s: 2, people: {p01: {}, p02: {}}, faults: {silent: {sensor: east, kind: dropout, from_s: 1}}}
 """
 
 

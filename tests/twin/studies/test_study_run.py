@@ -192,6 +192,7 @@ def test_a_candidate_that_fails_is_a_row_with_a_reason(tmp_path: Path) -> None:
         devices__rig__aim=None,
         devices__rig__places=places,
         search__method="exhaustive",
+        held_out=None,
     )  # the knee scanner of the second would be below the floor
     summary = run(path, tmp_path / "out")
     assert summary["rejected"]["rig"] == {"below the floor": 1}
@@ -199,6 +200,7 @@ def test_a_candidate_that_fails_is_a_row_with_a_reason(tmp_path: Path) -> None:
         tmp_path,
         devices={"waist": {"sensors": ["waist"], "places": places[:1], "tilt_deg": [0, 60], "tilt_every_deg": 60}},
         search__method="exhaustive",
+        held_out=None,
     )
     run(path, tmp_path / "tilted")
     with (tmp_path / "tilted" / "candidates.csv").open() as stream:

@@ -170,5 +170,6 @@ def test_a_disk_too_full_for_a_recording_ends_the_run_and_is_no_case_s_fault(
     assert code == 2 and re.search(r"^twin: /full/disk: cannot be written .*--resume then does the rest$", told, re.M)
     assert rows(folder, "SELECT COUNT(*) FROM cases WHERE status = 'failed'") == [(0,)]
     monkeypatch.delenv("SYNTHETIC_FAULT")
-    assert twin(monkeypatch, capsys, *arguments, "--resume")[0] == 0
+    here = [*arguments, "--resume", "--jobs", "1"]
+    assert twin(monkeypatch, capsys, *here)[0] == 0
     assert_there_once(folder, N_CASE)
