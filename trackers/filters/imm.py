@@ -168,33 +168,38 @@ class Imm:
         self,
         predicted: ImmState,
         index: Int[Index, "k"],
-        position: Float[Array, "k 2"],
-        measurement_covariance: Float[Array, "k 2 2"] | None = None,
+        position: Float[Array, "k d"],
+        measurement_covariance: Float[Array, "k d d"] | None = None,
+        observes: Float[Array, "d s"] | None = None,
     ) -> ImmState:
         """Update the tracks at `index` with their measured `position` [m]; leave the others unchanged.
 
-        measurement_covariance: R of each measurement [m²], positive definite; None: the filter's own.
+        measurement_covariance: R of each measurement [m²], positive definite; None: the filter's own. observes: H, the measured
+        combinations of the state's components; None: its first two.
         """
         index = np.asarray(index, np.intp)
         if index.size == 0:
             return predicted
-        position = np.asarray(position, float).reshape(-1, 2)
+        position = np.asarray(position, float).reshape(index.size, -1)
         _check_finite(position, "a measured position")
         prior = predicted.select(index)
         P = prior.covariance
         R = self.R[:, :, None] if measurement_covariance is None else np.moveaxis(measurement_covariance, 0, -1)
-        S = P[:2, :2] + R[:, :, None]  # (2, 2, m, k)
-        s_xx, s_xy, s_yy = S[0, 0], S[0, 1], S[1, 1]
-        determinant = s_xx * s_yy - s_xy * s_xy
-        inverse = np.array([[s_yy, -s_xy], [-s_xy, s_xx]]) / determinant
-        gain = np.einsum("apmn,pqmn->aqmn", P[:, :2], inverse)
-        innovation = position.T[:, None] - prior.mean[:2]  # (2, m, k)
+        if observes is None:
+            expected, HP, HPH = prior.mean[:2], P[:2], P[:2, :2]
+        else:
+            expected, HP = np.einsum("pa,amn->pmn", observes, prior.mean), np.einsum("pa,abmn->pbmn", observes, P)
+            HPH = np.einsum("pbmn,qb->pqmn", HP, observes)
+        S = HPH + R[:, :, None]  # (d, d, m, k)
+        inverse, determinant = _inverse(S)
+        gain = np.einsum("pamn,pqmn->aqmn", HP, inverse)
+        innovation = position.T[:, None] - expected  # (d, m, k)
         mean = prior.mean + np.einsum("apmn,pmn->amn", gain, innovation)
         _check_finite(mean, "an updated mean")
         # Joseph's form, (I − KH) P (I − KH)ᵀ + K R Kᵀ = P − K HP − (P Hᵀ − K S) Kᵀ: rounding of K has a second-order
         # effect
-        covariance = P - np.einsum("apmn,pbmn->abmn", gain, P[:2])
-        columns = P[:, :2] - np.einsum("apmn,pqmn->aqmn", gain, S)
+        covariance = P - np.einsum("apmn,pbmn->abmn", gain, HP)
+        columns = HP.swapaxes(0, 1) - np.einsum("apmn,pqmn->aqmn", gain, S)
         covariance -= np.einsum("apmn,bpmn->abmn", columns, gain)
         _check_finite(covariance, "an updated covariance")
         probability = prior.probability
@@ -243,6 +248,16 @@ class Imm:
 
 def _symmetric(matrix: Float[Array, "s s m n"]) -> Float[Array, "s s m n"]:
     return 0.5 * (matrix + matrix.swapaxes(0, 1))
+
+
+def _inverse(matrix: Float[Array, "d d m n"]) -> tuple[Float[Array, "d d m n"], Float[Array, "m n"]]:
+    """Return inverses and determinants of symmetric matrices, those of two rows in closed form."""
+    if len(matrix) == 2:
+        xx, xy, yy = matrix[0, 0], matrix[0, 1], matrix[1, 1]
+        determinant = xx * yy - xy * xy
+        return np.array([[yy, -xy], [-xy, xx]]) / determinant, determinant
+    each = matrix.transpose(2, 3, 0, 1)
+    return np.linalg.inv(each).transpose(2, 3, 0, 1).astype(np.float64), np.linalg.det(each)
 
 
 def _check_finite(values: Array, what: str) -> None:

@@ -263,7 +263,7 @@ AGILE = VelocityModel(1.0, 3.0)
 
 @dataclass(frozen=True)
 class VelocityMotion:
-    """One mode per model."""
+    """One mode per model. Components after these four do not change."""
 
     models: tuple[VelocityModel, ...] = (WALKS_ON, CHANGES_WAY, STANDS)
 
@@ -278,7 +278,7 @@ class VelocityMotion:
         velocity: Float[Array, "n 2"],
         position_variance_m2: float,
         speed_variance: float | Float[Array, "n"],
-    ) -> tuple[Float[Array, "4 n"], Float[Array, "4 4 n"]]:
+    ) -> tuple[Float[Array, "s n"], Float[Array, "s s n"]]:
         """Return mean and covariance of new tracks; both variances are those on each axis."""
         covariance = np.zeros((_SIZE, _SIZE, len(position)))
         covariance[0, 0] = covariance[1, 1] = position_variance_m2
@@ -286,18 +286,18 @@ class VelocityMotion:
         return np.concatenate([position, velocity], axis=1).T, covariance
 
     def moved(
-        self, mean: Float[Array, "4 m n"], covariance: Float[Array, "4 4 m n"], period_s: float, share: float
-    ) -> tuple[Float[Array, "4 m n"], Float[Array, "4 4 m n"]]:
+        self, mean: Float[Array, "s m n"], covariance: Float[Array, "s s m n"], period_s: float, share: float
+    ) -> tuple[Float[Array, "s m n"], Float[Array, "s s m n"]]:
         """Return mean and covariance one step later; share: of the models' nominal period."""
         kept = np.array([model.kept for model in self.models])[:, None] ** share  # (m, 1)
         after, half = mean.copy(), covariance.copy()  # half: F P
-        after[2:] *= kept
-        after[:2] += period_s * after[2:]
-        half[2:] *= kept
-        half[:2] += period_s * half[2:]
+        after[2:4] *= kept
+        after[:2] += period_s * after[2:4]
+        half[2:4] *= kept
+        half[:2] += period_s * half[2:4]
         spread = half.copy()  # F P Fᵀ
-        spread[:, 2:] *= kept
-        spread[:, :2] += period_s * spread[:, 2:]
+        spread[:, 2:4] *= kept
+        spread[:, :2] += period_s * spread[:, 2:4]
         variance = np.array([model.acceleration_variance for model in self.models])[:, None] / share
         for place, speed in ((0, 2), (1, 3)):
             spread[place, place] += variance * period_s**4 / 4
@@ -306,10 +306,10 @@ class VelocityMotion:
             spread[speed, speed] += variance * period_s**2
         return after, spread
 
-    def aligned(self, mean: Float[Array, "4 m n"], probability: Float[Array, "m n"]) -> Float[Array, "4 m n"]:
+    def aligned(self, mean: Float[Array, "s m n"], probability: Float[Array, "m n"]) -> Float[Array, "s m n"]:
         """Return the means unchanged: there is no angle to align."""
         return mean
 
-    def velocity(self, mean: Float[Array, "4 *n"]) -> Float[Array, "2 *n"]:
+    def velocity(self, mean: Float[Array, "s *n"]) -> Float[Array, "2 *n"]:
         """Return the velocity [m/s]."""
-        return mean[2:]
+        return mean[2:4]

@@ -226,12 +226,12 @@ def explained(people: People, look: Look) -> Bool[Mask, "k"]:
 
 
 def fused(
-    row: Int[Index, "p"], position: Float[Array, "p 2"], covariance: Float[Array, "p 2 2"]
-) -> tuple[Int[Index, "k"], Float[Array, "k 2"], Float[Array, "k 2 2"]]:
+    row: Int[Index, "p"], position: Float[Array, "p d"], covariance: Float[Array, "p d d"]
+) -> tuple[Int[Index, "k"], Float[Array, "k d"], Float[Array, "k d d"]]:
     """Fuse the measurements of each track to one, of the same product of densities; return the tracks and both."""
     rows, of = np.unique(row, return_inverse=True)
     inverse = np.linalg.inv(covariance)
-    information, vector = np.zeros((rows.size, 2, 2)), np.zeros((rows.size, 2))
+    information, vector = np.zeros((rows.size, *inverse.shape[1:])), np.zeros((rows.size, position.shape[1]))
     np.add.at(information, of, inverse)
     np.add.at(vector, of, np.einsum("pab,pb->pa", inverse, position))
     R = np.linalg.inv(information).astype(np.float64)

@@ -1,12 +1,12 @@
-"""Heads: a Gaussian each over the offset from the body and the height, weighed at points by all pictures of a stamp.
+"""Heads: offsets from bodies and heights, in one Gaussian with the body's place, weighed at points by all pictures of a stamp.
 
-A head is at the body's place x plus an offset o that stays for a while: an Ornstein-Uhlenbeck process about 0, with the variance
-of the posture, and about the height of the posture. A picture shows x + o, and so tells of both in the share of their variances.
-A likelihood of a head's place is no Gaussian, so the density is taken at fixed points z of the unit Gaussian, m + L z, weighed,
-and made Gaussian again by its sums (J. Kotecha and P. Djurić, "Gaussian particle filtering", IEEE Trans. Signal Processing 51,
-2003), in parts where few points would count (tempering). The points are those of an additive recurrence with irrational steps,
-so that nothing is random. Directions are a density over a whole turn: colours of face and hair weigh it, and people who walk
-face ahead.
+A head is at the body's place x plus an offset o that stays for a while: an Ornstein-Uhlenbeck process about 0, or the lean of a
+walker, with the variance of the posture; its height is one about that of the posture. A picture shows x + o, and so tells of both
+by their covariance. A likelihood of a head's place is no Gaussian, so the density is taken at fixed points z of the unit
+Gaussian, m + L z, weighed, and made Gaussian again by its sums (J. Kotecha and P. Djurić, "Gaussian particle filtering", IEEE
+Trans. Signal Processing 51, 2003), in parts where few points would count (tempering). The points are those of an additive
+recurrence with irrational steps, so that nothing is random. Directions are a density over a whole turn: colours of face and
+hair weigh it, and people who walk face ahead.
 """
 
 from __future__ import annotations
@@ -20,9 +20,11 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from trackers.area import Area
-from trackers.arrays import Array, Index, Mask
+from trackers.arrays import Array, Index, Mask, Singles
 from trackers.cameras.placed import PlacedCamera
 from trackers.filters.gating import distances
+from trackers.filters.imm import ImmState
+from trackers.filters.motion import VelocityMotion
 from trackers.filters.rows import Rows, written
 from trackers.fusion.options import HeadEvidenceOptions
 from trackers.likelihood.stereo_head import StereoHeadOptions, StereoHeads
@@ -51,6 +53,8 @@ _UPRIGHT_M, _UPRIGHT_SIGMA_M = 1.55, np.array([0.05, 0.05, 0.17])
 """Height of the middle of a head that nobody has seen yet, and standard deviations [m]."""
 _SAME_M = 0.18
 """Distance within which two heads are one [m]."""
+_LEAN_S = 0.026
+"""A walker's head is ahead of the pelvis by so much of the velocity [m per m/s]; measured in the twin."""
 _LEAST_SIGMA_M = 0.012
 """No picture tells a place better than this [m]."""
 _KNOWS_NOTHING = 0.1
@@ -69,12 +73,46 @@ _SURE = 0.6
 """Mean resultant length of a direction from which colours are learned at it."""
 
 
+SHOWN = np.array([[1.0, 0, 0, 0, 1, 0, 0], [0, 1, 0, 0, 0, 1, 0], [0, 0, 0, 0, 0, 0, 1]])
+"""The head's place in the state: H of its measurements."""
+
+
+class BodyAndHeadMotion(VelocityMotion):
+    """Motion of a body with its head. State: x, y, vx, vy of the body, the head's offset from it, and its height [m, m/s]."""
+
+    def started(
+        self,
+        position: Float[Array, "n 2"],
+        velocity: Float[Array, "n 2"],
+        position_variance_m2: float,
+        speed_variance: float | Float[Array, "n"],
+    ) -> tuple[Float[Array, "7 n"], Float[Array, "7 7 n"]]:
+        """Return mean and covariance of new tracks, whose heads nobody has seen."""
+        body, of_body = super().started(position, velocity, position_variance_m2, speed_variance)
+        mean, covariance = np.zeros((7, len(position))), np.zeros((7, 7, len(position)))
+        mean[:4], covariance[:4, :4] = body, of_body
+        mean[6], covariance[[4, 5, 6], [4, 5, 6]] = _UPRIGHT_M, _UPRIGHT_SIGMA_M[:, None] ** 2
+        return mean, covariance
+
+
+def drifted(state: ImmState, kept: float, height_m: Float[Array, "n"], variance_m2: Float[Array, "n 3"]) -> ImmState:
+    """Return the heads some time later. kept: correlation with where they were.
+
+    height_m, variance_m2: of where heads are from their bodies in the long run, by posture; heads of walkers lean ahead.
+    """
+    F = np.diag([1.0, 1, 1, 1, kept, kept, kept])
+    F[[4, 5], [2, 3]] = (1 - kept) * _LEAN_S
+    mean = np.einsum("ab,bmn->amn", F, state.mean)
+    mean[6] += (1 - kept) * height_m
+    P = np.einsum("ab,bcmn,dc->admn", F, state.covariance, F, optimize=True)
+    P[[4, 5, 6], [4, 5, 6]] += (1 - kept**2) * variance_m2.T[:, None]
+    return ImmState(mean, P, state.probability)
+
+
 @dataclass(frozen=True, eq=False)
 class Heads(Rows):
-    """Heads of n people."""
+    """What is known of the heads of n people besides their places."""
 
-    mean: Float[Array, "n 3"]  # offset from the place of the body, and height [m]
-    covariance: Float[Array, "n 3 3"]
     facing: Float[Array, "n directions"]
     seen_ns: Int[Index, "n"]
     colours: HeadColours
@@ -83,8 +121,7 @@ class Heads(Rows):
     def over(cls, n: int) -> Self:
         """Make n heads that nobody has seen, over their bodies."""
         facing = np.full((n, ASPECTS[0]), 1 / ASPECTS[0])
-        mean, covariance = np.tile([0.0, 0.0, _UPRIGHT_M], (n, 1)), np.tile(np.diag(_UPRIGHT_SIGMA_M**2), (n, 1, 1))
-        return cls(mean, covariance, facing, np.full(n, NEVER_NS), HeadColours.unknown(n))
+        return cls(facing, np.full(n, NEVER_NS), HeadColours.unknown(n))
 
     @property
     def direction(self) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
@@ -92,37 +129,14 @@ class Heads(Rows):
         resultant = self.facing @ np.exp(1j * _DIRECTIONS)
         return np.angle(resultant), np.abs(resultant)
 
-    def predicted(
-        self,
-        dt: float,
-        velocity: Float[Array, "n 2"],
-        height_m: Float[Array, "n"],
-        variance_m2: Float[Array, "n 3"],
-        options: HeadEvidenceOptions,
-    ) -> Self:
-        """Return the heads `dt` later [s]; velocity: of the bodies [m/s], the way of which walkers face.
-
-        height_m, variance_m2: of where heads are from their bodies in the long run, by posture.
-        """
-        kept = np.exp(-dt / options.stays_s)
-        usual = np.column_stack([np.zeros_like(velocity), height_m])
+    def turned(self, dt: float, velocity: Float[Array, "n 2"]) -> Self:
+        """Return the directions `dt` later [s]; velocity: of the bodies [m/s], the way of which walkers face."""
         spread = np.fft.rfft(_turned(_TURNS_RAD2_S * dt))
         facing = np.maximum(np.fft.irfft(np.fft.rfft(self.facing, axis=1) * spread, ASPECTS[0], axis=1), 1e-12)
         speed = np.hypot(*velocity.T)
         ahead = np.cos(_DIRECTIONS - np.arctan2(velocity[:, 1], velocity[:, 0])[:, None])
         facing = facing * np.exp(_AHEAD * dt * np.where(speed > _WALKS_M_S, 1.0, 0.0)[:, None] * ahead)
-        return self.changed(
-            mean=kept * self.mean + (1 - kept) * usual,
-            covariance=kept**2 * self.covariance + (1 - kept**2) * variance_m2[:, :, None] * np.eye(3),
-            facing=facing / facing.sum(axis=1, keepdims=True),
-        )
-
-    def measured(self, row: Int[Index, "k"], offset: Float[Array, "k 3"], covariance: Float[Array, "k 3 3"]) -> Self:
-        """Update the heads at `row` by offsets and heights [m], each with a covariance [m²]: a Kalman filter."""
-        P = self.covariance[row]
-        gain = P @ np.linalg.inv(P + covariance)
-        mean = self.mean[row] + np.einsum("nab,nb->na", gain, offset - self.mean[row])
-        return self.changed(mean=written(self.mean, row, mean), covariance=written(self.covariance, row, P - gain @ P))
+        return self.changed(facing=facing / facing.sum(axis=1, keepdims=True))
 
     def at(self, place: Float[Array, "n 3"]) -> Float[Array, "4 1 n"]:
         """Return heads at places as pictures are asked about them, with their directions."""
@@ -140,34 +154,31 @@ class HeadWeighing:
     def updated(
         self,
         heads: Heads,
-        body: Float[Array, "n 2"],
-        body_covariance: Float[Array, "n 2 2"],
+        expected: Float[Array, "n 3"],
+        covariance: Float[Array, "n 3 3"],
         views: Sequence[HeadView],
         in_view: Bool[Mask, "c n"],
         outlined: Bool[Mask, "c n"],
         share: Float[Array, "n"],
         ns: int,
-    ) -> tuple[Heads, Float[Array, "n"], Float[Array, "n 3"], Float[Array, "n 3 3"]]:
-        """Update heads over bodies [m] by all pictures of a stamp at once.
+    ) -> tuple[Heads, Float[Array, "n"], Int[Index, "k"], Float[Array, "k 3"], Float[Array, "k 3 3"]]:
+        """Weigh heads expected at places [m], with covariances [m²], by all pictures of a stamp at once.
 
         in_view: which heads nothing is known to hide from each camera; outlined: which of them have nobody about them; share: of
-        a look's evidence. Return the heads; the share of pictures of each that show it, less that of empty ones; and where
-        pictures alone show them [m], with covariances [m²].
+        a look's evidence. Return the heads; the share of pictures of each that show it, less that of empty ones; and the rows of
+        those that pictures show, and where these alone show them [m], with covariances [m²].
         """
         row, shown = np.flatnonzero(outlined.any(axis=0)), np.full(len(heads), np.nan)
-        place, R = np.zeros((len(heads), 3)), np.tile(np.eye(3), (len(heads), 1, 1))
+        mean, C = expected[row], covariance[row]
         if not row.size:
-            return heads, shown, place, R
-        C = heads.covariance[row].copy()
-        C[:, :2, :2] += body_covariance[row]
-        mean = heads.mean[row] + np.pad(body[row], ((0, 0), (0, 1)))
+            return heads, shown, row, mean, C
         showing, left, before = outlined[:, row], share[row].copy(), (mean, C)
-        empty = np.zeros_like(showing)
+        empty, some = np.zeros_like(showing), heads.select(row)
+        tables = some.colours.expected(self._model.common).tables
         for number in range(_PASSES):
             root = np.linalg.cholesky(C + 1e-10 * np.eye(3))
-            log, outside, sees, none = self._weighed(
-                mean[:, None] + self._z @ root.transpose(0, 2, 1), heads.select(row), views
-            )
+            places = mean[:, None] + self._z @ root.transpose(0, 2, 1)
+            log, outside, sees, none = self._weighed(places, some.direction[0], tables, views)
             if number == 0:
                 showing, empty = showing & sees, showing & none
             log = (log * showing[..., None]).sum(axis=0)
@@ -183,16 +194,16 @@ class HeadWeighing:
         shown[row] = (showing.sum(axis=0) - empty.sum(axis=0)) / outlined[:, row].sum(axis=0)
         here = showing.any(axis=0)
         row = row[here]
-        place[row], R[row] = gained(*(each[here] for each in (*before, mean, C)))
-        offset, by_body = place[row].copy(), R[row].copy()
-        offset[:, :2] -= body[row]
-        by_body[:, :2, :2] += body_covariance[row]
-        heads = heads.measured(row, offset, by_body)
         heads = heads.changed(seen_ns=written(heads.seen_ns, row, ns))
-        return self._faced(heads, row, mean[here], views, in_view[:, row], share[row]), shown, place, R
+        heads = self._faced(heads, row, mean[here], tables[here], views, in_view[:, row], share[row])
+        return heads, shown, row, *gained(*(each[here] for each in (*before, mean, C)))
 
     def _weighed(
-        self, places: Float[Array, "k p 3"], heads: Heads, views: Sequence[HeadView]
+        self,
+        places: Float[Array, "k p 3"],
+        direction: Float[Array, "k"],
+        tables: Float[Singles, "k entries"],
+        views: Sequence[HeadView],
     ) -> tuple[Float[Array, "c k p"], Float[Array, "k p"], Bool[Mask, "c k"], Bool[Mask, "c k"]]:
         """Weigh places of each head [m] by each picture.
 
@@ -200,8 +211,8 @@ class HeadWeighing:
         which show none.
         """
         asked = np.empty((4, len(views), *places.shape[:2]), np.float32)
-        asked[:3], asked[3] = places.transpose(2, 0, 1)[:, None], heads.direction[0][:, None]
-        found = self._heads(views).log_likelihood([each.picture for each in views], asked, None)
+        asked[:3], asked[3] = places.transpose(2, 0, 1)[:, None], direction[:, None]
+        found = self._heads(views).log_likelihood([each.picture for each in views], asked, tables)
         colour, depth, p_detect, seen = (
             np.array([getattr(each, name) for each in found]).reshape(asked.shape[1:])
             for name in ("colour", "depth", "p_detect", "seen")
@@ -226,6 +237,7 @@ class HeadWeighing:
         heads: Heads,
         row: Int[Index, "k"],
         place: Float[Array, "k 3"],
+        tables: Float[Singles, "k entries"],
         views: Sequence[HeadView],
         in_view: Bool[Mask, "c k"],
         share: Float[Array, "k"],
@@ -235,7 +247,7 @@ class HeadWeighing:
             return heads
         by, common, seen = self._heads(views), self._model.common, heads.select(row)
         at = np.repeat(seen.at(place), len(views), axis=1)
-        log = by.facing([each.picture for each in views], at, seen.colours.expected(common).tables)
+        log = by.facing([each.picture for each in views], at, tables)
         facing = seen.facing * _normalized((log * in_view[..., None]).sum(axis=0) * share[:, None])
         seen = seen.changed(facing=facing / facing.sum(axis=1, keepdims=True))
         sure = seen.direction[1] > _SURE

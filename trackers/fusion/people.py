@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 from trackers.arrays import Array, Index
 from trackers.filters.imm import ImmState
 from trackers.filters.rows import written
-from trackers.fusion.heads import Heads
+from trackers.fusion.heads import SHOWN, Heads
 from trackers.fusion.look import Expected
 from trackers.fusion.posture import Posture
 from trackers.tracking.appearance import Appearance
@@ -68,7 +68,7 @@ class People(ImmTracks):
     @property
     def velocity(self) -> Float[Array, "n 2"]:
         """Each track's velocity over its modes [m/s]."""
-        return (self.state.mean[2:] * self.state.probability).sum(axis=1).T
+        return (self.state.mean[2:4] * self.state.probability).sum(axis=1).T
 
     @property
     def covariance(self) -> Float[Array, "n 2 2"]:
@@ -78,8 +78,16 @@ class People(ImmTracks):
 
     @property
     def head(self) -> Float[Array, "n 3"]:
-        """Places of heads [m]."""
-        return self.heads.mean + np.pad(self.positions, ((0, 0), (0, 1)))
+        """Places of heads over the modes [m]."""
+        return np.einsum("an,pa->np", (self.state.mean * self.state.probability).sum(axis=1), SHOWN)
+
+    @property
+    def head_covariance(self) -> Float[Array, "n 3 3"]:
+        """Covariances of places of heads over the modes [m²]."""
+        mean = np.einsum("pa,amn->pmn", SHOWN, self.state.mean)
+        P = np.einsum("pa,abmn,qb->pqmn", SHOWN, self.state.covariance, SHOWN, optimize=True)
+        off, weight = mean - self.head.T[:, None], self.state.probability
+        return np.einsum("mn,abmn->nab", weight, P + off[:, None] * off)
 
     @property
     def stature(self) -> Float[Array, "n"]:
@@ -94,12 +102,14 @@ class People(ImmTracks):
         """Return what sources are told of the tracks."""
         return Expected(self.positions, self.head, self.confirmed, self.posture.seated_knees, self.posture.lies)
 
-    def learn_stature(self, row: Int[Index, "k"], memory: float) -> Self:
-        """Learn the statures of people at `row`, whose heads are seen, while they stand: sooner higher ones than lower."""
-        crown, old = self.heads.mean[row, 2] + _CROWN_M, self.stature_m[row]
+    def learn_stature(
+        self, row: Int[Index, "k"], height_m: Float[Array, "k"], variance_m2: Float[Array, "k"], memory: float
+    ) -> Self:
+        """Learn the statures of people at `row` by heights of their heads, while they stand: sooner higher ones than lower."""
+        crown, old = height_m + _CROWN_M, self.stature_m[row]
         stands = self.posture.probability[row, 0]
         slowly = 1 - _SINKS * stands
         learned = np.where(crown > old, memory * old + (1 - memory) * crown, slowly * old + (1 - slowly) * crown)
-        sure = self.heads.covariance[row, 2, 2] < _SURE_M**2
+        sure = variance_m2 < _SURE_M**2
         first = np.where((stands > 0.5) & sure & (crown > _LEAST_STATURE_M), crown, np.nan)
         return self.changed(stature_m=written(self.stature_m, row, np.where(np.isnan(old), first, learned)))

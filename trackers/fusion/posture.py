@@ -41,9 +41,9 @@ _REST_M_S = 0.5
 """Standard deviation of the speed of people who rest [m/s]."""
 _ALIKE_S = 1.0
 """Time in which all looks at a posture together tell what one tells [s]: their errors are alike."""
-_SEAT_M, _UP, _SEAT_MEMORY = 0.5, 3.0, 0.95
-"""Standard deviation of where a resting person is measured from the seat [m], χ² of one who has stood up, and share of the old
-seat that is kept."""
+_SEAT_M, _UP, _SEAT_S = 0.5, 3.0, 2.0
+"""Standard deviation of where a resting person is measured from the seat [m], χ² of one who has stood up, and time constant in
+which one sensor tells where the seat is [s]."""
 _KNEES_M, _KNEES_SIGMA_M, _KNEES_MEMORY = np.array([0.0, 0.45, 0.45]), np.array([0.15, 0.17, 0.3]), 0.7
 """Distance of the legs from the trunk, on average, its standard deviation [m]; share of the old average that is kept."""
 
@@ -155,9 +155,13 @@ class Posture(Rows):
         log[off_m > LENGTH_M] = 0.0, -9.0, -9.0
         return self.weighed(row, log)
 
-    def settled(self, place: Float[Array, "n 2"]) -> Self:
-        """Learn the seats of people who sit at places [m]; a lying person is not where a sitting one was shown."""
+    def settled(self, place: Float[Array, "n 2"], since_s: Float[Array, "n"]) -> Self:
+        """Learn the seats of people who sit at places [m]; a lying person is not where a sitting one was shown.
+
+        since_s: for how long the sensors that show them now had not, together [s].
+        """
         rests, fresh = self.rests[:, None], np.isnan(self.seat)
-        moved = np.where(fresh, place, _SEAT_MEMORY * self.seat + (1 - _SEAT_MEMORY) * place)
+        kept = np.exp(-since_s / _SEAT_S)[:, None]
+        moved = np.where(fresh, place, kept * self.seat + (1 - kept) * place)
         seat = np.where(rests, np.where(self.lies[:, None] & ~fresh, self.seat, moved), np.nan)
         return self.changed(seat=seat, lain=self.rests & (self.lain | self.lies))

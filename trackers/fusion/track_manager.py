@@ -203,6 +203,7 @@ class FusionTrackManager(TrackManager):
         lies = posture.lies[row] & (ns - some.roster.measured_ns > nanoseconds(_FRESH_S))
         place = np.where(np.isnan(some.posture.seat), some.place, some.posture.seat)
         rest = self._imm.start(place, None, _PLACE_M**2, _AT_REST)
+        rest.mean[4:], rest.covariance[4:, 4:] = state.mean[4:], state.covariance[4:, 4:]
         state = state.replaced(lies, rest.select(lies))
         # who may have gone unseen may have gone: where nothing would show them as likely as elsewhere
         stays_s = self._rules.survival_s * np.where(posture.rests[row], _STAYS, 1.0)

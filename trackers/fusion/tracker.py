@@ -22,14 +22,13 @@ from trackers.arrays import Array, Index
 from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.filters.imm import Imm
-from trackers.filters.motion import VelocityMotion
 from trackers.filters.negative_information import radius_containing
 from trackers.filters.rows import written
 from trackers.fusion.agreement import Agreement
 from trackers.fusion.association import Pairs, fused, pairs
 from trackers.fusion.cameras import Camera, cameras_of
 from trackers.fusion.floors import FusedFloor
-from trackers.fusion.heads import HeadWeighing, own
+from trackers.fusion.heads import SHOWN, BodyAndHeadMotion, HeadWeighing, drifted, own
 from trackers.fusion.lasers import scanners_of
 from trackers.fusion.look import Look, Source
 from trackers.fusion.options import FusionOptions
@@ -82,7 +81,7 @@ class Fusion(SynchronizedTracker):
         prior, rig = Prior.of(background), rig.model_copy(update={"sensors": used, "main": main})
         self._main = rig.main_sensor
         empty_room = list(prior)
-        self._imm = Imm(VelocityMotion())
+        self._imm = Imm(BodyAndHeadMotion())
         self._manager = FusionTrackManager(self.options, rig.area, self._imm)
         area = self._manager.area
         cameras = cameras_of(rig, empty_room, self.options, area, prior.environment)
@@ -185,8 +184,10 @@ class Fusion(SynchronizedTracker):
         if elapsed_s > 0 and len(people):
             people = people.in_state(self._imm.predict_over(people.state, elapsed_s, self.options.step_s))
             height_m, variance_m2 = self._over_bodies(people)
-            heads = people.heads.predicted(elapsed_s, people.velocity, height_m, variance_m2, self.options.head)
-            people = self._manager.aged(people.changed(heads=heads), elapsed_s)
+            kept = float(np.exp(-elapsed_s / self.options.head.stays_s))
+            people = people.in_state(drifted(people.state, kept, height_m, variance_m2))
+            people = people.changed(heads=people.heads.turned(elapsed_s, people.velocity))
+            people = self._manager.aged(people, elapsed_s)
             people = self._manager.without_doubles(people, elapsed_s)
         self._people = people
 
@@ -207,7 +208,8 @@ class Fusion(SynchronizedTracker):
         for number, chance, (row, column, _) in zip(numbers, missed, paired, strict=True):
             self._compare(people, looks[number], row, column, chance, share[number], number, ns)
         people = self._measured(people, paired, looks, ns)
-        people = self._by_pictures(people, [each for k in numbers if isinstance(each := self._sources[k], Camera)], ns)
+        cameras = [each for k in numbers if isinstance(each := self._sources[k], Camera) and not doubted[k]]
+        people = self._by_pictures(people, cameras, ns)
         for (number, look), (row, *_) in zip(looks.items(), paired, strict=True):
             if not doubted[number]:
                 shown = written(np.zeros(len(people), np.bool_), row, True)
@@ -263,28 +265,23 @@ class Fusion(SynchronizedTracker):
         upright = np.maximum(1 - posture.low[row], _LEAST_SHARE)  # a lying person is not where a standing one would be
         lean_m = np.where(posture.rests[row], _LEAN_M if look.load_n is None else _FEET_M, 0.0)
         R = (covariance / share[:, None, None] + (lean_m**2)[:, None, None] * np.eye(2)) / upright[:, None, None]
-        by_head = np.flatnonzero(~np.isnan(of_head[:, 0]))  # of a place and an offset, in the share of their variances
-        seen, before = row[by_head], people.heads
-        R[by_head] = covariance[by_head] / share[by_head, None, None] + before.covariance[seen, :2, :2]
-        body = np.zeros((len(place), 2))
-        body[by_head] = before.mean[seen, :2]
-        error = np.pad(
-            people.covariance[seen] + covariance[by_head] / share[by_head, None, None], ((0, 0), (0, 1), (0, 1))
-        )
-        error[:, 2, 2] = covariance[by_head, 0, 0] / share[by_head]
-        offset = of_head[by_head] - np.pad(people.positions[seen], ((0, 0), (0, 1)))
-        people = people.changed(posture=posture, heads=before.measured(seen, offset, error))
-        each, fused_at, fused_R = fused(row, place - body, R)
-        state = self._imm.update(people.state, each, fused_at, fused_R)
+        head = ~np.isnan(of_head[:, 0])
+        R_head = np.tile(np.eye(3), (head.sum(), 1, 1)) * (covariance[head, 0, 0] / share[head])[:, None, None]
+        state = self._imm.update(people.state, *fused(row[~head], place[~head], R[~head]))
+        state = self._imm.update(state, *fused(row[head], of_head[head], R_head), SHOWN)
+        people, each = people.changed(posture=posture), np.unique(row)
         people = people.changed(roster=people.roster.measured(each, ns, state))
         people = self._manager.detected(people, row, ratio, share * upright, kind["p_detect"])
         n = len(people)
         offset_m2 = np.bincount(row, kind["offset_m"] ** 2, n)[each] / np.bincount(row, minlength=n)[each]
         seen_ns, seen_at = people.seen_ns.copy(), people.seen_at.copy()
         seen_ns[row, number], seen_at[row, number] = ns, place
+        seat = written(
+            people.positions, row[head], people.head[row[head], :2]
+        )  # who sits has the pelvis about under the head
         people = people.changed(
             place=written(people.place, each, people.positions[each]),
-            posture=people.posture.settled(people.positions),
+            posture=people.posture.settled(seat, np.bincount(row, since_s, n).astype(np.float64)),
             offset_m2=written(people.offset_m2, each, 0.8 * people.offset_m2[each] + 0.2 * offset_m2),
             seen_ns=seen_ns,
             seen_at=seen_at,
@@ -307,18 +304,18 @@ class Fusion(SynchronizedTracker):
         outlined = np.array([each.stands_alone(head, people.positions) for each in cameras]) & in_view
         since_s = np.minimum((ns - before.seen_ns) / NS_PER_S, 1.0)
         share = np.clip(since_s / 0.05, 0.25, 1.0)
-        heads, shown, place, R = self._weighing.updated(
-            before, people.positions, people.covariance, cameras, in_view, outlined, share, ns
+        heads, shown, row, place, R = self._weighing.updated(
+            before, head, people.head_covariance, cameras, in_view, outlined, share, ns
         )
-        people, row = people.changed(heads=heads), np.flatnonzero(shown > 0)
-        people = self._manager.head_shown(people, shown, kind, share, ns)
+        people = self._manager.head_shown(people.changed(heads=heads), shown, kind, share, ns)
         if row.size:
-            variance = heads.covariance[row, 2, 2] + self._unsure_m2(people)[row]
-            posture = people.posture.by_head(row, heads.mean[row, 2], variance, people.stature[row], since_s[row])
-            people = people.changed(posture=posture).learn_stature(row, self.options.identity.memory)
-            R = (R + before.covariance)[row, :2, :2]
-            state = self._imm.update(people.state, row, place[row, :2] - before.mean[row, :2], R)
+            state = self._imm.update(people.state, row, place, R, SHOWN)
             people = people.changed(roster=people.roster.measured(row, ns, state))
+            height_m, variance_m2 = people.head[row, 2], people.head_covariance[row, 2, 2]
+            unsure_m2 = variance_m2 + self._unsure_m2(people)[row]
+            posture = people.posture.by_head(row, height_m, unsure_m2, people.stature[row], since_s[row])
+            people = people.changed(posture=posture)
+            people = people.learn_stature(row, height_m, variance_m2, self.options.identity.memory)
         seen = [each.colours(people.positions, people.stature) for each in cameras]
         clear = np.array([each for _, each in seen]) & (people.roster.measured_ns == ns) & ~people.posture.lies
         looked = np.flatnonzero(clear.any(axis=0))

@@ -291,3 +291,19 @@ def test_imm_beats_the_single_model_on_a_maneuvering_walk():
         noise = ((measured[1:] - truth[1:, None]) ** 2).sum(axis=(1, 2))
         npe[name] = np.mean(np.array(errors) / noise)
     assert npe["imm"] < npe["kalman"] < 1
+
+
+def test_a_sum_of_components_is_measured_as_a_kalman_filter_measures_it():
+    """One mode; the place of a body and of its head beside it, measured together: the textbook's update."""
+    imm = kalman()
+    state = imm.start(np.array([[0.3, -0.2]]), np.array([[1.0, 0.5]]))
+    P, x = state.covariance[:, :, 0, 0], state.mean[:, 0, 0]
+    H, R, z = (
+        np.array([[1.0, 0, 0, 0.5, 0], [0, 1, 0, 0, 0], [0, 0, 0, 1, 0]]),
+        np.diag([0.01, 0.02, 0.03]),
+        [1.0, 2, 1],
+    )
+    after = imm.update(state, np.array([0]), np.array([z]), R[None], H)
+    gain = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
+    np.testing.assert_allclose(after.mean[:, 0, 0], x + gain @ (z - H @ x), atol=1e-12)
+    np.testing.assert_allclose(after.covariance[:, :, 0, 0], P - gain @ H @ P, atol=1e-12)

@@ -17,9 +17,8 @@ from trackers.configuration import leaves_of
 from trackers.errors import InputError
 from trackers.feeding import track_frames
 from trackers.filters.imm import Imm
-from trackers.filters.motion import VelocityMotion
 from trackers.fusion.association import pairs
-from trackers.fusion.heads import unit_points
+from trackers.fusion.heads import SHOWN, BodyAndHeadMotion, unit_points
 from trackers.fusion.look import Look
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.people import People
@@ -223,7 +222,7 @@ def looks_of(*positions: list[tuple[float, float]]) -> list[Look]:
 
 def people_at(places: list[tuple[float, float]]) -> People:
     at = np.array(places)
-    people = People.started(Imm(VelocityMotion()).start(at, None, 0.3**2), at, 0, 1, 2, 1)
+    people = People.started(Imm(BodyAndHeadMotion()).start(at, None, 0.3**2), at, 0, 1, 2, 1)
     return people.changed(existence=np.full(len(at), 0.999))
 
 
@@ -242,3 +241,15 @@ def test_no_measurement_is_shared() -> None:
     found = pairs(people, looks_of([(0.1, 0.0)], [(0.0, 0.1), (0.1, 0.1)]), [np.full(3, 0.2)] * 2)
     assert all(len(set(each[1].tolist())) == len(each[1]) for each in found)
     assert [len(each[0]) for each in found] == [1, 2]
+
+
+def test_a_head_moves_its_body_in_the_share_of_their_variances() -> None:
+    """A body's place is known to 10 cm and the offset of its head to 5 cm: a head 5 cm to the side is 4 cm of body's."""
+    imm = Imm(BodyAndHeadMotion())
+    state = imm.start(np.zeros((1, 2)), None, 0.1**2)
+    head = np.array([[0.05, 0.0, 1.55]])
+    people = People.started(
+        imm.update(state, np.array([0]), head, 1e-9 * np.eye(3)[None], SHOWN), head[:, :2], 0, 1, 1, 1
+    )
+    np.testing.assert_allclose(people.positions, [[0.04, 0.0]], atol=1e-6)
+    np.testing.assert_allclose(people.head, head, atol=1e-6)

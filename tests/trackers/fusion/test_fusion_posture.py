@@ -37,11 +37,11 @@ def test_legs_far_before_the_trunk_are_a_sitting_persons_and_a_seat_ends_out_of_
     for _ in range(30):
         sitting = sitting.later(0.1, 60.0).by_legs(ROW, np.array([[0.5, 0.0]]), 0.1 * ONE)
     assert sitting.probability[0, 1] > 0.5 and abs(sitting.seated_knees[0, 0] - 0.5) < 0.01
-    sitting = sitting.settled(np.zeros((1, 2)))
+    sitting = sitting.settled(np.zeros((1, 2)), ONE)
     np.testing.assert_array_equal(sitting.seat, 0)
     near, far = (sitting.by_place(ROW, np.array([[away, 0.0]]), np.zeros(1), ONE) for away in (0.1, 1.1 * LENGTH_M))
     assert near.rests[0] and not far.rests[0]
-    assert np.isnan(far.settled(np.zeros((1, 2))).seat).all()
+    assert np.isnan(far.settled(np.zeros((1, 2)), ONE).seat).all()
 
 
 def test_nobody_seen_for_long_is_not_taken_to_lie_but_from_a_seat() -> None:
