@@ -111,7 +111,7 @@ def drifted(state: ImmState, kept: float, height_m: Float[Array, "n"], variance_
 
 @dataclass(frozen=True, eq=False)
 class Heads(Rows):
-    """What is known of the heads of n people besides their places."""
+    """Directions and colours of the heads of n people, and when they were seen; places are in the state of the filter."""
 
     facing: Float[Array, "n directions"]
     seen_ns: Int[Index, "n"]
