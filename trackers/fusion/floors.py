@@ -29,6 +29,8 @@ _LEAST_N = 60.0
 """Load from which it is a person's: a child's on one foot [N]."""
 _LINKED_M = 0.45
 """Unexplained clusters nearer than this are the feet of one person [m]."""
+_FEET_M = 0.35
+"""Standard deviation, on each axis, of the feet of a sitting person from the pelvis [m]."""
 _MOST_LOADED = 0.5
 """Share of the elements from which a frame is that of a broken floor."""
 
@@ -67,7 +69,7 @@ class FusedFloor:
         # what others may have as well says less
         mixed = 1 - (own_n[owner] * share[owner]).sum(axis=1) / total_n[owner]
         left_n = load_n * (1 - share.sum(axis=0))
-        new, new_n = self._unexplained(place, left_n)
+        new = self._unexplained(place, left_n)
         position = np.concatenate([middle - expected.knees[owner], new])
         variance = np.full(len(position), self._kind.sigma_m**2)
         variance[: len(owner)] += (2 * _NEAR_M * mixed) ** 2
@@ -83,23 +85,20 @@ class FusedFloor:
             np.concatenate([owner, np.full(len(new), -1)]),
             self._missed,
             FLOOR_SHOWN,
-            load_n=np.concatenate([total_n[owner], new_n]),
+            lean_m=_FEET_M,
             shown=detections_of(ns, self.names, "floor", position, covariance),
         )
 
-    def _unexplained(
-        self, place: Float[Array, "c 2"], left_n: Float[Array, "c"]
-    ) -> tuple[Float[Array, "k 2"], Float[Array, "k"]]:
-        """Gather unexplained loads about the heaviest elements, greedily: middles [m], loads [N]."""
-        middles, loads_n, left_n = [], [], left_n.copy()
+    def _unexplained(self, place: Float[Array, "c 2"], left_n: Float[Array, "c"]) -> Float[Array, "k 2"]:
+        """Gather unexplained loads about the heaviest elements, greedily: middles [m]."""
+        middles, left_n = [], left_n.copy()
         while left_n.sum() >= _LEAST_N:
             near = np.hypot(*(place - place[left_n.argmax()]).T) < _LINKED_M
             load_n = left_n[near].sum()
             if load_n >= _LEAST_N:
                 middles.append(left_n[near] @ place[near] / load_n)
-                loads_n.append(load_n)
             left_n[near] = 0.0
-        return np.reshape(middles, (-1, 2)), np.array(loads_n)
+        return np.reshape(middles, (-1, 2))
 
     def _missed(self, points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
         """Return how probably a person there is not felt: on the floor hardly, beside it always."""

@@ -63,9 +63,7 @@ def reidentified(
     people = people.changed(
         roster=roster,
         clothes=clothes,
-        serial=written(people.serial, now, people.serial[old]),
         stature_m=written(people.stature_m, now, people.stature_m[old]),
-        load_n=written(people.load_n, now, people.load_n[old]),
     )
     stays = np.ones(len(people), np.bool_)
     stays[old] = False

@@ -43,11 +43,6 @@ class Scanners:
         """True where a scanner came without scans of the empty room."""
         return self._group.learns_background
 
-    @property
-    def is_learning(self) -> bool:
-        """True once such a scanner has reported."""
-        return self._group.is_learning
-
     def look(self, observations: Mapping[str, Observation], expected: Expected, ns: int) -> Look | None:
         """Return the trunks, or people by their legs, in the scans of one stamp."""
         scans = {name: each for name in self.names if isinstance(each := observations.get(name), LaserScan)}

@@ -22,9 +22,7 @@ class Expected:
 
     place: Float[Array, "n 2"]  # ground point [m]
     head: Float[Array, "n 3"]  # [m]
-    confirmed: Bool[Mask, "n"]
     knees: Float[Array, "n 2"]  # from the place to the middle of the legs [m], far before somebody who sits
-    low: Bool[Mask, "n"]  # who sits or lies, lower than trunks are looked for
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +32,8 @@ class Look:
     owner: the track that a measurement is of, −1 where it is to be associated; starts: which may initiate a track; missed:
     the probability that the look would not show a standing person at room points (2, ...) [m], (...); by_posture: the
     detection probability of who stands, sits and lies, in that of who stands; is_sharp: whether `missed` tells one place from
-    another near by; feet: which measurements show both feet of a person, None: none.
+    another near by; feet: which measurements show both feet of a person, None: none; lean_m: standard deviation, on each axis,
+    of what is seen of a sitting person from the pelvis [m].
     """
 
     sensors: tuple[str, ...]
@@ -48,7 +47,7 @@ class Look:
     is_sharp: bool = False
     feet: Bool[Mask, "k"] | None = None
     head: Float[Array, "k 3"] | None = None  # [m]
-    load_n: Float[Array, "k"] | None = None
+    lean_m: float = 0.2
     shown: tuple[Detection, ...] = field(default=())
 
     @property

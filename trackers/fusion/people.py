@@ -29,12 +29,10 @@ _CROWN_M = 0.12
 class People(ImmTracks):
     """n tracks, oldest first."""
 
-    serial: Int[Index, "n"]  # one of its own, tentative or not
     roster: Roster[ImmState]
     heads: Heads
     clothes: Appearance
     stature_m: Float[Array, "n"]  # NaN: not known
-    load_n: Float[Array, "n"]  # on a pressure floor, NaN: not known
     place: Float[Array, "n 2"]  # after the last measurement [m]
     offset_m2: Float[Array, "n"]  # variance of what stays of the errors, on each axis
     existence: Float[Array, "n"]
@@ -44,18 +42,14 @@ class People(ImmTracks):
     seen_at: Float[Array, "n s 2"]  # and its place [m]
 
     @classmethod
-    def started(
-        cls, state: ImmState, place: Float[Array, "n 2"], ns: int, n_colour: int, n_source: int, first_serial: int
-    ) -> Self:
+    def started(cls, state: ImmState, place: Float[Array, "n 2"], ns: int, n_colour: int, n_source: int) -> Self:
         """Make tentative tracks measured at places [m] at stamp ns."""
         n = len(place)
         return cls(
-            serial=first_serial + np.arange(n),
             roster=Roster.started(state, ns),
             heads=Heads.over(n),
             clothes=Appearance.started(np.zeros((n, n_colour)), np.zeros(n, np.int64)),
             stature_m=np.full(n, np.nan),
-            load_n=np.full(n, np.nan),
             place=place,
             offset_m2=np.zeros(n),
             existence=np.full(n, 0.5),
@@ -100,7 +94,7 @@ class People(ImmTracks):
 
     def expected(self) -> Expected:
         """Return what sources are told of the tracks."""
-        return Expected(self.positions, self.head, self.confirmed, self.posture.seated_knees, self.posture.lies)
+        return Expected(self.positions, self.head, self.posture.seated_knees)
 
     def learn_stature(
         self, row: Int[Index, "k"], height_m: Float[Array, "k"], variance_m2: Float[Array, "k"], memory: float

@@ -55,7 +55,6 @@ class FusionTrackManager(TrackManager):
         super().__init__(options.track_management, corners)
         self._rules, self._step_s, self._imm = options.track_management, options.step_s, imm
         self._identity = options.identity
-        self._next_serial = 1
 
     def initiated(self, people: People, looks: dict[int, Look], paired: list[Int[Index, "p"]], ns: int) -> People:
         """Return the tracks and those that begin at measurements that no track explains, one of each person."""
@@ -98,9 +97,7 @@ class FusionTrackManager(TrackManager):
             ns,
             others.clothes.reference.shape[1],
             self._n_source(others),
-            self._next_serial,
         )
-        self._next_serial += 1
         people.seen_ns[0, number], people.seen_at[0, number] = ns, place
         roster = people.roster.changed(n_measured=np.array([len(place)]))
         existence = np.array([self.existence_of_new([looks[k].kind.p_detect for k in number[1:].tolist()])])

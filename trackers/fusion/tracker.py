@@ -47,8 +47,6 @@ from trackers.vision.head_colours import SHIPPED, load_head_model
 logger = logging.getLogger(__name__)
 
 _LEAST_SHARE = 0.02
-_LEAN_M, _FEET_M = 0.2, 0.35
-"""Standard deviation, on each axis, of what is seen of a sitting person, and stood on, from the pelvis [m]."""
 _TOGETHER_S = 0.15
 """A trunk measured no longer ago tells where the legs are from there [s]."""
 _STATURE_M = 0.2
@@ -99,7 +97,7 @@ class Fusion(SynchronizedTracker):
         )
         self._sees_waists = bool(self._scanners) and self._scanners[0].role == "waist"
         no_track, n_colour = self._imm.start(np.empty((0, 2))), cameras[0].n_colour if cameras else 1
-        self._people = People.started(no_track, np.empty((0, 2)), 0, n_colour, len(self._sources), 0)
+        self._people = People.started(no_track, np.empty((0, 2)), 0, n_colour, len(self._sources))
         self._ns: int | None = None
         self._looked_ns: dict[int, int] = {}
         self._main_ns: list[int] = []
@@ -263,7 +261,7 @@ class Fusion(SynchronizedTracker):
             legs = place[known] + posture.seated_knees[row[known]] - people.seen_at[row[known], 0]
             posture = posture.by_legs(row[known], legs, since_s[known])
         upright = np.maximum(1 - posture.low[row], _LEAST_SHARE)  # a lying person is not where a standing one would be
-        lean_m = np.where(posture.rests[row], _LEAN_M if look.load_n is None else _FEET_M, 0.0)
+        lean_m = np.where(posture.rests[row], look.lean_m, 0.0)
         R = (covariance / share[:, None, None] + (lean_m**2)[:, None, None] * np.eye(2)) / upright[:, None, None]
         head = ~np.isnan(of_head[:, 0])
         R_head = np.tile(np.eye(3), (head.sum(), 1, 1)) * (covariance[head, 0, 0] / share[head])[:, None, None]
@@ -278,20 +276,14 @@ class Fusion(SynchronizedTracker):
         seen_ns[row, number], seen_at[row, number] = ns, place
         seat = written(
             people.positions, row[head], people.head[row[head], :2]
-        )  # who sits has the pelvis about under the head
-        people = people.changed(
+        )  # a pelvis is about under a sitting head
+        return people.changed(
             place=written(people.place, each, people.positions[each]),
             posture=people.posture.settled(seat, np.bincount(row, since_s, n).astype(np.float64)),
             offset_m2=written(people.offset_m2, each, 0.8 * people.offset_m2[each] + 0.2 * offset_m2),
             seen_ns=seen_ns,
             seen_at=seen_at,
         )
-        for look, (row, column, _) in zip(looks.values(), paired, strict=True):
-            if look.load_n is not None:
-                old = people.load_n[row]
-                load_n = np.where(np.isnan(old), look.load_n[column], 0.95 * old + 0.05 * look.load_n[column])
-                people = people.changed(load_n=written(people.load_n, row, load_n))
-        return people
 
     def _by_pictures(self, people: People, cameras: list[Camera], ns: int) -> People:
         """Update heads by pictures, bodies by their heads, and colours."""

@@ -222,7 +222,7 @@ def looks_of(*positions: list[tuple[float, float]]) -> list[Look]:
 
 def people_at(places: list[tuple[float, float]]) -> People:
     at = np.array(places)
-    people = People.started(Imm(BodyAndHeadMotion()).start(at, None, 0.3**2), at, 0, 1, 2, 1)
+    people = People.started(Imm(BodyAndHeadMotion()).start(at, None, 0.3**2), at, 0, 1, 2)
     return people.changed(existence=np.full(len(at), 0.999))
 
 
@@ -248,8 +248,6 @@ def test_a_head_moves_its_body_in_the_share_of_their_variances() -> None:
     imm = Imm(BodyAndHeadMotion())
     state = imm.start(np.zeros((1, 2)), None, 0.1**2)
     head = np.array([[0.05, 0.0, 1.55]])
-    people = People.started(
-        imm.update(state, np.array([0]), head, 1e-9 * np.eye(3)[None], SHOWN), head[:, :2], 0, 1, 1, 1
-    )
+    people = People.started(imm.update(state, np.array([0]), head, 1e-9 * np.eye(3)[None], SHOWN), head[:, :2], 0, 1, 1)
     np.testing.assert_allclose(people.positions, [[0.04, 0.0]], atol=1e-6)
     np.testing.assert_allclose(people.head, head, atol=1e-6)
