@@ -18,7 +18,7 @@ from twin.recording.losses import Loss
 from twin.recording.rig_checks import kind_of_lens, with_intrinsics
 from twin.recording.ros_messages import COMPRESSED_IMAGE, LASER_SCAN, ODOMETRY, RAW_IMAGE
 from twin.recording.sensor_clock import first_frame
-from twin.recording.sensor_topics import absent, topics_of
+from twin.recording.sensor_topics import absent, conversion, topics_of
 from twin.recording.transforms import Edge, PoseTopic, TransformTree, read_poses
 
 _PICTURES = (COMPRESSED_IMAGE, RAW_IMAGE)
@@ -62,7 +62,9 @@ def guess_rig(
             f"a rig.yaml (--rig) with the place and the lens of each camera is expected; `twin new rig {path}` writes one"
         )
     have = ", ".join(f"{name} ({topic.msgtype})" for name, topic in sorted(topics.items())) or "none"
-    raise InputError(f"{path}: has no usable topic, its topics are: {have}; a {LASER_SCAN} topic is expected")
+    raise InputError(
+        f"{path}: has no usable topic, its topics are: {have}; a {LASER_SCAN} topic is expected{conversion(topics.values())}"
+    )
 
 
 def _guess_base(

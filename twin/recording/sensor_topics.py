@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -89,7 +89,8 @@ def sensor_topics(path: Path, topics: Mapping[str, Topic], rig: Rig, source: str
             continue
         msgtype = topics[topic].type_among(valid)
         if msgtype is None:
-            raise InputError(f"{where}, which is {topics[topic].msgtype} in {path}; {_expected(usable, valid)}")
+            other = conversion([topics[topic]]) if LASER_SCAN in valid else ""
+            raise InputError(f"{where}, which is {topics[topic].msgtype} in {path}; {_expected(usable, valid)}{other}")
         (found.depths if part == "depth_topic" else found.sensors)[topic] = name
         found.types[topic] = msgtype
         other = topics[topic].message_count - topics[topic].count_of(msgtype)
@@ -168,6 +169,19 @@ def unused_topics(topics: Mapping[str, Topic], used: Collection[str]) -> list[Lo
 def topics_of(topics: Mapping[str, Topic], *msgtypes: str) -> list[str]:
     """Return the topics of these types, those of empty rooms left out."""
     return sorted(name for name, topic in topics.items() if topic.type_among(msgtypes) and _BACKGROUND not in name)
+
+
+_CONVERTERS = {
+    "sensor_msgs/msg/PointCloud2": "pointcloud_to_laserscan",
+    "sensor_msgs/msg/MultiEchoLaserScan": "laser_proc",
+}
+"""ROS package that makes a LaserScan of a type that is not read."""
+
+
+def conversion(topics: Iterable[Topic]) -> str:
+    """Name the package that makes scans of what these topics hold; "" where none does."""
+    known = {each.msgtype: _CONVERTERS[each.msgtype] for each in topics if each.msgtype in _CONVERTERS}
+    return "".join(f"; `{package}` makes one of {kind}" for kind, package in known.items())
 
 
 def _expected(usable: list[str], valid: tuple[str, ...]) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from recorded import MS, RIG, a_scan, a_truth, an_image, assert_same, scan_messages, write_ros2_bag
+from rosbags import rosbag2
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys.stores.ros2_humble import (
     sensor_msgs__msg__Image as RawImage,
@@ -22,7 +23,7 @@ from trackers.observations import Image, LaserScan
 from trackers.rig import FisheyeSensor, LaserSensor, Rig
 from twin.recording.losses import lines
 from twin.recording.reader import Recording
-from twin.recording.ros_messages import RAW_IMAGE, STRING, encode, time_message
+from twin.recording.ros_messages import RAW_IMAGE, STRING, TYPESTORE, encode, time_message
 from twin.recording.writer import BagWriter
 from twin.truth.frames import TruthFrame
 
@@ -332,3 +333,17 @@ def test_truth_that_came_twice_is_read_once_and_refused_where_it_differs(tmp_pat
         else:
             with pytest.raises(InputError, match="has two messages at 0.000 s that differ; one message a stamp"):
                 list(Recording(path).truth())
+
+
+@pytest.mark.parametrize(
+    ("kind", "package"), [("PointCloud2", "pointcloud_to_laserscan"), ("MultiEchoLaserScan", "laser_proc")]
+)
+def test_a_bag_of_scans_of_another_type_names_what_converts_them(tmp_path: Path, kind: str, package: str) -> None:
+    with rosbag2.Writer(tmp_path / "bag", version=9) as writer:
+        writer.add_connection("/scan", f"sensor_msgs/msg/{kind}", typestore=TYPESTORE)
+    rig = Rig(sensors={"a": LaserSensor(topic="/scan")})
+    for given in (None, rig):
+        with pytest.raises(
+            InputError, match=rf"sensor_msgs/msg/{kind}.*; `{package}` makes one of sensor_msgs/msg/{kind}$"
+        ):
+            Recording(tmp_path / "bag", given)
