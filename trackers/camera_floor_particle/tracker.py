@@ -29,7 +29,7 @@ from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
 from trackers.tracking.synced_tracker import SynchronizedTracker
 from trackers.tracking.track_manager import TrackManager
 from trackers.tracks import Hypotheses, Track
-from trackers.vision.front_end import CalibrationMonitor, front_ends, silhouette_offsets
+from trackers.vision.front_end import CalibrationMonitor, front_ends, projection_jacobian, silhouette_offsets
 from trackers.vision.views import CameraViews, Views
 
 _LEAST_SHOWN = 0.5
@@ -99,9 +99,9 @@ class FloorTrackManager(TrackManager):
 
 
 _OFF_M = 0.04
-"""Median offset above which a camera is displaced."""
-_FEWEST = 40
-"""Offsets of a camera needed for a warning, two seconds of one walker: fewer are off by chance."""
+"""Median residual above which a camera is displaced."""
+_FEWEST = 16
+"""Residuals of a camera needed for a warning: fewer are off by chance."""
 _WALKS_M_S = 0.3
 _BENT_M = 0.1
 """Drop of a head below upright from which it is left out: its top may not be the head."""
@@ -123,12 +123,15 @@ def take(calibration: CalibrationMonitor, people: People, views: Views) -> None:
     if len(views) < 3 or not walking.any():
         return
     crowns = people.head_place + np.array([0.0, 0.0, CROWN_M])
+    off_m = np.full((calibration.n_camera, len(crowns), 2), np.nan)
+    jacobian = np.zeros((calibration.n_camera, len(crowns), 2, 3))
     for view in views:
         m_per_px = np.linalg.norm(crowns - view.camera.eye_m, axis=1) / view.camera.intrinsics.fx
         reach_px = np.maximum(2, np.rint(_SEARCHED_M / m_per_px))
         off_px = silhouette_offsets(view.camera, view.mask, crowns, reach_px, _APART_M / m_per_px)
-        for off_m in (off_px * m_per_px[:, None])[walking & np.isfinite(off_px[:, 0])]:
-            calibration.take(view.number, off_m)
+        off_m[view.number] = off_px * m_per_px[:, None]
+        jacobian[view.number] = projection_jacobian(view.camera, crowns) * m_per_px[:, None, None]
+    calibration.take_heads(off_m[:, walking], jacobian[:, walking])
 
 
 _SHOWN = 60

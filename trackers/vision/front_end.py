@@ -4,9 +4,11 @@ Exposure is normalized to that of the empty room, the foreground is masked, and 
 covered lens or of changed light, which are foreground almost everywhere. Repeated pictures are dropped earlier, by
 `trackers.tracking.stale_frames`.
 
-The monitor (ours) detects a camera whose heads are consistently displaced from the estimates of all cameras. Each camera's
-silhouette is searched for the top nearest to an estimated head. The median of its offsets from the projected crown counts.
-Errors of estimates change as people move and cancel; those of a camera's pose remain.
+The monitor (ours) detects a camera whose silhouettes disagree with those of the other cameras. Each camera's silhouette is
+searched for the top nearest to an estimated head. The tops of three or more cameras fix the crown by least squares, so that
+an error of the estimate, such as a head that is consistently too low, explains itself and counts for no camera
+(`residual_offsets`). The median of a camera's residuals counts: tops of furniture or raised arms come and go; the error of a
+camera's pose remains.
 """
 
 from __future__ import annotations
@@ -138,32 +140,79 @@ _CHECKED_EVERY = 4
 """Number of offsets between two medians."""
 _TOP_M = 0.12
 """Height of the head at the top of a silhouette, whose middle counts."""
+_STEP_M = 1e-3
+_LEAST_FREE = 1e-6
+"""Least share of an offset that the other cameras check; below, the camera alone fixes the crown in that direction."""
 
 
 class CalibrationMonitor:
-    """Median offset `off` of each camera's heads, to the right and down, in the unit of the offsets given.
+    """Median residual `off` of each camera's heads (`residual_offsets`), in the unit of the offsets given.
 
     off_from: greatest median of a correct camera. fewest: offsets needed for a warning.
     """
 
     def __init__(self, n_camera: int, off_from: float, fewest: int) -> None:
+        self.n_camera = n_camera
         self.off: Float[Array, "cameras 2"] = np.zeros((n_camera, 2))
+        self._explained = np.zeros(n_camera)
         self._off_from, self._fewest = off_from, fewest
-        self._looks = np.zeros((n_camera, _REMEMBERED, 2))
+        self._looks = np.zeros((n_camera, _REMEMBERED, 3))
         self._n_look = np.zeros(n_camera, np.intp)
 
     @property
     def doubted(self) -> list[int]:
-        """Camera with the largest median offset, if too large: it draws the estimates, so the others seem off as well."""
+        """Camera that explains most of the disagreement, of those with too large a median: the others seem off as well."""
         off = np.linalg.norm(self.off, axis=1)
-        return np.flatnonzero((off > self._off_from) & (off == off.max(initial=0.0))).tolist()
+        far = np.flatnonzero(off > self._off_from).tolist()
+        return [max(far, key=lambda number: (self._explained[number], off[number]))] if far else []
 
-    def take(self, number: int, off: Float[Array, "2"]) -> None:
-        """Add the offset of a head in a camera."""
-        self._looks[number, self._n_look[number] % _REMEMBERED] = off
+    def take_heads(self, off: Float[Array, "cameras n 2"], jacobian: Float[Array, "cameras n 2 3"]) -> None:
+        """Add the offsets of one frame's heads, NaN without a silhouette's top (see `residual_offsets`)."""
+        residual, explained = residual_offsets(off, jacobian)
+        for number, head in zip(*np.isfinite(explained).nonzero(), strict=True):
+            self.take(int(number), residual[number, head], float(explained[number, head]))
+
+    def take(self, number: int, off: Float[Array, "2"], explained: float = 1.0) -> None:
+        """Add the residual of a head in a camera. explained: share of the sum of squares that falls without it."""
+        self._looks[number, self._n_look[number] % _REMEMBERED] = *off, explained
         count = self._n_look[number] = self._n_look[number] + 1
         if count >= self._fewest and (count - self._fewest) % _CHECKED_EVERY == 0:
-            self.off[number] = np.median(self._looks[number, :count], axis=0)
+            *self.off[number], self._explained[number] = np.median(self._looks[number, :count], axis=0)
+
+
+def residual_offsets(
+    off: Float[Array, "cameras n 2"], jacobian: Float[Array, "cameras n 2 3"]
+) -> tuple[Float[Array, "cameras n 2"], Float[Array, "cameras n"]]:
+    """Return offsets that no displacement of the crown explains, and the share of their sum of squares due to each camera.
+
+    NaN below three cameras.
+
+    off: of tops from projected crowns, NaN without one. jacobian: of the projection in the unit of the offsets per metre.
+    With e = off − J δ for the least-squares δ and the leverage H of a camera, the residual is (I − H)^(−1/2) e: it has the
+    noise of the offsets whatever the geometry. Its square is the fall of the sum of squares Σ e² without the camera, all of
+    it where this camera alone is displaced (Cook and Weisberg, Residuals and Influence in Regression, 1982, 2.2).
+    """
+    used = np.isfinite(off[..., 0])
+    used &= used.sum(axis=0) > 2
+    rows = np.where(used[..., None, None], jacobian, 0.0)
+    inverse = np.linalg.pinv(np.einsum("cnij,cnik->njk", rows, rows), hermitian=True)
+    off = np.where(used[..., None], off, 0.0)
+    crown = np.einsum("njk,cnik,cni->nj", inverse, rows, off)
+    free = np.eye(2) - np.einsum("cnij,njk,cnlk->cnil", rows, inverse, rows)
+    values, vectors = np.linalg.eigh(free)
+    scale = np.where(values > _LEAST_FREE, 1 / np.sqrt(np.maximum(values, _LEAST_FREE)), 0.0)
+    left = off - np.einsum("cnij,nj->cni", rows, crown)
+    residual = np.einsum("cnij,cnj,cnkj,cnk->cni", vectors, scale, vectors, left)
+    total = np.maximum(np.square(left).sum(axis=(0, 2)), np.finfo(float).tiny)
+    explained = np.where(used, np.square(residual).sum(axis=2) / total, np.nan)
+    return np.where(used[..., None], residual, np.nan), explained
+
+
+def projection_jacobian(camera: PlacedCamera, points_m: Float[Array, "n 3"]) -> Float[Array, "n 2 3"]:
+    """Return the derivatives of pixels by places [px/m], by central differences, so for any lens."""
+    steps = _STEP_M * np.eye(3)
+    ahead, behind = (camera.project(points_m[:, None] + each)[0] for each in (steps, -steps))
+    return np.swapaxes(ahead - behind, 1, 2) / (2 * _STEP_M)
 
 
 def silhouette_offsets(
