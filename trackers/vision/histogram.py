@@ -59,8 +59,11 @@ class ColourHistogram:
         pixels: Float[Array, "k rows columns 2"],
         inside: Bool[Mask, "k rows columns"],
     ) -> Float[Array, "k {self.size}"]:
-        """Return histograms of the image at pixels that are `inside`; all-zero for a window with none."""
-        k = len(pixels)
+        """Return histograms of the image at pixels that are `inside`; all-zero for a window with none.
+
+        Pixels of points behind the camera may be NaN.
+        """
+        k, pixels = len(pixels), np.nan_to_num(pixels)
         if k == 0:
             return np.empty((0, self.size))
         column = np.clip(np.rint(pixels[..., 0]), 0, rgb.shape[1] - 1).astype(np.intp)  # outside: masked below

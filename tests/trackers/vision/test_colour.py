@@ -140,3 +140,12 @@ def test_nothing_inside_gives_an_empty_histogram_not_nan():
         0,
         histogram.size,
     )
+
+
+def test_pixels_of_points_behind_the_camera_are_left_out():
+    rgb = np.full((4, 6, 3), 90, np.uint8)
+    pixels = np.tile([1.0, 2.0], (1, 2, 3, 1))
+    inside = np.ones((1, 2, 3), np.bool_)
+    whole = ColourHistogram().of_windows(rgb, pixels, inside)
+    pixels[0, 1], inside[0, 1] = np.nan, False
+    np.testing.assert_allclose(ColourHistogram().of_windows(rgb, pixels, inside), whole)
