@@ -191,7 +191,9 @@ PRESETS: Mapping[str, Preset] = {
         "heads in 3-D, place and direction, by stereo cameras and a model of the room, a particle filter each",
         _SUZUKI,
     ),
-    "rgbd-head-paper": Preset(_HEADS, "the same by the paper's cues alone", _SUZUKI, head_rules.PAPER),
+    "rgbd-head-paper": Preset(
+        _HEADS, "the same by the paper's cues alone", _SUZUKI, head_rules.PAPER, head_rules.PAPER_RULES
+    ),
     "rgbd-head-paper-colour": Preset(_HEADS, "the paper's by colours and the room alone", _SUZUKI, head_rules.COLOUR),
     "rgbd-head-paper-depth": Preset(_HEADS, "the paper's by distances and the room alone", _SUZUKI, head_rules.DEPTH),
     "rgbd-head-paper-no-environment": Preset(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -42,13 +43,9 @@ def view(
     from twin.view import write_drawn, write_people, write_room, write_video, write_view
 
     if _is_room(scenario):
-        given = {"--at": at, "--people": people, "--video": video, "--from": from_, "--to": to, "--follow": follow}
-        given |= {"--drawn": drawn, "--set": set_, "--seed": seed}
-        for option, value in given.items():
-            if value not in (None, False, 0.0, []) or (option == "--seed" and value == 0):
-                raise InputError(
-                    f"{option} {value}: is about a scenario, and {scenario} is a room; --out alone is expected"
-                )
+        given: dict[str, object] = {"--at": at, "--people": people, "--video": video, "--from": from_, "--to": to}
+        given |= {"--follow": follow, "--drawn": drawn, "--set": set_, "--seed": seed}
+        _check_of_room(scenario, given)
         path = out or Path("view.png")
         print_warnings(write_room(scenario, path))
         print_paths({"view": path})
@@ -80,6 +77,13 @@ def view(
         path = out or Path("view.png")
         print_warnings(write_view(loaded, at, path))
         print_paths({"view": path})
+
+
+def _check_of_room(room: str, given: Mapping[str, object]) -> None:
+    """Raise InputError where an option about a scenario is given with a room."""
+    for option, value in given.items():
+        if value not in (None, False, 0.0, []) or (option == "--seed" and value == 0):
+            raise InputError(f"{option} {value}: is about a scenario, and {room} is a room; --out alone is expected")
 
 
 def _is_room(name: str) -> bool:

@@ -118,14 +118,19 @@ def read_cells(path: Path, expected: str, most_bytes: int | None) -> Cells:
         header, header_line = (header, comments[-1][0]) if len(header) == len(rows[0]) and not is_prose else (None, 0)
     if not any("." in cell and _is_number(cell) for row in rows for cell in row):
         rows = [[cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell for cell in row] for row in rows]
+    _check_widths(path, header, rows, numbers)
+    return Cells(source.comments, header, header_line, rows, numbers)
+
+
+def _check_widths(path: Path, header: list[str] | None, rows: list[list[str]], numbers: list[int]) -> None:
+    """Remove empty cells after the last separator; raise InputError where rows differ in length."""
     width = len(header if header is not None else rows[0])
     what = "the header" if header is not None else "the first row"
     for row, line in zip(rows, numbers, strict=True):
         if len(row) == width + 1 and not row[-1]:
-            row.pop()  # a separator after the last cell
+            row.pop()
         if len(row) != width:
             raise InputError(f"{path}: line {line}: has {len(row)} cells; {width} as in {what} are expected")
-    return Cells(source.comments, header, header_line, rows, numbers)
 
 
 def _split(text: str) -> Iterator[str]:

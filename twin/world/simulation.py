@@ -121,12 +121,7 @@ class Simulation:
         for name, housing in driven(scenario).items():
             odometry = BaseOdometry(name, odometry_sensor(scenario, name), housing.odometry)
             self._sensors[name], self._timing[name] = TimedSensor(odometry), housing.odometry
-        area = tuple((float(x), float(y)) for x, y in self.world.scene.area)
-        true = {name: sensor.rig_sensor() for name, sensor in self._sensors.items()}
-        main = scenario.main_sensor if scenario.main_sensor in true else None  # a camera, where images are left out
-        self.true_rig = Rig(sensors=true, area=area, room=scenario.room_name, main=main)
-        assumed = true | {name: assumed_sensor(each, true[name]) for name, each in self._descriptions.items()}
-        self.rig = Rig(sensors=assumed, area=area, room=scenario.room_name, main=main)
+        self.true_rig, self.rig = self._rigs()
         self._check_mounts()
         self._on_truth, self._shares, self._feet = on_truth, shares, feet
         self.views = {
@@ -145,6 +140,18 @@ class Simulation:
         self._next_truth = self._following_truth()
         self._coming: Iterator[Delivered] | None = None
         self._over = ""  # reason why it has ended
+
+    def _rigs(self) -> tuple[Rig, Rig]:
+        """Return the rig as it is, and as trackers are told."""
+        area = tuple((float(x), float(y)) for x, y in self.world.scene.area)
+        true = {name: sensor.rig_sensor() for name, sensor in self._sensors.items()}
+        # none for a camera, where images are left out
+        main = self.scenario.main_sensor if self.scenario.main_sensor in true else None
+        assumed = true | {name: assumed_sensor(each, true[name]) for name, each in self._descriptions.items()}
+        true_rig, rig = (
+            Rig(sensors=each, area=area, room=self.scenario.room_name, main=main) for each in (true, assumed)
+        )
+        return true_rig, rig
 
     def _scheduled(self, name: str) -> Scheduled:
         """Return a sensor with its schedule, its random stream and the faults of its messages."""

@@ -13,6 +13,7 @@ from trackers.laser_fisheye_imm.rules import PAPER, PAPER_RULES, RULES, without
 from trackers.laser_vision_learning.rules import PAPER_RULES as LEARNING_RULES
 from trackers.paper_rules import KINDS, at_paths, option_paths, options_of, rules_markdown
 from trackers.plain_data import deep_merge
+from trackers.rgbd_head.rules import PAPER_RULES as HEAD_RULES
 from twin.suites.spec import load_suite
 
 VAGUE = ("somebody", "believed", "whoever", "who ", "the same where", "the same for", "and how", "or if")
@@ -51,8 +52,8 @@ def test_ours_differs_from_the_paper_by_its_rules_alone():
 
 @pytest.mark.parametrize(
     "rules",
-    [PAPER_RULES, FLOOR_RULES, LEARNING_RULES],
-    ids=["laser-fisheye-imm", "camera-floor-particle", "laser-vision-learning"],
+    [PAPER_RULES, FLOOR_RULES, LEARNING_RULES, HEAD_RULES],
+    ids=["laser-fisheye-imm", "camera-floor-particle", "laser-vision-learning", "rgbd-head"],
 )
 def test_every_rule_of_a_paper_says_of_which_kind_it_is_and_where(rules):
     assert all(rule.kind in KINDS and rule.where and rule.text for rule in rules)

@@ -22,7 +22,7 @@ from trackers.presets import PRESETS, make_tracker
 from trackers.rgbd_head.calibration import CalibrationCheck, is_turned
 from trackers.rgbd_head.evaluators import Evaluator
 from trackers.rgbd_head.options import RgbdHeadOptions
-from trackers.rgbd_head.rules import PAPER, PAPER_RULES
+from trackers.rgbd_head.rules import PAPER
 from trackers.rgbd_head.tracker import RgbdHead
 from trackers.rig import LaserSensor, Rig, StereoSensor
 from trackers.tracks import TrackFrame
@@ -163,16 +163,7 @@ def one_by_one(camera, picture, head, table, options):
     return weight, np.log(max(a - b * off / known, 1e-3)) if known else 0.0
 
 
-def set_options(options, at=()):
-    """The paths of all options that are set."""
-    for name, value in options.items():
-        yield from set_options(value, (*at, name)) if isinstance(value, dict) and value else [(*at, name)]
-
-
-def test_each_of_the_papers_options_has_one_rule_with_its_source():
-    paths = [path for rule in PAPER_RULES for path in set_options(rule.options) if path[-1] != "skin_share"]
-    assert len(set(paths)) == len(paths) and all(rule.source for rule in PAPER_RULES)
-    assert {path for path in set_options(PAPER)} == set(paths)
+def test_the_papers_options_are_options_of_the_system():
     RgbdHeadOptions.model_validate(PAPER)
 
 
