@@ -30,6 +30,8 @@ MSGTYPES = {
     "odometry": (ODOMETRY,),
 }
 _BACKGROUND = "/background/"
+_FEW = 3
+"""Fewer messages have no usual gap; sensors that follow people send one a second or more."""
 
 
 @dataclass(frozen=True)
@@ -145,6 +147,11 @@ def absent_messages(
             counted = topics[topic].count_of(found.types[topic])
         if not n:
             yield absent(label, topic, "it is empty")
+        elif n < _FEW and to_ns - from_ns > _FEW * NS_PER_S:
+            what = f"has {n} {'message' if n == 1 else 'messages'} on {topic} in {(to_ns - from_ns) / NS_PER_S:.3g} s"
+            yield Loss(
+                label, 0, 0, what, "see whether its driver stopped, or its topic was recorded whole", always=True
+            )
         elif (loss := missing(label, stamps_ns[topic], from_ns, to_ns)) is not None:
             yield loss
         if (loss := crowded(label, stamps_ns[topic])) is not None:

@@ -202,3 +202,11 @@ def test_scans_that_the_rig_does_not_use_are_named(tmp_path):
     write_ros2_bag(tmp_path / "bag", sorted(messages, key=lambda each: each[2]))
     recording = Recording(tmp_path / "bag", Rig(sensors={"low": LaserSensor(topic="/scan")}))
     assert lines(recording.losses) == ["the rig: does not use /other of the bag"]
+
+
+@pytest.mark.parametrize(("n", "n_other", "is_told"), [(1, 60, True), (2, 60, True), (3, 3, False), (2, 20, False)])
+def test_a_topic_of_too_few_messages_for_a_rhythm_is_told(tmp_path, n, n_other, is_told) -> None:
+    messages = [*scan_messages("/high", STAMPS[:n]), *scan_messages("/low", STAMPS[:n_other])]
+    write_ros2_bag(tmp_path / "bag", sorted(messages, key=lambda each: each[2]))
+    told = lines(Recording(tmp_path / "bag", RIG).losses)
+    assert any(f"waist: has {n} message" in each for each in told) == is_told
