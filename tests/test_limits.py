@@ -36,6 +36,7 @@ NO_BUDGETS = {
     "_MOST_MM": "a millimetre more does not fit 16 bits",
     "_MOST_OFF_M": "the range of a field",
     "_LONGEST_LIST_BYTES": "a longer list is none of ours",
+    "_LONGEST_CHAIN": "a chain of files, each named in the one before, is read by recursion",
     "_LONGEST_TEXT": "names of rooms and formats; nothing is made of them",
 }
 """Bounds that no memory lifts, each with what it comes from."""

@@ -18,6 +18,10 @@ def no_progress(what: str, done: float, total: float) -> None:
     """Leave progress unreported."""
 
 
+def no_warning(warning: str) -> None:
+    """Leave a warning to the result, which holds them all."""
+
+
 def warn(warning: str) -> None:
     """Show a warning as Python does (UserWarning), at the caller's own line: the default in scripts and notebooks."""
     frame, level = sys._getframe(1), 2  # pyright: ignore[reportPrivateUsage]

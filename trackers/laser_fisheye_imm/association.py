@@ -81,11 +81,6 @@ class Matches:
     new_trunk: Int[Index, "q"]
     new_single: Bool[Mask, "q"]
 
-    @property
-    def both_legs(self) -> Bool[Mask, "p"]:
-        """Mask of the matches by two legs without a trunk."""
-        return ~self.single & (self.trunk < 0)
-
 
 @dataclass(frozen=True, eq=False)
 class Association:

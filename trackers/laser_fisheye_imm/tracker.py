@@ -24,9 +24,9 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
-from trackers.arrays import Array, Index, Mask
+from trackers.arrays import Array, Mask
 from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.filters.imm import Imm, Motion
@@ -172,13 +172,12 @@ class LaserFisheyeImm(SynchronizedTracker):
         knees, way, origins = self._knees(), self._way(), self._detector.origins
         at = Association(self._people, chance_missed, knees, self.options, *times, waists, knows_room, way, origins)
         matches = at.matches(seen)
-        whole = self._people.serial[matches.track[matches.both_legs]]
         self._update(matches, synced.ns)
         self._learn_colours(matches, seen)
         people = self._track_manager.confirmed(self._people, synced.ns, knows_room)
         people = self._track_manager.update_missed_tracks(people, synced.ns, elapsed_s, missed)
         self._people = self._track_manager.remaining(people, synced.ns, missed)
-        self._start(matches, seen, synced.ns, whole)
+        self._start(matches, seen, synced.ns)
 
     # --- predict
 
@@ -237,27 +236,20 @@ class LaserFisheyeImm(SynchronizedTracker):
 
     # --- start
 
-    def _start(self, matches: Matches, seen: Seen, ns: int, whole: Int[Index, "w"]) -> None:
-        """Start tracks at unassigned measurements; whole: serial numbers of the tracks measured by both legs."""
+    def _start(self, matches: Matches, seen: Seen, ns: int) -> None:
         if len(matches.new_position) == 0:
             return
         people, sitting = self._people, self.options.posture
         exist = people.exist(self.options.track_management.exists_above)
         bodies = np.concatenate([people.positions[exist], matches.position])
-        rules, legs = self.options.track_management, self.options.legs
-        free = clear_of(matches.new_position, bodies, rules.start_apart_m)
-        # a single leg, or knees without a trunk where waists are seen, within a stride of somebody are likelier theirs,
-        # unless they show both of theirs, which the paper's system does not count
-        others = bodies
-        if legs.assignment == "joint":
-            lacks = exist & ~np.isin(people.serial, whole)
-            others = np.concatenate([people.positions[lacks], matches.position[~matches.both_legs]])
+        # a single leg, or knees without a trunk where waists are seen, within a stride of somebody are likelier theirs
         waist_seen = self._detector.waists_seen(matches.new_position)
         maybe_theirs = matches.new_single | (waist_seen & (matches.new_trunk < 0))
-        free &= ~maybe_theirs | clear_of(matches.new_position, others, legs.start_apart_m)
+        stride_m = np.where(maybe_theirs, self.options.legs.start_apart_m, 0.0)
+        free = clear_of(matches.new_position, bodies, np.maximum(self.options.track_management.start_apart_m, stride_m))
         seats = people.posture.seat[people.posture.seated(people.measured_at, sitting)]
         free &= clear_of(matches.new_position, seats, sitting.length_m)  # trunk and legs of who lies or gets up
-        if legs.pair_m > 0:
+        if self.options.legs.pair_m > 0:
             free &= ~(matches.new_single & waist_seen)
         position, trunk = matches.new_position[free], matches.new_trunk[free]
         histograms = np.zeros((len(position), self._detector.histogram.size))

@@ -117,7 +117,7 @@ class LegOptions(Strict):
         default=STRIDE_M,
         ge=0,
         description="a leg, or knees without a trunk where waists are scanned, nearer than this to a track initiates none [m]: "
-        "they may be its person's, unless both of theirs are seen: a stride (the paper is silent)",
+        "they may be its person's: a stride (the paper is silent)",
     )
     gate_m: float = Field(default=0.5, gt=0, description="radius of the validation region of legs [m] (the paper's)")
     gate_alone_m: float = Field(

@@ -23,7 +23,7 @@ from trackers.observations import NS_PER_S
 from trackers.plain_data import parse_yaml
 from twin.evaluate.continuity import track_counts
 from twin.evaluate.summary import Evaluation
-from twin.messages import OnWarning
+from twin.messages import OnWarning, no_warning
 from twin.people.poses import PopulationMotion
 from twin.recording.bag import open_bag
 from twin.recording.tables import read_tracks, read_truth
@@ -136,7 +136,7 @@ def run_case(work: CaseWork) -> CaseResult:
                 out=folder,
                 video=False,
                 report=case.report,
-                on_warning=_collected,
+                on_warning=no_warning,
             )
             if result.metrics is None:
                 raise RuntimeError(f"{entry / RECORDING} holds no truth")
@@ -234,17 +234,13 @@ def scenario_recording(
         yield entry
 
 
-def _collected(warning: str) -> None:
-    """Leave a warning for the case's result, which holds them all."""
-
-
 def _run_recorded(case: Case, bag: RecordedInput) -> CaseResult:
     """Track a bag as it is; evaluate against its table of truth, else the truth in it, else count tracks alone."""
     with tempfile.TemporaryDirectory(prefix="roomtwin-case-") as temporary:
         folder = Path(temporary)
         result = track_recording(
             bag.path, trackers=[case.tracker], rig_path=bag.rig, truth_path=bag.truth, changes=case.tracking_changes,
-            seed=case.seed, out=folder, video=False, report=case.report, on_warning=_collected,
+            seed=case.seed, out=folder, video=False, report=case.report, on_warning=no_warning,
         )  # fmt: skip
         name = f"tracks/{file_name(case.tracker)}.csv"
         tracks = read_tracks(folder / name)
@@ -253,6 +249,7 @@ def _run_recorded(case: Case, bag: RecordedInput) -> CaseResult:
         evaluation = result.evaluations.get(case.tracker)
         if result.metrics is not None:
             metrics = result.metrics["trackers"][case.tracker] | metrics
+        own = result.tracker_warnings
         files = [name, *(each for each in ("report.html", "metrics.json") if (folder / each).is_file())]
         return CaseResult(
             metrics=metrics,
@@ -262,10 +259,8 @@ def _run_recorded(case: Case, bag: RecordedInput) -> CaseResult:
             recorded=False,
             record_s=0.0,
             recording=bag.digest[:_DIGEST],
-            warnings=tuple(
-                f"{bag.path.name}: {each}" for each in result.warnings if each not in result.tracker_warnings
-            ),
-            tracker_warnings=result.tracker_warnings,
+            warnings=tuple(f"{bag.path.name}: {each}" for each in result.warnings if each not in own),
+            tracker_warnings=own,
         )
 
 

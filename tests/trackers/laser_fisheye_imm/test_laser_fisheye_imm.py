@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import two_scanners
-from synthetic_room import AREA, Walk, empty_room, observe, rig, scan, score, straight_walk, wandering
+from synthetic_room import AREA, empty_room, observe, rig, scan, score, straight_walk, wandering
 
 from trackers.area import Area
 from trackers.errors import InputError
@@ -465,17 +465,3 @@ def test_a_faster_scanner_that_sees_only_a_wall_delays_nobody(rate_hz):
     first_ns = [next(frame.stamp_ns for frame in frames if frame.tracks) for frames in (alone, together)]
     assert first_ns[1] - first_ns[0] <= 0.06 * NS_PER_S  # a scan may join a frame of the other scanner
     assert {track.id for frame in together for track in frame.tracks} == {1}
-
-
-@pytest.mark.parametrize("apart_m", [0.66, 0.75])
-def test_a_leg_beside_somebody_who_shows_both_is_another_persons(apart_m):
-    position = np.tile([[-0.3, 2.0], [-0.3 + apart_m, 2.0]], (25, 1, 1))
-    # the second stands with one leg behind the other
-    heading = np.tile([np.pi / 2, np.arctan2(2.0, apart_m - 0.3) - np.pi / 2], (25, 1))
-    both = Walk(position, heading, np.zeros((25, 2)))
-    alone = Walk(position[:, :1], heading[:, :1], both.phase[:, :1])
-    scans = [two_scanners.one_scan(both if k >= 10 else alone, k, 1 + 0.1 * k, False, 3) for k in range(25)]
-    empty = [each for each in two_scanners.EMPTY if each.sensor == "front"]
-    frames, _ = tracked(both, "laser-imm", two_scanners.RIG, empty, observations=scans)
-    assert {len(frame.tracks) for frame in frames[3:9]} == {1}
-    assert {len(frame.tracks) for frame in frames[14:]} == {2}
