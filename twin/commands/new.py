@@ -196,25 +196,25 @@ def scenario(
 @app.command(epilog="Example: twin new room --out office.xml; twin view office.xml")
 def room(out: Annotated[Path, typer.Option(metavar="FILE.xml", help="File to write.")] = Path("room.xml")) -> None:
     """Write a room of walls, a door, lamps, a desk and a seat, with comments (MJCF)."""
-    _write("room", ROOM, out, ".xml")
+    _write("room", _filled(ROOM, out), out, ".xml")
 
 
 @app.command(epilog="Example: twin new tracker --out mine.py; twin check mine:Mine")
 def tracker(out: Annotated[Path, typer.Option(metavar="FILE.py", help="File to write.")] = Path("mine.py")) -> None:
     """Write a tracker of 40 lines: clusters of one scanner, each taken for the nearest track."""
-    _write("tracker", TRACKER, out, ".py")
+    _write("tracker", _filled(TRACKER, out), out, ".py")
 
 
 @app.command(epilog="Example: twin new suite --out gate.yaml; twin suite run gate.yaml")
 def suite(out: Annotated[Path, typer.Option(metavar="FILE.yaml", help="File to write.")] = Path("suite.yaml")) -> None:
     """Write a suite of one scenario, two trackers and two seeds, with a requirement."""
-    _write("suite", SUITE, out, ".yaml")
+    _write("suite", _filled(SUITE, out), out, ".yaml")
 
 
 @app.command(epilog="Example: twin new study --out places.yaml; twin study run places.yaml")
 def study(out: Annotated[Path, typer.Option(metavar="FILE.yaml", help="File to write.")] = Path("study.yaml")) -> None:
     """Write a study of where one or two scanners should hang in the lab."""
-    _write("study", STUDY, out, ".yaml")
+    _write("study", _filled(STUDY, out), out, ".yaml")
 
 
 @app.command(epilog="Example: twin new rig walk.bag --out rig.yaml; twin check rig.yaml")
@@ -229,13 +229,17 @@ def rig(
     from twin.console import print_warning
     from twin.recording.rig_guess import describe_rig
 
-    text, todo = describe_rig(recording, frame)
-    _write("rig", text, out, ".yaml", is_template=False)
-    for each in todo:
+    text, undecided = describe_rig(recording, frame)
+    _write("rig", text, out, ".yaml")
+    for each in undecided:
         print_warning(each)
 
 
-def _write(what: str, text: str, path: Path, suffix: str, *, is_template: bool = True) -> None:
+def _filled(template: str, path: Path) -> str:
+    return template.format(name=_name(path.with_suffix("")), file=path, module=path.stem)
+
+
+def _write(what: str, text: str, path: Path, suffix: str) -> None:
     from trackers.errors import InputError
     from twin.console import print_paths
     from twin.recording.atomic_file import open_atomic
@@ -248,9 +252,7 @@ def _write(what: str, text: str, path: Path, suffix: str, *, is_template: bool =
     if path.exists():
         raise InputError(f"--out {path}: is there already; the name of a new file is expected")
     with open_atomic(path) as stream:
-        stream.write(
-            text.format(name=_name(path.with_suffix("")), file=path, module=path.stem) if is_template else text
-        )
+        stream.write(text)
     print_paths({what: path})
 
 

@@ -46,13 +46,18 @@ def compare_lenses(bag: Bag, rig: Rig, sensors: Mapping[str, str]) -> list[Loss]
         topic = waiting.pop(info, None)
         if topic is None:
             continue
-        is_rectified = any("rect" in part for part in topic.split("/"))
+        is_rectified = _is_rectified(topic)
         what, remedy = _contradiction(message, cameras[topic].intrinsics, is_rectified=is_rectified)
         if what:
             losses.append(Loss(sensors[topic], 0, 0, f"{info} {what}", remedy, always=True))
         if not waiting:
             break
     return losses
+
+
+def _is_rectified(topic: str) -> bool:
+    """Return True for a topic whose pictures are rectified, by its name."""
+    return any("rect" in part for part in topic.split("/"))
 
 
 def _info_topic(topic: str) -> str:
@@ -134,7 +139,7 @@ def kind_of_lens(bag: Bag, topic: str) -> str:
     info = _info_topic(topic)
     if info in bag.topics and bag.topics[info].msgtype == _TYPE:
         for _, _, message in bag.messages([info]):
-            is_rectified = any("rect" in part for part in topic.split("/"))
+            is_rectified = _is_rectified(topic)
             model = "" if is_rectified else message.distortion_model
             is_known = _projection(message, is_rectified=is_rectified)[0] is not None
             return ("fisheye" if model in _FISHEYE else "camera" if model in _PINHOLE else "") if is_known else ""
@@ -175,7 +180,7 @@ def _intrinsics_of(message: Any, info: str, name: str, sensor: Mapping[str, Any]
     field = f"sensors.{name}.intrinsics is missing"
     if message is None:
         raise InputError(f"{field}, and the bag has no {_TYPE} on {info}; either is expected")
-    is_rectified = any("rect" in part for part in normal_topic(sensor["topic"]).split("/"))
+    is_rectified = _is_rectified(sensor["topic"])
     matrix, size = _projection(message, is_rectified=is_rectified)
     if matrix is None:
         raise InputError(f"{field}, and {info} {_UNCALIBRATED}; intrinsics are expected")

@@ -16,12 +16,10 @@ from twin.recording import topics as names
 from twin.recording.bag import Bag, Topic, decoded, open_bag
 from twin.recording.losses import Loss
 from twin.recording.rig_checks import kind_of_lens, with_intrinsics
-from twin.recording.ros_messages import COMPRESSED_IMAGE, LASER_SCAN, ODOMETRY, RAW_IMAGE
+from twin.recording.ros_messages import LASER_SCAN, ODOMETRY, RAW_IMAGE
 from twin.recording.sensor_clock import first_frame
-from twin.recording.sensor_topics import absent, conversion, topics_of
+from twin.recording.sensor_topics import PICTURES, absent, conversion, topics_of
 from twin.recording.transforms import Edge, PoseTopic, TransformTree, read_poses
-
-_PICTURES = (COMPRESSED_IMAGE, RAW_IMAGE)
 
 
 def guess_rig(
@@ -36,7 +34,7 @@ def guess_rig(
     It is at the origin, or mounted on a base that moves, where the bag tells of one; `frame` tells the frame_id on a topic.
     Raises InputError for a bag with another number of scanners that have messages.
     """
-    scans, images = topics_of(topics, LASER_SCAN), topics_of(topics, *_PICTURES)
+    scans, images = topics_of(topics, LASER_SCAN), topics_of(topics, *PICTURES)
     said = [topic for topic in scans if topics[topic].count_of(LASER_SCAN)]
     if len(said) == 1 or len(scans) == 1:
         (topic,) = said or scans
@@ -108,7 +106,7 @@ def _name_of(topic: str) -> str:
     return name if name[:1].isalpha() else f"scan_{name}"
 
 
-_TODO = "CHECK"
+_UNDECIDED = "CHECK"
 """Marks the lines of a written rig.yaml that the bag does not decide."""
 _DEPTHS = ("16UC1", "32FC1", "mono16", "compressedDepth")
 """Encodings of depth pictures, whole or as part of a compressed picture's format."""
@@ -133,18 +131,18 @@ def describe_rig(path: AnyPath, standing: str | None = None) -> tuple[str, list[
                 f"{path}: has neither scans nor pictures; a bag with a topic of {LASER_SCAN} or {RAW_IMAGE} is expected"
             )
         head = [
-            f"# Sensors of {path.name} ({bag.duration_s:.0f} s), as its messages tell them. Where it says {_TODO}, they do not.",
+            f"# Sensors of {path.name} ({bag.duration_s:.0f} s), as its messages tell them. {_UNDECIDED}: they do not.",
             "# Lengths in metres; rpy: roll, pitch, yaw about fixed axes, in radians. `twin schema rig` lists all fields.",
             "sensors:",
         ]
         area = "# area: [[-2, -2], [2, -2], [2, 2], [-2, 2]]  # polygon in which people are tracked; none: everywhere"
         text = "\n".join([*head, *found.lines, area, ""])
-        todo = list(found.todo)
+        undecided = list(found.undecided)
         try:
             Rig.parse(text, "the rig")
         except InputError as error:
-            todo += str(error).splitlines()
-    return text, todo
+            undecided += str(error).splitlines()
+    return text, undecided
 
 
 class _SensorsOfBag:
@@ -157,10 +155,10 @@ class _SensorsOfBag:
         self._bases: dict[str, OdometrySensor] = {}
         self._names: dict[str, str] = {}
         self.lines: list[str] = []
-        self.todo: list[str] = []
+        self.undecided: list[str] = []
         for topic in self._with_messages(LASER_SCAN):
             self._add(topic, first_frame(bag, topic), "laser", [])
-        pictures = {topic: first_frame(bag, topic) for topic in self._with_messages(*_PICTURES)}
+        pictures = {topic: first_frame(bag, topic) for topic in self._with_messages(*PICTURES)}
         depths = {topic: frame for topic, frame in pictures.items() if self._is_depth(topic)}
         for topic, frame in pictures.items():
             if topic not in depths:
@@ -195,14 +193,16 @@ class _SensorsOfBag:
         kind = "stereo" if depth and lens != "fisheye" else lens or "camera"
         fields = [f"    depth_topic: {_plain(depth)}"] if depth and kind == "stereo" else []
         if not lens:
-            self.todo.append(f"{self._name(topic)}: the bag does not tell its lens; intrinsics are expected")
+            self.undecided.append(f"{self._name(topic)}: the bag does not tell its lens; intrinsics are expected")
             sizes = "{width: 640, height: 480, fx: 500, fy: 500, cx: 319.5, cy: 239.5}"
-            fields.append(f"    # intrinsics: {sizes}  # {_TODO}: the bag has no CameraInfo of it that tells its lens")
+            fields.append(
+                f"    # intrinsics: {sizes}  # {_UNDECIDED}: the bag has no CameraInfo of it that tells its lens"
+            )
         else:
             sensor = {"kind": kind, "topic": topic}
             intrinsics = with_intrinsics(self._bag, {"sensors": {"it": sensor}})["sensors"]["it"]["intrinsics"]
             typed = ", ".join(f"{field}: {value}" for field, value in intrinsics.items())
-            remark = f"  # {_TODO}: no CameraInfo tells a field of view" if kind == "fisheye" else ""
+            remark = f"  # {_UNDECIDED}: no CameraInfo tells a field of view" if kind == "fisheye" else ""
             fields.append(f"    intrinsics: {{{typed}}}{remark}")
         self._add(topic, frame, kind, fields)
 
@@ -226,17 +226,19 @@ class _SensorsOfBag:
             name = name or f"odometry_{len(self._bases) + 1}"
             self._bases[name] = base
             if assumed:
-                self.todo.append(f"{self._name(topic)}: {assumed}")
+                self.undecided.append(f"{self._name(topic)}: {assumed}")
             where = (
-                f"{_TODO}: {assumed}" if assumed else f"of {_plain(frame)} on {_plain(base.base_frame or 'the base')}"
+                f"{_UNDECIDED}: {assumed}"
+                if assumed
+                else f"of {_plain(frame)} on {_plain(base.base_frame or 'the base')}"
             )
             return [f"    mounted_on: {name}", f"    {_yaml(pose)}  # {where}"]
         edges = self._chain(frame)
         if not edges and frame != self._standing:
-            self.todo.append(
+            self.undecided.append(
                 f"{self._name(topic)}: no transform of the bag tells where it is; room_from_sensor is expected"
             )
-            return [f"    {_yaml(Pose())}  # {_TODO}: no transform of the bag tells where it is"]
+            return [f"    {_yaml(Pose())}  # {_UNDECIDED}: no transform of the bag tells where it is"]
         stands = self._standing or edges[-1].parent
         return [f"    {_yaml(_pose_on(self._tree, frame, stands))}  # of {_plain(frame)} in {_plain(stands)}"]
 
@@ -244,7 +246,7 @@ class _SensorsOfBag:
         try:
             return self._tree.chain(frame)
         except InputError as error:
-            self.todo.append(str(error))
+            self.undecided.append(str(error))
             return []
 
 

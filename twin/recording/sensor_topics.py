@@ -20,12 +20,12 @@ from twin.recording.ros_messages import COMPRESSED_IMAGE, LASER_SCAN, ODOMETRY, 
 from twin.recording.sensor_clock import MessageTimes
 from twin.recording.transforms import Edge, Poses, PoseTopic, TransformTree, jumps
 
-_PICTURES = (COMPRESSED_IMAGE, RAW_IMAGE)
+PICTURES = (COMPRESSED_IMAGE, RAW_IMAGE)
 MSGTYPES = {
     "laser": (LASER_SCAN,),
-    "fisheye": _PICTURES,
-    "camera": _PICTURES,
-    "stereo": _PICTURES,
+    "fisheye": PICTURES,
+    "camera": PICTURES,
+    "stereo": PICTURES,
     "floor": (RAW_IMAGE,),
     "odometry": (ODOMETRY,),
 }
@@ -75,7 +75,7 @@ def sensor_topics(path: Path, topics: Mapping[str, Topic], rig: Rig, source: str
         if not is_of_transforms(sensor)
     ]
     wanted += [
-        (name, "depth_topic", sensor.depth_topic, _PICTURES)
+        (name, "depth_topic", sensor.depth_topic, PICTURES)
         for name, sensor in rig.sensors.items()
         if isinstance(sensor, StereoSensor)
     ]
@@ -168,7 +168,7 @@ def absent_messages(
 
 def unused_topics(topics: Mapping[str, Topic], used: Collection[str]) -> list[Loss]:
     """Return one loss that names the bag's scans and pictures that no sensor of a rig uses; none where all are used."""
-    unused = sorted(set(topics_of(topics, LASER_SCAN, *_PICTURES)) - set(used))
+    unused = sorted(set(topics_of(topics, LASER_SCAN, *PICTURES)) - set(used))
     what = f"does not use {', '.join(unused)} of the bag"
     return [Loss("the rig", 0, 0, what, always=True)] if unused else []
 

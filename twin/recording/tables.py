@@ -218,14 +218,8 @@ def read_tracks(
     t (or frame), id, x and y suffice, as in `read_truth`; status is "" where the table has none. Columns that the
     contract does not name are passed over. `mot` as in `read_truth`. Raises InputError naming file, line, column and value.
     """
-    found = read_person_rows(
-        as_path(path, "a tracks table"),
-        "a tracks table",
-        most_bytes,
-        frame_rate_hz,
-        rate_field,
-        "tracks" if mot else None,
-    )
+    what, own = "a tracks table", "tracks" if mot else None
+    found = read_person_rows(as_path(path, what), what, most_bytes, frame_rate_hz, rate_field, own)
     rows = found.rows
     numbers = {name: _numbers(rows, name) for name in _TRACK_NUMBERS}
     status = rows.words("status", STATUSES) if "status" in rows.cells else np.zeros(len(rows), dtype="<U9")

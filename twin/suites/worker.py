@@ -243,8 +243,7 @@ def _run_recorded(case: Case, bag: RecordedInput) -> CaseResult:
             seed=case.seed, out=folder, video=False, report=case.report, on_warning=no_warning,
         )  # fmt: skip
         name = f"tracks/{file_name(case.tracker)}.csv"
-        tracks = read_tracks(folder / name)
-        counts = track_counts(tracks)
+        counts = track_counts(read_tracks(folder / name))
         metrics: dict[str, Any] = {key: counts[key] for key in ("track_count", "tracks_per_frame")}
         evaluation = result.evaluations.get(case.tracker)
         if result.metrics is not None:

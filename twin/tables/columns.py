@@ -48,8 +48,7 @@ class _Lines:
     """Lines of a text except comments; `number` is that of the last one taken. Raises InputError for an endless line."""
 
     def __init__(self, path: Path, text: str) -> None:
-        self._path = path
-        self.number = 0
+        self._path, self.number = path, 0
         self.comments: list[tuple[int, str]] = []
         self._lines = enumerate(_split(text), start=1)
 
@@ -319,16 +318,13 @@ def read_csv_columns(path: Path, required: Sequence[str], what: str, most_bytes:
     if header is None:
         why = "has no header" if found.rows else "is empty"
         raise InputError(f"{path}: {why}; a {what} with the columns {expected} is expected")
+    where = f"{path}: line {found.header_line}: column"
     for name in required:
         if name not in header:
-            raise InputError(
-                f"{path}: line {found.header_line}: column {name!r} is missing; a {what} has the columns {expected}"
-            )
+            raise InputError(f"{where} {name!r} is missing; a {what} has the columns {expected}")
     for name in header:
         if header.count(name) > 1:
-            raise InputError(
-                f"{path}: line {found.header_line}: column {name!r} stands there twice; each column name once is expected"
-            )
+            raise InputError(f"{where} {name!r} stands there twice; each column name once is expected")
     return columns_of(str(path), header, found)
 
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Generator, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import groupby
 from operator import attrgetter
-from types import TracebackType
 from typing import NoReturn, Self
 
 import numpy as np
@@ -66,11 +65,10 @@ class Simulation:
 
     Iterating yields them in order of arrival, once: like a file, a simulation goes on where it was left, by whatever loop,
     and one that has ended or failed refuses another loop. Make another for another look; of the same scenario it is the
-    same to the bit. `rig` is what trackers assume of the sensors, calibration
-    errors included; `true_rig` is the truth. `on_truth` is
-    called with the truth at every stamp of every sensor, in order of time, before the observation of that stamp
-    comes. `on_detail` is called with what goes with pictures, scans and situations (`twin.world.truth_details`) as they are
-    measured; without it none of that is found out. With `images=False` the cameras are left out, and nothing is rendered.
+    same to the bit. `rig` is what trackers assume of the sensors, calibration errors included; `true_rig` is the truth.
+    `on_truth` is called with the truth at every stamp of every sensor, in order of time, before the observation of that
+    stamp comes. `on_detail` is called with what goes with pictures, scans and situations (`twin.world.truth_details`) as they
+    are measured; without it none of that is found out. With `images=False` cameras are left out, and nothing is rendered.
 
     `precomputed`: its people as they have moved before, with their bodies, whatever sensors looked then: nothing of them is done
     again, and every bit is the same. Without `shares` the truth does not say how much of whom a sensor sees, without
@@ -138,20 +136,18 @@ class Simulation:
         self._schedule = Schedule([self._scheduled(name) for name in self._sensors], scenario.duration_s)
         self._truth_stamps = groupby(self._schedule.events(), key=attrgetter("stamp_ns"))
         self._next_truth = self._following_truth()
-        self._coming: Iterator[Delivered] | None = None
+        self._coming: Generator[Delivered] | None = None
         self._over = ""  # reason why it has ended
 
     def _rigs(self) -> tuple[Rig, Rig]:
         """Return the rig as it is, and as trackers are told."""
         area = tuple((float(x), float(y)) for x, y in self.world.scene.area)
         true = {name: sensor.rig_sensor() for name, sensor in self._sensors.items()}
-        # none for a camera, where images are left out
-        main = self.scenario.main_sensor if self.scenario.main_sensor in true else None
+        chosen = self.scenario.main_sensor
+        main = chosen if chosen in true else None  # a camera, where images are left out
         assumed = true | {name: assumed_sensor(each, true[name]) for name, each in self._descriptions.items()}
-        true_rig, rig = (
-            Rig(sensors=each, area=area, room=self.scenario.room_name, main=main) for each in (true, assumed)
-        )
-        return true_rig, rig
+        rig_of = partial(Rig, area=area, room=self.scenario.room_name, main=main)
+        return rig_of(sensors=true), rig_of(sensors=assumed)
 
     def _scheduled(self, name: str) -> Scheduled:
         """Return a sensor with its schedule, its random stream and the faults of its messages."""
@@ -162,9 +158,7 @@ class Simulation:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -186,8 +180,7 @@ class Simulation:
         return [self.as_read(encoded) for encoded in self.background_messages()]
 
     def background_messages(self) -> Iterator[Encoded]:
-        """Return the empty room as messages, sensor by sensor, stamped from 0 at the sensor's rate; no sensor has
-        faults yet."""
+        """Return the empty room as messages, sensor by sensor, stamped from 0 at the sensor's rate, without faults."""
         if self.scenario.background == "none":
             return
         moving = {*self.rig.mounted(), *self.rig.odometry()}
@@ -202,18 +195,19 @@ class Simulation:
                 yield encode(reading.observation)
 
     def deliveries(self) -> Iterator[Delivered]:
-        """Yield every observation with its message and its truth, in order of arrival, from where the last loop
-        stopped."""
-        if self._over:
+        """Yield every observation with message and truth, in order of arrival, from where the last loop stopped."""
+        if why := self._over:
+            if self._coming is not None and self._coming.gi_running:
+                why = "is in the loop of another thread"
             raise RuntimeError(
-                f"the simulation of {self.scenario.name!r} {self._over}; make another Simulation to iterate again"
+                f"the simulation of {self.scenario.name!r} {why}; make another Simulation to iterate again"
             )
         if self._coming is None:
             self._coming = self._deliver()
         return (delivered for delivered in self._coming)  # a loop that is left closes its own iterator, not this one
 
-    def _deliver(self) -> Iterator[Delivered]:
-        self._over = stopped = "was stopped by an error, or is in the loop of another thread"
+    def _deliver(self) -> Generator[Delivered]:
+        self._over = stopped = "was stopped by an error"
         for delivery in self._schedule.observe(self):
             encoded = encode(delivery.reading.observation)
             read = self.as_read(encoded)

@@ -8,6 +8,7 @@ import pickle
 import re
 import subprocess
 import sys
+import threading
 import weakref
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
@@ -89,7 +90,7 @@ def fail(frame: object) -> None:
     ("bring", "on_truth", "said"),
     [
         (ended, None, "has come to its end"),
-        (stopped, fail, "was stopped by an error, or is in the loop of another thread"),
+        (stopped, fail, "was stopped by an error"),
         (closed, None, "is closed"),
     ],
 )
@@ -193,3 +194,22 @@ def test_warnings_of_a_run_are_pythons_where_nobody_asks_for_them(tmp_path) -> N
     with pytest.warns(UserWarning, match="sort: makes no use of fisheye") as shown:
         twin.run_scenario(scenario, trackers=["sort"], out=tmp_path / "run", video=False)
     assert {each.filename for each in shown if each.category is UserWarning} == {__file__}
+
+
+def test_loop_of_another_thread_is_named() -> None:
+    said: list[str] = []
+
+    def begin() -> None:
+        with pytest.raises(RuntimeError) as refused:
+            iter(simulation)
+        said.append(str(refused.value))
+
+    def look(frame: object) -> None:
+        if not said:
+            thread = threading.Thread(target=begin)
+            thread.start()
+            thread.join()
+
+    with twin.Simulation(SCENARIO, images=False, on_truth=look) as simulation:
+        next(iter(simulation))
+    assert "is in the loop of another thread" in said[0]
