@@ -14,6 +14,7 @@ import argparse
 from pathlib import Path
 
 import numpy as np
+from leg_classifier.complete_trees import NEVER, complete_trees
 from leg_classifier.existence import DriveCounts, TrackSamples, counted, track_samples
 from leg_classifier.judge import judge
 from leg_classifier.samples import Samples, samples_of
@@ -42,7 +43,6 @@ _FIRST = 5
 """One of so many drives is tracked first, before there is an existence to confirm tracks by."""
 _HELD_OUT = 5
 """Every so many-th seed is left out while the figures are found."""
-_NEVER = 1e9
 
 
 def main() -> None:
@@ -105,7 +105,7 @@ def _learn_existence(folder: Path, seeds: range) -> None:
     The first ones stay: without them the forest leans on the existence of tracks beside more than real scans bear out.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    _put_existence(Forest(np.zeros((1, 1), np.intp), np.full((1, 1), _NEVER), np.full((1, 2), -4.0), 0.0))
+    _put_existence(Forest(np.zeros((1, 1), np.intp), np.full((1, 1), NEVER), np.full((1, 2), -4.0), 0.0))
     first = [(seed, _kept_tracks(folder, "never", seed)) for seed in seeds[: len(seeds) // _FIRST]]
     _put_existence(_existence([part for _, part in first]))
     parts = first + [(seed, _kept_tracks(folder, "drive", seed)) for seed in seeds]
@@ -188,28 +188,9 @@ def _forest(features: Array, is_leg: NDArray[np.bool_], *, balanced: bool = True
     share = is_leg.mean()
     fitted = HistGradientBoostingClassifier(
         max_iter=trees, max_depth=_DEPTH, max_leaf_nodes=16, min_samples_leaf=150, learning_rate=0.1, l2_regularization=20,
-        max_features=0.3, early_stopping=False, random_state=0,
+        max_features=0.3, early_stopping=False, random_state=0,  # pyright: ignore[reportArgumentType]
     ).fit(features, is_leg, np.where(is_leg, 0.5 / share, 0.5 / (1 - share)) if balanced else None)  # fmt: skip
-    grown = [predictors[0].nodes for predictors in fitted._predictors]
-    feature = np.zeros((len(grown), 2**_DEPTH - 1), np.intp)
-    threshold = np.full(feature.shape, _NEVER)
-    leaf = np.zeros((len(grown), 2**_DEPTH))
-    for tree, nodes in enumerate(grown):
-        _fill(nodes, 0, 0, feature[tree], threshold[tree], leaf[tree])
-    return Forest(feature, threshold, leaf, float(fitted._baseline_prediction.ravel()[0]))
-
-
-def _fill(nodes, at: int, place: int, feature: Array, threshold: Array, leaf: Array) -> None:
-    """Copy the tree below a node to the complete tree below a place; a leaf above the bottom has its value there."""
-    if place >= len(feature):
-        leaf[place - len(feature)] = nodes[at]["value"]
-    elif nodes[at]["is_leaf"]:
-        for child in (2 * place + 1, 2 * place + 2):
-            _fill(nodes, at, child, feature, threshold, leaf)
-    else:
-        feature[place], threshold[place] = nodes[at]["feature_idx"], nodes[at]["num_threshold"]
-        _fill(nodes, nodes[at]["left"], 2 * place + 1, feature, threshold, leaf)
-        _fill(nodes, nodes[at]["right"], 2 * place + 2, feature, threshold, leaf)
+    return complete_trees(fitted, _DEPTH)
 
 
 def _auc(classifier: LegClassifier, parts: list[Samples]) -> float:

@@ -113,7 +113,7 @@ class Imm:
         self,
         position: Float[Array, "n 2"],
         velocity: Float[Array, "n 2"] | None = None,
-        position_variance_m2: float = MEASUREMENT_VARIANCE_M2,
+        position_variance_m2: float | Float[Array, "n"] = MEASUREMENT_VARIANCE_M2,
         speed_variance: float | Float[Array, "n"] = 1.0,
     ) -> ImmState:
         """Start tracks at `position` [m], at rest or with `velocity` [m/s]; `speed_variance` [m²/s²] is that of the speed.

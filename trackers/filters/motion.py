@@ -190,7 +190,7 @@ class HeadingMotion:
         self,
         position: Float[Array, "n 2"],
         velocity: Float[Array, "n 2"],
-        position_variance_m2: float,
+        position_variance_m2: float | Float[Array, "n"],
         speed_variance: float | Float[Array, "n"],
     ) -> tuple[Float[Array, "5 n"], Float[Array, "5 5 n"]]:
         """Return mean and covariance of new tracks.
@@ -276,7 +276,7 @@ class VelocityMotion:
         self,
         position: Float[Array, "n 2"],
         velocity: Float[Array, "n 2"],
-        position_variance_m2: float,
+        position_variance_m2: float | Float[Array, "n"],
         speed_variance: float | Float[Array, "n"],
     ) -> tuple[Float[Array, "s n"], Float[Array, "s s n"]]:
         """Return mean and covariance of new tracks; both variances are those on each axis."""

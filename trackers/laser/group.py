@@ -78,6 +78,7 @@ class ScannerGroup:
         self, scanners: Mapping[str, LaserSensor], empty_room: Sequence[Observation], options: LayerOptions
     ) -> None:
         self._gate_m, self._least = options.fuse_m, options.cluster.min_samples
+        self._noise_m2 = 0.0 if options.outlines else MEASUREMENT_VARIANCE_M2
         self.layers: dict[str, LaserLayer] = {}
         for name, sensor in scanners.items():
             scans = [item for item in empty_room if isinstance(item, LaserScan) and item.sensor == name]
@@ -108,7 +109,9 @@ class ScannerGroup:
         together = Detections.none(n_scanner)
         for column, (name, layer) in enumerate(self.layers.items()):
             if name in scans:
-                together = fused(together, layer.detect(scans[name]).of_scanner(column, n_scanner), self._gate_m)
+                together = fused(
+                    together, layer.detect(scans[name]).of_scanner(column, n_scanner), self._gate_m, self._noise_m2
+                )
         seen_past = np.zeros(len(together), np.bool_)
         for column, (name, layer) in enumerate(self.layers.items()):
             if name in scans and len(scans) > 1:
@@ -160,7 +163,9 @@ class ScannerGroup:
         return chance
 
 
-def fused(first: Detections, second: Detections, gate_m: float) -> Detections:
+def fused(
+    first: Detections, second: Detections, gate_m: float, noise_m2: float = MEASUREMENT_VARIANCE_M2
+) -> Detections:
     """Fuse detections of two scanners: pairs nearer than `gate_m` become one, `first`'s before `second`'s.
 
     A pair's position is the average weighted by inverse variance, which is larger for a partly occluded cluster. Its
@@ -171,7 +176,7 @@ def fused(first: Detections, second: Detections, gate_m: float) -> Detections:
         return second if len(first) == 0 else first
     apart = distances(first.position, second.position)
     mine, theirs = global_nearest_neighbour(apart, apart <= gate_m)
-    R = MEASUREMENT_VARIANCE_M2
+    R = noise_m2
     weight, other_weight = 1 / (R + first.variance_m2[mine]), 1 / (R + second.variance_m2[theirs])
     total = weight + other_weight
     position, variance = first.position.copy(), first.variance_m2.copy()

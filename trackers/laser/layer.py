@@ -23,6 +23,7 @@ from trackers.laser.clusters import (
     pushed_back,
 )
 from trackers.laser.grouping import trunks
+from trackers.laser.outlines import shipped
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor
 
@@ -68,6 +69,11 @@ class LayerOptions(Strict):
         default=0.02,
         ge=0,
         description="measurement variance added for a partly occluded cluster [m²] (ours)",
+    )
+    outlines: bool = Field(
+        default=False,
+        description="whether a body's axis and its variance follow from the outline that is seen of it, learned from bodies of "
+        "the twin, in place of the depth, width and variance above (ours)",
     )
     satellite_width_m: float | None = Field(
         default=None,
@@ -162,6 +168,23 @@ class ScannerOptions(Strict):
         )
 
 
+def trunk_mask(clusters: Clusters, options: LayerOptions) -> Bool[Mask, "k"]:
+    """Return a mask of the clusters that are no arm or piece of another; all where arms are people, as legs are."""
+    if options.satellite_width_m is None:
+        return np.ones(len(clusters), np.bool_)
+    # a narrow cluster may be an arm, as thick from every side, not part of a trunk
+    depth_m = np.where(clusters.width_m < options.satellite_width_m, _ARM_HALF_DEPTH_M, options.half_depth_m)
+    return trunks(
+        pushed_back(clusters.middle, depth_m),
+        clusters.width_m,
+        clusters.hidden_before | clusters.hidden_after,
+        options.satellite_width_m,
+        options.satellite_reach_m,
+        options.arm_reach_m,
+        options.trunks_apart_m,
+    )
+
+
 class LaserLayer:
     """Scanner with its pose, background and options; `detect` is called with its scans in order.
 
@@ -191,36 +214,29 @@ class LaserLayer:
     def detect(self, scan: LaserScan) -> Detections:
         """Detect trunks without their arms, or single legs, in front of the room."""
         options, scan = self.options, counter_clockwise(scan)
-        clusters = find_clusters(scan, self._background.foreground(scan), options.cluster, self._least)
+        foreground = self._background.foreground(scan)
+        clusters = find_clusters(scan, foreground, options.cluster, self._least)
         hidden = clusters.hidden_before | clusters.hidden_after
         if self._least < options.cluster.min_samples:
             # a beam half on an edge reports a range between it and the background
             kept = (clusters.n_sample >= options.cluster.min_samples) | ~hidden
             clusters, hidden = clusters.select(kept), hidden[kept]
-        middle = self._completed(clusters)
-        detections = Detections(
-            position=self._in_room(pushed_back(middle, self._half_depth_m(clusters.width_m, hidden))),
-            variance_m2=np.where(hidden, options.hidden_variance_m2, 0.0),
+        kept = trunk_mask(clusters, options)
+        clusters, hidden = clusters.select(kept), hidden[kept]
+        if options.outlines:
+            axis, variance_m2 = shipped().axes(scan, foreground, clusters)
+        else:
+            axis = pushed_back(self._completed(clusters), self._half_depth_m(clusters.width_m, hidden))
+            variance_m2 = np.where(hidden, options.hidden_variance_m2, 0.0)
+        return Detections(
+            position=self._in_room(axis),
+            variance_m2=variance_m2,
             n_sample=clusters.n_sample,
             width_m=clusters.width_m,
             range_m=clusters.range_m,
             angle=_angles(scan, clusters),
             scanner=np.ones((len(clusters), 1), np.bool_),
         )
-        if options.satellite_width_m is None:
-            return detections
-        # a narrow cluster may be an arm, as thick from every side, not part of a trunk
-        depth_m = np.where(clusters.width_m < options.satellite_width_m, _ARM_HALF_DEPTH_M, options.half_depth_m)
-        kept = trunks(
-            pushed_back(clusters.middle, depth_m),
-            detections.width_m,
-            hidden,
-            options.satellite_width_m,
-            options.satellite_reach_m,
-            options.arm_reach_m,
-            options.trunks_apart_m,
-        )
-        return detections.select(kept)
 
     def points(self, scan: LaserScan) -> tuple[Float[Array, "k 2"], Float[Array, "k"]]:
         """Return the foreground samples, moved back to the axis of their object, [m] in the room frame.

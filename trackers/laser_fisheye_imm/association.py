@@ -26,8 +26,6 @@ from trackers.laser_fisheye_imm.people import People
 from trackers.likelihood.legs import (
     LegPairs,
     PositionLikelihood,
-    aspect_offset_m,
-    offset_variance_m2,
     pair_legs,
     trunk_likelihood,
 )
@@ -72,12 +70,12 @@ class Matches:
     track: Int[Index, "p"]
     position: Float[Array, "p 2"]
     variance: Float[Array, "p"]  # of the position on each axis
-    offset_m2: Float[Array, "p"]  # of the persistent part of it
     single: Bool[Mask, "p"]  # by a single leg only
     trunk: Int[Index, "p"]  # the trunk, or -1 if legs were used
     legs: Float[Array, "p 2"]  # the middle of the legs under that trunk [m], NaN if not detected
     existence: Float[Array, "p"]  # probability of existence, given this measurement
     new_position: Float[Array, "q 2"]  # unassigned measurements
+    new_variance: Float[Array, "q"]  # of the position on each axis
     new_trunk: Int[Index, "q"]
     new_single: Bool[Mask, "q"]
 
@@ -89,9 +87,8 @@ class Association:
     people: predicted to stamp ns (the frame before was at last_ns); missed: how probably the frame would not show each of them;
     sees_waists: whether trunks are looked for, without which legs are all that shows a person; knows_room: whether the background
     was captured, or else is learned from the scans, so that a tentative track may be a flicker of the room, and takes no legs;
-    knees: where the middle of the legs of each upright person is from the body's axis [m]; way: on which each walks, a unit
-    vector at full stride, shorter the slower; origins: where the scanners of each role are [m]. Without these, no body is
-    deeper from the side, and nothing is known of what a leg hides.
+    knees: where the middle of the legs of each upright person is from the body's axis [m]; origins: where the scanners of
+    each role are [m]. Without these, nothing is known of what a leg hides.
     """
 
     people: People
@@ -102,7 +99,6 @@ class Association:
     last_ns: int
     sees_waists: bool = True
     knows_room: bool = True
-    way: Float[Array, "n 2"] | None = None
     origins: Mapping[Role, Float[Array, "s 2"]] = field(default_factory=dict)
 
     def matches(self, seen: Seen) -> Matches:
@@ -134,18 +130,17 @@ class Association:
             ]
         )
         new = left_over(len(position), taken)
+        variance = np.concatenate([trunks.variance_m2, by_legs.variance_m2])
         return Matches(
             track=track,
-            position=position[taken] + self._deeper(seen, track, trunk[taken]),
-            variance=np.concatenate([trunks.variance_m2, by_legs.variance_m2])[taken],
-            offset_m2=np.concatenate(
-                [offset_variance_m2(seen.trunks, options.trunk), walkers.offset_variance_m2(options.legs)]
-            )[taken],
+            position=position[taken],
+            variance=variance[taken],
             single=single[taken],
             trunk=trunk[taken],
             legs=np.concatenate([walkers.under_trunk, np.full((n_walker, 2), np.nan)])[taken],
             existence=_existence_paired(people.existence[track], cost.pair[track, taken], options),
             new_position=position[new],
+            new_variance=variance[new],
             new_trunk=trunk[new],
             new_single=single[new],
         )
@@ -159,14 +154,6 @@ class Association:
     def _leg_gate_m(self) -> float:
         legs = self.options.legs
         return legs.gate_m if self.sees_waists else legs.gate_alone_m
-
-    def _deeper(self, seen: Seen, track: Int[Index, "p"], trunk: Int[Index, "p"]) -> Float[Array, "p 2"]:
-        """Return how far the axes of pairs by trunks are from their measurements, by the way people walk [m]; 0 by legs (−1)."""
-        offset_m, by_trunk = np.zeros((len(track), 2)), trunk >= 0
-        if self.way is not None and "waist" in self.origins and by_trunk.any():
-            lines = seen.trunks.select(trunk[by_trunk]).sight_lines(self.origins["waist"])
-            offset_m[by_trunk] = aspect_offset_m(lines, self.way[track[by_trunk]])
-        return offset_m
 
     def _walkers(self, seen: Seen, trunk_of: Int[Index, "n"]) -> LegPairs:
         """Assign the legs to the trunks and to people without a trunk; trunk_of: the trunk of each track, or −1."""
@@ -189,15 +176,13 @@ class Association:
         )
 
     def _nearest(self, seen: Seen, trunk_of: Int[Index, "n"]) -> LegPairs:
-        """Drop the knees of tracks with a trunk, which take theirs first (the paper, fig. 4 d); close legs are one person's."""
+        """Drop the knees nearest to tracks with a trunk (the paper, fig. 4 d); close legs are one person's."""
         legs = self.options.legs
         position, n_leg = pair_off(seen.legs.position, legs.pair_m)
         of_known = np.zeros(len(position), np.bool_)
         groups = LegPairs(position, np.full_like(n_leg, 2), np.full((len(seen.trunks), 2), np.nan), of_known)
         cost = Costs.of(self.people, groups.likelihood(legs, self._leg_gate_m), self.options)
-        shown = (trunk_of >= 0)[:, None]
-        looks = self._by_colour(np.full(cost.pair.shape, np.nan))
-        track, taken = associate([self._explained(cost, looks, ~shown), self._explained(cost, looks, shown)])
+        track, taken = associate([self._explained(cost, self._by_colour(np.full(cost.pair.shape, np.nan)))])
         left = left_over(len(position), taken[trunk_of[track] >= 0])
         return LegPairs(position[left], groups.n_leg[left], groups.under_trunk, of_known[left])
 

@@ -137,6 +137,7 @@ class WaistScannerOptions(LayerScannerOptions):
     hidden_variance_m2: float = Field(
         default=0.003, ge=0, description=described(LayerScannerOptions, "hidden_variance_m2")
     )
+    outlines: bool = Field(default=True, description=described(LayerOptions, "outlines"))
     arm_width_m: float | None = Field(
         default=0.16,
         gt=0,
@@ -150,6 +151,7 @@ class WaistScannerOptions(LayerScannerOptions):
             "side_half_depth_m": self.side_half_depth_m,
             "body_width_m": self.body_width_m,
             "satellite_width_m": self.arm_width_m,
+            "outlines": self.outlines,
         }
         return self.layer(WaistOptions(), **own)
 
@@ -259,6 +261,8 @@ class LaserFisheyeImmOptions(Strict):
         "knee.shared": True,
         "knee.half_seen_m2": 0.0,
         "knee.legs_variance_m2": 0.003,
+        "trunk.offset_m": 0.018,
+        "legs.offset_m": 0.01,
         "motions": tuple((each.kept, each.acceleration_variance) for each in VelocityMotion().models),
         "kalman_motion": (AGILE.kept, AGILE.acceleration_variance),
         "imm_variances": tuple((each.acceleration_variance, each.turn_acceleration_variance) for each in IMM_MODELS),
@@ -319,6 +323,11 @@ class LaserFisheyeImmOptions(Strict):
         for group, role in needs.items():
             if role not in self.layers and getattr(self, group) != type(self).model_fields[group].default:
                 yield f"{group}: has no effect where layers are {', '.join(self.layers)}"
+        if self.waist.outlines:
+            replaced = ("side_half_depth_m", "body_width_m", "hidden_variance_m2")
+            for name in replaced:
+                if getattr(self.waist, name) != WaistScannerOptions.model_fields[name].default:
+                    yield f"waist.{name}: has no effect where waist.outlines is true"
         management, usual = self.track_management, type(self).model_fields["track_management"].default
         if management.survival_s is None and management.exists_above != usual.exists_above:
             yield "track_management.exists_above: has no effect where survival_s is null"

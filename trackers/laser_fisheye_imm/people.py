@@ -17,6 +17,7 @@ from pydantic import Field
 from trackers.arrays import Array, Index, Mask
 from trackers.configuration import Strict
 from trackers.filters.imm import ImmState
+from trackers.filters.motion import MEASUREMENT_VARIANCE_M2
 from trackers.filters.rows import Rows, written
 from trackers.tracking.appearance import Appearance
 from trackers.tracking.roster import NEVER_NS, ImmTracks, Roster
@@ -116,8 +117,8 @@ class People(ImmTracks):
     clothes: Appearance
     born_at: Float[Array, "n 2"]  # first measured position [m]
     measured_at: Float[Array, "n 2"]  # last measured position [m]
+    variance_m2: Float[Array, "n"]  # of that position, on each axis
     single_ns: Int[Index, "n"]  # stamp of the last measurement by a single leg; before any: `NEVER_NS`
-    offset_m2: Float[Array, "n"]  # variance of what stays of the error of the last measurement, on each axis
     facing: Float[Array, "n 2"]  # unit vector of the way they walked last; 0 where they have not walked yet
     posture: LegPosture
     existence: Float[Array, "n"]  # existence probability
@@ -131,14 +132,15 @@ class People(ImmTracks):
         reference: Float[Array, "n bins"],
         n_look: Int[Index, "n"],
         first_serial: int = 0,
+        variance_m2: float | Float[Array, "n"] = MEASUREMENT_VARIANCE_M2,
     ) -> Self:
         """Make tentative tracks first measured at `position` at stamp ns."""
         clothes = Appearance.started(reference, n_look)
         serial = first_serial + np.arange(len(position))
         n, roster = len(position), Roster.started(state, ns)
-        never, offset_m2, facing = np.full(n, NEVER_NS), np.zeros(n), np.zeros((n, 2))
+        variance, never, facing = np.full(n, variance_m2), np.full(n, NEVER_NS), np.zeros((n, 2))
         return cls(
-            serial, roster, clothes, position, position, never, offset_m2, facing, LegPosture.upright(n), np.ones(n)
+            serial, roster, clothes, position, position, variance, never, facing, LegPosture.upright(n), np.ones(n)
         )
 
     def exist(self, above: float) -> Bool[Mask, "n"]:
@@ -165,19 +167,15 @@ class People(ImmTracks):
         self,
         track: Int[Index, "p"],
         position: Float[Array, "p 2"],
+        variance_m2: Float[Array, "p"],
         ns: int,
         state: ImmState,
         existence: Float[Array, "p"],
-        offset_m2: Float[Array, "p"],
     ) -> Self:
-        """Return the tracks in `state`, with those at `track` measured at `position` at ns, with new existence
-        probabilities.
-
-        offset_m2: variance of the persistent error.
-        """
+        """Return the tracks in `state`, with those at `track` measured at `position` at ns, existing with new probabilities."""
         return self.changed(
             roster=self.roster.measured(track, ns, state),
             measured_at=written(self.measured_at, track, position),
+            variance_m2=written(self.variance_m2, track, variance_m2),
             existence=written(self.existence, track, existence),
-            offset_m2=written(self.offset_m2, track, offset_m2),
         )

@@ -47,7 +47,7 @@ class ImmTrackManager(TrackManager):
         new = self.to_confirm(people.roster, ns, step_ns, rules.confirm_learned_s if learns else None)
         old, again = self._re_identified(people, new.nonzero()[0], ns)  # who stands still may be a hidden person
         if learns:
-            moved = people.measured_at - people.born_at
+            moved = people.positions - people.born_at
             new &= np.hypot(moved[:, 0], moved[:, 1]) >= rules.confirm_moved_m
         new = np.delete(new, again)
         people = people.continued(old, again)

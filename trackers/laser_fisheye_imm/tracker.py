@@ -38,7 +38,7 @@ from trackers.laser_fisheye_imm.detection import Detector, Seen
 from trackers.laser_fisheye_imm.options import START_SPEED_M_S, LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import People
 from trackers.laser_fisheye_imm.track_manager import ImmTrackManager
-from trackers.likelihood.legs import full_stride, legs_ahead_m
+from trackers.likelihood.legs import legs_ahead_m
 from trackers.observations import NS_PER_S, LaserScan, Observation
 from trackers.rig import Rig
 from trackers.tracking.fixed_lag_smoother import FixedLagSmoother, Held, by_id
@@ -88,7 +88,7 @@ class LaserFisheyeImm(SynchronizedTracker):
         )
         self._next_serial = 0
         no_colours = np.empty((0, self._detector.histogram.size))
-        self._people = self._born(np.empty((0, 2)), 0, no_colours, np.empty(0, np.bool_))
+        self._people = self._born(np.empty((0, 2)), np.empty(0), 0, no_colours, np.empty(0, np.bool_))
         self._smoother = self._made_to_wait()
         self._ns: int | None = None
         self._last_ns = 0  # of the frame before
@@ -132,8 +132,8 @@ class LaserFisheyeImm(SynchronizedTracker):
         mean = self._imm.average(people.state)[:, shown]
         velocity = self._imm.motion.velocity(mean)
         sitting = people.posture.seated(people.measured_at, self.options.posture)[shown]
-        offset_m2 = people.offset_m2[shown] + np.where(sitting, self.options.posture.lean_m**2, 0.0)
-        radius_m = radius_containing(people.state.select(shown), mean[:2].T, 0.95, offset_m2)
+        lean_m2 = np.where(sitting, self.options.posture.lean_m**2, 0.0)
+        radius_m = radius_containing(people.state.select(shown), mean[:2].T, 0.95, lean_m2)
         columns = roster.id[shown], *mean[:2], *velocity, radius_m, measured[shown]
         return [
             Track(number, x, y, vx, vy, status="confirmed" if is_measured else "coasting", radius95_m=radius_m)
@@ -149,7 +149,7 @@ class LaserFisheyeImm(SynchronizedTracker):
             self._work(synced)
             people, roster = self._people, self._people.roster
             seen = measured_now(roster, synced.ns)
-            held = Held(synced.ns, people.serial, seen, people.measured_at, by_id(self.tracks()))
+            held = Held(synced.ns, people.serial, seen, people.measured_at, people.variance_m2, by_id(self.tracks()))
             frames += self._smoother.add(held, roster.id)
         return frames
 
@@ -169,8 +169,8 @@ class LaserFisheyeImm(SynchronizedTracker):
         state = self._people.state
         chance_missed = miss_probability(state, missed, self._imm.velocity(state))
         times = synced.ns, self._last_ns
-        knees, way, origins = self._knees(), self._way(), self._detector.origins
-        at = Association(self._people, chance_missed, knees, self.options, *times, waists, knows_room, way, origins)
+        knees, origins = self._knees(), self._detector.origins
+        at = Association(self._people, chance_missed, knees, self.options, *times, waists, knows_room, origins)
         matches = at.matches(seen)
         self._update(matches, synced.ns)
         self._learn_colours(matches, seen)
@@ -203,7 +203,7 @@ class LaserFisheyeImm(SynchronizedTracker):
         variance = matches.variance / shares
         state = self._imm.update(people.state, track, matches.position, variance[:, None, None] * _ISOTROPIC)
         posture = people.posture.measured(track, matches.position, matches.legs, self.options.posture)
-        people = people.measured(track, matches.position, ns, state, matches.existence, matches.offset_m2)
+        people = people.measured(track, matches.position, matches.variance, ns, state, matches.existence)
         people = people.turned(self._imm.velocity(state))
         self._people = people.changed(posture=posture, single_ns=written(people.single_ns, track[matches.single], ns))
 
@@ -212,12 +212,6 @@ class LaserFisheyeImm(SynchronizedTracker):
         people, legs = self._people, self.options.legs
         speed = np.hypot(*self._imm.velocity(people.state))
         return people.facing * legs_ahead_m(speed, self._detector.knee_height_m, legs)[:, None]
-
-    def _way(self) -> Float[Array, "n 2"] | None:
-        """Return the way people walk, a unit vector at full stride; None where trunks are as deep from all sides."""
-        if self.options.waist.side_half_depth_m is None:
-            return None
-        return self._people.facing * full_stride(np.hypot(*self._imm.velocity(self._people.state)))[:, None]
 
     def _learn_colours(self, matches: Matches, seen: Seen) -> None:
         looked = (matches.trunk >= 0).nonzero()[0]
@@ -251,26 +245,26 @@ class LaserFisheyeImm(SynchronizedTracker):
         free &= clear_of(matches.new_position, seats, sitting.length_m)  # trunk and legs of who lies or gets up
         if self.options.legs.pair_m > 0:
             free &= ~(matches.new_single & waist_seen)
-        position, trunk = matches.new_position[free], matches.new_trunk[free]
+        position, variance, trunk = matches.new_position[free], matches.new_variance[free], matches.new_trunk[free]
         histograms = np.zeros((len(position), self._detector.histogram.size))
         by_trunk = trunk >= 0
         has_reference = by_trunk.copy()
         has_reference[by_trunk] = seen.clear[trunk[by_trunk]]
         histograms[has_reference] = seen.histograms[trunk[has_reference]]
-        self._people = self._people.joined(self._born(position, ns, histograms, has_reference))
+        self._people = self._people.joined(self._born(position, variance, ns, histograms, has_reference))
 
     def _born(
         self,
         position: Float[Array, "n 2"],
+        variance: Float[Array, "n"],
         ns: int,
         reference: Float[Array, "n bins"],
         has_reference: Bool[Mask, "n"],
     ) -> People:
-        options = self.options
-        state = self._imm.start(position, None, options.trunk.variance_m2, START_SPEED_M_S**2)
+        state = self._imm.start(position, None, variance, START_SPEED_M_S**2)
         self._next_serial += len(position)
         n_look = has_reference.astype(np.int64)
-        return People.started(state, position, ns, reference, n_look, self._next_serial - len(position))
+        return People.started(state, position, ns, reference, n_look, self._next_serial - len(position), variance)
 
     # --- set up
 
@@ -278,7 +272,7 @@ class LaserFisheyeImm(SynchronizedTracker):
         options = self.options
         if not options.smoothed_s:
             return None
-        return FixedLagSmoother(options.smoothed_s, np.sqrt(options.trunk.variance_m2), START_SPEED_M_S)
+        return FixedLagSmoother(options.smoothed_s, START_SPEED_M_S)
 
 
 def filter_of(options: LaserFisheyeImmOptions) -> Imm:

@@ -64,9 +64,6 @@ Measured in the twin at 0.7 to 1.5 m/s, from 0.25 to 0.45 m: the mean of both le
 _STANDS_LEAN = 0.08
 """Lean of the shanks of who stands, from the floor up, on the way walked last: knees are bent a little, and people turn on the
 spot. Measured in the twin."""
-_SIDE_DEEPER_M, _EVEN_AT = 0.055, 0.56
-"""Depth of a trunk's axis behind its visible surface from the side, more than from the front, beyond what the width tells [m];
-the squared cosine between way and beam at which the width alone is right. Measured in the twin."""
 _WALK_M_S = 0.8
 """Speed from which people walk at full stride [m/s]."""
 
@@ -89,12 +86,6 @@ class LegOptions(Strict):
         default=0.007,
         ge=0,
         description="variance added for a single leg, which is up to half a stride from the body [m²] (ours, measured)",
-    )
-    offset_m: float = Field(
-        default=0.01,
-        ge=0,
-        description="standard deviation, on each axis, of how far the middle of two legs is off the person's place as long as "
-        "they are held so; it counts in the stated radius [m] (ours, measured)",
     )
     shanks_lean: bool = Field(
         default=True,
@@ -139,10 +130,6 @@ class LegPairs:
     def likelihood(self, options: LegOptions, gate_m: float) -> PositionLikelihood:
         """Return the likelihood of these people's positions, in validation regions of this radius [m]."""
         return PositionLikelihood(self.position, options.variance_m2 + self._single_m2(options), gate_m)
-
-    def offset_variance_m2(self, options: LegOptions) -> Float[Array, "p"]:
-        """Return the variance on each axis of what stays of these people's errors [m²], see `LegOptions.offset_m`."""
-        return np.full(len(self.position), options.offset_m**2)
 
     def _single_m2(self, options: LegOptions) -> Float[Array, "p"]:
         return np.where(self.n_leg == 1, options.single_leg_variance_m2, 0.0)
@@ -213,37 +200,13 @@ class TrunkOptions(Strict):
     """Options of the accuracy of trunks, and their greatest distance from a prediction."""
 
     variance_m2: float = Field(
-        default=0.0015,
+        default=0.0001,
         gt=0,
-        description="variance of the place of a trunk in full view, on each axis [m²] (ours, measured; the paper: 0.01)",
-    )
-    offset_m: float = Field(
-        default=0.018,
-        ge=0,
-        description="standard deviation, on each axis, of how far a trunk is off the person's place as long as it is held so, "
-        "and as much again, by its depth, arms and clothes, as long as it is seen from one side. Scanners on several sides "
-        "average the latter out, measurements neither, so that they count in the stated radius [m] (ours, measured)",
+        description="variance of a trunk's place on each axis, beside that of its outline [m²] (ours, measured; the paper: 0.01)",
     )
     gate_m: float = Field(default=1.0, gt=0, description="radius of the validation region of trunks [m] (the paper's)")
 
 
-def aspect_offset_m(lines: Float[Array, "k s 2"], way: Float[Array, "k 2"]) -> Float[Array, "k 2"]:
-    """Return how far the axes of k trunks are from where their widths alone put them [m].
-
-    A trunk is wider than deep: its axis is farther behind the surface of who walks across the beam than of who walks along it.
-    lines: unit vectors from the scanners that see each, 0 from others; way: on which each walks, a unit vector at full stride,
-    shorter the slower, since who stands may have turned.
-    """
-    along = (lines @ way[..., None])[..., 0]
-    depth_m = _SIDE_DEEPER_M * (_EVEN_AT * (way**2).sum(axis=1, keepdims=True) - along**2)
-    return mean_line(depth_m[..., None] * lines)
-
-
-def offset_variance_m2(trunks: Detections, options: TrunkOptions) -> Float[Array, "k"]:
-    """Return the variance on each axis of the persistent error of k trunks [m²], see `TrunkOptions.offset_m`."""
-    return options.offset_m**2 * (1 + 1 / np.maximum(trunks.scanner.sum(axis=1), 1))
-
-
 def trunk_likelihood(trunks: Detections, options: TrunkOptions) -> PositionLikelihood:
-    """Return the likelihood of k trunks; partly occluded ones have an additional variance."""
+    """Return the likelihood of k trunks, each with the variance of its outline too."""
     return PositionLikelihood(trunks.position, options.variance_m2 + trunks.variance_m2, options.gate_m)

@@ -30,18 +30,16 @@ class Held:
     serial: Int[Index, "n"]  # ascending; one per track, from the first measurement on
     measured: Bool[Mask, "n"]  # in this frame
     place: Float[Array, "n 2"]  # last measured position [m]
+    variance_m2: Float[Array, "n"]  # of that position, on each axis
     reported: dict[int, Track]  # tracks reported in this frame, by id
 
 
 class FixedLagSmoother:
-    """Delay of a tracker's frames by `delay_s`; place_m and speed_m_s: standard deviations of a measured position, and prior
-    one of people's speed, on each axis.
-    """
+    """Delay of a tracker's frames by `delay_s`; speed_m_s: prior standard deviation of people's speed, on each axis."""
 
-    def __init__(self, delay_s: float, place_m: float, speed_m_s: float) -> None:
+    def __init__(self, delay_s: float, speed_m_s: float) -> None:
         self._delay_ns = round(delay_s * NS_PER_S)
-        self._place_m = place_m
-        self._prior = np.diag([0.0, (place_m / speed_m_s) ** 2, (place_m / _ACCELERATION_M_S2) ** 2])
+        self._prior = np.diag([0.0, speed_m_s**-2, _ACCELERATION_M_S2**-2])
         self._ids: dict[int, int] = {}
         self._kept: list[Held] = []
         self._next = 0  # index of the first frame not returned yet
@@ -72,10 +70,10 @@ class FixedLagSmoother:
         """Return a frame with the knowledge of later ones."""
         window = [each for each in self._kept if abs(each.ns - now.ns) <= self._delay_ns]
         t_s = np.array([each.ns - now.ns for each in window]) / NS_PER_S
-        place = np.stack([_measured_places(each, now.serial) for each in window])
+        place, weight = (np.stack(each) for each in zip(*(_measured(it, now.serial) for it in window), strict=True))
         seen = ~np.isnan(place[..., 0])
         fits = seen[t_s <= 0].any(axis=0) & seen[t_s >= 0].any(axis=0)
-        fitted = self._fit(t_s, place[:, fits])
+        fitted = self._fit(t_s, place[:, fits], weight[:, fits])
         tracks = dict(now.reported)
         for serial, measured, row in zip(now.serial[fits].tolist(), now.measured[fits], fitted.tolist(), strict=True):
             if serial in self._ids:
@@ -86,27 +84,26 @@ class FixedLagSmoother:
                 tracks[number] = replace(track, x=x, y=y, vx=vx, vy=vy, status=status, radius95_m=radius_m)
         return TrackFrame(now.ns, tuple(tracks[number] for number in sorted(tracks)))
 
-    def _fit(self, t_s: Float[Array, "f"], place: Float[Array, "f n 2"]) -> Float[Array, "n 5"]:
-        """Return x, y [m] and their rates [m/s] at t = 0, fitted to the positions that are not NaN, and the radius of 95 %
-        [m].
-        """
+    def _fit(
+        self, t_s: Float[Array, "f"], place: Float[Array, "f n 2"], weight: Float[Array, "f n"]
+    ) -> Float[Array, "n 5"]:
+        """Return x, y [m] and their rates [m/s] at t = 0, fitted to weighted positions, and the radius of 95 % [m]."""
         basis = np.stack([np.ones_like(t_s), t_s, t_s**2 / 2], axis=1)
-        seen = ~np.isnan(place[..., 0])
-        normal = np.einsum("fi,fj,fn->nij", basis, basis, seen.astype(float)) + self._prior
-        right = np.einsum("fi,fnk->nik", basis, np.nan_to_num(place))
+        normal = np.einsum("fi,fj,fn->nij", basis, basis, weight) + self._prior
+        right = np.einsum("fi,fn,fnk->nik", basis, weight, np.nan_to_num(place))
         fitted = np.linalg.solve(normal, right)[:, :2].reshape(-1, 4)
-        variance = np.linalg.inv(normal)[:, 0, 0]  # relative to that of a measured position; equal on both axes
-        return np.column_stack([fitted, self._place_m * np.sqrt(-2 * np.log(0.05) * variance)])
+        variance = np.linalg.inv(normal)[:, 0, 0]  # equal on both axes
+        return np.column_stack([fitted, np.sqrt(-2 * np.log(0.05) * variance)])
 
 
-def _measured_places(held: Held, serial: Int[Index, "n"]) -> Float[Array, "n 2"]:
-    """Return the measured places of these tracks in a frame [m], NaN for the others."""
-    found = np.full((serial.size, 2), np.nan)
+def _measured(held: Held, serial: Int[Index, "n"]) -> tuple[Float[Array, "n 2"], Float[Array, "n"]]:
+    """Return the measured places of these tracks in a frame [m], NaN for the others, and their weights [1/m²], 0."""
+    found, weight = np.full((serial.size, 2), np.nan), np.zeros(serial.size)
     row = np.searchsorted(held.serial, serial)
     there = (row < held.serial.size).nonzero()[0]
     there = there[(held.serial[row[there]] == serial[there]) & held.measured[row[there]]]
-    found[there] = held.place[row[there]]
-    return found
+    found[there], weight[there] = held.place[row[there]], 1 / held.variance_m2[row[there]]
+    return found, weight
 
 
 def by_id(tracks: Sequence[Track]) -> dict[int, Track]:

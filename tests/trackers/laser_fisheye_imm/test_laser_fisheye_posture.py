@@ -11,7 +11,7 @@ from trackers.laser.clusters import Detections
 from trackers.laser_fisheye_imm.detection import Seen
 from trackers.laser_fisheye_imm.people import LegPosture, PostureOptions
 from trackers.laser_fisheye_imm.tracker import LaserFisheyeImm
-from trackers.likelihood.legs import LegOptions, aspect_offset_m, legs_ahead_m, pair_legs
+from trackers.likelihood.legs import LegOptions, legs_ahead_m, pair_legs
 from trackers.observations import NS_PER_S, LaserScan
 from trackers.tracking.synced_frames import SyncedFrame
 
@@ -189,16 +189,6 @@ def test_shanks_lean_the_more_the_higher_and_the_faster():
     assert (np.diff(high) >= 0).all()
     assert high[2] == high[3]
     assert not legs_ahead_m(speed, 0.45, LegOptions(shanks_lean=False)).any()
-
-
-def test_a_trunk_is_deeper_from_its_side_and_two_opposite_scanners_cancel():
-    """The axis moves away from the scanner of who walks across its beam, toward it of who walks along, and with two by half."""
-    one, opposite = np.array([[[1.0, 0.0], [0.0, 0.0]]]), np.array([[[1.0, 0.0], [-1.0, 0.0]]])
-    across, along, still = np.array([[0.0, 1.0]]), np.array([[-1.0, 0.0]]), np.zeros((1, 2))
-    assert aspect_offset_m(one, across)[0, 0] > 0.02 > -0.02 > aspect_offset_m(one, along)[0, 0]
-    assert aspect_offset_m(one, along) == pytest.approx(aspect_offset_m(one, -along))
-    assert not aspect_offset_m(opposite, across).any()
-    assert not aspect_offset_m(one, still).any()
 
 
 def test_the_leg_that_a_single_one_hides_is_behind_it():

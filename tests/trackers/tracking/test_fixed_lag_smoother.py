@@ -17,12 +17,12 @@ def walked(
     place: np.ndarray, measured: np.ndarray, confirmed_from: int, delay_s: float = 0.5, place_m: float = 0.1
 ) -> tuple[list[TrackFrame], list[int]]:
     """Frames of one person (serial 4, id 7), and how many had left after each moment."""
-    back, frames, n_left = FixedLagSmoother(delay_s, place_m, 1.5), [], []
+    back, frames, n_left = FixedLagSmoother(delay_s, 1.5), [], []
     last = place[0]
     for k, (here, seen) in enumerate(zip(place, measured, strict=True)):
         last = here if seen else last
         tracks = [Track(7, *last.tolist(), status="confirmed" if seen else "coasting")] if k >= confirmed_from else []
-        held = Held(k * STEP_NS, np.array([4]), np.array([seen]), last[None], by_id(tracks))
+        held = Held(k * STEP_NS, np.array([4]), np.array([seen]), last[None], np.array([place_m**2]), by_id(tracks))
         frames += back.add(held, np.array([7 if k >= confirmed_from else 0]))
         n_left.append(len(frames))
     return frames + back.finish(), n_left
@@ -53,10 +53,10 @@ def test_noise_is_averaged_out() -> None:
 
 
 def test_a_tentative_track_that_is_never_confirmed_is_nobody() -> None:
-    back, nobody = FixedLagSmoother(0.3, 0.1, 1.5), np.zeros(1, np.int64)
+    back, nobody = FixedLagSmoother(0.3, 1.5), np.zeros(1, np.int64)
     frames = []
     for k in range(4):
-        held = Held(k * STEP_NS, np.array([0]), np.array([True]), np.zeros((1, 2)), {})
+        held = Held(k * STEP_NS, np.array([0]), np.array([True]), np.zeros((1, 2)), np.full(1, 0.01), {})
         frames += back.add(held, nobody)
     assert all(not frame.tracks for frame in frames + back.finish())
 
@@ -70,4 +70,4 @@ def test_who_is_gone_for_longer_than_the_delay_is_told_as_the_tracker_did(delay_
 
 
 def test_nothing_ever_came() -> None:
-    assert FixedLagSmoother(0.5, 0.1, 1.5).finish() == []
+    assert FixedLagSmoother(0.5, 1.5).finish() == []

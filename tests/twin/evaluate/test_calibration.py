@@ -1,13 +1,13 @@
 """Calibration of stated radii: a tracker that knows its error is found calibrated, one that does not is found out."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from trackers.filters.imm import Imm, ImmState
 from trackers.filters.motion import AGILE, VelocityMotion
 from trackers.filters.negative_information import probability_within, radius_containing
-from trackers.laser.clusters import Detections
-from trackers.likelihood.legs import TrunkOptions, offset_variance_m2
 from trackers.tracks import Track, TrackFrame
 from twin.evaluate import evaluate_tracks
 from twin.evaluate.accuracy import calibration_curve
@@ -24,7 +24,9 @@ def run(claim=1.0, n=1500, lost=False):
     truth, tracks = [], []
     for k in range(n):
         x, y = rng.uniform(0, 5, 2)
-        person = dict(z=0.9, yaw=0, head_x=x, head_y=y, head_z=1.6, head_yaw=0, vx=0, vy=0, in_area=True)
+        person: dict[str, Any] = dict(
+            z=0.9, yaw=0, head_x=x, head_y=y, head_z=1.6, head_yaw=0, vx=0, vy=0, in_area=True
+        )
         truth.append(TruthFrame(k * 10**8, (PersonTruth(id=1, x=x, y=y, **person),)))
         error = rng.normal(0, SIGMA_M, 2)
         radius = claim * SIGMA_M * np.sqrt(-2 * np.log(0.05))
@@ -87,12 +89,6 @@ def test_an_error_that_all_measurements_share_widens_the_radius():
     state = Imm(VelocityMotion((AGILE,))).start(np.zeros((2, 2)), None, 0.02)
     radius_m = radius_containing(state, np.zeros((2, 2)), 0.95, np.array([0.0, 0.01]))
     assert radius_m == pytest.approx(np.sqrt(-2 * np.log(0.05) * np.array([0.02, 0.03])))
-
-
-def test_scanners_on_several_sides_average_out_half_of_what_stays_of_an_error():
-    number, scanner = np.zeros(2), np.array([[True, False, False], [True, True, False]])
-    seen = Detections(np.zeros((2, 2)), number, np.ones(2, np.intp), number, number, np.zeros((2, 2)), scanner)
-    assert offset_variance_m2(seen, TrunkOptions(offset_m=0.1)) == pytest.approx([0.02, 0.015])
 
 
 def test_chart_escapes_names():

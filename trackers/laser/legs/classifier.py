@@ -104,15 +104,15 @@ def read_classifier(path: AnyPath) -> LegClassifier:
 
 
 @cache
-def read_forest(path: AnyPath, name: str, n_feature: int) -> Forest:
-    """Read a forest of a file by its name in it. Raises InputError for a file without one."""
+def read_forest(path: AnyPath, name: str, n_feature: int, script: str = "learn-legs") -> Forest:
+    """Read a forest of a file, which `script` writes, by its name in it. Raises InputError for a file without one."""
     specs = {
         f"{name}_feature": ArraySpec("iu", ("trees", "questions"), 0, n_feature - 1),
         f"{name}_threshold": ArraySpec("f", ("trees", "questions"), -1e9, 1e9),
         f"{name}_leaf": ArraySpec("f", ("trees", None), -100, 100),
         f"{name}_bias": ArraySpec("f", (), -100, 100),
     }
-    feature, threshold, leaf, bias = read_arrays(path, specs, "what `scripts/learn-legs` writes").values()
+    feature, threshold, leaf, bias = read_arrays(path, specs, f"what `scripts/{script}` writes").values()
     return Forest(feature.astype(np.intp), threshold.astype(float), leaf.astype(float), float(bias))
 
 

@@ -1,0 +1,99 @@
+"""The axis of a body from the outline that a scanner at waist height sees of it, learned from bodies of the twin.
+
+What is seen of a trunk is an arc with arms beside or before it, cut off where something nearer hides the rest. Two forests
+of regression trees (`trackers.laser.legs.classifier.Forest`) say how far the axis is behind the middle of the samples, and
+how far left of it; a third how exactly. Features are the outline's depth at places from its right end to its left one, so
+that scanners of any resolution see alike. They and their mirror image are asked, so that a mirrored body has the mirrored
+axis.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from trackers.arrays import Array, Mask
+from trackers.laser.bearings import beams_of_turn
+from trackers.laser.clusters import Clusters, directions
+from trackers.laser.legs.classifier import Forest, read_forest
+from trackers.observations import LaserScan
+
+SHIPPED = Path(__file__).with_name("trunks.npz")
+"""File that `scripts/learn-trunks` wrote."""
+
+_N_PLACE = 8
+_PLACES = np.linspace(0.0, 1.0, _N_PLACE)
+N_FEATURE = _N_PLACE + 7
+_NEAREST_M = 0.1
+
+
+def outline_features(
+    scan: LaserScan, foreground: Bool[Mask, "n_beam"], clusters: Clusters
+) -> Float[Array, "k features"]:
+    """Compute the features of k clusters of the foreground of a scan with its beams in counter-clockwise order [m]."""
+    spacing, count = abs(scan.angle_increment_rad), beams_of_turn(scan) or scan.ranges_m.size
+    points = np.where(foreground, scan.ranges_m, 0.0) * directions(scan)
+    features = np.empty((len(clusters), N_FEATURE))
+    for row in range(len(clusters)):
+        first, last, near = clusters.first_beam[row], clusters.last_beam[row], max(clusters.range_m[row], _NEAREST_M)
+        beams = np.arange(first, last + 1 if last >= first else last + 1 + count) % count
+        beams = beams[foreground[beams]]
+        ahead_x, ahead_y = clusters.middle[row] / near
+        x, y = points[:, beams] - clusters.middle[row][:, None]
+        along, across = x * ahead_x + y * ahead_y, y * ahead_x - x * ahead_y
+        order = across.argsort(kind="stable")
+        right, left = across[order[0]], across[order[-1]]
+        features[row, :_N_PLACE] = np.interp(right + _PLACES * (left - right), across[order], along[order])
+        hidden = clusters.hidden_before[row], clusters.hidden_after[row]
+        features[row, _N_PLACE:] = right, left, *hidden, left - right, spacing * near, 1 / near
+    return features
+
+
+def mirrored(features: Float[Array, "k features"]) -> Float[Array, "k features"]:
+    """Return the features of the mirrored outlines."""
+    right, left, before, after, *rest = features[:, _N_PLACE:].T
+    return np.column_stack([features[:, _N_PLACE - 1 :: -1], -left, -right, after, before, *rest])
+
+
+@dataclass(frozen=True, eq=False)
+class TrunkOutlines:
+    """The forests: the axis behind the middle, left of it [m], and ln of the variance on each axis [ln m²]."""
+
+    behind: Forest
+    left: Forest
+    ln_variance: Forest
+
+    def axes(
+        self, scan: LaserScan, foreground: Bool[Mask, "n_beam"], clusters: Clusters
+    ) -> tuple[Float[Array, "k 2"], Float[Array, "k"]]:
+        """Return the axes of k clusters in the scanner's frame [m], and the variance of each on each axis [m²]."""
+        if len(clusters) == 0:
+            return clusters.middle, np.empty(0)
+        behind_m, left_m, variance_m2 = self.score(outline_features(scan, foreground, clusters))
+        ahead = clusters.middle / np.maximum(clusters.range_m, _NEAREST_M)[:, None]
+        across = ahead[:, ::-1] * (-1.0, 1.0)
+        return clusters.middle + ahead * behind_m[:, None] + across * left_m[:, None], variance_m2
+
+    def score(
+        self, features: Float[Array, "k features"]
+    ) -> tuple[Float[Array, "k"], Float[Array, "k"], Float[Array, "k"]]:
+        """Return how far the axes are behind the middles and left of them [m], and the variance on each axis [m²]."""
+        both, n = np.concatenate([features, mirrored(features)]), len(features)
+        behind, left, ln_variance = (each.score(both) for each in (self.behind, self.left, self.ln_variance))
+        return (
+            0.5 * (behind[:n] + behind[n:]),
+            0.5 * (left[:n] - left[n:]),
+            np.exp(0.5 * (ln_variance[:n] + ln_variance[n:])),
+        )
+
+
+@cache
+def shipped() -> TrunkOutlines:
+    """Read the forests that come with the package."""
+    return TrunkOutlines(
+        *(read_forest(SHIPPED, name, N_FEATURE, "learn-trunks") for name in ("behind", "left", "ln_variance"))
+    )
