@@ -38,13 +38,22 @@ ENTRY_POINT_GROUP = "roomtwin.trackers"
 
 @dataclass(frozen=True)
 class Preset:
-    """A tracker class with options: what a name stands for. `target` is `module:Class`; `rules`: a paper's own."""
+    """A tracker class with options: what a name stands for. `target` is `module:Class`; `rules`: a paper's own.
+
+    needs: options that state what a paper takes as known, and what each states.
+    """
 
     target: str
     description: str
     citation: str = ""
     options: Mapping[str, Any] = field(default_factory=dict)
     rules: tuple[PaperRule, ...] = ()
+    needs: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def summary(self) -> str:
+        """The description, with the options that the preset needs."""
+        return "; ".join([self.description, *(f"needs `{option}`: {what}" for option, what in self.needs.items())])
 
 
 _BAI = "Bai, Takahashi: Identification and Tracking Using Laser and Vision of Maneuvering People"
@@ -58,6 +67,7 @@ _SUZUKI = (
     "Incorporating Environment Models for Improving Vision-Based Tracking of People"
 )
 _HEADS = "trackers.rgbd_head.tracker:RgbdHead"
+_START = {"start": "where each head is at a time, and faces"}
 _CAMERA_FLOOR = "trackers.camera_floor_particle.tracker:CameraFloorParticle"
 _CLUSTERS = "trackers.camera_floor_particle.baseline:ClusterKalman"
 _LASER_LEARNING = "trackers.laser_vision_learning.tracker:LaserVisionLearning"
@@ -191,14 +201,15 @@ PRESETS: Mapping[str, Preset] = {
         "heads in 3-D, place and direction, by stereo cameras and a model of the room, a particle filter each",
         _SUZUKI,
     ),
-    "rgbd-head-paper": Preset(
-        _HEADS, "the same by the paper's cues alone", _SUZUKI, head_rules.PAPER, head_rules.PAPER_RULES
-    ),
-    "rgbd-head-paper-colour": Preset(_HEADS, "the paper's by colours and the room alone", _SUZUKI, head_rules.COLOUR),
-    "rgbd-head-paper-depth": Preset(_HEADS, "the paper's by distances and the room alone", _SUZUKI, head_rules.DEPTH),
-    "rgbd-head-paper-no-environment": Preset(
-        _HEADS, "the paper's without the model of the room", _SUZUKI, head_rules.NO_ENVIRONMENT
-    ),
+    **{
+        f"rgbd-head-paper{suffix}": Preset(_HEADS, description, _SUZUKI, options, rules, _START)
+        for suffix, description, options, rules in (
+            ("", "the same by the paper's cues alone", head_rules.PAPER, head_rules.PAPER_RULES),
+            ("-colour", "the paper's by colours and the room alone", head_rules.COLOUR, ()),
+            ("-depth", "the paper's by distances and the room alone", head_rules.DEPTH, ()),
+            ("-no-environment", "the paper's without the model of the room", head_rules.NO_ENVIRONMENT, ()),
+        )
+    },
     "floor-kalman": Preset(
         _CLUSTERS,
         "clusters of a pressure floor, a Kalman filter per person, nearest neighbours: the naive baseline",

@@ -137,7 +137,7 @@ def listed(kind: str) -> str:
     from twin import models
 
     if kind == "trackers":
-        entries = {name: preset.description for name, preset in available().items()}
+        entries = {name: preset.summary for name, preset in available().items()}
     elif kind in ("sensors", "faults"):
         entries = models.SENSOR_KINDS if kind == "sensors" else models.FAULTS
     else:

@@ -59,7 +59,7 @@ def _described(part: str) -> dict[str, str]:
 
     match part:
         case "trackers":
-            return {name: preset.description for name, preset in available().items()}
+            return {name: preset.summary for name, preset in available().items()}
         case "sensors":
             return dict(models.SENSOR_KINDS)
         case "faults":

@@ -40,7 +40,10 @@ from twin.streams import stream
 PLUG_IN_ERRORS = (Exception, SystemExit, GeneratorExit)
 """All that a plug-in may raise without ending the run: all but the user's Ctrl-C."""
 _ENOUGH_FRAMES, _OFTEN = 20, 0.2
-"""Number of frames, and share of them with detections, above which a tracker without any track is warned about."""
+"""Number of frames, and share of them with detections, above which a tracker without any track is warned about.
+
+Of a tracker that does not tell its detections the frames alone count.
+"""
 
 
 class TrackerRunner:
@@ -144,17 +147,27 @@ class TrackerRunner:
 
     @property
     def warnings(self) -> list[str]:
-        """Warnings of the tracker, and one if it reports no track despite detections in many frames."""
-        found = list(warnings(self.tracker))
-        if self._is_finished and not self._tracked and self._n_with_detections and self._n_frame < _ENOUGH_FRAMES:
-            found.append(f"reports no track of what it detects: too few frames, {self._n_frame}")
-        if not self._tracked and self._n_frame >= _ENOUGH_FRAMES and self._n_with_detections >= _OFTEN * self._n_frame:
+        """Warnings of the tracker, options that its preset needs, and one if it reports no track in many frames."""
+        preset = PRESETS.get(self._chosen.target)
+        missing = (
+            [] if preset is None else [each for each in preset.needs.items() if each[0] not in self._chosen.options]
+        )
+        needs = [f"needs the option `{option}`: {what}" for option, what in missing]
+        return [*warnings(self.tracker), *needs, *self._silence()]
+
+    def _silence(self) -> list[str]:
+        """Return one clause if no track was reported although something is detected, or although none can be told."""
+        if self._tracked or self.failure:
+            return []
+        if detections_of(self.tracker) is None:
+            enough = self._is_finished and self._n_frame >= _ENOUGH_FRAMES
+            return [f"reports no track in any of {self._n_frame} frames"] * enough
+        if self._n_frame >= _ENOUGH_FRAMES and self._n_with_detections >= _OFTEN * self._n_frame:
             often = f"{self._n_with_detections} of {self._n_frame} frames"
-            found = [
-                *found,
-                f"reports no track, although it detects something in {often}; `twin detections` shows what",
-            ]
-        return found
+            return [f"reports no track, although it detects something in {often}; `twin detections` shows what"]
+        if self._is_finished and self._n_with_detections and self._n_frame < _ENOUGH_FRAMES:
+            return [f"reports no track of what it detects: too few frames, {self._n_frame}"]
+        return []
 
     def _note_silence(self, frames: Sequence[TrackFrame]) -> None:
         """Count frames with detections until a track is reported."""
