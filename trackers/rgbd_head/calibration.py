@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -12,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from trackers.arrays import Array, Mask, Singles
 from trackers.cameras.placed import PlacedCamera
 from trackers.environment.model import Environment
-from trackers.vision.front_end import CalibrationMonitor, silhouette_offsets
+from trackers.vision.front_end import CalibrationMonitor, projection_jacobian, silhouette_offsets
 from trackers.vision.stereo_picture import StereoCamera
 
 TURNS_DEG = (5.0, 9.0)
@@ -27,12 +28,24 @@ _AXES = np.array([axis for axis in itertools.product((-1, 0, 1), repeat=3) if an
 """Axes of the cube: of the picture, and between them, in both senses."""
 
 
-_OFF_RAD = np.radians(3.5)
-"""Median offset above which a camera is displaced: exceeded by a turn of 5°, not of 1° or 2°."""
-_FEWEST = 10
-"""Offsets of a camera needed for a warning."""
+_OFF_RAD = np.radians(1.75)
+"""Median residual above which a camera is displaced. Of four cameras, one turned by 2° keeps about .028 rad (a camera's mean
+leverage is 3/8), one 20 cm aside .03 to .04; all correct ones less than .002.
+"""
+_FEWEST = 16
+"""Residuals of a camera needed for a warning: fewer are off by chance."""
 _SEARCHED_RAD = np.radians(10)
 """Search radius for a silhouette's top about a crown; heads with another within it in the picture are left out."""
+
+
+class HeadOffsets(NamedTuple):
+    """Offsets of n silhouettes from heads' crowns, to the right and down; NaN without one.
+
+    jacobian: of the projection by crowns [rad/m].
+    """
+
+    off_rad: Float[Array, "n 2"]
+    jacobian: Float[Array, "n 2 3"]
 
 
 class CalibrationCheck:
@@ -51,16 +64,17 @@ class CalibrationCheck:
             self.left_out.update(by_room)
         self._looks = self._none_yet()
 
-    def take(self, name: str, off_rad: Float[Array, "n 2"]) -> None:
-        """Add the offsets of heads in a camera (`head_offsets`)."""
-        if len(self._numbers) - len(self.left_out) <= 2:
-            return
-        for each in off_rad[np.isfinite(off_rad[:, 0])]:
-            self._looks.take(self._numbers[name], each)
+    def take(self, heads: Mapping[str, HeadOffsets], shown: Bool[Mask, "n"]) -> None:
+        """Add the offsets of one frame's heads in each camera that shows it (`head_offsets`). shown: those that count."""
+        off_rad = np.full((len(self._numbers), len(shown), 2), np.nan)
+        jacobian = np.zeros((*off_rad.shape, 3))
+        for name, each in heads.items():
+            off_rad[self._numbers[name]], jacobian[self._numbers[name]] = each
+        self._looks.take_heads(off_rad[:, shown], jacobian[:, shown])
         for doubted in self._doubted() if self._leaves_out and self._may_miss(1) else ():
             self._by_heads.append(doubted)
             self.left_out.add(doubted)
-            self._looks = self._none_yet()  # the others were compared with its estimates
+            self._looks = self._none_yet()  # the others were compared with it
 
     @property
     def warnings(self) -> list[str]:
@@ -115,11 +129,9 @@ def is_turned(camera: PlacedCamera, depth_m: Float[Singles, "height width"], env
 
 def head_offsets(
     camera: PlacedCamera, mask: Bool[Mask, "height width"], heads: Float[Array, "4 n"], up_m: float
-) -> Float[Array, "n 2"]:
-    """Return the offsets of silhouettes from heads' crowns, to the right and down [rad]; NaN without one.
-
-    up_m: height of a crown above the middle of a head.
-    """
-    crowns = heads[:3].T + np.array([0.0, 0.0, up_m])
-    reach_px = np.full(len(crowns), round(camera.intrinsics.fx * np.tan(_SEARCHED_RAD)), float)
-    return silhouette_offsets(camera, mask, crowns, reach_px, reach_px) / camera.intrinsics.fx
+) -> HeadOffsets:
+    """Return the offsets of silhouettes from heads' crowns. up_m: height of a crown above the middle of a head."""
+    crowns, focal_px = heads[:3].T + np.array([0.0, 0.0, up_m]), camera.intrinsics.fx
+    reach_px = np.full(len(crowns), round(focal_px * np.tan(_SEARCHED_RAD)), float)
+    off_px = silhouette_offsets(camera, mask, crowns, reach_px, reach_px)
+    return HeadOffsets(off_px / focal_px, projection_jacobian(camera, crowns) / focal_px)

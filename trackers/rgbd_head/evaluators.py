@@ -20,7 +20,7 @@ from trackers.arrays import Array, Index, Singles
 from trackers.errors import InputError
 from trackers.likelihood.stereo_head import HeadLikelihoods, RangeOptions, StereoHeadOptions, StereoHeads
 from trackers.observations import DepthImage
-from trackers.rgbd_head.calibration import head_offsets
+from trackers.rgbd_head.calibration import HeadOffsets, head_offsets
 from trackers.scheduler import connected
 from trackers.vision.head_colours import ExpectedColours, HeadModel
 from trackers.vision.stereo_picture import PackedPicture, StereoCamera
@@ -61,7 +61,7 @@ class Evaluator:
         """Weigh directions of heads (`StereoHeads.facing`)."""
         return self._heads.facing([self.picture()], heads[:, None], self.tables())[0]
 
-    def head_offsets(self, heads: Float[Array, "4 n"]) -> Float[Array, "n 2"]:
+    def head_offsets(self, heads: Float[Array, "4 n"]) -> HeadOffsets:
         """Return the offsets of silhouettes from heads (`trackers.rgbd_head.calibration.head_offsets`)."""
         return head_offsets(self.camera.camera, self.picture().mask, heads, self._options.semi_axes_m[2])
 
@@ -135,9 +135,9 @@ class Evaluators:
         together, pictures, tables = self._together(tuple(heads))
         return list(together.facing(pictures, np.stack(list(heads.values()), axis=1), tables))
 
-    def head_offsets(self, name: str, heads: Float[Array, "4 n"]) -> Float[Array, "n 2"]:
-        """Return the offsets of one camera's silhouettes from heads [rad]."""
-        return self._ask("head_offsets", {name: (heads,)})[name]
+    def head_offsets(self, heads: Mapping[str, Float[Array, "4 n"]]) -> dict[str, HeadOffsets]:
+        """Return the offsets of each camera's silhouettes from heads at its stamp."""
+        return self._ask("head_offsets", {name: (each,) for name, each in heads.items()})
 
     def colours_on(self, name: str, heads: Float[Array, "4 n"]) -> Int[Index, "3 k"]:
         """Return one camera's pixels on heads."""

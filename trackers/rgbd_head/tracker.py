@@ -180,15 +180,16 @@ class RgbdHead(SynchronizedTracker):
         self._learn(later_s, found)
 
     def _learn(self, later_s: dict[str, float], found: dict[str, HeadLikelihoods]) -> None:
-        """Learn colours and calibration from one camera after another, and manage tracks by their detection."""
+        """Learn calibration, and colours from one camera after another, and manage tracks by their detection."""
         people = self._people
         is_shown = self._likelihoods.is_shown(people, found)
         if later_s:
             self._turn += 1
             name = list(later_s)[self._turn % len(later_s)]
-            heads = people.heads(later_s[name], 0.0)[:, people.roster.confirmed]
-            if heads.size:
-                self._calibration.take(name, self._evaluators.head_offsets(name, heads))
+            known = people.roster.confirmed
+            if (shown := is_shown[known]).any():  # those not shown may be too near others
+                heads = {each: people.heads(later, 0.0)[:, known] for each, later in later_s.items()}
+                self._calibration.take(self._evaluators.head_offsets(heads), shown)
             if self._likelihoods.learns_colours:
                 people = people.changed(colours=self._likelihoods.colours(people, is_shown, name, later_s[name]))
         self._people = self._manager.updated(people, is_shown, self._ns)

@@ -161,7 +161,12 @@ class CalibrationMonitor:
 
     @property
     def doubted(self) -> list[int]:
-        """Camera that explains most of the disagreement, of those with too large a median: the others seem off as well."""
+        """Camera that explains most of the disagreement, of those with too large a median: the others seem off as well.
+
+        None before all cameras that show heads about as often as the others have enough offsets to be compared.
+        """
+        if ((self._n_look < self._fewest) & (2 * self._n_look > self._n_look.max(initial=0))).any():
+            return []
         off = np.linalg.norm(self.off, axis=1)
         far = np.flatnonzero(off > self._off_from).tolist()
         return [max(far, key=lambda number: (self._explained[number], off[number]))] if far else []

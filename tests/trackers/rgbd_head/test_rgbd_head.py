@@ -19,7 +19,7 @@ from trackers.feeding import track_frames
 from trackers.likelihood.stereo_head import StereoHeadOptions, StereoHeads
 from trackers.observations import NS_PER_S, DepthImage
 from trackers.presets import PRESETS, make_tracker
-from trackers.rgbd_head.calibration import CalibrationCheck, is_turned
+from trackers.rgbd_head.calibration import CalibrationCheck, HeadOffsets, is_turned
 from trackers.rgbd_head.evaluators import Evaluator
 from trackers.rgbd_head.options import RgbdHeadOptions
 from trackers.rgbd_head.rules import PAPER
@@ -359,11 +359,11 @@ def test_a_camera_that_hangs_otherwise_than_the_rig_says_is_named(turn_deg, name
     assert is_turned(told, depth_m, object.__new__(Box)) == named
 
 
-def told_otherwise(sensor: str, turn_deg: float, axis: int, on=RIG) -> Rig:
-    """The rig with a camera believed to be turned about an axis of its picture."""
+def told_otherwise(sensor: str, turn_deg: float, axis: int, on=RIG, moved_m=(0.0, 0.0, 0.0)) -> Rig:
+    """The rig with a camera believed to be turned about an axis of its picture, and moved along its axes."""
     camera = on.sensors[sensor]
-    turn = Rotation.from_rotvec(np.radians(turn_deg) * np.eye(3)[axis]).as_matrix()
-    pose = Pose.from_matrix(camera.room_from_sensor.rotation @ turn, camera.room_from_sensor.xyz)
+    turn, true = Rotation.from_rotvec(np.radians(turn_deg) * np.eye(3)[axis]).as_matrix(), camera.room_from_sensor
+    pose = Pose.from_matrix(true.rotation @ turn, tuple((true.xyz + true.rotation @ moved_m).tolist()))
     return Rig(sensors={**on.sensors, sensor: camera.model_copy(update={"room_from_sensor": pose})}, area=on.area)
 
 
@@ -381,8 +381,10 @@ def longer():
         (told_otherwise("stereo_3", -5, 0), ["stereo_3"]),
         (told_otherwise("stereo_2", 8, 0), ["stereo_2"]),
         (told_otherwise("stereo_4", 2, 1), []),
+        (told_otherwise("stereo_2", 0, 0, moved_m=(0.2, 0.0, 0.0)), ["stereo_2"]),
+        (told_otherwise("stereo_4", 0, 0, moved_m=(0.0, -0.2, 0.0)), ["stereo_4"]),
     ],
-    ids=["right", "5° aside", "5° down", "8° up", "2° aside"],
+    ids=["right", "5° aside", "5° down", "8° up", "2° aside", "20 cm aside", "20 cm up"],
 )
 def test_a_camera_that_shows_heads_elsewhere_is_named(told, named, longer):
     tracker = make_tracker("rgbd-head", told, ROOM, np.random.default_rng(0), {"environment": None})
@@ -421,13 +423,20 @@ def test_most_cameras_hang_right():
 
 
 def test_by_heads_one_camera_after_another_is_doubted_until_half_remain():
-    names, right, off = ["a", "b", "c", "d", "e"], np.zeros((1, 2)), np.array([[0.1, 0.0]])
+    names, eyes = ["a", "b", "c", "d", "e"], 3 * np.array([[1, 0, 1], [0, 1, 1], [-1, 0, 1], [0, -1, 1], [1, 1, 1.0]])
+    # each looks at the origin: a head that moves by δ is shown across the line of sight, at its distance
+    across = [np.linalg.svd(eye[None])[2][1:] / np.linalg.norm(eye) for eye in eyes]
     doubts = CalibrationCheck(names, [], True)
     for wrong in ("a", "b", "c"):
         for _ in range(40):
-            for name in names:
-                if name not in doubts.left_out:
-                    doubts.take(name, off if name == wrong else right)
+            doubts.take(
+                {
+                    name: HeadOffsets(np.array([[0.1 if name == wrong else 0.0, 0.0]]), seen[None])
+                    for name, seen in zip(names, across, strict=True)
+                    if name not in doubts.left_out
+                },
+                np.array([True]),
+            )
     assert doubts.left_out == {"a", "b"}
     assert [each.partition(" ")[0] for each in doubts.warnings] == ["a", "b", "c"]
     assert ["not used any more" in each for each in doubts.warnings] == [True, True, False]
