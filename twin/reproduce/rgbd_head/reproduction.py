@@ -83,6 +83,7 @@ _ALIKE = "rgbd-head-paper"
 _WAYS: Mapping[str, tuple[str, bool]] = {
     "colour without environment": (f"{_ALIKE}-colour", False),
     "colour": (f"{_ALIKE}-colour", True),
+    "both cues without environment": (f"{_ALIKE}-no-environment", False),
     "both cues": (_ALIKE, True),
     "ours": (OURS, True),
 }
