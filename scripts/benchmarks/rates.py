@@ -2,15 +2,19 @@
 
 Scans and pictures come at 4 to 40 Hz with 2 ms of jitter, with a tenth of them lost, and from sensors of unlike rates. Seeds
 from 3000 on; nothing is chosen by them. Where one person lost is a tenth of a run's MOTA, more seeds are needed: as many as
-the ground's pictures allow.
+the ground's pictures allow. Runs go side by side, one a core.
 """
 
 from __future__ import annotations
 
+import json
+import multiprocessing
+import os
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from concurrent.futures import Future, ProcessPoolExecutor
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,13 +25,14 @@ from benchmarks.real_twins import f1, recorded_people
 from benchmarks.recorded_legs import DATA
 from trackers.observations import NS_PER_S
 from trackers.presets import PRESETS
+from twin.environment.run import write_environment
 from twin.run.live import run_scenario
 from twin.scenario import Scenario, load_scenario
 
-Change = Callable[[Any, int], dict[str, float]]
-"""Fields of a sensor to change, by its description and number."""
+FIRST_SEED = "BENCH_RATES_SEED"
+"""Environment variable: the first seed, where it shall not be the one below."""
 
-_FIRST_SEED = 3404
+_FIRST_SEED = 3424
 _RATES_HZ = (4.0, 5.0, 7.5, 9.0, 9.97, 12.5, 20.0, 40.0)
 _FEW_RATES_HZ = (4.0, 7.5, 9.97, 20.0)
 _USUAL_HZ = 10.0
@@ -42,6 +47,36 @@ _RESTAMPED = {
 
 
 @dataclass(frozen=True)
+class _Change:
+    """Rates of a scenario's sensors [Hz], one after the other, jitter of their stamps [s] and share of what is lost."""
+
+    how: str
+    rates_hz: tuple[float, ...] = (_USUAL_HZ,)
+    jitter_s: float | None = None
+    dropout: float | None = None
+    least: float = 0.9
+
+    def of(self, scenario: Scenario) -> Scenario:
+        """Return the scenario with changed sensors; a scanner sweeps for the same share of its period."""
+        told = {"jitter_s": self.jitter_s, "dropout": self.dropout}
+        sensors = {}
+        for number, (sensor, description) in enumerate(scenario.sensors.items()):
+            fields = {name: value for name, value in told.items() if value is not None}
+            fields["rate_hz"] = self.rates_hz[number % len(self.rates_hz)]
+            if sweep_s := getattr(description, "sweep_time_s", 0.0):
+                fields["sweep_time_s"] = sweep_s * description.rate_hz / fields["rate_hz"]
+            sensors[sensor] = description.model_copy(update=fields)
+        return scenario.model_copy(update={"sensors": sensors})
+
+
+_USUAL = _Change("at the usual rate")
+_LOST_OR_UNLIKE = (
+    _Change("with a tenth lost", dropout=_LOST),
+    _Change("with unlike rates", (_USUAL_HZ, 0.7 * _USUAL_HZ, 1.3 * _USUAL_HZ)),
+)
+
+
+@dataclass(frozen=True)
 class _Ground:
     scenario: str
     trackers: tuple[str, ...]
@@ -49,38 +84,50 @@ class _Ground:
     rates_hz: tuple[float, ...]
     n_seeds: int = 2
     images: bool = True
+    options: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    """Options that every tracker here is told."""
+    environment: bool = False
+    """Hand the trackers an environment that was scanned beforehand."""
 
-    def mota(self, change: Change) -> dict[str, float]:
-        """Mean MOTA by tracker; `change`: fields of a sensor by its description and number."""
-        total = dict.fromkeys(self.trackers, 0.0)
-        for seed in range(_FIRST_SEED, _FIRST_SEED + self.n_seeds):
-            scenario = load_scenario(self.scenario, [f"seed={seed}", f"duration_s={self.duration_s}"])
-            with tempfile.TemporaryDirectory() as folder:
-                run = run_scenario(
-                    _changed(scenario, change),
-                    trackers=self.trackers,
-                    out=Path(folder) / "run",
-                    video=False,
-                    images=self.images,
-                )
-            assert run.metrics is not None
-            for tracker in self.trackers:
-                total[tracker] += run.metrics["trackers"][tracker]["mota"] / self.n_seeds
-        return total
+    @property
+    def changes(self) -> tuple[_Change, ...]:
+        """Return each change of the sensors, the usual first."""
+        rates = (
+            _Change(f"at {hz:g} Hz with jitter", (hz,), _JITTER_S, least=0.9 if hz <= 5 else 0.97)
+            for hz in self.rates_hz
+        )
+        return _USUAL, *rates, *_LOST_OR_UNLIKE
 
-    def rows(self, how: str, got: dict[str, float], usual: dict[str, float], least: float) -> Iterator[Figure]:
+    def mota(self, change: _Change, seed: int) -> dict[str, float]:
+        """Run once; return MOTA by tracker."""
+        with tempfile.TemporaryDirectory() as folder:
+            told = [f"seed={seed}", f"duration_s={self.duration_s}"]
+            told += [f"trackers.{name}={json.dumps({'preset': name, **self.options})}" for name in self.trackers]
+            if self.environment:
+                path = Path(folder) / "environment.npz"
+                write_environment(load_scenario(self.scenario, told), [], out=path)
+                told.append(f"prior.environment={path}")
+            scenario = change.of(load_scenario(self.scenario, told))
+            run = run_scenario(
+                scenario, trackers=self.trackers, out=Path(folder) / "run", video=False, images=self.images
+            )
+        assert run.metrics is not None
+        return {tracker: run.metrics["trackers"][tracker]["mota"] for tracker in self.trackers}
+
+    def rows(self, change: _Change, got: dict[str, float], usual: dict[str, float]) -> Iterator[Figure]:
         """One row per tracker that follows anybody at the usual rate."""
         for tracker, mota in got.items():
-            at = f"{self.scenario}, {tracker} {how}"
+            at = f"{self.scenario}, {tracker} {change.how}"
             if usual[tracker] <= 0:
                 print(
                     f"rates: {at}: not compared, its MOTA at {_USUAL_HZ:g} Hz is {usual[tracker]:.3f}", file=sys.stderr
                 )
                 continue
             name = f"{at}: MOTA {mota:.3f} over the usual {usual[tracker]:.3f}, {self.n_seeds} seeds"
-            yield Figure(name, mota / usual[tracker], "", f">= {least}")
+            yield Figure(name, mota / usual[tracker], "", f">= {change.least}")
 
 
+_STEREO_HZ = (4.0, 7.5, 20.0)
 _LASERS = ("laser-imm", "laser-kalman", "laser-vision-learning-laser", "sort")
 _FLOORS = ("camera-floor-particle-floor", "floor-kalman")
 _GROUNDS = (
@@ -97,6 +144,7 @@ _GROUNDS = (
         ),
         12.0,
         _FEW_RATES_HZ,
+        4,
     ),
     _Ground(
         "library-hall",
@@ -109,29 +157,46 @@ _GROUNDS = (
     _Ground("robot-passes-crowd", ("laser-legs",), 10.0, (3.0, 5.0, 20.0, 40.0), 6, images=False),
     _Ground(
         "home-cameras",
-        tuple(name for name in PRESETS if name.startswith("camera-floor") and name not in _FLOORS),
+        (*(name for name in PRESETS if name.startswith("camera-floor") and name not in _FLOORS), "fusion"),
         10.0,
         _FEW_RATES_HZ,
     ),
     _Ground("home-cameras", ("floor-colour-kalman",), 10.0, _FEW_RATES_HZ, 6),
     _Ground("home-cameras", _FLOORS, 10.0, _FEW_RATES_HZ, 20, images=False),
-    _Ground("meeting-three-people", tuple(name for name in PRESETS if name.startswith("rgbd")), 10.0, (4.0, 7.5, 20.0)),
+    _Ground("meeting-three-people", ("rgbd-head",), 10.0, _STEREO_HZ, 4),
+    _Ground(
+        "head-sequence-1",
+        tuple(name for name in PRESETS if name.startswith("rgbd")),
+        10.0,
+        _STEREO_HZ,
+        4,
+        options={"start": [{"place": [-0.66, -0.97, 1.22], "yaw_deg": 6}]},
+        environment=True,
+    ),
 )
 """Pictures are dear: as many seeds as they allow. Every tracker that is not another with one option off is here."""
 
 
 def measure() -> Iterator[Figure]:
     """A row per ground, tracker and rate; the last of each ground are lost and unlike scans."""
-    for ground in _GROUNDS:
-        usual = ground.mota(lambda each, _: {"rate_hz": _USUAL_HZ})
-        for rate_hz in ground.rates_hz:
-            got = ground.mota(lambda each, _, hz=rate_hz: {"rate_hz": hz, "jitter_s": _JITTER_S})
-            yield from ground.rows(f"at {rate_hz:g} Hz with jitter", got, usual, 0.90 if rate_hz <= 5 else 0.97)
-        lost = ground.mota(lambda each, _: {"rate_hz": _USUAL_HZ, "dropout": _LOST})
-        yield from ground.rows("with a tenth lost", lost, usual, 0.9)
-        unlike = ground.mota(lambda each, n: {"rate_hz": _USUAL_HZ * (1.0, 0.7, 1.3)[n % 3]})
-        yield from ground.rows("with unlike rates", unlike, usual, 0.9)
+    first = int(os.environ.get(FIRST_SEED, _FIRST_SEED))
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(len(os.sched_getaffinity(0)), mp_context=spawn, max_tasks_per_child=8) as pool:
+        runs = {
+            (ground, change): [pool.submit(ground.mota, change, first + n) for n in range(ground.n_seeds)]
+            for ground in _GROUNDS
+            for change in ground.changes
+        }
+        for ground in _GROUNDS:
+            usual = _mean(runs[ground, _USUAL])
+            for change in ground.changes[1:]:
+                yield from ground.rows(change, _mean(runs[ground, change]), usual)
     yield from _recorded()
+
+
+def _mean(runs: list[Future[dict[str, float]]]) -> dict[str, float]:
+    each = [run.result() for run in runs]
+    return {tracker: sum(mota[tracker] for mota in each) / len(each) for tracker in each[0]}
 
 
 def _recorded() -> Iterator[Figure]:
@@ -153,14 +218,3 @@ def _recorded() -> Iterator[Figure]:
             got = f1("laser-legs", sorted(told, key=lambda scan: scan.stamp_ns), there, box)
             name = f"positive_{number}, laser-legs {how}: F1 {got:.3f}, less {usual:.3f} as recorded"
             yield Figure(name, got - usual, "", ">= -0.03")
-
-
-def _changed(scenario: Scenario, change: Change) -> Scenario:
-    """Change fields of the sensors; a scanner sweeps for the same share of its period."""
-    sensors = {}
-    for number, (sensor, description) in enumerate(scenario.sensors.items()):
-        fields = change(description, number)
-        if sweep_s := getattr(description, "sweep_time_s", 0.0):
-            fields |= {"sweep_time_s": sweep_s * description.rate_hz / fields["rate_hz"]}
-        sensors[sensor] = description.model_copy(update=fields)
-    return scenario.model_copy(update={"sensors": sensors})

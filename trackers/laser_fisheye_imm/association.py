@@ -176,13 +176,15 @@ class Association:
         )
 
     def _nearest(self, seen: Seen, trunk_of: Int[Index, "n"]) -> LegPairs:
-        """Drop the knees nearest to tracks with a trunk (the paper, fig. 4 d); close legs are one person's."""
+        """Drop the knees of tracks with a trunk, which take theirs first (the paper, fig. 4 d); close legs are one person's."""
         legs = self.options.legs
         position, n_leg = pair_off(seen.legs.position, legs.pair_m)
         of_known = np.zeros(len(position), np.bool_)
         groups = LegPairs(position, np.full_like(n_leg, 2), np.full((len(seen.trunks), 2), np.nan), of_known)
         cost = Costs.of(self.people, groups.likelihood(legs, self._leg_gate_m), self.options)
-        track, taken = associate([self._explained(cost, self._by_colour(np.full(cost.pair.shape, np.nan)))])
+        shown = (trunk_of >= 0)[:, None]
+        looks = self._by_colour(np.full(cost.pair.shape, np.nan))
+        track, taken = associate([self._explained(cost, looks, ~shown), self._explained(cost, looks, shown)])
         left = left_over(len(position), taken[trunk_of[track] >= 0])
         return LegPairs(position[left], groups.n_leg[left], groups.under_trunk, of_known[left])
 

@@ -69,6 +69,7 @@ class Detector:
             if role in names
         }
         self._waist_scans: dict[str, Observation] = {}
+        self._waist_p_detect = options.waist.p_detect
         heights = [lasers[name].room_from_sensor.translation[2] for name in names.get("knee", ())]
         self.knee_height_m = float(np.mean(heights)) if heights else 0.0
         """The mean height of the knee scanners above the floor [m]; 0 without one."""
@@ -137,9 +138,14 @@ class Detector:
         return [each for role, group in self._groups.items() for each in group.to_detections(shown[role], role, ns)]
 
     def waists_seen(self, points: Float[Array, "k 2"]) -> Bool[Mask, "k"]:
-        """Select the points [m] at which the last scans at waist height would rather show a person's trunk than not."""
+        """Select the points [m] at which the last scans at waist height would rather show a person's trunk than not.
+
+        All of them where nothing is said of when a scanner misses whom.
+        """
         if "waist" not in self._groups:
             return np.zeros(len(points), np.bool_)
+        if self._waist_p_detect == 0:
+            return np.ones(len(points), np.bool_)
         return self._groups["waist"].missed(self._waist_scans, points.T) < _LIKELY
 
     def missed(self, synced: SyncedFrame, points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:

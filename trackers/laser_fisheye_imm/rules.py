@@ -112,6 +112,14 @@ PAPER_RULES: tuple[PaperRule, ...] = (
         {"legs": {"pair_m": 0.4}, "knee": {"weak_samples": None}},
     ),
     PaperRule(
+        "whose knees",
+        "unstated",
+        "IV.B, fig. 4",
+        "knees of a person with a waist update nobody; whose they are is not said where tracks compete. Tracks with a waist take "
+        "theirs first. All at once, a second track on somebody's legs lives on: MOTA is 0.893 and 0.879 instead of 0.965 and "
+        "0.977 (seeds 1400 and 1401)",
+    ),
+    PaperRule(
         "the other leg",
         "unstated",
         "III.B a",

@@ -11,6 +11,7 @@ from trackers.laser_fisheye_imm.association import Association, Matches
 from trackers.laser_fisheye_imm.detection import Seen
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import People
+from trackers.laser_fisheye_imm.rules import PAPER
 from trackers.observations import NS_PER_S
 
 PERIOD_S, NOW = 0.1, NS_PER_S
@@ -45,7 +46,7 @@ def associated(people: People, options: LaserFisheyeImmOptions, ns: int, **given
     )
 
 
-def matched(trunks: Detections, legs: Detections, **options) -> Matches:
+def matched(trunks: Detections, legs: Detections, /, **options) -> Matches:
     """Of one person in sight at (0, 1.5) and one last seen 0.8 s ago at (0.4, 1.9), both confirmed."""
     imm = Imm()
     places = np.array([[0.0, 1.5], [0.4, 1.9]])
@@ -80,6 +81,15 @@ def test_a_bag_beside_the_legs_of_a_trunk_is_not_somebody_hidden_near_by():
     assert len(found.new_position) == 0
     mistaken = matched(detections((0.0, 1.5)), detections(*LEGS_OF_THE_FIRST, bag), track_management={"apart_m": 0.0})
     assert sorted(mistaken.track.tolist()) == [0, 1]
+
+
+def test_by_the_paper_a_second_track_on_the_legs_of_who_has_a_trunk_gets_nothing():
+    """The legs are nearer to it than to the person."""
+    on_the_second = ((0.23, 1.7), (0.27, 1.7))
+    found = matched(detections((0.0, 1.5)), detections(*on_the_second), **PAPER)
+    assert found.track.tolist() == [0]
+    their_own = matched(detections((0.0, 1.5)), detections(*LEGS_OF_THE_FIRST, *on_the_second), **PAPER)
+    assert sorted(their_own.track.tolist()) == [0, 1]
 
 
 def test_the_only_one_hidden_is_re_identified_by_both_legs_but_not_by_what_may_be_no_leg_at_all():
