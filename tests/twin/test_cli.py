@@ -7,6 +7,7 @@ import errno
 import json
 import os
 import re
+import resource
 import shutil
 import signal
 import subprocess
@@ -370,3 +371,13 @@ def test_a_lack_of_open_files_is_said_whatever_failed_for_it(number: int) -> Non
     said = describe_lack(error)
     assert said is not None and re.fullmatch(r"open files: .* \d+ at once \(ulimit -n\), .*; more are expected", said)
     assert describe_lack(InputError("out: cannot be written")) is None
+
+
+def test_an_error_of_the_interpreter_itself_is_lack_of_memory_under_a_limit_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    error = SystemError("error return without exception set")  # what Python 3.12 makes of it in a dataclass
+    monkeypatch.setattr(resource, "getrlimit", lambda _: (resource.RLIM_INFINITY,) * 2)
+    assert describe_lack(error) is None
+    monkeypatch.setattr(resource, "getrlimit", lambda _: (2**30,) * 2)
+    assert "1024 MiB (ulimit -v)" in str(describe_lack(error))

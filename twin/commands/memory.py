@@ -147,7 +147,10 @@ def _describe_lack_of_memory(error: BaseException) -> str | None:
             return _sentence(limit)
         is_of_parser = isinstance(each, ValueError) and _PARSER_TEXT.fullmatch(str(each)) is not None
         is_graphics = "gives no OpenGL context" in str(each)
-        if limit is not None and ((_is_foreign(each) and not is_described) or is_graphics or is_of_parser):
+        is_interpreter = isinstance(each, SystemError)  # Python 3.12 compiles a dataclass without a word of memory
+        if limit is not None and (
+            (_is_foreign(each) and not is_described) or is_graphics or is_of_parser or is_interpreter
+        ):
             return _sentence(limit)
     return None
 
