@@ -84,7 +84,7 @@ class BodyAndHeadMotion(VelocityMotion):
         self,
         position: Float[Array, "n 2"],
         velocity: Float[Array, "n 2"],
-        position_variance_m2: float,
+        position_variance_m2: float | Float[Array, "n"],
         speed_variance: float | Float[Array, "n"],
     ) -> tuple[Float[Array, "7 n"], Float[Array, "7 7 n"]]:
         """Return mean and covariance of new tracks, whose heads nobody has seen."""
