@@ -45,7 +45,13 @@ def fill(text: str) -> str:
 def sources_in(text: str) -> set[str]:
     """List the sources that a page shows figures of."""
     found = PLACEHOLDER.findall(text)
-    return {"papers" if kind == "papers" else given.split()[0] for kind, given in found if kind != "all"}
+    of_papers = {each.get("source", "papers") for each in read_sources()["papers"]}
+    return {
+        name
+        for kind, given in found
+        if kind != "all"
+        for name in (of_papers if kind == "papers" else {given.split()[0]})
+    }
 
 
 def _source(name: str) -> dict:
@@ -176,7 +182,8 @@ def papers_table() -> str:
         decimals, times = each["decimals"], each.get("times", 1)
 
         def cell(tracker: str, each=each, decimals=decimals, times=times) -> tuple[str, int]:
-            found = [_figure("papers", each["condition"], tracker, metric) for metric in each["metrics"]]
+            source = each.get("source", "papers")
+            found = [_figure(source, each["condition"], tracker, metric) for metric in each["metrics"]]
             return f"{times * sum(one['value'] for one in found):.{decimals}f}", found[0]["n"]
 
         published, n = cell(each["published"])
