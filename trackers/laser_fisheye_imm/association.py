@@ -182,7 +182,7 @@ class Association:
         of_known = np.zeros(len(position), np.bool_)
         groups = LegPairs(position, np.full_like(n_leg, 2), np.full((len(seen.trunks), 2), np.nan), of_known)
         cost = Costs.of(self.people, groups.likelihood(legs, self._leg_gate_m), self.options)
-        shown = (trunk_of >= 0)[:, None]
+        shown = np.broadcast_to((trunk_of >= 0)[:, None], cost.pair.shape)
         looks = self._by_colour(np.full(cost.pair.shape, np.nan))
         track, taken = associate([self._explained(cost, looks, ~shown), self._explained(cost, looks, shown)])
         left = left_over(len(position), taken[trunk_of[track] >= 0])

@@ -39,7 +39,7 @@ _SEARCHED_RAD = np.radians(10)
 
 
 class HeadOffsets(NamedTuple):
-    """Offsets of n silhouettes from heads' crowns, to the right and down; NaN without one.
+    """Offsets of n silhouettes from heads' crowns (`silhouettes_off_rad`).
 
     jacobian: of the projection by crowns [rad/m].
     """
@@ -127,11 +127,20 @@ def is_turned(camera: PlacedCamera, depth_m: Float[Singles, "height width"], env
     return max(map(agreement, TURNS_DEG)) > max(agreement(0.0), agreement(_TOLERATED_DEG))
 
 
-def head_offsets(
-    camera: PlacedCamera, mask: Bool[Mask, "height width"], heads: Float[Array, "4 n"], up_m: float
-) -> HeadOffsets:
-    """Return the offsets of silhouettes from heads' crowns. up_m: height of a crown above the middle of a head."""
-    crowns, focal_px = heads[:3].T + np.array([0.0, 0.0, up_m]), camera.intrinsics.fx
+def silhouettes_off_rad(
+    camera: PlacedCamera, mask: Bool[Mask, "height width"], crowns: Float[Array, "n 3"]
+) -> Float[Array, "n 2"]:
+    """Return the offsets of silhouettes from heads' crowns, to the right and down; NaN without one."""
+    focal_px = camera.intrinsics.fx
     reach_px = np.full(len(crowns), round(focal_px * np.tan(_SEARCHED_RAD)), float)
-    off_px = silhouette_offsets(camera, mask, crowns, reach_px, reach_px)
-    return HeadOffsets(off_px / focal_px, projection_jacobian(camera, crowns) / focal_px)
+    return silhouette_offsets(camera, mask, crowns, reach_px, reach_px) / focal_px
+
+
+def crowns(heads: Float[Array, "4 n"], up_m: float) -> Float[Array, "n 3"]:
+    """Return the crowns of heads. up_m: height of a crown above the middle of a head."""
+    return heads[:3].T + np.array([0.0, 0.0, up_m])
+
+
+def crowns_jacobian(camera: PlacedCamera, crowns: Float[Array, "n 3"]) -> Float[Array, "n 2 3"]:
+    """Return the Jacobian of the projection by crowns [rad/m]."""
+    return projection_jacobian(camera, crowns) / camera.intrinsics.fx

@@ -20,7 +20,7 @@ from trackers.arrays import Array, Index, Singles
 from trackers.errors import InputError
 from trackers.likelihood.stereo_head import HeadLikelihoods, RangeOptions, StereoHeadOptions, StereoHeads
 from trackers.observations import DepthImage
-from trackers.rgbd_head.calibration import HeadOffsets, head_offsets
+from trackers.rgbd_head.calibration import HeadOffsets, crowns, crowns_jacobian, silhouettes_off_rad
 from trackers.scheduler import connected
 from trackers.vision.head_colours import ExpectedColours, HeadModel
 from trackers.vision.stereo_picture import PackedPicture, StereoCamera
@@ -61,9 +61,9 @@ class Evaluator:
         """Weigh directions of heads (`StereoHeads.facing`)."""
         return self._heads.facing([self.picture()], heads[:, None], self.tables())[0]
 
-    def head_offsets(self, heads: Float[Array, "4 n"]) -> HeadOffsets:
-        """Return the offsets of silhouettes from heads (`trackers.rgbd_head.calibration.head_offsets`)."""
-        return head_offsets(self.camera.camera, self.picture().mask, heads, self._options.semi_axes_m[2])
+    def silhouettes_off_rad(self, crowns: Float[Array, "n 3"]) -> Float[Array, "n 2"]:
+        """Return the offsets of silhouettes from heads' crowns (`trackers.rgbd_head.calibration.silhouettes_off_rad`)."""
+        return silhouettes_off_rad(self.camera.camera, self.picture().mask, crowns)
 
     def colours_on(self, heads: Float[Array, "4 n"]) -> Int[Index, "3 k"]:
         """Return the picture's pixels on heads (`StereoHeads.colours_on`)."""
@@ -137,7 +137,11 @@ class Evaluators:
 
     def head_offsets(self, heads: Mapping[str, Float[Array, "4 n"]]) -> dict[str, HeadOffsets]:
         """Return the offsets of each camera's silhouettes from heads at its stamp."""
-        return self._ask("head_offsets", {name: (each,) for name, each in heads.items()})
+        at = {name: crowns(each, self._options.semi_axes_m[2]) for name, each in heads.items()}
+        off_rad = self._ask("silhouettes_off_rad", {name: (each,) for name, each in at.items()})
+        return {
+            name: HeadOffsets(off_rad[name], crowns_jacobian(self.here[name].camera.camera, at[name])) for name in at
+        }
 
     def colours_on(self, name: str, heads: Float[Array, "4 n"]) -> Int[Index, "3 k"]:
         """Return one camera's pixels on heads."""

@@ -54,7 +54,7 @@ def test_tracks_are_the_local_ones_to_the_bit_whatever_order_answers_come_in(thr
         return later
 
     expected = repr(followed(made(room=room)))
-    for name in ("take", "expect", "log_likelihood", "facing", "head_offsets", "colours_on", "unassigned"):
+    for name in ("take", "expect", "log_likelihood", "facing", "silhouettes_off_rad", "colours_on", "unassigned"):
         monkeypatch.setattr(Evaluator, name, slow(getattr(Evaluator, name)))
     tracker = made(threads.scheduler_address, room)
     assert repr(followed(tracker)) == expected
