@@ -14,9 +14,13 @@ from twin.options import NoLimits, RoomRoot, Seed, Set, overrides
 
 def view(
     scenario: Annotated[
-        str,
-        typer.Argument(help="Name of a shipped scenario or room (see `twin list`), or path of a YAML or MJCF file."),
-    ],
+        str | None,
+        typer.Argument(
+            help="Name of a shipped scenario or room (see `twin list`), or path of a YAML or MJCF file; "
+            "--drawn shows rooms drawn at random without it.",
+            show_default=False,
+        ),
+    ] = None,
     at: Annotated[float, typer.Option(metavar="S", help="Time to show [s].")] = 0.0,
     people: Annotated[
         bool, typer.Option("--people", help="Each person from all sides, and each of their actions.")
@@ -42,6 +46,12 @@ def view(
     from twin.scenario.run_size import check_size
     from twin.view import write_drawn, write_people, write_room, write_video, write_view
 
+    if scenario is None:
+        if drawn is None:
+            raise InputError(
+                "scenario: is missing; a name of `twin list`, or the path of a YAML or MJCF file, is expected"
+            )
+        scenario = "drawn"
     if _is_room(scenario):
         given: dict[str, object] = {"--at": at, "--people": people, "--video": video, "--from": from_, "--to": to}
         given |= {"--follow": follow, "--drawn": drawn, "--set": set_, "--seed": seed}

@@ -191,6 +191,17 @@ def test_plain_files_of_a_drawn_scene_run_to_the_same_bits(tmp_path: Path) -> No
     assert truth[0] == truth[1]
 
 
+def test_a_sheet_of_drawn_rooms_needs_no_scenario_and_a_view_does(tmp_path: Path) -> None:
+    sheets = []
+    for name, named in (("named.png", ["drawn"]), ("unnamed.png", [])):
+        done = twin("view", *named, "--drawn", "1", "--seed", "1042", "--out", tmp_path / name)
+        assert done.returncode == 0, done.stderr
+        sheets.append((tmp_path / name).read_bytes())
+    assert sheets[0] == sheets[1]
+    done = twin("view")
+    assert done.returncode == 2 and done.stderr.startswith("twin: scenario: is missing")
+
+
 def test_a_rig_has_what_is_asked_for() -> None:
     content, _ = drawn(1007, sensors={"scanners": [3, 3], "waist": 1, "scanner_hz": [12, 12], "fisheyes": [1, 1]})
     kinds = [sensor["kind"] for sensor in content["sensors"].values()]
