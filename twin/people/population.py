@@ -14,7 +14,7 @@ from trackers.arrays import Array, Mask
 from twin.people.body.appearance import BodyAppearance
 from twin.people.crowd.bases import MovingBases
 from twin.people.crowd.crowd import Crowd, planar
-from twin.people.crowd.ground import Ground
+from twin.people.crowd.ground import Ground, entry_place
 from twin.people.crowd.motion_command import End
 from twin.people.gait.gait import Gait
 from twin.people.poses import TICK_S, PopulationMotion, Poses
@@ -63,7 +63,7 @@ class Population(Poses):
         area has no room for those who wander.
         """
         self.names = tuple(sorted(people))
-        described = [_put_before_seat(people[name], ground, measures, number) for number, name in enumerate(self.names)]
+        described = [_put_in_place(people[name], ground, measures, number) for number, name in enumerate(self.names)]
         random = [rngs[name] for name in self.names]
         count = len(self.names)
         position = start_places(self.names, described, ground, random, source)
@@ -243,9 +243,14 @@ def _seat_from_start(person: Person, ground: Ground) -> Seat | None:
     return found if isinstance(found, Seat) else None
 
 
-def _put_before_seat(person: Person, ground: Ground, measures: BodyMeasures, number: int) -> Person:
-    """Return a person who starts seated with start and heading before the seat; others unchanged."""
+def _put_in_place(person: Person, ground: Ground, measures: BodyMeasures, number: int) -> Person:
+    """Return a person who starts seated with start and heading before the seat, one who comes by a door with a start in from
+    it, and others unchanged.
+    """
     seat = _seat_from_start(person, ground)
+    if seat is None and person.start is not None:
+        x, y = entry_place(np.array(person.start), ground.walkable)
+        return person.model_copy(update={"start": (float(x), float(y))})
     if seat is None:
         return person
     seated = seated_pose(seat, measures, number)

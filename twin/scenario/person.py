@@ -151,7 +151,10 @@ class Person(Strict):
     bag_colour: Annotated[str, _colour_of("bag_colour")] | None = Field(
         default=None, description="colour of the bag: a name of the wardrobe or '#rrggbb'"
     )
-    start: Point2 | None = Field(default=None, description="ground point at t = 0, room frame [m]")
+    start: Point2 | None = Field(
+        default=None,
+        description="ground point at t = 0, or at `arrive_s`, room frame [m]; in or just before a door: comes in there",
+    )
     heading_deg: FiniteFloat | None = Field(
         default=None, description="where the person faces at t = 0, counter-clockwise from x [deg]"
     )

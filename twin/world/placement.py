@@ -13,7 +13,7 @@ from trackers.arrays import Array
 from trackers.errors import InputError
 from twin.geometry.polygon import leaves_at, strictly_within
 from twin.people.crowd.crowd import planar
-from twin.people.crowd.ground import nearest_free, standing_place
+from twin.people.crowd.ground import entry_place, nearest_free, standing_place
 from twin.people.crowd.routes import CLOSE_M, Routes
 from twin.people.script.recorded import comes_at, curve_through, known_start
 from twin.room.furniture import Bed, Seat
@@ -28,7 +28,7 @@ _LOOKS_EVERY_S = 0.05
 _LOOKS_EVERY_M = 0.05
 _MOST_LOOKS = 100_000
 DOOR_REACH_M = 0.6
-"""Greatest distance from a door at which a person leaves, as near as people walk [m]."""
+"""Greatest distance from where people walk to a place in a door at which a person comes or leaves [m]."""
 CLEARANCE_M = 0.5
 """Least distance between the middles of two people at the start, below which their bodies overlap [m]."""
 
@@ -55,7 +55,7 @@ def check_placement(
         start = known_start(person)
         if start is None:
             continue
-        here = np.array(start)
+        here = np.array(start) if person.start is None else entry_place(np.array(start), walkable)
         field = f"{source}: people.{name}.{_start_field(person)}: {_point(here)}"
         if person.script and isinstance(person.script[0], Wander) and not strictly_within(area, here):
             raise InputError(f"{field} is not inside the area that a wanderer stays in; {_within(area)} is expected")
@@ -113,9 +113,11 @@ def check_approach(furniture: Seat | Bed, places: Sequence[Array], routes: Route
 
 def _check_person(person: Person, walkable: Array, routes: Routes, field: str) -> None:
     """Raise InputError where a start, a waypoint or the way between two lies outside the walkable area or in furniture."""
-    here = None if person.start is None else np.array(person.start)
-    if here is not None:
-        _check_place(here, walkable, routes, f"{field}.start", KEEP_FROM_FURNITURE_M)
+    here = None
+    if person.start is not None:
+        start = np.array(person.start)
+        here = _at_door(start, entry_place(start, walkable), f"{field}.start")
+        check_free(here, routes, f"{field}.start", KEEP_FROM_FURNITURE_M if here is start else CLOSE_M)
     for number, action in enumerate(person.script):
         where = f"{field}.{_script_field(person, number)}"
         match action:
@@ -141,17 +143,23 @@ def _check_person(person: Person, walkable: Array, routes: Routes, field: str) -
 
 def _check_leaving(here: Array | None, to: Array, walkable: Array, routes: Routes, field: str) -> None:
     """Raise InputError where the place to leave at cannot be approached from `here` (None: anywhere)."""
-    place = standing_place(to, walkable)
-    if hypot(*(place - to)) > DOOR_REACH_M:
-        raise InputError(
-            f"{field}: {_point(to)} is {hypot(*(place - to)):.2f} m beyond where people walk; a place in the room or in a door, "
-            f"{_point(place)} for instance, is expected"
-        )
+    place = _at_door(to, standing_place(to, walkable), field)
     check_free(place, routes, field, CLOSE_M)
     if here is not None:
         check_way(here, place, routes, field)
     elif not routes.reachable(place):
         raise InputError(f"{field}: furniture leaves no way to {_point(to)}; a place that can be reached is expected")
+
+
+def _at_door(asked: Array, place: Array, field: str) -> Array:
+    """Return the place (2,) [m] for one asked for in a door; raise InputError where this is farther out than doors are."""
+    beyond_m = hypot(*(place - asked))
+    if beyond_m > DOOR_REACH_M:
+        raise InputError(
+            f"{field}: {_point(asked)} is outside the room's walkable area; {beyond_m:.2f} m beyond where people walk is more "
+            f"than the {DOOR_REACH_M:g} m of a door; a place in the room or in a door, {_point(place)} for instance, is expected"
+        )
+    return place
 
 
 def _check_place(place: Array, walkable: Array, routes: Routes, field: str, clear_m: float) -> None:

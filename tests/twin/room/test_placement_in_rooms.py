@@ -37,6 +37,7 @@ def check(routes, **person):
 def test_who_fits_is_let_be(routes):
     check(routes, start=(-1.0, 1.0), script={"kind": "stand"})
     check(routes, script={"kind": "walk", "waypoints": [(-1.0, 0.0), (1.0, 0.0), (-1.5, 0.0)]})
+    check(routes, start=(-1.0, -2.4), script={"kind": "leave", "to": (-1.0, 2.4)})  # in the doors of two walls
 
 
 @pytest.mark.parametrize(
@@ -48,6 +49,8 @@ def test_who_fits_is_let_be(routes):
         ({"script": {"kind": "walk", "waypoints": [(0, 0.2), (-1, 1)]}}, r"waypoints.0: \[0, 0.2\] is inside 'table'"),
         ({"script": {"kind": "walk", "waypoints": [(-1, 1), (2.4, 0)]}}, r"no way from \[-1, 1\] to \[2.4, 0\]"),
         ({"start": (5.0, 0.0)}, "outside the room's walkable area"),
+        ({"start": (-1.0, -2.6)}, r"start: .* 0.75 m beyond where people walk .* \[-1, -1.85\] for instance"),
+        ({"script": {"kind": "leave", "to": (-1, -2.6)}}, r"to: .* 0.75 m beyond where people walk .* \[-1, -1.85\]"),
     ],
 )
 def test_who_does_not_is_told(routes, person, message):

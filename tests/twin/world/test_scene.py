@@ -105,20 +105,21 @@ def test_the_command_line_says_so_in_one_line(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
+AT_DOOR = r"9\.14 m beyond where people walk is more .*door, \[2\.15, 2\.95\] for instance, is expected$"
 IN_LAB = r"x -2\.3 to 2\.3 m, y 0\.35 to 3\.1 m is expected$"
 
 
 @pytest.mark.parametrize(
     ("ann", "said"),
     [
-        (walk("[[10, 10]]"), r"script\.waypoints\.0: \[10, 10\] is outside the room's walkable area; "),
-        (walk("[[0, 1], [0, 5]]"), r"script\.waypoints\.1: \[0, 5\] is outside the room's walkable area; "),
-        ("start: [9, 9], " + walk("[[0, 1]]"), r"start: \[9, 9\] is outside the room's walkable area; "),
-        ("start: [9, 9], script: {kind: stand}", r"start: \[9, 9\] is outside the room's walkable area; "),
+        (walk("[[10, 10]]"), rf"script\.waypoints\.0: \[10, 10\] is outside the room's walkable area; {IN_LAB}"),
+        (walk("[[0, 1], [0, 5]]"), rf"script\.waypoints\.1: \[0, 5\] is outside the room's walkable area; {IN_LAB}"),
+        ("start: [9, 9], " + walk("[[0, 1]]"), rf"start: \[9, 9\] is outside the room's walkable area; {AT_DOOR}"),
+        ("start: [9, 9], script: {kind: stand}", rf"start: \[9, 9\] is outside the room's walkable area; {AT_DOOR}"),
     ],
 )
 def test_people_outside_the_room_are_refused(ann: str, said: str) -> None:
-    with pytest.raises(InputError, match=rf"^scenario 'lab-five-people': people\.ann\.{said}{IN_LAB}"):
+    with pytest.raises(InputError, match=rf"^scenario 'lab-five-people': people\.ann\.{said}"):
         build_scene(lab(person("ann", ann)))
 
 

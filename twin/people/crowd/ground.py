@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from trackers.area import Area
+from trackers.area import TOLERANCE_M, Area
 from trackers.arrays import Array
 from trackers.errors import InputError
 from twin.geometry.polygon import inset, nearest_on
@@ -59,6 +59,15 @@ def standing_place(place: Array, walkable: Array) -> Array:
         return place
     kept = inset(walkable, KEEP_FROM_EDGE_M)
     return place if kept is None else nearest_on(kept, place)
+
+
+def entry_place(start: Array, walkable: Array) -> Array:
+    """Return the place (2,) [m] where a person described to start at `start` (2,) [m] begins: there, or in from a door.
+
+    walkable (k, 2): polygon of bodies' middles [m]. A start beyond it is in a door or before one: see `standing_place`.
+    """
+    inside = Area(walkable, TOLERANCE_M).contains(start[None])[0]
+    return start if inside else standing_place(start, walkable)
 
 
 def nearest_free(place: Array, area: Array, obstacles: Sequence[Obstacle], clear_m: float) -> Array | None:

@@ -323,6 +323,16 @@ def test_whoever_comes_waits_until_who_left_is_through_the_door() -> None:
     assert 1.0 <= came - left < 1.3
 
 
+def test_who_comes_in_by_a_door_begins_where_who_leaves_by_it_ends() -> None:
+    door = [0.9, 2.1]  # in the wall
+    goes = moments({"anna": act({"kind": "leave", "to": door}, start=[0.5, 0.3])}, 6.0)
+    comes = moments({"anna": act({"kind": "walk", "waypoints": [[0.0, -0.5]]}, start=door, arrive_s=1.0)}, 6.0)
+    assert comes[0].t == pytest.approx(1.0, abs=0.11)
+    assert goes[-1].t < 5.0
+    np.testing.assert_allclose(comes[0].place, goes[-1].place, atol=0.15)
+    np.testing.assert_allclose(comes[-1].place, [0.0, -0.5], atol=0.12)
+
+
 def test_people_come_and_leave() -> None:
     script = {"kind": "leave", "to": [-1.0, 0.0]}
     world = World(scenario({"anna": act(script, arrive_s=2.0), "ben": act({"kind": "stand"}, start=[1.2, -0.6])}))
