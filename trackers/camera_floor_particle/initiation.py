@@ -1,8 +1,9 @@
 """Initiation (section 3.1): unassigned clusters over which the cameras see a person.
 
 The paper does not give the initial head and pan. Here (ours) the silhouettes of all cameras carve a small hull over the
-cluster, whose top is the head's. The initial pan is the direction in which the head shows the most skin, corrected by the
-first steps (`trackers.camera_floor_particle.pan`).
+cluster, whose top is the head's. Since one camera may contradict a hull, it reaches beyond the head; the points at its top
+that most cameras show give the head's place. The initial pan is the direction in which the head shows the most skin,
+corrected by the first steps (`trackers.camera_floor_particle.pan`).
 """
 
 from __future__ import annotations
@@ -108,7 +109,8 @@ class Initiation:
             heights, n_point = np.unique(hull[:, 2], return_counts=True)
             top_m = float(heights[n_point >= _LEAST_AT_TOP].max(initial=heights[0])) + 0.5 * _LAYER_M
             crown = hull[hull[:, 2] > top_m - _HEAD_M]
-            skull = np.append(crown[:, :2].mean(axis=0), top_m - body.CROWN_M)
+            n_shown = views.look(crown.T).on_foreground.sum(axis=0)
+            skull = np.append(crown[n_shown == n_shown.max(), :2].mean(axis=0), top_m - body.CROWN_M)
             middle = np.append((place + skull[:2]) / 2, _PELVIS * top_m)
         else:
             top_m = _UNKNOWN_HEIGHT_M

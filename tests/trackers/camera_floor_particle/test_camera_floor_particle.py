@@ -261,6 +261,14 @@ def test_where_others_fill_the_sight_of_all_cameras_nobody_is_carved():
         assert len(hull_over(state.people.place[k, :2], state.views, others)[0]) > 0
 
 
+def test_heads_are_initiated_where_most_cameras_show_them():
+    about = np.array([(-1.2, -0.4), (0.6, -0.4), (-0.15, -1.15)])  # before each other for two cameras
+    tracks = follow(observe(RIG, np.broadcast_to(about, (3, 3, 2))))[-1].tracks
+    heads = np.array([(track.head_x, track.head_y) for track in tracks])
+    off_m = np.linalg.norm(about[:, None] - heads, axis=-1)
+    assert len(heads) == 3 and (off_m.min(axis=1) < 0.06).all()
+
+
 def test_who_comes_back_in_the_same_clothes_has_the_old_number():
     walk = WALK[:, :2]
     alone, both = walk[:, :1], walk
