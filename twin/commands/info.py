@@ -143,6 +143,7 @@ def check(
         kind = kind_of(subject)
         if kind not in ("tracker", "sensor"):
             typer.echo(printable(f"{subject}: {checked_file(kind, subject, allow_plugins)}"))
+            _print_faults(subject, room_faults(subject) if kind == "room" else [])
             return
         tracker, sensor = (subject, None) if kind == "tracker" else (None, subject)
     if tracker is None and sensor is None:
@@ -151,11 +152,24 @@ def check(
         return
     name = tracker or sensor or ""
     faults = check_own_tracker(name) if tracker is not None else check_own_sensor(name)
+    _print_faults(name, faults)
+    typer.echo(f"{name}: keeps the contract of a {'tracker' if tracker is not None else 'sensor'}")
+
+
+def _print_faults(name: str, faults: list[str]) -> None:
+    """Print a line per fault; end the command as fallen short where there is one."""
     for fault in faults:
         typer.echo(printable(f"{name}: {fault}"))
     if faults:
         raise typer.Exit(EXIT_FELL_SHORT)
-    typer.echo(f"{name}: keeps the contract of a {'tracker' if tracker is not None else 'sensor'}")
+
+
+def room_faults(name: str) -> list[str]:
+    """Return a sentence for each seat and bed of a room, shipped or a user's file, to which an adult cannot come."""
+    from twin.view.room_sheet import empty_world
+    from twin.world.scene import unusable_furniture
+
+    return unusable_furniture(empty_world(name).scene)
 
 
 def kind_of(subject: str) -> str:

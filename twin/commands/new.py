@@ -53,9 +53,15 @@ ROOM = """\
     <geom name="south_west" type="box" pos="-0.55 -2.05 1.3" size="2.55 0.05 1.3" material="plaster"/>
     <geom name="south_east" type="box" pos="3 -2.05 1.3" size="0.1 0.05 1.3" material="plaster"/>
     <geom name="lintel" type="box" pos="2.45 -2.05 2.35" size="0.45 0.05 0.25" material="plaster"/>
-    <geom name="desk" type="box" pos="-2.5 1.2 0.37" size="0.4 0.7 0.37" material="oak"/>
-    <!-- A seat: a body whose site seat_NAME says where one sits; its x axis is where one faces. -->
-    <body name="chair" pos="-1.7 1.2 0" euler="0 0 180">
+    <!-- A desk: a top on legs, so that the legs of whoever sits there have room; nobody could sit at a solid box. -->
+    <body name="desk" pos="-2.55 1 0">
+      <geom type="box" pos="0 0 0.72" size="0.4 0.7 0.02" material="oak"/>
+      <geom type="box" pos="0 0.65 0.35" size="0.35 0.02 0.35" material="oak"/>
+      <geom type="box" pos="0 -0.65 0.35" size="0.35 0.02 0.35" material="oak"/>
+    </body>
+    <!-- A seat: a body whose site seat_NAME says where one sits; its x axis is where one faces. One sits down from free floor
+         before the seat or, at a desk, beside it. -->
+    <body name="chair" pos="-1.7 1 0" euler="0 0 180">
       <geom type="box" pos="0 0 0.22" size="0.22 0.22 0.22" material="cloth"/>
       <site name="seat_desk" pos="0 0 0.44"/>
     </body>

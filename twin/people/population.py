@@ -24,7 +24,7 @@ from twin.people.posture.posture_rows import HANDS, LOOK, OFF_FEET, PELVIS_PITCH
 from twin.people.posture.postures import Part, Postures
 from twin.people.posture.resting import seated_pose
 from twin.people.script.actions import perform
-from twin.people.script.actor import Actor, ScriptContext
+from twin.people.script.actor import Actor, Approach, ScriptContext, approaches, first_that
 from twin.people.script.recorded import RecordedPaths, first_heading, start_places
 from twin.room.furniture import Seat
 from twin.scenario import Scenario
@@ -77,7 +77,7 @@ class Population(Poses):
         self._context = ScriptContext(self.names, self._crowd, self._postures, ground, doing=["stand"] * count)
         for number, person in enumerate(described):
             if (seat := _seat_from_start(person, ground)) is not None:
-                self._postures.begin_seated(number, seat)
+                self._postures.begin_seated(number, seat, _approach(seat, ground, measures, number).side)
                 self._context.taken[seat.name] = number
         self._acting = [
             perform(Actor(self._context, number, random[number]), person.script)
@@ -103,6 +103,7 @@ class Population(Poses):
         self._blocked_s, self._halts_s = np.zeros(count), np.zeros(count)
         self._crowd.present[:] = False
         self._crowd.driven[self._recorded.numbers] = True
+        self._turning = np.zeros(0, dtype=np.intp)
         self._tick = 0
         self._enter_and_leave()
         self._record()
@@ -152,19 +153,31 @@ class Population(Poses):
         context.t = t = self._tick * TICK_S
         context.end_looks()
         self._command(t)
-        if len(self._recorded.numbers):
-            place, velocity = crowd.place.copy(), crowd.velocity.copy()
-            place[self._recorded.numbers], velocity[self._recorded.numbers] = self._recorded.at(self._tick + 1)
-            crowd.drive(place, velocity)
+        self._drive()
         if self.bases is not None:
             self.bases.step(t, crowd.place, crowd.velocity, crowd.present)
         gaze = self._gaze.at(t) + 0.25 * crowd.turn_rate
         crowd.step(TICK_S)
         postures.step(crowd.place, crowd.heading, TICK_S)
-        self._gait.step(crowd, gaze, TICK_S, still=~postures.may_walk(), arms_in=crowd.arms_in())
+        self._gait.step(crowd, gaze, TICK_S, still=~(postures.may_walk() | postures.turning()), arms_in=crowd.arms_in())
         self._tick += 1
         self._enter_and_leave()
         self._record()
+
+    def _drive(self) -> None:
+        """Drive people along recorded paths, and the feet of those who turn on their seats."""
+        crowd, recorded = self._crowd, self._recorded.numbers
+        turning = np.flatnonzero(self._postures.turning())
+        crowd.driven[self._turning], crowd.driven[turning] = False, True
+        self._turning = turning
+        if not (len(recorded) or len(turning)):
+            return
+        place, velocity = crowd.place.copy(), crowd.velocity.copy()
+        place[recorded], velocity[recorded] = self._recorded.at(self._tick + 1)
+        place[turning], heading = self._postures.footing(turning)
+        velocity[turning] = (place[turning] - crowd.place[turning]) / TICK_S
+        crowd.face(turning, heading)
+        crowd.drive(place, velocity)
 
     def _command(self, t: float) -> None:
         """Give the next command of the script to all people whose command has ended."""
@@ -241,6 +254,10 @@ def _seat_from_start(person: Person, ground: Ground) -> Seat | None:
     action = person.script[0] if person.script else None
     found = ground.furniture[action.seat] if isinstance(action, Sit) and action.seated else None
     return found if isinstance(found, Seat) else None
+
+
+def _approach(seat: Seat, ground: Ground, measures: BodyMeasures, number: int) -> Approach:
+    return first_that(ground.routes.reachable, approaches(seat, measures, number))
 
 
 def _put_in_place(person: Person, ground: Ground, measures: BodyMeasures, number: int) -> Person:

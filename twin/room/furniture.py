@@ -19,9 +19,11 @@ from scipy.spatial import ConvexHull
 from trackers.arrays import Array
 from trackers.errors import InputError
 from twin.geometry.geom_hull import hull_points
+from twin.room.obstacles import Solid, solids_of
 
 SEAT, BED = "seat_", "bed_"
 _UPRIGHT = 0.99
+_AROUND_M = 1.5
 _LOW_M = 0.05
 """Height above a seat at which a geom is over it, such as a lamp, not part of it [m]."""
 _LEFT_AHEAD = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -33,7 +35,8 @@ class Seat:
     """A seat: `place` (3,) middle of its top, room frame [m]; `yaw`: facing direction [rad].
 
     `furniture`: its body, as obstacles name it too; `geoms`: that body's geoms, which a sitter may press into; `to_front_m`:
-    from the middle to the furniture's front edge [m].
+    from the middle to the furniture's front edge, `to_sides_m`: to its left and right one [m]; `around`: what stands within a
+    body's reach, the furniture itself included.
     """
 
     name: str
@@ -42,6 +45,8 @@ class Seat:
     furniture: str
     geoms: frozenset[int]
     to_front_m: float
+    to_sides_m: tuple[float, float] = (np.inf, np.inf)
+    around: tuple[Solid, ...] = ()
 
     @property
     def height(self) -> float:
@@ -87,6 +92,7 @@ def furniture_of(model: mujoco.MjModel, source: str = "room") -> dict[str, Seat 
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     found: dict[str, Seat | Bed] = {}
+    solids: list[Solid] | None = None
     for site in range(model.nsite):
         full = model.site(site).name
         body = int(model.site_bodyid[site])
@@ -116,10 +122,13 @@ def furniture_of(model: mujoco.MjModel, source: str = "room") -> dict[str, Seat 
             )
         yaw = float(np.arctan2(turn[1, 0], turn[0, 0]))
         furniture, members = model.body(body).name or f"body {body}", frozenset(int(geom) for geom in geoms)
+        left, right = (max(_reach(points @ side) for points in local) for side in (_LEFT_AHEAD, _LEFT_AHEAD.T))
         if kind == SEAT:
-            found[name] = Seat(name, place, yaw, furniture, members, max(_reach(points) for points in local))
+            solids = solids_of(model, data) if solids is None else solids
+            around = tuple(each for each in solids if _is_near(each, place))
+            ahead = max(_reach(points) for points in local)
+            found[name] = Seat(name, place, yaw, furniture, members, ahead, (left, right), around)
         else:
-            left, right = (max(_reach(points @ side) for points in local) for side in (_LEFT_AHEAD, _LEFT_AHEAD.T))
             found[name] = Bed(name, place, yaw, furniture, members, np.array([left, right]))
     return found
 
@@ -132,6 +141,12 @@ def _reach(points: Array) -> float:
     crosses = start[:, 1] * (start[:, 1] + way[:, 1]) < 0
     share = start[crosses, 1] / way[crosses, 1]
     return float((start[crosses, 0] - share * way[crosses, 0]).max(initial=-np.inf))
+
+
+def _is_near(solid: Solid, place: Array) -> bool:
+    """Return whether the bounding box of a solid is within `_AROUND_M` of a place."""
+    low, high = solid.corners.min(axis=0), solid.corners.max(axis=0)
+    return bool((low < place[:2] + _AROUND_M).all() and (high > place[:2] - _AROUND_M).all())
 
 
 def _direction(yaw: float) -> Array:

@@ -56,6 +56,41 @@ class Obstacle:
     corners: Array
 
 
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A geom in people's way: its convex outline `corners` (k, 2) on the floor and its heights [m], room frame.
+
+    `furniture`: as of an `Obstacle`.
+    """
+
+    furniture: str
+    corners: Array
+    low_m: float
+    high_m: float
+
+
+def solids_of(model: mujoco.MjModel, data: mujoco.MjData) -> list[Solid]:
+    """Return the geoms of a room that are in people's way, without attached people; `data` needs kinematics."""
+    found = []
+    for geom in _standing(model):
+        points = hull_points(model, data, geom)
+        if points is not None and is_in_the_way(model, data, geom, points):
+            corners = _few_corners(_hull(points[:, :2]))
+            found.append(Solid(furniture_name(model, geom), corners, points[:, 2].min(), points[:, 2].max()))
+    return found
+
+
+def furniture_name(model: mujoco.MjModel, geom: int) -> str:
+    """Return the name of the body of a geom, or the geom's own directly in the worldbody."""
+    body = int(model.geom_bodyid[geom])
+    return (model.body(body).name or f"body {body}") if body else model.geom(geom).name or f"geom {geom}"
+
+
+def _standing(model: mujoco.MjModel) -> NDArray[np.intp]:
+    """Return the visible geoms that stand still."""
+    return np.flatnonzero((model.body_weldid[model.geom_bodyid] == 0) & (model.geom_rgba[:, 3] != 0))
+
+
 def obstacles_of(model: mujoco.MjModel, source: str = "room") -> list[Obstacle]:
     """Return the footprints of a room's furniture and walls, without attached people.
 
@@ -68,9 +103,7 @@ def obstacles_of(model: mujoco.MjModel, source: str = "room") -> list[Obstacle]:
     mujoco.mj_kinematics(model, data)
     found: dict[str, list[Array]] = {}
     loose: set[str] = set()
-    for geom in range(model.ngeom):
-        if model.body_weldid[model.geom_bodyid[geom]] != 0 or model.geom_rgba[geom, 3] == 0:
-            continue
+    for geom in map(int, _standing(model)):
         points = hull_points(model, data, geom)
         name = model.geom(geom).name or f"geom {geom}"
         if points is None:
@@ -79,11 +112,9 @@ def obstacles_of(model: mujoco.MjModel, source: str = "room") -> list[Obstacle]:
             )
         if not is_in_the_way(model, data, geom, points):
             continue
-        body = int(model.geom_bodyid[geom])
-        furniture = (model.body(body).name or f"body {body}") if body else name
-        if not body:
+        if not model.geom_bodyid[geom]:
             loose.add(name)
-        found.setdefault(furniture, []).append(_few_corners(_hull(points[:, :2])))
+        found.setdefault(furniture_name(model, geom), []).append(_few_corners(_hull(points[:, :2])))
     for name, shapes in found.items():
         check_limit(len(shapes), MOST_OF_ONE, f"{source}: {name!r} stands in people's way with", "geoms")
     obstacles = [Obstacle(name, corners) for name, shapes in found.items() for corners in _merged(shapes)]

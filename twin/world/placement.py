@@ -93,11 +93,16 @@ def check_way(start: Array, goal: Array, routes: Routes, field: str) -> None:
         )
 
 
-def check_approach(furniture: Seat | Bed, places: Sequence[Array], routes: Routes, field: str) -> None:
-    """Raise InputError naming the field where no place (2,) [m] before a seat or bed is reachable."""
+def check_approach(
+    furniture: Seat | Bed, places: Sequence[Array], routes: Routes, field: str, faults: Sequence[str] = ()
+) -> None:
+    """Raise InputError naming the field where no place (2,) [m] before or beside a seat or bed is reachable.
+
+    faults: why a body has no room on the left and on the right of a seat, in words.
+    """
     if any(routes.reachable(place) for place in places):
         return
-    place, kind = places[0], "seat" if isinstance(furniture, Seat) else "bed"
+    place, is_seat = places[0], isinstance(furniture, Seat)
     gaps = routes.footprints.gaps(planar(place[None]))[1][0]
     others = [
         (gap, each.furniture)
@@ -105,9 +110,12 @@ def check_approach(furniture: Seat | Bed, places: Sequence[Array], routes: Route
         if each.furniture != furniture.furniture
     ]
     blocked = f", {min(others)[1]!r} is in the way" if others else ""
+    reasons = " and ".join(dict.fromkeys(fault or "no way leads there" for fault in faults))
+    aside = f", nor sit down from its side: {reasons}" if faults else ""
     raise InputError(
-        f"{field}: nobody of this size can come to {_point(place)}, before the {kind} {furniture.name!r}{blocked}; a {kind} with "
-        "a free place before it is expected: turn the site, whose x axis is where one faces, or move what stands there"
+        f"{field}: nobody of this size can come to {_point(place)}, before the {'seat' if is_seat else 'bed'} "
+        f"{furniture.name!r}{blocked}{aside}; free floor before it{' or beside it' if is_seat else ''} is expected: turn the "
+        "site, whose x axis is where one faces, or move what stands there"
     )
 
 

@@ -13,18 +13,21 @@ from numpy.typing import NDArray
 from trackers.errors import InputError
 from twin.instant.snapshot import FootShapes, base_body
 from twin.people.body.appearance import BodyAppearance, appearance_of
+from twin.people.body.proportions import REFERENCE_STATURE_M
 from twin.people.crowd.bases import MovingBases
 from twin.people.crowd.ground import Ground
 from twin.people.crowd.routes import Routes
 from twin.people.population import Population
 from twin.people.poses import HISTORY_S, TICK_S, PopulationMotion, PrecomputedPoses
 from twin.people.posture.body_measures import BodyMeasures
+from twin.people.posture.side_seating import side_poses
 from twin.people.script.actor import approaches
 from twin.room.furniture import Bed, Seat
 from twin.room.mjcf import set_planes
 from twin.scenario import Scenario
 from twin.scenario.behaviour import Lie, Sit
 from twin.scenario.housings import driven, in_the_room
+from twin.scenario.person import Person
 from twin.scenario.sensors import FloorDescription
 from twin.streams import stream
 from twin.world.body_pool import Bodies, body_pools
@@ -175,10 +178,31 @@ def _check_seats(scenario: Scenario, scene: Scene, measures: BodyMeasures) -> No
             if not isinstance(action, Sit | Lie) or (isinstance(action, Sit) and action.seated):
                 continue
             asked, kind = (action.seat, "seat") if isinstance(action, Sit) else (action.bed, "bed")
-            furniture = scene.ground.furniture[asked]
-            places = [each.turns_round_at for each in approaches(furniture, measures, number)]
             field = f"scenario {scenario.name!r}: people.{name}.script.{place}.{kind}"
-            check_approach(furniture, places, scene.ground.routes, field)
+            _check_seat(scene.ground.furniture[asked], measures, number, scene.ground.routes, field)
+
+
+def _check_seat(furniture: Seat | Bed, measures: BodyMeasures, person: int, routes: Routes, field: str) -> None:
+    """Raise InputError naming the field where a person cannot come to a seat or bed."""
+    if any(routes.reachable(each.turns_round_at) for each in approaches(furniture, measures, person)):
+        return
+    faults = [fault for _, fault in side_poses(furniture, measures, person)] if isinstance(furniture, Seat) else []
+    places = [each.turns_round_at for each in approaches(furniture, measures, person)]
+    check_approach(furniture, places, routes, field, faults)
+
+
+def unusable_furniture(scene: Scene) -> list[str]:
+    """Return a sentence for each seat and bed of a room to which an adult of usual size cannot come."""
+    adult = Person(height_m=REFERENCE_STATURE_M, build=1.0, bag="none")
+    measures = BodyMeasures.of([appearance_of(adult, np.random.default_rng(0))])
+    faults = []
+    for name, furniture in scene.ground.furniture.items():
+        try:
+            field = f"{'seat' if isinstance(furniture, Seat) else 'bed'}_{name}"
+            _check_seat(furniture, measures, 0, scene.ground.routes, field)
+        except InputError as error:
+            faults.append(str(error))
+    return faults
 
 
 def _places_of_sensors(scenario: Scenario) -> list[NDArray[np.float64]]:

@@ -171,6 +171,10 @@ class Crowd:
         """Set where `driven` people will be after the next step, (n,) each [m, m/s]; other rows are unused."""
         self._path_place, self._path_velocity = place, velocity
 
+    def face(self, people: NDArray[np.intp], heading: Array) -> None:
+        """Have some people (k,) face headings (k,) [rad] until their next command."""
+        self._holds[people], self._hold[people] = True, heading
+
     def arrived(self) -> Mask:
         """Return a mask (n,) of the people who have reached their goal."""
         return (self._distance <= self._arrive_m) & self.present

@@ -9,8 +9,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array
-from twin.people.body.proportions import direction, turned
-from twin.people.posture.posture_rows import LOOK, LOOK_TO, PEAK_RATE, SPINE_YAW, MinimumJerkProfile, minimum_jerk
+from twin.people.body.proportions import about_y, about_z, direction, turned
+from twin.people.posture.body_measures import BodyMeasures
+from twin.people.posture.posture_rows import (
+    BACK,
+    HELD_OVER,
+    LOOK,
+    LOOK_TO,
+    PEAK_RATE,
+    PELVIS_PITCH,
+    PLACE_X,
+    PLACE_Y,
+    SPINE_PITCH,
+    SPINE_YAW,
+    MinimumJerkProfile,
+    faced,
+    hips_up,
+    minimum_jerk,
+)
+
+Planar = NDArray[np.complex128]
 
 NECK_YAW_MOST_RAD = 1.396
 """Greatest turn of the head on the trunk, to either side (80 degrees)."""
@@ -166,3 +184,24 @@ class FreeGaze:
                 self._angle[place] = np.clip(rng.normal(0.0, _SPREAD_RAD), -_MOST_RAD, _MOST_RAD)
                 self._until[place] = t + rng.uniform(*_LOOKS_FOR_S)
         return self._angle
+
+
+def heads_of(measures: BodyMeasures, place: Planar, heading: Array, rows: Array) -> tuple[Array, Array]:
+    """Return centres of the heads (n, 3) [m] and room_from_body (n, 3, 3) without the gait's small motions.
+
+    place (n,) x + iy [m], heading (n,) [rad]: those of the gait; rows (POSTURE_ROWS, n).
+    """
+    yaw = faced(heading, rows)
+    body = about_z(yaw) @ about_y(rows[PELVIS_PITCH])
+    hips = np.stack(
+        [
+            (1 - rows[HELD_OVER]) * place.real + rows[PLACE_X] - rows[BACK] * np.cos(yaw),
+            (1 - rows[HELD_OVER]) * place.imag + rows[PLACE_Y] - rows[BACK] * np.sin(yaw),
+            hips_up(rows, measures),
+        ],
+        axis=-1,
+    )
+    zero = np.zeros(len(measures))
+    head = np.stack([measures.head_ahead, zero, measures.neck + measures.head_up], axis=-1)
+    waist = np.stack([zero, zero, measures.waist], axis=-1)
+    return hips + turned(body, waist + turned(about_y(rows[SPINE_PITCH]), head)), body

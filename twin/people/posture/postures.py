@@ -13,21 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array
-from twin.people.body.proportions import about_y, about_z, turned
+from twin.people.body.proportions import about_z, turned
 from twin.people.posture.body_measures import BodyMeasures
-from twin.people.posture.gaze import GazeControl
+from twin.people.posture.gaze import GazeControl, heads_of
 from twin.people.posture.overlay import BACK_PER_BEND_M, BACK_PER_DROP, PELVIS_SHARE, help_of_trunk
 from twin.people.posture.posture_rows import (
     ARMS_PITCH,
     BACK,
     DROP,
     HANDS,
-    HELD_OVER,
     NECK_PITCH,
     OFF_FEET,
     PELVIS_PITCH,
-    PLACE_X,
-    PLACE_Y,
     POSTURE_ROWS,
     PRESSURE,
     SPINE_PITCH,
@@ -35,8 +32,6 @@ from twin.people.posture.posture_rows import (
     SPINE_YAW,
     CentreOfMass,
     MinimumJerkProfile,
-    faced,
-    hips_up,
 )
 from twin.people.posture.resting import (
     GET_UP_S,
@@ -50,6 +45,7 @@ from twin.people.posture.resting import (
     lying_pose,
     seated_pose,
 )
+from twin.people.posture.side_seating import TurnsOnSeats
 from twin.room.furniture import Bed, Seat
 
 Planar = NDArray[np.complex128]
@@ -84,6 +80,7 @@ class Postures:
         self._aim = np.zeros(count, dtype=np.intp)
         self._sitting = np.zeros(count)  # progress of sitting down
         self._lying = np.zeros(count)  # progress of lying down from there
+        self._turns = TurnsOnSeats(count)  # of people who sat down from the side
         self._seated = np.zeros((4, count))
         self._hang = np.zeros(count)
         self._lying_pose = np.zeros((4, count))
@@ -98,17 +95,29 @@ class Postures:
             np.maximum(measures.behind - MATTRESS_SINK_M - 1.1 * measures.ankle_height, 0.0) / measures.leg
         )
 
-    def sit(self, person: int, seat: Seat) -> None:
-        """Sit down on a seat; the person must stand before it, see `SeatedPose.standing_place`."""
+    def sit(self, person: int, seat: Seat, side: SeatedPose | None = None) -> None:
+        """Sit down on a seat; the person must stand before it, see `SeatedPose.standing_place`.
+
+        side: the pose beside a desk in which they sit down, before they turn in.
+        """
         self._must(person, self._aim[person] == _STANDS and self._sitting[person] == 0, "sit down", "stands")
-        seated = seated_pose(seat, self.measures, person)
-        self._take(person, seated)
+        front = seated_pose(seat, self.measures, person)
+        self._take(person, side or front)
+        self._turns.take(person, side, front, float(self._seated[3, person]), complex(self._place[person]))
         self._aim[person] = _SITS
 
-    def begin_seated(self, person: int, seat: Seat) -> None:
-        """Start seated; the person must have been put before the seat, see `SeatedPose.standing_place`."""
+    def begin_seated(self, person: int, seat: Seat, side: SeatedPose | None = None) -> None:
+        """Start seated; the person must have been put before the seat, see `SeatedPose.standing_place`.
+
+        side: the pose beside a desk from which they will rise.
+        """
         self.sit(person, seat)
         self._sitting[person] = 1.0
+        if side is not None:
+            yaw = float(self._seated[3, person]) + (side.yaw - seat.yaw)
+            self._seated[:, person] = *side.hips, yaw
+            self._turns.take(person, side, seated_pose(seat, self.measures, person), yaw, side.standing_place)
+            self._turns.progress[person] = 1.0
         rows = np.zeros_like(self.rows)
         self._write(rows)
         self._mass.begin(rows)
@@ -119,6 +128,7 @@ class Postures:
         self._must(person, self._aim[person] == _STANDS and self._sitting[person] == 0, "lie down", "stands")
         lying = lying_pose(bed, self.measures, person, complex(self._place[person]))
         self._take(person, lying.edge)
+        self._turns.take(person, None, lying.edge, 0.0, 0j)
         self._lying_pose[:, person] = *lying.hips, lying.yaw + self._seated[3, person] - lying.edge.yaw
         self._turns_left[person] = float(lying.turns_left)
         self._aim[person] = _LIES
@@ -207,6 +217,7 @@ class Postures:
         """Return whether the last command is reached, of one part or (None) of all."""
         done = {
             "body": self._sitting[person] == (self._aim[person] >= _SITS)
+            and not self.turning()[person]
             and self._lying[person] == (self._aim[person] == _LIES),
             "bend": not self._bend.moving[person],
             "reach": not (self._hands.moving[person] or self._points.moving[person] or self._help.moving[person]),
@@ -220,13 +231,21 @@ class Postures:
             return self._all
         return (self._sitting == 0) & (self._aim == _STANDS)
 
+    def turning(self) -> NDArray[np.bool_]:
+        """Return a mask (n,) of the people who turn on their seats, or are about to, and step along."""
+        return self._turns.progress != self._turns.goal((self._aim == _SITS) & (self._sitting >= 1))
+
+    def footing(self, people: NDArray[np.intp]) -> tuple[Planar, Array]:
+        """Return ground points, x + iy [m], and headings [rad] of the feet of some people who turn, (k,) each."""
+        return self._turns.footing(people)
+
     def step(self, place: Planar, heading: Array, dt: float) -> None:
         """Step by dt [s]; place (n,) x + iy [m] and heading (n,) [rad]: those of the gait."""
         self._place, self._heading = place, heading
         if self._idle:
             return
         moves = (self._sitting != (self._aim >= _SITS)) | (self._lying != (self._aim == _LIES))
-        if moves.any():
+        if moves.any() or self.turning().any():
             self._move(dt)
         for profile in (self._bend, self._hands, self._points, self._help):
             profile.step(dt)
@@ -236,7 +255,7 @@ class Postures:
             self._write(rows)
         self._mass.step(rows, dt)
         if not self._gaze.idle():
-            head, body = self._heads(rows)
+            head, body = heads_of(self.measures, place, heading, rows)
             self._gaze.step(dt, head, body, rows)
         self.rows = rows
         moving = any(profile.moving.any() for profile in (self._bend, self._hands, self._points, self._help))
@@ -247,7 +266,8 @@ class Postures:
         flat = self._aim == _LIES
         lying = self._lying + np.where(flat & (self._sitting >= 1), dt / LIE_DOWN_S, 0.0)
         lying -= np.where(~flat, dt / GET_UP_S, 0.0)
-        rises = ~down & (self._lying <= 0)
+        rises = ~down & (self._lying <= 0) & (self._turns.progress <= 0)
+        self._turns.step(down & (self._sitting >= 1), ~down, dt)
         self._lying = np.minimum(np.maximum(lying, 0.0), 1.0)
         sitting = self._sitting + np.where(down, dt / SIT_DOWN_S, 0.0) - np.where(rises, dt / STAND_UP_S, 0.0)
         self._sitting = np.minimum(np.maximum(sitting, 0.0), 1.0)
@@ -258,7 +278,8 @@ class Postures:
         who = np.nonzero(self._sitting > 0)[0]
         if len(who):
             some = rows[:, who]
-            add_sitting(some, self._sitting[who], self._seated[:, who], self._hang[who], stature[who])
+            seated = self._turns.pose(self._seated)[:, who]
+            add_sitting(some, self._sitting[who], seated, self._hang[who], stature[who], self._turns.aside[who])
             flat = np.nonzero(self._lying[who] > 0)[0]
             if len(flat):
                 lies = who[flat]
@@ -290,31 +311,13 @@ class Postures:
             rows[first] = reach[number]
             rows[first + 1 : first + 4] = reach[number] * self._points.value[3 * number : 3 * number + 3]
 
-    def _heads(self, rows: Array) -> tuple[Array, Array]:
-        """Return centres of the heads (n, 3) [m] and room_from_body (n, 3, 3) without the gait's small motions."""
-        measures = self.measures
-        yaw = faced(self._heading, rows)
-        body = about_z(yaw) @ about_y(rows[PELVIS_PITCH])
-        hips = np.stack(
-            [
-                (1 - rows[HELD_OVER]) * self._place.real + rows[PLACE_X] - rows[BACK] * np.cos(yaw),
-                (1 - rows[HELD_OVER]) * self._place.imag + rows[PLACE_Y] - rows[BACK] * np.sin(yaw),
-                hips_up(rows, measures),
-            ],
-            axis=-1,
-        )
-        zero = np.zeros(len(measures))
-        head = np.stack([measures.head_ahead, zero, measures.neck + measures.head_up], axis=-1)
-        waist = np.stack([zero, zero, measures.waist], axis=-1)
-        return hips + turned(body, waist + turned(about_y(rows[SPINE_PITCH]), head)), body
-
     def _hips(self, person: int) -> tuple[Array, float]:
         """Return hip joints x, y, z (3,) [m] and yaw [rad] of one person without their bends."""
         place, yaw = complex(self._place[person]), float(self._heading[person])
         if self._aim[person] == _STANDS:
             height = float(self.measures.leg[person] * 0.9945 + self.measures.ankle_height[person])
             return np.array([place.real, place.imag, height]), yaw
-        goal = self._lying_pose if self._aim[person] == _LIES else self._seated
+        goal = self._lying_pose if self._aim[person] == _LIES else self._turns.pose(self._seated)
         return goal[:3, person].copy(), float(goal[3, person])
 
     def stands_near(self, person: int, place: complex, yaw: float) -> bool:

@@ -42,6 +42,8 @@ FEET_SHARE = 0.2
 """Share of the weight on the feet when seated with both on the floor (19 % in F. Collins, "Selecting cushions and
 armchairs", Journal of Wound Care 13, 2004).
 """
+BEFORE_M = 0.28
+"""Distance from the place of sitting down to that of turning round before [m]."""
 SEAT_SINK_M = 0.015
 """Depth by which the buttocks sink [m]."""
 
@@ -54,6 +56,8 @@ _STEEPEST = 0.5
 """Sine of the steepest slope of seated thighs: 30 degrees."""
 _PRESSURE_SHIFT_M = 0.035
 _KNEE_HANGING_RAD = 1.22
+_ARMS_ASIDE_RAD = 0.7
+"""Pitch of the arms of a person who sits beside a desk [rad]."""
 
 
 @dataclass(frozen=True)
@@ -96,11 +100,12 @@ def seated_pose(seat: Seat, measures: BodyMeasures, person: int) -> SeatedPose:
     return SeatedPose((float(hips.real), float(hips.imag), top + over), float(seat.yaw), ahead, bool(hang))
 
 
-def add_sitting(rows: Array, progress: Array, pose: Array, hang: Array, stature: Array) -> None:
+def add_sitting(rows: Array, progress: Array, pose: Array, hang: Array, stature: Array, aside: Array) -> None:
     """Add sitting to rows (POSTURE_ROWS, m); progress (m,): 0 standing, 1 seated; pose (4, m): hips x, y, z, yaw.
 
     The trunk leans until contact with the seat and comes up again; the hips go back and down; the hands come to rest on the
-    thighs. The feet stay, except where they hang (1) in the end.
+    thighs. The feet stay, except where they hang (1) in the end. Of a person who sits beside a desk the arms hang beside the
+    thighs (aside (m,): 1), since elbows would reach over it.
     """
     weights = np.stack(
         [minimum_jerk(progress, 0.10, 0.74), minimum_jerk(progress, 0.0, 0.70), minimum_jerk(progress, 0.1, 0.8)]
@@ -114,8 +119,8 @@ def add_sitting(rows: Array, progress: Array, pose: Array, hang: Array, stature:
     rows[PELVIS_PITCH] += 0.55 * lean + SEATED_PELVIS_RAD * seated
     rows[SPINE_PITCH] += 0.45 * lean + SEATED_SPINE_RAD * seated
     rows[NECK_PITCH] += -0.55 * lean - (SEATED_PELVIS_RAD + SEATED_SPINE_RAD) * seated
-    rows[ARMS_PITCH] -= 1.25 * lean
-    rows[REST : REST + 2] += minimum_jerk(progress, 0.2, 0.75)
+    rows[ARMS_PITCH] -= 1.25 * lean + _ARMS_ASIDE_RAD * seated * aside
+    rows[REST : REST + 2] += minimum_jerk(progress, 0.2, 0.75) * (1.0 - aside)
     # a person whose feet will hang climbs on: feet and their load leave the floor before contact with the seat
     free = hang * minimum_jerk(progress, 0.22, 0.9)
     for leg in (LEGS, LEGS + 1 + FREE_ANGLES):

@@ -42,6 +42,8 @@ _FACING_RAD = radians(3)
 _TURNS_AT_ONCE_DEG = 150.0
 _STEPS_AWAY_M = 0.28
 """Distance of a step away from a seat, to where ways begin [m]."""
+_AHEAD = 0.7
+"""Least cosine between the headings of a person and of a seat that they leave ahead, not from its side."""
 _STEPS_BACK_M_S = 0.5
 _STEPS_BACK_FOR_S = 3.0
 _STANDS_FOR_S = 0.6
@@ -142,10 +144,10 @@ def _rest(actor: Actor, action: Sit | Lie) -> Commands:
         yield from _settled(actor, action.for_s, "body")
         yield from _upright(actor)
         return
-    yield from _go_and_take(actor, name)
+    side = yield from _go_and_take(actor, name)
     match actor.context.ground.furniture[name]:
         case Seat() as seat:
-            actor.context.postures.sit(actor.number, seat)
+            actor.context.postures.sit(actor.number, seat, side)
         case Bed() as bed:
             actor.context.postures.lie(actor.number, bed)
     yield from _settled(actor, action.for_s, "body")
@@ -153,7 +155,7 @@ def _rest(actor: Actor, action: Sit | Lie) -> Commands:
 
 
 def _go_and_take(actor: Actor, name: str) -> Commands:
-    """Stand with the back to a seat or bed, once it is free."""
+    """Stand with the back to a seat or bed, once it is free; returns the pose of sitting down from a side, or None."""
     context, number = actor.context, actor.number
     yield from _upright(actor)
     if name in context.taken:
@@ -167,13 +169,15 @@ def _go_and_take(actor: Actor, name: str) -> Commands:
     place, heading = approach.stands_at, approach.heading
     turns_at = float(approach.turns_round_at[0]), float(approach.turns_round_at[1])
     near = frozenset({furniture.furniture})
+    if approach.side is not None:
+        near |= context.ground.routes.near(np.array(place))
     while True:  # again after somebody stood in the way of the steps back
         yield from walk_to(actor, turns_at, 1.0, halt=True, exactly=True, what=name)
         yield from _turn_to(actor, heading)
         yield MotionCommand(place, _STEPS_BACK_M_S, actor.t + _STEPS_BACK_FOR_S, 0.03, True, heading, near)
         yield MotionCommand(None, until=actor.t + _STANDS_FOR_S, heading=heading, near=near, immovable=True)
         if context.postures.stands_near(number, complex(*place), heading):
-            return
+            return approach.side
 
 
 def _settled(actor: Actor, for_s: float | None, part: Part) -> Commands:
@@ -190,7 +194,10 @@ def _step_away(actor: Actor) -> Commands:
     for name in [name for name, user in context.taken.items() if user == number]:
         here, heading = actor.here, actor.heading
         ahead = float(here[0]) + _STEPS_AWAY_M * cos(heading), float(here[1]) + _STEPS_AWAY_M * sin(heading)
-        near = frozenset({context.ground.furniture[name].furniture})
+        furniture = context.ground.furniture[name]
+        near = frozenset({furniture.furniture})
+        if isinstance(furniture, Seat) and cos(heading - furniture.yaw) < _AHEAD:  # beside a desk
+            near |= context.ground.routes.near(actor.here)
         yield MotionCommand(ahead, 0.8, actor.t + _STEPS_BACK_FOR_S, 0.1, near=near)
         del context.taken[name]
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from itertools import chain
 from math import cos, inf, radians, sin
 from typing import Literal
 
@@ -14,15 +16,14 @@ from twin.people.crowd.ground import Ground
 from twin.people.crowd.motion_command import MotionCommand
 from twin.people.posture.body_measures import BodyMeasures
 from twin.people.posture.postures import Postures
-from twin.people.posture.resting import lying_pose, seated_pose
+from twin.people.posture.resting import BEFORE_M, SeatedPose, lying_pose, seated_pose
+from twin.people.posture.side_seating import side_poses
 from twin.room.furniture import Bed, Seat
 from twin.scenario.action import Target
 from twin.scenario.behaviour import Look
 
 _EYE_LEVEL_M = 1.5
 """Height of the gaze at a place on the floor [m]."""
-_BEFORE_M = 0.28
-"""Distance from the place of sitting down to that of turning round before [m]."""
 _IN_THE_WAY_M = 1.0
 """Distance within which a person counts as in the way of one who makes no progress [m]."""
 _LATE, _SETS_OUT_S = 2.0, 2.0
@@ -32,35 +33,43 @@ _LATE, _SETS_OUT_S = 2.0, 2.0
 @dataclass(frozen=True)
 class Approach:
     """Approach of a seat or bed: place to turn round (2,), place to stand before sitting down (2,) [m], facing `heading`
-    [rad].
+    [rad]; `side`: pose beside a desk in which one sits down there, before turning in.
     """
 
     turns_round_at: Array
     stands_at: tuple[float, float]
     heading: float
+    side: SeatedPose | None = None
 
 
 def approaches(
     furniture: Seat | Bed, measures: BodyMeasures, person: int, adjacent: complex | None = None
-) -> list[Approach]:
-    """Return the approaches of a seat, or of a bed from either side.
+) -> Iterator[Approach]:
+    """Yield the approaches of a seat, from before it and then from its free sides, or of a bed from either side.
 
     adjacent: x + iy [m]; the side of a bed nearest to it comes first.
     """
     if isinstance(furniture, Seat):
-        poses = [seated_pose(furniture, measures, person)]
-    else:
-        sides = [complex(x, y) for x, y in furniture.bedside(0.0)]
-        if adjacent is not None:
-            sides.sort(key=lambda side: abs(side - adjacent))
-            sides[0] = adjacent
-        poses = [lying_pose(furniture, measures, person, side).edge for side in sides]
-    found = []
-    for pose in poses:
-        stands_at = (pose.standing_place.real, pose.standing_place.imag)
-        turns_at = np.array([stands_at[0] + _BEFORE_M * cos(pose.yaw), stands_at[1] + _BEFORE_M * sin(pose.yaw)])
-        found.append(Approach(turns_at, stands_at, pose.yaw))
-    return found
+        yield _approach(seated_pose(furniture, measures, person))
+        yield from (_approach(pose, pose) for pose, fault in side_poses(furniture, measures, person) if not fault)
+        return
+    sides = [complex(x, y) for x, y in furniture.bedside(0.0)]
+    if adjacent is not None:
+        sides.sort(key=lambda side: abs(side - adjacent))
+        sides[0] = adjacent
+    yield from (_approach(lying_pose(furniture, measures, person, side).edge) for side in sides)
+
+
+def first_that(reaches: Callable[[Array], object], found: Iterator[Approach]) -> Approach:
+    """Return the first approach whose place to turn round is reached, or the first of all."""
+    first = next(found)
+    return next((each for each in chain([first], found) if reaches(each.turns_round_at)), first)
+
+
+def _approach(pose: SeatedPose, side: SeatedPose | None = None) -> Approach:
+    stands_at = (pose.standing_place.real, pose.standing_place.imag)
+    turns_at = np.array([stands_at[0] + BEFORE_M * cos(pose.yaw), stands_at[1] + BEFORE_M * sin(pose.yaw)])
+    return Approach(turns_at, stands_at, pose.yaw, side)
 
 
 @dataclass(frozen=True)
@@ -223,11 +232,10 @@ class Actor:
             context.postures.look_ahead(number)
 
     def approach(self, furniture: Seat | Bed) -> Approach:
-        """Return the approach to a seat or bed: the nearest side of a bed to which a way leads."""
+        """Return the approach to a seat or bed: the first side to which a way leads."""
         context = self.context
         here = complex(context.crowd.place[self.number])
-        found = approaches(furniture, context.postures.measures, self.number, here)
-        return next((each for each in found if self.way_to(each.turns_round_at)), found[0])
+        return first_that(self.way_to, approaches(furniture, context.postures.measures, self.number, here))
 
     def sets_out(self, goal: Array | tuple[float, float], speed_m_s: float, what: str = "") -> None:
         """Note the way to a place [m], named `what`, until `arrives`."""
