@@ -44,18 +44,19 @@ _PERSON, _DISTRACTOR = 1, 8
 @dataclass(frozen=True, eq=False)
 class PlaceRows:
     """Positions of tracks or detections by stamp: stamps ascending (n,) [ns], ids (n,), -1 for a detection, x, y, z of the
-    head.
+    head. frames_ns: stamps of all frames, also those without anybody, ascending (m,) [ns].
     """
 
+    frames_ns: Nanoseconds
     stamps_ns: Nanoseconds
     id: NDArray[np.int64]
     xy: Array
     head_z: Array
 
     def near(self, stamp_ns: int, within_ns: float) -> PlaceRows:
-        """Return those of the stamp nearest to this one, none if it is farther than `within_ns`."""
-        place = int(np.searchsorted(self.stamps_ns, stamp_ns))
-        near = [self.stamps_ns[each] for each in (place - 1, place) if 0 <= each < self.stamps_ns.size]
+        """Return those of the frame nearest to this stamp, none if it is farther than `within_ns`."""
+        place = int(np.searchsorted(self.frames_ns, stamp_ns))
+        near = [self.frames_ns[each] for each in (place - 1, place) if 0 <= each < self.frames_ns.size]
         best = min(near, key=lambda each: abs(int(each) - stamp_ns), default=None)
         if best is None or abs(int(best) - stamp_ns) > within_ns:
             return self.rows(slice(0, 0))
@@ -63,7 +64,7 @@ class PlaceRows:
 
     def rows(self, rows: slice) -> PlaceRows:
         """Return some of the places."""
-        return PlaceRows(self.stamps_ns[rows], self.id[rows], self.xy[rows], self.head_z[rows])
+        return PlaceRows(self.frames_ns, self.stamps_ns[rows], self.id[rows], self.xy[rows], self.head_z[rows])
 
     def boxes(self, camera: CameraSensor) -> tuple[Array, NDArray[np.bool_]]:
         """Return boxes left, top, width, height [px] in the image, and a mask of the positions that have one."""
@@ -131,7 +132,7 @@ def _cameras(recorded: Recorded, out: Path, labeller: Labeller | None, detection
     cameras = recorded.recording.rig.cameras()
     tracks = {name: _places(table) for name, table in recorded.tracks.items()}
     within = {name: 0.5 * NS_PER_S / frame_rate_hz(table.frame_stamps_ns) for name, table in recorded.tracks.items()}
-    detected_within = 0.5 * NS_PER_S / frame_rate_hz(detections.stamps_ns)
+    detected_within = 0.5 * NS_PER_S / frame_rate_hz(detections.frames_ns)
     with ExitStack() as stack:
         sequences, suffixes = {}, {}
         for picture, labels in _frames(recorded, list(cameras), labeller):
@@ -200,10 +201,10 @@ def _ground(recorded: Recorded, out: Path, detections: PlaceRows) -> str:
         files = {"": detections} | {tracker: _places(table) for tracker, table in recorded.tracks.items()}
         for tracker, places in files.items():
             stream = sequence.tracks[tracker] if tracker else sequence.detections
-            nearest = _nearest(stamps, places.stamps_ns)
-            for row in np.flatnonzero(np.abs(stamps[nearest] - places.stamps_ns) <= within) if stamps.size else ():
-                x, y = places.xy[row]
-                stream.write(_ground_row(int(nearest[row]) + 1, int(places.id[row]), 1, x, y, 0.0))
+            for number, stamp_ns in enumerate(stamps.tolist(), start=1):
+                near = places.near(stamp_ns, within)
+                for id_, (x, y) in zip(near.id.tolist(), near.xy.tolist(), strict=True):
+                    stream.write(_ground_row(number, id_, 1, x, y, 0.0))
         sequence.finish()
     return name
 
@@ -212,15 +213,10 @@ def _ground_row(frame: int, id_: int, confidence: int, x: float, y: float, z: fl
     return f"{frame},{id_},-1,-1,-1,-1,{confidence},{x:.4f},{y:.4f},{z:g}\n"
 
 
-def _nearest(stamps: Nanoseconds, wanted: Nanoseconds) -> NDArray[np.intp]:
-    if stamps.size < 2:
-        return np.zeros(wanted.size, dtype=np.intp)
-    after = np.clip(np.searchsorted(stamps, wanted), 1, stamps.size - 1)
-    return after - (wanted - stamps[after - 1] < stamps[after] - wanted)
-
-
 def _places(table: TrackTable) -> PlaceRows:
-    return PlaceRows(table.stamps_ns, table.id, np.stack([table.x, table.y], axis=-1), table.head_z)
+    return PlaceRows(
+        table.frame_stamps_ns, table.stamps_ns, table.id, np.stack([table.x, table.y], axis=-1), table.head_z
+    )
 
 
 def _detections(recorded: Recorded) -> PlaceRows:
@@ -239,5 +235,5 @@ def _detections(recorded: Recorded) -> PlaceRows:
     else:
         recorded.on_warning(f"{recorded.recording.path}: has no scanner: det/det.txt stays empty")
     rows = rows[np.argsort(rows[:, 0], kind="stable")]
-    count = len(rows)
-    return PlaceRows(rows[:, 0].astype(np.int64), np.full(count, -1), rows[:, 1:], np.full(count, np.nan))
+    count, stamps_ns = len(rows), rows[:, 0].astype(np.int64)
+    return PlaceRows(np.unique(stamps_ns), stamps_ns, np.full(count, -1), rows[:, 1:], np.full(count, np.nan))

@@ -19,7 +19,7 @@ from twin.export.pictures import open_recorded
 from twin.recording.bag import open_bag
 from twin.recording.reader import Recording
 from twin.recording.ros_messages import TYPESTORE
-from twin.recording.tables import read_truth
+from twin.recording.tables import read_tracks, read_truth
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
 
@@ -115,6 +115,26 @@ def test_the_ground_is_judged_alike_by_motmetrics_and_by_ourselves(run: Path, tm
     for ours in (own, json.loads(read.stdout)):
         assert theirs["mota"] == pytest.approx(ours["mota"]) and theirs["idf1"] == pytest.approx(ours["idf1"])
         assert theirs["num_misses"] == ours["misses"] and theirs["num_switches"] == ours["id_switches"]
+
+
+def test_the_ground_has_each_id_once_a_frame_where_trackers_report_more_often_than_its_frames(tmp_path: Path) -> None:
+    """Two scanners of unlike rates: the main sensor's stamps are frames, and those of the other are not."""
+    (tmp_path / "unlike.yaml").write_text(_SCENARIO)
+    changes = ["sensors.waist.rate_hz=9.3", "sensors.low.rate_hz=12.1", "sensors.fish=null", "sensors.depth=null"]
+    changes.append("truth=null")
+    scenario = load_scenario(str(tmp_path / "unlike.yaml"), changes)
+    run = run_scenario(scenario, trackers=["sort"], out=tmp_path / "run", video=False, images=False)
+    assert run.metrics is not None
+    out = _export(tmp_path / "run", "mot", tmp_path / "mot")
+    ground = out / "gt/roomtwin-all/run-ground"
+    files = [ground / "gt/gt.txt", out / "trackers/roomtwin-all/sort/data/run-ground.txt"]
+    n_frame = len((ground / "frames.csv").read_text().splitlines()) - 1
+    assert n_frame < len(read_tracks(tmp_path / "run/tracks/sort.csv").frame_stamps_ns)
+    for path in files:
+        rows = np.loadtxt(path, delimiter=",", ndmin=2)[:, :2]
+        assert len(rows) > 1 and len(np.unique(rows, axis=0)) == len(rows)
+    read = CliRunner().invoke(app, ["evaluate", *map(str, files), "--format", "mot"])
+    assert json.loads(read.stdout)["false_positives"] <= run.metrics["trackers"]["sort"]["false_positives"]
 
 
 def test_boxes_are_judged_alike_by_trackeval_and_by_motmetrics(run: Path, tmp_path: Path) -> None:
