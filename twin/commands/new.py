@@ -74,7 +74,7 @@ SUITE = """\
 # As a gate: twin suite run {file} --baseline baseline.json --update-baseline once, then without --update-baseline.
 # `twin schema suite > suite.schema.json` gives editors completion.
 name: {name}
-seeds: 2                        # how many from 0 on; or a list, or {{from: 1000, count: 20}}
+seeds: 6                        # how many from 0 on (fewer: no intervals); or a list, or {{from: 1000, count: 20}}
 trackers: [sort, laser-imm]     # names of `twin list trackers`, or module:Class with --allow-plugins
 reference: sort                 # the others are compared with it, paired by seed
 reports: false                  # true: a page for each case

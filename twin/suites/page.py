@@ -21,6 +21,7 @@ from twin.suites.metrics import METRICS, SHOWN, format_metric, metric_named
 from twin.suites.permutation_test import ALPHA
 from twin.suites.results import (
     BEHIND_HOTA,
+    FEWEST,
     REFERENCE_METRICS,
     Group,
     GroupKey,
@@ -152,6 +153,7 @@ def _write(
         reference=reference,
         reference_metrics=[METRICS[metric] for metric in REFERENCE_METRICS],
         behind_hota=BEHIND_HOTA,
+        fewest=FEWEST,
         reference_rows=[_reference_row(row) for row in rows],
         calibration=_calibration(results),
         strata=[(*place, [_reference_row(row) for row in found]) for place, found in strata.items()],

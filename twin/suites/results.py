@@ -22,6 +22,9 @@ _N_REPLICATE = 2000
 
 _CONFIDENCE = 0.95
 
+FEWEST = 6
+"""Values that an interval needs: of fewer, all are on one side of 0 by chance in more than 5 % of cases (2 · 0.5^n)."""
+
 _MOST_DRAWN = 10**7
 """Values drawn at a time: 80 MB."""
 
@@ -156,7 +159,7 @@ def _group(found: Sequence[_Figures], recorded: Mapping[str, RecordingInfo], rec
 
 @dataclass(frozen=True)
 class MeanOverSeeds:
-    """Mean of a metric over seeds and its 95 % bootstrap interval, whose bounds are None for one seed."""
+    """Mean of a metric over seeds and its 95 % bootstrap interval, whose bounds are None for fewer than `FEWEST` seeds."""
 
     mean: float
     low: float | None
@@ -170,8 +173,8 @@ def mean_over_seeds(values: list[float]) -> MeanOverSeeds | None:
         return None
     n = len(values)
     mean = float(np.mean(values))
-    if n == 1:
-        return MeanOverSeeds(mean, None, None, 1)
+    if n < FEWEST:
+        return MeanOverSeeds(mean, None, None, n)
     drawn = bootstrap(
         (np.array(values),),
         np.mean,

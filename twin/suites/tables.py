@@ -15,6 +15,7 @@ from twin.suites.comparison import Change, Comparison, incident_link, significan
 from twin.suites.metrics import METRICS, format_metric, metric_named, pooled_shares
 from twin.suites.results import (
     BEHIND_HOTA,
+    FEWEST,
     REFERENCE_METRICS,
     Group,
     GroupKey,
@@ -30,6 +31,7 @@ from twin.suites.results import (
 from twin.suites.store import ResultStore
 
 _MOST_ROWS = 30
+_MOST_SMALL_ROWS = 10
 
 
 def print_results(results: Results, reference: str | None = None) -> None:
@@ -48,7 +50,7 @@ def print_results(results: Results, reference: str | None = None) -> None:
     console.print(table)
     if reference is not None:
         console.print(
-            f"compared with {reference}, paired by scenario and seed; *: the 95 % interval leaves out 0",
+            f"compared with {reference}, paired by scenario and seed; *: the 95 % interval leaves out 0 (from {FEWEST} cases on)",
             highlight=False,
         )
         console.print(_reference_table(results, reference))
@@ -159,8 +161,21 @@ def print_comparison(
         )
     elif not comparison.worse:
         console.print(f"nothing got worse: {len(comparison.changes)} metrics compared")
+    if other := _within_chance(comparison):
+        console.print(f"{len(other)} changed within what chance or the tolerance explains; the largest:")
+        console.print(_changes_table(other[:_MOST_SMALL_ROWS]))
     console.print("minimum detectable change: the smallest loss, equal in every recording, that raises an alarm")
     console.print(_detectable_table(comparison))
+
+
+def _within_chance(comparison: Comparison) -> list[Change]:
+    """Return the headline metrics that changed and count neither as worse nor better, by change over tolerance."""
+    changed = [
+        each
+        for each in comparison.changes
+        if each.metric in HEADLINE_METRICS and each.change and not (each.worse or each.better)
+    ]
+    return sorted(changed, key=lambda each: -abs(each.change) / max(each.allowed, 1e-9))
 
 
 def _detectable_table(comparison: Comparison) -> Table:

@@ -366,10 +366,15 @@ def test_the_mean_over_seeds_has_an_interval_that_holds_it() -> None:
     assert mean_over_seeds([]) is None
     one = mean_over_seeds([0.5])
     assert one is not None and (one.mean, one.low, one.high) == (0.5, None, None)
-    many = mean_over_seeds([0.1, 0.2, 0.3, 0.4])
+    few = mean_over_seeds([0.1, 0.2, 0.3, 0.4, 0.5])
+    assert few is not None and (few.mean, few.low, few.high) == (pytest.approx(0.3), None, None), (
+        "one side by chance: 2 / 2^5"
+    )
+    values = [0.1, 0.2, 0.3, 0.4, 0.3, 0.2]
+    many = mean_over_seeds(values)
     assert many is not None and many.low is not None and many.high is not None
     assert 0.1 <= many.low < many.mean < many.high <= 0.4
-    assert many == mean_over_seeds([0.1, 0.2, 0.3, 0.4])
+    assert many == mean_over_seeds(values)
 
 
 def test_every_compared_figure_has_a_tolerance() -> None:
