@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import copy
 import itertools
+import traceback
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from math import isinf, isnan
+from pathlib import Path
 from typing import Any, TypeVar, get_args
 
 import numpy as np
 
+from trackers.errors import InputError
 from trackers.feeding import FedTracker
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation
 from trackers.rig import Rig
@@ -46,12 +49,17 @@ def check_tracker(
             frames = [frame for observation in fed for frame in at_work.update(observation)] + at_work.finish()
             reported = misreported(tracker, rig)
         except Exception as error:  # whatever a plug-in raises is what its author wants to read
-            violations.append(f"{what}: raised {type(error).__name__}: {error}")
+            violations.append(f"{what}: {_raised(error)}")
             return []
         violations.extend(f"{what}: {fault}" for fault in (*_faults(frames), *_faults_of_seen(seen, rig), *reported))
         return frames
 
-    tracker = make(rig, background, np.random.default_rng(_SEED))
+    try:
+        tracker = make(rig, background, np.random.default_rng(_SEED))
+    except InputError:
+        raise
+    except Exception as error:
+        return [f"its constructor {_raised(error)}"]
     if not isinstance(tracker, Tracker):
         return [f"{type(tracker).__name__} has not both update(observation) and tracks()"]
     if faults := misreported(tracker, rig):
@@ -60,6 +68,8 @@ def check_tracker(
     given = list(observations)
     before = copy.deepcopy([_arrays(item) for item in given])
     first = frames_of("plain run", given)
+    if violations and not first:
+        return violations
     if not all(_same(_arrays(item), old) for item, old in zip(given, before, strict=True)):
         violations.append("plain run: an observation's array was written to")
     if not violations and not any(frame.tracks for frame in first):
@@ -71,6 +81,14 @@ def check_tracker(
         if not given or corrupted is not given:
             frames_of(what, corrupted)
     return violations
+
+
+def _raised(error: Exception) -> str:
+    """Return the error and the line of its author: the last outside of installed packages."""
+    steps = traceback.extract_tb(error.__traceback__)
+    own = [step for step in steps if "site-packages" not in step.filename] or steps
+    where = "".join(f" ({Path(step.filename).name}, line {step.lineno})" for step in own[-1:])
+    return f"raised {type(error).__name__}: {error}{where}"
 
 
 def _faults(frames: Sequence[TrackFrame]) -> list[str]:

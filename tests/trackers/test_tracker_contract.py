@@ -162,6 +162,8 @@ def chokes_on_nan(self, observation):
         (broken(track=lambda self: Track(1, 0.0, 0.0, status="lost")), "status"),
         (broken(update=writes), "written to"),
         (broken(update=chokes_on_nan), "scans without a reading: raised ZeroDivisionError"),
+        (broken(__init__=lambda self, *made: 1 / 0), "its constructor raised ZeroDivisionError"),
+        (broken(update=lambda self, observation: 1 / 0), "plain run: raised ZeroDivisionError"),
         (broken(takes_any_order=True), "twice: stamps do not rise"),
         (broken(takes_any_order=True), "a second late: stamps do not rise"),
         (broken(tracks=None), "tracks"),

@@ -138,6 +138,7 @@ def evaluate(
     from twin.evaluate.judged_frames import describe_judged
     from twin.recording.situation_table import read_situations
     from twin.recording.tables import MOST_TABLE_BYTES, read_tracks, read_truth
+    from twin.recording.truth_tables import on_clock_of_tracks
     from twin.tables.headerless import sequence_info
 
     if not 0 < gate < float("inf"):
@@ -153,6 +154,7 @@ def evaluate(
         if n_frame and frame_rate is not None:
             stamps = np.union1d(stamps, [round(NS_PER_S * number / frame_rate) for number in range(1, n_frame + 1)])
         tables = replace(tables[0], frame_stamps_ns=stamps), replace(tables[1], frame_stamps_ns=stamps)
+    tables = on_clock_of_tracks(tables[0], tables[1], tracks), tables[1]
     pairs = read_situations(situations) if situations is not None else None
     evaluation = evaluate_with_details(*tables, gate_m=gate, situations=pairs)
     print_warnings(evaluation.notes)

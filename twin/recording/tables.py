@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import isfinite, isnan, nan
 from numbers import Integral
 from pathlib import Path
@@ -60,6 +60,7 @@ class TruthTable(StampedRows):
     in_area: NDArray[np.bool_]
     visible: dict[str, NDArray[np.float64]]  # by sensor
     notes: tuple[str, ...] = ()  # what was guessed in reading it
+    labels: Mapping[int, str] = field(default_factory=dict)  # the table's own id of each person who was counted
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,6 +203,7 @@ def read_truth(
         in_area=in_area,
         visible=visible,
         notes=found.notes if set(TRUTH_COLUMNS) <= set(rows.cells) else (*found.notes, *check_plausibility(found)),
+        labels=found.counted(),
     )
 
 

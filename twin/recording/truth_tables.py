@@ -31,11 +31,13 @@ import numpy as np
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
+from trackers.plain_data import parse_json
+from trackers.text_file import read_text
 from twin.recording import topics
 from twin.recording.atomic_file import open_atomic
 from twin.recording.ros_messages import string_message
 from twin.recording.situation_table import encode_situation, situation_writer
-from twin.recording.tables import Row, TruthTable, cell, plain, seconds_cell
+from twin.recording.tables import Row, TrackTable, TruthTable, cell, plain, seconds_cell
 from twin.truth.frames import Box, BoxFrame, FootTruth, PersonTruth, RayFrame, Situation, TruthDetail, TruthFrame
 
 PEOPLE_COLUMNS = ("id", "name")
@@ -44,6 +46,8 @@ FEET_COLUMNS = ("t", "id", "foot", *_FOOT_NUMBERS, "contact")
 _CELLS = "cells_"
 BOX_COLUMNS = ("t", "camera", "id", "left", "top", "width", "height", "visible_px", "truncated")
 RAY_COLUMNS = ("t", "sensor", "id", "first_beam", "last_beam")
+ABOUT = "recording.json"
+"""Facts of a recording not in the tables of tracks: the stamp of t = 0, and losses; written by `twin track`."""
 DETAIL_FILES = ("truth_boxes.csv", "truth_rays.csv", "truth_situations.csv")
 DETAIL_TOPICS = (topics.TRUTH_BOXES, topics.TRUTH_RAYS, topics.TRUTH_SITUATIONS)
 
@@ -197,3 +201,22 @@ def on_clock_of(table: TruthTable, start_ns: int, duration_s: float, recording: 
         f"{table.source}: t is from {stamps[0] / NS_PER_S:.3f} to {stamps[-1] / NS_PER_S:.3f} s, and {recording} goes from 0 to "
         f"{duration_s:.3f} s{by_stamp}; t on the recording's clock is expected"
     )
+
+
+def on_clock_of_tracks(truth: TruthTable, tracks: TrackTable, path: Path) -> TruthTable:
+    """Return truth on the clock of the tracks in `path`, which `twin track` wrote: by the recording's first stamp, if it is
+    of that time.
+
+    The stamp stands in `recording.json`, in the folder above that of the tracks. Without that file the truth stays as it is.
+    """
+    about = path.resolve().parent.parent / ABOUT
+    ends = tracks.frame_stamps_ns[[0, -1]] if tracks.frame_stamps_ns.size else None
+    stamps = truth.frame_stamps_ns
+    if ends is None or not stamps.size or stamps[0] <= ends[1] or not about.is_file():
+        return truth
+    expected = "the start_stamp_ns [ns] that `twin track` writes there"
+    content = parse_json(read_text(about, expected), str(about), expected)
+    start_ns = content.get("start_stamp_ns") if isinstance(content, dict) else None
+    if not isinstance(start_ns, int):
+        raise InputError(f"{about}: start_stamp_ns: is {start_ns!r}; {expected} is expected")
+    return on_clock_of(truth, start_ns, int(ends[1]) / NS_PER_S, str(path))

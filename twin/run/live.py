@@ -190,7 +190,8 @@ class _LiveRun:
             files["preview"] = folder / "preview.mp4"
         result = self._evaluated(files) if self._chosen else RunResult(None, {})
         files |= result.files
-        self._out.finish(list(files.values()))
+        for each in self._out.finish(list(files.values())):
+            self._request.on_warning(each)
         warnings = (*self._early, *self._new, *result.warnings)
         return replace(result, files=files, warnings=warnings, tracker_warnings=tuple(self._tracker_warnings))
 

@@ -37,15 +37,17 @@ class OutFolder:
         """Note the files to be written, before the first appears, so that a failed run can be repeated."""
         self._note(self._made | self._names)
 
-    def finish(self, written: Sequence[Path], kept: Sequence[str] = ()) -> None:
+    def finish(self, written: Sequence[Path], kept: Sequence[str] = ()) -> list[str]:
         """Note the written files, and remove an earlier run's files that this one did not write, except `kept`.
 
-        So runs do not mix in a folder, and users' files are not touched.
+        So runs do not mix in a folder, and users' files are not touched. Return a sentence about the removed ones, if any.
         """
         names = {path.relative_to(self.path).as_posix() for path in written}
-        for name in self._made - names - set(kept):
-            (self.path / name).unlink(missing_ok=True)
+        removed = [name for name in sorted(self._made - names - set(kept)) if (self.path / name).exists()]
+        for name in removed:
+            (self.path / name).unlink()
         self._note(names | (self._made & set(kept)))
+        return [f"{self.path}: removed from the earlier run: {', '.join(removed)}"] if removed else []
 
     def _note(self, names: set[str]) -> None:
         with open_atomic(self.path / MADE) as stream:

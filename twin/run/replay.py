@@ -28,7 +28,7 @@ from twin.recording.reader import Recording
 from twin.recording.situation_table import situation_table
 from twin.recording.tables import MOST_TABLE_BYTES, TruthTable, read_truth, truth_table
 from twin.recording.track_topics import check_copy, copy_with_tracks
-from twin.recording.truth_tables import DETAIL_FILES, on_clock_of, truth_frames
+from twin.recording.truth_tables import ABOUT, DETAIL_FILES, on_clock_of, truth_frames
 from twin.report.birdseye import Polygon
 from twin.report.page import RunFacts
 from twin.report.path_map import ScanDensity
@@ -59,11 +59,9 @@ from twin.world.empty_room import empty_room
 from twin.world.world import heap_trimmed
 
 _RATE_PROBE = 20
-_ABOUT = "recording.json"
-"""Facts of a recording not in the tables of tracks: the stamp of t = 0, and losses."""
 _OF_THE_RUN = ("recording.mcap", "truth.csv", "truth_people.csv", "truth_feet.csv", *DETAIL_FILES, "scenario.yaml")
 """Files of a run in the folder, which a replay into it keeps."""
-_EXTRA_FILES = ("metrics.json", "preview.mp4", _ABOUT)
+_EXTRA_FILES = ("metrics.json", "preview.mp4", ABOUT)
 
 
 def track_recording(
@@ -166,6 +164,8 @@ class _Replay:
         of_the_bag = bag.has_situations and request.truth is None
         self._situations = situation_table(bag.situations(), str(bag.path)) if of_the_bag else None
         names = {number: name for number, name in enumerate(scenario.people, start=1)} if scenario else None
+        if request.truth is not None and request.truth.labels:
+            names = dict(request.truth.labels)
         outline = outline_of(scenario) if request.report or request.video else []
         scans = None if outline or not request.report else ScanDensity(bag.rig)
         self._place = Site(bag.rig, outline, names, scans, recording=bag.path)
@@ -219,14 +219,15 @@ class _Replay:
         request, folder = self._request, self._out.path
         facts = self._facts(fed)
         results = evaluate_trackers(folder, fed.runners, self._truth, self._situations)
-        self._write_about(folder / _ABOUT)
+        self._write_about(folder / ABOUT)
         result = write_results(
             folder, facts, results, fed, self._truth, self._place, losses=self._losses, report=request.report
         )
         for note in result.warnings:
             request.on_warning(note)
-        left = result.files | {"about": folder / _ABOUT}
-        self._out.finish(list(left.values()), kept=_OF_THE_RUN)
+        left = result.files | {"about": folder / ABOUT}
+        for each in self._out.finish(list(left.values()), kept=_OF_THE_RUN):
+            request.on_warning(each)
         if request.bag_copy is not None:
             names = [each.name for each in fed.runners if not each.failure]
             frames = [(name, frame) for name, frame in self._frames if name in names]
@@ -261,6 +262,8 @@ class _Replay:
         """Write `recording.json`."""
         bag = self._request.bag
         about = {"recording": str(bag.path), "start_stamp_ns": bag.start_ns, "losses": documents(self._losses)}
+        if self._truth is not None and self._truth.labels:
+            about["people"] = {str(number): label for number, label in self._truth.labels.items()}
         with open_atomic(path) as stream:
             json.dump(about, stream, indent=2, allow_nan=False)
             stream.write("\n")

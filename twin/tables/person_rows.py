@@ -54,10 +54,14 @@ class PersonRows:
 
     def ids(self) -> NDArray[np.int64]:
         """Return a number per row's person (n,), from 1 on: the labels if all are such numbers, else counted by label."""
+        counted = {label: number for number, label in self.counted().items()}
+        return np.array([counted.get(label) or int(label) for label in self.labels], dtype=np.int64)
+
+    def counted(self) -> dict[int, str]:
+        """Return the label of each number that `ids` counts; none where the labels are numbers from 1 on."""
         labels = sorted(set(self.labels), key=label_order)
         whole = all(label.isdecimal() and 0 < int(label) <= MAX_INT64 for label in labels)
-        number = {label: int(label) if whole else place for place, label in enumerate(labels, start=1)}
-        return np.array([number[label] for label in self.labels], dtype=np.int64)
+        return {} if whole else dict(enumerate(labels, start=1))
 
 
 def label_order(label: str) -> tuple[int, int, str]:

@@ -20,13 +20,13 @@ from twin.scenario import load_scenario
 pytestmark = pytest.mark.slow
 
 
-def write(folder: Path, *names: str) -> None:
+def write(folder: Path, *names: str) -> list[str]:
     with out_folder(folder, names) as out:
         out.announce()
         for name in names:
             with open_atomic(folder / name) as stream:
                 stream.write("x")
-        out.finish([folder / name for name in names])
+        return out.finish([folder / name for name in names])
 
 
 @pytest.mark.parametrize(
@@ -77,9 +77,12 @@ def test_nothing_is_removed_through_a_link_out_of_the_folder(tmp_path: Path) -> 
 
 
 def test_a_whole_run_removes_what_an_earlier_one_made_and_nothing_else(tmp_path: Path) -> None:
-    write(tmp_path, "metrics.json", "tracks/a.csv")
+    assert write(tmp_path, "metrics.json", "tracks/a.csv") == []
     (tmp_path / "tracks" / "mine.csv").write_text("mine")
-    write(tmp_path, "metrics.json", "tracks/b.csv")
+    assert write(tmp_path, "metrics.json", "tracks/a.csv") == []
+    assert write(tmp_path, "metrics.json", "tracks/b.csv") == [
+        f"{tmp_path}: removed from the earlier run: tracks/a.csv"
+    ]
     assert sorted(path.name for path in (tmp_path / "tracks").iterdir()) == ["b.csv", "mine.csv"]
     assert json.loads((tmp_path / MADE).read_text()) == ["metrics.json", "tracks/b.csv"]
     with pytest.raises(InputError, match="holds tracks/mine.csv, which twin did not write"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -41,6 +42,8 @@ def test_labels_judge_like_the_truth_and_the_command_says_how_many_frames(walk: 
     assert done.returncode == 0, done.stderr
     assert "laser-imm: 2" in done.stderr and "frames judged" in done.stderr
     assert f"--truth {walk / 'labels.csv'}" in (out / "report.html").read_text()
+    people = json.loads((out / "recording.json").read_text())["people"]
+    assert people == {str(number): f"person {number}" for number in range(1, 6)}
     own = twin("evaluate", str(walk / "truth.csv"), str(out / "tracks/laser-imm.csv"))
     with_labels = twin("evaluate", str(walk / "labels.csv"), str(out / "tracks/laser-imm.csv"))
     assert own.returncode == with_labels.returncode == 0
@@ -64,6 +67,21 @@ def test_t_counts_from_the_start_or_is_the_stamp_itself(tmp_path: Path) -> None:
     np.testing.assert_array_equal(on_clock_of(stamped, start_ns, 3.0, "bag").stamps_ns, table.stamps_ns)
     with pytest.raises(InputError, match=r"bag goes from 0 to 0\.300 s"):
         on_clock_of(table, start_ns, 0.3, "bag")
+
+
+def test_a_table_of_stamps_is_evaluated_by_the_stamp_at_which_the_tracks_begin(tmp_path: Path) -> None:
+    (tmp_path / "tracks").mkdir()
+    tracks, labels = tmp_path / "tracks/mine.csv", tmp_path / "labels.csv"
+    tracks.write_text("t,id,x,y\n0.5,1,0,1\n1.5,1,0,1\n")
+    labels.write_text("t,id,x,y\n1700000000.5,ann,0,1\n1700000001.5,ann,0,1\n")
+    alone = twin("evaluate", labels, tracks)
+    assert alone.returncode == 2 and "the same clock" in alone.stderr
+    (tmp_path / "recording.json").write_text('{"start_stamp_ns": 1700000000000000000}')
+    done = twin("evaluate", labels, tracks)
+    assert done.returncode == 0 and json.loads(done.stdout)["mota"] == 1, done.stderr
+    (tmp_path / "recording.json").write_text('{"start_stamp_ns": "now"}')
+    refused = twin("evaluate", labels, tracks)
+    assert refused.returncode == 2 and "recording.json: start_stamp_ns: is 'now'" in refused.stderr
 
 
 def test_people_outside_the_tracked_area_are_not_owed(tmp_path: Path) -> None:
