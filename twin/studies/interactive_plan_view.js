@@ -81,7 +81,7 @@
       outline(pen, each.corners); pen.globalAlpha = each.high > 1.5 ? 1 : 0.35; pen.fill();
     }
     pen.globalAlpha = 1;
-    pen.setLineDash([6 * ratio, 4 * ratio]); pen.strokeStyle = colour("--ink"); pen.lineWidth = ratio;
+    pen.setLineDash([6 * ratio, 4 * ratio]); pen.strokeStyle = "#11151a"; pen.lineWidth = ratio;
     outline(pen, plan.area); pen.stroke(); pen.setLineDash([]);
     const order = [...sensors.filter((each) => each !== chosen), chosen]; // the chosen one over those at the same place
     for (const sensor of order) drawSensor(pen, sensor, sensors.indexOf(sensor) + 1, ratio);
@@ -92,12 +92,14 @@
   }
   function drawSensor(pen, sensor, number, ratio) {
     const [u, v] = toPixel(sensor.xyz), [tu, tv] = tipOf(sensor), wrong = solidAt(sensor.xyz);
-    pen.strokeStyle = pen.fillStyle = wrong ? "#c2330f" : sensor === chosen ? "#0b57d0" : colour("--ink");
-    pen.lineWidth = 2 * ratio;
-    pen.beginPath(); pen.moveTo(u, v); pen.lineTo(tu, tv); pen.stroke();
-    pen.beginPath(); pen.arc(tu, tv, 4 * ratio, 0, 7); pen.fill();
-    pen.beginPath(); pen.arc(u, v, 10 * ratio, 0, 7); pen.fill();
-    pen.fillStyle = colour("--paper"); pen.font = `${11 * ratio}px system-ui, sans-serif`;
+    const ink = wrong ? "#c2330f" : sensor === chosen ? "#0b57d0" : "#11151a";
+    for (const [shade, wider] of [["#fff", 1.5 * ratio], [ink, 0]]) { // a white edge: the map is light, the page may be dark
+      pen.strokeStyle = pen.fillStyle = shade; pen.lineWidth = 2 * (ratio + wider);
+      pen.beginPath(); pen.moveTo(u, v); pen.lineTo(tu, tv); pen.stroke();
+      pen.beginPath(); pen.arc(tu, tv, 4 * ratio + wider, 0, 7); pen.fill();
+      pen.beginPath(); pen.arc(u, v, 10 * ratio + wider, 0, 7); pen.fill();
+    }
+    pen.fillStyle = "#fff"; pen.font = `${11 * ratio}px system-ui, sans-serif`;
     pen.textAlign = "center"; pen.textBaseline = "middle"; pen.fillText(number, u, v);
   }
 
