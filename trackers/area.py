@@ -5,13 +5,14 @@ shapely, equally fast, is not used: points on the border must be judged to the b
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import AfterValidator, Field
-from scipy.spatial.transform import Rotation
 
 from trackers.arrays import Array, Mask
 from trackers.configuration import Strict
@@ -42,7 +43,68 @@ AngleDeg = Annotated[float, Field(ge=-360, le=360, allow_inf_nan=False)]
 @lru_cache(maxsize=256)
 def _rotation(rpy: Point3) -> NDArray[np.float64]:
     """Return the rotation matrix; cached for the few sensors."""
-    return Rotation.from_euler("xyz", rpy).as_matrix()
+    quaternion = (0.0, 0.0, 0.0, 1.0)
+    for axis, angle_rad in enumerate(rpy):
+        turn = [0.0, 0.0, 0.0, math.cos(angle_rad / 2)]
+        turn[axis] = math.sin(angle_rad / 2)
+        quaternion = _product(turn, quaternion)
+    return _matrix(*quaternion)
+
+
+def _product(one: Sequence[float], other: Sequence[float]) -> tuple[float, float, float, float]:
+    """Return the product of two quaternions x, y, z, w: the rotation `other`, then `one`."""
+    (x, y, z, w), (of_x, of_y, of_z, of_w) = one, other
+    return (
+        w * of_x + of_w * x + (y * of_z - z * of_y),
+        w * of_y + of_w * y + (z * of_x - x * of_z),
+        w * of_z + of_w * z + (x * of_y - y * of_x),
+        w * of_w - x * of_x - y * of_y - z * of_z,
+    )
+
+
+def _matrix(x: float, y: float, z: float, w: float) -> NDArray[np.float64]:
+    """Return the rotation matrix (3, 3) of a unit quaternion."""
+    x2, y2, z2, w2 = x * x, y * y, z * z, w * w
+    return np.array(
+        [
+            [x2 - y2 - z2 + w2, 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), -x2 + y2 - z2 + w2, 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), -x2 - y2 + z2 + w2],
+        ]
+    )
+
+
+def rotation_of(quaternion: Sequence[float]) -> NDArray[np.float64]:
+    """Return the rotation matrix (3, 3) of a quaternion x, y, z, w of any length above 0.
+
+    This and `quaternion_of` have the bits of SciPy's Rotation, without its import, which takes longer than NumPy's.
+    """
+    x, y, z, w = quaternion
+    length = math.sqrt(x * x + y * y + z * z + w * w)
+    return _matrix(x / length, y / length, z / length, w / length)
+
+
+def quaternion_of(rotation: NDArray[np.float64]) -> tuple[float, float, float, float]:
+    """Return the unit quaternion x, y, z, w of a rotation matrix (3, 3), after Shepperd; an inexact one is made orthogonal."""
+    if not np.allclose(rotation @ rotation.T, np.eye(3), rtol=0.0, atol=1e-12):
+        from scipy.spatial.transform import Rotation  # takes a while to load
+
+        rotation = Rotation.from_matrix(rotation).as_matrix()
+    matrix = rotation.tolist()
+    diagonal = [matrix[0][0], matrix[1][1], matrix[2][2]]
+    diagonal.append(diagonal[0] + diagonal[1] + diagonal[2])
+    i = max(range(4), key=diagonal.__getitem__)
+    j, k = (i + 1) % 3, (i + 2) % 3
+    quaternion = [0.0, 0.0, 0.0, 1.0 + diagonal[3]]
+    if i == 3:
+        quaternion[:3] = (matrix[2][1] - matrix[1][2], matrix[0][2] - matrix[2][0], matrix[1][0] - matrix[0][1])
+    else:
+        quaternion[i] = 1.0 - diagonal[3] + 2.0 * matrix[i][i]
+        quaternion[j], quaternion[k] = matrix[j][i] + matrix[i][j], matrix[k][i] + matrix[i][k]
+        quaternion[3] = matrix[k][j] - matrix[j][k]
+    x, y, z, w = quaternion
+    length = math.sqrt(x * x + y * y + z * z + w * w)
+    return x / length, y / length, z / length, w / length
 
 
 class Pose(Strict):
@@ -81,6 +143,8 @@ class Pose(Strict):
     @classmethod
     def from_matrix(cls, rotation: NDArray[np.float64], xyz: Point3) -> Pose:
         """Make the pose with this rotation matrix (3, 3) and origin [m]."""
+        from scipy.spatial.transform import Rotation  # takes a while to load
+
         roll, pitch, yaw = Rotation.from_matrix(rotation).as_euler("xyz")
         return cls(xyz=xyz, rpy=(float(roll), float(pitch), float(yaw)))
 

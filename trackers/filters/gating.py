@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.optimize import linear_sum_assignment
 
 from trackers.arrays import Array, Index, Mask
+from trackers.scipy_functions import linear_sum_assignment
 
 
 def distances(first: Float[Array, "n 2"], second: Float[Array, "k 2"]) -> Float[Array, "n k"]:

@@ -18,6 +18,7 @@ from jaxtyping import Float
 from trackers.arrays import Array
 from trackers.filters.imm import ImmState
 from trackers.filters.particle import Cloud
+from trackers.scipy_functions import chdtri, ndtr
 
 _STEPS = np.linspace(-2.4, 2.4, 9)
 _Z = np.stack(np.meshgrid(_STEPS, _STEPS)).reshape(2, -1)  # (2, k) places, in standard deviations
@@ -85,8 +86,6 @@ def probability_within(
 
     Along the motion by Gauss and Legendre's rule over the circle, across it by the conditional normal distribution.
     """
-    from scipy.special import ndtr
-
     u, v = _axes(along)
     l_uu, l_vu, l_vv = (each[..., None] for each in _root(state, u, v))
     off_x, off_y = state.mean[0] - centre[:, 0], state.mean[1] - centre[:, 1]  # (m, n)
@@ -113,8 +112,6 @@ def radius_containing(
     approximate distribution of estimates of variance components", Biometrics Bulletin 2, 1946): exact for circles and for
     lines.
     """
-    from scipy.special import chdtri
-
     off_x, off_y = state.mean[0] - centre[:, 0], state.mean[1] - centre[:, 1]  # (m, n)
     xx, xy, yy = state.covariance[0, 0] + offset_m2, state.covariance[0, 1], state.covariance[1, 1] + offset_m2
     square = xx + yy + off_x**2 + off_y**2

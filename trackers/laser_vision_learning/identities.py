@@ -21,10 +21,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy.typing import NDArray
 from pydantic import Field, PositiveInt
-from scipy.optimize import linear_sum_assignment
 
 from trackers.arrays import Array, Index, Mask
 from trackers.configuration import Strict
+from trackers.scipy_functions import linear_sum_assignment
 
 _IMPOSSIBLE = -1e6
 

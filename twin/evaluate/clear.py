@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
+
+from trackers.scipy_functions import linear_sum_assignment
 
 MOSTLY_TRACKED_SHARE = 0.8
 MOSTLY_LOST_SHARE = 0.2

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
+from trackers.scipy_functions import linear_sum_assignment
 from twin.evaluate.clear import PairMatrix
 
 THRESHOLDS = np.arange(1, 20) * 0.05  # similarity, 0.05 to 0.95

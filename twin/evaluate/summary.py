@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from trackers.errors import InputError
+from trackers.scipy_functions import linear_sum_assignment
 from twin.evaluate.accuracy import PersonFrames, disposal, person_frames, within_radius
 from twin.evaluate.causes import Errors, errors_by_cause
 from twin.evaluate.clear import FrameMatches, PairMatrix, clear, find_switches, identity, match_frames

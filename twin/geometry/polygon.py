@@ -1,4 +1,4 @@
-"""Polygons on the floor: containment of straight ways, distances, offsets.
+"""Polygons on the floor: hulls, containment of straight ways, distances, offsets.
 
 shapely is not used: the results determine truth and routes to the bit, and borders have a width here.
 """
@@ -9,6 +9,12 @@ import numpy as np
 
 from trackers.area import TOLERANCE_M, Area, cross, edge_gaps
 from trackers.arrays import Array
+from trackers.scipy_functions import scipy_functions
+
+ConvexHull, Delaunay, QhullError = scipy_functions(
+    "spatial", "_qhull", "ConvexHull", "Delaunay", "QhullError", needs="linalg.cython_lapack"
+)
+"""As in `scipy.spatial`."""
 
 
 def leaves_at(corners: Array, start: Array, end: Array) -> Array | None:

@@ -30,8 +30,8 @@ from rosbags.typesys.stores.ros2_humble import (
     std_msgs__msg__Header as Header,
     std_msgs__msg__String as String,
 )
-from scipy.spatial.transform import Rotation
 
+from trackers.area import quaternion_of, rotation_of
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation, Odometry
 from trackers.rig import CameraSensor, FloorSensor, RigSensor
@@ -179,7 +179,7 @@ def matrix_of(place: Any, turn: Any) -> NDArray[np.float64]:
     length = float(np.linalg.norm(quaternion))
     if not (np.isfinite(length) and length > 0):
         return np.full((4, 4), np.nan)
-    matrix[:3, :3] = Rotation.from_quat(quaternion / length).as_matrix()
+    matrix[:3, :3] = rotation_of((quaternion / length).tolist())
     matrix[:3, 3] = place.x, place.y, place.z
     return matrix
 
@@ -286,7 +286,7 @@ def _encode_floor(frame: FloorFrame) -> Encoded:
 def _encode_odometry(odometry: Odometry) -> Encoded:
     """Encode a pose; covariances and velocities stay 0, ROS's "not known"."""
     matrix = odometry.frame_from_base
-    x, y, z, w = (float(each) for each in Rotation.from_matrix(matrix[:3, :3]).as_quat())
+    x, y, z, w = quaternion_of(matrix[:3, :3])
     place = Point(*(float(each) for each in matrix[:3, 3]))
     nothing = Vector3(0.0, 0.0, 0.0)
     message = OdometryMessage(

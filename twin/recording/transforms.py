@@ -14,7 +14,6 @@ from math import degrees
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation, Slerp
 
 from trackers.arrays import Nanoseconds
 from trackers.errors import InputError
@@ -35,8 +34,15 @@ Poses = NDArray[np.float64]  # (n, 4, 4)
 def displacement(poses: Poses) -> tuple[float, float]:
     """Return the largest translation [m] and rotation [deg] of poses (n, 4, 4) from the first one."""
     away_m = np.linalg.norm(poses[:, :3, 3] - poses[0, :3, 3], axis=1)
-    turns = Rotation.from_matrix(poses[0, :3, :3].T @ poses[:, :3, :3])
-    return float(away_m.max()), degrees(float(turns.magnitude().max()))
+    turns_rad = _angles(poses[0, :3, :3].T @ poses[:, :3, :3])
+    return float(away_m.max()), degrees(float(turns_rad.max()))
+
+
+def _angles(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the angles (n,) of rotation matrices (n, 3, 3) [rad]."""
+    from scipy.spatial.transform import Rotation  # takes a while to load
+
+    return Rotation.from_matrix(rotations).magnitude()
 
 
 _FASTEST_MPS, _FASTEST_RADPS = 15.0, 20.0
@@ -49,7 +55,7 @@ def jumps(stamps_ns: Nanoseconds, poses: Poses) -> NDArray[np.intp]:
     steps = np.linalg.inv(poses[:-1]) @ poses[1:]
     passed_s = np.abs(np.diff(stamps_ns)) / NS_PER_S
     far = np.linalg.norm(steps[:, :3, 3], axis=1) > _FASTEST_MPS * passed_s + _SLACK_M
-    turned = Rotation.from_matrix(steps[:, :3, :3]).magnitude() if len(steps) else np.zeros(0)
+    turned = _angles(steps[:, :3, :3]) if len(steps) else np.zeros(0)
     return np.flatnonzero(far | (turned > _FASTEST_RADPS * passed_s + _SLACK_RAD)) + 1
 
 
@@ -87,6 +93,8 @@ class Edge:
         poses = self.parent_from_child[first]
         if len(stamps) == 1 or self.is_static:
             return np.broadcast_to(poses[-1], (len(stamps_ns), 4, 4))
+        from scipy.spatial.transform import Rotation, Slerp
+
         since = np.clip(stamps_ns, stamps[0], stamps[-1]) - stamps[0]
         known = (stamps - stamps[0]).astype(float)
         found = np.tile(np.eye(4), (len(since), 1, 1))

@@ -28,8 +28,8 @@ from rosbags.typesys.stores.ros2_humble import (
     std_msgs__msg__String as String,
     tf2_msgs__msg__TFMessage as TFMessage,
 )
-from scipy.spatial.transform import Rotation
 
+from trackers.area import quaternion_of
 from trackers.cameras import FisheyeIntrinsics, PinholeIntrinsics
 from trackers.observations import NS_PER_S, Observation, Odometry
 from trackers.rig import CameraSensor, OdometrySensor, Rig, RigSensor, StereoSensor
@@ -237,11 +237,10 @@ def transform_message(
 ) -> TransformStamped:
     """Return a frame's pose (4, 4) in its parent's, by default the room's, as a transform for `/tf` or `/tf_static`."""
     place = (float(each) for each in parent_from_child[:3, 3])
-    turn = (float(each) for each in Rotation.from_matrix(parent_from_child[:3, :3]).as_quat())
     return TransformStamped(
         header=Header(time_message(stamp_ns), topics.ROOM_FRAME if parent is None else parent),
         child_frame_id=child,
-        transform=Transform(Vector3(*place), Quaternion(*turn)),
+        transform=Transform(Vector3(*place), Quaternion(*quaternion_of(parent_from_child[:3, :3]))),
     )
 
 

@@ -9,7 +9,6 @@ from html import escape
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from trackers.rig import CameraSensor, FloorSensor, Rig, RigSensor
 from twin.report.birdseye import SHIFT, FloorView, dashes, fixed_point, svg_path
@@ -48,6 +47,10 @@ def assumed_poses(rig: Rig, true: Rig | None) -> list[AssumedPose]:
     for name, sensor in (true.sensors if true is not None else {}).items():
         assumed = rig.sensors[name]
         here, there = sensor.room_from_sensor, assumed.room_from_sensor
+        if here == there:
+            continue
+        from scipy.spatial.transform import Rotation  # takes a while to load
+
         apart_m = float(np.linalg.norm(there.translation - here.translation))
         turned_deg = float(np.rad2deg(Rotation.from_matrix(here.rotation.T @ there.rotation).magnitude()))
         off = [f"{_short(apart_m)} m"] * (apart_m > 1e-6) + [f"{_short(turned_deg)}°"] * (turned_deg > 1e-4)

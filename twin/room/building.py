@@ -9,12 +9,12 @@ import cv2
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, Delaunay
 
 from trackers.area import Area
 from trackers.arrays import Array, Mask
 from trackers.errors import InputError
 from twin.geometry.geom_hull import PLANE_M, hull_points
+from twin.geometry.polygon import ConvexHull, Delaunay
 from twin.instant.snapshot import RAY_GROUPS
 from twin.room.obstacles import OBSTACLE_REACH_M, Footprints
 from twin.room.walkable import ENCLOSED_M2, Plan, common_direction, outdoors_of, standing_footprints

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from trackers.area import Area
 from trackers.arrays import Array
 from trackers.errors import InputError
 from twin.geometry.geom_hull import hull_points
+from twin.geometry.polygon import ConvexHull
 
 AT_FLOOR_M = 0.01
 """Greatest height over z = 0 of a level surface that is floor [m]: people's soles are at z = 0."""

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from trackers.arrays import Array
 from trackers.errors import InputError
 from twin.geometry.geom_hull import hull_points
+from twin.geometry.polygon import ConvexHull
 from twin.room.obstacles import Solid, solids_of
 
 SEAT, BED = "seat_", "bed_"

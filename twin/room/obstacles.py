@@ -12,14 +12,13 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 from trackers.area import TOLERANCE_M, Area
 from trackers.arrays import Array, Mask
 from trackers.errors import InputError
 from trackers.text_file import check_limit
 from twin.geometry.geom_hull import hull_points
-from twin.geometry.polygon import gap_between, polygon_area
+from twin.geometry.polygon import ConvexHull, gap_between, polygon_area
 
 Planar = NDArray[np.complex128]
 

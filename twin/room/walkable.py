@@ -27,13 +27,12 @@ import cv2
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from trackers.area import meets_itself_at
 from trackers.arrays import Array
 from trackers.errors import InputError
 from twin.geometry.geom_hull import ENDLESS_M, hull_points
-from twin.geometry.polygon import inset, polygon_area
+from twin.geometry.polygon import ConvexHull, QhullError, inset, polygon_area
 from twin.room.obstacles import KEEP_FROM_EDGE_M, OBSTACLE_REACH_M, is_in_the_way
 
 Mask = NDArray[np.uint8]

@@ -32,7 +32,6 @@ from math import nan
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from trackers.observations import NS_PER_S, LaserScan
 from twin.truth.frames import Separation, Situation, SituationKind
@@ -233,13 +232,25 @@ def linked_pairs(points: NDArray[np.float64], ids: NDArray[np.int16]) -> set[Pai
     """Find pairs of people (ids (k,) of points (k, 2) [m]) in one cluster of single linkage at `LINKAGE_M`."""
     if not len(points):
         return set()
-    links = KDTree(points).query_pairs(LINKAGE_M, output_type="ndarray")
+    links = _close_pairs(points)
     if (ids[links[:, 0]] == ids[links[:, 1]]).all():
         return set()
     cluster = _clusters(links, len(points))
     crowd, member = np.divmod(np.unique(cluster * _IDS + ids), _IDS)  # by cluster, then id
     crowds = np.split(member, np.flatnonzero(np.diff(crowd)) + 1)
     return {pair for crowd in crowds for pair in combinations(crowd.tolist(), 2)}
+
+
+def _close_pairs(points: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the pairs (m, 2) of points (k, 2) no farther apart than `LINKAGE_M`, found along x."""
+    order = points[:, 0].argsort()
+    x, y = points[order].T
+    after = np.arange(1, len(x) + 1)
+    counts = x.searchsorted(x + LINKAGE_M + 1e-9, side="right") - after
+    first = np.repeat(after - 1, counts)
+    second = np.arange(len(first)) + np.repeat(after - counts.cumsum() + counts, counts)
+    near = (x[first] - x[second]) ** 2 + (y[first] - y[second]) ** 2 <= LINKAGE_M**2
+    return np.stack([order[first[near]], order[second[near]]], axis=1)
 
 
 def _clusters(links: NDArray[np.intp], count: int) -> NDArray[np.intp]:

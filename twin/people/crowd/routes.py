@@ -11,10 +11,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components, shortest_path
 
 from trackers.area import TOLERANCE_M, Area
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Index, Mask
 from trackers.errors import InputError
 from twin.geometry.polygon import inset
 from twin.room.obstacles import KEEP_FROM_EDGE_M, KEEP_FROM_FURNITURE_M, Footprints, Obstacle, inflated
@@ -26,6 +25,10 @@ CLOSE_M = 0.12
 _EDGE_M = KEEP_FROM_EDGE_M + 0.03
 _CLEAR_M = 1e-6
 _CUTS_FROM = 1e-4
+
+
+_MOST_NODES = 100
+"""Number of nodes beyond which SciPy is worth its import."""
 
 
 class Routes:
@@ -58,9 +61,9 @@ class Routes:
         lengths = np.zeros((len(self._nodes),) * 2)
         lengths[first[seen], second[seen]] = np.linalg.norm(self._nodes[first] - self._nodes[second], axis=1)[seen]
         lengths += lengths.T
-        self._apart, self._before = shortest_path(lengths, directed=False, return_predecessors=True)
-        parts = connected_components(lengths, directed=False)[1]
-        self._main = parts == np.bincount(parts).argmax() if len(parts) else np.zeros(0, dtype=bool)
+        self._apart, self._before = _shortest_ways(lengths)
+        reached = np.isfinite(self._apart)
+        self._main = reached[reached.sum(axis=1).argmax()] if len(reached) else np.zeros(0, dtype=bool)
 
     def way(self, start: Array, goal: Array) -> Array | None:
         """Find the shortest way (k, 2) [m] from start to goal (2,): the corners to pass, then the goal; None without a way.
@@ -271,3 +274,34 @@ def _gap_square(start: Array, end: Array, places: Array) -> Array:
 
 def _cross(first: Array, second: Array) -> Array:
     return first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
+
+
+def _shortest_ways(lengths: Array) -> tuple[Array, Index]:
+    """Return all shortest distances (n, n) [m] along edges of these lengths (n, n), 0 for none, and each way's last node
+    but one.
+
+    As SciPy's `shortest_path`, to the bit: after Floyd and Warshall where edges are many, else after Dijkstra from all nodes
+    at once.
+    """
+    count = len(lengths)
+    if count > _MOST_NODES:
+        from scipy.sparse.csgraph import shortest_path
+
+        return shortest_path(lengths, directed=False, return_predecessors=True)
+    nodes, edges = np.arange(count), np.where(lengths > 0, lengths, np.inf)
+    apart = np.where(np.eye(count, dtype=bool), 0.0, np.inf)
+    before, finished = np.full((count, count), -9999), np.zeros((count, count))
+    is_dense = np.count_nonzero(lengths) > count**2 / 4
+    if is_dense:
+        apart, before = np.minimum(apart, edges), np.where(np.isfinite(edges), nodes[:, None], before)
+    for node in nodes:
+        if is_dense:
+            through, last = apart[:, node, None] + apart[node], np.broadcast_to(before[node], apart.shape)
+        else:
+            nearest = (apart + finished).argmin(axis=1)
+            finished[nodes, nearest] = np.inf
+            through = apart[nodes, nearest][:, None] + edges[nearest]
+            last = np.broadcast_to(nearest[:, None], apart.shape)
+        shorter = through < apart
+        apart[shorter], before[shorter] = through[shorter], last[shorter]
+    return apart, before

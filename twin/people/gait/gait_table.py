@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from trackers.arrays import Array
 from twin.models import load_yaml
@@ -104,8 +103,35 @@ def _table() -> _Table:
     runs = np.clip((paces - first) / (second - first), 0.0, 1.0)
     cycle = _cycle(styles[_ROWS.index("double_support")], humps, runs, Ramps(**content["stance_load"]))
     roll = content["roll"]
-    rolls = np.stack([PchipInterpolator(roll["stance"], roll[gait])(_ROLL) for gait in ("walking", "running")])
+    rolls = np.stack(
+        [_monotone_cubic(np.array(roll["stance"]), np.array(roll[gait]), _ROLL) for gait in ("walking", "running")]
+    )
     return _Table(styles, cycle, rolls, last, content["runs_above_m_s"], content["walks_below_m_s"])
+
+
+def _monotone_cubic(x: Array, y: Array, at: Array) -> Array:
+    """Evaluate the monotone cubics through knots (k,), k > 2, at places within them, as SciPy's PchipInterpolator, to the
+    bit."""
+    step = np.diff(x)
+    slope = np.diff(y) / step
+    turns = np.sign(slope[1:]) * np.sign(slope[:-1]) <= 0
+    near, far = 2 * step[1:] + step[:-1], step[1:] + 2 * step[:-1]
+    one, other = (np.where(turns, 1.0, each) for each in (slope[:-1], slope[1:]))
+    inner = np.where(turns, 0.0, 1 / ((near / one + far / other) / (near + far)))
+    ends = (_slope_at_end(*step[:2], *slope[:2]), _slope_at_end(*step[:-3:-1], *slope[:-3:-1]))
+    tangent = np.concatenate([ends[:1], inner, ends[1:]])
+    bend = (tangent[:-1] + tangent[1:] - 2 * slope) / step
+    k = np.clip(np.searchsorted(x, at, side="right") - 1, 0, len(step) - 1)
+    s = at - x[k]
+    return y[k] + tangent[k] * s + ((slope - tangent[:-1]) / step - bend)[k] * (s * s) + (bend / step)[k] * (s * s * s)
+
+
+def _slope_at_end(step: float, next_step: float, slope: float, next_slope: float) -> float:
+    """Return the slope at an end by three points, limited so that the curve stays monotone."""
+    found = ((2 * step + next_step) * slope - step * next_slope) / (step + next_step)
+    if np.sign(found) != np.sign(slope):
+        return 0.0
+    return 3 * slope if np.sign(slope) != np.sign(next_slope) and abs(found) > 3 * abs(slope) else found
 
 
 def stance_load(share: Array, double_support: Array, humps: Array, runs: Array, ramps: Ramps) -> Array:

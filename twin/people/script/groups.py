@@ -11,9 +11,9 @@ from __future__ import annotations
 from math import pi
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from trackers.area import Area
+from trackers.scipy_functions import linear_sum_assignment
 from twin.people.crowd.motion_command import MotionCommand
 from twin.people.script.actor import Actor, WalkingGroup
 from twin.people.script.walking import FOR_A_WAY, Commands, for_a_way_to, has_room, shoulders_m

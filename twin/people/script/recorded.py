@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import hypot
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from trackers.arrays import Array
 from trackers.errors import InputError
@@ -17,6 +17,9 @@ from twin.scenario.action import RecordedPath
 from twin.scenario.behaviour import Action, Run, Walk
 from twin.scenario.person import Person
 from twin.tables.person_rows import WALKING_M_S, WALKING_WARNING, speed_along
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PchipInterpolator
 
 Planar = NDArray[np.complex128]
 
@@ -31,6 +34,8 @@ _XY = np.array([1, 1j])
 
 def curve_through(rows: Array) -> PchipInterpolator:
     """Fit the curve of positions over time through rows (k, 3) t [s], x, y [m]."""
+    from scipy.interpolate import PchipInterpolator  # takes a while to load
+
     return PchipInterpolator(rows[:, 0], rows[:, 1:])
 
 

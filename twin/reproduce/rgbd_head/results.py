@@ -11,11 +11,11 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from trackers.arrays import Array, Index, Mask
 from trackers.observations import NS_PER_S
 from trackers.rig import Rig, placed_camera
+from trackers.scipy_functions import linear_sum_assignment
 from twin.recording.reader import Recording
 from twin.recording.tables import TrackTable, TruthTable, read_truth
 from twin.reproduce.results import ResultRow, SystemValue, mean_over_runs
