@@ -241,11 +241,8 @@ def _clutter(area: Array, is_wide: bool, rng: np.random.Generator) -> Iterator[s
                     off = _turned(np.array(corner) * half, turn)
                     yield geom.format(form, shape, x + off[0], y + off[1], 0.4, np.degrees(turn))
             case "chairs":  # in a row, as people leave them
-                half, thick, form = (
-                    rng.uniform(0.16, 0.25, 2),
-                    rng.uniform(0.008, 0.02),
-                    rng.choice(["cylinder", "box"]),
-                )
+                half, thick = rng.uniform(0.16, 0.25, 2), rng.uniform(0.008, 0.02)
+                form = rng.choice(["cylinder", "box"])
                 shape = f"{thick:.3f} 0.25" if form == "cylinder" else f"{thick:.3f} {thick:.3f} 0.25"
                 for chair in range(int(rng.integers(1, 5))):
                     about = np.array([x, y]) + rng.normal(0, 0.05, 2) + chair * rng.uniform(0.5, 0.8) * _ahead(turn)

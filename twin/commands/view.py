@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from trackers.errors import InputError
 from twin.options import NoLimits, RoomRoot, Seed, Set, overrides
+
+if TYPE_CHECKING:
+    from twin.scenario import Scenario
 
 
 def view(
@@ -44,30 +47,21 @@ def view(
     from twin.console import print_paths, print_warnings, progress
     from twin.scenario import load_scenario
     from twin.scenario.run_size import check_size
-    from twin.view import write_drawn, write_people, write_room, write_video, write_view
+    from twin.view import write_room, write_video, write_view
 
-    if scenario is None:
-        if drawn is None:
-            raise InputError(
-                "scenario: is missing; a name of `twin list`, or the path of a YAML or MJCF file, is expected"
-            )
-        scenario = "drawn"
+    if scenario is None and drawn is None:
+        raise InputError("scenario: is missing; a name of `twin list`, or the path of a YAML or MJCF file, is expected")
+    scenario, path = scenario or "drawn", out or Path("view.png")
     if _is_room(scenario):
         given: dict[str, object] = {"--at": at, "--people": people, "--video": video, "--from": from_, "--to": to}
-        given |= {"--follow": follow, "--drawn": drawn, "--set": set_, "--seed": seed}
-        _check_of_room(scenario, given)
-        path = out or Path("view.png")
+        _check_of_room(scenario, given | {"--follow": follow, "--drawn": drawn, "--set": set_, "--seed": seed})
         print_warnings(write_room(scenario, path))
         print_paths({"view": path})
         return
     if drawn is not None:
         if people or video is not None:
             raise InputError(f"--drawn {drawn}: is a picture of its own beside --people and --video; one is expected")
-        path, first = out or Path("drawn.png"), 0 if seed is None else seed
-        with progress() as report:
-            warnings = write_drawn(scenario, set_ or [], range(first, first + drawn), at, path, on_progress=report)
-        print_warnings(warnings)
-        print_paths({"drawn": path})
+        _view_drawn(scenario, set_ or [], range(seed or 0, (seed or 0) + drawn), at, out or Path("drawn.png"))
         return
     check_options(at=at, people=people, video=video, start_s=from_, end_s=to, follow=follow, out=out)
     loaded = load_scenario(scenario, overrides(set_, seed))
@@ -77,16 +71,33 @@ def view(
             write_video(loaded, video, start_s=from_, end_s=to, follow=follow, on_progress=report)
         print_paths({"video": video})
     elif people:
-        path = out or Path("people.png")
-        with progress() as report:
-            found = write_people(loaded, path, on_progress=report)
-        for activity in found:
-            typer.echo(str(activity))
-        print_paths({"people": path})
+        _view_people(loaded, out or Path("people.png"))
     else:
-        path = out or Path("view.png")
         print_warnings(write_view(loaded, at, path))
         print_paths({"view": path})
+
+
+def _view_people(scenario: Scenario, path: Path) -> None:
+    """Draw each person from all sides, and print their actions."""
+    from twin.console import print_paths, progress
+    from twin.view import write_people
+
+    with progress() as report:
+        found = write_people(scenario, path, on_progress=report)
+    for activity in found:
+        typer.echo(str(activity))
+    print_paths({"people": path})
+
+
+def _view_drawn(scenario: str, changes: list[str], seeds: range, at: float, path: Path) -> None:
+    """Draw the scenes of these seeds side by side."""
+    from twin.console import print_paths, print_warnings, progress
+    from twin.view import write_drawn
+
+    with progress() as report:
+        warnings = write_drawn(scenario, changes, seeds, at, path, on_progress=report)
+    print_warnings(warnings)
+    print_paths({"drawn": path})
 
 
 def _check_of_room(room: str, given: Mapping[str, object]) -> None:

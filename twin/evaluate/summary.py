@@ -78,11 +78,7 @@ def evaluate_with_details(
     OSPA (c = 1 m, p = 1) and GOSPA (c = 1 m, p = 2, α = 2) are means over frames. `judged` holds the n of the metrics.
     """
     _check_gate(gate_m)
-    if not isinstance(truth, TruthTable) or not isinstance(tracks, TrackTable):
-        raise InputError(
-            f"truth is a {type(truth).__name__} and tracks a {type(tracks).__name__}; a TruthTable (twin.read_truth) and a "
-            "TrackTable (twin.read_tracks), in this order, are expected"
-        )
+    _check_tables(truth, tracks)
     aligned = align(truth, tracks)
     frames = aligned.frames
     all_people = match_all_people(frames, gate_m)
@@ -127,6 +123,14 @@ def evaluate_with_details(
         errors=errors,
         notes=(*truth.notes, *tracks.notes, *aligned.notes),
     )
+
+
+def _check_tables(truth: object, tracks: object) -> None:
+    if not isinstance(truth, TruthTable) or not isinstance(tracks, TrackTable):
+        raise InputError(
+            f"truth is a {type(truth).__name__} and tracks a {type(tracks).__name__}; a TruthTable (twin.read_truth) and a "
+            "TrackTable (twin.read_tracks), in this order, are expected"
+        )
 
 
 def _check_gate(gate_m: float) -> None:

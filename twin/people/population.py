@@ -83,13 +83,9 @@ class Population(Poses):
             perform(Actor(self._context, number, random[number]), person.script)
             for number, person in enumerate(described)
         ]
+        starts = {number: person.script[0] for number, person in enumerate(described) if person.script}
         self._recorded = RecordedPaths(
-            {
-                number: person.script[0]
-                for number, person in enumerate(described)
-                if person.script and isinstance(person.script[0], RecordedPath)
-            },
-            TICK_S,
+            {k: each for k, each in starts.items() if isinstance(each, RecordedPath)}, TICK_S
         )
         self._arrive_s = np.array([person.arrive_s for person in described], dtype=float)
         self._arrive_s[self._recorded.numbers] = np.inf  # they enter with their paths

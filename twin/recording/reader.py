@@ -71,18 +71,13 @@ class Recording:
             carried = self._text(bag, topics.RIG)
             self.is_twin = carried is not None
             self.scenario_yaml = self._text(bag, topics.SCENARIO)
-            silent: list[Loss] = []
             tree, poses = (TransformTree({}), {}) if self.is_twin else (TransformTree.read(bag), read_poses(bag))
-            source = "the rig"
-            if isinstance(rig, Rig):
-                self.rig = rig
-            elif rig is not None:
-                self.rig, source = Rig.load(rig, partial(self._complete, bag, str(rig))), str(Path(rig))
-            elif carried is not None:
-                source = f"{path}, topic {topics.RIG}"
-                self.rig = Rig.parse(carried, source)
-            else:
+            silent: list[Loss] = []
+            if rig is None and carried is None:
                 self.rig, silent = guess_rig(path, self.topics, tree, poses, partial(first_frame, bag))
+                source = "the rig"
+            else:
+                self.rig, source = self._given_rig(bag, rig, carried)
             self.sensor_topics = sensor_topics(path, self.topics, self.rig, source)
             if rig is not None and not self.is_twin:
                 used = self.sensor_topics.sensors | self.sensor_topics.depths
@@ -90,31 +85,21 @@ class Recording:
             add_transforms(self.sensor_topics, tree, self.rig, source)
             times = read_times(bag, self.sensor_topics.types)
             self._check_has_messages(times)
-            self.is_as_written = False
-            # where in doubt: that messages stand otherwise in the file decides
-            overlaps = (each.falls_back or crowded(topic, each.stamp_ns, usual=0.9) for topic, each in times.items())
-            if all_pause(times) or any(overlaps):
-                written, set_back_ns = read_times_as_written(bag, self.sensor_topics.types)
-                if set_back_ns:
-                    self.is_as_written, times = True, written
-                    silent += self._set_back(written, set_back_ns)
-                    if self.sensor_topics.transforms:
-                        add_transforms(
-                            self.sensor_topics, TransformTree.read(bag, in_file_order=True), self.rig, source
-                        )
+            written = self._as_written(bag, times, source)
+            self.is_as_written = written is not None
+            if written is not None:
+                times, set_back = written
+                silent += set_back
             times |= {
                 key: times_of(edge, self.rig, self.sensor_topics.sensors[key]) for key, (edge, _) in self._transforms
             }
-            right = self._corrected_clocks(times)
-            self.ahead_s = right.ahead_s
-            by_name = {self.sensor_topics.label(topic): each for topic, each in times.items()}
+            right, label = self._corrected_clocks(times), self.sensor_topics.label
+            self.ahead_s, self._times = right.ahead_s, times
+            by_name = {label(topic): each for topic, each in times.items()}
             self._in_stamp_order = not (self.is_twin or self.is_as_written) and right.is_log_of_no_order(by_name)
             self.start_ns = 0 if self.is_twin else self._first_stamp_ns(right)
             self.jumps_ns = tuple(each - self.start_ns for each in right.jumps_ns)
-            self.stamps_ns = {
-                topic: right.stamps_ns[self.sensor_topics.label(topic)] - self.start_ns for topic in times
-            }
-            self._times = times
+            self.stamps_ns = {topic: right.stamps_ns[label(topic)] - self.start_ns for topic in times}
             if self._in_stamp_order:
                 silent.append(OF_NO_ORDER)
             self._found = [
@@ -132,6 +117,33 @@ class Recording:
             self.moving: list[str] = [] if self.is_twin else motion_warnings(tree, poses, standing)
             """Warnings of sensors that move, a clause each; none in a twin's bag."""
         self._reading = LeftOut()
+
+    def _given_rig(self, bag: Bag, rig: Rig | AnyPath | None, carried: str | None) -> tuple[Rig, str]:
+        """Return the given rig, else the one that the bag carries, and its source in errors."""
+        if isinstance(rig, Rig):
+            return rig, "the rig"
+        if rig is not None:
+            return Rig.load(rig, partial(self._complete, bag, str(rig))), str(Path(rig))
+        assert carried is not None
+        source = f"{self.path}, topic {topics.RIG}"
+        return Rig.parse(carried, source), source
+
+    def _as_written(
+        self, bag: Bag, times: Mapping[str, MessageTimes], source: str
+    ) -> tuple[dict[str, MessageTimes], list[Loss]] | None:
+        """Return the messages' times in the order of the file, and the losses, where the recorder's clock was set back.
+
+        Where in doubt, that messages stand otherwise in the file decides.
+        """
+        overlaps = (each.falls_back or crowded(topic, each.stamp_ns, usual=0.9) for topic, each in times.items())
+        if not (all_pause(times) or any(overlaps)):
+            return None
+        written, set_back_ns = read_times_as_written(bag, self.sensor_topics.types)
+        if not set_back_ns:
+            return None
+        if self.sensor_topics.transforms:
+            add_transforms(self.sensor_topics, TransformTree.read(bag, in_file_order=True), self.rig, source)
+        return written, list(self._set_back(written, set_back_ns))
 
     @property
     def _transforms(self) -> list[tuple[str, tuple[Edge, Poses]]]:

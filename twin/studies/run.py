@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -179,8 +179,7 @@ def write_coverage(scenario: Scenario, folder: Path, *, beams: int, px_per_m: fl
 
     Raises InputError without scanners and cameras.
     """
-    names = looking_sensors(scenario)
-    if not names:
+    if not (names := looking_sensors(scenario)):
         raise InputError(
             f"scenario {scenario.name!r}: sensors: none is a scanner or a camera; one that looks is expected"
         )
@@ -226,18 +225,19 @@ def write_coverage(scenario: Scenario, folder: Path, *, beams: int, px_per_m: fl
         drawn = heat_map(floor.cells, best, floor.cell_m, sensors, building, area, label=label, least=least)
         maps.append((f"{', '.join(mine)}: {label}, empty room; red: fewer than {least:g}.", data_uri(drawn)))
     folder.mkdir(parents=True, exist_ok=True)
-    with open_atomic(folder / "coverage.json") as stream:
-        json.dump(found, stream, indent=2)
-        stream.write("\n")
-    template = study_template("coverage.html.j2")
     plan = plan_data(scenario, names, building, area, asked, floor.cell_m, extends=_SCENARIO, folder=folder)
-    with open_atomic(folder / _SCENARIO) as stream:
-        stream.write(dump_scenario(scenario))
-    with open_atomic(folder / "coverage.html") as stream:
-        stream.write(
-            template.render(found=found, maps=maps, sensors=sensors, samples=samples, folder=folder, **section(plan))
-        )
+    page = study_template("coverage.html.j2").render(
+        found=found, maps=maps, sensors=sensors, samples=samples, folder=folder, **section(plan)
+    )
+    text = json.dumps(found, indent=2) + "\n"
+    _write_texts(folder, {"coverage.json": text, _SCENARIO: dump_scenario(scenario), "coverage.html": page})
     return found
+
+
+def _write_texts(folder: Path, texts: Mapping[str, str]) -> None:
+    for name, text in texts.items():
+        with open_atomic(folder / name) as stream:
+            stream.write(text)
 
 
 def print_coverage(found: dict[str, Any]) -> None:

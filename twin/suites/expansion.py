@@ -162,8 +162,7 @@ def expand(
         except InputError as error:
             faults += [f"{path}: recordings.{number}: {line}" for line in str(error).splitlines()]
     faults += check.faults()
-    if faults:  # before each seed draws a room of its own
-        raise InputError("\n".join(dict.fromkeys(faults)))
+    _raise_if_any(faults)  # before each seed draws a room of its own
     for entry in checked:
         try:
             found = list(_cases_of(suite, entry, path, changes, limits=limits))
@@ -183,9 +182,13 @@ def expand(
                 f"{path}: recordings: {case.scenario} is there twice; a name of its own for each entry is expected"
             )
         cases[case.id] = case
+    _raise_if_any(faults)
+    return list(cases.values())
+
+
+def _raise_if_any(faults: Sequence[str]) -> None:
     if faults:
         raise InputError("\n".join(dict.fromkeys(faults)))
-    return list(cases.values())
 
 
 @dataclass(frozen=True)
