@@ -118,6 +118,7 @@ class Association:
         position = np.concatenate([seen.trunks.position, walkers.position])
         single = np.concatenate([np.zeros(n_trunk, np.bool_), walkers.n_leg == 1])
         by_legs = walkers.likelihood(options.legs, self._leg_gate_m)
+        weak = np.append(seen.trunks.n_sample < options.waist.min_samples, np.zeros(n_walker, np.bool_))
         cost = cost.joined(Costs.of(people, by_legs, options))
         unknown = np.full((len(people), n_walker), np.nan)  # of legs no colours are seen
         colour = np.concatenate([colour, unknown], axis=1)
@@ -126,10 +127,11 @@ class Association:
             [
                 self._explained(cost, looks, trunk < 0),
                 self._explained(cost, looks, others | (trunk >= 0)),
-                self._re_identified(cost, looks, colour, position, single),
+                self._re_identified(cost, looks, colour, position, single | weak),
             ]
         )
         new = left_over(len(position), taken)
+        new = new[~weak[new]]
         variance = np.concatenate([trunks.variance_m2, by_legs.variance_m2])
         return Matches(
             track=track,

@@ -98,6 +98,11 @@ class LayerScannerOptions(ScannerOptions):
     """Scanner options of every layer of this system."""
 
     min_samples: PositiveInt = Field(description="least samples of a cluster that initiates a track")
+    weak_samples: PositiveInt | None = Field(
+        default=1,
+        description="least samples of a cluster that goes on with a track, but alone initiates none, where nothing nearer is "
+        "beside it; null: the same as of any other (ours)",
+    )
     min_width_m: float = Field(
         ge=0,
         description="least width of a cluster, as the number of beams that a thing so wide returns at its range [m]",
@@ -112,7 +117,7 @@ class LayerScannerOptions(ScannerOptions):
 
     def layer(self, defaults: LayerOptions, **own: Any) -> LayerOptions:
         """Return the parameters of a layer: these, and its `own`, over the `defaults` of its height."""
-        base, names = self.over(defaults), ("hidden_variance_m2", "fuse_m")
+        base, names = self.over(defaults), ("hidden_variance_m2", "fuse_m", "weak_samples")
         cluster = base.cluster.model_copy(update={"min_samples": self.min_samples, "min_width_m": self.min_width_m})
         return base.model_copy(update={"cluster": cluster, **{name: getattr(self, name) for name in names}, **own})
 
@@ -161,11 +166,6 @@ class KneeScannerOptions(LayerScannerOptions):
 
     min_samples: PositiveInt = Field(default=2, description=described(LayerScannerOptions, "min_samples"))
     min_width_m: float = Field(default=0.03, ge=0, description=described(LayerScannerOptions, "min_width_m"))
-    weak_samples: PositiveInt | None = Field(
-        default=1,
-        description="least samples of a leg that goes on with a track, but alone initiates none, where nothing nearer is beside "
-        "it; null: the same as of any other (ours)",
-    )
     half_depth_m: float = Field(default=0.05, ge=0, description=described(ScannerOptions, "half_depth_m"))
     hidden_variance_m2: float = Field(
         default=0.02, ge=0, description=described(LayerScannerOptions, "hidden_variance_m2")
@@ -174,7 +174,7 @@ class KneeScannerOptions(LayerScannerOptions):
 
     def parameters(self) -> LayerOptions:
         """Return the layer's parameters."""
-        return self.layer(KneeOptions(), weak_samples=self.weak_samples)
+        return self.layer(KneeOptions())
 
 
 class AppearanceOptions(Strict):

@@ -88,7 +88,15 @@ PAPER_RULES: tuple[PaperRule, ...] = (
         "samples are split by the gap between two adjacent ones, which is not given. An arm is not a group: 0.3 m, more than "
         "from arm to trunk, and a group is at least 0.12 m wide, more than an arm. With 0.06 m MOTA falls from 0.97 to 0.42 "
         "(`lab-five-people`, seeds 1400 and 1401); with a gap of 0.2 m it is the same",
-        {"waist": {"jump_m": 0.3, "min_width_m": 0.12, "arm_width_m": None, "body_width_m": None}},
+        {
+            "waist": {
+                "jump_m": 0.3,
+                "min_width_m": 0.12,
+                "weak_samples": None,
+                "arm_width_m": None,
+                "body_width_m": None,
+            }
+        },
     ),
     PaperRule(
         "representative points",
@@ -163,7 +171,7 @@ RULES: Mapping[str, tuple[str, ...]] = {
     ),
     "arms": ("waist.arm_width_m", "waist.jump_m", "waist.min_width_m"),
     "leg-pairs": ("legs.assignment", "legs.pair_m", "legs.shanks_lean"),
-    "weak-legs": ("knee.weak_samples",),
+    "weak-clusters": ("waist.weak_samples", "knee.weak_samples"),
     "knees-alone": ("legs.gate_alone_m", "legs.single_leg_s"),
     "measured-noise": ("trunk.variance_m2", "legs.variance_m2", "legs.single_leg_variance_m2"),
     "velocities": ("motion",),

@@ -74,6 +74,13 @@ def test_legs_beside_a_trunk_are_those_of_somebody_hidden():
     assert found.trunk[found.track == 1].tolist() == [-1]
 
 
+def test_a_trunk_that_a_single_beam_shows_goes_on_with_its_person_but_starts_nobody():
+    trunks = detections((0.0, 1.5), (2.0, 3.0), (3.0, 3.0))
+    found = matched(trunks.changed(n_sample=np.array([1, 2, 3])), detections())
+    assert found.track.tolist() == [0]
+    assert found.new_position.tolist() == [[3.0, 3.0]]
+
+
 def test_a_bag_beside_the_legs_of_a_trunk_is_not_somebody_hidden_near_by():
     bag = (0.2, 1.62)
     found = matched(detections((0.0, 1.5)), detections(*LEGS_OF_THE_FIRST, bag))
