@@ -31,7 +31,7 @@ class Scanners:
         self.role: Role = role
         self._group, self._kind, self._area = group, kind, area
         self._sees_waists = sees_waists
-        self._legs = LegOptions(variance_m2=kind.sigma_m**2)
+        self._legs = LegOptions(variance_m2=kind.sigma_m**2) if role == "knee" else None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -56,31 +56,33 @@ class Scanners:
             self._kind.sigma_m**2 + found.variance_m2,
             self._group.sufficient(found),
         )
-        feet = None
-        if self.role == "knee":
+        feet, owner = None, np.full(len(found), -1)
+        if self._legs is not None:
             gate_m = self._legs.gate_m if self._sees_waists else self._legs.gate_alone_m
             walkers = pair_legs(
                 found,
                 starts,
                 np.empty((0, 2)),
                 expected.place,
-                expected.knees,
+                expected.legs,
                 _BAG_M,
                 gate_m,
                 self._legs,
             )
-            position = walkers.position
+            known, position = walkers.of_known, walkers.position
+            owner = walkers.owner
+            position[known] += expected.legs[owner[known]]
             feet = walkers.n_leg > 1
             variance = walkers.likelihood(self._legs, gate_m).variance_m2
             starts = (walkers.n_leg > 1) | (not self._sees_waists)
-            starts &= clear_of(position, np.concatenate([expected.place, expected.place + expected.knees]), STRIDE_M)
+            starts &= clear_of(position, np.concatenate([expected.place, expected.place + expected.legs]), STRIDE_M)
         return Look(
             tuple(scans),
             self._kind,
             position,
             round_covariance(variance),
             starts,
-            np.full(len(position), -1),
+            owner,
             lambda points: self._group.missed(scans, points),
             TRUNK_SHOWN if self.role == "waist" else LEGS_SHOWN,
             is_sharp=True,
@@ -97,7 +99,7 @@ def scanners_of(
         return []
     lasers, names = rig.lasers(), scanners_by_role(rig, ("waist", "knee"))
     layers: dict[Role, tuple[LayerOptions, KindOptions]] = {
-        "waist": (WaistOptions(), options.trunk),
+        "waist": (WaistOptions(outlines=True), options.trunk),
         "knee": (KneeOptions(), options.legs),
     }
     found = []

@@ -22,6 +22,7 @@ class Expected:
 
     place: Float[Array, "n 2"]  # ground point [m]
     head: Float[Array, "n 3"]  # [m]
+    legs: Float[Array, "n 2"]  # from the place to the middle of the legs on average [m]
     knees: Float[Array, "n 2"]  # from the place to the middle of the legs [m], far before somebody who sits
 
 

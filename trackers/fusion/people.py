@@ -94,7 +94,7 @@ class People(ImmTracks):
 
     def expected(self) -> Expected:
         """Return what sources are told of the tracks."""
-        return Expected(self.positions, self.head, self.posture.seated_knees)
+        return Expected(self.positions, self.head, self.posture.knees, self.posture.seated_knees)
 
     def learn_stature(
         self, row: Int[Index, "k"], height_m: Float[Array, "k"], variance_m2: Float[Array, "k"], memory: float

@@ -137,7 +137,7 @@ class Posture(Rows):
         """Learn where the legs of those at `row` are from the trunk [m], last seen since_s ago [s], and weigh how far."""
         knees = _KNEES_MEMORY * self.knees[row] + (1 - _KNEES_MEMORY) * legs
         off = (np.hypot(*knees.T)[:, None] - _KNEES_M) / _KNEES_SIGMA_M
-        log = (since_s / _ALIKE_S)[:, None] * (-0.5 * off**2 - np.log(_KNEES_SIGMA_M))
+        log = (since_s / 0.3)[:, None] * (-0.5 * off**2 - np.log(_KNEES_SIGMA_M))
         return self.changed(knees=written(self.knees, row, knees)).weighed(row, log)
 
     def by_place(

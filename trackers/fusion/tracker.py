@@ -12,13 +12,14 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable
+from dataclasses import replace
 from math import nan
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
-from trackers.arrays import Array, Index
+from trackers.arrays import Array, Index, Mask
 from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.filters.imm import Imm
@@ -195,6 +196,9 @@ class Fusion(SynchronizedTracker):
         if any(doubted[number] and look.feet is not None for number, look in looks.items()):
             people = people.upright()
         looks = {k: self._agreement.of_doubted(look, k) if doubted[k] else look for k, look in looks.items()}
+        for number, look in looks.items():
+            if look.feet is not None:
+                people, looks[number] = self._by_legs(people, look, look.feet, number, ns)
         elapsed_s, share = {}, {}
         for number, look in looks.items():
             since_s = (ns - self._looked_ns.get(number, ns - round(look.kind.lasts_s * NS_PER_S))) / NS_PER_S
@@ -241,7 +245,7 @@ class Fusion(SynchronizedTracker):
 
     def _measured(self, people: People, paired: list[Pairs], looks: dict[int, Look], ns: int) -> People:
         """Update tracks by their measurements; those of one source that follow soon tell together what one tells."""
-        row, column, ratio = (np.concatenate(each) for each in zip(*paired, strict=True))
+        row, _, ratio = (np.concatenate(each) for each in zip(*paired, strict=True))
         if not row.size:
             return people
         number = np.repeat(list(looks), [len(each[0]) for each in paired])
@@ -254,14 +258,8 @@ class Fusion(SynchronizedTracker):
         share = np.clip(since_s / kind["lasts_s"], _LEAST_SHARE, 1.0)
         posture = people.posture.detected(row, np.array([looks[n].by_posture[2] for n in number]), share)
         posture = posture.by_place(row, place, np.hypot(*people.velocity[row].T), share)
-        look = next(iter(looks.values()))
-        if look.feet is not None and self._sees_waists:
-            known = np.flatnonzero(ns - people.seen_ns[row, 0] <= _TOGETHER_S * NS_PER_S)
-            known = known[look.feet[column[known]] | posture.rests[row[known]]]
-            legs = place[known] + posture.seated_knees[row[known]] - people.seen_at[row[known], 0]
-            posture = posture.by_legs(row[known], legs, since_s[known])
         upright = np.maximum(1 - posture.low[row], _LEAST_SHARE)  # a lying person is not where a standing one would be
-        lean_m = np.where(posture.rests[row], look.lean_m, 0.0)
+        lean_m = np.where(posture.rests[row], np.array([looks[n].lean_m for n in number]), 0.0)
         R = (covariance / share[:, None, None] + (lean_m**2)[:, None, None] * np.eye(2)) / upright[:, None, None]
         head = ~np.isnan(of_head[:, 0])
         R_head = np.tile(np.eye(3), (head.sum(), 1, 1)) * (covariance[head, 0, 0] / share[head])[:, None, None]
@@ -284,6 +282,22 @@ class Fusion(SynchronizedTracker):
             seen_ns=seen_ns,
             seen_at=seen_at,
         )
+
+    def _by_legs(
+        self, people: People, look: Look, feet: Bool[Mask, "k"], number: int, ns: int
+    ) -> tuple[People, Look]:
+        """Learn postures by how far legs are from trunks; return the tracks, and the pelvises over the legs of a look."""
+        known, posture = np.flatnonzero(look.owner >= 0), people.posture
+        row = look.owner[known]
+        if self._sees_waists:
+            tells = ns - people.seen_ns[row, 0] <= _TOGETHER_S * NS_PER_S
+            tells &= feet[known] | posture.rests[row]
+            of = row[tells]
+            since_s = np.minimum((ns - people.seen_ns[of, number]) / NS_PER_S, 1.0)
+            posture = posture.by_legs(of, look.position[known[tells]] - people.seen_at[of, 0], since_s)
+        place = look.position.copy()
+        place[known] -= posture.seated_knees[row]
+        return people.changed(posture=posture), replace(look, position=place)
 
     def _by_pictures(self, people: People, cameras: list[Camera], ns: int) -> People:
         """Update heads by pictures, bodies by their heads, and colours."""

@@ -181,14 +181,14 @@ class Association:
         """Drop the knees of tracks with a trunk, which take theirs first (the paper, fig. 4 d); close legs are one person's."""
         legs = self.options.legs
         position, n_leg = pair_off(seen.legs.position, legs.pair_m)
-        of_known = np.zeros(len(position), np.bool_)
-        groups = LegPairs(position, np.full_like(n_leg, 2), np.full((len(seen.trunks), 2), np.nan), of_known)
+        new = np.full(len(position), -1)
+        groups = LegPairs(position, np.full_like(n_leg, 2), np.full((len(seen.trunks), 2), np.nan), new)
         cost = Costs.of(self.people, groups.likelihood(legs, self._leg_gate_m), self.options)
         shown = np.broadcast_to((trunk_of >= 0)[:, None], cost.pair.shape)
         looks = self._by_colour(np.full(cost.pair.shape, np.nan))
         track, taken = associate([self._explained(cost, looks, ~shown), self._explained(cost, looks, shown)])
         left = left_over(len(position), taken[trunk_of[track] >= 0])
-        return LegPairs(position[left], groups.n_leg[left], groups.under_trunk, of_known[left])
+        return LegPairs(position[left], groups.n_leg[left], groups.under_trunk, new[left])
 
     def _explained(self, cost: Costs, looks: Float[Array, "n k"], without: Bool[Mask, "*#n k"] | bool = False) -> Stage:
         """Pair tracks with explained measurements, except those in `without`; looks: the cost of their colours."""

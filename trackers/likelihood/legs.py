@@ -125,7 +125,12 @@ class LegPairs:
     position: Float[Array, "p 2"]  # [m]
     n_leg: Int[Index, "p"]
     under_trunk: Float[Array, "k 2"]  # [m], NaN where not both are seen
-    of_known: Bool[Mask, "p"]  # whether the legs were expected, of a person who is known
+    owner: Int[Index, "p"]  # the person without a trunk whose legs were expected there, −1 of new ones
+
+    @property
+    def of_known(self) -> Bool[Mask, "p"]:
+        """Whether the legs were expected, of a person who is known."""
+        return self.owner >= 0
 
     def likelihood(self, options: LegOptions, gate_m: float) -> PositionLikelihood:
         """Return the likelihood of these people's positions, in validation regions of this radius [m]."""
@@ -187,8 +192,8 @@ def pair_legs(
     if lines is not None and single.any():
         leg = distances(position[n_trunk:][taking][single], place).argmin(axis=1)
         middle[single] += _BEHIND_M * mean_line(lines[leg])
-    of_known = np.repeat([True, False], [len(middle), len(new)])
-    return LegPairs(np.concatenate([middle, new]), np.concatenate([n_leg_of_known, n_leg_of_new]), under, of_known)
+    owner = np.concatenate([np.flatnonzero(taking), np.full(len(new), -1)])
+    return LegPairs(np.concatenate([middle, new]), np.concatenate([n_leg_of_known, n_leg_of_new]), under, owner)
 
 
 def mean_line(lines: Float[Array, "k s 2"]) -> Float[Array, "k 2"]:
