@@ -41,6 +41,8 @@ _REST_M_S = 0.5
 """Standard deviation of the speed of people who rest [m/s]."""
 _ALIKE_S = 1.0
 """Time in which all looks at a posture together tell what one tells [s]: their errors are alike."""
+_LEGS_ALIKE_S = 0.3
+"""The same of distances of legs from trunks, which are averaged for as long [s]."""
 _SEAT_M, _UP, _SEAT_S = 0.5, 3.0, 2.0
 """Standard deviation of where a resting person is measured from the seat [m], χ² of one who has stood up, and time constant in
 which one sensor tells where the seat is [s]."""
@@ -137,7 +139,7 @@ class Posture(Rows):
         """Learn where the legs of those at `row` are from the trunk [m], last seen since_s ago [s], and weigh how far."""
         knees = _KNEES_MEMORY * self.knees[row] + (1 - _KNEES_MEMORY) * legs
         off = (np.hypot(*knees.T)[:, None] - _KNEES_M) / _KNEES_SIGMA_M
-        log = (since_s / 0.3)[:, None] * (-0.5 * off**2 - np.log(_KNEES_SIGMA_M))
+        log = (since_s / _LEGS_ALIKE_S)[:, None] * (-0.5 * off**2 - np.log(_KNEES_SIGMA_M))
         return self.changed(knees=written(self.knees, row, knees)).weighed(row, log)
 
     def by_place(

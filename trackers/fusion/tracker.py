@@ -297,7 +297,7 @@ class Fusion(SynchronizedTracker):
             posture = posture.by_legs(of, look.position[known[tells]] - people.seen_at[of, 0], since_s)
         place = look.position.copy()
         place[known] -= posture.seated_knees[row]
-        return people.changed(posture=posture), replace(look, position=place)
+        return people.changed(posture=posture), replace(look, position=place, owner=np.full(len(place), -1))
 
     def _by_pictures(self, people: People, cameras: list[Camera], ns: int) -> People:
         """Update heads by pictures, bodies by their heads, and colours."""

@@ -145,8 +145,9 @@ def said(frames: list[Any]) -> str:
     return repr([(frame.stamp_ns, frame.tracks) for frame in frames])
 
 
-ROOMS = {"head": ("home", "camera_1"), "identity": ("home", "camera_1")}
-"""Rooms that have what an option is about; else trunks and legs do. The options of all kinds of sensors are one model."""
+ROOMS = {"head": ("home", "camera_1"), "identity": ("home", "camera_1"), "track_management": ("crowd", "waist")}
+"""Rooms that have what an option is about, such as people who are hidden; else trunks and legs do. The options of all kinds of
+sensors are one model."""
 
 
 @cache
