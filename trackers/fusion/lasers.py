@@ -18,9 +18,6 @@ from trackers.observations import LaserScan, Observation
 from trackers.rig import Rig, Role
 from trackers.tracking.track_manager import clear_of
 
-_BAG_M = 0.3
-"""A third leg so near to a trunk's is a bag, and no other person's."""
-
 
 class Scanners:
     """All scanners of one height. sees_waists: whether the rig has others at waist height, so that a leg alone is no person."""
@@ -31,7 +28,7 @@ class Scanners:
         self.role: Role = role
         self._group, self._kind, self._area = group, kind, area
         self._sees_waists = sees_waists
-        self._legs = LegOptions(variance_m2=kind.sigma_m**2) if role == "knee" else None
+        self._legs = LegOptions(variance_m2=kind.sigma_m**2)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -51,30 +48,16 @@ class Scanners:
         found = self._group.detect(scans, weak=True)
         if self._area is not None and len(found):
             found = found.select(self._area.contains(found.position))
-        position, variance, starts = (
-            found.position,
-            self._kind.sigma_m**2 + found.variance_m2,
-            self._group.sufficient(found),
-        )
-        feet, owner = None, np.full(len(found), -1)
-        if self._legs is not None:
+        position, variance = found.position, self._kind.sigma_m**2 + found.variance_m2
+        starts, owner, feet = self._group.sufficient(found), np.full(len(found), -1), None
+        if self.role == "knee":
             gate_m = self._legs.gate_m if self._sees_waists else self._legs.gate_alone_m
-            walkers = pair_legs(
-                found,
-                starts,
-                np.empty((0, 2)),
-                expected.place,
-                expected.legs,
-                _BAG_M,
-                gate_m,
-                self._legs,
-            )
-            known, position = walkers.of_known, walkers.position
-            owner = walkers.owner
-            position[known] += expected.legs[owner[known]]
-            feet = walkers.n_leg > 1
+            no_trunk = np.empty((0, 2))
+            walkers = pair_legs(found, starts, no_trunk, expected.place, expected.legs, 0.0, gate_m, self._legs)
+            position, owner, feet = walkers.position, walkers.owner, walkers.n_leg > 1
+            position[owner >= 0] += expected.legs[owner[owner >= 0]]
             variance = walkers.likelihood(self._legs, gate_m).variance_m2
-            starts = (walkers.n_leg > 1) | (not self._sees_waists)
+            starts = feet | (not self._sees_waists)
             starts &= clear_of(position, np.concatenate([expected.place, expected.place + expected.legs]), STRIDE_M)
         return Look(
             tuple(scans),

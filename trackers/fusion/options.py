@@ -12,7 +12,7 @@ class KindOptions(Strict):
     """Options of one kind of sensor."""
 
     sigma_m: float = Field(
-        ge=0, description="standard deviation that a measurement of a person's place has besides its own variance [m]"
+        gt=0, description="standard deviation that a measurement of a person's place has besides its own variance [m]"
     )
     offset_m: float = Field(
         ge=0,
@@ -94,7 +94,7 @@ class FusionOptions(Strict):
     max_wait_s: float = Field(
         default=0.15, ge=0, description="how long an observation waits for older ones of other sensors [s]"
     )
-    trunk: KindOptions = _kind(0.0, 0.035, 0.95, 1e-3, 0.1, "trunks at waist height")
+    trunk: KindOptions = _kind(0.01, 0.035, 0.95, 1e-3, 0.1, "trunks at waist height")
     legs: KindOptions = _kind(0.07, 0.05, 0.9, 1e-2, 0.15, "legs at knee height")
     camera: KindOptions = _kind(0.035, 0.05, 0.8, 3e-2, 0.3, "people in the picture of a camera")
     stereo: KindOptions = _kind(0.08, 0.06, 0.7, 1e-2, 0.3, "people in the depths of a stereo camera")

@@ -283,9 +283,7 @@ class Fusion(SynchronizedTracker):
             seen_at=seen_at,
         )
 
-    def _by_legs(
-        self, people: People, look: Look, feet: Bool[Mask, "k"], number: int, ns: int
-    ) -> tuple[People, Look]:
+    def _by_legs(self, people: People, look: Look, feet: Bool[Mask, "k"], number: int, ns: int) -> tuple[People, Look]:
         """Learn postures by how far legs are from trunks; return the tracks, and the pelvises over the legs of a look."""
         known, posture = np.flatnonzero(look.owner >= 0), people.posture
         row = look.owner[known]
