@@ -129,7 +129,7 @@ class LegPairs:
 
     @property
     def of_known(self) -> Bool[Mask, "p"]:
-        """Whether the legs were expected, of a person who is known."""
+        """Mask of the legs that were expected, of a person who is known."""
         return self.owner >= 0
 
     def likelihood(self, options: LegOptions, gate_m: float) -> PositionLikelihood:
