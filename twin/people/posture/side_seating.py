@@ -11,10 +11,9 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 from trackers.arrays import Array, Mask
-from twin.geometry.polygon import gap_between
+from twin.geometry.polygon import ConvexHull, gap_between
 from twin.people.posture.body_measures import BodyMeasures
 from twin.people.posture.posture_rows import minimum_jerk
 from twin.people.posture.resting import BEFORE_M, SeatedPose, seated_pose
