@@ -158,15 +158,20 @@ class FusionTrackManager(TrackManager):
     ) -> People:
         """Return the tracks that rest where no other is, likelier to exist by the pictures that show their heads.
 
+        Where pictures show none, the person is in another posture than it was expected for, or does not exist.
         shown: share of the pictures that could, less that of those without any; NaN: none could. share: of a look's evidence.
         """
         row = np.flatnonzero(~np.isnan(shown))
         most = _TRUST * np.log(kind.p_detect / (1 - kind.p_detect))
         others = people.positions[people.confirmed & (people.roster.measured_ns == ns)]
-        rests = 1 - people.posture.probability[row, 0]
-        log = share[row] * rests * clear_of(people.head[row, :2], others, _HEAD_M) * most * shown[row]
-        existence = existence_after_detection(people.existence[row], np.exp(log))
-        return people.changed(existence=written(people.existence, row, np.clip(existence, LEAST_EXISTENCE, 1 - 1e-6)))
+        there = people.posture.head_there(people.head[:, 2], people.head_covariance[:, 2, 2], people.stature)[row]
+        there[:, 0] = 0.0
+        alone = clear_of(people.head[row, :2], others, _HEAD_M)[:, None]
+        log = (share[row] * most * shown[row])[:, None] * alone * np.where(shown[row, None] < 0, there, [0.0, 1.0, 1.0])
+        ratio = (people.posture.probability[row] * np.exp(log)).sum(axis=1)
+        existence = np.clip(existence_after_detection(people.existence[row], ratio), LEAST_EXISTENCE, 1 - 1e-6)
+        posture = people.posture.weighed(row, np.minimum(log, 0.0))
+        return people.changed(existence=written(people.existence, row, existence), posture=posture)
 
     def updated_missed(
         self, people: People, look: Look, shown: Bool[Mask, "n"], share: float, elapsed_s: float, ns: int
