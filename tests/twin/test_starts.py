@@ -93,7 +93,7 @@ def test_check_of_a_sensor(here: Path) -> None:
 def test_new_suite_and_study_are_ones(here: Path) -> None:
     _twin("new", "suite", "--out", "gate.yaml")
     suite, path = load_suite(here / "gate.yaml")
-    assert len(expand(suite, path)) == suite.n_case == 4
+    assert len(expand(suite, path)) == suite.n_case == 12
     _twin("new", "study", "--out", "places.yaml")
     from trackers.plain_data import parse_yaml
 

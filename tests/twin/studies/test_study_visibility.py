@@ -116,7 +116,11 @@ def test_a_part_of_the_area_that_nobody_visited_and_no_sensor_sees_is_warned_of(
     assert visited.tolist() == [True, True, False, False]
     assert not unvisited_warning(visited, np.array([False, True, True, True]), 2)
     warning = unvisited_warning(visited, np.array([False, True, True, False]), 2)
-    assert "50.0 % of the area" in warning and "25.0 % of it" in warning and "2 person-frames" in warning
+    assert (
+        "50.0 % of the area" in warning
+        and "nobody came to 25.0 % of the area" in warning
+        and "2 person-frames" in warning
+    )
     assert not visited_cells([], cells).any()
 
 
