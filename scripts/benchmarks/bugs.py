@@ -455,7 +455,7 @@ _BY_FILE = {
         ("alignment over both", "hota", "either - overlap", "either"),
     ],
     "twin/evaluate/judged_frames.py": [
-        ("angles not wrapped", "_people_at", "wrap_angle(_A[:, 5])", "_A[:, 5]"),
+        ("angles not wrapped", "_people_at", "wrap_angle(change)", "change"),
     ],
     "twin/evaluate/continuity.py": [
         ("coasting counts", "continuity", "if not _A:\n    continue", ""),

@@ -20,13 +20,23 @@ Format = Literal["mot", "kitti", "coco", "images", "rerun", "foxglove"]
 
 def export(
     source: Annotated[
-        str, typer.Argument(metavar="RUN|BAG|SUITE", help="Folder of a run, any bag, or a suite: its name or file.")
+        str,
+        typer.Argument(
+            metavar="RUN|BAG|SUITE", help="Folder of a run or of twin track, any bag, or a suite: its name or file."
+        ),
     ],
     format_: Annotated[Format, typer.Option("--format", help="Format to write.")],
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder to make; default: out/<source>-<format>.")
     ] = None,
     rig: Rig = None,
+    truth: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.csv",
+            help="Table of truth (t,id,x,y suffice) of a run or bag, instead of the bag's; boxes are those of upright people.",
+        ),
+    ] = None,
     labels: Annotated[
         Literal["simulation", "bag"],
         typer.Option(
@@ -37,7 +47,8 @@ def export(
         float | None,
         typer.Option(
             metavar="HZ",
-            help="Labelled pictures of each camera per second (mot, coco), by simulating again; default: those with boxes.",
+            help="Labelled pictures of each camera per second (mot, coco), by simulating again; default: those with boxes, "
+            "with --truth all.",
         ),
     ] = None,
     no_limits: NoLimits = False,
@@ -59,8 +70,12 @@ def export(
         raise InputError("--labels-hz: has no effect here; --format mot or coco without --labels bag is expected")
     if labels == "bag" and format_ != "coco":
         raise InputError(f"--labels bag: has no effect on --format {format_}; --format coco is expected")
+    if labels == "bag" and truth is not None:
+        raise InputError("--labels bag: is the bag's truth, and --truth another; one of the two is expected")
+    if truth is not None and format_ == "images":
+        raise InputError("--truth: has no effect on --format images; another format is expected")
     with ExitStack() as stack:
-        name, recordings = _recordings(stack, source, rig, print_warning)
+        name, recordings = _recordings(stack, source, rig, truth, print_warning)
         folder = out if out is not None else Path("out") / f"{name}-{format_}"
         with whole_folder(folder) as partial:
             match format_:
@@ -79,15 +94,20 @@ def export(
     print_paths({format_: folder})
 
 
-def _recordings(stack: ExitStack, source: str, rig: Path | None, on_warning: OnWarning) -> tuple[str, list[Recorded]]:
+def _recordings(
+    stack: ExitStack, source: str, rig: Path | None, truth: Path | None, on_warning: OnWarning
+) -> tuple[str, list[Recorded]]:
     """Open the recordings of the source and return its name; a suite's stay in the cache while `stack` is open."""
+    from trackers.errors import InputError
     from twin.export.pictures import open_recorded
 
     path = Path(source)
     is_results = (path / "results.sqlite").is_file()
     if path.exists() and path.suffix not in (".yaml", ".yml") and not is_results:
-        found = open_recorded(path, rig, on_warning)
+        found = open_recorded(path, rig, on_warning, truth=truth)
         return found.name, [found]
+    if truth is not None:
+        raise InputError(f"--truth {truth}: is of one recording; a run or a bag is expected, and {source} is neither")
     from twin.suites.cache import RecordingCache, cache_limit_bytes
     from twin.suites.expansion import expand
     from twin.suites.spec import load_suite

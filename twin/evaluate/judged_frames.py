@@ -13,12 +13,13 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from twin.evaluate.clear import FrameMatches, PairMatrix, match_frames
 from twin.evaluate.report_clock import JITTER_SHARE, report_clock, silent_stamps, with_stamps_between
-from twin.recording.tables import TrackTable, TruthTable
+from twin.recording.tables import TRUTH_NUMBERS, TrackTable, TruthTable
 
 MAX_TRUTH_GAP_NS = NS_PER_S // 4
 GAP_PERIODS = 2.5  # of a person's usual interval between rows: one row may be missing, not two
 NOTED_SHARE = 0.02  # share of frames not judged above which a note is made
 MOST_BETWEEN = 64  # stamps between two rows of sparse truth: bounds the work
+_ANGLES = ("yaw", "head_yaw")
 LEAST_SHARE = 0.5  # share of judged frames below which metrics mean little
 
 
@@ -84,7 +85,7 @@ def align(truth: TruthTable, tracks: TrackTable, *, interpolate: bool = True) ->
     if truth.frame_stamps_ns.size == 0:
         raise InputError(f"{truth.source}: holds no rows; at least one row of truth is expected")
     usual_ns = _usual_interval_ns(truth)
-    gap_ns = max(MAX_TRUTH_GAP_NS, int(GAP_PERIODS * usual_ns)) if interpolate else 0
+    gap_ns = _longest_gap_ns(truth) if interpolate else 0
     reported = tracks.frame_stamps_ns[_is_covered(truth.frame_stamps_ns, tracks.frame_stamps_ns, gap_ns)]
     if tracks.frame_stamps_ns.size and reported.size == 0:
         raise _nothing_shared(truth, tracks, gap_ns)
@@ -130,7 +131,10 @@ def align(truth: TruthTable, tracks: TrackTable, *, interpolate: bool = True) ->
 
 def _frames_at(truth: TruthTable, tracks: TrackTable, stamps: NDArray[np.int64], gap_ns: int) -> list[Frame]:
     """Collect the people and tracks at each of these stamps (f,)."""
-    persons, xy, head, in_area, bounds = _people_at(truth, stamps, gap_ns)
+    people = _people_at(truth, stamps, gap_ns)
+    xy = np.column_stack([people.x, people.y])
+    pose = np.column_stack([people.head_x, people.head_y, people.head_z, people.head_yaw, people.z])
+    bounds = np.searchsorted(people.stamps_ns, np.append(stamps, stamps[-1:] + 1))
     track_numbers = np.column_stack([tracks.head_x, tracks.head_y, tracks.head_z, tracks.head_yaw, tracks.z])
     track_xy = np.column_stack([tracks.x, tracks.y])
     confirmed = tracks.status != "coasting"
@@ -143,10 +147,10 @@ def _frames_at(truth: TruthTable, tracks: TrackTable, stamps: NDArray[np.int64],
         frames.append(
             Frame(
                 stamp_ns=stamp,
-                person_ids=persons[here],
+                person_ids=people.id[here],
                 person_xy=xy[here],
-                person_pose=head[here],
-                in_area=in_area[here],
+                person_pose=pose[here],
+                in_area=people.in_area[here],
                 track_ids=tracks.id[rows],
                 track_xy=track_xy[rows],
                 track_pose=track_numbers[rows],
@@ -238,15 +242,19 @@ def _is_covered(truth_stamps: NDArray[np.int64], stamps: NDArray[np.int64], gap_
     return bracketed & (gap <= gap_ns)
 
 
-def _people_at(
-    truth: TruthTable, stamps: NDArray[np.int64], gap_ns: int
-) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], NDArray[np.intp]]:
-    """Find the people at each stamp (f,), by stamp, then id, k in all.
+def truth_at(truth: TruthTable, stamps: NDArray[np.int64]) -> TruthTable:
+    """Interpolate the truth at those of the stamps (f,), ascending [ns], at which it is known, by the rule of `align`."""
+    gap_ns = _longest_gap_ns(truth)
+    return _people_at(truth, stamps[_is_covered(truth.frame_stamps_ns, stamps, gap_ns)], gap_ns)
 
-    Returns ids (k,), ground points (k, 2) [m], poses (k, 5), in the area (k,), and the offset of each stamp's people (f +
-    1,).
-    """
-    values = np.column_stack([truth.x, truth.y, truth.head_x, truth.head_y, truth.head_z, truth.head_yaw, truth.z])
+
+def _longest_gap_ns(truth: TruthTable) -> int:
+    """Return the longest interval between two rows in which a person's position is known [ns]."""
+    return max(MAX_TRUTH_GAP_NS, int(GAP_PERIODS * _usual_interval_ns(truth)))
+
+
+def _people_at(truth: TruthTable, stamps: NDArray[np.int64], gap_ns: int) -> TruthTable:
+    """Interpolate each person between their own rows at the stamps (f,), a frame each; flags and shares as in the nearer row."""
     low, high, where = [], [], []
     order = np.argsort(truth.id, kind="stable")
     for rows in np.split(order, np.flatnonzero(np.diff(truth.id[order])) + 1):
@@ -261,12 +269,21 @@ def _people_at(
     low, high, where = low[by_stamp], high[by_stamp], where[by_stamp]
     span = truth.stamps_ns[high] - truth.stamps_ns[low]
     share = (stamps[where] - truth.stamps_ns[low]) / np.maximum(span, 1)  # 0 at a stamp of the person's own
-    change = values[high] - values[low]
-    change[:, 5] = wrap_angle(change[:, 5])
-    positions = values[low] + share[:, None] * change
-    in_area = truth.in_area[np.where(share <= 0.5, low, high)]
-    bounds = np.searchsorted(where, np.arange(stamps.size + 1))
-    return truth.id[low], positions[:, :2], positions[:, 2:], in_area, bounds
+    numbers = {}
+    for name in TRUTH_NUMBERS:
+        values = getattr(truth, name)
+        change = values[high] - values[low]
+        numbers[name] = values[low] + share * (wrap_angle(change) if name in _ANGLES else change)
+    near = np.where(share <= 0.5, low, high)
+    return replace(
+        truth,
+        frame_stamps_ns=stamps,
+        stamps_ns=stamps[where],
+        id=truth.id[low],
+        **numbers,
+        in_area=truth.in_area[near],
+        visible={sensor: shown[near] for sensor, shown in truth.visible.items()},
+    )
 
 
 def wrap_angle(angle_rad: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -47,7 +47,8 @@ def export_foxglove(recordings: Sequence[Recorded], out: Path) -> None:
             if topics.ROOM_MARKERS not in recorded.recording.topics:
                 write_outline(bag, outline_of(recorded.scenario))
 
-        copy_with_tracks(recorded.recording, out / f"{recorded.name}.mcap", names, frames, recorded.on_warning, add=add)
+        target, own = out / f"{recorded.name}.mcap", recorded.own_truth
+        copy_with_tracks(recorded.recording, target, names, frames, recorded.on_warning, add=add, truth=own)
         layout = json.dumps(foxglove_layout(recorded.recording, names), indent=2)
         (out / f"{recorded.name}.layout.json").write_text(layout + "\n", encoding="utf-8")
 

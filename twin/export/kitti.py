@@ -31,13 +31,15 @@ from trackers.arrays import Array, Singles
 from trackers.cameras import PinholeIntrinsics
 from trackers.observations import NS_PER_S, DepthImage, Image, LaserScan
 from trackers.rig import PinholeSensor, Rig, RigSensor, StereoSensor
-from twin.export.pictures import Recorded, Truth, png_of
+from twin.export.labels import Truth
+from twin.export.pictures import Recorded, png_of
 from twin.recording.tables import seconds_cell
 from twin.truth.frames import PersonTruth
 
 _OPTICAL_FROM_BODY = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 _HEAD_M, _PELVIS_M = (0.10, 0.08, 0.12), (0.15, 0.24, 0.12)
 """Half the extent of an adult's head, and of the trunk about the pelvis, along, across and up [m]."""
+_UPRIGHT_M = 1.7
 _STEEP = 0.02
 """Least level share of a camera's axis for it not to look straight down, where up in its picture is ahead."""
 _WAIT_NS = NS_PER_S // 2
@@ -104,7 +106,7 @@ class _SequenceWriter:
         self._scanners: dict[str, deque[tuple[int, Singles]]] = {name: deque() for name in lasers}
         if not lasers:
             self._scanners = {name: deque() for name, each in rig.sensors.items() if isinstance(each, StereoSensor)}
-        self._truth = Truth(recorded.recording.truth()) if recorded.has_truth else None
+        self._truth = Truth(recorded.truth()) if recorded.has_truth else None
 
     def write(self) -> None:
         """Write the sequence's files, with a warning about omissions."""
@@ -216,25 +218,32 @@ class _SequenceWriter:
 def person_box(person: PersonTruth) -> tuple[Array, Array]:
     """Return centre of the ground face (3,) [m] in the room and size (length, width, height) [m] of the box around a person.
 
-    It is turned as the trunk, and holds pelvis and head as far as known, down to the floor.
+    It is turned as the trunk, and holds pelvis and head as far as known, down to the floor; 1.7 m high if neither is known.
     """
-    ahead = np.array([np.cos(person.yaw), np.sin(person.yaw)])
+    yaw = _yaw(person)
+    ahead = np.array([np.cos(yaw), np.sin(yaw)])
     axes = np.stack([ahead, [-ahead[1], ahead[0]]])
     place = np.array([person.x, person.y])
     parts = [(np.zeros(2), person.z, _PELVIS_M)]
-    if not np.isnan(person.head_z):
+    if not np.isnan([person.head_x, person.head_y, person.head_z]).any():
         parts.append((axes @ (np.array([person.head_x, person.head_y]) - place), person.head_z, _HEAD_M))
     flat = np.array([middle for middle, _, _ in parts])
     half = np.array([extent[:2] for _, _, extent in parts])
     low, high = (flat - half).min(axis=0), (flat + half).max(axis=0)
-    top = max(z + extent[2] for _, z, extent in parts)
+    tops = [z + extent[2] for _, z, extent in parts if not np.isnan(z)]
+    top = max(tops, default=_UPRIGHT_M)
     middle = place + (low + high) / 2 @ axes
     return np.array([*middle, 0.0]), np.array([*(high - low), top])
 
 
+def _yaw(person: PersonTruth) -> float:
+    """Return the heading of the trunk [rad], 0 where unknown."""
+    return 0.0 if np.isnan(person.yaw) else person.yaw
+
+
 def _label(frame: int, person: PersonTruth, view: _View) -> str:
     """Format a person's line; '' outside the picture."""
-    yaw = 0.0 if np.isnan(person.yaw) else person.yaw
+    yaw = _yaw(person)
     foot, (length, width, height) = person_box(person)
     ahead = np.array([np.cos(yaw), np.sin(yaw), 0.0])
     across = np.array([-np.sin(yaw), np.cos(yaw), 0.0])

@@ -3,11 +3,15 @@
 The bag holds boxes of a few pictures a second of each camera. A scenario that is simulated again moves its people to the bit
 as it did, so that every picture can have boxes, a mask of each person's pixels, and the 17 keypoints of COCO. The eye of the
 simulation has no noise, delay or fault: labels are those of the picture's stamp.
+
+A truth of the user's has positions alone: a box is that of an upright person, 0.5 m wide and up to 0.12 m above the head, else
+1.7 m high, whoever hides them; as in WILDTRACK (Chavdarova et al., CVPR 2018).
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -18,22 +22,26 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.arrays import Array
+from trackers.arrays import Array, Mask
+from trackers.cameras.placed import PlacedCamera
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.rig import CameraSensor, placed_camera
-from twin.export.pictures import ExportedPicture, Recorded, Truth, pictures
+from twin.export.pictures import ExportedPicture, Recorded, pictures
 from twin.people.body.head import EYES
 from twin.recording import topics
 from twin.recording.bag import open_bag
 from twin.recording.truth_tables import decode_boxes
-from twin.truth.frames import Box, TruthFrame
+from twin.truth.frames import Box, PersonTruth, TruthFrame
 from twin.truth.visibility import person_boxes
 from twin.world.scene import Scene
 from twin.world.simulation import Simulation
 
 _ELSEWHERE_M = 1e-3
 """Deviation of simulated people from the bag's truth beyond which their motion differs [m]."""
+_TRUTH_WITHIN_NS = NS_PER_S // 1000
+"""Greatest distance to a stamp of the truth, which exists at every stamp of every sensor."""
+_HEAD_TOP_M, _UPRIGHT_M, _WIDE_M = 0.12, 1.7, 0.5
 _SIDES = ("left", "right")
 KEYPOINTS = (
     "nose",
@@ -52,6 +60,28 @@ SKELETON = (
 BAG_KEYPOINTS = ("head", "pelvis")
 """Points of the body in a bag's truth."""
 BAG_SKELETON = ((1, 2),)
+
+
+class Truth:
+    """Truth of a recording at stamps nearly in order: one pass over the bag, with a window of it in memory."""
+
+    def __init__(self, frames: Iterator[TruthFrame], window_s: float = 3.0) -> None:
+        """`window_s`: greatest delay of a stamp behind the latest one [s]."""
+        self._frames = frames
+        self._window_ns = round(window_s * NS_PER_S)
+        self._held: deque[TruthFrame] = deque()
+
+    def at(self, stamp_ns: int) -> TruthFrame | None:
+        """Return the truth at a stamp [ns]; None if the bag lacks it."""
+        while not self._held or self._held[-1].stamp_ns < stamp_ns:
+            frame = next(self._frames, None)
+            if frame is None:
+                break
+            self._held.append(frame)
+            while self._held[0].stamp_ns < frame.stamp_ns - self._window_ns:
+                self._held.popleft()
+        nearest = min(self._held, key=lambda frame: abs(frame.stamp_ns - stamp_ns), default=None)
+        return nearest if nearest is not None and abs(nearest.stamp_ns - stamp_ns) <= _TRUTH_WITHIN_NS else None
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -86,19 +116,19 @@ class Labeller(ABC):
     def __init__(self, recorded: Recorded) -> None:
         self._recorded = recorded
         self._cameras = recorded.recording.rig.cameras()
-        self._truth = Truth(recorded.recording.truth())
+        self._truth = Truth(recorded.truth())
 
     def labelled(self, cameras: Collection[str]) -> Iterator[LabelledPicture]:
         """Yield the labelled pictures of these cameras, in order of arrival."""
         for picture in pictures(self._recorded, cameras):
-            if self._is_labelled(picture):
-                truth = self._truth.at(picture.stamp_ns)
+            truth = self._truth.at(picture.stamp_ns)
+            if self._is_labelled(picture, truth):
                 labels = tuple(self._labels(picture, truth))
                 yield LabelledPicture(picture, labels)
 
     @abstractmethod
-    def _is_labelled(self, picture: ExportedPicture) -> bool:
-        """Return whether the truth of this picture is known."""
+    def _is_labelled(self, picture: ExportedPicture, truth: TruthFrame | None) -> bool:
+        """Return whether this picture gets labels."""
 
     @abstractmethod
     def _labels(self, picture: ExportedPicture, truth: TruthFrame | None) -> Iterator[Label]:
@@ -112,33 +142,88 @@ class BagLabeller(Labeller):
         super().__init__(recorded)
         self._boxes = boxes_in(recorded)
 
-    def _is_labelled(self, picture: ExportedPicture) -> bool:
+    def _is_labelled(self, picture: ExportedPicture, truth: TruthFrame | None) -> bool:
         return (picture.camera, picture.stamp_ns) in self._boxes
 
     def _labels(self, picture: ExportedPicture, truth: TruthFrame | None) -> Iterator[Label]:
         people = {person.id: person for person in truth.people} if truth is not None else {}
         camera = placed_camera(self._cameras[picture.camera])
         for box in self._boxes[picture.camera, picture.stamp_ns]:
-            person = people.get(box.id)
-            points = np.full((2, 3), nan)
-            if person is not None:
-                points[0], points[1] = (person.head_x, person.head_y, person.head_z), (person.x, person.y, person.z)
-            pixels, shown = camera.project(points)
-            # occlusion of a point is unknown: a point in the box counts as shown
-            inside = (np.abs(pixels - (box.left + box.width / 2, box.top + box.height / 2) + 0.5) * 2).T
-            seen = (inside[0] <= box.width) & (inside[1] <= box.height)
-            yield Label(
-                box,
-                person.visible.get(picture.camera, nan) if person is not None else nan,
-                person.in_area if person is not None else True,
-                _flagged(pixels, shown, seen),
-            )
+            person = people.get(box.id, PersonTruth(box.id, nan, nan))
+            yield _boxed(box, person, picture.camera, camera)
+
+
+class TableLabeller(Labeller):
+    """Labeller of pictures at the stamps of the user's truth: boxes of upright people, whoever hides them."""
+
+    def __init__(self, recorded: Recorded, hz: float | None) -> None:
+        """`hz`: labelled pictures of each camera per second; None: all."""
+        super().__init__(recorded)
+        self._thinned = Thinned(hz)
+
+    def _is_labelled(self, picture: ExportedPicture, truth: TruthFrame | None) -> bool:
+        return truth is not None and self._thinned.is_due(picture)
+
+    def _labels(self, picture: ExportedPicture, truth: TruthFrame | None) -> Iterator[Label]:
+        people, sensor = truth.people if truth is not None else (), self._cameras[picture.camera]
+        camera = placed_camera(sensor)
+        rows = np.array([(each.x, each.y, each.head_z) for each in people]).reshape(-1, 3)
+        boxes, shown, cut = upright_boxes(sensor, rows[:, :2], rows[:, 2])
+        for person, box, is_shown, is_cut in zip(people, boxes, shown, cut, strict=True):
+            if is_shown and person.visible.get(picture.camera, nan) != 0:
+                left, top = np.floor(box[:2]).astype(int).tolist()
+                width, height = (np.ceil(box[:2] + box[2:]).astype(int) - (left, top)).tolist()
+                whole = Box(person.id, left, top, width, height, width * height, bool(is_cut))
+                yield _boxed(whole, person, picture.camera, camera)
+
+
+def upright_boxes(camera: CameraSensor, xy: Array, head_z: Array) -> tuple[Array, Mask, Mask]:
+    """Return boxes left, top, width, height [px] of upright people in the image, pixel (0, 0) spanning 0 to 1, masks of those
+    that it shows and of those that its edges cut.
+
+    `xy` (n, 2): positions; `head_z` (n,): heights of the heads, NaN: unknown [m].
+    """
+    height = np.where(np.isnan(head_z), _UPRIGHT_M, head_z + _HEAD_TOP_M)
+    corners, shown = placed_camera(camera).person_boxes(xy, height, _WIDE_M)
+    edges = np.array([camera.intrinsics.width, camera.intrinsics.height], dtype=float)
+    low, high = np.clip(corners[:, :2] + 0.5, 0, edges), np.clip(corners[:, 2:] + 0.5, 0, edges)
+    size = high - low
+    is_cut = (low != corners[:, :2] + 0.5).any(axis=1) | (high != corners[:, 2:] + 0.5).any(axis=1)
+    return np.concatenate([low, size], axis=1), shown & (size > 0).all(axis=1), is_cut
+
+
+def _boxed(box: Box, person: PersonTruth, name: str, camera: PlacedCamera) -> Label:
+    """Return the label of a person of whom a box, head and pelvis are known, to the camera of this name."""
+    points = np.array([(person.head_x, person.head_y, person.head_z), (person.x, person.y, person.z)])
+    pixels, shown = camera.project(points)
+    # occlusion of a point is unknown: a point in the box counts as shown
+    inside = (np.abs(pixels - (box.left + box.width / 2, box.top + box.height / 2) + 0.5) * 2).T
+    seen = (inside[0] <= box.width) & (inside[1] <= box.height)
+    return Label(box, person.visible.get(name, nan), person.in_area, _flagged(pixels, shown, seen))
+
+
+class Thinned:
+    """Choice of the first picture of each camera in each period."""
+
+    def __init__(self, hz: float | None) -> None:
+        """`hz`: periods per second; None: every picture."""
+        self._hz = hz
+        self._last_period: dict[str, int] = {}
+
+    def is_due(self, picture: ExportedPicture) -> bool:
+        """Return whether the picture is its camera's first in a period; pictures in order of arrival."""
+        if self._hz is None:
+            return True
+        period = int(picture.stamp_ns * self._hz / NS_PER_S + 1e-9)
+        is_due = period > self._last_period.get(picture.camera, -1)
+        self._last_period[picture.camera] = period
+        return is_due
 
 
 def boxes_in(recorded: Recorded) -> dict[tuple[str, int], tuple[Box, ...]]:
-    """Read the boxes of the bag's truth by camera and stamp [ns]."""
+    """Read the boxes of the bag's truth by camera and stamp [ns]; none where a truth of the user's takes its place."""
     recording = recorded.recording
-    if topics.TRUTH_BOXES not in recording.topics:
+    if topics.TRUTH_BOXES not in recording.topics or recorded.own_truth is not None:
         return {}
     with open_bag(recording.path) as bag:
         found = (decode_boxes(message.data, stamp_ns) for _, stamp_ns, message in bag.messages([topics.TRUTH_BOXES]))
@@ -153,19 +238,15 @@ class SimulatingLabeller(Labeller):
     def __init__(self, recorded: Recorded, simulation: Simulation, hz: float | None) -> None:
         """`hz`: labelled pictures of each camera per second; None: those with boxes in the bag."""
         super().__init__(recorded)
-        self._simulation, self._hz = simulation, hz
-        self._boxed = boxes_in(recorded) if hz is None else {}
-        self._last_period: dict[str, int] = {}
+        self._simulation, self._thinned = simulation, Thinned(hz)
+        self._boxed = boxes_in(recorded) if hz is None else None
         true = simulation.true_rig.cameras()
         self._true: Mapping[str, CameraSensor] = {name: true[name] for name in self._cameras if name in true}
 
-    def _is_labelled(self, picture: ExportedPicture) -> bool:
-        if self._hz is None:
+    def _is_labelled(self, picture: ExportedPicture, truth: TruthFrame | None) -> bool:
+        if self._boxed is not None:
             return (picture.camera, picture.stamp_ns) in self._boxed
-        period = int(picture.stamp_ns * self._hz / NS_PER_S + 1e-9)
-        is_due = period > self._last_period.get(picture.camera, -1)
-        self._last_period[picture.camera] = period
-        return is_due
+        return self._thinned.is_due(picture)
 
     def _labels(self, picture: ExportedPicture, truth: TruthFrame | None) -> Iterator[Label]:
         t, name = picture.stamp_ns / NS_PER_S, picture.camera
@@ -245,13 +326,16 @@ def body_keypoints(scene: Scene, data: mujoco.MjData, name: str) -> Array:
 
 
 def open_labeller(stack: ExitStack, recorded: Recorded, *, simulate: bool, hz: float | None = None) -> Labeller | None:
-    """Make the labeller of a recording's pictures, closed with `stack`; None if the bag has no truth.
+    """Make the labeller of a recording's pictures, closed with `stack`; None if there is no truth.
 
-    `simulate`: by simulating its scenario again; else, or if impossible (with a warning), by the bag's own truth. `hz`:
-    labelled pictures of each camera per second; None: those with boxes in the bag.
+    By the user's truth where there is one. Else `simulate`: by simulating its scenario again; else, or if impossible (with a
+    warning), by the bag's own truth. `hz`: labelled pictures of each camera per second; None: those with boxes in the bag, or
+    at stamps of the user's truth.
     """
     if not recorded.has_truth:
         return None
+    if recorded.own_truth is not None:
+        return TableLabeller(recorded, hz)
     if simulate and recorded.scenario is not None:
         try:
             simulation = stack.enter_context(Simulation(recorded.scenario))

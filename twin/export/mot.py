@@ -30,14 +30,13 @@ from numpy.typing import NDArray
 from trackers.arrays import Array, Nanoseconds
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
-from trackers.rig import CameraSensor, placed_camera
-from twin.export.labels import Label, Labeller, open_labeller
+from trackers.rig import CameraSensor
+from twin.export.labels import Label, Labeller, open_labeller, upright_boxes
 from twin.export.pictures import ExportedPicture, Recorded, frame_rate_hz, pictures
 from twin.recording.tables import TrackTable, seconds_cell
 from twin.run.tracker_runner import write_detections
 
 BENCHMARK = "roomtwin-all"
-_HEAD_TOP_M, _UPRIGHT_M, _WIDE_M = 0.12, 1.7, 0.5
 _PERSON, _DISTRACTOR = 1, 8
 
 
@@ -65,16 +64,6 @@ class PlaceRows:
     def rows(self, rows: slice) -> PlaceRows:
         """Return some of the places."""
         return PlaceRows(self.frames_ns, self.stamps_ns[rows], self.id[rows], self.xy[rows], self.head_z[rows])
-
-    def boxes(self, camera: CameraSensor) -> tuple[Array, NDArray[np.bool_]]:
-        """Return boxes left, top, width, height [px] in the image, and a mask of the positions that have one."""
-        height = np.where(np.isnan(self.head_z), _UPRIGHT_M, self.head_z + _HEAD_TOP_M)
-        corners, shown = placed_camera(camera).person_boxes(self.xy, height, _WIDE_M)
-        lens = camera.intrinsics
-        edges = np.array([lens.width, lens.height], dtype=float)
-        low, high = np.clip(corners[:, :2] + 0.5, 0, edges), np.clip(corners[:, 2:] + 0.5, 0, edges)
-        size = high - low
-        return np.concatenate([low, size], axis=1), shown & (size > 0).all(axis=1)
 
 
 def export_mot(recordings: Sequence[Recorded], out: Path, *, hz: float | None = None) -> None:
@@ -178,7 +167,7 @@ def _truth_row(frame: int, label: Label) -> str:
 
 def _write_boxes(stream: TextIO, frame: int, places: PlaceRows, camera: CameraSensor) -> None:
     if places.id.size:
-        boxes, shown = places.boxes(camera)
+        boxes, shown, _ = upright_boxes(camera, places.xy, places.head_z)
         for id_, (left, top, width, height) in zip(places.id[shown], boxes[shown], strict=True):
             stream.write(f"{frame},{id_},{left + 1:.2f},{top + 1:.2f},{width:.2f},{height:.2f},1,-1,-1,-1\n")
 
@@ -186,7 +175,9 @@ def _write_boxes(stream: TextIO, frame: int, places: PlaceRows, camera: CameraSe
 def _ground(recorded: Recorded, out: Path, detections: PlaceRows) -> str:
     """Write the sequence on the ground: the truth at the stamps of the sensor at which trackers report."""
     name = f"{recorded.name}-ground"
-    stamps = np.unique(recorded.stamps_ns(recorded.recording.rig.main_sensor))
+    stamps = np.unique(recorded.recording.stamps_of(recorded.recording.rig.main_sensor))
+    if recorded.own_truth is not None:
+        stamps = np.intersect1d(stamps, recorded.own_truth.frame_stamps_ns)
     number_of = {int(stamp): number for number, stamp in enumerate(stamps, start=1)}
     within = 0.5 * NS_PER_S / frame_rate_hz(stamps)
     with ExitStack() as stack:
@@ -194,7 +185,7 @@ def _ground(recorded: Recorded, out: Path, detections: PlaceRows) -> str:
         for stamp_ns in stamps.tolist():
             sequence.frame(stamp_ns)
         if sequence.truth is not None:
-            for frame in recorded.recording.truth():
+            for frame in recorded.truth():
                 number = number_of.get(frame.stamp_ns, 0)
                 for person in frame.people if number else ():
                     sequence.truth.write(_ground_row(number, person.id, int(person.in_area), person.x, person.y, 0.0))

@@ -8,7 +8,6 @@ JPEG or PNG; raw pictures become PNG, which loses nothing. `export_images` write
 from __future__ import annotations
 
 import json
-from collections import deque
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -23,9 +22,10 @@ from trackers.arrays import Nanoseconds
 from trackers.cameras import FisheyeIntrinsics, PinholeIntrinsics
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
-from trackers.plain_data import dump_yaml
+from trackers.plain_data import dump_yaml, parse_json
 from trackers.rig import CameraSensor
-from trackers.text_file import AnyPath, as_path
+from trackers.text_file import AnyPath, as_path, read_text
+from twin.evaluate.judged_frames import truth_at
 from twin.messages import OnWarning
 from twin.recording import topics
 from twin.recording.bag import decoded, open_bag
@@ -33,7 +33,8 @@ from twin.recording.colour_images import decode_raw
 from twin.recording.depth_images import PNG_FORMAT, decode_depth, encode_png
 from twin.recording.reader import Recording
 from twin.recording.ros_messages import COMPRESSED_IMAGE, STRING
-from twin.recording.tables import STATUSES, TRACK_COLUMNS, TrackTable, read_tracks, seconds_cell
+from twin.recording.tables import STATUSES, TRACK_COLUMNS, TrackTable, TruthTable, read_tracks, seconds_cell
+from twin.recording.truth_tables import ABOUT, read_own_truth, truth_frames
 from twin.run.inputs import scenario_of
 from twin.scenario import Scenario
 from twin.truth.frames import TruthFrame
@@ -43,18 +44,20 @@ TRACK_NUMBERS = tuple(name for name in TRACK_COLUMNS[2:] if name != "status")
 """Numeric columns of a table of tracks, after t and id."""
 _TRACKS = "/tracks/"
 _LONGEST_S = 1e9
-_TRUTH_WITHIN_NS = NS_PER_S // 1000
-"""Greatest distance to a stamp of the truth, which exists at every stamp of every sensor."""
 
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """Recording, the name of its exported sequence, and the tracks of its run by tracker."""
+    """Recording, the name of its exported sequence, the tracks of its run by tracker, and the user's truth, if any.
+
+    own_truth: taken instead of the bag's, at the stamps of the sensors at which it is known.
+    """
 
     name: str
     recording: Recording
     tracks: Mapping[str, TrackTable] = field(default_factory=dict)
     rig_path: Path | None = None
+    own_truth: TruthTable | None = None
     on_warning: OnWarning = lambda warning: None
 
     @cached_property
@@ -64,18 +67,19 @@ class Recorded:
 
     @property
     def has_truth(self) -> bool:
-        """True for a bag with people's positions."""
-        return topics.TRUTH_PEOPLE in self.recording.topics
+        """True where people's positions are known."""
+        return self.own_truth is not None or topics.TRUTH_PEOPLE in self.recording.topics
+
+    def truth(self) -> Iterator[TruthFrame]:
+        """Yield the truth in order of time; nothing where there is none."""
+        return self.recording.truth() if self.own_truth is None else truth_frames(self.own_truth)
 
     @property
     def person_names(self) -> dict[int, str]:
-        """People's names by id, from the scenario; empty in a robot's bag."""
+        """People's names by id, from the user's truth or the scenario; empty where neither has them."""
+        if self.own_truth is not None:
+            return dict(self.own_truth.labels)
         return {} if self.scenario is None else dict(enumerate(self.scenario.people, start=1))
-
-    def stamps_ns(self, sensor: str) -> Nanoseconds:
-        """Return the stamps of a sensor's messages in order of arrival [ns]."""
-        topic = {name: topic for topic, name in self.recording.sensor_topics.sensors.items()}.get(sensor)
-        return np.zeros(0, dtype=np.int64) if topic is None else self.recording.stamps_ns[topic]
 
 
 def open_recorded(
@@ -85,19 +89,50 @@ def open_recorded(
     *,
     name: str | None = None,
     tables: Mapping[str, Path] | None = None,
+    truth: Path | None = None,
 ) -> Recorded:
-    """Open a bag, or the folder of a run; its tracks are those of `tables` by tracker, else of the folder or the bag.
+    """Open a bag, or the folder of a run or of `twin track`; its tracks are those of `tables` by tracker, else of the folder
+    or the bag.
 
-    `name`: of its sequence (default: that of the run or the bag). Raises InputError for a path that is neither.
+    `name`: of its sequence (default: that of the run or the bag); `truth`: table to take instead of the bag's truth. Raises
+    InputError for a path that is none of these.
     """
     path = as_path(path, "recording")
-    is_run = path.is_dir() and (path / RECORDING).is_file()
-    recording = Recording(path / RECORDING if is_run else path, rig)
+    is_run = path.is_dir() and ((path / RECORDING).is_file() or (path / ABOUT).is_file())
+    recording = Recording(_bag_of(path) if is_run else path, rig)
+    own = None if truth is None else _own_truth(truth, recording, on_warning)
     if tables is None and is_run:
         tables = {each.stem: each for each in sorted((path / "tracks").glob("*.csv"))}
     tracks = _tracks_in(recording) if tables is None else {each: read_tracks(file) for each, file in tables.items()}
     name = name or (path.resolve().name if is_run else _bag_name(path.resolve()))
-    return Recorded(name, recording, tracks, None if rig is None else Path(rig), on_warning)
+    return Recorded(name, recording, tracks, None if rig is None else Path(rig), own, on_warning)
+
+
+def _own_truth(path: Path, recording: Recording, on_warning: OnWarning) -> TruthTable:
+    """Return the user's truth at the sensors' stamps; warn of what was guessed in it, and of frames that it does not cover."""
+    table = read_own_truth(path, recording)
+    main = recording.rig.main_sensor
+    frames = np.unique(recording.stamps_of(main))
+    found = truth_at(table, recording.all_stamps_ns())
+    known = np.isin(frames, found.frame_stamps_ns)
+    for note in table.notes:
+        on_warning(note)
+    if not known.all():
+        where = f"{frames[~known][0] / NS_PER_S:.3f} s the first"
+        on_warning(f"{path}: {known.sum()} of {known.size} frames of {main} have truth, the others ({where}) no labels")
+    return found
+
+
+def _bag_of(folder: Path) -> Path:
+    """Return the bag of a folder of results: the run's own, or the one that `twin track` read, as it wrote there."""
+    if (folder / RECORDING).is_file():
+        return folder / RECORDING
+    expected = "the facts that `twin track` writes there"
+    content = parse_json(read_text(folder / ABOUT, expected), str(folder / ABOUT), expected)
+    named = content.get("recording") if isinstance(content, dict) else None
+    if not isinstance(named, str) or not Path(named).exists():
+        raise InputError(f"{folder / ABOUT}: recording: there is no bag {named!r} here; the bag itself is expected")
+    return Path(named)
 
 
 def _bag_name(path: Path) -> str:
@@ -141,28 +176,6 @@ def _table(source: str, stamps: list[int], rows: list[dict[str, Any]]) -> TrackT
         **dict[str, Any]({name: np.array([row.get(name) for row in rows], dtype=np.float64) for name in TRACK_NUMBERS}),
         status=np.array([row.get("status", STATUSES[0]) for row in rows], dtype="<U9"),
     )
-
-
-class Truth:
-    """Truth of a recording at stamps nearly in order: one pass over the bag, with a window of it in memory."""
-
-    def __init__(self, frames: Iterator[TruthFrame], window_s: float = 3.0) -> None:
-        """`window_s`: greatest delay of a stamp behind the latest one [s]."""
-        self._frames = frames
-        self._window_ns = round(window_s * NS_PER_S)
-        self._held: deque[TruthFrame] = deque()
-
-    def at(self, stamp_ns: int) -> TruthFrame | None:
-        """Return the truth at a stamp [ns]; None if the bag lacks it."""
-        while not self._held or self._held[-1].stamp_ns < stamp_ns:
-            frame = next(self._frames, None)
-            if frame is None:
-                break
-            self._held.append(frame)
-            while self._held[0].stamp_ns < frame.stamp_ns - self._window_ns:
-                self._held.popleft()
-        nearest = min(self._held, key=lambda frame: abs(frame.stamp_ns - stamp_ns), default=None)
-        return nearest if nearest is not None and abs(nearest.stamp_ns - stamp_ns) <= _TRUTH_WITHIN_NS else None
 
 
 def frame_rate_hz(stamps_ns: Nanoseconds) -> float:

@@ -77,7 +77,7 @@ class _RerunFile:
                     self._scan(observation)
                 elif isinstance(observation, FloorFrame):
                     self._floor(observation)
-        for frame in recording.truth() if self._recorded.has_truth else ():
+        for frame in self._recorded.truth():
             self._truth(frame)
         for name, table in self._recorded.tracks.items():
             self._tracks(name, table)

@@ -209,8 +209,21 @@ class Recording:
         )
         return reader.read(self._reading)
 
+    def stamps_of(self, sensor: str) -> Nanoseconds:
+        """Return the stamps of a sensor's messages in order of arrival [ns]."""
+        topic = {name: topic for topic, name in self.sensor_topics.sensors.items()}.get(sensor)
+        return np.zeros(0, dtype=np.int64) if topic is None else self.stamps_ns[topic]
+
+    def all_stamps_ns(self) -> Nanoseconds:
+        """Return the stamps of all messages of sensors, ascending, each once [ns]."""
+        stamps = [self.stamps_ns[topic] for topic in self.sensor_topics.sensors]
+        return np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *stamps]))
+
     def truth(self) -> Iterator[TruthFrame]:
-        """Yield the truth in order of time; nothing in a robot's bag. Raises InputError where the topic holds something else."""
+        """Yield the truth in order of time; nothing where the bag has none.
+
+        Raises InputError where the topic holds something else.
+        """
         last_text, last_ns = "", None
         decoded_texts = self._strings(topics.TRUTH_PEOPLE, lambda text, stamp_ns: (text, decode_people(text, stamp_ns)))
         for text, frame in decoded_texts:
@@ -233,14 +246,15 @@ class Recording:
         return topics.TRUTH_SITUATIONS in self.topics
 
     def _strings(self, topic: str, decode: Callable[[str, int], _Decoded]) -> Iterator[_Decoded]:
-        """Decode the strings on a topic with their log times [ns]; yield nothing where the bag has none."""
+        """Decode the strings on a topic with their stamps [ns], by their log times; yield nothing where the bag has none."""
         if topic not in self.topics:
             return
         self._require_string(topic)
+        to_own_clock_ns = 0 if self.is_twin else self.start_ns + self.logged_after_ns
         with open_bag(self.path) as bag:
             for _, log_time_ns, message in bag.messages([topic]):
                 try:
-                    yield decode(message.data, log_time_ns)
+                    yield decode(message.data, log_time_ns - to_own_clock_ns)
                 except InputError as error:
                     raise InputError(f"{self.path}: topic {topic}: {error}") from error
 

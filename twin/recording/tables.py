@@ -28,9 +28,9 @@ from twin.tables.columns import MAX_INT64, CsvColumns, StampedRows
 from twin.tables.person_rows import check_plausibility, read_person_rows
 from twin.truth.frames import PersonTruth, TruthFrame
 
-_TRUTH_NUMBERS = ("x", "y", "z", "yaw", "head_x", "head_y", "head_z", "head_yaw", "vx", "vy")
+TRUTH_NUMBERS = ("x", "y", "z", "yaw", "head_x", "head_y", "head_z", "head_yaw", "vx", "vy")
 _TRACK_NUMBERS = ("x", "y", "z", "vx", "vy", "head_x", "head_y", "head_z", "head_yaw")
-TRUTH_COLUMNS = ("t", "id", *_TRUTH_NUMBERS, "in_area")
+TRUTH_COLUMNS = ("t", "id", *TRUTH_NUMBERS, "in_area")
 TRACK_COLUMNS = ("t", "id", *_TRACK_NUMBERS, "status", "radius95_m")
 STATUSES = ("confirmed", "coasting")
 MOST_TABLE_BYTES = 256 * 1024 * 1024
@@ -119,7 +119,7 @@ class TrackWriter:
 
 def person_row(person: PersonTruth, sensors: Iterable[str]) -> Row:
     """Return a person's row of `truth.csv` after t, with a column visible_<sensor> per sensor."""
-    numbers = {name: float(getattr(person, name)) for name in _TRUTH_NUMBERS}
+    numbers = {name: float(getattr(person, name)) for name in TRUTH_NUMBERS}
     visible = {_VISIBLE + sensor: person.visible.get(sensor, nan) for sensor in sensors}
     return {"id": person.id, **numbers, "in_area": int(person.in_area), **visible}
 
@@ -138,7 +138,7 @@ def person_of(row: Mapping[str, Any]) -> PersonTruth:
 
     return PersonTruth(
         id=int(row["id"]),
-        **dict[str, Any]({name: number(name) for name in _TRUTH_NUMBERS}),
+        **dict[str, Any]({name: number(name) for name in TRUTH_NUMBERS}),
         in_area=bool(row["in_area"]),
         visible={name.removeprefix(_VISIBLE): number(name) for name in row if name.startswith(_VISIBLE)},
     )
@@ -191,7 +191,7 @@ def read_truth(
             for row in np.flatnonzero((share < 0) | (share > 1))[:1]:
                 rows.refuse(int(row), name, "a share from 0 to 1 or an empty cell")
             visible[name.removeprefix(_VISIBLE)] = share
-    numbers = {name: _numbers(rows, name) for name in _TRUTH_NUMBERS}
+    numbers = {name: _numbers(rows, name) for name in TRUTH_NUMBERS}
     within = np.ones(len(rows), bool) if area is None else area.contains(np.column_stack([numbers["x"], numbers["y"]]))
     in_area = rows.flags("in_area") if "in_area" in rows.cells else within
     return TruthTable(
@@ -244,7 +244,7 @@ def truth_table(frames: Iterable[TruthFrame], source: str = "truth") -> TruthTab
         frame_stamps,
         stamps,
         ids,
-        **dict[str, Any](_memory_numbers(ordered, _TRUTH_NUMBERS)),
+        **dict[str, Any](_memory_numbers(ordered, TRUTH_NUMBERS)),
         in_area=np.array([person.in_area for person in ordered], dtype=np.bool_),
         visible={s: np.array([person.visible.get(s, nan) for person in ordered], dtype=np.float64) for s in sensors},
     )

@@ -26,9 +26,10 @@ from twin.recording.bag import normal_type, open_bag
 from twin.recording.bag_files import McapFile
 from twin.recording.reader import Recording
 from twin.recording.ros_messages import STRING, TYPESTORE, string_message
-from twin.recording.tables import plain, track_row
+from twin.recording.tables import TruthTable, plain, track_row
 from twin.recording.transforms import TransformTree
-from twin.recording.truth_messages import MARKER_ARRAY, MarkerStyle, PeopleMarkers
+from twin.recording.truth_messages import MARKER_ARRAY, MarkerStyle, PeopleMarkers, encode_people
+from twin.recording.truth_tables import DETAIL_TOPICS, truth_frames
 from twin.recording.writer import TF_MESSAGE, latched, transform_message
 
 _STYLE = MarkerStyle("tracks", "ids", width_m=0.3, opacity=0.8, id_prefix="#")  # within the truth's cylinders
@@ -86,6 +87,7 @@ class TrackTopics:
 START = "/tracks/start"
 """JSON in a std_msgs/String: the stamp that is t = 0 of the tables."""
 _RENAMED = {"tf/msg/tfMessage": TF_MESSAGE}
+_TRUTH = (topics.TRUTH_PEOPLE, topics.TRUTH_MARKERS, topics.TRUTH_FEET, *DETAIL_TOPICS)
 _HEADER = "std_msgs/msg/Header"
 _Convert = Callable[[bytes], bytes | memoryview]
 
@@ -97,20 +99,22 @@ def copy_with_tracks(
     frames: Iterable[tuple[str, TrackFrame]],
     on_warning: OnWarning = lambda warning: None,
     add: Callable[[McapFile], object] = lambda bag: None,
+    truth: TruthTable | None = None,
 ) -> None:
-    """Copy a recording to `target` (a `.mcap`) with these frames by tracker's name, and what `add` writes.
+    """Copy a recording to `target` (a `.mcap`) with these frames by tracker's name, the truth, and what `add` writes.
 
     Messages of a ROS 2 bag are copied as they are, those of ROS 1 as ROS 2 encodes them, by the definitions in the bag. A
     robot's bag gets `/tf_static` from the frame of the room, in which tracks are, to those of its sensors as the rig has
-    them, and the start stamp (`START`). Tracks of the same trackers that the bag already holds are left out. Raises
-    InputError for a damaged bag and for a target that cannot be written.
+    them, and the start stamp (`START`). Tracks of the same trackers that the bag already holds are left out, and its own
+    truth where `truth` takes its place. Raises InputError for a damaged bag and for a target that cannot be written.
     """
     own = [each for topic in track_topics(trackers).values() for each in (topic, markers_topic(topic))]
+    own += [START, *(_TRUTH if truth is not None else ())]
     with open_bag(recording.path) as original, McapFile(target) as bag:
         copies: dict[int, tuple[Connection, _Convert]] = {}
         lost = []
         for each in original.connections:
-            if each.topic in (*own, START):
+            if each.topic in own:
                 continue
             if not original.is_ros1_encoded(each):
                 copies[each.id] = bag.connect_as(each), bytes
@@ -128,8 +132,22 @@ def copy_with_tracks(
             copy, convert = copies[connection.id]
             bag.write_on(copy, log_time_ns, convert(data))
         add(bag)
+        if truth is not None:
+            _write_truth(bag, truth, recording)
         for tracker, frame in frames:
             tracks.write(tracker, frame)
+
+
+def _write_truth(bag: McapFile, truth: TruthTable, recording: Recording) -> None:
+    """Write truth on the recording's clock, for programs and for the eye."""
+    bag.connect(topics.TRUTH_PEOPLE, STRING)
+    bag.connect(topics.TRUTH_MARKERS, MARKER_ARRAY)
+    markers = PeopleMarkers(truth.labels)
+    for frame in truth_frames(truth):
+        stamp_ns = frame.stamp_ns + recording.start_ns
+        log_ns = max(stamp_ns + recording.logged_after_ns, 0)
+        bag.write(topics.TRUTH_PEOPLE, log_ns, encode_people(frame))
+        bag.write(topics.TRUTH_MARKERS, log_ns, markers.encode(stamp_ns, frame.people))
 
 
 def check_copy(source: Path, target: Path) -> None:

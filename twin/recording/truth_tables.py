@@ -25,10 +25,11 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 import numpy as np
 
+from trackers.area import Area
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.plain_data import parse_json
@@ -37,8 +38,21 @@ from twin.recording import topics
 from twin.recording.atomic_file import open_atomic
 from twin.recording.ros_messages import string_message
 from twin.recording.situation_table import encode_situation, situation_writer
-from twin.recording.tables import Row, TrackTable, TruthTable, cell, plain, seconds_cell
+from twin.recording.tables import (
+    MOST_TABLE_BYTES,
+    TRUTH_NUMBERS,
+    Row,
+    TrackTable,
+    TruthTable,
+    cell,
+    plain,
+    read_truth,
+    seconds_cell,
+)
 from twin.truth.frames import Box, BoxFrame, FootTruth, PersonTruth, RayFrame, Situation, TruthDetail, TruthFrame
+
+if TYPE_CHECKING:
+    from twin.recording.reader import Recording
 
 PEOPLE_COLUMNS = ("id", "name")
 _FOOT_NUMBERS = ("x", "y", "z", "yaw", "load_n", "pressure_x", "pressure_y")
@@ -171,15 +185,27 @@ def _write_rows(stream: TextIO, head: str, rows: Sequence[Row], n_column: int) -
 
 
 def truth_frames(table: TruthTable) -> Iterator[TruthFrame]:
-    """Yield a table's frames, in order of time: position, heading and the tracked area alone."""
+    """Yield a table's frames, in order of time."""
     bounds = np.searchsorted(table.stamps_ns, table.frame_stamps_ns)
-    columns = [each.tolist() for each in (table.id, table.x, table.y, table.yaw, table.in_area)]
-    people = [
-        PersonTruth(id=one, x=x, y=y, yaw=yaw, in_area=inside) for one, x, y, yaw, inside in zip(*columns, strict=True)
-    ]
-    ends = np.append(bounds[1:], len(people)).tolist()
+    columns = {name: getattr(table, name).tolist() for name in ("id", *TRUTH_NUMBERS, "in_area")}
+    shown = {sensor: shares.tolist() for sensor, shares in table.visible.items()}
+    ends = np.append(bounds[1:], len(table.id)).tolist()
     for stamp_ns, first, last in zip(table.frame_stamps_ns.tolist(), bounds.tolist(), ends, strict=True):
-        yield TruthFrame(stamp_ns, tuple(people[first:last]))
+        people = (
+            PersonTruth(
+                **{name: values[row] for name, values in columns.items()},
+                visible={sensor: shares[row] for sensor, shares in shown.items()},
+            )
+            for row in range(first, last)
+        )
+        yield TruthFrame(stamp_ns, tuple(people))
+
+
+def read_own_truth(path: Path, recording: Recording) -> TruthTable:
+    """Read the user's table of truth of a recording, on the recording's clock, within its area; raises as `read_truth`."""
+    area = Area(np.array(recording.rig.area)) if recording.rig.area is not None else None
+    table = read_truth(path, MOST_TABLE_BYTES, area=area)
+    return on_clock_of(table, recording.start_ns, recording.duration_s, str(recording.path))
 
 
 def on_clock_of(table: TruthTable, start_ns: int, duration_s: float, recording: str) -> TruthTable:

@@ -14,21 +14,21 @@ from pathlib import Path
 
 import numpy as np
 
-from trackers.area import Area
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, LaserScan, Observation, Odometry
 from trackers.prior import Prior
 from trackers.rig import PriorFiles
 from trackers.text_file import AnyPath, as_path
 from trackers.tracks import TrackFrame
+from twin.evaluate.judged_frames import truth_at
 from twin.messages import OnProgress, OnWarning, no_progress, warn
 from twin.recording.atomic_file import open_atomic
 from twin.recording.losses import documents, lines
 from twin.recording.reader import Recording
 from twin.recording.situation_table import situation_table
-from twin.recording.tables import MOST_TABLE_BYTES, TruthTable, read_truth, truth_table
+from twin.recording.tables import TruthTable, truth_table
 from twin.recording.track_topics import check_copy, copy_with_tracks
-from twin.recording.truth_tables import ABOUT, DETAIL_FILES, on_clock_of, truth_frames
+from twin.recording.truth_tables import ABOUT, DETAIL_FILES, read_own_truth, truth_frames
 from twin.report.birdseye import Polygon
 from twin.report.page import RunFacts
 from twin.report.path_map import ScanDensity
@@ -94,7 +94,7 @@ def track_recording(
     rig_path, truth_path = _path(rig_path, "rig_path"), _path(truth_path, "truth_path")
     bag_copy = _path(bag_copy, "bag_copy")
     bag = Recording(recording, rig_path)
-    truth = _labels(truth_path, bag) if truth_path is not None else None
+    truth = read_own_truth(truth_path, bag) if truth_path is not None else None
     scenario = scenario_of(bag)
     chosen = chosen_trackers(bag, scenario, names, changes)
     files, missing = files_for(bag, scenario, rig_path, changes)
@@ -231,10 +231,16 @@ class _Replay:
         if request.bag_copy is not None:
             names = [each.name for each in fed.runners if not each.failure]
             frames = [(name, frame) for name, frame in self._frames if name in names]
-            copy_with_tracks(request.bag, request.bag_copy, names, frames, request.on_warning)
+            own = self._own_truth()
+            copy_with_tracks(request.bag, request.bag_copy, names, frames, request.on_warning, truth=own)
             left = left | {"bag": request.bag_copy}
         warnings = (*self._early, *self._new, *result.warnings)
         return replace(result, files=left, warnings=warnings, tracker_warnings=tuple(self._tracker_warnings))
+
+    def _own_truth(self) -> TruthTable | None:
+        """Return the user's truth at the stamps of the sensors, as a twin's bag has it; None without."""
+        truth = self._request.truth
+        return None if truth is None else truth_at(truth, self._request.bag.all_stamps_ns())
 
     def _facts(self, fed: Feed) -> RunFacts:
         request, bag, scenario = self._request, self._request.bag, self._request.scenario
@@ -297,13 +303,6 @@ def _counted(observations: Iterable[Observation], total: int, on_progress: OnPro
     for number, observation in enumerate(observations, start=1):
         yield observation
         on_progress("tracking", number, total)
-
-
-def _labels(path: Path, bag: Recording) -> TruthTable:
-    """Read the user's table of truth, on the clock of the bag."""
-    area = Area(np.array(bag.rig.area)) if bag.rig.area is not None else None
-    table = read_truth(path, MOST_TABLE_BYTES, area=area)
-    return on_clock_of(table, bag.start_ns, bag.duration_s, str(bag.path))
 
 
 def _command(

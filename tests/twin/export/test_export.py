@@ -94,6 +94,12 @@ def _accumulated(motmetrics, truth: np.ndarray, tracks: np.ndarray, distances) -
     return motmetrics.metrics.create().compute(accumulator, metrics=names).iloc[0].to_dict()
 
 
+def _gap_m(people: np.ndarray, reported: np.ndarray) -> np.ndarray:
+    """Distances on the ground within the gate of 0.5 m, else NaN."""
+    gap = np.linalg.norm(people[:, None, 7:9] - reported[None, :, 7:9], axis=2)
+    return np.where(gap <= 0.5, gap, np.nan)
+
+
 def test_the_ground_is_judged_alike_by_motmetrics_and_by_ourselves(run: Path, tmp_path: Path) -> None:
     """From the exported text and from the tables of the run, within the gate of 0.5 m."""
     motmetrics = pytest.importorskip("motmetrics")
@@ -103,12 +109,7 @@ def test_the_ground_is_judged_alike_by_motmetrics_and_by_ourselves(run: Path, tm
         out / "trackers/roomtwin-all/sort/data/run-ground.txt",
     ]
     truth, tracks = (np.loadtxt(each, delimiter=",", ndmin=2) for each in files)
-
-    def gap_m(people: np.ndarray, reported: np.ndarray) -> np.ndarray:
-        gap = np.linalg.norm(people[:, None, 7:9] - reported[None, :, 7:9], axis=2)
-        return np.where(gap <= 0.5, gap, np.nan)
-
-    theirs = _accumulated(motmetrics, truth, tracks, gap_m)
+    theirs = _accumulated(motmetrics, truth, tracks, _gap_m)
     own = json.loads((run / "metrics.json").read_text())["trackers"]["sort"]
     read = CliRunner().invoke(app, ["evaluate", *map(str, files), "--format", "mot"])
     assert read.exit_code == 0, read.output
@@ -333,6 +334,105 @@ def test_bag_without_truth_says_what_is_left_out(run: Path, tmp_path: Path) -> N
         app, ["export", str(bare), "--rig", str(rig), "--format", "coco", "--out", str(tmp_path / "c")]
     )
     assert "no recording has a camera and truth" in str(result.exception)
+
+
+@pytest.fixture(scope="module")
+def own(run: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, Path]:
+    """The run's bag without its truth, its rig, and a table of truth at every other stamp, by name."""
+    folder = tmp_path_factory.mktemp("own")
+    _without_truth(run / "recording.mcap", folder / "bare.mcap")
+    (folder / "rig.yaml").write_text(Recording(run / "recording.mcap").rig.dump_yaml())
+    truth = read_truth(run / "truth.csv")
+    kept = np.isin(truth.stamps_ns, truth.frame_stamps_ns[:-3:2])
+    columns = [each[kept].tolist() for each in (truth.stamps_ns, truth.id, truth.x, truth.y, truth.head_z)]
+    rows = (f"{ns / 1e9:.9f},{'_ab'[id_]},{x},{y},{z}" for ns, id_, x, y, z in zip(*columns, strict=True))
+    (folder / "mine.csv").write_text("\n".join(["t,id,x,y,head_z", *rows]))
+    return folder / "bare.mcap", folder / "rig.yaml", folder / "mine.csv"
+
+
+def _known(run: Path, table: Path, sensor: str) -> np.ndarray:
+    """Rows stamp [ns], id, x, y of the run's truth at the stamps of a sensor, as far as the table goes."""
+    truth, until_ns = read_truth(run / "truth.csv"), read_truth(table).frame_stamps_ns[-1]
+    rows = np.column_stack([truth.stamps_ns, truth.id, truth.x, truth.y])
+    at = Recording(run / "recording.mcap").stamps_of(sensor)
+    return rows[(rows[:, 0] <= until_ns) & np.isin(rows[:, 0], at)]
+
+
+def test_own_truth_reaches_mot_as_that_of_a_bag_does(run: Path, own: tuple[Path, Path, Path], tmp_path: Path) -> None:
+    """Frames are those that the table covers; places between its rows are interpolated; motmetrics judges as we do."""
+    motmetrics = pytest.importorskip("motmetrics")
+    bag, rig, mine = map(str, own)
+    tracked = CliRunner().invoke(
+        app,
+        ["track", bag, "--rig", rig, "--truth", mine, "--tracker", "sort", "--no-video", "--out", str(tmp_path / "tracked"),
+         "--bag", str(tmp_path / "copy.mcap")],
+    )  # fmt: skip
+    assert tracked.exit_code == 0, tracked.output
+    out = _export(tmp_path / "tracked", "mot", tmp_path / "mot", "--rig", rig, "--truth", mine)
+    ground = out / "gt/roomtwin-all/tracked-ground"
+    truth = np.loadtxt(ground / "gt/gt.txt", delimiter=",")
+    expected = _known(run, own[2], "waist")
+    assert truth[:, 7:9] == pytest.approx(expected[:, 2:], abs=0.01)
+    stamps = np.genfromtxt(ground / "frames.csv", delimiter=",", skip_header=1)
+    assert stamps[:, 1] == pytest.approx(np.unique(expected[:, 0]) / 1e9)
+    tracks = np.loadtxt(out / "trackers/roomtwin-all/sort/data/tracked-ground.txt", delimiter=",")
+    theirs = _accumulated(motmetrics, truth, tracks, _gap_m)
+    ours = json.loads((tmp_path / "tracked/metrics.json").read_text())["trackers"]["sort"]
+    assert theirs["mota"] == pytest.approx(ours["mota"]) and theirs["num_misses"] == ours["misses"]
+    for camera in ("fish", "depth"):
+        read = motmetrics.io.loadtxt(out / f"gt/roomtwin-all/tracked-{camera}/gt/gt.txt", fmt="mot16").reset_index()
+        of_pixels = motmetrics.io.loadtxt(
+            _export(run, "mot", tmp_path / f"whole-{camera}", "--labels-hz", "5")
+            / f"gt/roomtwin-all/run-{camera}/gt/gt.txt",
+            fmt="mot16",
+        ).reset_index()
+        both = read.merge(of_pixels, on=["FrameId", "Id"])
+        assert len(both) > 5
+        middle = (both["X_x"] + both["Width_x"] / 2) - (both["X_y"] + both["Width_y"] / 2)
+        assert middle.abs().median() < 5  # px: an upright box stands where the person's pixels are
+    copy = Recording(tmp_path / "copy.mcap", rig)
+    places = {frame.stamp_ns: frame for frame in copy.truth()}
+    for stamp_ns, id_, x, y in expected:
+        person = next(each for each in places[int(stamp_ns)].people if each.id == id_)
+        assert (person.x, person.y) == pytest.approx((x, y), abs=0.01)
+
+
+def test_own_truth_reaches_coco_kitti_and_foxglove(run: Path, own: tuple[Path, Path, Path], tmp_path: Path) -> None:
+    coco_module = pytest.importorskip("pycocotools.coco", reason="pycocotools is not installed")
+    bag, rig, mine = map(str, own)
+    given = "--rig", rig, "--truth", mine
+    coco = coco_module.COCO(str(_export(own[0], "coco", tmp_path / "coco", *given) / "annotations.json"))
+    assert {image["camera"] for image in coco.imgs.values()} == {"fish", "depth"}
+    assert max(image["t"] for image in coco.imgs.values()) <= 1.2 and len(coco.anns) > 5
+    for annotation in coco.anns.values():
+        image, (left, top, width, height) = coco.imgs[annotation["image_id"]], annotation["bbox"]
+        assert 0 <= left < left + width <= image["width"] and 0 <= top < top + height <= image["height"]
+        assert annotation["area"] == width * height and annotation["visibility"] is None
+    root = _export(own[0], "kitti", tmp_path / "kitti", *given) / "training"
+    labels = [line.split() for line in (root / "label_02/0000.txt").read_text().splitlines()]
+    assert len(labels) > 5
+    for _, _, kind, _, occluded, *numbers in labels:
+        assert kind == "Pedestrian" and occluded == "3" and np.isfinite(np.array(numbers, dtype=float)).all()
+    source = _export(own[0], "foxglove", tmp_path / "foxglove", *given) / "bare.mcap"
+    with open_bag(source) as found:
+        assert {"/truth/people", "/truth/markers"} <= set(found.topics)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--format", "images"], "has no effect on --format images"),
+        (["--format", "coco", "--labels", "bag"], "one of the two is expected"),
+    ],
+)
+def test_own_truth_where_it_has_no_effect_is_refused(
+    own: tuple[Path, Path, Path], options: list[str], said: str, tmp_path: Path
+) -> None:
+    bag, rig, mine = map(str, own)
+    result = CliRunner().invoke(
+        app, ["export", bag, "--rig", rig, "--truth", mine, "--out", str(tmp_path / "x"), *options]
+    )
+    assert said in str(result.exception)
 
 
 def _without_truth(source: Path, target: Path) -> None:
