@@ -28,6 +28,11 @@ class LaserLegsOptions(Strict):
     least_existence: float = Field(
         default=0.3, gt=0, lt=1, description="existence below which a confirmed track is not reported"
     )
+    report_apart_m: float = Field(
+        default=0.35,
+        ge=0,
+        description="a track nearer than this to a likelier one is not reported: two people do not stand in one place [m]",
+    )
     report_in: Literal["rig", "matched"] = Field(
         default="rig",
         description="frame of the reports. rig: the one that the rig is given in, odometry's for a scanner mounted on a base, "

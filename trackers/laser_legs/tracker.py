@@ -106,6 +106,7 @@ class LaserLegs(SynchronizedTracker):
         if self.options.report_in == "rig":
             places, velocities = frame.to_rig(places, velocities)
         shown &= self.manager.inside(places)
+        shown[shown] = likeliest(places[shown], state.log_odds[shown], self.options.report_apart_m)
         measured = measured_now(roster, self._frame_ns)
         return [
             Track(
@@ -293,6 +294,15 @@ def assigned(
         if np.hypot(*(legs[one] - legs[other])) > STRIDE_M:
             owner[one if worth[person, one] < worth[person, other] else other] = -1
     return owner
+
+
+def likeliest(places: Float[Array, "n 2"], log_odds: Float[Array, "n"], apart_m: float) -> Bool[Mask, "n"]:
+    """Select the tracks without a likelier one nearer than `apart_m`, which has a leg of the same person."""
+    order = np.argsort(-log_odds, kind="stable")
+    near = np.tril(distances(places[order], places[order]) < apart_m, -1)
+    kept = np.ones(len(places), np.bool_)
+    kept[order] = ~near.any(axis=1)
+    return kept
 
 
 def _measured(

@@ -11,7 +11,7 @@ from trackers.errors import InputError
 from trackers.feeding import track_frames
 from trackers.frames.scan_matching import between, compose, inverse, placed
 from trackers.laser_legs.options import LaserLegsOptions
-from trackers.laser_legs.tracker import assigned
+from trackers.laser_legs.tracker import assigned, likeliest
 from trackers.observations import NS_PER_S, Odometry
 from trackers.presets import make_tracker
 from trackers.rig import LaserSensor, OdometrySensor, Pose, Rig
@@ -133,6 +133,19 @@ def with_odometry(path, motions, people, slip: float = 1.0):
     tracker = make_tracker("laser-legs", rig, (), np.random.default_rng(0))
     odometry_from_room = [compose(odometry[k], inverse(bases[k])) for k in range(len(path))]
     return list(track_frames(tracker, rig, fed)), tracker, odometry_from_room
+
+
+def test_of_two_tracks_in_one_place_the_likelier_one_is_reported():
+    places = np.array([[0.0, 0.0], [0.2, 0.0], [3.0, 0.0], [3.4, 0.0], [6.0, 0.0], [6.1, 0.0]])
+    assert likeliest(places, np.array([0.5, 2.0, 1.0, 1.5, 1.0, 1.0]), 0.35).tolist() == [
+        False,
+        True,
+        True,
+        True,
+        True,
+        False,
+    ]
+    assert likeliest(places[:0], np.empty(0), 0.35).tolist() == []
 
 
 @pytest.mark.parametrize("slip", [1.0, 1.1], ids=["true", "slipping"])
