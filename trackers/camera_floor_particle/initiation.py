@@ -160,7 +160,7 @@ class Initiation:
         options = self._options.head
         n_colour = BINS.size * options.parts[0] * options.parts[1]
         skin, faces, from_east = 0j, np.empty((0, n_colour)), np.empty(0)
-        whole: WindowOptions = options.window.model_copy(update={"pixels": "foreground", "stride": 1})
+        whole: WindowOptions = options.window.model_copy(update={"stride": 1})
         look = views.look(skull)
         if (seen := look.seen).any():
             faces = unit(np.sqrt(views.colours(skull, look.pixels, seen, whole, options.parts)))

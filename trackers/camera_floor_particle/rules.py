@@ -68,6 +68,14 @@ PAPER_RULES: tuple[PaperRule, ...] = (
         },
     ),
     PaperRule(
+        "reference of a head",
+        "unstated",
+        "5.3",
+        "of every pixel of its window, as those it is compared with. Of the person's pixels alone, windows below the head, with "
+        "less wall in them, are more alike: the median of twelve persons' errors, of all axes together, is 7.1 instead of 5.9 cm "
+        "(`home-cameras`, 20 s, seeds 1100 to 1103); in `movements-turning` there is no difference (1100 to 1104)",
+    ),
+    PaperRule(
         "particles",
         "stated",
         "5.1, 6.1",
