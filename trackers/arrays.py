@@ -1,12 +1,37 @@
 """Array types of arguments and results, with shapes in annotations, `Float[Array, "n 2"]` (jaxtyping).
 
-A name is one size throughout a call; dtypes and shapes are checked in test runs only. The aliases are written out: from
-numpy 2.5 on `numpy.typing.NDArray[...]` is no class, which jaxtyping needs.
+A name is one size throughout a call; dtypes and shapes are checked in test runs only, which import jaxtyping first. Elsewhere
+an annotation is `Any`: jaxtyping costs 40 ms and 8 MB, with the `asyncio` and `unittest` that it imports. The aliases are
+written out: from numpy 2.5 on `numpy.typing.NDArray[...]` is no class, which jaxtyping needs.
 """
 
-from typing import Any
+import sys
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING or "jaxtyping" in sys.modules:
+    from jaxtyping import (
+        Bool as Bool,
+        Complex as Complex,
+        Float as Float,
+        Float16 as Float16,
+        Float32 as Float32,
+        Int as Int,
+        Int16 as Int16,
+        Int32 as Int32,
+        Integer as Integer,
+        Shaped as Shaped,
+        UInt8 as UInt8,
+        UInt32 as UInt32,
+    )
+else:
+
+    class _Unchecked:
+        def __class_getitem__(cls, shape: Any) -> Any:
+            return Any
+
+    Bool = Complex = Float = Float16 = Float32 = Int = Int16 = Int32 = Integer = Shaped = UInt32 = UInt8 = _Unchecked
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 ArrayOrNumber = Array | np.float64

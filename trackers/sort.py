@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from jaxtyping import Float, Int
 from pydantic import Field
 
-from trackers.arrays import Array, Index
+from trackers.arrays import Array, Float, Index, Int
 from trackers.configuration import Strict, validate
 from trackers.filters.gating import distances, mahalanobis
 from trackers.filters.rows import Rows

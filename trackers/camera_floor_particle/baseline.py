@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 from pydantic import Field, PositiveInt
 
-from trackers.arrays import Array, Index, Mask
+from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.camera_floor_particle.options import HeadOptions
 from trackers.camera_floor_particle.tracker import the_floor
 from trackers.configuration import Strict, described, validate

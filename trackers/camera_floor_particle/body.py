@@ -9,10 +9,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
 from trackers.area import Area
-from trackers.arrays import Array, Index, Mask
+from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.camera_floor_particle.loads import Loads
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions, ExclusionOptions, MotionOptions
 from trackers.filters.particle import Cloud, LikelihoodStage, ParticleFilter, cascade

@@ -11,9 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
 
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Bool, Float, Mask
 from trackers.camera_floor_particle import body
 from trackers.camera_floor_particle.body import PAN_BINS, People
 from trackers.camera_floor_particle.loads import Loads

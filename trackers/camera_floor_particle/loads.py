@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
 from numpy.typing import NDArray
 
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Bool, Float, Mask
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
 from trackers.floor.clusters import FloorClusterOptions, FloorClusters, floor_clusters
 from trackers.likelihood.floor import FloorLikelihood

@@ -11,10 +11,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Complex, Float, Int
 
 from trackers.area import Area
-from trackers.arrays import AnyArray, Array, Index
+from trackers.arrays import AnyArray, Array, Complex, Float, Index, Int
 from trackers.camera_floor_particle.body import FILTER, PAN_BINS, People, in_room, redrawn, smoothed, spread
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions, FacingOptions, HeadOptions
 from trackers.filters.circular import circular_mean, diffused, drawn, grid_of, mean_direction

@@ -11,10 +11,9 @@ from math import nan
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool
 from numpy.typing import ArrayLike
 
-from trackers.arrays import Mask
+from trackers.arrays import Bool, Mask
 from trackers.camera_floor_particle.body import CROWN_M, BodyFilter, People
 from trackers.camera_floor_particle.initiation import Initiation, hull_over
 from trackers.camera_floor_particle.loads import FloorFrontEnd, Loads

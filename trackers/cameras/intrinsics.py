@@ -8,11 +8,10 @@ from functools import lru_cache
 from typing import Annotated, Any
 
 import numpy as np
-from jaxtyping import Bool, Float
 from numpy.polynomial import Polynomial
 from pydantic import AfterValidator, BeforeValidator, Field, FiniteFloat, PositiveInt
 
-from trackers.arrays import Array, ArrayOrNumber, Mask
+from trackers.arrays import Array, ArrayOrNumber, Bool, Float, Mask
 from trackers.configuration import Strict
 from trackers.errors import InputError
 

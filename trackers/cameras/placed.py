@@ -14,11 +14,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 
 from trackers.area import Pose
-from trackers.arrays import Array, Floats, Mask
+from trackers.arrays import Array, Bool, Float, Floats, Mask
 from trackers.cameras.intrinsics import Intrinsics, PinholeIntrinsics
 
 _ON_OUTLINE = 8

@@ -11,13 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, UInt8
 from numpy.typing import ArrayLike
 from pydantic import Field
 from scipy import ndimage
 
 from trackers.array_files import ArraySpec, read_arrays
-from trackers.arrays import Array, Bytes, Mask, Singles
+from trackers.arrays import Array, Bool, Bytes, Float, Float32, Mask, Singles, UInt8
 from trackers.configuration import Strict
 from trackers.environment.grid import (
     FREE,

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt32
 from numpy.typing import NDArray
 
-from trackers.arrays import Array, Index, Mask
+from trackers.arrays import Array, Bool, Float, Index, Int, Mask, UInt32
 from trackers.errors import InputError
 from trackers.text_file import AnyPath, as_path
 

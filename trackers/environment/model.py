@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int32, UInt8
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
 from trackers.area import Area
-from trackers.arrays import Array, Bytes, Mask, Singles
+from trackers.arrays import Array, Bool, Bytes, Float, Float32, Int32, Mask, Singles, UInt8
 from trackers.environment.grid import FREE, OCCUPIED, UNKNOWN, Grid
 from trackers.errors import InputError
 

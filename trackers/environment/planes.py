@@ -8,9 +8,8 @@ the plan, then fitted to the points by total least squares.
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool, Float
 
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Bool, Float, Mask
 
 _BIN_M = 0.01
 _STRONG = 0.25

@@ -5,9 +5,8 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from jaxtyping import Float
 
-from trackers.arrays import Array, ArrayOrNumber
+from trackers.arrays import Array, ArrayOrNumber, Float
 
 
 def circular_mean(

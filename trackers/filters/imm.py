@@ -21,9 +21,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
 
-from trackers.arrays import Array, Index
+from trackers.arrays import Array, Float, Index, Int
 from trackers.errors import InputError
 from trackers.filters.motion import (
     KALMAN_MODELS,

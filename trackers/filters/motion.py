@@ -29,9 +29,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
-from trackers.arrays import Array, ArrayOrNumber
+from trackers.arrays import Array, ArrayOrNumber, Float
 
 STATE_SIZE = 5
 DISTURBANCE_SIZE = 2

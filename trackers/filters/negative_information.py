@@ -13,9 +13,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from jaxtyping import Float
 
-from trackers.arrays import Array
+from trackers.arrays import Array, Float
 from trackers.filters.imm import ImmState
 from trackers.filters.particle import Cloud
 from trackers.scipy_functions import chdtri, ndtr

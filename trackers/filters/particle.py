@@ -29,9 +29,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
 
-from trackers.arrays import Array, Index, Mask
+from trackers.arrays import Array, Bool, Float, Index, Mask
 from trackers.errors import InputError
 from trackers.filters.resampling import resample, scheme_of
 from trackers.filters.rows import Rows, Selection

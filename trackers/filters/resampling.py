@@ -17,9 +17,8 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 import numpy as np
-from jaxtyping import Float, Int
 
-from trackers.arrays import Array, Index
+from trackers.arrays import Array, Float, Index, Int
 from trackers.errors import InputError
 
 Scheme = Callable[[Array, np.random.Generator], Index]

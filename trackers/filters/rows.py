@@ -6,9 +6,8 @@ from collections.abc import Callable
 from typing import Any, Protocol, Self, runtime_checkable
 
 import numpy as np
-from jaxtyping import Bool, Int, Shaped
 
-from trackers.arrays import AnyArray, Index, Mask
+from trackers.arrays import AnyArray, Bool, Index, Int, Mask, Shaped
 
 Selection = Int[Index, "k"] | Bool[Mask, "n"]
 """Indices of k targets, or a mask of all n."""

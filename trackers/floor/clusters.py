@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
 from pydantic import Field, PositiveInt
 from scipy import ndimage
 
-from trackers.arrays import Array, Index
+from trackers.arrays import Array, Float, Index, Int
 from trackers.configuration import Strict
 from trackers.errors import InputError
 from trackers.observations import FloorFrame

@@ -11,9 +11,8 @@ from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float
 
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Bool, Float, Mask
 from trackers.frames.scan_matching import MatchingOptions, between, compose, planar
 from trackers.frames.sensor_frame import SensorFrame
 from trackers.laser.bearings import seen_from_above

@@ -18,11 +18,10 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
 from pydantic import Field, PositiveInt
 from scipy.spatial import cKDTree
 
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Bool, Float, Mask
 from trackers.configuration import Strict
 
 HERE = np.zeros(3)

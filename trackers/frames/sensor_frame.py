@@ -12,9 +12,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Shaped
 
-from trackers.arrays import AnyArray, Array, Mask
+from trackers.arrays import AnyArray, Array, Bool, Float, Mask, Shaped
 from trackers.frames.scan_matching import (
     HERE,
     Match,

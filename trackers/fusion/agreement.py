@@ -12,9 +12,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
-from trackers.arrays import Array, Index, Mask
+from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.fusion.look import Look
 from trackers.fusion.people import People
 from trackers.observations import NS_PER_S

@@ -17,10 +17,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 from scipy.optimize import LinearConstraint, milp
 
-from trackers.arrays import Array, Index, Mask
+from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.filters.gating import distances, max_weight_assignment
 from trackers.filters.imm import ImmState
 from trackers.fusion.look import Look

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from trackers.area import Area
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Bool, Float, Mask
 from trackers.cameras.placed import PlacedCamera, through_people
 from trackers.environment import Environment
 from trackers.filters.gating import distances

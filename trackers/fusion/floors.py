@@ -11,9 +11,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
 
-from trackers.arrays import Array
+from trackers.arrays import Array, Float
 from trackers.filters.gating import distances
 from trackers.floor.clusters import FloorClusterOptions, floor_clusters
 from trackers.fusion.look import Expected, Look, detections_of, round_covariance

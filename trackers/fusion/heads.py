@@ -17,10 +17,9 @@ from functools import lru_cache
 from typing import Protocol, Self
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
 from trackers.area import Area
-from trackers.arrays import Array, Index, Mask, Singles
+from trackers.arrays import Array, Bool, Float, Index, Int, Mask, Singles
 from trackers.cameras.placed import PlacedCamera
 from trackers.filters.gating import distances
 from trackers.filters.imm import ImmState

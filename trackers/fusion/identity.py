@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool, Float
 
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Bool, Float, Mask
 from trackers.filters.gating import distances, max_weight_assignment
 from trackers.filters.rows import written
 from trackers.fusion.options import ColourIdentityOptions

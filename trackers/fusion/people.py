@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from jaxtyping import Float, Int
 
-from trackers.arrays import Array, Index
+from trackers.arrays import Array, Float, Index, Int
 from trackers.filters.imm import ImmState
 from trackers.filters.rows import written
 from trackers.fusion.heads import SHOWN, Heads

@@ -17,9 +17,8 @@ from math import nan
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
-from trackers.arrays import Array, Index, Mask
+from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.filters.imm import Imm

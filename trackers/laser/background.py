@@ -20,10 +20,9 @@ from collections.abc import Sequence
 from statistics import median_low
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 from pydantic import Field
 
-from trackers.arrays import Array, Index, Mask
+from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.configuration import Strict
 from trackers.errors import InputError
 from trackers.laser.bearings import BearingGrid

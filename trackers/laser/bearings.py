@@ -12,10 +12,9 @@ from dataclasses import replace
 from math import pi
 
 import numpy as np
-from jaxtyping import Float, Int
 from pydantic import Field
 
-from trackers.arrays import Array, Index
+from trackers.arrays import Array, Float, Index, Int
 from trackers.configuration import Strict
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor

@@ -15,10 +15,9 @@ from functools import reduce
 from itertools import compress
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from trackers.area import Area
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Bool, Float, Mask
 from trackers.errors import InputError
 from trackers.filters.gating import distances, global_nearest_neighbour
 from trackers.filters.motion import MEASUREMENT_VARIANCE_M2

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from typing import ClassVar, TypeVar
 
 import numpy as np
-from jaxtyping import Bool, Float
 from pydantic import Field, PositiveInt
 
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Bool, Float, Mask
 from trackers.configuration import Strict, described
 from trackers.laser.background import BackgroundOptions, KnownBackground, LearnedBackground, returns
 from trackers.laser.bearings import DetectionModel, DetectionOptions, beams_of_turn, counter_clockwise

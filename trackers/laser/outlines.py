@@ -14,9 +14,8 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, Float
 
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Bool, Float, Mask
 from trackers.laser.bearings import beams_of_turn
 from trackers.laser.clusters import Clusters, directions
 from trackers.laser.legs.classifier import Forest, read_forest

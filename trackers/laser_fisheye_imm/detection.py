@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from trackers.area import Area
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Bool, Float, Mask
 from trackers.errors import InputError
 from trackers.laser.clusters import Detections
 from trackers.laser.group import ScannerGroup, scanners_by_role

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 from pydantic import Field
 
-from trackers.arrays import Array, Index, Mask
+from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.configuration import Strict
 from trackers.filters.imm import ImmState
 from trackers.filters.motion import MEASUREMENT_VARIANCE_M2

@@ -24,9 +24,8 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float
 
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Bool, Float, Mask
 from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.filters.imm import Imm, Motion

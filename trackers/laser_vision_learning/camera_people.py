@@ -12,11 +12,10 @@ from collections.abc import Iterable
 from typing import ClassVar
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
 from pydantic import Field
 
-from trackers.arrays import Array, Index, Mask
+from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.configuration import Strict
 from trackers.filters.gating import distances, mahalanobis_distances
 from trackers.filters.particle import Cloud

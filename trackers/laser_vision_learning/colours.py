@@ -13,9 +13,8 @@ from itertools import product
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
-from trackers.arrays import Array, Index, Mask
+from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.cameras import PlacedCamera
 from trackers.filters.rows import written
 from trackers.laser_vision_learning.looks import COLOUR_LEVELS, COLOURS, HEIGHTS, Learner, Looks, LooksOptions, Picture

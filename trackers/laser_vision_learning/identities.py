@@ -18,11 +18,10 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 from numpy.typing import NDArray
 from pydantic import Field, PositiveInt
 
-from trackers.arrays import Array, Index, Mask
+from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.configuration import Strict
 from trackers.scipy_functions import linear_sum_assignment
 

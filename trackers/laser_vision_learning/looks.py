@@ -13,10 +13,9 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt8
 from pydantic import Field, NonNegativeInt, PositiveInt
 
-from trackers.arrays import Array, Bytes, Index, Mask
+from trackers.arrays import Array, Bool, Bytes, Float, Index, Int, Mask, UInt8
 from trackers.cameras import PlacedCamera
 from trackers.configuration import Strict, leaves_of
 from trackers.filters.particle import LogLikelihood

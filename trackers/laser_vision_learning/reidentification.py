@@ -18,10 +18,9 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt8
 from pydantic import Field
 
-from trackers.arrays import Array, Bytes, Index, Mask
+from trackers.arrays import Array, Bool, Bytes, Float, Index, Int, Mask, UInt8
 from trackers.configuration import Strict
 from trackers.errors import InputError
 from trackers.filters.gating import linked

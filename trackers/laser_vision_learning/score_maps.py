@@ -18,10 +18,9 @@ from typing import ClassVar, Self
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Int
 from pydantic import Field, NonNegativeInt, PositiveInt
 
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Bool, Float, Int, Mask
 from trackers.configuration import Strict
 from trackers.filters.particle import Cloud, LogLikelihood, Move, ParticleFilter
 

@@ -18,10 +18,9 @@ from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import numpy as np
-from jaxtyping import Float, Int
 from pydantic import Field
 
-from trackers.arrays import Array, Index
+from trackers.arrays import Array, Float, Index, Int
 from trackers.configuration import Strict
 from trackers.filters.particle import Cloud
 from trackers.filters.rows import Rows, written

@@ -20,12 +20,11 @@ from dataclasses import dataclass
 from typing import Literal, Self
 
 import numpy as np
-from jaxtyping import Float, Int
 from numpy.typing import NDArray
 from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 from sklearn.tree import DecisionTreeClassifier
 
-from trackers.arrays import Array, Index
+from trackers.arrays import Array, Float, Index, Int
 from trackers.configuration import Strict
 from trackers.filters.rows import Rows
 from trackers.learning.cart import Grown, Questions, SortedSamples, Trees

@@ -19,9 +19,8 @@ from functools import cached_property
 from typing import NamedTuple, Self
 
 import numpy as np
-from jaxtyping import Bool, Complex, Float, Int
 
-from trackers.arrays import Array, Complexes, Index, Mask
+from trackers.arrays import Array, Bool, Complex, Complexes, Float, Index, Int, Mask
 from trackers.filters.rows import Rows
 
 _SAME = 1e-7

@@ -10,10 +10,9 @@ from collections.abc import Sequence
 from typing import Annotated, Literal
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int, Int32
 from pydantic import Field, FiniteFloat, PositiveInt
 
-from trackers.arrays import AnyArray, Array, Index, Mask, Singles
+from trackers.arrays import AnyArray, Array, Bool, Float, Float32, Index, Int, Int32, Mask, Singles
 from trackers.configuration import Strict
 from trackers.vision.head_colours import COLOURS, SHARES
 from trackers.vision.stereo_picture import IN_PICTURE, SKIN, mean_of, share_of

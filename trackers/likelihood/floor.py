@@ -10,11 +10,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
 from pydantic import Field, FiniteFloat
 from scipy import ndimage
 
-from trackers.arrays import Array
+from trackers.arrays import Array, Float
 from trackers.configuration import Strict
 from trackers.environment.model import Environment
 from trackers.floor.clusters import FloorClusters

@@ -16,10 +16,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from jaxtyping import Float, Int
 from pydantic import Field
 
-from trackers.arrays import Array, Index
+from trackers.arrays import Array, Float, Index, Int
 from trackers.configuration import Strict
 from trackers.filters.gating import distances, linked
 from trackers.laser.group import Points

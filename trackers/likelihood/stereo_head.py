@@ -12,11 +12,10 @@ from functools import cached_property
 from typing import Annotated, Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Float16, Int, Int32
 from numpy.typing import NDArray
 from pydantic import Field, PositiveInt, model_validator
 
-from trackers.arrays import AnyArray, Array, Index, Mask, Singles
+from trackers.arrays import AnyArray, Array, Bool, Float, Float16, Index, Int, Int32, Mask, Singles
 from trackers.cameras.placed import CameraGroup, PlacedCamera
 from trackers.configuration import Strict
 from trackers.former_options import warn_of_former_name

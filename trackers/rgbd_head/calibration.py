@@ -7,10 +7,9 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation
 
-from trackers.arrays import Array, Mask, Singles
+from trackers.arrays import Array, Bool, Float, Mask, Singles
 from trackers.cameras.placed import PlacedCamera
 from trackers.environment.model import Environment
 from trackers.vision.front_end import CalibrationMonitor, projection_jacobian, silhouette_offsets

@@ -14,9 +14,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Float, Int
 
-from trackers.arrays import Array, Index, Singles
+from trackers.arrays import Array, Float, Index, Int, Singles
 from trackers.errors import InputError
 from trackers.likelihood.stereo_head import HeadLikelihoods, RangeOptions, StereoHeadOptions, StereoHeads
 from trackers.observations import DepthImage

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from jaxtyping import Bool, Float
 
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Bool, Float, Mask
 from trackers.filters.circular import grid_of
 from trackers.filters.particle import LogWeights
 from trackers.likelihood.floor import EnvironmentLikelihood

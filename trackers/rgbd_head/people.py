@@ -10,10 +10,9 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Bool, Float, Mask
 from trackers.filters.circular import circular_mean, diffused, drawn, mean_direction
 from trackers.filters.gating import distances
 from trackers.filters.particle import Cloud

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from typing import Generic, Self, TypeVar
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
-from trackers.arrays import Array, Index, Mask
+from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.filters.gating import global_nearest_neighbour, max_weight_assignment
 from trackers.filters.imm import ImmState
 from trackers.filters.rows import Batched, Rows, Selection, written

@@ -6,12 +6,11 @@ Times are integer nanoseconds, like stamps, so that floating-point rounding deci
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, PositiveInt
 
 from trackers.area import Area
-from trackers.arrays import Array, Index, Mask
+from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.configuration import Strict
 from trackers.filters.gating import distances
 from trackers.observations import NS_PER_S

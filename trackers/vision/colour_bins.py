@@ -13,11 +13,24 @@ from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int, Integer, Shaped, UInt8
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, NonNegativeInt, PositiveInt
 
-from trackers.arrays import AnyArray, Array, Bytes, Index, Mask, Singles
+from trackers.arrays import (
+    AnyArray,
+    Array,
+    Bool,
+    Bytes,
+    Float,
+    Float32,
+    Index,
+    Int,
+    Integer,
+    Mask,
+    Shaped,
+    Singles,
+    UInt8,
+)
 from trackers.configuration import Strict
 
 FULL = 255

@@ -20,11 +20,10 @@ from typing import Any, ClassVar
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
 from pydantic import Field, NonNegativeInt
 
 from trackers.area import Area
-from trackers.arrays import Bytes, Floats, Mask, Singles
+from trackers.arrays import Bool, Bytes, Float, Floats, Mask, Singles, UInt8
 from trackers.cameras.intrinsics import Intrinsics
 from trackers.cameras.placed import PlacedCamera
 from trackers.configuration import Strict

@@ -19,11 +19,10 @@ from typing import Generic, Literal, TypeVar
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
 from pydantic import Field
 
 from trackers.area import Area
-from trackers.arrays import Array, Bytes, Mask
+from trackers.arrays import Array, Bool, Bytes, Float, Mask, UInt8
 from trackers.cameras.placed import PlacedCamera
 from trackers.configuration import Strict
 from trackers.observations import DepthImage, Image, Observation

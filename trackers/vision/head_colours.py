@@ -21,10 +21,9 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Int, Int16, UInt8
 
 from trackers.array_files import ArraySpec, read_arrays
-from trackers.arrays import AnyArray, Array, Bytes, Index, Mask, Singles
+from trackers.arrays import AnyArray, Array, Bool, Bytes, Float, Index, Int, Int16, Mask, Singles, UInt8
 from trackers.errors import InputError
 from trackers.filters.rows import Rows
 from trackers.text_file import AnyPath

@@ -15,9 +15,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
-from trackers.arrays import Array, Floats, Index, Mask, Singles
+from trackers.arrays import Array, Bool, Float, Floats, Index, Int, Mask, Singles
 from trackers.cameras.placed import CameraGroup
 
 ASPECTS = (72, 16)

@@ -10,10 +10,9 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
 from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 
-from trackers.arrays import Array, Bytes, Mask
+from trackers.arrays import Array, Bool, Bytes, Float, Mask, UInt8
 from trackers.configuration import Strict
 from trackers.vision.colour_bins import HueAndGreyBins
 

@@ -18,10 +18,9 @@ from typing import Literal
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int, UInt8
 from pydantic import Field, PositiveInt, model_validator
 
-from trackers.arrays import Array, Bytes, Index, Mask, Singles
+from trackers.arrays import Array, Bool, Bytes, Float, Float32, Index, Int, Mask, Singles, UInt8
 from trackers.cameras import PlacedCamera
 from trackers.configuration import Strict
 from trackers.filters.rows import Rows

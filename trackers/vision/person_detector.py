@@ -16,14 +16,13 @@ from typing import ClassVar
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int, UInt8
 from numpy.typing import ArrayLike
 from pydantic import Field
 from scipy.ndimage import map_coordinates
 
 from trackers.area import Area
 from trackers.array_files import ArraySpec, read_arrays
-from trackers.arrays import AnyArray, Array, Bytes, Index, Mask, Singles
+from trackers.arrays import AnyArray, Array, Bool, Bytes, Float, Float32, Index, Int, Mask, Singles, UInt8
 from trackers.cameras.placed import PlacedCamera
 from trackers.configuration import Strict
 from trackers.filters.gating import distances

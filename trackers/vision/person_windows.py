@@ -16,10 +16,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from jaxtyping import Bool, Float
 from pydantic import Field, PositiveInt
 
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Bool, Float, Mask
 from trackers.cameras.placed import PlacedCamera
 from trackers.configuration import Strict
 from trackers.filters.rows import Rows

@@ -13,10 +13,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Int32, Shaped, UInt8
 from scipy import ndimage
 
-from trackers.arrays import AnyArray, Array, Bytes, Mask, Singles
+from trackers.arrays import AnyArray, Array, Bool, Bytes, Float, Int32, Mask, Shaped, Singles, UInt8
 from trackers.observations import DepthImage
 from trackers.rig import StereoSensor
 from trackers.vision.front_end import CameraFrontEnd, PreparedPicture

@@ -9,11 +9,10 @@ from math import prod
 from typing import Any, Literal
 
 import numpy as np
-from jaxtyping import Bool, Complex, Float, Float32, Int
 from numpy.typing import NDArray
 from pydantic import Field, PositiveInt, model_validator
 
-from trackers.arrays import AnyArray, Array, Floats, Index, Mask, Singles
+from trackers.arrays import AnyArray, Array, Bool, Complex, Float, Float32, Floats, Index, Int, Mask, Singles
 from trackers.cameras.placed import CameraGroup, PlacedCamera
 from trackers.configuration import Strict
 from trackers.former_options import warn_of_former_name

@@ -15,10 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from trackers.array_files import ArraySpec, read_arrays
-from trackers.arrays import Array, Index
+from trackers.arrays import Array, Float, Index, Int
 from trackers.filters.gating import distances
 from trackers.laser.clusters import Clusters
 from trackers.laser.legs.features import NAMES, cluster_features

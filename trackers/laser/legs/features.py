@@ -10,9 +10,8 @@ to the left and to the right is sorted, so that a mirrored scene has the same fe
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float, Int
 
-from trackers.arrays import Array, Index
+from trackers.arrays import Array, Float, Index, Int
 from trackers.filters.gating import distances
 from trackers.laser.background import returns
 from trackers.laser.bearings import beams_of_turn

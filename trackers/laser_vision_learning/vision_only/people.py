@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt8
 
-from trackers.arrays import Array, Bytes, Index, Mask
+from trackers.arrays import Array, Bool, Bytes, Float, Index, Int, Mask, UInt8
 from trackers.cameras.placed import PlacedCamera
 from trackers.filters.gating import distances
 from trackers.filters.particle import Cloud
