@@ -84,6 +84,10 @@ def test_a_command_loads_only_what_it_needs() -> None:
                 "filterpy",
                 "distributed",
                 "optuna",
+                "jaxtyping",
+                "asyncio",
+                "unittest",
+                "rosbags.typesys.stores.ros2_humble",
             ),
         ),
     ):

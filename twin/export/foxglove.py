@@ -13,19 +13,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rosbags.typesys.stores.ros2_humble import (
-    sensor_msgs__msg__PointCloud2 as PointCloud2,
-    sensor_msgs__msg__PointField as PointField,
-    std_msgs__msg__Header as Header,
-)
 
 from trackers.observations import LaserScan
 from trackers.tracks import Track, TrackFrame
 from twin.export.pictures import TRACK_NUMBERS, Recorded
 from twin.recording import topics
 from twin.recording.bag_files import McapFile
+from twin.recording.message_types import TYPESTORE, Header, PointCloud2, PointField
 from twin.recording.reader import Recording
-from twin.recording.ros_messages import TYPESTORE, time_message
+from twin.recording.ros_messages import time_message
 from twin.recording.tables import TrackTable
 from twin.recording.track_topics import copy_with_tracks, markers_topic, track_topics
 from twin.recording.writer import write_outline

@@ -29,7 +29,7 @@ from trackers.text_file import refuse_unless_lifted
 from twin.recording.bag_damage import describe_damage, reason_unreadable
 from twin.recording.bag_files import BagPath
 from twin.recording.bounded_readers import MOST_CHUNK_BYTES, open_reader
-from twin.recording.ros_messages import TYPESTORE
+from twin.recording.message_types import typestore
 
 if sys.version_info >= (3, 14):
     from compression import zstd
@@ -200,7 +200,8 @@ def decode(data: bytes, msgtype: str, is_ros1: bool) -> Any:
 
     The definitions in the bag, which may be damaged, are not parsed: only standard messages are used.
     """
-    return (_ros1_typestore().deserialize_ros1 if is_ros1 else TYPESTORE.deserialize_cdr)(data, msgtype)
+    store = _ros1_typestore() if is_ros1 else typestore(msgtype)
+    return (store.deserialize_ros1 if is_ros1 else store.deserialize_cdr)(data, msgtype)
 
 
 def decoded(data: bytes, msgtype: str, is_ros1: bool) -> Any:

@@ -22,7 +22,7 @@ from rosbags.interfaces import Connection, ConnectionExtRosbag1, Qos
 from rosbags.rosbag2 import StoragePlugin, Writer, metadata, writer
 
 from trackers.errors import InputError
-from twin.recording.ros_messages import TYPESTORE
+from twin.recording.message_types import typestore
 
 _NO_HASH = "RIHS00_" + 64 * "0"
 """Hash that ROS 2 writes for a type whose hash is not set."""
@@ -100,7 +100,7 @@ class McapFile:
         """Add a topic of a standard type."""
         assert self._writer is not None
         self._connections[topic] = self._writer.add_connection(
-            topic, msgtype, typestore=TYPESTORE, offered_qos_profiles=qos
+            topic, msgtype, typestore=typestore(msgtype), offered_qos_profiles=qos
         )
 
     def write(self, topic: str, log_time_ns: int, data: bytes | memoryview) -> None:
@@ -154,7 +154,8 @@ class McapFile:
 
 def _type_hash(msgtype: str) -> str:
     """Return the hash of a standard type's definition; an MCAP file does not keep it."""
-    return TYPESTORE.hash_rihs01(msgtype) if msgtype in TYPESTORE.types else _NO_HASH
+    store = typestore(msgtype)
+    return store.hash_rihs01(msgtype) if msgtype in store.types else _NO_HASH
 
 
 _MAGIC = b"\x89MCAP0\r\n"

@@ -13,23 +13,6 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.typesys import Stores, get_typestore
-from rosbags.typesys.stores.ros2_humble import (
-    builtin_interfaces__msg__Time as Time,
-    geometry_msgs__msg__Point as Point,
-    geometry_msgs__msg__Pose as PoseMessage,
-    geometry_msgs__msg__PoseWithCovariance as PoseWithCovariance,
-    geometry_msgs__msg__Quaternion as Quaternion,
-    geometry_msgs__msg__Twist as Twist,
-    geometry_msgs__msg__TwistWithCovariance as TwistWithCovariance,
-    geometry_msgs__msg__Vector3 as Vector3,
-    nav_msgs__msg__Odometry as OdometryMessage,
-    sensor_msgs__msg__CompressedImage as CompressedImage,
-    sensor_msgs__msg__Image as RawImageMessage,
-    sensor_msgs__msg__LaserScan as LaserScanMessage,
-    std_msgs__msg__Header as Header,
-    std_msgs__msg__String as String,
-)
 
 from trackers.area import quaternion_of, rotation_of
 from trackers.errors import InputError
@@ -38,15 +21,29 @@ from trackers.rig import CameraSensor, FloorSensor, RigSensor
 from twin.recording import topics
 from twin.recording.colour_images import decode_compressed, decode_raw, raw_pixels
 from twin.recording.depth_images import PNG_FORMAT, encode_png
+from twin.recording.message_types import (
+    TYPESTORE,
+    CompressedImage,
+    Header,
+    Image as RawImageMessage,
+    LaserScan as LaserScanMessage,
+    Odometry as OdometryMessage,
+    Point,
+    Pose as PoseMessage,
+    PoseWithCovariance,
+    Quaternion,
+    String,
+    Time,
+    Twist,
+    TwistWithCovariance,
+    Vector3,
+)
 
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
 COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
 RAW_IMAGE = "sensor_msgs/msg/Image"
 ODOMETRY = "nav_msgs/msg/Odometry"
 STRING = "std_msgs/msg/String"
-
-# The messages used here are the same in every ROS 2 distribution; Humble's definitions are the oldest still maintained.
-TYPESTORE = get_typestore(Stores.ROS2_HUMBLE)
 
 _FLOOR_ENCODINGS = ("mono8", "8UC1")
 _NO_INTENSITIES = np.zeros(0, dtype=np.float32)

@@ -13,9 +13,6 @@ import numpy as np
 from rosbags.interfaces import Connection
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
-from rosbags.typesys.stores.ros2_humble import (
-    tf2_msgs__msg__TFMessage as TFMessage,
-)
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
@@ -24,8 +21,9 @@ from twin.messages import OnWarning
 from twin.recording import topics
 from twin.recording.bag import normal_type, open_bag
 from twin.recording.bag_files import McapFile
+from twin.recording.message_types import TYPESTORE, TFMessage
 from twin.recording.reader import Recording
-from twin.recording.ros_messages import STRING, TYPESTORE, string_message
+from twin.recording.ros_messages import STRING, string_message
 from twin.recording.tables import TruthTable, plain, track_row
 from twin.recording.transforms import TransformTree
 from twin.recording.truth_messages import MARKER_ARRAY, MarkerStyle, PeopleMarkers, encode_people

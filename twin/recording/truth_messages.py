@@ -9,24 +9,25 @@ from math import isnan
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.typesys.stores.ros2_humble import (
-    builtin_interfaces__msg__Duration as Duration,
-    geometry_msgs__msg__Point as Point,
-    geometry_msgs__msg__Pose as PoseMessage,
-    geometry_msgs__msg__Quaternion as Quaternion,
-    geometry_msgs__msg__Vector3 as Vector3,
-    sensor_msgs__msg__CompressedImage as CompressedImage,
-    std_msgs__msg__ColorRGBA as Color,
-    std_msgs__msg__Header as Header,
-    visualization_msgs__msg__Marker as Marker,
-    visualization_msgs__msg__MarkerArray as MarkerArray,
-    visualization_msgs__msg__MeshFile as MeshFile,
-)
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.tracks import Track
-from twin.recording.ros_messages import TYPESTORE, string_message, time_message
+from twin.recording.message_types import (
+    TYPESTORE,
+    ColorRGBA as Color,
+    CompressedImage,
+    Duration,
+    Header,
+    Marker,
+    MarkerArray,
+    MeshFile,
+    Point,
+    Pose as PoseMessage,
+    Quaternion,
+    Vector3,
+)
+from twin.recording.ros_messages import string_message, time_message
 from twin.recording.tables import TRUTH_COLUMNS, person_of, person_row, plain
 from twin.recording.topics import ROOM_FRAME
 from twin.tables.columns import MAX_INT64

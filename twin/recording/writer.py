@@ -17,17 +17,6 @@ from rosbags.interfaces import (
     QosReliability,
     QosTime,
 )
-from rosbags.typesys.stores.ros2_humble import (
-    geometry_msgs__msg__Quaternion as Quaternion,
-    geometry_msgs__msg__Transform as Transform,
-    geometry_msgs__msg__TransformStamped as TransformStamped,
-    geometry_msgs__msg__Vector3 as Vector3,
-    sensor_msgs__msg__CameraInfo as CameraInfo,
-    sensor_msgs__msg__RegionOfInterest as RegionOfInterest,
-    std_msgs__msg__Header as Header,
-    std_msgs__msg__String as String,
-    tf2_msgs__msg__TFMessage as TFMessage,
-)
 
 from trackers.area import quaternion_of
 from trackers.cameras import FisheyeIntrinsics, PinholeIntrinsics
@@ -35,13 +24,24 @@ from trackers.observations import NS_PER_S, Observation, Odometry
 from trackers.rig import CameraSensor, OdometrySensor, Rig, RigSensor, StereoSensor
 from twin.recording import topics
 from twin.recording.bag_files import McapFile
+from twin.recording.message_types import (
+    TYPESTORE,
+    CameraInfo,
+    Header,
+    Quaternion,
+    RegionOfInterest,
+    String,
+    TFMessage,
+    Transform,
+    TransformStamped,
+    Vector3,
+)
 from twin.recording.ros_messages import (
     COMPRESSED_IMAGE,
     LASER_SCAN,
     ODOMETRY,
     RAW_IMAGE,
     STRING,
-    TYPESTORE,
     Encoded,
     time_message,
 )

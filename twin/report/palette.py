@@ -6,10 +6,13 @@ from __future__ import annotations
 
 import base64
 import io
+import sys
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache, lru_cache
+from importlib.util import cache_from_source
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import cv2
@@ -18,6 +21,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from jinja2 import Template
+    from jinja2.bccache import Bucket
     from matplotlib.figure import Figure
 
 RGB = tuple[int, int, int]
@@ -194,10 +198,19 @@ def encode_jpeg(rgb: NDArray[np.uint8], quality: int) -> bytes:
 @cache
 def page_template(*packages_and_name: str) -> Template:
     """Load a template: packages in which it and its base are looked for, in this order, and its name."""
-    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+    from jinja2 import ChoiceLoader, Environment, FileSystemBytecodeCache, PackageLoader, StrictUndefined
+
+    class BesideModules(FileSystemBytecodeCache):
+        """Compiled templates in the folder where Python keeps compiled modules, if it can be written."""
+
+        def dump_bytecode(self, bucket: Bucket) -> None:
+            if not sys.dont_write_bytecode:
+                with suppress(OSError):
+                    super().dump_bytecode(bucket)
 
     *packages, name = packages_and_name
     environment = Environment(
+        bytecode_cache=BesideModules(str(Path(cache_from_source(__file__)).parent)),
         loader=ChoiceLoader([PackageLoader(package, ".") for package in packages]),
         autoescape=True,
         undefined=StrictUndefined,
