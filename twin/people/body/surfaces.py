@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import mujoco
@@ -58,15 +58,21 @@ class Surface:
         """Return the surface with its texture repeated so many times around and along."""
         return Surface(self.vertex, self.face, self.texture * (around, along), self.texture_face)
 
+    @cached_property
+    def _lists(self) -> dict[str, list[Any]]:
+        """Arguments of a mesh: lists, which MuJoCo takes twice as fast as arrays."""
+        return {
+            "uservert": self.vertex.ravel().tolist(),
+            "userface": self.face.ravel().tolist(),
+            "usertexcoord": self.texture.ravel().tolist(),
+            "userfacetexcoord": self.texture_face.ravel().tolist(),
+        }
+
     def add_to(self, spec: mujoco.MjSpec, name: str) -> None:
         """Add the surface to the spec as a mesh."""
         spec.add_mesh(
             name=name,
-            # lists, which MuJoCo takes twice as fast as arrays
-            uservert=self.vertex.ravel().tolist(),
-            userface=self.face.ravel().tolist(),
-            usertexcoord=self.texture.ravel().tolist(),
-            userfacetexcoord=self.texture_face.ravel().tolist(),
+            **self._lists,
             inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
             smoothnormal=True,
         )
@@ -102,14 +108,22 @@ def _superellipse(sides: int, square: float) -> tuple[Array, Array]:
 def loft(ring: Array) -> Surface:
     """Make the closed surface through rings (m, n, 3) [m], each counter-clockwise as seen from the end of the last one."""
     count, sides, _ = ring.shape
-    vertex = np.concatenate([ring.reshape(-1, 3), ring.mean(axis=1)[[0, -1]]])
-    step = np.linalg.norm(np.diff(ring, axis=0), axis=-1).mean(axis=1)
-    v = np.concatenate([[0.0], np.cumsum(step)])
-    v = v / max(v[-1], 1e-9)
-    texture = np.empty((count * (sides + 1) + 2, 2))
-    texture[:-2, 0], texture[-2:, 0] = np.tile(np.linspace(0, 1, sides + 1), count), 0.5
-    texture[:-2, 1], texture[-2:, 1] = np.repeat(v, sides + 1), (0.0, 1.0)
+    vertex = np.concatenate([ring.reshape(-1, 3), ring[[0, -1]].mean(axis=1)])
+    way = ring[1:] - ring[:-1]
+    v = np.zeros(count)
+    np.cumsum(np.sqrt((way * way).sum(axis=-1)).mean(axis=1), out=v[1:])
+    texture = _texture(count, sides).copy()
+    texture[:-2, 1] = np.repeat(v / max(v[-1], 1e-9), sides + 1)
     return Surface(vertex, _faces(count, sides, sides), texture, _faces(count, sides, sides + 1))
+
+
+@lru_cache(maxsize=256)
+def _texture(count: int, sides: int) -> Array:
+    """Return texture coordinates of so many rings, and of both poles, without the v of the rings."""
+    texture = np.zeros((count * (sides + 1) + 2, 2))
+    texture[:-2, 0], texture[-2:, 0] = np.tile(np.linspace(0, 1, sides + 1), count), 0.5
+    texture[-1, 1] = 1.0
+    return texture
 
 
 @lru_cache(maxsize=256)
