@@ -89,13 +89,16 @@ def _register(definition: str) -> None:
     """Add a type to the store, with the class of its messages."""
     short, members = definition.split(": ")
     pairs = [member.split(" ") for member in members.split(", ")]
-    constants = [(*name.split("="), kind) for kind, name in pairs if "=" in name]
+    constants: list[Any] = []
+    for kind, pair in pairs:
+        name, _, value = pair.partition("=")
+        constants += [(name, kind, int(value))] if value else []
     fields = [(name, _field(kind)) for kind, name in pairs if "=" not in name]
-    own = {"__doc__": definition, "__msgtype__": _full_name(short), **{name: int(value) for name, value, _ in constants}}
+    own = {"__doc__": definition, "__msgtype__": _full_name(short), **{name: value for name, _, value in constants}}
     TYPESTORE.types[_full_name(short)] = make_dataclass(
         short.rpartition("/")[2], [(name, Any) for name, _ in fields], namespace=own, eq=False, match_args=False
     )
-    TYPESTORE.fielddefs[_full_name(short)] = [(name, kind, int(value)) for name, value, kind in constants], fields
+    TYPESTORE.fielddefs[_full_name(short)] = constants, fields
 
 
 for _definition in _DEFINITIONS.replace("\n ", " ").strip().splitlines():
