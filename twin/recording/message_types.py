@@ -93,7 +93,7 @@ def _register(definition: str) -> None:
     for kind, pair in pairs:
         name, _, value = pair.partition("=")
         constants += [(name, kind, int(value))] if value else []
-    fields = [(name, _field(kind)) for kind, name in pairs if "=" not in name]
+    fields: list[Any] = [(name, _field(kind)) for kind, name in pairs if "=" not in name]
     own = {"__doc__": definition, "__msgtype__": _full_name(short), **{name: value for name, _, value in constants}}
     TYPESTORE.types[_full_name(short)] = make_dataclass(
         short.rpartition("/")[2], [(name, Any) for name, _ in fields], namespace=own, eq=False, match_args=False
