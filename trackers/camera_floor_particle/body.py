@@ -25,7 +25,7 @@ PAN_BINS = 12
 
 
 @dataclass(frozen=True, eq=False)
-class People(Rows):
+class BodyTracks(Rows):
     """n tracks, detected when floor or cameras show them. Histograms are stored as roots, for similarity."""
 
     roster: Roster[Cloud]  # x, y, z of the middle of the body [m]
@@ -132,7 +132,9 @@ class BodyFilter:
         self._options = options
         self._area = area
 
-    def step(self, people: People, dt: float, loads: Loads | None, views: Views, rng: np.random.Generator) -> People:
+    def step(
+        self, people: BodyTracks, dt: float, loads: Loads | None, views: Views, rng: np.random.Generator
+    ) -> BodyTracks:
         """Return the tracks `dt` seconds later, weighted by the floor and the usable cameras."""
         options = self._options.body
         sigma = spread(people.velocity, dt, options.motion)[..., None]
@@ -163,7 +165,7 @@ class BodyFilter:
         roster = people.roster.changed(state=cloud)
         return people.changed(roster=roster, place=place, velocity=velocity, course=course, lost=cloud.weights.lost)
 
-    def _under_head(self, people: People, dt: float) -> LikelihoodStage:
+    def _under_head(self, people: BodyTracks, dt: float) -> LikelihoodStage:
         """Return the head's stage (ours): bodies are under their heads, less certainly for a lower head."""
         head = people.head_place + people.head_velocity * dt
         drop_m = np.maximum(people.height_m - CROWN_M - head[:, 2], 0.0)
@@ -175,7 +177,7 @@ class BodyFilter:
 
         return log_likelihood
 
-    def _seen_by(self, views: Views, people: People) -> LikelihoodStage:
+    def _seen_by(self, views: Views, people: BodyTracks) -> LikelihoodStage:
         """Return the cameras' stage: in their views, on foreground, in the person's colours."""
         options = self._options.body
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from trackers.arrays import Array, Bool, Float, Mask
 from trackers.camera_floor_particle import body
-from trackers.camera_floor_particle.body import PAN_BINS, People
+from trackers.camera_floor_particle.body import PAN_BINS, BodyTracks
 from trackers.camera_floor_particle.loads import Loads
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
 from trackers.camera_floor_particle.pan import GRID, around, unit
@@ -66,7 +66,7 @@ class Initiation:
         self._tentative = Roster.started(Places(np.empty((0, 2))), 0)
         self._last_ns: int | None = None  # of the frame before
 
-    def unexplained(self, people: People | None, loads: Loads) -> Bool[Mask, "k"]:
+    def unexplained(self, people: BodyTracks | None, loads: Loads) -> Bool[Mask, "k"]:
         """Return a mask of the unassigned clusters: far from all tracks, and heavier than they explain."""
         limits, load_n = self._limits, loads.clusters.load_n
         new = load_n >= limits.least_load_n
@@ -101,7 +101,7 @@ class Initiation:
         views: Views,
         ns: int,
         rng: np.random.Generator,
-    ) -> People:
+    ) -> BodyTracks:
         """Initiate a track over a cluster, by floor and hull."""
         options = self._options
         if len(hull):
@@ -117,7 +117,7 @@ class Initiation:
         clothes = self._clothes(middle[:, None], views)
         pan, skin, hair = self._face(skull[:, None], views)
         facing = np.exp(_SKIN_SHOWS * np.cos(GRID - pan)) if skin else np.ones(len(GRID))
-        return People(
+        return BodyTracks(
             roster=Roster.started(body.started(middle[None], options.body.particles, rng), ns),
             head=Cloud.normal(
                 np.append(skull, pan)[None],
@@ -173,7 +173,9 @@ class Initiation:
         return pan, float(abs(skin)), hair
 
 
-def hull_over(place: Float[Array, "2"], views: Views, people: People | None = None) -> tuple[Float[Array, "k 3"], bool]:
+def hull_over(
+    place: Float[Array, "2"], views: Views, people: BodyTracks | None = None
+) -> tuple[Float[Array, "k 3"], bool]:
     """Carve the points above a place that all cameras see as foreground, except one of three or more [m]; empty: no person.
 
     A camera that looks at a point through one of the tracked people, or has one of them behind it, tells nothing of it. And

@@ -14,7 +14,7 @@ import numpy as np
 
 from trackers.area import Area
 from trackers.arrays import AnyArray, Array, Complex, Float, Index, Int
-from trackers.camera_floor_particle.body import FILTER, PAN_BINS, People, in_room, redrawn, smoothed, spread
+from trackers.camera_floor_particle.body import FILTER, PAN_BINS, BodyTracks, in_room, redrawn, smoothed, spread
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions, FacingOptions, HeadOptions
 from trackers.filters.circular import circular_mean, diffused, drawn, grid_of, mean_direction
 from trackers.filters.particle import Cloud, LikelihoodStage, MixtureProposal, cascade
@@ -54,7 +54,7 @@ class HeadViews(NamedTuple):
     skin: Complex[AnyArray, "k"]  # its share, in the direction that it faces, e^iφ in the room
 
 
-def looks(people: People, views: Views, options: HeadOptions) -> HeadViews | None:
+def looks(people: BodyTracks, views: Views, options: HeadOptions) -> HeadViews | None:
     """Evaluate the head estimates in every view with foreground there; None without any."""
     places = people.head_place.T
     look = views.look(places)
@@ -69,7 +69,9 @@ def looks(people: People, views: Views, options: HeadOptions) -> HeadViews | Non
     return HeadViews(rows, from_east, roots, alike, skin)
 
 
-def turned(people: People, dt: float, turns_rad: float, seen: HeadViews | None, options: FacingOptions) -> People:
+def turned(
+    people: BodyTracks, dt: float, turns_rad: float, seen: HeadViews | None, options: FacingOptions
+) -> BodyTracks:
     """Update pans `dt` seconds later: by turns, views, and the walking direction.
 
     turns_rad: standard deviation of turns in that time.
@@ -96,7 +98,7 @@ def turned(people: People, dt: float, turns_rad: float, seen: HeadViews | None, 
     return people.changed(facing=belief, pan=mean_direction(belief)[0])
 
 
-def _trusting_skin(people: People, face: Complex[AnyArray, "n"]) -> People:
+def _trusting_skin(people: BodyTracks, face: Complex[AnyArray, "n"]) -> BodyTracks:
     """Learn from walking people whether skin shows the face, and not hair of its colour or light on it: the mean cosine."""
     heading, speed = walk(people)
     right = np.cos(np.angle(face) - heading) - people.skin_true
@@ -104,7 +106,7 @@ def _trusting_skin(people: People, face: Complex[AnyArray, "n"]) -> People:
     return people.changed(skin_true=people.skin_true + np.where(taught, right / _SKIN_LOOKS, 0.0))
 
 
-def aligned(people: People) -> People:
+def aligned(people: BodyTracks) -> BodyTracks:
     """Turn pans and references to the forward direction of the first steps."""
     heading, speed = walk(people)
     due = ~people.pan_known & (speed > SURE_M_S)
@@ -124,7 +126,7 @@ def aligned(people: People) -> People:
     )
 
 
-def learned(people: People, seen: HeadViews, most_looks: float) -> People:
+def learned(people: BodyTracks, seen: HeadViews, most_looks: float) -> BodyTracks:
     """Learn the visible sides of heads with a certain pan: references are means of the last views at each."""
     _, sure = mean_direction(people.facing)
     clear = people.pan_known & (sure > _SURE) & ~people.lost
@@ -138,7 +140,7 @@ def learned(people: People, seen: HeadViews, most_looks: float) -> People:
     return people.changed(hair=hair * np.minimum(1.0, most_looks / np.maximum(n_look, 1.0)))
 
 
-def walk(people: People) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
+def walk(people: BodyTracks) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
     """Return headings of the walk [rad] and speeds [m/s]."""
     x, y = (people.course + _AHEAD * (people.velocity[:, :2] - people.course)).T
     return np.arctan2(y, x), np.hypot(*people.course.T)
@@ -193,12 +195,12 @@ class HeadFilter:
 
     def step(
         self,
-        people: People,
+        people: BodyTracks,
         offset: Float[Array, "n 3"],
         dt: float,
         views: Views,
         rng: np.random.Generator,
-    ) -> People:
+    ) -> BodyTracks:
         """Return the tracks with their heads `dt` seconds later. offset: from body to head before, h_{t−1} (eq. 7) [m]."""
         options = self._options.head
         turn = np.full((1, len(people)), np.deg2rad(options.turn_deg) * np.sqrt(options.motion.steps(dt)))
@@ -233,7 +235,7 @@ class HeadFilter:
         state[3] = drawn(people.facing, options.particles, rng)
         return people.changed(head=Cloud(state, cloud.weights))
 
-    def _near_body(self, people: People) -> LikelihoodStage:
+    def _near_body(self, people: BodyTracks) -> LikelihoodStage:
         options = self._options.head
 
         def log_likelihood(state: Array, of: Index) -> Array:
@@ -243,7 +245,7 @@ class HeadFilter:
 
         return log_likelihood
 
-    def _seen_by(self, views: Views, people: People) -> LikelihoodStage:
+    def _seen_by(self, views: Views, people: BodyTracks) -> LikelihoodStage:
         options = self._options.head
         hair = whole(people.hair, options.parts[0] * options.parts[1]).reshape(-1, BINS.size)
         hair = padded_roots(hair)

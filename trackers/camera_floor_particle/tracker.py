@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackers.arrays import Bool, Mask
-from trackers.camera_floor_particle.body import CROWN_M, BodyFilter, People
+from trackers.camera_floor_particle.body import CROWN_M, BodyFilter, BodyTracks
 from trackers.camera_floor_particle.initiation import Initiation, hull_over
 from trackers.camera_floor_particle.loads import FloorFrontEnd, Loads
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
@@ -46,9 +46,9 @@ class FloorTrackManager(TrackManager):
     def __init__(self, options: CameraFloorParticleOptions, corners: ArrayLike | None) -> None:
         super().__init__(options.track_management, corners)
         self._options = options
-        self._deleted: dict[int, People] = {}
+        self._deleted: dict[int, BodyTracks] = {}
 
-    def updated(self, people: People, loads: Loads | None, views: Views, ns: int, *, is_new: bool) -> People:
+    def updated(self, people: BodyTracks, loads: Loads | None, views: Views, ns: int, *, is_new: bool) -> BodyTracks:
         """Return the tracks updated by a frame, without those not detected for too long. is_new: of the floor's frame."""
         shown = self._shown(people, views)
         if loads is not None:
@@ -67,7 +67,7 @@ class FloorTrackManager(TrackManager):
                 del self._deleted[next(iter(self._deleted))]
         return people.select(stays)
 
-    def identified(self, person: People) -> People:
+    def identified(self, person: BodyTracks) -> BodyTracks:
         """Return a new track with the id of the most similar deleted one, else with the next id."""
         known = self._reidentified(person)
         if not known:
@@ -76,7 +76,7 @@ class FloorTrackManager(TrackManager):
         roster = person.roster.changed(id=written(person.ids, np.array([0]), known), confirmed=np.ones(1, np.bool_))
         return person.changed(roster=roster)
 
-    def _shown(self, people: People, views: Views) -> Bool[Mask, "n"]:
+    def _shown(self, people: BodyTracks, views: Views) -> Bool[Mask, "n"]:
         """Return a mask of the tracks that cameras show, with foreground and similar colours."""
         look = views.look(people.place.T)
         n_seen, n_shown = look.seen.sum(axis=0), look.on_foreground.sum(axis=0)
@@ -84,7 +84,7 @@ class FloorTrackManager(TrackManager):
         alike = 1 + people.body.weights.log_mean / (self._options.body.colour * max(len(views), 1))
         return shown & (alike >= _LEAST_ALIKE)
 
-    def _reidentified(self, person: People) -> int:
+    def _reidentified(self, person: BodyTracks) -> int:
         """Return the id of the deleted track in these clothes, by D (eq. 4) of all cameras' colours together; 0: none."""
         if not self._deleted or not person.clothes.any():
             return 0
@@ -115,7 +115,7 @@ def monitor(n_camera: int) -> CalibrationMonitor:
     return CalibrationMonitor(n_camera, _OFF_M, _FEWEST)
 
 
-def take(calibration: CalibrationMonitor, people: People, views: Views) -> None:
+def take(calibration: CalibrationMonitor, people: BodyTracks, views: Views) -> None:
     """Add the offsets of one frame. Not with two cameras, as it is unknown which is wrong."""
     upright = people.head_place[:, 2] > people.height_m - CROWN_M - _BENT_M
     walking = upright & (np.hypot(*people.velocity[:, :2].T) > _WALKS_M_S) & ~people.lost
@@ -158,7 +158,7 @@ class DebugState(NamedTuple):
 
     views: Views
     loads: Loads | None
-    people: People | None
+    people: BodyTracks | None
 
 
 class CameraFloorParticle(SynchronizedTracker):
@@ -189,7 +189,7 @@ class CameraFloorParticle(SynchronizedTracker):
         main = rig.main_sensor if rig.main_sensor in triggers else None
         super().__init__(SyncPolicy(triggers, latest=latest, main=main, awaited=(*triggers, *latest)))
         self._has_pictures = bool(cameras)
-        self._people: People | None = None
+        self._people: BodyTracks | None = None
         self._ns, self._began = 0, False
         self._last: tuple[Views, Loads | None] = Views(()), None
 

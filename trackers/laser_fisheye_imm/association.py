@@ -21,7 +21,7 @@ from trackers.filters.rows import written
 from trackers.laser.grouping import pair_off
 from trackers.laser_fisheye_imm.detection import Seen
 from trackers.laser_fisheye_imm.options import EVEN_AT, EXPLAINED_BELOW, WRONG_LOOK, LaserFisheyeImmOptions
-from trackers.laser_fisheye_imm.people import People
+from trackers.laser_fisheye_imm.people import LaserTracks
 from trackers.likelihood.legs import (
     LegPairs,
     PositionLikelihood,
@@ -45,7 +45,7 @@ class Costs:
     out_of_gate: Bool[Mask, "n k"]
 
     @classmethod
-    def of(cls, people: People, measured: PositionLikelihood, options: LaserFisheyeImmOptions) -> Costs:
+    def of(cls, people: LaserTracks, measured: PositionLikelihood, options: LaserFisheyeImmOptions) -> Costs:
         """Return the costs of k measurements of one kind."""
         distance, log_likelihood = measured.evaluated(people.state)
         pair = distance
@@ -90,7 +90,7 @@ class Association:
     each role are [m]. Without these, nothing is known of what a leg hides.
     """
 
-    people: People
+    people: LaserTracks
     missed: Float[Array, "n"]
     knees: Float[Array, "n 2"]
     options: LaserFisheyeImmOptions
@@ -243,7 +243,9 @@ class Association:
         return hidden & ~self.people.posture.lying
 
 
-def _unpaired(people: People, missed: Float[Array, "n"], options: LaserFisheyeImmOptions) -> Float[Array, "n"] | None:
+def _unpaired(
+    people: LaserTracks, missed: Float[Array, "n"], options: LaserFisheyeImmOptions
+) -> Float[Array, "n"] | None:
     """Return the cost of each track without a measurement, −2 ln (1 − e + e m) / e; None: as many pairs as possible (paper).
 
     missed: m, the miss probability of the frame.

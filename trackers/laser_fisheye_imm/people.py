@@ -108,7 +108,7 @@ _WALKS_M_S = 0.4
 
 
 @dataclass(frozen=True, eq=False)
-class People(ImmTracks):
+class LaserTracks(ImmTracks):
     """n tracks, oldest first."""
 
     serial: Int[Index, "n"]  # ascending; unique, also for tentative tracks

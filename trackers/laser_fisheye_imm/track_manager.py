@@ -12,7 +12,7 @@ from trackers.filters.imm import Imm
 from trackers.filters.negative_information import existence_after_miss, probability_within, update_missed
 from trackers.filters.rows import written
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
-from trackers.laser_fisheye_imm.people import People
+from trackers.laser_fisheye_imm.people import LaserTracks
 from trackers.likelihood.legs import PositionLikelihood
 from trackers.tracking.roster import Stage, associate
 from trackers.tracking.track_manager import TrackManager, clear_of, measured_now, nanoseconds, reachable
@@ -37,7 +37,7 @@ class ImmTrackManager(TrackManager):
         """Note the scans of these scanners in the frame at stamp ns."""
         self._scanned_ns |= dict.fromkeys(scanners, ns)
 
-    def confirmed(self, people: People, ns: int, knows_room: bool) -> People:
+    def confirmed(self, people: LaserTracks, ns: int, knows_room: bool) -> LaserTracks:
         """Confirm tracks that were measured long enough, and have moved if only that distinguishes them from the room."""
         if people.confirmed.all():
             return people
@@ -52,7 +52,9 @@ class ImmTrackManager(TrackManager):
         people = people.continued(old, again)
         return people.changed(roster=self.confirm(people.roster, new))
 
-    def _re_identified(self, people: People, new: Int[Index, "k"], ns: int) -> tuple[Int[Index, "p"], Int[Index, "p"]]:
+    def _re_identified(
+        self, people: LaserTracks, new: Int[Index, "k"], ns: int
+    ) -> tuple[Int[Index, "p"], Int[Index, "p"]]:
         """Pair hidden tracks with those about to be confirmed that they can have become, the likeliest by their predictions.
 
         A track that was measured after the other began is another person.
@@ -77,8 +79,12 @@ class ImmTrackManager(TrackManager):
         return hidden[rows], new[columns]
 
     def update_missed_tracks(
-        self, people: People, ns: int, elapsed_s: float, missed: Callable[[Float[Array, "2 *n"]], Float[Array, "*n"]]
-    ) -> People:
+        self,
+        people: LaserTracks,
+        ns: int,
+        elapsed_s: float,
+        missed: Callable[[Float[Array, "2 *n"]], Float[Array, "*n"]],
+    ) -> LaserTracks:
         """Update missed tracks: likelier at undetectable positions, and less likely to exist.
 
         missed: miss probability of the frame, a share of a period, at room points [m].
@@ -110,7 +116,7 @@ class ImmTrackManager(TrackManager):
         posture = people.posture.replaced(coasting, posture)
         return people.in_state(people.state.replaced(coasting, state)).changed(existence=existence, posture=posture)
 
-    def to_report(self, people: People, ns: int) -> Bool[Mask, "n"]:
+    def to_report(self, people: LaserTracks, ns: int) -> Bool[Mask, "n"]:
         """Return a mask of the confirmed tracks that are measured, or whose person probably exists near the reported
         position.
 
@@ -130,15 +136,15 @@ class ImmTrackManager(TrackManager):
         return reported & (measured | there)
 
     def remaining(
-        self, people: People, ns: int, missed: Callable[[Float[Array, "2 *n"]], Float[Array, "*n"]]
-    ) -> People:
+        self, people: LaserTracks, ns: int, missed: Callable[[Float[Array, "2 *n"]], Float[Array, "*n"]]
+    ) -> LaserTracks:
         """Delete tracks that have left the area, or were missed for long; missed: as in `update_missed_tracks`."""
         # a prediction outside the area is not yet a person who has left
         inside = self.inside(people.positions) | ~measured_now(people.roster, ns)
         return people.select((self._kept(people, ns) | self._awaits_scan(people, ns, missed)) & inside)
 
     def _awaits_scan(
-        self, people: People, ns: int, missed: Callable[[Float[Array, "2 *n"]], Float[Array, "*n"]]
+        self, people: LaserTracks, ns: int, missed: Callable[[Float[Array, "2 *n"]], Float[Array, "*n"]]
     ) -> Bool[Mask, "n"]:
         """Return a mask of the tentative tracks that a scanner, slower than others, may still confirm.
 
@@ -151,7 +157,7 @@ class ImmTrackManager(TrackManager):
             return np.zeros(len(people), np.bool_)
         return written(awaits, awaits, missed(people.positions[awaits].T) > _LIKELY)
 
-    def before(self, people: People, last_ns: int, ns: int) -> People:
+    def before(self, people: LaserTracks, last_ns: int, ns: int) -> LaserTracks:
         """Return the tracks kept at the frame of stamp ns, if the one before was at `last_ns`.
 
         Time without scans is no evidence against a track; after a gap longer than `coast_s` all tracks are deleted.
@@ -159,7 +165,7 @@ class ImmTrackManager(TrackManager):
         gap = ns - last_ns > nanoseconds(self._options.track_management.coast_s)
         return people.select(np.zeros(len(people), np.bool_)) if gap else people
 
-    def _kept(self, people: People, ns: int) -> Bool[Mask, "n"]:
+    def _kept(self, people: LaserTracks, ns: int) -> Bool[Mask, "n"]:
         """Return a mask of the tracks kept after a frame: recently measured ones, and longer if they probably exist."""
         rules, roster = self._options.track_management, people.roster
         kept = self.lasting(roster, ns)
@@ -169,6 +175,6 @@ class ImmTrackManager(TrackManager):
             kept |= roster.confirmed & self._exists(people)
         return kept
 
-    def _exists(self, people: People) -> Bool[Mask, "n"]:
+    def _exists(self, people: LaserTracks) -> Bool[Mask, "n"]:
         """Return a mask of the tracks that probably exist."""
         return people.exist(self._options.track_management.exists_above)

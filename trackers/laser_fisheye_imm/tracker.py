@@ -35,7 +35,7 @@ from trackers.filters.rows import written
 from trackers.laser_fisheye_imm.association import Association, Matches
 from trackers.laser_fisheye_imm.detection import Detector, Seen
 from trackers.laser_fisheye_imm.options import START_SPEED_M_S, LaserFisheyeImmOptions
-from trackers.laser_fisheye_imm.people import People
+from trackers.laser_fisheye_imm.people import LaserTracks
 from trackers.laser_fisheye_imm.track_manager import ImmTrackManager
 from trackers.likelihood.legs import legs_ahead_m
 from trackers.observations import NS_PER_S, LaserScan, Observation
@@ -259,11 +259,11 @@ class LaserFisheyeImm(SynchronizedTracker):
         ns: int,
         reference: Float[Array, "n bins"],
         has_reference: Bool[Mask, "n"],
-    ) -> People:
+    ) -> LaserTracks:
         state = self._imm.start(position, None, variance, START_SPEED_M_S**2)
         self._next_serial += len(position)
         n_look = has_reference.astype(np.int64)
-        return People.started(state, position, ns, reference, n_look, self._next_serial - len(position), variance)
+        return LaserTracks.started(state, position, ns, reference, n_look, self._next_serial - len(position), variance)
 
     # --- set up
 

@@ -20,7 +20,7 @@ from trackers.configuration import Strict
 from trackers.filters.gating import distances, mahalanobis_distances
 from trackers.filters.particle import Cloud
 from trackers.filters.rows import written
-from trackers.laser_vision_learning.walking import People
+from trackers.laser_vision_learning.walking import WalkerTracks
 from trackers.observations import NS_PER_S, DepthImage, Image
 from trackers.prior import Prior
 from trackers.rig import CameraSensor, placed_camera
@@ -72,7 +72,7 @@ class CameraPeople:
         self._detector = PersonDetector(placed_camera(camera), area, model=model)
         self._last: Image | DepthImage | None = None
 
-    def measure(self, people: People, image: Image | DepthImage, ns: int) -> People:
+    def measure(self, people: WalkerTracks, image: Image | DepthImage, ns: int) -> WalkerTracks:
         """Measure tracks that no scanner shows at a moment [ns] by its picture. A frozen picture measures nothing."""
         last, self._last = self._last, image
         if last is not None and (image.stamp_ns <= last.stamp_ns or np.array_equal(image.rgb, last.rgb)):
@@ -93,7 +93,7 @@ class CameraPeople:
         return self._missed(people, rest, seen, shift[rest], elapsed_s)
 
     def _matches(
-        self, people: People, hidden: Bool[Mask, "n"], places: Float[Array, "n 2"], seen: PeopleSeen
+        self, people: WalkerTracks, hidden: Bool[Mask, "n"], places: Float[Array, "n 2"], seen: PeopleSeen
     ) -> tuple[Int[Index, "p"], Int[Index, "p"]]:
         """Pair confirmed tracks and detections by likelihood ratios, in one assignment: one that scanners show takes its own."""
         cloud, options = people.cloud, self._options
@@ -113,13 +113,13 @@ class CameraPeople:
 
     def _measured(
         self,
-        people: People,
+        people: WalkerTracks,
         track: Int[Index, "p"],
         seen: PeopleSeen,
         found: Int[Index, "p"],
         shift: Float[Array, "p 2"],
         ns: int,
-    ) -> People:
+    ) -> WalkerTracks:
         """Weigh the particles of these tracks by a Gaussian about their detections."""
         cloud = people.cloud.select(track)
         off = cloud.state[:2] - (seen.position[found] - shift).T[:, :, None]
@@ -134,12 +134,12 @@ class CameraPeople:
 
     def _missed(
         self,
-        people: People,
+        people: WalkerTracks,
         track: Int[Index, "r"],
         seen: PeopleSeen,
         shift: Float[Array, "r 2"],
         elapsed_s: float,
-    ) -> People:
+    ) -> WalkerTracks:
         """Weigh the particles of tracks without a detection by the detector's scores; where it sees nobody they are missing."""
         if track.size == 0:
             return people

@@ -30,7 +30,7 @@ from trackers.laser_vision_learning.identities import Beliefs, Calibration, Iden
 from trackers.laser_vision_learning.looks import Looks, LooksOptions
 from trackers.laser_vision_learning.score_maps import ScoreMaps, in_levels
 from trackers.laser_vision_learning.situations import Situations
-from trackers.laser_vision_learning.walking import People
+from trackers.laser_vision_learning.walking import WalkerTracks
 from trackers.observations import NS_PER_S, DepthImage, Image
 from trackers.rig import CameraSensor, placed_camera
 from trackers.tracking.track_manager import measured_now, nanoseconds
@@ -117,7 +117,7 @@ class Recognition:
         """Return a mask of tracks from a split that are not yet identified."""
         return np.isin(serial, self._beliefs.serial[self._beliefs.doubtful])
 
-    def work(self, people: People, now: Situations, image: Image | DepthImage | None, ns: int) -> People:
+    def work(self, people: WalkerTracks, now: Situations, image: Image | DepthImage | None, ns: int) -> WalkerTracks:
         """Return the tracks updated for a frame [ns] with its situations, and its picture if any.
 
         The picture is not evaluated without interaction. Raises InputError for one of another size than the camera's.
@@ -139,7 +139,7 @@ class Recognition:
         self._learn(people, now, sure, agree & ~self._beliefs.doubtful, shown, ns)
         return people
 
-    def _shown(self, image: Image | DepthImage, people: People, ns: int) -> _Shown | None:
+    def _shown(self, image: Image | DepthImage, people: WalkerTracks, ns: int) -> _Shown | None:
         """Return the picture; None if it repeats the last one to the bit, from a frozen camera."""
         expected = (self._intrinsics.height, self._intrinsics.width, 3)
         if image.rgb.shape != expected:
@@ -154,7 +154,7 @@ class Recognition:
         late_s = (image.stamp_ns - ns) / NS_PER_S
         return _Shown(image.rgb, foreground, people.places + late_s * people.velocities)
 
-    def _note(self, people: People, now: Situations, sure: Int[Index, "n"], ns: int) -> None:
+    def _note(self, people: WalkerTracks, now: Situations, sure: Int[Index, "n"], ns: int) -> None:
         """Add new identities, drop forgotten ones, and note which of them each confirmed track may have."""
         ids, before = people.roster.id[sure], self._beliefs
         remembered = self._looks.known & (ns - self._held_ns <= nanoseconds(self.options.remember_s))
@@ -180,7 +180,7 @@ class Recognition:
         self._beliefs = replace(beliefs, possible=np.where(moot.reshape(-1, 1), only, beliefs.possible))
 
     def _look(
-        self, people: People, now: Situations, sure: Int[Index, "n"], shown: _Shown, ns: int
+        self, people: WalkerTracks, now: Situations, sure: Int[Index, "n"], shown: _Shown, ns: int
     ) -> Float[Array, "n m"]:
         """Add the scores in one more picture of tracks that are measured and alone, and return them; NaN for others."""
         score = np.full(self._beliefs.possible.shape, np.nan)
@@ -200,7 +200,7 @@ class Recognition:
         self._calibration = self._calibration.updated(mean[scored & own], mean[scored & others])
         return score
 
-    def _decide(self, people: People, sure: Int[Index, "n"], ns: int) -> People:
+    def _decide(self, people: WalkerTracks, sure: Int[Index, "n"], ns: int) -> WalkerTracks:
         """Assign identities to all tracks by their mean scores and their continuity."""
         beliefs, rules, n = self._beliefs, self._identities, sure.size
         doubtful, mean, before = beliefs.doubtful, beliefs.mean(rules.pictures), people.roster.id[sure]
@@ -238,7 +238,13 @@ class Recognition:
         return ~known | (score[np.arange(own.size), own] >= np.fmax.reduce(score, axis=1, initial=-np.inf))
 
     def _learn(
-        self, people: People, now: Situations, sure: Int[Index, "n"], certain: Bool[Mask, "n"], shown: _Shown, ns: int
+        self,
+        people: WalkerTracks,
+        now: Situations,
+        sure: Int[Index, "n"],
+        certain: Bool[Mask, "n"],
+        shown: _Shown,
+        ns: int,
     ) -> None:
         """Let the classifiers learn of tracks that are measured and alone, and whose identity is certain."""
         alone = measured_now(people.roster, ns) & ~(now.merged | now.correlated).any(axis=1)
@@ -249,7 +255,7 @@ class Recognition:
         )
         self._looks = self._looks.replaced(self._own, looks)
 
-    def _drawn(self, people: People, now: Situations, shown: _Shown, ns: int) -> People:
+    def _drawn(self, people: WalkerTracks, now: Situations, shown: _Shown, ns: int) -> WalkerTracks:
         """Draw the particles of correlated people, all or the missed ones, to the score maps of a picture."""
         sure = people.roster.confirmed
         own = np.zeros(len(people), np.intp)
@@ -279,6 +285,6 @@ class Recognition:
         return moved
 
 
-def _seen_ns(people: People) -> Int[Index, "n"]:
+def _seen_ns(people: WalkerTracks) -> Int[Index, "n"]:
     """Stamps at which a scanner or the camera showed each track last."""
     return np.maximum(people.roster.measured_ns, people.pictured_ns)

@@ -15,7 +15,7 @@ from trackers.laser.group import ScannerGroup
 from trackers.laser_vision_learning.merged_target import as_one, clusters_of
 from trackers.laser_vision_learning.options import LaserVisionLearningOptions
 from trackers.laser_vision_learning.situations import Situations, assessed
-from trackers.laser_vision_learning.walking import STATE_SIZE, People, WalkingModel
+from trackers.laser_vision_learning.walking import STATE_SIZE, WalkerTracks, WalkingModel
 from trackers.likelihood.laser_points import log_likelihood, shares, unexplained_people
 from trackers.observations import NS_PER_S, Observation
 from trackers.tracking.track_manager import TrackManager, measured_now, measured_often, reachable
@@ -38,7 +38,7 @@ class Walkers:
         self._manager = TrackManager(options.track_management, corners)
         self._model = WalkingModel(options.walking)
         self._filter = ParticleFilter()
-        self.people = People.started(Cloud.of(np.empty((STATE_SIZE, 0, options.particles))), 0, 0)
+        self.people = WalkerTracks.started(Cloud.of(np.empty((STATE_SIZE, 0, options.particles))), 0, 0)
         self.situations = Situations.none(self.people.serial)
         self._next_serial, self.ns = 0, 0
         self._looked_ns = 0  # stamp of the last scan
@@ -117,7 +117,7 @@ class Walkers:
         )
         return np.where(people.roster.confirmed, missing_s, np.inf)
 
-    def _missed(self, people: People, observations: Mapping[str, Observation], elapsed_s: float) -> People:
+    def _missed(self, people: WalkerTracks, observations: Mapping[str, Observation], elapsed_s: float) -> WalkerTracks:
         """Update missed tracks: likelier where they are undetectable, with a missing time growing with their detection
         probability.
         """
@@ -170,5 +170,5 @@ class Walkers:
             new &= self._manager.may_start(place, self.people.places)
         if new.any():
             state = Cloud.of(self._model.start(place[new], self.options.particles, self.rng))
-            self.people = self.people.joined(People.started(state, self.ns, self._next_serial))
+            self.people = self.people.joined(WalkerTracks.started(state, self.ns, self._next_serial))
             self._next_serial += len(state)

@@ -146,7 +146,7 @@ class WalkingModel:
 
 
 @dataclass(frozen=True, eq=False)
-class People(Rows):
+class WalkerTracks(Rows):
     """n tracks, oldest first."""
 
     serial: Int[Index, "n"]  # number in the order of starts; unlike identities it never changes

@@ -13,7 +13,7 @@ from trackers.likelihood.floor import EnvironmentLikelihood
 from trackers.likelihood.stereo_head import HeadLikelihoods
 from trackers.rgbd_head.evaluators import Evaluators
 from trackers.rgbd_head.options import RgbdHeadOptions
-from trackers.rgbd_head.people import Motion, People
+from trackers.rgbd_head.people import HeadTracks, Motion
 from trackers.vision.head_colours import HeadColours
 
 _USUAL = 0.2
@@ -46,13 +46,13 @@ class Likelihoods:
         """True where each person's own colours are learned."""
         return self._options.stereo_head.person_colour is not None
 
-    def expect(self, people: People, later_s: Mapping[str, float]) -> None:
+    def expect(self, people: HeadTracks, later_s: Mapping[str, float]) -> None:
         """Send each track's colours to the cameras, weighted by their evidence."""
         if self.learns_colours:
             self._evaluators.expect(later_s, people.colours.expected(self._common))
 
     def by_camera(
-        self, people: People, state: Float[Array, "4 n p"], later_s: Mapping[str, float]
+        self, people: HeadTracks, state: Float[Array, "4 n p"], later_s: Mapping[str, float]
     ) -> dict[str, HeadLikelihoods]:
         """Weigh hypotheses, moved to each picture's own stamp."""
         velocity, heads = people.velocity.T[..., None].astype(np.float32), {}
@@ -62,7 +62,7 @@ class Likelihoods:
         return self._evaluators.log_likelihood(heads)
 
     def log_likelihood(
-        self, people: People, state: Float[Array, "4 n p"], found: Mapping[str, HeadLikelihoods], motion: Motion
+        self, people: HeadTracks, state: Float[Array, "4 n p"], found: Mapping[str, HeadLikelihoods], motion: Motion
     ) -> Float[Array, "n p"]:
         """Return the sum of all likelihoods and rules; `found` by each camera (`by_camera`)."""
         terms = [self._by_pictures(people, state, found), self._by_room(state)]
@@ -73,7 +73,7 @@ class Likelihoods:
         return sum(terms[1:], start=terms[0])
 
     def _by_pictures(
-        self, people: People, state: Float[Array, "4 n p"], found: Mapping[str, HeadLikelihoods]
+        self, people: HeadTracks, state: Float[Array, "4 n p"], found: Mapping[str, HeadLikelihoods]
     ) -> Float[Array, "n p"]:
         n, p = state.shape[1:]
         total, out_of_view = np.zeros((n, p)), self._options.stereo_head.out_of_view
@@ -95,7 +95,7 @@ class Likelihoods:
         away_m2[np.arange(len(place)), np.arange(len(place))] = np.inf
         return -_OTHERS * (away_m2.min(axis=0) < self._options.track_management.same_head_m**2)
 
-    def facing(self, people: People, motion: Motion, later_s: Mapping[str, float]) -> Float[Array, "n g"]:
+    def facing(self, people: HeadTracks, motion: Motion, later_s: Mapping[str, float]) -> Float[Array, "n g"]:
         """Return the directions of heads updated by pictures at their expected positions, and by the walk."""
         facing = motion.facing
         log = motion.walking(np.broadcast_to(grid_of(facing.shape[1]), facing.shape))
@@ -105,7 +105,7 @@ class Likelihoods:
         with np.errstate(divide="ignore"):
             return LogWeights.of(np.log(facing) + log).normalised
 
-    def usual(self, people: People, found: Mapping[str, HeadLikelihoods]) -> Float[Array, "n cameras"]:
+    def usual(self, people: HeadTracks, found: Mapping[str, HeadLikelihoods]) -> Float[Array, "n cameras"]:
         """Return the running means of the log-likelihoods in each camera's pictures, updated by these."""
         usual, share = people.usual.copy(), people.roster.state.weights.normalised
         for name, each in found.items():
@@ -116,7 +116,7 @@ class Likelihoods:
             usual[:, number] = np.where(total > 0.5, old + _USUAL * (mean - old), usual[:, number])
         return usual
 
-    def is_shown(self, people: People, found: Mapping[str, HeadLikelihoods]) -> Bool[Mask, "n"]:
+    def is_shown(self, people: HeadTracks, found: Mapping[str, HeadLikelihoods]) -> Bool[Mask, "n"]:
         """Return a mask of the tracks whose heads are detected on average by the cameras that see them."""
         share, n_seen, shown = people.roster.state.weights.normalised, np.zeros(len(people)), np.zeros(len(people))
         for each in found.values():
@@ -124,7 +124,7 @@ class Likelihoods:
             shown += np.einsum("np,np->n", share, each.p_detect.reshape(share.shape))
         return (n_seen > 0.5) & (shown >= self._options.track_management.least_shown * n_seen)
 
-    def colours(self, people: People, is_shown: Bool[Mask, "n"], name: str, later_s: float) -> HeadColours:
+    def colours(self, people: HeadTracks, is_shown: Bool[Mask, "n"], name: str, later_s: float) -> HeadColours:
         """Learn colours from one camera's view of heads that are shown with a certain direction."""
         yaw, sure = people.direction()
         person, step, colour = pixels = self._evaluators.colours_on(name, people.heads(later_s, yaw))

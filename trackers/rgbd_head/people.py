@@ -26,7 +26,7 @@ from trackers.vision.head_outlines import ASPECTS
 
 
 @dataclass(frozen=True, eq=False)
-class People(Rows):
+class HeadTracks(Rows):
     """n tracks, oldest first, including tentative ones. usual: running mean log-likelihoods of their heads in each camera."""
 
     roster: Roster[Cloud]
@@ -88,7 +88,7 @@ class Motion:
     place: of the heads before. facing (n, directions): predicted; empty if each hypothesis has its own direction.
     """
 
-    def __init__(self, people: People, dt_s: float, options: HeadMotionOptions) -> None:
+    def __init__(self, people: HeadTracks, dt_s: float, options: HeadMotionOptions) -> None:
         self._people, self._dt_s, self._options = people, dt_s, options
         self.place: Float[Array, "n 3"] = people.place
         speed = np.linalg.norm(people.velocity[:, :2], axis=1)
@@ -147,11 +147,11 @@ class HeadTrackManager(TrackManager):
         self._pending = sorted(options.start, key=lambda start: start.at_s)
         self._last_ns = 0  # of the frame before
 
-    def no_tracks(self) -> People:
+    def no_tracks(self) -> HeadTracks:
         """Return an empty set of tracks."""
         return self._started(np.empty((0, 3)), None, 0)
 
-    def with_known_starts(self, people: People, ns: int) -> People:
+    def with_known_starts(self, people: HeadTracks, ns: int) -> HeadTracks:
         """Add the heads whose known start has come."""
         due = [start for start in self._pending if start.at_s * NS_PER_S <= ns]
         self._pending = self._pending[len(due) :]
@@ -162,7 +162,7 @@ class HeadTrackManager(TrackManager):
         roster = self.confirm(started.roster, np.ones(len(due), np.bool_))
         return people.joined(started.changed(roster=roster))
 
-    def updated(self, people: People, is_shown: Bool[Mask, "n"], ns: int) -> People:
+    def updated(self, people: HeadTracks, is_shown: Bool[Mask, "n"], ns: int) -> HeadTracks:
         """Update the tracks shown by a frame: confirm those shown often, delete those not shown for long."""
         roster = people.roster.measured(np.flatnonzero(is_shown), ns, people.roster.state)
         before_ns, self._last_ns = self._last_ns, ns
@@ -170,7 +170,7 @@ class HeadTrackManager(TrackManager):
         people = people.changed(roster=roster)
         return people.select(self._staying(people, ns))
 
-    def initiated(self, people: People, places: Float[Array, "m 3"], ns: int) -> People:
+    def initiated(self, people: HeadTracks, places: Float[Array, "m 3"], ns: int) -> HeadTracks:
         """Add heads at places of unassigned foreground; re-identify lost ones there."""
         lost = np.flatnonzero(people.roster.measured_ns != ns)
         if lost.size:
@@ -192,11 +192,11 @@ class HeadTrackManager(TrackManager):
     def _cloud(self, place: Float[Array, "n 3"], yaw: Float[Array, "n"] | None) -> Cloud:
         return around(place, yaw, self._options.track_management.spread_m, self._options.heads, self._rng)
 
-    def _started(self, place: Float[Array, "n 3"], yaw: Float[Array, "n"] | None, ns: int) -> People:
+    def _started(self, place: Float[Array, "n 3"], yaw: Float[Array, "n"] | None, ns: int) -> HeadTracks:
         n_direction = ASPECTS[0] if self._options.motion.directions else 0
-        return People.started(self._cloud(place, yaw), ns, self._n_camera, n_direction)
+        return HeadTracks.started(self._cloud(place, yaw), ns, self._n_camera, n_direction)
 
-    def _staying(self, people: People, ns: int) -> Bool[Mask, "n"]:
+    def _staying(self, people: HeadTracks, ns: int) -> Bool[Mask, "n"]:
         """Return a mask of the tracks to keep: shown lately, in the area, and not in the head of an older one."""
         place = people.place
         if self._options.start:  # the paper's: a head of known start stays, coasting if necessary

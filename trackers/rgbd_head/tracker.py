@@ -31,7 +31,7 @@ from trackers.rgbd_head.calibration import CalibrationCheck, turned
 from trackers.rgbd_head.evaluators import Evaluator, Evaluators
 from trackers.rgbd_head.likelihoods import Likelihoods
 from trackers.rgbd_head.options import RgbdHeadOptions
-from trackers.rgbd_head.people import HeadTrackManager, Motion, People
+from trackers.rgbd_head.people import HeadTrackManager, HeadTracks, Motion
 from trackers.rig import Rig, StereoSensor
 from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
 from trackers.tracking.synced_tracker import SynchronizedTracker
@@ -54,7 +54,7 @@ _SHADOWS_M = 0.4
 class HeadDebugState(NamedTuple):
     """The tracks after the last frame, and the likelihoods of their hypotheses by each picture."""
 
-    people: People
+    people: HeadTracks
     likelihoods: dict[str, HeadLikelihoods]
 
 

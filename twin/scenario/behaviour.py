@@ -141,7 +141,7 @@ class Reach(TimedAction):
     for_s: Seconds = Field(default=1.0, description="how long the hand is held there [s]")
 
 
-class Look(TimedAction):
+class TurnHead(TimedAction):
     """Turn the head: at a person or a place, or by an angle (left and down positive); with neither, look about freely.
 
     The script continues at once, and the head stays turned, also while walking, for `for_s` (none: until the next look).
@@ -161,7 +161,7 @@ class Look(TimedAction):
     for_s: Seconds | None = Field(default=None, description="how long [s]; none: until the next look")
 
     @model_validator(mode="after")
-    def _one(self) -> Look:
+    def _one(self) -> TurnHead:
         if self.at is not None and self.yaw_deg is not None:
             raise ValueError("look has both at and yaw_deg; one of them, or none, is expected")
         return self
@@ -289,7 +289,7 @@ Action = Annotated[
     | Lie
     | Bend
     | Reach
-    | Look
+    | TurnHead
     | Follow
     | Meet
     | Lead
@@ -315,7 +315,7 @@ def companions(action: Action) -> list[tuple[str, str]]:
             named.append(("person", action.person))
         case Turn(towards=str() as name):
             named.append(("towards", name))
-        case Look(at=str() as name):
+        case TurnHead(at=str() as name):
             named.append(("at", name))
         case Walk(face=str() as name):
             named.append(("face", name))

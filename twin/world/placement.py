@@ -20,7 +20,7 @@ from twin.room.furniture import Bed, Seat
 from twin.room.obstacles import KEEP_FROM_FURNITURE_M
 from twin.scenario import Scenario
 from twin.scenario.action import RecordedPath
-from twin.scenario.behaviour import Bend, Leave, Look, Reach, Run, Stand, Turn, Walk, Wander
+from twin.scenario.behaviour import Bend, Leave, Reach, Run, Stand, Turn, TurnHead, Walk, Wander
 from twin.scenario.person import Person
 from twin.world.body_pool import keeps_path
 
@@ -143,7 +143,7 @@ def _check_person(person: Person, walkable: Array, routes: Routes, field: str) -
                 _check_leaving(here, np.array(to), walkable, routes, f"{where}.to")
             case RecordedPath(points=points):
                 _check_path(np.array(points), walkable, routes, f"{where}.points")
-            case Stand() | Turn() | Bend() | Reach() | Look():
+            case Stand() | Turn() | Bend() | Reach() | TurnHead():
                 pass
             case _:
                 here = None  # wandering, following and sitting continue from another place

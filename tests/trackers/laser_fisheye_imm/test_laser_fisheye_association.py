@@ -10,7 +10,7 @@ from trackers.laser.clusters import Detections
 from trackers.laser_fisheye_imm.association import Association, Matches
 from trackers.laser_fisheye_imm.detection import Seen
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
-from trackers.laser_fisheye_imm.people import People
+from trackers.laser_fisheye_imm.people import LaserTracks
 from trackers.laser_fisheye_imm.rules import PAPER
 from trackers.observations import NS_PER_S
 
@@ -32,13 +32,13 @@ def detections(*places: tuple[float, float]) -> Detections:
     )
 
 
-def followed(people: People, measured_ns: np.ndarray) -> People:
+def followed(people: LaserTracks, measured_ns: np.ndarray) -> LaserTracks:
     """All confirmed, last measured at these stamps."""
     roster = people.roster.confirm(np.arange(len(people)), 1)
     return people.changed(roster=roster.changed(measured_ns=measured_ns))
 
 
-def associated(people: People, options: LaserFisheyeImmOptions, ns: int, **given) -> Association:
+def associated(people: LaserTracks, options: LaserFisheyeImmOptions, ns: int, **given) -> Association:
     """Of a moment that all but surely shows whoever was seen at the last, and hardly who was not."""
     seen_lately = ns - people.roster.measured_ns < round(1.5 * PERIOD_S * NS_PER_S)
     return Association(
@@ -51,7 +51,7 @@ def matched(trunks: Detections, legs: Detections, /, **options) -> Matches:
     imm = Imm()
     places = np.array([[0.0, 1.5], [0.4, 1.9]])
     state = imm.start(places, np.zeros((2, 2)), 0.02, np.full(2, 0.1))
-    people = People.started(state, places, 0, np.zeros((2, 4)), np.zeros(2, np.int64))
+    people = LaserTracks.started(state, places, 0, np.zeros((2, 4)), np.zeros(2, np.int64))
     people = followed(people, ago(PERIOD_S, 0.8))
     count = len(trunks)
     seen = Seen(
@@ -110,7 +110,7 @@ def test_the_only_one_hidden_is_re_identified_by_both_legs_but_not_by_what_may_b
 def test_of_several_hidden_the_likeliest_is_re_identified():
     places = np.array([[0.4, 1.9], [2.6, 1.9]])
     state = Imm().start(places, np.zeros((2, 2)), 0.02, np.full(2, 0.1))
-    people = People.started(state, places, 0, np.zeros((2, 4)), np.zeros(2, np.int64))
+    people = LaserTracks.started(state, places, 0, np.zeros((2, 4)), np.zeros(2, np.int64))
     people = followed(people, ago(0.8, 0.9))
     nothing = np.zeros(1, np.bool_)
     seen = Seen(detections((1.3, 1.9)), detections(), np.empty(0, np.bool_), np.zeros((1, 4)), nothing, nothing)
@@ -120,7 +120,7 @@ def test_of_several_hidden_the_likeliest_is_re_identified():
 def test_trunk_before_legs_however_near_as_in_the_paper():
     places = np.array([[0.0, 1.5]])
     people = followed(
-        People.started(
+        LaserTracks.started(
             Imm().start(places, np.zeros((1, 2)), 0.02, 0.1), places, 0, np.zeros((1, 4)), np.zeros(1, np.int64)
         ),
         ago(PERIOD_S),
@@ -145,7 +145,7 @@ def test_a_shirt_decides_between_two_who_are_about_as_near():
     imm = Imm()
     places = np.array([[0.0, 2.0], [0.5, 2.0]])
     shirts = np.array([[0.1, 0.9], [0.9, 0.1]])
-    people = People.started(imm.start(places, np.zeros((2, 2)), 0.02, 0.1), places, 0, shirts, np.array([9, 9]))
+    people = LaserTracks.started(imm.start(places, np.zeros((2, 2)), 0.02, 0.1), places, 0, shirts, np.array([9, 9]))
     people = followed(people, ago(PERIOD_S, PERIOD_S))
     shown = np.ones(1, np.bool_)
     seen = Seen(detections((0.2, 2.0)), detections(), np.empty(0, np.bool_), np.array([[0.9, 0.1]]), shown, shown)
@@ -162,7 +162,7 @@ def test_another_shirt_rules_nobody_out_whom_nothing_else_explains():
     """A look may be of what stands before them."""
     place, shown = np.array([[0.0, 2.0]]), np.ones(1, np.bool_)
     state = Imm().start(place, np.zeros((1, 2)), 0.02, 0.1)
-    people = followed(People.started(state, place, 0, np.array([[1.0, 0.0]]), np.array([9])), ago(PERIOD_S))
+    people = followed(LaserTracks.started(state, place, 0, np.array([[1.0, 0.0]]), np.array([9])), ago(PERIOD_S))
     seen = Seen(detections((0.1, 2.0)), detections(), np.empty(0, np.bool_), np.array([[0.0, 1.0]]), shown, shown)
 
     def whose(**options) -> list[int]:
@@ -174,7 +174,7 @@ def test_another_shirt_rules_nobody_out_whom_nothing_else_explains():
 def test_the_own_shirt_speaks_for_somebody_beside_whose_shirt_nobody_has_seen():
     places = np.array([[0.0, 2.0], [0.5, 2.0]])
     shirts = np.array([[0.9, 0.1], [0.0, 0.0]])
-    people = People.started(Imm().start(places, np.zeros((2, 2)), 0.02, 0.1), places, 0, shirts, np.array([9, 0]))
+    people = LaserTracks.started(Imm().start(places, np.zeros((2, 2)), 0.02, 0.1), places, 0, shirts, np.array([9, 0]))
     people = followed(people, ago(PERIOD_S, PERIOD_S))
     shown = np.ones(1, np.bool_)
 
@@ -190,7 +190,7 @@ def test_the_own_shirt_speaks_for_somebody_beside_whose_shirt_nobody_has_seen():
 def test_who_comes_back_far_from_the_prediction_is_known_by_the_shirt():
     places = np.array([[0.4, 1.9]])
     state = Imm().start(places, np.zeros((1, 2)), 0.02, 0.1)
-    people = followed(People.started(state, places, 0, np.array([[0.9, 0.1]]), np.array([9])), ago(0.8))
+    people = followed(LaserTracks.started(state, places, 0, np.array([[0.9, 0.1]]), np.array([9])), ago(0.8))
 
     def whose(shirt: list[float]) -> list[int]:
         seen = Seen(
@@ -210,7 +210,7 @@ def of_two_hidden(legs: Detections, **options) -> Matches:
     """Of two people out of sight since half a second, last seen at (-0.3, 2) and (0.3, 2)."""
     imm = Imm()
     places = np.array([[-0.3, 2.0], [0.3, 2.0]])
-    people = People.started(
+    people = LaserTracks.started(
         imm.start(places, np.zeros((2, 2)), 0.06, 0.1), places, 0, np.zeros((2, 4)), np.zeros(2, np.int64)
     )
     people = followed(people, ago(0.5, 0.5))
@@ -227,7 +227,7 @@ def test_legs_that_one_hidden_person_explains_better_are_that_persons():
 def of_somebody_new(knows_room: bool) -> Matches:
     """Of one person seen once, at (0, 2), with a foot ahead and one behind, and a third leg half a step before them."""
     place, legs = np.array([[0.0, 2.0]]), detections((-0.25, 2.0), (0.25, 2.0), (0.45, 2.1))
-    people = People.started(
+    people = LaserTracks.started(
         Imm().start(place, np.zeros((1, 2)), 0.06, 0.1), place, 0, np.zeros((1, 4)), np.zeros(1, np.int64)
     )
     assert not people.confirmed.any()
@@ -252,7 +252,7 @@ def of_one(measured: Detections, unseen: float, existence: float = 1.0, trunk: b
     """Of one confirmed person expected at (0, 2), about 0.2 m, a moment that would not show them so probably."""
     place, nobody = np.array([[0.0, 2.0]]), detections()
     state = Imm().start(place, np.zeros((1, 2)), 0.04, 0.1)
-    people = followed(People.started(state, place, 0, np.zeros((1, 4)), np.zeros(1, np.int64)), ago(PERIOD_S))
+    people = followed(LaserTracks.started(state, place, 0, np.zeros((1, 4)), np.zeros(1, np.int64)), ago(PERIOD_S))
     people = people.changed(existence=np.array([existence]))
     trunks, legs = (measured, nobody) if trunk else (nobody, measured)
     nothing = np.zeros(len(trunks), np.bool_)
@@ -289,7 +289,7 @@ def test_what_is_measured_where_it_is_expected_makes_surer_that_somebody_is_ther
 def test_who_is_likely_gone_is_not_re_identified():
     places = np.array([[0.4, 1.9]])
     state = Imm().start(places, np.zeros((1, 2)), 0.02, 0.1)
-    people = followed(People.started(state, places, 0, np.array([[0.9, 0.1]]), np.array([9])), ago(0.8))
+    people = followed(LaserTracks.started(state, places, 0, np.array([[0.9, 0.1]]), np.array([9])), ago(0.8))
     shown = np.ones(1, np.bool_)
     seen = Seen(detections((1.5, 2.3)), detections(), np.empty(0, np.bool_), np.array([[0.8, 0.2]]), shown, shown)
     for existence, track in ((0.6, [0]), (0.4, [])):
@@ -307,7 +307,7 @@ def test_a_leg_between_a_trunk_and_somebody_hidden_is_whose_other_is_missing():
 
 
 def test_a_look_costs_its_weight_about_what_is_even_and_never_more_than_that_it_is_wrong():
-    people = People.started(
+    people = LaserTracks.started(
         Imm().start(np.zeros((1, 2)), np.zeros((1, 2)), 0.02, 0.1),
         np.zeros((1, 2)),
         0,

@@ -8,7 +8,7 @@ import synthetic_view as view
 
 from trackers.filters.particle import Cloud
 from trackers.laser_vision_learning.camera_people import CameraPeople, CameraPeopleOptions
-from trackers.laser_vision_learning.walking import People
+from trackers.laser_vision_learning.walking import WalkerTracks
 from trackers.observations import NS_PER_S
 from trackers.prior import Prior
 from trackers.tracking.roster import Roster
@@ -22,17 +22,19 @@ def camera_people() -> CameraPeople:
     return CameraPeople("camera", ON.cameras()["camera"], EMPTY, ON.area, CameraPeopleOptions())
 
 
-def people_at(places, hidden, spread_m: float = 0.25) -> People:
+def people_at(places, hidden, spread_m: float = 0.25) -> WalkerTracks:
     """Confirmed tracks of people at places, measured at 0 s, but for the hidden, which were measured before."""
     n = len(places)
     state = np.zeros((5, n, 400))
     state[:2] = np.asarray(places, float).T[..., None] + spread_m * np.random.default_rng(0).normal(size=(2, n, 400))
     measured_ns = np.where(hidden, -round(0.2 * NS_PER_S), 0)
     roster = Roster(np.arange(1, n + 1), Cloud.of(state), measured_ns, measured_ns, np.full(n, 9), np.ones(n, bool))
-    return People(np.arange(n), roster, np.where(hidden, 0.2, 0.0), np.full(n, -1))
+    return WalkerTracks(np.arange(n), roster, np.where(hidden, 0.2, 0.0), np.full(n, -1))
 
 
-def looked(believed, truly, hidden, pictures: int = 3, late_s: float = 0.0, move: bool = True) -> tuple[People, People]:
+def looked(
+    believed, truly, hidden, pictures: int = 3, late_s: float = 0.0, move: bool = True
+) -> tuple[WalkerTracks, WalkerTracks]:
     """The people before and after some pictures at one moment; frozen ones do not `move` their noise."""
     camera, before = camera_people(), people_at(believed, np.array(hidden))
     people = before

@@ -14,7 +14,7 @@ from trackers.laser_vision_learning.identities import IdentityOptions
 from trackers.laser_vision_learning.looks import LooksOptions
 from trackers.laser_vision_learning.reidentification import Recognition, RecognitionOptions
 from trackers.laser_vision_learning.situations import Situations
-from trackers.laser_vision_learning.walking import SPEED, People
+from trackers.laser_vision_learning.walking import SPEED, WalkerTracks
 from trackers.observations import NS_PER_S, Image
 from trackers.rig import PinholeSensor, placed_camera
 from trackers.tracking.roster import Roster
@@ -55,9 +55,9 @@ class Meeting:
         )
         self.ids, self.serial, self.ns, self.decisions = np.arange(1, n + 1), np.arange(n), 0, []
         nobody = Roster.started(Cloud.of(np.zeros((5, 0, 60))), 0)
-        self.people = People(np.zeros(0, int), nobody, np.zeros(0), np.zeros(0, int))
+        self.people = WalkerTracks(np.zeros(0, int), nobody, np.zeros(0), np.zeros(0, int))
 
-    def frames(self, count: int, places, colours=None, interacting=True, together=(), wide_m=0.05) -> People:
+    def frames(self, count: int, places, colours=None, interacting=True, together=(), wide_m=0.05) -> WalkerTracks:
         """`together`: index pairs who are merged and confused; `colours` None: no picture comes."""
         n = len(places)
         confused = np.zeros((n, n), bool)
@@ -74,7 +74,7 @@ class Meeting:
             now = Situations(self.serial, near, confused, confused, np.full((n, n), self.ns), confused)
             image = None if colours is None else picture(places, colours, self.ns)
             self.people = self.recognition.work(
-                People(self.serial, roster, np.zeros(n), np.full(n, -1)), now, image, self.ns
+                WalkerTracks(self.serial, roster, np.zeros(n), np.full(n, -1)), now, image, self.ns
             )
             self.ids = self.people.roster.id
             self.decisions += self.recognition.decisions

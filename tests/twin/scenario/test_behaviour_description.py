@@ -11,7 +11,7 @@ from trackers.errors import InputError
 from twin.people.script.recorded import describe_late_actions
 from twin.scenario import load_scenario
 from twin.scenario.action import RecordedPath, WaitCondition
-from twin.scenario.behaviour import Look, Turn, endless
+from twin.scenario.behaviour import Turn, TurnHead, endless
 from twin.scenario.person import Person
 
 
@@ -113,7 +113,7 @@ def test_conditions_say_one_thing() -> None:
 
 
 def test_shown_values_are_those_given() -> None:
-    assert Look(at="bob").at == "bob"
+    assert TurnHead(at="bob").at == "bob"
     assert Turn(towards=(1.0, 2.0)).towards == (1.0, 2.0)
     assert RecordedPath(points=((0, 0, 0), (1, 1, 0))).points[1] == (1, 1, 0)
 

@@ -24,7 +24,7 @@ _PATIENCE = 5
 
 
 @dataclass(frozen=True, eq=False)
-class People(Rows):
+class PictureTracks(Rows):
     """n tracks, oldest first, including tentative ones."""
 
     roster: Roster[Cloud]

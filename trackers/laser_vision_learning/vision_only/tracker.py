@@ -28,7 +28,7 @@ from trackers.laser_vision_learning.vision_only.options import VisionOnlyOptions
 from trackers.laser_vision_learning.vision_only.people import (
     AtDetections,
     Clothes,
-    People,
+    PictureTracks,
     WhiteAcceleration,
     WithoutDetection,
 )
@@ -74,7 +74,7 @@ class VisionOnly:
         self._manager = TrackManager(self.options.track_management, rig.area)
         self._clothes = Clothes(camera, self.options.histogram)
         self._filter, self._rng = ParticleFilter(), rng or np.random.default_rng(0)
-        self._people = People.empty(self.options.filter.particles, self._clothes.size)
+        self._people = PictureTracks.empty(self.options.filter.particles, self._clothes.size)
         self._ns = -1
         self._detections: list[Detection] = []
 
@@ -225,7 +225,7 @@ class VisionOnly:
         covariance[:, :2, :2] = seen.covariance[free]
         covariance[:, 2:, 2:] = options.start_speed_m_s**2 * np.eye(2)
         cloud = Cloud.normal(np.concatenate([position, at_rest], axis=1), covariance, options.particles, self._rng)
-        self._people = self._people.joined(People.started(cloud, looks[free], clear[free], self._ns))
+        self._people = self._people.joined(PictureTracks.started(cloud, looks[free], clear[free], self._ns))
 
 
 def _camera_of(rig: Rig, name: str | None, reported: Set[str]) -> str:

@@ -27,13 +27,13 @@ from twin.scenario.behaviour import (
     Lead,
     Leave,
     Lie,
-    Look,
     Meet,
     Reach,
     Run,
     Sit,
     Stand,
     Turn,
+    TurnHead,
     Walk,
     Wander,
 )
@@ -217,7 +217,7 @@ def _reach(actor: Actor, action: Reach) -> Commands:
     yield from _settled(actor, 0.0, "reach")
 
 
-def _look(actor: Actor, action: Look) -> Commands:
+def _look(actor: Actor, action: TurnHead) -> Commands:
     actor.look(action)
     return
     yield  # an empty generator, like the others
@@ -237,6 +237,6 @@ def _leave(actor: Actor, action: Leave) -> Commands:
 
 _DOING: dict[type, Callable[[Actor, Any], Commands]] = {
     Wander: wander, Stand: _stand, Walk: _on_feet(walk), Run: _on_feet(walk), Turn: _turn, Sit: _rest, Lie: _rest, Bend: _bend,
-    Reach: _reach, Look: _look, Follow: _on_feet(follow), Meet: _on_feet(meet), Lead: _on_feet(lead), Join: _on_feet(join),
+    Reach: _reach, TurnHead: _look, Follow: _on_feet(follow), Meet: _on_feet(meet), Lead: _on_feet(lead), Join: _on_feet(join),
     RecordedPath: _keep_path, Leave: _leave,
 }  # fmt: skip

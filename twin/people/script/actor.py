@@ -20,7 +20,7 @@ from twin.people.posture.resting import BEFORE_M, SeatedPose, lying_pose, seated
 from twin.people.posture.side_seating import side_poses
 from twin.room.furniture import Bed, Seat
 from twin.scenario.action import Target
-from twin.scenario.behaviour import Look
+from twin.scenario.behaviour import TurnHead
 
 _EYE_LEVEL_M = 1.5
 """Height of the gaze at a place on the floor [m]."""
@@ -217,7 +217,7 @@ class Actor:
         """Return a person's walking speed [m/s]."""
         return float(abs(self.context.crowd.velocity[self.context.number_of(name)]))
 
-    def look(self, action: Look) -> None:
+    def look(self, action: TurnHead) -> None:
         """Turn the head as a look describes, from now on."""
         context, number = self.context, self.number
         context.looks_until[number] = self.ends_at(action.for_s)

@@ -17,7 +17,7 @@ from trackers.scipy_functions import linear_sum_assignment
 from twin.people.crowd.motion_command import MotionCommand
 from twin.people.script.actor import Actor, WalkingGroup
 from twin.people.script.walking import FOR_A_WAY, Commands, for_a_way_to, has_room, shoulders_m
-from twin.scenario.behaviour import Join, Lead, Look
+from twin.scenario.behaviour import Join, Lead, TurnHead
 
 _COMMANDS_EVERY_S = 0.1
 _DRAWS_LEVEL_S = 0.35
@@ -144,14 +144,14 @@ def _talk(actor: Actor, action: Lead, group: WalkingGroup, ends_at: float) -> Co
     member, slot = linear_sum_assignment(np.abs(crowd.place[others][:, None] - slots))
     group.ring = {others[m]: complex(slots[s]) for m, s in zip(member, slot, strict=True)} | {actor.number: here}
     until = min(actor.t + actor.rng.uniform(*action.talk_s), ends_at)
-    actor.look(Look(at=actor.context.names[others[int(actor.rng.integers(len(others)))]]))
+    actor.look(TurnHead(at=actor.context.names[others[int(actor.rng.integers(len(others)))]]))
     heading = float(np.angle(middle - here))
     while actor.t < until:
         yield MotionCommand(
             None, until=min(actor.t + _COMMANDS_EVERY_S, until), heading=heading, companions=tuple(others)
         )
     group.ring = None
-    actor.look(Look())
+    actor.look(TurnHead())
 
 
 def join(actor: Actor, action: Join) -> Commands:

@@ -15,7 +15,7 @@ from trackers.arrays import Array
 from twin.people.crowd.ground import standing_place
 from twin.people.crowd.motion_command import KEEP_APART_M, End, MotionCommand
 from twin.people.script.actor import Actor
-from twin.scenario.behaviour import Follow, Look, Meet, Run, Walk, Wander
+from twin.scenario.behaviour import Follow, Meet, Run, TurnHead, Walk, Wander
 
 Commands = Generator[MotionCommand, End, Any]
 """Commands of an action; each is answered with the reason for which it ended."""
@@ -230,13 +230,13 @@ def meet(actor: Actor, action: Meet) -> Commands:
         yield from _one_step_on(actor, action.person, action.speed_m_s, actor.t + 2 * LOOKS_AGAIN_S, action.distance_m)
     actor.arrives()
     ends_at = actor.t + action.for_s
-    actor.look(Look(at=action.person))
+    actor.look(TurnHead(at=action.person))
     while actor.t < ends_at and not actor.has_left(action.person):
         actor.attract_gaze(action.person)
         yield MotionCommand(
             None, until=min(actor.t + 2 * LOOKS_AGAIN_S, ends_at), heading=actor.bearing_of(action.person)
         )
-    actor.look(Look())
+    actor.look(TurnHead())
 
 
 def _walk_abreast(actor: Actor, action: Follow) -> Commands:
