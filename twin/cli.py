@@ -15,7 +15,6 @@ import typer
 
 from twin import version_of
 from twin.commands.batch import reproduce, study_app, suite_app
-from twin.commands.export import export
 from twin.commands.info import check, list_, schema
 from twin.commands.memory import (
     EXIT_BAD_INPUT,
@@ -31,7 +30,7 @@ from twin.commands.memory import (
 )
 from twin.commands.new import app as new
 from twin.commands.run import environment, render, run
-from twin.commands.track import detections, evaluate, track
+from twin.commands.track import detections, evaluate, export, track
 from twin.commands.view import view
 from twin.messages import sentence
 

@@ -23,8 +23,9 @@ from benchmarks.figure import Figure
 from trackers.errors import InputError
 from trackers.rig import Rig
 from twin.recording.bag import open_bag
+from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
-from twin.recording.ros_messages import LASER_SCAN, STRING, TYPESTORE, time_message
+from twin.recording.ros_messages import LASER_SCAN, STRING, time_message
 from twin.recording.tables import TrackTable, TruthTable, read_tracks, read_truth
 from twin.run.live import run_scenario
 from twin.run.replay import track_recording

@@ -7,8 +7,8 @@ import pytest
 
 from trackers.filters.particle import Cloud
 from trackers.laser.group import Points
-from trackers.laser_vision_learning.merged_target import as_one, clusters_of
 from trackers.laser_vision_learning.situations import Situations
+from trackers.laser_vision_learning.walkers import as_one, clusters_of
 from trackers.likelihood.laser_points import PointOptions, shares
 
 

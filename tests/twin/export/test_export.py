@@ -17,8 +17,8 @@ from twin.export.coco import run_lengths
 from twin.export.labels import KEYPOINTS
 from twin.export.pictures import open_recorded
 from twin.recording.bag import open_bag
+from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
-from twin.recording.ros_messages import TYPESTORE
 from twin.recording.tables import read_tracks, read_truth
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario

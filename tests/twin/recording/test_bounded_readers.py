@@ -22,7 +22,8 @@ from trackers.text_file import NO_LIMITS
 from twin.recording import bounded_readers
 from twin.recording.bag import open_bag
 from twin.recording.bounded_readers import zstd, zstd_bound
-from twin.recording.ros_messages import STRING, TYPESTORE
+from twin.recording.message_types import TYPESTORE
+from twin.recording.ros_messages import STRING
 
 LONG = 2**20
 ROS1 = get_typestore(Stores.ROS1_NOETIC)

@@ -17,8 +17,9 @@ from recorded import MS, a_scan, write_ros2_bag
 from trackers.errors import InputError
 from trackers.rig import LaserSensor, Rig
 from twin.recording.losses import lines
+from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
-from twin.recording.ros_messages import LASER_SCAN, TYPESTORE, encode, time_message
+from twin.recording.ros_messages import LASER_SCAN, encode, time_message
 from twin.recording.tables import read_tracks
 from twin.run.replay import track_recording
 

@@ -11,8 +11,9 @@ from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__Image as RawIma
 from trackers.errors import InputError
 from trackers.observations import FloorFrame, ForceCurve, Image
 from trackers.rig import FloorSensor, LaserSensor, Pose, Rig
+from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
-from twin.recording.ros_messages import RAW_IMAGE, TYPESTORE, decode, encode, from_message, time_message
+from twin.recording.ros_messages import RAW_IMAGE, decode, encode, from_message, time_message
 from twin.recording.writer import BagWriter
 from twin.sensors.floor_electronics import LoadFrame
 

@@ -30,8 +30,9 @@ from trackers.observations import LaserScan
 from trackers.rig import LaserSensor, Rig
 from twin.recording.bag import open_bag
 from twin.recording.losses import ObservationLog, lines, missing
+from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
-from twin.recording.ros_messages import LASER_SCAN, TYPESTORE, encode, time_message
+from twin.recording.ros_messages import LASER_SCAN, encode, time_message
 from twin.recording.track_topics import START
 from twin.run.replay import track_recording
 

@@ -22,8 +22,9 @@ from trackers.errors import InputError
 from trackers.observations import Image, LaserScan
 from trackers.rig import FisheyeSensor, LaserSensor, Rig
 from twin.recording.losses import lines
+from twin.recording.message_types import typestore
 from twin.recording.reader import Recording
-from twin.recording.ros_messages import RAW_IMAGE, STRING, TYPESTORE, encode, time_message
+from twin.recording.ros_messages import RAW_IMAGE, STRING, encode, time_message
 from twin.recording.writer import BagWriter
 from twin.truth.frames import TruthFrame
 
@@ -340,7 +341,7 @@ def test_truth_that_came_twice_is_read_once_and_refused_where_it_differs(tmp_pat
 )
 def test_a_bag_of_scans_of_another_type_names_what_converts_them(tmp_path: Path, kind: str, package: str) -> None:
     with rosbag2.Writer(tmp_path / "bag", version=9) as writer:
-        writer.add_connection("/scan", f"sensor_msgs/msg/{kind}", typestore=TYPESTORE)
+        writer.add_connection("/scan", f"sensor_msgs/msg/{kind}", typestore=typestore(f"sensor_msgs/msg/{kind}"))
     rig = Rig(sensors={"a": LaserSensor(topic="/scan")})
     for given in (None, rig):
         with pytest.raises(

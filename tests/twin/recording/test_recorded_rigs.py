@@ -17,8 +17,9 @@ from trackers.cameras import FisheyeIntrinsics, PinholeIntrinsics
 from trackers.observations import Image
 from trackers.rig import FisheyeSensor, PinholeSensor, Rig
 from twin.recording.losses import lines
+from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
-from twin.recording.ros_messages import COMPRESSED_IMAGE, TYPESTORE, encode
+from twin.recording.ros_messages import COMPRESSED_IMAGE, encode
 from twin.recording.writer import CAMERA_INFO
 
 T = TYPESTORE.types

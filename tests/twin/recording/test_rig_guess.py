@@ -16,9 +16,10 @@ from trackers.errors import InputError
 from trackers.observations import Image
 from trackers.rig import LaserSensor, OdometrySensor, PinholeSensor, Pose, Rig
 from twin.cli import app
+from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
 from twin.recording.rig_guess import describe_rig
-from twin.recording.ros_messages import TYPESTORE, encode
+from twin.recording.ros_messages import encode
 
 T = TYPESTORE.types
 STAMPS_NS = [EPOCH_NS + k * 100 * MS for k in range(20)]

@@ -19,7 +19,8 @@ from rosbags.typesys.stores.ros2_humble import (
 
 from trackers.errors import InputError
 from trackers.observations import MOST_BEAMS, Image, LaserScan
-from twin.recording.ros_messages import LASER_SCAN, TYPESTORE, decode, encode, from_message, time_message
+from twin.recording.message_types import TYPESTORE
+from twin.recording.ros_messages import LASER_SCAN, decode, encode, from_message, time_message
 
 HEADER = Header(time_message(7), "camera")
 

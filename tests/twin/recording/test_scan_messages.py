@@ -11,8 +11,9 @@ from tests.twin.recording.recorded import a_scan, write_ros2_bag
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor, Rig
 from twin.recording.losses import lines
+from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
-from twin.recording.ros_messages import LASER_SCAN, TYPESTORE, encode, time_message
+from twin.recording.ros_messages import LASER_SCAN, encode, time_message
 from twin.recording.scan_messages import joined, turns
 
 MS = 10**6
