@@ -1,8 +1,8 @@
 """Array types of arguments and results, with shapes in annotations, `Float[Array, "n 2"]` (jaxtyping).
 
 A name is one size throughout a call; dtypes and shapes are checked in test runs only, which import jaxtyping first. Elsewhere
-an annotation is `Any`: jaxtyping costs 40 ms and 8 MB, with the `asyncio` and `unittest` that it imports. The aliases are
-written out: from numpy 2.5 on `numpy.typing.NDArray[...]` is no class, which jaxtyping needs.
+an annotation is `Any`, since jaxtyping imports `unittest.mock`, and that `asyncio`. The aliases are written out: from numpy 2.5
+on `numpy.typing.NDArray[...]` is no class, which jaxtyping needs.
 """
 
 import sys

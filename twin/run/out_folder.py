@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import shutil
-import time
+import socket
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
@@ -79,12 +78,15 @@ def locked_folder(folder: Path) -> Iterator[None]:
     The system releases the lock when the process ends in any way. Raises InputError where another process holds it, and
     where the folder cannot be made.
     """
+    from filelock import FileLock, Timeout  # it imports asyncio
+
     path = folder / LOCK
     try:
         missing = [each for each in (folder, *folder.parents) if not each.exists()]
         folder.mkdir(parents=True, exist_ok=True)
-        lock = _locked(path)
-    except BlockingIOError:
+        lock = FileLock(path, timeout=_WAIT_S, poll_interval=_WAIT_S / 3)
+        lock.acquire()
+    except Timeout:
         holder = ""
         with suppress(OSError):  # its holder has exited meanwhile
             holder = path.read_text(encoding="utf-8", errors="replace")[:200]
@@ -97,31 +99,14 @@ def locked_folder(folder: Path) -> Iterator[None]:
         ) from error
     try:
         with suppress(OSError):  # a full disk: the lock holds without content
-            path.write_text(f"process {os.getpid()} on {os.uname().nodename}", encoding="utf-8")
+            path.write_text(f"process {os.getpid()} on {socket.gethostname()}", encoding="utf-8")
         yield
     finally:
         path.unlink(missing_ok=True)  # while it is held: a process that has opened it meanwhile sees the deletion
-        os.close(lock)
+        lock.release()
         for each in missing:
             with suppress(OSError):  # not empty, or missing
                 each.rmdir()
-
-
-def _locked(path: Path) -> int:
-    """Open a file and lock it until it is closed; raises BlockingIOError where another process holds it for `_WAIT_S`."""
-    latest_s = time.monotonic() + _WAIT_S
-    while True:
-        lock = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if os.fstat(lock).st_nlink:  # else its former holder has deleted it meanwhile
-                return lock
-        except BlockingIOError:
-            if time.monotonic() > latest_s:
-                os.close(lock)
-                raise
-            time.sleep(_WAIT_S / 3)
-        os.close(lock)
 
 
 def _read_made(folder: Path) -> set[str]:
