@@ -41,6 +41,14 @@ def test_no_room_without_a_name_of_its_own() -> None:
     assert not [path for path in PYTHON_FILES if path.stem in nameless or nameless & set(path.parts)]
 
 
+def test_errors_name_what_is_valid_by_one_function() -> None:
+    """With the nearest of the valid names: `trackers.errors.valid_names`."""
+    own = [path for path in PYTHON_FILES if path.name != "errors.py"]
+    listing = ("valid are {', '.join", "valid ones are {", "get_close_matches")
+    found = [path.relative_to(ROOT).as_posix() for path in own if any(each in path.read_text() for each in listing)]
+    assert found == []
+
+
 def test_the_command_line_loads_nothing_heavy_before_it_is_asked() -> None:
     heavy = (
         "numpy",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 import types
 from collections import Counter
@@ -14,7 +13,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError, model_validator
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from trackers.errors import InputError
+from trackers.errors import InputError, valid_names
 from trackers.former_options import moved, warn_of_former_name, without_fixed
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -26,7 +25,6 @@ _SHAPES |= {"bool_type": "true or false", "bool_parsing": "true or false", "stri
 _SHAPES |= dict.fromkeys(("int_type", "int_parsing", "float_type", "float_parsing", "number_type"), "a number")
 _SHAPES |= {"finite_number": "a finite number", "int_parsing_size": f"a whole number of no more than {2**63 - 1}"}
 """Words for the expected content, where pydantic names the Python type."""
-
 
 _MOST_LINES = 50
 """Number of faults of a file beyond which the rest is counted."""
@@ -244,13 +242,18 @@ def _lines(error: ValidationError, model: type[BaseModel], content: Any, source:
         path = ".".join(_path(fault["loc"], content))
         message = fault["msg"].removeprefix("Value error, ")
         if fault["type"] == "extra_forbidden":
-            message = "unknown key" + _valid_keys(model, fault["loc"])
+            keys = sorted(keys_of(model, fault["loc"][:-1]) or ())
+            message = "unknown key" + (f"; {valid_names(fault['loc'][-1], keys, start='valid here:')}" if keys else "")
         elif fault["type"] == "union_tag_invalid":
             about = fault.get("ctx", {})
-            tag, valid = about["tag"], about["expected_tags"].replace("'", "")
-            path, message = f"{path}.kind", f"{_shown(tag)} is not known; valid are {valid}"
+            valid = valid_names(about["tag"], about["expected_tags"].replace("'", "").split(", "))
+            path, message = f"{path}.kind", f"{_shown(about['tag'])} is not known; {valid}"
         elif fault["type"] == "union_tag_not_found":
-            path, message = f"{path}.kind", "Field required"
+            beside = _of_a_kind(fault["loc"], content)
+            message = "Field required" + (
+                f"; {valid_names(fault['loc'][-1], beside, start='there are')}" if beside else ""
+            )
+            path = f"{path}.kind"
         elif fault["type"] in _SHAPES:
             message = f"{_SHAPES[fault['type']]} is expected (got {_shown(fault['input'])})"
             if fault["type"] == "string_type" and isinstance(fault["input"], bool | int | float):
@@ -261,6 +264,14 @@ def _lines(error: ValidationError, model: type[BaseModel], content: Any, source:
     distinct = list(dict.fromkeys(lines))
     more = [f"{source}: and {len(distinct) - _MOST_LINES} faults more"] if len(distinct) > _MOST_LINES else []
     return distinct[:_MOST_LINES] + more
+
+
+def _of_a_kind(location: tuple[int | str, ...], content: Any) -> list[str]:
+    """Return the names of the mappings with a kind beside the one at this location."""
+    for part in location[:-1]:
+        content = content.get(part) if isinstance(content, Mapping) else None
+    beside = content.items() if isinstance(content, Mapping) else ()
+    return [name for name, each in beside if isinstance(each, Mapping) and "kind" in each]
 
 
 def _shown(value: Any) -> str:
@@ -287,19 +298,7 @@ def _path(location: tuple[int | str, ...], content: Any) -> list[str]:
     return path
 
 
-def _valid_keys(model: type[BaseModel], location: tuple[int | str, ...]) -> str:
-    """Return '; did you mean X; valid here: ...' for an unknown key at this location."""
-    models: list[Any] = [model]
-    for part in location[:-1]:
-        models = [inner for each in models for inner in _inner(each, part)]
-    keys = sorted({name for each in models if _is_model(each) for name in each.model_fields})
-    if not keys:
-        return ""
-    close = difflib.get_close_matches(str(location[-1]), keys, n=1)
-    return (f"; did you mean {close[0]!r}?" if close else ";") + f" valid here: {', '.join(keys)}"
-
-
-def keys_of(model: type[BaseModel], path: tuple[str, ...], kind: Any = None) -> frozenset[str] | None:
+def keys_of(model: type[BaseModel], path: tuple[int | str, ...], kind: Any = None) -> frozenset[str] | None:
     """Return the valid keys of the mapping at a path below a model; None if any key is valid (names of people, for example).
 
     kind: the mapping's own `kind`, which selects one of several models.

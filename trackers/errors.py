@@ -1,5 +1,10 @@
 """Errors for the user to correct: wrong input, or a plug-in tracker that failed."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
 
 class InputError(ValueError):
     """Wrong input: one sentence naming the file, the field, the value and what would be valid.
@@ -14,3 +19,16 @@ class PlugInError(Exception):
 
     The command line prints it without a traceback and exits with code 1: the input was valid.
     """
+
+
+def valid_names(
+    given: object, names: Iterable[str], also: str = "", *, start: str = "valid are", none: str = "none"
+) -> str:
+    """Format what is valid instead of a name: the nearest of `names`, if any is near, and all of them in their order.
+
+    also: what else is valid, as it follows the names; start: of the list; none: the list without names and anything else.
+    """
+    folded = {name.casefold(): name for name in names}
+    near = get_close_matches(str(given).casefold(), folded, n=1)
+    hint = f"did you mean {folded[near[0]]!r}? " if near else ""
+    return f"{hint}{start} {', '.join(folded.values()) + also or none}"

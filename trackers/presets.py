@@ -5,9 +5,9 @@ Nothing heavy is imported until a tracker is made.
 
 from __future__ import annotations
 
-import difflib
 import importlib
 import inspect
+import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
 from trackers.camera_floor_particle import rules as floor_rules
-from trackers.errors import InputError
+from trackers.errors import InputError, valid_names
 from trackers.laser_fisheye_imm.rules import PAPER_RULES, paper_options
 from trackers.laser_vision_learning import rules as learning_rules
 from trackers.paper_rules import PaperRule
@@ -228,8 +228,8 @@ def rules_of(name: str) -> tuple[PaperRule, ...]:
     """Return the table of a paper's own system. Raises InputError for a name without one, naming those that have one."""
     found = available().get(name)
     if found is None or not found.rules:
-        having = ", ".join(each for each, preset in PRESETS.items() if preset.rules)
-        raise InputError(f"--rules {name}: no table of a paper's rules has this name; valid are {having}")
+        having = valid_names(name, [each for each, preset in PRESETS.items() if preset.rules])
+        raise InputError(f"--rules {name}: no table of a paper's rules has this name; {having}")
     return found.rules
 
 
@@ -289,11 +289,8 @@ def make_tracker(
     elif ":" in name:
         preset = Preset(name, "")
     else:
-        close = difflib.get_close_matches(name, known, n=1)
-        hint = f"did you mean {close[0]!r}? " if close else ""
-        raise InputError(
-            f"tracker {name!r} is unknown; {hint}valid ones are {', '.join(known)}, or a class of yours as module:Class"
-        )
+        valid = valid_names(name, known, ", or a class of yours as module:Class", start="valid ones are")
+        raise InputError(f"tracker {name!r} is unknown; {valid}")
     maker = _load(preset.target, name)
     given = deep_merge(preset.options, _with_current_names(maker, options or {}, name))
     try:
@@ -324,9 +321,8 @@ def _unfit_call(maker: Any, name: str, options: Mapping[str, Any], error: TypeEr
         yield f"tracker {name!r}: {error}; a class made as {called} is expected"
         return
     for option in unknown:
-        yield (
-            f"tracker {name!r}: {option}: unknown key; valid here: {', '.join(valid) or 'none, as it takes no options'}"
-        )
+        instead = valid_names(option, valid, start="valid here:", none="none, as it takes no options")
+        yield f"tracker {name!r}: {option}: unknown key; {instead}"
 
 
 def _load(target: str, name: str) -> Any:
@@ -337,8 +333,10 @@ def _load(target: str, name: str) -> Any:
         # a module that the plug-in itself fails to import is its fault, and stays loud
         if error.name is None or not (module_name == error.name or module_name.startswith(f"{error.name}.")):
             raise
+        of_file = module_name.removesuffix(".py").replace("/", ".").strip(".")
+        hint = f"did you mean {f'{of_file}:{class_name}'!r}? " if module_name.endswith(".py") else ""
         raise InputError(
-            f"tracker {name!r}: there is no module {error.name!r} on the path; module:Class is expected"
+            f"tracker {name!r}: there is no module {error.name!r}, installed or in {os.getcwd()}; {hint}module:Class is expected"
         ) from error
     except ValueError as error:  # an empty or relative module name
         raise InputError(f"tracker {name!r}: {module_name!r} names no module; module:Class is expected") from error

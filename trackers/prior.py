@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, overload
 
 import numpy as np
 
-from trackers.errors import InputError
+from trackers.errors import InputError, valid_names
 from trackers.observations import Image, Observation
 from trackers.rig import PriorFiles, Rig, StereoSensor
 
@@ -68,7 +68,7 @@ def _picture(name: str, path: Path, rig: Rig) -> Image:
     field, cameras = f"prior.background.{name}", rig.cameras()
     if name not in cameras or isinstance(cameras[name], StereoSensor):
         valid = [each for each, sensor in cameras.items() if not isinstance(sensor, StereoSensor)]
-        expected = f"one of {', '.join(valid)} is expected" if valid else "this rig has none"
+        expected = valid_names(name, valid, none="none, as this rig has none")
         raise InputError(f"{field}: {name!r} is no camera of the rig that takes a picture alone; {expected}")
     pixels = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_COLOR)
     lens = cameras[name].intrinsics

@@ -16,7 +16,7 @@ from pydantic import Field, model_validator
 
 from trackers.area import Point2, Polygon, Pose
 from trackers.configuration import Strict, validate
-from trackers.errors import InputError
+from trackers.errors import InputError, valid_names
 from trackers.plain_data import dump_yaml, parse_yaml
 from trackers.rig_sensors import (
     CameraSensor,
@@ -172,11 +172,7 @@ class Rig(Strict):
         bases = self.odometry()
         for name, base in self.mounted().items():
             if base not in bases:
-                valid = (
-                    f"valid are {', '.join(bases)}"
-                    if bases
-                    else "the rig has none, and one of kind odometry is expected"
-                )
+                valid = valid_names(base, bases) if bases else "the rig has none, and one of kind odometry is expected"
                 raise ValueError(f"sensors.{name}.mounted_on is {base!r}, which is no odometry; {valid}")
         return self
 
@@ -201,7 +197,7 @@ class Rig(Strict):
     def _main_is_there(self) -> Rig:
         valid = [name for name in self.sensors if name not in self.odometry()]
         if self.main is not None and self.main not in valid:
-            raise ValueError(f"main is {self.main!r}, which is no sensor; valid are {', '.join(valid)}")
+            raise ValueError(f"main is {self.main!r}, which is no sensor; {valid_names(self.main, valid)}")
         return self
 
     def lasers(self) -> dict[str, LaserSensor]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -23,14 +23,20 @@ _SHOWN = (
 """Metrics of the terminal's table, by their dotted path in a tracker's entry of `metrics.json`."""
 
 
+_WIDTH_OF_FILE = 140
+"""Characters of a line where the output is no terminal."""
+_PADDING = 3
+"""Characters that a column of a table takes beside its cells."""
+
+
 class PlainConsole(Console):
     """Console that prints texts literally: no markup, no control characters."""
 
-    def __init__(self, *, stderr: bool = False, width_of_file: int | None = None) -> None:
-        """Make a console; `width_of_file`: line width if the output is no terminal (None: 80 characters)."""
+    def __init__(self, *, stderr: bool = False) -> None:
+        """Make a console as wide as the terminal, or 140 characters."""
         super().__init__(stderr=stderr, markup=False, emoji=False, highlight=False)
-        if width_of_file is not None and not self.is_terminal:
-            self.width = width_of_file
+        if not self.is_terminal:
+            self.width = _WIDTH_OF_FILE
 
     def render_str(self, text: str, **options: Any) -> Text:
         """Render the text with control characters escaped."""
@@ -42,8 +48,11 @@ class PlainConsole(Console):
 
 
 @contextmanager
-def progress() -> Iterator[OnProgress]:
-    """Show a progress bar on stderr during the block; yield the callback to report to."""
+def progress(first: str = "") -> Iterator[OnProgress]:
+    """Show a progress bar on stderr during the block; yield the callback to report to.
+
+    first: line printed when work begins, after the input was checked.
+    """
     bar = Progress(
         TextColumn("{task.description:<28}", markup=False),
         BarColumn(),
@@ -55,6 +64,8 @@ def progress() -> Iterator[OnProgress]:
     tasks: dict[str, Any] = {}
 
     def report(what: str, done: float, total: float) -> None:
+        if first and not tasks:
+            sys.stderr.write(f"{first}\n")
         if what not in tasks:
             tasks[what] = bar.add_task(what, total=total)
         bar.update(tasks[what], completed=done, total=total)
@@ -63,20 +74,68 @@ def progress() -> Iterator[OnProgress]:
         yield report
 
 
+def print_table(heads: Sequence[str], rows: Sequence[Sequence[str] | None], *, names: int = 1, title: str = "") -> None:
+    """Print a table of values on stdout, `names` columns of names first; None among the rows draws a line.
+
+    Nothing is cut. Values stay on one line; names and headings break between words, as little as the width allows. Where a
+    terminal is too narrow for that, the values follow in further tables with the same names.
+    """
+    console = PlainConsole()
+    columns = [[head, *(row[place] for row in rows if row is not None)] for place, head in enumerate(heads)]
+    least = [
+        max(_longest_word(head), *map(_longest_word if place < names else len, cells))
+        for place, (head, *cells) in enumerate(columns)
+    ]
+    spare_of = [max(map(len, cells)) - width for cells, width in zip(columns, least, strict=True)]
+    for part in _parts(least, names, console.width) if console.is_terminal else [list(range(len(heads)))]:
+        spare = max(console.width - _total_width(least, part), 0)
+        table = Table(title=title, title_justify="left")
+        widths = list(least)
+        for n_before, place in enumerate(sorted(part, key=spare_of.__getitem__)):
+            more = min(spare_of[place], spare // (len(part) - n_before))
+            widths[place], spare = widths[place] + more, spare - more
+        for place in part:
+            table.add_column(heads[place], justify="left" if place < names else "right", width=widths[place])
+        for row in rows:
+            if row is None:
+                table.add_section()
+            else:
+                table.add_row(*(row[place] for place in part))
+        wide = PlainConsole()
+        wide.width = max(console.width, _total_width(widths, part))
+        wide.print(table)
+        title = ""
+
+
+def _longest_word(text: str) -> int:
+    return max(map(len, text.split()), default=0)
+
+
+def _total_width(widths: Sequence[int], part: Sequence[int]) -> int:
+    """Return the width of a table of these columns with its lines."""
+    return 1 + sum(widths[place] + _PADDING for place in part)
+
+
+def _parts(widths: Sequence[int], names: int, most: int) -> list[list[int]]:
+    """Split columns into tables no wider than `most` where a name and a value fit, each with the columns of names."""
+    parts = [list(range(names))]
+    for place in range(names, len(widths)):
+        if _total_width(widths, [*parts[-1], place]) > most and len(parts[-1]) > names:
+            parts.append(list(range(names)))
+        parts[-1].append(place)
+    return parts
+
+
 def print_metrics(metrics: Mapping[str, Any]) -> None:
     """Print a table of metrics, one column per tracker."""
     trackers = metrics["trackers"]
-    table = Table()
-    table.add_column("")
-    for name in trackers:
-        table.add_column(name, justify="right")
-    table.add_row("evaluated in", *(format_judged(own) for own in trackers.values()))
+    rows: list[list[str]] = [["evaluated in", *(format_judged(own) for own in trackers.values())]]
     for metric in (METRICS[key] for key in _SHOWN):
         name = f"{metric.name} [{metric.unit}]" if metric.unit else metric.name
-        table.add_row(name, *(format_value(metric, metric_value(own, metric)) for own in trackers.values()))
-    console = PlainConsole(width_of_file=100)
+        rows.append([name, *(format_value(metric, metric_value(own, metric)) for own in trackers.values())])
+    console = PlainConsole()
     console.print(f"{metrics['scenario']}, seed {metrics['seed']}, {metrics['duration_s']:g} s, gate 0.5 m")
-    console.print(table)
+    print_table(["", *trackers], rows)
     console.print(f"{metrics['realtime_factor']:.1f} × real time")
 
 

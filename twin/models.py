@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import os
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from trackers.errors import InputError
+from trackers.errors import InputError, valid_names
 from trackers.plain_data import parse_yaml
 from trackers.text_file import is_file, read_text
 
@@ -36,14 +36,26 @@ def find(folder: str, name: str, relative_to: Path | None = None, asked_by: str 
     path = (relative_to or Path()) / name
     if is_file(path):
         return path
-    valid = names(folder)
-    close = difflib.get_close_matches(name, valid, n=1)
-    hint = f"did you mean {close[0]!r}? " if close else ""
     start = f"{asked_by}: " if asked_by else ""
     raise InputError(
-        f"{start}there is no {_ONE.get(folder, folder[:-1])} {name!r}; {hint}valid are {', '.join(valid)} or the path of a "
-        f"{suffix} file"
+        f"{start}there is no {_ONE.get(folder, folder[:-1])} {name!r}; "
+        f"{valid_names(name, names(folder), f' or the path of a {suffix} file')}"
     )
+
+
+_SIGNS = {
+    "study": ("objectives", "devices", "search"),
+    "suite": ("scenarios", "recordings"),
+    "scenario": ("room", "people", "sensors", "duration_s", "extends"),
+}
+_RUN_BY = {"study": "twin study run", "suite": "twin suite run", "scenario": "twin run"}
+
+
+def check_kind(content: Mapping[str, Any], kind: str, path: Path) -> None:
+    """Raise InputError where the fields of a file are those of another kind, naming the command that runs it."""
+    found = [each for each, fields in _SIGNS.items() if any(field in content for field in fields)]
+    if found and kind not in found:
+        raise InputError(f"{path}: is a {found[0]}, which `{_RUN_BY[found[0]]}` runs; a {kind} is expected")
 
 
 def cache_folder() -> Path:

@@ -16,7 +16,7 @@ from synthetic_room import rig
 
 import trackers.presets
 from trackers.configuration import Strict, validate
-from trackers.errors import InputError
+from trackers.errors import InputError, valid_names
 from trackers.plain_data import deep_merge
 from trackers.presets import PRESETS, Preset, make_tracker
 from trackers.rgbd_head.options import Start
@@ -219,3 +219,35 @@ def test_a_moved_option_given_twice_and_a_fixed_one_of_another_value_are_refused
         with pytest.raises(InputError) as raised:
             validate(_Tracker, content, "x.yaml")
         assert all(word in str(raised.value) for word in [*words, "x.yaml"])
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("wasit", "did you mean 'waist'? valid are waist, Knee or a file"),
+        ("KNEE", "did you mean 'Knee'? valid are waist, Knee or a file"),
+        (7, "valid are waist, Knee or a file"),
+    ],
+)
+def test_the_nearest_valid_name_comes_first(given: object, said: str) -> None:
+    assert valid_names(given, ["waist", "Knee"], " or a file") == said
+    assert valid_names(given, [], none="none, as there is no sensor") == "valid are none, as there is no sensor"
+
+
+class _Fog(Strict):
+    kind: Literal["fog"]
+    at_s: float = 0.0
+
+
+class _Dark(Strict):
+    kind: Literal["dark"]
+
+
+class _Kinds(Strict):
+    faults: dict[str, Annotated[_Fog | _Dark, Field(discriminator="kind")]]
+
+
+def test_a_mapping_without_a_kind_is_told_with_those_beside_it() -> None:
+    content = {"faults": {"fog": {"at_s": 1}, "smoke": {"kind": "dark"}}}
+    with pytest.raises(InputError, match=r"faults\.fog\.kind: Field required; there are smoke"):
+        validate(_Kinds, content, "x.yaml")

@@ -2,14 +2,37 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 
-from twin.console import print_paths
+from twin.console import PlainConsole, print_paths, print_table
 
 
 def test_paths_stand_in_one_column(capsys: pytest.CaptureFixture[str]) -> None:
     print_paths({"truth": Path("out/truth.csv"), "truth_situations": Path("out/truth_situations.csv")})
     lines = capsys.readouterr().out.splitlines()
     assert [line.index("out/") for line in lines] == [len("truth_situations") + 2] * 2
+
+
+@pytest.mark.parametrize("width", [24, 60, 100, 200])
+def test_tables_cut_nothing_on_terminals_of_any_width(
+    width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Values that do not fit beside the names follow in further tables; a value stays on one line."""
+    monkeypatch.setenv("COLUMNS", str(width))
+    monkeypatch.setattr(PlainConsole, "is_terminal", True)
+    heads = ["scenario", "tracker", "HOTA", "Misidentified", "behind by > 0.01"]
+    rows = [
+        ["lab-five-people, dark", "laser-imm", "+0.024 (0.1 to 0.2)", "0.3", "12.0%"],
+        None,
+        ["all", "sort", *"123"],
+    ]
+    print_table(heads, rows, names=2)
+    text = re.sub(r"\x1b\[\d*m", "", capsys.readouterr().out)
+    values = {word for row in rows if row is not None for cell in (*row[:2], *heads) for word in cell.split()}
+    values |= {"+0.024 (0.1 to 0.2)", "0.3", "12.0%", "1", "2", "3"}
+    assert [each for each in values if each not in text] == [] and "…" not in text
+    assert text.count("sort") == {24: 3, 60: 2, 100: 1, 200: 1}[width]
+    assert max(map(len, text.splitlines())) <= max(width, 54)

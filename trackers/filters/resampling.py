@@ -19,7 +19,7 @@ from types import MappingProxyType
 import numpy as np
 
 from trackers.arrays import Array, Float, Index, Int
-from trackers.errors import InputError
+from trackers.errors import InputError, valid_names
 
 Scheme = Callable[[Array, np.random.Generator], Index]
 
@@ -44,7 +44,7 @@ def resample(scheme: str, weights: Array, rng: np.random.Generator) -> Int[Index
 def scheme_of(name: str) -> Scheme:
     """Return the scheme of this name. Raises InputError naming the valid ones."""
     if name not in SCHEMES:
-        raise InputError(f"there is no resampling scheme {name!r}; valid are {', '.join(SCHEMES)}")
+        raise InputError(f"there is no resampling scheme {name!r}; {valid_names(name, SCHEMES)}")
     return SCHEMES[name]
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from trackers.area import Area
 from trackers.arrays import Array
 from trackers.configuration import validate
-from trackers.errors import InputError
+from trackers.errors import InputError, valid_names
 from trackers.filters.particle import ParticleFilter
 from trackers.likelihood.floor import EnvironmentLikelihood, EnvironmentLikelihoodOptions
 from trackers.likelihood.stereo_head import HeadLikelihoods
@@ -225,6 +225,6 @@ def _stereo_cameras(rig: Rig, chosen: Sequence[str]) -> dict[str, StereoSensor]:
     for name in chosen:
         if name not in found:
             raise InputError(
-                f"tracker rgbd-head: cameras: there is no stereo camera {name!r}; valid are {', '.join(found)}"
+                f"tracker rgbd-head: cameras: there is no stereo camera {name!r}; {valid_names(name, found)}"
             )
     return {name: each for name, each in found.items() if not chosen or name in chosen}

@@ -311,10 +311,10 @@ def reproduce(
 
 def _check_options(name: str, numbers: Mapping[str, int | None], own: Mapping[str, object]) -> None:
     """Raise InputError for an unknown reproduction, too few runs, or an option that it lacks."""
-    from trackers.errors import InputError
+    from trackers.errors import InputError, valid_names
 
     if name not in REPRODUCTIONS:
-        raise InputError(f"reproduce: unknown reproduction {name!r}; valid are {', '.join(REPRODUCTIONS)}")
+        raise InputError(f"reproduce: unknown reproduction {name!r}; {valid_names(name, REPRODUCTIONS)}")
     for option, number in numbers.items():
         if number is not None and number < FEWEST_SEEDS:
             raise InputError(

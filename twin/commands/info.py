@@ -33,12 +33,12 @@ def list_(
     cite: Annotated[bool, typer.Option("--cite", help="Print BibTeX of the papers behind the trackers.")] = False,
 ) -> None:
     """List scenarios, rooms, trackers, sensors, suites, studies and faults."""
-    from trackers.errors import InputError
+    from trackers.errors import InputError, valid_names
     from trackers.paper_rules import rules_markdown
     from trackers.presets import available, bibtex, rules_of
 
     if part is not None and part not in _PARTS:
-        raise InputError(f"list: there is none of {part!r}; valid are {', '.join(_PARTS)}")
+        raise InputError(f"list: there is none of {part!r}; {valid_names(part, _PARTS)}")
     for option, is_given in (("--rules", rules is not None), ("--cite", cite)):
         if is_given and part not in (None, "trackers"):
             raise InputError(f"{option}: is of trackers, not of {part}")
@@ -95,7 +95,7 @@ def schema(
     """Print the JSON schema of a scenario, a suite, a study or a rig, for editors."""
     import json
 
-    from trackers.errors import InputError
+    from trackers.errors import InputError, valid_names
 
     if kind == "scenario":
         from twin.scenario.load import DrawableScenarioFile as Described
@@ -106,7 +106,9 @@ def schema(
     elif kind == "rig":
         from trackers.rig import Rig as Described
     else:
-        raise InputError(f"schema: there is none of {kind!r}; valid are scenario, suite, study, rig")
+        raise InputError(
+            f"schema: there is none of {kind!r}; {valid_names(kind, ('scenario', 'suite', 'study', 'rig'))}"
+        )
     typer.echo(json.dumps(Described.model_json_schema(), indent=2))
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from trackers.errors import InputError
+from trackers.errors import InputError, valid_names
 from twin.commands.memory import exit_with_failures, loading
 from twin.options import (
     AllowPlugins,
@@ -64,10 +64,10 @@ def run(
         from twin.scenario import load_scenario
 
     loaded = load_scenario(scenario, [*overrides(set_, seed, duration), *environment_change(environment)])
-    _print_size(loaded, images=not no_images)
+    planned = _planned(loaded, images=not no_images)
     typed = typed_classes(set_ or [])
     import_from_here([*typed, *(tracker or [])], files_trusted=allow_plugins)
-    with progress() as report:
+    with progress(planned) as report:
         result = run_scenario(
             loaded,
             trackers=tracker,
@@ -107,8 +107,8 @@ def render(
         from twin.scenario import load_scenario
 
     loaded = load_scenario(scenario, overrides(set_, seed, duration))
-    _print_size(loaded, images=not no_images)
-    with progress() as report:
+    planned = _planned(loaded, images=not no_images)
+    with progress(planned) as report:
         result = run_scenario(
             loaded,
             trackers=[],
@@ -137,12 +137,12 @@ def _keep_silent(note: str) -> None:
     """Discard a note."""
 
 
-def _print_size(scenario: Scenario, *, images: bool) -> None:
-    """Print the size of a run on stderr; raise InputError above the limits, if they hold."""
+def _planned(scenario: Scenario, *, images: bool) -> str:
+    """Return a line with the size of a run; raise InputError above the limits, if they hold."""
     from twin.scenario.run_size import check_size, size_of
 
     check_size(scenario, images=images)
-    sys.stderr.write(f"twin: planned: {size_of(scenario, images=images)}\n")
+    return f"twin: planned: {size_of(scenario, images=images)}"
 
 
 _NOISE = ("off", "default", "worse")
@@ -173,7 +173,7 @@ def environment(
     from twin.scenario import load_scenario
 
     if noise not in _NOISE:
-        raise InputError(f"--noise {noise}: there is no such noise; valid are {', '.join(_NOISE)}")
+        raise InputError(f"--noise {noise}: there is no such noise; {valid_names(noise, _NOISE)}")
     if voxel is not None and not 0.01 <= voxel <= 0.5:
         raise InputError(f"--voxel {voxel:g}: is not the side of a voxel; 0.01 to 0.5 m is expected")
     stations = [_point(text) for text in station or []]

@@ -9,6 +9,7 @@ from annotated_types import Ge, Le
 from pydantic import AfterValidator, Field, FiniteFloat, model_validator
 
 from trackers.configuration import Strict
+from trackers.errors import valid_names
 
 Share = Annotated[float, Ge(0), Le(1)]
 
@@ -67,7 +68,7 @@ class DrawnRoom(Strict):
                 raise ValueError(f"{name} {list(bounds)} cannot be built; {low:g} to {high:g} is valid")
         if unknown := set(self.furniture) - set(FURNITURE):
             raise ValueError(
-                f"furniture: {sorted(unknown)[0]!r} is no kind of furniture; valid are {', '.join(FURNITURE)}"
+                f"furniture: {sorted(unknown)[0]!r} is no kind of furniture; {valid_names(sorted(unknown)[0], FURNITURE)}"
             )
         return self
 
@@ -124,7 +125,9 @@ class DrawnPeople(Strict):
         if not 0.3 <= self.speed_m_s[0] <= self.speed_m_s[1] <= 2.5:
             raise ValueError(f"speed_m_s {list(self.speed_m_s)} is no walking speed; 0.3 to 2.5 m/s is valid")
         if unknown := set(self.activities) - set(ACTIVITIES):
-            raise ValueError(f"activities: {sorted(unknown)[0]!r} is not drawn; valid are {', '.join(ACTIVITIES)}")
+            raise ValueError(
+                f"activities: {sorted(unknown)[0]!r} is not drawn; {valid_names(sorted(unknown)[0], ACTIVITIES)}"
+            )
         if not any(self.activities.values()):
             raise ValueError("activities: none has a share; at least one above 0 is expected")
         return self

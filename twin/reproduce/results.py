@@ -18,10 +18,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.table import Table
 
 from trackers.arrays import Array
-from twin.console import PlainConsole
+from twin.console import print_table
 from twin.recording.atomic_file import atomic_path, open_atomic
 from twin.report.metrics_table import format_number
 from twin.report.palette import data_uri, page_template
@@ -248,18 +247,14 @@ def format_ranges(scans: NDArray[np.intp]) -> str:
 def print_results(title: str, results: Sequence[ResultRow]) -> None:
     """Print a table on stdout: values of the paper, its system here, ours, and the baseline if run."""
     has_systems = any(each.paper_system or each.baseline for each in results)
-    table = Table(title=title)
-    for heading in ("where", "row", "metric"):
-        table.add_column(heading)
-    headings = ("paper", *(("paper's system here",) if has_systems else ()), "ours", "95 %")
-    for heading in (*headings, *(("baseline",) if has_systems else ())):
-        table.add_column(heading, justify="right", no_wrap=heading != "paper's system here")
+    heads = ["where", "row", "metric", "paper", *(["paper's system here"] if has_systems else []), "ours", "95 %"]
+    rows = []
     for result in results:
         paper, ours, interval = format_result(result)
         (papers_system, _), (baseline, _) = result.system_texts
         values = (paper, papers_system, ours, interval, baseline) if has_systems else (paper, ours, interval)
-        table.add_row(result.where, result.row, result.column, *values)
-    PlainConsole(width_of_file=150).print(table)
+        rows.append([result.where, result.row, result.column, *values])
+    print_table([*heads, *(["baseline"] if has_systems else [])], rows, names=3, title=title)
 
 
 def write_reproduction(

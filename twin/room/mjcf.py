@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array
-from trackers.errors import InputError
+from trackers.errors import InputError, valid_names
 from twin.geometry.geom_hull import FARTHEST_M
 from twin.room.files import room_files
 from twin.scenario.scenario import EVERY_LIGHT, LightChange
@@ -93,10 +93,9 @@ class Lighting:
         names = [model.light(light).name for light in range(model.nlight)]
         for place, change in enumerate(changes):
             if change.name != EVERY_LIGHT and change.name not in names:
-                valid = ", ".join(sorted(each for each in names if each))
                 raise InputError(
                     f"{source}: lights.{place}.name: the room has no light {change.name!r}; "
-                    f"valid are {valid + ', ' if valid else ''}{EVERY_LIGHT}"
+                    f"{valid_names(change.name, [*sorted(each for each in names if each), EVERY_LIGHT])}"
                 )
         in_order = sorted(changes, key=lambda change: change.at_s)
         self._changes = [[change for change in in_order if change.name in (name, EVERY_LIGHT)] for name in names]

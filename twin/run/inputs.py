@@ -18,7 +18,7 @@ from typing import Any, ClassVar
 from pydantic import Field
 
 from trackers.configuration import Strict, validate
-from trackers.errors import InputError
+from trackers.errors import InputError, valid_names
 from trackers.plain_data import parse_yaml
 from trackers.presets import available
 from trackers.rig import NO_PRIOR, PriorFiles, files_within, missing_file
@@ -118,8 +118,8 @@ def choose(
             raise InputError(redefined(f"{source}: trackers.{name}.preset", name, target))
         if name not in names and target not in known and ":" not in target:
             raise InputError(
-                f"{source}: trackers.{name}: there is no tracker {target!r}; valid are {', '.join(known)}, module:Class, "
-                "or a preset: next to the options"
+                f"{source}: trackers.{name}: there is no tracker {target!r}; "
+                f"{valid_names(target, known, ', module:Class, or a preset: next to the options')}"
             )
     chosen = []
     for name in names:

@@ -8,6 +8,7 @@ detections has no row.
 
 from __future__ import annotations
 
+import re
 import sys
 import time
 import traceback
@@ -81,7 +82,7 @@ class TrackerRunner:
             faults = misreported(self.tracker, self.rig)
         except PLUG_IN_ERRORS as error:
             if isinstance(error, InputError):
-                raise
+                raise InputError(_as_named(str(error), self._chosen)) from error
             self._fail(error, "before the first observation")
             return
         if not isinstance(self.tracker, Tracker):
@@ -241,6 +242,13 @@ def plug_in_fault(chosen: ChosenTracker, tracker: Any, error: BaseException, whe
     where = "".join(f" ({Path(frame.f_code.co_filename).name}, line {line})" for frame, line in theirs[-1:])
     name = "" if chosen.name == called else f"tracker {chosen.name}: "
     return f"{name}{called}: {_method(steps, tracker, module)} raised {what}{where} {when or _given(steps)}"
+
+
+def _as_named(fault: str, chosen: ChosenTracker) -> str:
+    """Return the lines of a fault of a tracker's options, at the place where the user's own name for it stands."""
+    if chosen.name == chosen.target:
+        return fault
+    return re.sub(rf"^tracker '?{re.escape(chosen.target)}'?: ", f"trackers.{chosen.name}: ", fault, flags=re.MULTILINE)
 
 
 def first_line(text: str) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol
 from pydantic import Field, ValidationError, model_validator
 
 from trackers.configuration import Strict
+from trackers.errors import valid_names
 from trackers.rig import Name, OdometrySensor, Point2, Pose, Rig, RigSensor
 from trackers.rig_sensors import check_height, check_layer
 from twin.scenario.mount import CalibrationError, Mount, Mounted
@@ -152,7 +153,7 @@ class HasSensors(Protocol):
 def check_on_housing(description: Any, housings: Mapping[str, Housing]) -> None:
     """Raise ValueError for a sensor on an undefined housing."""
     if isinstance(description, Mounted) and description.housing is not None and description.housing not in housings:
-        there = f"valid are {', '.join(housings)}" if housings else "there is none under housings"
+        there = valid_names(description.housing, housings) if housings else "there is none under housings"
         raise ValueError(f"housing: {description.housing!r} is no housing; {there}, or none for a mount in the room")
 
 
@@ -164,10 +165,8 @@ def check_drives(scenario: HasSensors) -> None:
                 f"housings.{name}: a sensor has that name, and the rig's odometry would; another is expected"
             )
         if isinstance(housing.drive, FollowDrive) and housing.drive.person not in scenario.people:
-            valid = ", ".join(scenario.people) or "none, as people is empty"
-            raise ValueError(
-                f"housings.{name}.drive.person: {housing.drive.person!r} is nobody in people; valid are {valid}"
-            )
+            valid = valid_names(housing.drive.person, scenario.people, none="none, as people is empty")
+            raise ValueError(f"housings.{name}.drive.person: {housing.drive.person!r} is nobody in people; {valid}")
     for name, sensor in scenario.sensors.items():
         if base_of(scenario, name) is not None and sensor.kind != "laser":
             raise ValueError(

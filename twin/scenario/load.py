@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from copy import deepcopy
@@ -12,7 +11,7 @@ from typing import Any
 from pydantic import BaseModel, Field
 
 from trackers.configuration import checked_current_names, current_path, keys_of, validate
-from trackers.errors import InputError
+from trackers.errors import InputError, valid_names
 from trackers.plain_data import DEEPEST, deep_merge, dump_yaml, parse_yaml, parse_yaml_value
 from trackers.rig import Name, files_within
 from trackers.text_file import AnyPath, as_path, read_text
@@ -89,6 +88,7 @@ def _read(path: Path, children: tuple[Path, ...]) -> dict[str, Any]:
     """Read a scenario file, merged over the scenario that it extends."""
     expected = "a scenario (room, people, sensors, duration_s)"
     content = parse_yaml(read_text(path, expected), str(path), expected)
+    models.check_kind(content, "scenario", path)
     content = checked_current_names(ScenarioFile, content, str(path))
     _resolve(content, path.parent, f"{path}: room")
     parent = content.pop("extends", None)
@@ -255,6 +255,4 @@ def check_removals(
 def _nothing(key: str, base: Mapping[Any, Any], fields: frozenset[str] | None) -> str:
     there = sorted(map(str, base if fields is None else fields))
     what = "there is none of this name to remove" if fields is None else "unknown key"
-    close = difflib.get_close_matches(key, there, n=1)
-    hint = f"; did you mean {close[0]!r}?" if close else ";"
-    return f"{what}{hint} valid here: {', '.join(there) or 'none, as nothing is there'}"
+    return f"{what}; {valid_names(key, there, start='valid here:', none='none, as nothing is there')}"

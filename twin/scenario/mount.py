@@ -12,6 +12,7 @@ from pydantic import Field, FiniteFloat, model_validator
 
 from trackers.area import AngleDeg, Point3, Pose
 from trackers.configuration import Strict
+from trackers.errors import valid_names
 from twin.sensors.schedule import Timing
 
 _HOUSING_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
@@ -151,7 +152,7 @@ def by_name(presets: dict[str, Any], otherwise: str) -> Callable[[Any], Any]:
         if not isinstance(value, str):
             return value
         if value not in presets:
-            raise ValueError(f"no preset of this name; valid are {', '.join(presets)} or {otherwise}")
+            raise ValueError(f"no preset of this name; {valid_names(value, presets, f' or {otherwise}')}")
         return presets[value]
 
     return resolve

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
 from dataclasses import dataclass
-from difflib import get_close_matches
 from functools import cache
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, FiniteFloat, model_validator
 
 from trackers.configuration import Strict
+from trackers.errors import valid_names
 from trackers.rig import Point2
 from twin.models import load_yaml
 from twin.scenario.action import RecordedPath, Seconds
@@ -46,25 +45,20 @@ class Wardrobe:
             return colour
         other = f"'#rrggbb' or '{NONE}'" if may_be_none else "'#rrggbb'"
         what = garment.replace("_", " ").removesuffix(" colour")
-        raise ValueError(f"no {what} colour {colour!r}{_meant(colour, names)}; valid are {', '.join(names)} or {other}")
+        raise ValueError(f"no {what} colour {colour!r}; {valid_names(colour, names, f' or {other}')}")
 
     def check_choice(self, choice: Choice, name: str) -> str:
         """Return the name if valid for this kind. Raises ValueError naming valid ones."""
         names = self.choices[choice]
         if name in names:
             return name
-        raise ValueError(f"no {choice.replace('_', ' ')} {name!r}{_meant(name, names)}; valid are {', '.join(names)}")
+        raise ValueError(f"no {choice.replace('_', ' ')} {name!r}; {valid_names(name, names)}")
 
     def rgb(self, garment: Garment, colour: str) -> tuple[float, float, float]:
         """Return the colour as red, green, blue, 0 to 1. Raises ValueError naming valid ones."""
         code = self.colours[garment].get(self.check(garment, colour), colour)
         red, green, blue = (int(code[place : place + 2], 16) / 255 for place in (1, 3, 5))
         return red, green, blue
-
-
-def _meant(name: str, names: Iterable[str]) -> str:
-    close = get_close_matches(name, list(names), n=1)
-    return f", did you mean {close[0]!r}" if close else ""
 
 
 @cache

@@ -10,6 +10,7 @@ from pydantic import ConfigDict, Field, FiniteFloat, JsonValue, field_validator,
 
 from trackers.area import Polygon
 from trackers.configuration import Strict, Typed
+from trackers.errors import valid_names
 from trackers.rig import NO_PRIOR, Name, PriorFiles
 from twin.scenario.behaviour import companions
 from twin.scenario.housings import (
@@ -190,7 +191,9 @@ class Scenario(Strict):
         if not self.sensors:
             raise ValueError("sensors is empty; a scenario needs at least one sensor")
         if self.main_sensor is not None and self.main_sensor not in self.sensors:
-            raise ValueError(f"main_sensor: {self.main_sensor!r} is no sensor; valid are {', '.join(self.sensors)}")
+            raise ValueError(
+                f"main_sensor: {self.main_sensor!r} is no sensor; {valid_names(self.main_sensor, self.sensors)}"
+            )
         for name, person in self.people.items():
             self._check_companions(name, person)
         for name, sensor in self.sensors.items():
@@ -210,16 +213,18 @@ class Scenario(Strict):
                 done = dict.fromkeys(each.kind for each in self.people[when.person].script) | {"stand": None}
                 if when.does not in done:
                     raise ValueError(
-                        f"people.{name}.script.{place}.when.does: {when.person!r} never does {when.does!r}; valid are "
-                        f"{', '.join(done)}"
+                        f"people.{name}.script.{place}.when.does: {when.person!r} never does {when.does!r}; "
+                        f"{valid_names(when.does, done)}"
                     )
             for field, other in companions(action):
                 if other == name or other not in self.people:
-                    others = (
-                        ", ".join(each for each in self.people if each != name) or "nobody, as there is no other person"
+                    others = valid_names(
+                        other,
+                        [each for each in self.people if each != name],
+                        none="nobody, as there is no other person",
                     )
                     what = "is the person themselves" if other == name else "is nobody in people"
-                    raise ValueError(f"people.{name}.script.{place}.{field}: {other!r} {what}; valid are {others}")
+                    raise ValueError(f"people.{name}.script.{place}.{field}: {other!r} {what}; {others}")
 
 
 def _under(path: str, check: Callable[[], None]) -> None:

@@ -7,6 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Field, FiniteFloat, NonNegativeInt, PositiveFloat, model_validator
 
 from trackers.configuration import Strict
+from trackers.errors import valid_names
 from trackers.observations import NS_PER_S
 
 _CAMERAS = ("fisheye", "camera", "stereo")
@@ -300,7 +301,7 @@ def check_fault(fault: Fault, sensors: dict[str, Any]) -> None:
     """Raise ValueError where the fault is of a sensor that is not there, or that cannot have it; `sensors`: descriptions."""
     for name in fault.sensor:
         if name not in sensors:
-            raise ValueError(f"sensor: {name!r} is not one of the sensors; valid are {', '.join(sensors)}")
+            raise ValueError(f"sensor: {name!r} is not one of the sensors; {valid_names(name, sensors)}")
         description = sensors[name]
         if description.kind not in fault.fits:
             valid = [kind for kind, each in FAULT_KINDS.items() if description.kind in each.fits]

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from trackers.errors import InputError
+from trackers.errors import InputError, valid_names
 from trackers.presets import available, make_tracker
 from trackers.prior import Prior
 from trackers.tracks import unused_sensors
@@ -111,14 +111,14 @@ def _device_faults(study: Study, scenarios: dict[str, Scenario], path: Path) -> 
             for field, sensor in named:
                 if sensor not in scenario.sensors:
                     yield (
-                        f"{path}: devices.{name}.{field}: {scenario.name} has no sensor {sensor!r}; valid are "
-                        f"{', '.join(scenario.sensors)}"
+                        f"{path}: devices.{name}.{field}: {scenario.name} has no sensor {sensor!r}; "
+                        f"{valid_names(sensor, scenario.sensors)}"
                     )
                 elif scenario.sensors[sensor].kind != first.sensors[sensor].kind:
                     yield f"{path}: {key}: {sensor!r} is another kind of sensor than in the first scenario; the same is expected"
             if device.housing is not None and device.housing not in scenario.housings:
-                valid = ", ".join(scenario.housings) or "none, as it has no housings"
-                yield f"{path}: devices.{name}.housing: {scenario.name} has no housing {device.housing!r}; valid are {valid}"
+                valid = valid_names(device.housing, scenario.housings, none="none, as it has no housings")
+                yield f"{path}: devices.{name}.housing: {scenario.name} has no housing {device.housing!r}; {valid}"
             elif device.housing is not None and not any(
                 getattr(each, "housing", None) == device.housing for each in scenario.sensors.values()
             ):
@@ -141,8 +141,8 @@ def _tracker_faults(study: Study, path: Path, scenarios: dict[str, Scenario]) ->
         target = (choice.preset if choice else None) or name
         if target not in available() and ":" not in target:
             yield (
-                f"{path}: trackers.{place}: there is no tracker {target!r}; valid are {', '.join(available())}, module:Class, or "
-                "one that the first scenario defines"
+                f"{path}: trackers.{place}: there is no tracker {target!r}; "
+                f"{valid_names(target, available(), ', module:Class, or one that the first scenario defines')}"
             )
 
 

@@ -10,12 +10,11 @@ from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 
 from trackers.errors import InputError
 from trackers.plain_data import parse_json
 from trackers.text_file import read_text
-from twin.console import PlainConsole
+from twin.console import PlainConsole, print_table
 from twin.recording.atomic_file import open_atomic
 from twin.scenario import Scenario
 from twin.studies.apply_placement import apply_placement
@@ -201,30 +200,16 @@ def print_summary(folder: Path) -> None:
 
 def _print(console: Console, found: dict[str, Any]) -> None:
     objective = found["objective"]
-    table = Table(
-        title=f"{found['study']}: {found['candidates'] - 1} placements beside the baseline", title_justify="left"
-    )
     covers = objective == "coverage"
     shown = {each["candidate"]: each for each in (found["baseline"], found["best"], *found["pareto"])}
     tracks = any(each["seeds"] for each in shown.values())
-    for heading in (
-        "placement",
-        objective,
-        *(() if covers else ("coverage",)),
-        "price",
-        *(("seeds",) if tracks else ()),
-    ):
-        table.add_column(heading, justify="left" if heading == "placement" else "right")
+    heads = ["placement", objective, *([] if covers else ["coverage"]), "price", *(["seeds"] if tracks else [])]
+    rows: list[list[str]] = []
     for each in shown.values():
         mark = "recommended: " if each["candidate"] == found["best"]["candidate"] else ""
-        table.add_row(
-            mark + each["places"],
-            _text(each.get(objective)),
-            *(() if covers else (_text(each["coverage"]),)),
-            f"{each['price']:g}",
-            *((str(each["seeds"]),) if tracks else ()),
-        )
-    console.print(table)
+        values = [_text(each.get(objective)), *([] if covers else [_text(each["coverage"])]), f"{each['price']:g}"]
+        rows.append([mark + each["places"], *values, *([str(each["seeds"])] if tracks else [])])
+    print_table(heads, rows, title=f"{found['study']}: {found['candidates'] - 1} placements beside the baseline")
     for row in found["held_out"]:
         console.print(f"held out, {row['what']}: {_text(row['other'])} -> {_text(row['ours'])}, {_interval(row)}")
     for row in found["proven"]:

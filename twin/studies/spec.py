@@ -9,6 +9,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from trackers.configuration import Strict, validate
+from trackers.errors import valid_names
 from trackers.plain_data import parse_yaml
 from trackers.text_file import read_text
 from twin import models
@@ -65,7 +66,7 @@ class Objective(Strict):
             return self
         valid = [key for key in METRICS if key not in NOT_DETERMINISTIC]
         if self.metric not in valid:
-            raise ValueError(f"unknown metric {self.metric!r}; valid are {', '.join(valid)}")
+            raise ValueError(f"unknown metric {self.metric!r}; {valid_names(self.metric, valid)}")
         return self
 
     @property
@@ -194,10 +195,8 @@ class Study(Strict):
         faults = []
         for place, objective in enumerate(self.objectives):
             if objective.kind == "metric" and objective.tracker not in self.trackers:
-                valid = ", ".join(self.trackers) or "none, as the study has no trackers"
-                faults.append(
-                    f"objectives.{place}.tracker: {objective.tracker!r} is none of the trackers; valid are {valid}"
-                )
+                valid = valid_names(objective.tracker, self.trackers, none="none, as the study has no trackers")
+                faults.append(f"objectives.{place}.tracker: {objective.tracker!r} is none of the trackers; {valid}")
         if self.held_out is not None and not self.validated:
             faults.append(
                 "held_out: validates trackers' metrics, and no objective is one; an objective {kind: metric}, or a study "
@@ -242,4 +241,5 @@ def load_study(name: str | Path) -> tuple[Study, Path]:
     path = models.find("studies", str(name))
     expected = "a study (name, scenarios, devices, objectives, search)"
     content = parse_yaml(read_text(path, expected), str(path), expected)
+    models.check_kind(content, "study", path)
     return validate(Study, content, str(path)), path

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from trackers.arrays import Array
-from trackers.errors import InputError
+from trackers.errors import InputError, valid_names
 from twin.scenario import Scenario
 from twin.studies.apply_placement import apply_placement
 from twin.studies.candidate_set import BASELINE, Placement
@@ -186,12 +186,10 @@ class TrialRunner:
         for each in objectives:
             found = metrics[each.tracker or ""]
             if found.get(each.metric or "") is None:
-                valid = ", ".join(
-                    name for name, value in found.items() if value is not None and "ms_per_frame" not in name
-                )
+                valid = [name for name, value in found.items() if value is not None and "ms_per_frame" not in name]
                 raise InputError(
                     f"{self.prepared.path}: objectives.{self.study.objectives.index(each)}.metric: {each.tracker} gives no "
-                    f"{each.metric} on {scenario.name}; valid are {valid}"
+                    f"{each.metric} on {scenario.name}; {valid_names(each.metric, valid)}"
                 )
         return job, Outcome(metrics)
 

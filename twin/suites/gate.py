@@ -15,7 +15,7 @@ from typing import Any
 from pydantic import Field
 
 from trackers.configuration import Strict, validate
-from trackers.errors import InputError
+from trackers.errors import InputError, valid_names
 from trackers.plain_data import parse_json
 from trackers.text_file import read_text
 from twin.console import print_paths
@@ -250,7 +250,7 @@ def show_pooled(folders: Sequence[Path], reference: str | None) -> None:
 def _check_reference(results: Results, reference: str | None) -> None:
     trackers = sorted({key.tracker for key in results.groups})
     if reference is not None and reference not in trackers:
-        raise InputError(f"--reference {reference!r} is none of the trackers; valid are {', '.join(trackers)}")
+        raise InputError(f"--reference {reference!r} is none of the trackers; {valid_names(reference, trackers)}")
 
 
 def show_results(folder: Path) -> None:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from trackers.environment import Environment, load_environment
-from trackers.errors import InputError
+from trackers.errors import InputError, valid_names
 from trackers.observations import Observation
 from trackers.presets import PRESETS, available, make_tracker
 from trackers.prior import Prior
@@ -237,8 +237,7 @@ def _known(target: str) -> bool:
 
 
 def _unknown(where: str, target: str, also: str) -> str:
-    valid = ", ".join(available())
-    return f"{where}: there is no tracker {target!r}; valid are {valid}, module:Class, or {also}"
+    return f"{where}: there is no tracker {target!r}; {valid_names(target, available(), f', module:Class, or {also}')}"
 
 
 def _place(variant: Variant, file: Path, field: str) -> str:

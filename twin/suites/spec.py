@@ -20,6 +20,7 @@ from pydantic import (
 )
 
 from trackers.configuration import Strict, validate
+from trackers.errors import valid_names
 from trackers.plain_data import parse_yaml
 from trackers.rig import Name
 from trackers.text_file import read_text
@@ -73,7 +74,7 @@ def expected_error(value: Any, sentence: str) -> ValueError:
 
 def _metric_name(name: str) -> str:
     if name not in METRICS:
-        raise ValueError(f"there is no metric {name!r}; valid are {', '.join(METRICS)}")
+        raise ValueError(f"there is no metric {name!r}; {valid_names(name, METRICS)}")
     return name
 
 
@@ -271,7 +272,7 @@ class Suite(Strict):
     def _known_metrics(cls, tolerances: dict[str, Tolerance]) -> dict[str, Tolerance]:
         for name in tolerances:
             if name not in (*GATED, *GATED_SENSOR_METRICS):
-                raise ValueError(f"there is no metric {name!r}; valid are {', '.join((*GATED, *GATED_SENSOR_METRICS))}")
+                raise ValueError(f"there is no metric {name!r}; {valid_names(name, (*GATED, *GATED_SENSOR_METRICS))}")
         return tolerances
 
     @model_validator(mode="after")
@@ -289,13 +290,13 @@ class Suite(Strict):
         named = {name for entry in entries.values() for name in entry.trackers or self.trackers}
         if self.reference is not None and self.reference not in named:
             raise ValueError(
-                f"reference: {self.reference!r} is none of the trackers; valid are {', '.join(sorted(named))}"
+                f"reference: {self.reference!r} is none of the trackers; {valid_names(self.reference, sorted(named))}"
             )
         for where, entry in {"": self, **entries}.items():
             has = named if entry is self else set(entry.trackers or self.trackers)
             for name in sorted(set(entry.require) - has):
                 field = f"{where}.require" if where else "require"
-                raise ValueError(f"{field}: {name!r} is none of the trackers; valid are {', '.join(sorted(has))}")
+                raise ValueError(f"{field}: {name!r} is none of the trackers; {valid_names(name, sorted(has))}")
         return self
 
     @property
@@ -324,6 +325,7 @@ def load_suite(name: str | Path) -> tuple[Suite, Path]:
     path = models.find("suites", str(name))
     expected = "a suite (name, scenarios, seeds, trackers)"
     content = parse_yaml(read_text(path, expected), str(path), expected)
+    models.check_kind(content, "suite", path)
     return validate(Suite, content, str(path)), path
 
 

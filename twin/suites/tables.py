@@ -6,9 +6,7 @@ from collections.abc import Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
 
-from rich.table import Table
-
-from twin.console import PlainConsole
+from twin.console import PlainConsole, print_table
 from twin.messages import printable
 from twin.report.metrics_table import HEADLINE_METRICS, format_number
 from twin.suites.comparison import Change, Comparison, incident_link, significance
@@ -36,26 +34,22 @@ _MOST_SMALL_ROWS = 10
 
 def print_results(results: Results, reference: str | None = None) -> None:
     """Print means over seeds, one row per scenario, variant and tracker; differences from `reference`; failed cases."""
-    table = Table()
-    for name in ("scenario", "tracker", "seeds", "person-frames"):
-        table.add_column(name)
-    for metric in HEADLINE_METRICS:
-        table.add_column(_heading(metric), justify="right")
+    rows = []
     for key, group in results.groups.items():
         name = with_variant(key.scenario, group.variant)
         cells = [_mean_text(metric, mean_over_seeds(group.values(metric))) for metric in HEADLINE_METRICS]
-        table.add_row(name, key.tracker, str(len(group.seeds)), group.n, *cells)
-    console = _console()
+        rows.append([name, key.tracker, str(len(group.seeds)), group.n, *cells])
+    console = PlainConsole()
     console.print(f"{results.suite}: means over seeds, gate 0.5 m")
-    console.print(table)
+    heads = ["scenario", "tracker", "seeds", "person-frames", *map(_heading, HEADLINE_METRICS)]
+    print_table(heads, rows, names=2)
     if reference is not None:
         console.print(
-            f"compared with {reference}, paired by scenario and seed; *: the 95 % interval leaves out 0 (from {FEWEST} cases on)",
-            highlight=False,
+            f"compared with {reference}, paired by scenario and seed; *: the 95 % interval leaves out 0 (from {FEWEST} cases on)"
         )
-        console.print(_reference_table(results, reference))
-        console.print("all cases together, by the frames of each person", highlight=False)
-        console.print(_pooled_table(results))
+        _print_differences(results, reference)
+        console.print("all cases together, by the frames of each person")
+        _print_pooled(results)
     for case in results.failed[:_MOST_ROWS]:
         error = (case.error or "").splitlines()
         console.print(
@@ -72,25 +66,17 @@ def _heading(metric: str) -> str:
     return f"{figure.name}{f' [{figure.unit}]' if figure.unit else ''}"
 
 
-def _reference_table(results: Results, reference: str) -> Table:
-    """Tabulate the mean differences of every other tracker from the reference: over all scenarios, and in each."""
-    table = Table()
+def _print_differences(results: Results, reference: str) -> None:
+    """Print the mean differences of every other tracker from the reference: over all scenarios, and in each."""
     strata = differences_by_scenario(results, reference)
+    rows: list[list[str] | None] = [["all", *_reference_cells(row)] for row in differences_from(results, reference)]
+    for (scenario, variant), own in strata.items():
+        rows += [None, *([with_variant(scenario, variant), *_reference_cells(row)] for row in own)]
+    heads = ["scenario", "tracker", "cases", *map(_heading, REFERENCE_METRICS), f"behind by > {BEHIND_HOTA:g} HOTA"]
     if len(strata) > 1:
-        table.add_column("scenario")
-    table.add_column("tracker", no_wrap=True)
-    table.add_column("cases", justify="right", no_wrap=True)
-    for metric in REFERENCE_METRICS:
-        table.add_column(_heading(metric), justify="right")
-    table.add_column(f"behind by > {BEHIND_HOTA:g} HOTA", justify="right")
-    for row in differences_from(results, reference):
-        table.add_row(*(["all"] if len(strata) > 1 else []), *_reference_cells(row))
-    if len(strata) > 1:
-        for (scenario, variant), rows in strata.items():
-            table.add_section()
-            for row in rows:
-                table.add_row(with_variant(scenario, variant), *_reference_cells(row))
-    return table
+        print_table(heads, rows, names=2)
+    else:
+        print_table(heads[1:], [row[1:] for row in rows if row is not None and row[0] == "all"])
 
 
 _WITH_INTERVAL = ("mota", "hota")
@@ -116,21 +102,17 @@ def _reference_cells(row: ReferenceDifference) -> list[str]:
     return [row.tracker, str(row.n_case), *cells, "–" if row.behind is None else f"{row.behind:.1%}"]
 
 
-def _pooled_table(results: Results) -> Table:
-    """Tabulate the shares of `pooled_shares`, one row per tracker."""
-    table = Table()
-    table.add_column("tracker", no_wrap=True)
-    table.add_column("person-frames", justify="right")
+def _print_pooled(results: Results) -> None:
+    """Print the shares of `pooled_shares`, one row per tracker."""
     cases: dict[str, list[Mapping[str, float | None]]] = {}
     for key, group in results.groups.items():
         cases.setdefault(key.tracker, []).extend(group.seeds.values())
     shares = {tracker: pooled_shares(each) for tracker, each in cases.items()}
-    for name in next(iter(shares.values()), {}):
-        table.add_column(name, justify="right")
+    rows = []
     for tracker, found in shares.items():
         people = sum(case.get("judged.person_frames") or 0.0 for case in cases[tracker])
-        table.add_row(tracker, f"{people:.0f}", *("–" if share is None else f"{share:.2%}" for share in found.values()))
-    return table
+        rows.append([tracker, f"{people:.0f}", *("–" if share is None else f"{share:.2%}" for share in found.values())])
+    print_table(["tracker", "person-frames", *next(iter(shares.values()), {})], rows)
 
 
 def print_comparison(
@@ -140,14 +122,14 @@ def print_comparison(
     shown: Sequence[str] = ("worse", "better"),
 ) -> None:
     """Print worse metrics, their changes and incidents in `run` (results and folder), then better ones; notes on stderr."""
-    console = _console()
+    console = PlainConsole()
     for warning in comparison.warnings:
         PlainConsole(stderr=True).print(f"warning: {warning}", soft_wrap=True)
     for word in shown:
         changes = comparison.worse if word == "worse" else comparison.better
         if changes:
             console.print(f"{len(changes)} metric{'s' if len(changes) > 1 else ''} got {word}")
-            console.print(_changes_table(changes[:_MOST_ROWS]))
+            _print_changes(changes[:_MOST_ROWS])
             if len(changes) > _MOST_ROWS:
                 console.print(f"and {len(changes) - _MOST_ROWS} more, in summary.json")
         if word == "worse" and run is not None:
@@ -156,16 +138,14 @@ def print_comparison(
             ):
                 console.print(f"see {line}", soft_wrap=True)
     if comparison.identical:
-        console.print(
-            f"every recording and metric has the same bits: {len(comparison.changes)} compared", highlight=False
-        )
+        console.print(f"every recording and metric has the same bits: {len(comparison.changes)} compared")
     elif not comparison.worse:
         console.print(f"nothing got worse: {len(comparison.changes)} metrics compared")
     if other := _within_chance(comparison):
         console.print(f"{len(other)} changed within what chance or the tolerance explains; the largest:")
-        console.print(_changes_table(other[:_MOST_SMALL_ROWS]))
+        _print_changes(other[:_MOST_SMALL_ROWS])
     console.print("minimum detectable change: the smallest loss, equal in every recording, that raises an alarm")
-    console.print(_detectable_table(comparison))
+    _print_detectable(comparison)
 
 
 def _within_chance(comparison: Comparison) -> list[Change]:
@@ -178,32 +158,29 @@ def _within_chance(comparison: Comparison) -> list[Change]:
     return sorted(changed, key=lambda each: -abs(each.change) / max(each.allowed, 1e-9))
 
 
-def _detectable_table(comparison: Comparison) -> Table:
-    """Tabulate the minimum detectable change of the headline metrics."""
-    table = Table()
-    table.add_column("the loss is")
+def _print_detectable(comparison: Comparison) -> None:
+    """Print the minimum detectable change of the headline metrics."""
     shown = [each for each in comparison.detectable if each.metric in HEADLINE_METRICS]
-    for each in shown:
-        table.add_column(_heading(each.metric), justify="right")
+    rows: list[list[str]] = []
 
     def add(name: str, losses: Sequence[float | None]) -> None:
         cells = [
             "" if loss is None else format_metric(each.metric, loss) for each, loss in zip(shown, losses, strict=True)
         ]
-        table.add_row(name, *(cell.split()[0] if cell else "" for cell in cells))
+        rows.append([name, *(cell.split()[0] if cell else "" for cell in cells)])
 
     for tracker in sorted({tracker for each in shown for tracker in each.of_tracker}):
         add(f"in all scenarios of {tracker}", [each.of_tracker.get(tracker) for each in shown])
     add("in all seeds of any one scenario", [each.in_scenario for each in shown])
     add("in any one case", [each.in_case for each in shown])
-    return table
+    print_table(["the loss is", *(_heading(each.metric) for each in shown)], rows)
 
 
 def print_requirements(requirements: Sequence[RequirementCheck]) -> None:
     """Print the requirements that are not met, and the number of those met."""
     if not requirements:
         return
-    console = _console()
+    console = PlainConsole()
     broken = [each for each in requirements if each.violated]
     for each in broken[:_MOST_ROWS]:
         name = with_variant(each.key.scenario, each.variant)
@@ -235,23 +212,13 @@ def change_cells(change: Change) -> list[str]:
     ]
 
 
-def _changes_table(changes: Sequence[Change]) -> Table:
-    table = Table()
-    for name in ("scenario", "tracker", "metric"):
-        table.add_column(name)
-    for name in ("before", "now", "change", "allowed", "p", "seeds"):
-        table.add_column(name, justify="right")
-    for change in changes:
-        table.add_row(*change_cells(change))
-    return table
+def _print_changes(changes: Sequence[Change]) -> None:
+    heads = ("scenario", "tracker", "metric", "before", "now", "change", "allowed", "p", "seeds")
+    print_table(heads, [change_cells(change) for change in changes], names=3)
 
 
 def _mean_text(metric: str, mean: MeanOverSeeds | None) -> str:
     return format_number(None if mean is None else mean.mean, METRICS[metric].decimals or 1)
-
-
-def _console() -> PlainConsole:
-    return PlainConsole(width_of_file=140)
 
 
 _SHOWN = ("mota", "idf1", "hota", "id_switches", "misidentifications", "lost_tracks")

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.errors import InputError
+from trackers.errors import InputError, valid_names
 from trackers.observations import NS_PER_S, FloorFrame, LaserScan, Observation
 from trackers.rig import FloorSensor, Rig
 from twin.instant.snapshot import Snapshot
@@ -104,7 +104,7 @@ def _check(scenario: Scenario, path: Path, start_s: float, end_s: float, follow:
             f"{scenario.duration_s:g} s is expected"
         )
     if follow is not None and follow not in scenario.people:
-        raise InputError(f"--follow {follow}: is not in people; valid are {', '.join(scenario.people) or 'none'}")
+        raise InputError(f"--follow {follow}: is not in people; {valid_names(follow, scenario.people)}")
 
 
 def _whereabouts(scenario: Scenario, scene: Scene, start_s: float, end_s: float) -> NDArray[np.float64]:

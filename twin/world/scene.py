@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.errors import InputError
+from trackers.errors import InputError, valid_names
 from twin.instant.snapshot import FootShapes, base_body
 from twin.people.body.appearance import BodyAppearance, appearance_of
 from twin.people.body.proportions import REFERENCE_STATURE_M
@@ -230,8 +230,9 @@ def _check_furniture(scenario: Scenario, furniture: Mapping[str, Seat | Bed]) ->
                 case _:
                     continue
             if not isinstance(furniture.get(asked), kind):
-                valid = ", ".join(sorted(each for each, thing in furniture.items() if isinstance(thing, kind)))
+                there = sorted(each for each, thing in furniture.items() if isinstance(thing, kind))
+                none = f"none, as the room names none: a site called {field}_NAME is needed"
                 raise InputError(
                     f"scenario {scenario.name!r}: people.{name}.script.{place}.{field}: {scenario.room} has no {field} "
-                    f"{asked!r}; valid are {valid or f'none, as the room names none: a site called {field}_NAME is needed'}"
+                    f"{asked!r}; {valid_names(asked, there, none=none)}"
                 )

@@ -20,7 +20,7 @@ import numpy as np
 
 from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.configuration import validate
-from trackers.errors import InputError
+from trackers.errors import InputError, valid_names
 from trackers.feeding import LATE
 from trackers.filters.gating import distances, mahalanobis
 from trackers.filters.particle import Cloud, MixtureProposal, ParticleFilter
@@ -241,7 +241,7 @@ def _camera_of(rig: Rig, name: str | None, reported: Set[str]) -> str:
         )
     if name is not None and name not in cameras:
         raise InputError(
-            f"tracker laser-vision-learning-vision: camera: {name!r} is no camera of the rig; valid are {', '.join(cameras)}"
+            f"tracker laser-vision-learning-vision: camera: {name!r} is no camera of the rig; {valid_names(name, cameras)}"
         )
     if name is not None or rig.main_sensor in cameras:
         return name or rig.main_sensor

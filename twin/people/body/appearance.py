@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trackers.arrays import Array
+from trackers.errors import valid_names
 from twin.people.body.proportions import CHILD_BELOW_M, Proportions, proportions_of
 from twin.people.body.surfaces import Surface, cord, limb, loft, rings
 from twin.scenario.person import NONE, Choice, Extra, Garment, Person, Wardrobe, wardrobe
@@ -154,7 +155,7 @@ def _motif(motif: str, x: Array, y: Array) -> Array:
             zero = np.abs(np.hypot((x - 0.4) / 0.55, y / 0.9) - 0.82) < 0.2
             ink = stem | zero
         case _:
-            raise ValueError(f"no motif {motif!r}; valid are {', '.join(MOTIFS)}")
+            raise ValueError(f"no motif {motif!r}; {valid_names(motif, MOTIFS)}")
     return ink.astype(float)
 
 
