@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Mapping
 from contextlib import suppress
+from multiprocessing import resource_tracker
 from typing import Any, cast
 
 from distributed import LocalCluster, Nanny, Scheduler, SpecCluster, Worker
@@ -27,6 +29,16 @@ class _Nanny(Nanny):
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options, worker_class=_Worker)
+
+    async def instantiate(self) -> Any:
+        """Start the worker's process with SIGINT blocked: a terminal sends Ctrl-C to it too, while it can tell tracebacks alone.
+
+        Signals that the thread of this loop blocks are blocked in processes that it starts, once Python's resource tracker
+        runs, whose start unblocks them.
+        """
+        resource_tracker.ensure_running()
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        return await super().instantiate()
 
 
 class _OfOurScheduler(SpecCluster):

@@ -7,6 +7,8 @@ import os
 import re
 import signal
 import socket
+import subprocess
+import sys
 import time
 from collections import Counter
 from collections.abc import Iterator
@@ -298,3 +300,44 @@ def test_workers_that_cannot_be_started_are_told_in_one_sentence(monkeypatch: py
     monkeypatch.setattr(PrivateCluster, "_correct_state", start)
     with pytest.raises(InputError, match=r"^--jobs 1: the workers cannot be started \(.*Too many open files\); memory"):
         open_cluster(jobs=1).__enter__()
+
+
+_INTERRUPTED = """
+import signal, time
+from twin.suites import local_cluster
+from twin.suites.cluster import open_cluster
+
+begin = local_cluster._Nanny.instantiate
+
+async def told(nanny):
+    print("starting", flush=True)
+    return await begin(nanny)
+
+def stop(number, frame):
+    raise KeyboardInterrupt
+
+if __name__ == "__main__":
+    local_cluster._Nanny.instantiate = told
+    signal.signal(signal.SIGINT, stop)
+    try:
+        with open_cluster(jobs=2):
+            time.sleep(60)
+    except KeyboardInterrupt:
+        print("interrupted")
+"""
+
+
+@pytest.mark.parametrize("after_s", [0.2, 1.0])
+def test_an_interrupt_while_workers_start_ends_them_without_a_traceback(after_s: float, tmp_path: Path) -> None:
+    """A terminal sends it to every process."""
+    (tmp_path / "interrupted.py").write_text(_INTERRUPTED)
+    command = [sys.executable, str(tmp_path / "interrupted.py")]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
+    ) as running:
+        assert running.stdout is not None
+        assert running.stdout.readline() == "starting\n"
+        time.sleep(after_s)
+        os.killpg(running.pid, signal.SIGINT)
+        said, _ = running.communicate(timeout=60)
+    assert set(said.split()) <= {"starting", "interrupted"} and running.returncode == 0
