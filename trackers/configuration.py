@@ -24,7 +24,8 @@ _SHAPES = {"tuple_type": "a list", "list_type": "a list"} | dict.fromkeys(
 _SHAPES |= {"bool_type": "true or false", "bool_parsing": "true or false", "string_type": "a text"}
 _SHAPES |= dict.fromkeys(("int_type", "int_parsing", "float_type", "float_parsing", "number_type"), "a number")
 _SHAPES |= {"finite_number": "a finite number", "int_parsing_size": f"a whole number of no more than {2**63 - 1}"}
-"""Words for the expected content, where pydantic names the Python type."""
+_SHAPES |= {r"^[A-Za-z][A-Za-z0-9_-]*$": "a name of letters a to z, digits, '-' and '_', a letter first,"}
+"""Words for the expected content, where pydantic names the Python type or a pattern."""
 
 _MOST_LINES = 50
 """Number of faults of a file beyond which the rest is counted."""
@@ -254,8 +255,8 @@ def _lines(error: ValidationError, model: type[BaseModel], content: Any, source:
                 f"; {valid_names(fault['loc'][-1], beside, start='there are')}" if beside else ""
             )
             path = f"{path}.kind"
-        elif fault["type"] in _SHAPES:
-            message = f"{_SHAPES[fault['type']]} is expected (got {_shown(fault['input'])})"
+        elif (kind := fault.get("ctx", {}).get("pattern", fault["type"])) in _SHAPES:
+            message = f"{_SHAPES[kind]} is expected (got {_shown(fault['input'])})"
             if fault["type"] == "string_type" and isinstance(fault["input"], bool | int | float):
                 message += "; in quotes it is one"
         elif fault["type"] != "missing" and not isinstance(fault["input"], dict | BaseModel):

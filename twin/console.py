@@ -83,7 +83,7 @@ def print_table(heads: Sequence[str], rows: Sequence[Sequence[str] | None], *, n
     console = PlainConsole()
     columns = [[head, *(row[place] for row in rows if row is not None)] for place, head in enumerate(heads)]
     least = [
-        max(_longest_word(head), *map(_longest_word if place < names else len, cells))
+        max([_longest_word(head), *map(_longest_word if place < names else len, cells)])
         for place, (head, *cells) in enumerate(columns)
     ]
     spare_of = [max(map(len, cells)) - width for cells, width in zip(columns, least, strict=True)]

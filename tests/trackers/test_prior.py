@@ -139,7 +139,7 @@ def test_a_picture_of_the_empty_room_comes_with_the_rig(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "content", "expected"),
     [
-        ("low", b"", r"prior\.background\.low: 'low' is no camera .* one of cam is expected"),
+        ("low", b"", r"prior\.background\.low: 'low' is no camera .* valid are cam"),
         ("cam", b"none", r"empty\.png is no picture; a PNG or JPEG of 8 x 6 pixels"),
         ("cam", cv2.imencode(".png", np.zeros((3, 4, 3), np.uint8))[1].tobytes(), r"is 4 x 3 pixels; .* of 8 x 6"),
     ],

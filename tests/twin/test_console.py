@@ -36,3 +36,8 @@ def test_tables_cut_nothing_on_terminals_of_any_width(
     assert [each for each in values if each not in text] == [] and "…" not in text
     assert text.count("sort") == {24: 3, 60: 2, 100: 1, 200: 1}[width]
     assert max(map(len, text.splitlines())) <= max(width, 54)
+
+
+def test_a_table_without_rows_has_its_headings(capsys: pytest.CaptureFixture[str]) -> None:
+    print_table(["tracker", "HOTA"], [])
+    assert "tracker" in capsys.readouterr().out

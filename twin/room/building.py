@@ -281,13 +281,15 @@ _LOW_M, _HIGH_M = 0.1, 1.8
 """Range of heights in which an object must have a part to appear on the plan [m]: excludes floor marks and lamps."""
 
 
-def room_outline(model: mujoco.MjModel, data: mujoco.MjData) -> list[NDArray[np.float64]]:
-    """Return convex outlines (k, 2) [m] of the room's static geoms; `data` needs kinematics."""
+def room_outline(model: mujoco.MjModel, data: mujoco.MjData, *, glass_only: bool = False) -> list[NDArray[np.float64]]:
+    """Return convex outlines (k, 2) [m] of the room's static geoms, or of those that rays pass; `data` needs kinematics."""
     outlines = []
     for geom in range(model.ngeom):
         if model.body_weldid[model.geom_bodyid[geom]] != 0 or model.geom_rgba[geom, 3] == 0:
             continue
         if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE and not model.geom_size[geom, :2].all():
+            continue
+        if glass_only and RAY_GROUPS[model.geom_group[geom]]:
             continue
         corners = hull_points(model, data, geom)
         if corners is None or corners[:, 2].max() < _LOW_M or corners[:, 2].min() > _HIGH_M:

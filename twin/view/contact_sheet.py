@@ -85,6 +85,7 @@ def drawn_view(
             (sheet.plan_label(), sheet.plan(looks, simulation.rig.sensors.keys() - looks.keys())),
         ]
         boxes = simulation.boxes(t)
+        on_plan = [name for name, look in looks.items() if not isinstance(look, Image | DepthImage)]
         for name, sensor in simulation.rig.sensors.items():
             if isinstance(sensor, OdometrySensor):
                 continue  # shown as the place of the scanners on its base
@@ -100,7 +101,7 @@ def drawn_view(
                     tiles.append((f"{what}, left picture", sheet.camera(look.rgb, boxes.get(name, ()))))
                     said, rgb = _coloured(look.depth_m)
                     tiles.append((f"{name}: depth, {said}", sheet.camera(rgb, boxes.get(name, ()))))
-                case _:
+                case _ if len(on_plan) > 1:  # of one alone the plan is the one above
                     tiles.append((what, sheet.plan({name: look})))
     with_depth = any(isinstance(look, DepthImage) for look in looks.values())
     columns = min(_COLUMNS_WITH_DEPTH if with_depth else _COLUMNS, key=lambda each: -len(tiles) % each)

@@ -26,8 +26,8 @@ from twin.world.world import World
 _TILE_PX = (760, 640)
 _LOW_M, _TALL_M, _WIDE_M = 0.1, 1.8, 1.2
 """Limits for naming an object on the plan: it reaches over the first, begins below the second and is no wider [m]."""
-_APART = (0.11, 0.04)
-"""Least distances of names along x and y, as shares of the room."""
+_LETTER = (0.009, 0.04)
+"""Width and height that a letter of a name takes, as shares of the room."""
 _FINER = 2
 _BACKDROP = (24, 24, 27)
 
@@ -87,6 +87,8 @@ def _plan(world: World, name: str) -> NDArray[np.uint8]:
     canvas, axes = FigureCanvasAgg(figure), figure.add_subplot()
     for outline in room_outline(model, data):
         axes.fill(*outline.T, facecolor="#c9cdd4", edgecolor="#7d8594", linewidth=0.7)
+    for outline in room_outline(model, data, glass_only=True):
+        axes.fill(*outline.T, facecolor="#bfe3f2", edgecolor="#3b9fc4", linewidth=0.9)
     walked = np.vstack([scene.walkable, scene.walkable[:1]])
     axes.plot(*walked.T, color="#2e8b57", linestyle="--", linewidth=1.2, label="walkable area")
     colour = "#{:02x}{:02x}{:02x}".format(*LAYER_COLOURS[0])
@@ -97,7 +99,8 @@ def _plan(world: World, name: str) -> NDArray[np.uint8]:
         kind = "bed" if isinstance(each, Bed) else "seat"
         axes.annotate(f"{kind} {each.name}", (x, y), (0, -11), textcoords="offset points", ha="center", fontsize=8)
     used = furniture_of(model, name).values()
-    _name_things(axes, model, data, [each.place[:2] for each in used], {each.furniture for each in used})
+    seats = [(each.place[:2], len(f"seat {each.name}")) for each in used]
+    _name_things(axes, model, data, seats, {each.furniture for each in used})
     size = np.ptp(scene.walkable, axis=0)
     axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
     axes.set_title(f"{name}: walkable {size[0]:.1f} m x {size[1]:.1f} m, light {light_of(model):.2g}", fontsize=11)
@@ -109,18 +112,19 @@ def _plan(world: World, name: str) -> NDArray[np.uint8]:
 
 
 def _name_things(
-    axes: Any, model: mujoco.MjModel, data: mujoco.MjData, taken: list[NDArray[np.float64]], named: set[str]
+    axes: Any, model: mujoco.MjModel, data: mujoco.MjData, taken: list[tuple[NDArray[np.float64], int]], named: set[str]
 ) -> None:
-    """Write the names of low objects at their middles, the largest first, unless near a name at `taken` (2,) [m].
+    """Write the names of low objects at their middles, the largest first, where they meet none of the names at `taken`.
 
-    `named`: objects already named.
+    `taken`: middles (2,) [m] and letters; `named`: objects already named.
     """
-    apart = np.ptp(data.geom_xpos[:, :2], axis=0) * _APART
+    letter = np.ptp(data.geom_xpos[:, :2], axis=0) * _LETTER
     for geom in np.argsort(-model.geom_rbound, kind="stable"):
         body, radius, (x, y, z) = model.geom_bodyid[geom], model.geom_rbound[geom], data.geom_xpos[geom]
         name = model.body(body).name if body else model.geom(geom).name
         is_low = z + radius > _LOW_M and z - radius < _TALL_M and radius < _WIDE_M
-        if name and name not in named and is_low and all((np.abs(each - (x, y)) > apart).any() for each in taken):
+        is_free = all((np.abs(each - (x, y)) > letter * ((count + len(name)) / 2, 1)).any() for each, count in taken)
+        if name and name not in named and is_low and is_free:
             axes.text(x, y, name, fontsize=6.5, color="#4a5160", ha="center", va="center", clip_on=True)
-            taken.append(np.array([x, y]))
+            taken.append((np.array([x, y]), len(name)))
             named.add(name)

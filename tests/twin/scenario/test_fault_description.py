@@ -62,7 +62,7 @@ def test_every_kind_is_listed_and_in_the_schema() -> None:
     [
         (
             "faults.a={sensor: wasit, kind: freeze}",
-            "faults.a.sensor: 'wasit' is not one of the sensors; valid are waist, ",
+            "faults.a.sensor: 'wasit' is not one of the sensors; did you mean 'waist'\\? valid are waist, ",
         ),
         ("faults.a={sensor: [waist, nose], kind: freeze}", "faults.a.sensor: 'nose' is not one of the sensors"),
         (
@@ -133,5 +133,7 @@ def test_what_a_floor_cannot_have(change: str, said: str) -> None:
 
 
 def test_an_unknown_housing_lists_those_there_are() -> None:
-    with pytest.raises(InputError, match="sensors.waist.housing: 'rgi' is no housing; valid are rig, or none"):
+    with pytest.raises(
+        InputError, match="sensors.waist.housing: 'rgi' is no housing; did you mean 'rig'\\? valid are rig, or none"
+    ):
         lab("housings.rig.mount.xyz=[0, 0, 0]", "sensors.waist.housing=rgi")

@@ -61,7 +61,7 @@ def test_a_resolved_floor_reads_back_the_same():
         ("rows: 300\ncolumns: 200", "rows 300 x columns 200 are 60000 elements; at most 40000 are valid"),
         ("mount: {xyz: [0, 0, 0.1]}", "xyz has z = 0.1; the sensing elements lie in the room's floor, z = 0 is valid"),
         ("mount: {xyz: [0, 0, 0], pitch_deg: 3}", "mount.pitch_deg: unknown key"),
-        ("noise: wrose", "noise: no preset of this name; valid are off, default, worse"),
+        ("noise: wrose", "noise: no preset of this name; did you mean 'worse'\\? valid are off, default, worse"),
         ("noise: {crosstalk: 2}", "noise.crosstalk: .*less than or equal to 0.8"),
         ("noise: {cross_talk: 0.1}", "noise.cross_talk: unknown key; did you mean 'crosstalk'"),
         ("noise: {dead_cells: [[14, 0]]}", r"\[14, 0\] of a grid of 14 rows and 18 columns"),

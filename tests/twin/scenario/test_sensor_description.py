@@ -110,7 +110,7 @@ def test_the_optical_frame_is_the_housing_s_seen_otherwise(angles: tuple[float, 
         (LASER.replace("10", "-10"), r"sensors.one.rate_hz: .*greater than or equal to 0.001 \(got -10\)"),
         (
             LASER + "noise: wrose",
-            r"noise: no preset of this name; valid are off, default, worse, hokuyo .* \(got 'wrose'\)",
+            r"noise: no preset of this name; did you mean 'worse'\? valid are off, default, worse, hokuyo .* \(got 'wrose'\)",
         ),
         (LASER + "noise: on", "noise: a mapping is expected"),
         (LASER + "noise: {sigma: 1}", "noise.sigma: unknown key; did you mean 'sigma_m'"),

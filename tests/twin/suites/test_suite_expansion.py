@@ -108,7 +108,7 @@ def test_ids_stay_the_same_whatever_else_is_in_the_suite(tmp_path: Path) -> None
         ("scenarios: [{scenario: lab-five-people}, {scenario: lab-five-people}]", r"seed 0, laser-imm is there twice"),
         (
             "scenarios: [{scenario: lab-five-people}]\ntolerances: {mata: {absolute: 1}}",
-            r"no metric 'mata'; valid are mota",
+            r"no metric 'mata'; did you mean 'mota'\? valid are mota",
         ),
     ],
 )

@@ -87,7 +87,7 @@ LAB = "scenarios: [{scenario: lab-five-people, %s}]\n"
         # where a preset or name was written
         (
             "trackers: [mine]\n" + LAB % "set: {trackers.mine.preset: lasr-imm}",
-            "scenarios.0.set.trackers.mine.preset: there is no tracker 'lasr-imm'; valid are ",
+            "scenarios.0.set.trackers.mine.preset: there is no tracker 'lasr-imm'; did you mean 'laser-imm'? valid are ",
         ),
         ("trackers: [laser-imm, none]\n" + LAB % "name: a", "trackers.1: there is no tracker 'none'; valid are "),
         (LAB % "trackers: [none]", "scenarios.0.trackers.0: there is no tracker 'none'; valid are "),
@@ -147,7 +147,7 @@ def test_a_class_of_the_user_s_own_is_looked_at_as_far_as_it_can_be(
         return told(tmp_path, "trackers: [x]\n" + LAB % f"set: {{trackers.x: {{preset: 'own_lab:Mine', {options}}}}}")
 
     assert mine("speed: 2") == []
-    assert mine("sped: 2") == ["scenarios.0.set.trackers.x.sped: unknown key; valid here: speed"]
+    assert mine("sped: 2") == ["scenarios.0.set.trackers.x.sped: unknown key; did you mean 'speed'? valid here: speed"]
     assert mine("speed: 0") == ["scenarios.0.set.trackers.x.speed: 0 is not above 0"]
     nowhere = "trackers: ['own_lab:Nobody', 'no_lab:Mine', 'own_lab:NoTracker']\n" + LAB % "name: a"
     said = told(tmp_path, nowhere)
