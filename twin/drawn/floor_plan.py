@@ -242,7 +242,7 @@ def _doors(
     return tuple(doors)
 
 
-_CELL_M = 0.05
+CELL_M = 0.05
 KEEP_M = 0.46
 """Distance of people's middles from walls and furniture in this check [m]; they walk a little closer."""
 
@@ -259,8 +259,8 @@ class FreeSpace:
     """
 
     def __init__(self, plan: FloorPlan) -> None:
-        columns, rows = np.ceil(plan.size_m / _CELL_M).astype(int) + 1
-        y, x = np.mgrid[:rows, :columns] * _CELL_M
+        columns, rows = np.ceil(plan.size_m / CELL_M).astype(int) + 1
+        y, x = np.mgrid[:rows, :columns] * CELL_M
         inside = plan.is_within(np.column_stack([x.ravel(), y.ravel()])).reshape(rows, columns)
         self._taken = np.pad((~inside).astype(np.uint8), 1, constant_values=1)
         for partition in plan.partitions:
@@ -276,7 +276,7 @@ class FreeSpace:
 
     def take(self, corners: Array) -> None:
         """Mark a convex footprint (k, 2) [m], or a line of two corners, as taken."""
-        cells = np.rint((corners / _CELL_M + 1) * 256).astype(np.int32)
+        cells = np.rint((corners / CELL_M + 1) * 256).astype(np.int32)
         if len(corners) == 2:
             cv2.line(self._taken, cells[0].tolist(), cells[1].tolist(), 1, thickness=2, shift=8)
         else:
@@ -287,7 +287,7 @@ class FreeSpace:
     def _parts(self) -> NDArray[np.int32]:
         """Connected parts for a body's middle, numbered from 1 by size; 0: taken."""
         if self._number is None:
-            gap_m = cv2.distanceTransform(1 - self._taken, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * _CELL_M
+            gap_m = cv2.distanceTransform(1 - self._taken, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * CELL_M
             found = cv2.connectedComponentsWithStats((gap_m >= KEEP_M).astype(np.uint8), connectivity=4)
             number, stats = np.asarray(found[1], np.int32), np.asarray(found[2])
             order = np.zeros(len(stats), np.int32)
@@ -298,7 +298,7 @@ class FreeSpace:
     def is_reached(self, places: Array) -> NDArray[np.bool_]:
         """Return a mask of the places (n, 2) [m] that are free and in the largest free part."""
         parts = self._parts
-        cells = np.rint(places / _CELL_M + 1).astype(int)
+        cells = np.rint(places / CELL_M + 1).astype(int)
         there = ((cells >= 0) & (cells < parts.shape[::-1])).all(axis=1)
         reached = np.zeros(len(places), bool)
         reached[there] = parts[cells[there, 1], cells[there, 0]] == 1
@@ -307,15 +307,15 @@ class FreeSpace:
     @property
     def area_m2(self) -> float:
         """Area for middles in the largest part [m²]."""
-        return float(np.count_nonzero(self._parts == 1)) * _CELL_M**2
+        return float(np.count_nonzero(self._parts == 1)) * CELL_M**2
 
     def walkable_area(self) -> Array | None:
         """Return the outline (k, 2) [m] of the largest part `WALKED_M` off all taken cells; None if it is too ragged."""
-        gap_m = cv2.distanceTransform(1 - self._taken, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * _CELL_M
+        gap_m = cv2.distanceTransform(1 - self._taken, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * CELL_M
         outlines, _ = cv2.findContours((gap_m >= WALKED_M).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
         outline = max(outlines, key=cv2.contourArea)
         for rough_cells in (0.6, 1.2, 2.4):
-            corners = (cv2.approxPolyDP(outline, rough_cells, closed=True)[:, 0].astype(np.float64) - 1) * _CELL_M
+            corners = (cv2.approxPolyDP(outline, rough_cells, closed=True)[:, 0].astype(np.float64) - 1) * CELL_M
             if meets_itself_at(corners) is None and all(inset(corners, each) is not None for each in _MARGINS_M):
                 return corners
         return None
@@ -324,4 +324,4 @@ class FreeSpace:
         """Draw places (count, 2) [m] of the largest free part, uniformly."""
         rows, columns = np.nonzero(self._parts == 1)
         chosen: Index = rng.integers(len(rows), size=count)
-        return (np.column_stack([columns[chosen], rows[chosen]]).astype(np.float64) - 1) * _CELL_M
+        return (np.column_stack([columns[chosen], rows[chosen]]).astype(np.float64) - 1) * CELL_M

@@ -24,6 +24,7 @@ from twin.scenario import load_scenario
 from twin.scenario.scenario import Scenario
 from twin.suites.expansion import expand
 from twin.suites.spec import load_suite
+from twin.world.scene import unusable_furniture
 from twin.world.world import World
 
 MIXED = {
@@ -84,10 +85,23 @@ def test_robots_stand_apart_from_people_and_leave_all_else_as_it_was() -> None:
     assert np.hypot(*(places[:, None] - starts).T).min() > 0.7
 
 
+def test_an_adult_can_use_every_drawn_seat_and_bed(tmp_path: Path) -> None:
+    """Sofas, chairs before desks and about tables, and beds; without `seats` there are none, and each piece stays as it was."""
+    found = set[str]()
+    for seed in range(1000, 1004):
+        content, mjcf = drawn(seed, room={"kind": "drawn", "seats": True, "furniture_per_m2": [0.1, 0.2]})
+        room = tmp_path / "room.xml"
+        room.write_text(mjcf)
+        scene = World(validate(Scenario, content | {"room": str(room)}, "drawn")).scene
+        assert unusable_furniture(scene) == []
+        found |= {name.split("_")[0] for name in scene.ground.furniture}
+    assert found == {"sofa", "chair", "bed"}
+
+
 @settings(max_examples=25, deadline=None)
 @given(seed=strategies.integers(0, 2**31))
 def test_doors_doorways_seats_and_starts_can_all_be_reached(seed: int) -> None:
-    options = DrawnRoom(kind="drawn", rooms=(1, 6), furniture_per_m2=(0.0, 0.3), pillars=(0, 8))
+    options = DrawnRoom(kind="drawn", rooms=(1, 6), furniture_per_m2=(0.0, 0.3), pillars=(0, 8), seats=True)
     building = draw_building(options, seed, "room")
     space, plan = building.space, building.plan
     assert plan.doors
