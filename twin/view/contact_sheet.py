@@ -39,7 +39,7 @@ from twin.view.free_camera import CameraSpace, name_tags, overview
 from twin.world.simulation import Simulation
 
 _TILE_PX = (520, 390)
-_COLUMNS, _COLUMNS_WITH_DEPTH = (3,), (4, 3)
+_COLUMNS, _COLUMNS_OF_FOUR, _COLUMNS_WITH_DEPTH = (3,), (2,), (4, 3)
 """With depth the one that leaves fewer tiles empty, of equal ones the first: four keep depth next to its colours."""
 
 _LABEL_PX, _EDGE_PX = 30, 5
@@ -104,7 +104,8 @@ def drawn_view(
                 case _ if len(on_plan) > 1:  # of one alone the plan is the one above
                     tiles.append((what, sheet.plan({name: look})))
     with_depth = any(isinstance(look, DepthImage) for look in looks.values())
-    columns = min(_COLUMNS_WITH_DEPTH if with_depth else _COLUMNS, key=lambda each: -len(tiles) % each)
+    choice = _COLUMNS_WITH_DEPTH if with_depth else _COLUMNS_OF_FOUR if len(tiles) == 4 else _COLUMNS
+    columns = min(choice, key=lambda each: -len(tiles) % each)
     return tile_pictures([framed(label, tile) for label, tile in tiles], min(columns, len(tiles)), BACKDROP), warnings
 
 

@@ -152,7 +152,7 @@ def test_a_class_of_the_user_s_own_is_looked_at_as_far_as_it_can_be(
     nowhere = "trackers: ['own_lab:Nobody', 'no_lab:Mine', 'own_lab:NoTracker']\n" + LAB % "name: a"
     said = told(tmp_path, nowhere)
     assert said[0].startswith("trackers.0: 'own_lab:Nobody' cannot work on a: ") and "no class 'Nobody'" in said[0]
-    assert "there is no module 'no_lab' on the path" in said[1] and "NoTracker has not both update" in said[2]
+    assert "there is no module 'no_lab', installed or in " in said[1] and "NoTracker has not both update" in said[2]
     # What a run alone can tell is left to it: a cluster's own classes, one that needs the empty room or breaks by itself.
     assert told(tmp_path, "trackers: ['no_lab:Mine']\n" + LAB % "name: a", plug_ins=False) == []
     for name in ("NeedsTheEmptyRoom", "Leaves"):

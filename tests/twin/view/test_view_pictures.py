@@ -107,7 +107,7 @@ def test_a_contact_sheet_shows_every_sensor(tmp_path):
     assert write_view(small(), 1.5, path) == ()
     one_row = read(path)
     camera = {"kind": "fisheye", "rate_hz": 10, "size": [160, 160], "mount": {"xyz": [-2.3, -0.4, 1.5]}, "noise": "off"}
-    write_view(small(sensors={"floor": FLOOR, "eye": camera}), 1.5, path)
+    write_view(small(sensors={"floor": FLOOR, "eye": camera, "other": camera}), 1.5, path)
     two_rows = read(path)
     assert two_rows.shape == (2 * one_row.shape[0], *one_row.shape[1:])
     smaller, _ = drawn_view(small(), 1.5, (260, 195))

@@ -157,5 +157,7 @@ def test_what_no_scenario_states_is_not_written_into_recordings() -> None:
     assert "main_sensor" not in dump_scenario(plain)
     with Simulation(plain, images=False) as simulation:
         assert "main:" not in simulation.rig.dump_yaml()
-    with pytest.raises(InputError, match="main_sensor: 'wrist' is no sensor; valid are waist, knee, fisheye"):
+    with pytest.raises(
+        InputError, match="main_sensor: 'wrist' is no sensor; did you mean 'waist'\\? valid are waist, knee, fisheye"
+    ):
         scenario("main_sensor=wrist")
