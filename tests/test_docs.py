@@ -47,7 +47,7 @@ class Block:
     reason: str | None
 
     def commands(self) -> Iterator[list[str]]:
-        for line in self.code.splitlines():
+        for line in self.code.replace("\\\n", "").splitlines():
             if words := shlex.split(line, comments=True):
                 yield words
 
