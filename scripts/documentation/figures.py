@@ -28,6 +28,7 @@ import yaml
 
 if TYPE_CHECKING:
     from twin.suites.results import GroupKey
+    from twin.suites.spec import Suite
 
 ROOT = Path(__file__).parents[2]
 FIGURES = ROOT / "docs" / "figures.json"
@@ -63,7 +64,7 @@ def _flat(items: Iterable[Any]) -> Iterator[str]:
 def measure(name: str, jobs: int | None, seeds: tuple[int, int] | None = None) -> None:
     """Run the suite, reproduction or benchmark of a source, and keep its figures.
 
-    seeds: first and number, in place of the source's own. Raises SystemExit for seeds of a benchmark, which has none.
+    seeds: first, and number a scenario, in place of the source's own. Raises SystemExit for seeds of a benchmark, which has none.
     """
     source = read_sources()["sources"][name]
     if seeds is not None and source["kind"] == "bench":
@@ -108,13 +109,22 @@ def _run_suite(source: Mapping[str, Any], folder: Path, jobs: int | None) -> Non
 
     suite, path = load_suite(source["suite"])
     if "seeds" in source:
-        first, count = source["seeds"]["from"], source["seeds"]["count"]
-        entries = [entry.model_copy(update={"seeds": None}) for entry in suite.scenarios]
-        suite = suite.model_copy(update={"seeds": tuple(range(first, first + count)), "scenarios": entries})
+        suite = _with_seeds(suite, source["seeds"]["from"], source["seeds"]["count"])
     cache = RecordingCache(cache_folder(), cache_limit_bytes())
     with suite_progress() as progress:
         print(printable(f"{suite.name}: {suite.n_case} cases"), file=sys.stderr)
         run_suite(suite, path, folder, cache, Workers(jobs), resume=True, progress=progress)
+
+
+def _with_seeds(suite: Suite, first: int, count: int) -> Suite:
+    """Return the suite with `count` seeds a scenario; where each has seeds of its own, so have they here, one after the other."""
+    apart = all(entry.seeds for entry in suite.scenarios)
+    starts = [first + apart * number * count for number in range(len(suite.scenarios))]
+    entries = [
+        entry.model_copy(update={"seeds": tuple(range(start, start + count))})
+        for start, entry in zip(starts, suite.scenarios, strict=True)
+    ]
+    return suite.model_copy(update={"scenarios": entries})
 
 
 def list_sources() -> None:

@@ -32,6 +32,7 @@ from twin.suites.results import (
     differences_by_scenario,
     differences_from,
     mean_over_seeds,
+    room_of,
     worst_cases,
 )
 from twin.suites.store import ResultStore
@@ -279,17 +280,16 @@ def _cell(metric: str, group: Group) -> str:
 def _calibration(results: Results) -> tuple[Markup, list[tuple[str, int, str]]] | None:
     """Draw the calibration curves of the trackers that state radii, over all cases with equal weight.
 
-    Adds n and the share found within 95 %, with a bootstrap interval over cases. None where no tracker states radii.
+    Adds n and the share found within 95 %, with a bootstrap interval over rooms and seeds. None where no tracker states radii.
     """
     slots, curves, rows = _slots(results), [], []
     for name, slot in slots.items():
-        cases = [
-            each
-            for key, group in results.groups.items()
-            if key.tracker == name
-            for each in group.seeds.values()
-            if each.get(f"{WITHIN}.n")
-        ]
+        places, cases = [], []
+        for key, group in results.groups.items():
+            for seed, each in group.seeds.items() if key.tracker == name else ():
+                if each.get(f"{WITHIN}.n"):
+                    places.append((room_of(key, group, seed), seed))
+                    cases.append(each)
         if not cases:
             continue
         n = [each[f"{WITHIN}.n"] or 0.0 for each in cases]
@@ -299,7 +299,7 @@ def _calibration(results: Results) -> tuple[Markup, list[tuple[str, int, str]]] 
             for points in zip(*of_cases, strict=True)
         ]
         curves.append((name, slot, curve))
-        within = mean_over_seeds([dict(each)[0.95] for each in of_cases])
+        within = mean_over_seeds([dict(each)[0.95] for each in of_cases], places)
         assert within is not None
         interval = "" if within.low is None else f" ({within.low:.1%} to {within.high:.1%})"
         rows.append((name, int(sum(n)), f"{within.mean:.1%}{interval}"))

@@ -5,7 +5,7 @@ Trackers are compared with a reference tracker by differences paired by case, pe
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -48,7 +48,8 @@ class Group:
     """Metrics of each seed, by name; None where a metric does not apply.
 
     All by seed, if known: cases: ids; recordings: digests of the recordings; recipes: digests of scenario, seed and code,
-    since other processors and renderers make other bits; people: digests of the people's motion, independent of sensors.
+    since other processors and renderers make other bits; people: digests of the people's motion, independent of sensors;
+    rooms: digests of the room.
     """
 
     variant: str
@@ -57,6 +58,7 @@ class Group:
     recordings: Mapping[int, str] = field(default_factory=dict)
     recipes: Mapping[int, str] = field(default_factory=dict)
     people: Mapping[int, str] = field(default_factory=dict)
+    rooms: Mapping[int, str] = field(default_factory=dict)
 
     def values(self, metric: str) -> list[float]:
         """List the metric of each seed that has it."""
@@ -131,7 +133,7 @@ def pooled(runs: Sequence[tuple[str, Results]]) -> Results:
                     f"{name}: {key.scenario}, seed {twice[0]}, {key.tracker} is in another folder too; runs of other seeds or "
                     "scenarios are expected"
                 )
-            groups[key] = replace(known, seeds={**known.seeds, **group.seeds})
+            groups[key] = replace(known, seeds={**known.seeds, **group.seeds}, rooms={**known.rooms, **group.rooms})
     return Results(
         suite=", ".join(dict.fromkeys(results.suite for _, results in runs)),
         versions=runs[0][1].versions,
@@ -154,6 +156,7 @@ def _group(found: Sequence[_Figures], recorded: Mapping[str, RecordingInfo], rec
         recordings={seed: each.digest for seed, each in known.items() if each.digest},
         recipes={case.seed: recipes[case.id] for case, _ in found if case.id in recipes},
         people={seed: each.people for seed, each in known.items() if each.people},
+        rooms={case.seed: case.room for case, _ in found if case.room},
     )
 
 
@@ -167,22 +170,29 @@ class MeanOverSeeds:
     n: int
 
 
-def mean_over_seeds(values: list[float]) -> MeanOverSeeds | None:
-    """Compute the mean and its percentile interval; None without values. Equal values give equal intervals."""
+def mean_over_seeds(values: list[float], together: Sequence[Hashable] | None = None) -> MeanOverSeeds | None:
+    """Compute the mean and its percentile interval; None without values. Equal values give equal intervals.
+
+    together: a label of each value. Values of one label share their chance, as cases of one drawn room do: the bootstrap draws
+    labels, each with all its values (Davison and Hinkley, "Bootstrap methods", 1997, 3.8), and `FEWEST` counts labels.
+    """
     if not values:
         return None
-    n = len(values)
-    mean = float(np.mean(values))
-    if n < FEWEST:
+    n, mean = len(values), float(np.mean(values))
+    label = np.arange(n) if together is None else np.unique([repr(each) for each in together], return_inverse=True)[1]
+    of_label = np.bincount(label)
+    if len(of_label) < FEWEST:
         return MeanOverSeeds(mean, None, None, n)
     drawn = bootstrap(
-        (np.array(values),),
-        np.mean,
+        (np.bincount(label, weights=values), of_label),
+        lambda total, count, axis: total.sum(axis=axis) / count.sum(axis=axis),
         n_resamples=_N_REPLICATE,
-        batch=max(1, _MOST_DRAWN // n),
+        batch=max(1, _MOST_DRAWN // len(of_label)),
+        vectorized=True,
+        paired=True,
         confidence_level=_CONFIDENCE,
         method="percentile",
-        rng=stream(n, "suite", "means"),
+        rng=stream(len(of_label), "suite", "means"),
     )
     low, high = drawn.confidence_interval
     return MeanOverSeeds(mean, float(low), float(high), n)
@@ -280,6 +290,8 @@ class PairedCase:
     key: GroupKey
     variant: str
     seed: int
+    room: Hashable
+    """Digest of the room, or the scenario where it is unknown."""
     case_id: str | None
     metrics: Mapping[str, float | None]
     reference: Mapping[str, float | None]
@@ -319,6 +331,11 @@ def _others(results: Results, reference: str) -> list[str]:
     return list(dict.fromkeys(key.tracker for key in results.groups if key.tracker != reference))
 
 
+def room_of(key: GroupKey, group: Group, seed: int) -> Hashable:
+    """Return what a case's room is known by: its digest, else the scenario with its overrides."""
+    return group.rooms.get(seed) or (key.scenario, key.overrides)
+
+
 def _paired(groups: Mapping[GroupKey, Group], reference: str) -> Iterator[PairedCase]:
     for key, group in groups.items():
         own = groups.get(GroupKey(key.scenario, key.overrides, reference))
@@ -326,16 +343,21 @@ def _paired(groups: Mapping[GroupKey, Group], reference: str) -> Iterator[Paired
             continue
         for seed, metrics in group.seeds.items():
             if seed in own.seeds:
-                yield PairedCase(key, group.variant, seed, group.cases.get(seed), metrics, own.seeds[seed])
+                room = room_of(key, group, seed)
+                yield PairedCase(key, group.variant, seed, room, group.cases.get(seed), metrics, own.seeds[seed])
 
 
 def _difference(tracker: str, cases: list[PairedCase]) -> ReferenceDifference:
     mine = [case for case in cases if case.key.tracker == tracker]
     found = {
-        metric: [change for case in mine if (change := case.difference(metric)) is not None]
+        metric: {(case.key, case.seed): change for case in mine if (change := case.difference(metric)) is not None}
         for metric in REFERENCE_METRICS
     }
-    hota = found["hota"]
+    place = {(case.key, case.seed): (case.room, case.seed) for case in mine}
+    hota = found["hota"].values()
     behind = sum(change < -BEHIND_HOTA for change in hota) / len(hota) if hota else None
-    differences = {metric: mean_over_seeds(changes) for metric, changes in found.items()}
+    differences = {
+        metric: mean_over_seeds(list(changes.values()), [place[case] for case in changes])
+        for metric, changes in found.items()
+    }
     return ReferenceDifference(tracker, len(mine), differences, behind)

@@ -60,6 +60,7 @@ class StoredCase:
     attempts: int
     seconds: FiniteFloat | None
     error: str | None
+    room: str = ""  # digest of the room; "": unknown
 
 
 @dataclass(frozen=True)
@@ -300,7 +301,8 @@ class ResultStore:
     def cases(self) -> list[StoredCase]:
         """Read every case, in the suite's order."""
         rows = self._connection.execute(
-            "SELECT case_id, scenario, variant, overrides, seed, tracker, status, attempts, seconds, error "
+            "SELECT case_id, scenario, variant, overrides, seed, tracker, status, attempts, seconds, error, "
+            "CASE WHEN json_valid(made_from) THEN COALESCE(json_extract(made_from, '$.room'), '') ELSE '' END "
             "FROM definitions JOIN cases USING (case_id) ORDER BY place"
         )
         names = [each.name for each in fields(StoredCase)]

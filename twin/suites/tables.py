@@ -45,7 +45,8 @@ def print_results(results: Results, reference: str | None = None) -> None:
     print_table(heads, rows, names=2)
     if reference is not None:
         console.print(
-            f"compared with {reference}, paired by scenario and seed; *: the 95 % interval leaves out 0 (from {FEWEST} cases on)"
+            f"compared with {reference}, paired by scenario and seed; *: the 95 % interval leaves out 0 "
+            f"(from {FEWEST} rooms and seeds on)"
         )
         _print_differences(results, reference)
         console.print("all cases together, by the frames of each person")

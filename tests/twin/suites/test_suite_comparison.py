@@ -377,6 +377,20 @@ def test_the_mean_over_seeds_has_an_interval_that_holds_it() -> None:
     assert many == mean_over_seeds(values)
 
 
+def test_five_rigs_in_one_room_tell_no_more_of_the_mean_than_one_does() -> None:
+    values = [0.1, 0.2, 0.3, 0.4, 0.3, 0.2, 0.5]
+    once = mean_over_seeds(values, "abcdefg")
+    five = mean_over_seeds(values * 5, "abcdefg" * 5)
+    apart = mean_over_seeds(values * 5)
+    assert once is not None and five is not None and apart is not None
+    assert once == mean_over_seeds(values), "each alone"
+    assert once.low is not None and once.high is not None and apart.low is not None and apart.high is not None
+    assert (five.mean, five.low, five.high) == pytest.approx((once.mean, once.low, once.high)) and five.n == 35
+    assert apart.high - apart.low < 0.6 * (once.high - once.low)
+    few = mean_over_seeds(values * 5, "abcdeaa" * 5)
+    assert few is not None and few.low is None, "five rooms"
+
+
 def test_every_compared_figure_has_a_tolerance() -> None:
     assert all(allowed_by_default(metric, 0.5) > 0 for metric in GATED)
 
