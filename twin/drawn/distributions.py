@@ -54,10 +54,6 @@ class DrawnRoom(Strict):
         default={"table": 2, "desk": 2, "cupboard": 3, "shelf": 2, "sofa": 1.5, "bed": 0.5, "plant": 1, "counter": 1},
         description="how often each kind of furniture is drawn, relative to the others",
     )
-    seats: bool = Field(
-        default=False,
-        description="chairs, sofas and beds too, where people can come to them; without them a room is as it was before",
-    )
     dim: Share = Field(default=0.15, description="share of rooms with little light")
 
     @model_validator(mode="after")

@@ -16,8 +16,8 @@ from twin.drawn.floor_plan import CELL_M, DOOR_M, KEEP_M, PARTITION_M, FloorPlan
 
 _TRIES = 30
 _OFF_WALL_M = 0.02
-_NOT_WALKED_M = 0.45
-"""Closer to a piece than people walk: none from which one stands up there fits."""
+_STAND_M = KEEP_M + CELL_M
+"""Distance from a piece at which one stands before one sits or lies down [m]."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,7 @@ class Spot:
 class Piece:
     """Piece of furniture: name, width (x) and depth (y) [m], geoms, spots, and its pose in the plan's frame.
 
-    `free_m`: floor to keep free ahead of its front [m]; `at_wall`: whether its back is against a wall; `stand_m`: distance from
-    it at which one stands before one sits or lies down [m].
+    `free_m`: floor to keep free ahead of its front [m]; `at_wall`: whether its back is against a wall.
     """
 
     name: str
@@ -54,7 +53,6 @@ class Piece:
     spots: tuple[Spot, ...] = ()
     free_m: float = 0.0
     at_wall: bool = True
-    stand_m: float = _NOT_WALKED_M
     place: tuple[float, float] = (0.0, 0.0)
     yaw: float = 0.0
 
@@ -215,7 +213,6 @@ def draw_furniture(plan: FloorPlan, options: DrawnRoom, space: FreeSpace, rng: n
     pieces: list[Piece] = []
     for _ in range(round(rng.uniform(*options.furniture_per_m2) * sum(room.area_m2 for room in plan.rooms))):
         piece = _DRAWN[kinds[int(rng.choice(len(kinds), p=weights / weights.sum()))]](rng)
-        piece = replace(piece, stand_m=KEEP_M + CELL_M if options.seats else _NOT_WALKED_M)
         put_up = _against_a_wall if piece.at_wall else _stood
         placed = put_up(piece, plan, space, pieces, rng)
         if placed is None:
@@ -275,7 +272,7 @@ def _chairs(
         for place in range(n_chair):
             x = (place + 0.5 - n_chair / 2) * 0.75
             y = table.depth_m / 2 + side * (table.depth_m / 2 + rng.uniform(0.5, 0.6))
-            chair = replace(_chair(rng), stand_m=table.stand_m)
+            chair = _chair(rng)
             yaw = table.yaw + rng.choice([-1.0, 1.0]) * np.deg2rad(rng.uniform(70, 110))
             middle = table.placed(np.array([[x, y]]))[0]
             turned = replace(chair, yaw=float(yaw))
@@ -329,10 +326,10 @@ def standing_places(piece: Piece) -> Array:
     places = []
     for spot in piece.spots:
         if spot.kind == "seat":
-            ahead = piece.depth_m + piece.stand_m - spot.place[1]
+            ahead = piece.depth_m + _STAND_M - spot.place[1]
             places.append([spot.place[0] + ahead * np.cos(spot.yaw), spot.place[1] + ahead * np.sin(spot.yaw)])
         else:
-            side = piece.width_m / 2 + piece.stand_m
+            side = piece.width_m / 2 + _STAND_M
             places += [[spot.place[0] + side, spot.place[1]], [spot.place[0] - side, spot.place[1]]]
     return piece.placed(np.array(places).reshape(-1, 2))
 

@@ -86,10 +86,10 @@ def test_robots_stand_apart_from_people_and_leave_all_else_as_it_was() -> None:
 
 
 def test_an_adult_can_use_every_drawn_seat_and_bed(tmp_path: Path) -> None:
-    """Sofas, chairs before desks and about tables, and beds; without `seats` there are none, and each piece stays as it was."""
+    """Sofas, chairs before desks and about tables, and beds."""
     found = set[str]()
     for seed in range(1000, 1004):
-        content, mjcf = drawn(seed, room={"kind": "drawn", "seats": True, "furniture_per_m2": [0.1, 0.2]})
+        content, mjcf = drawn(seed, room={"kind": "drawn", "furniture_per_m2": [0.1, 0.2]})
         room = tmp_path / "room.xml"
         room.write_text(mjcf)
         scene = World(validate(Scenario, content | {"room": str(room)}, "drawn")).scene
@@ -101,7 +101,7 @@ def test_an_adult_can_use_every_drawn_seat_and_bed(tmp_path: Path) -> None:
 @settings(max_examples=25, deadline=None)
 @given(seed=strategies.integers(0, 2**31))
 def test_doors_doorways_seats_and_starts_can_all_be_reached(seed: int) -> None:
-    options = DrawnRoom(kind="drawn", rooms=(1, 6), furniture_per_m2=(0.0, 0.3), pillars=(0, 8), seats=True)
+    options = DrawnRoom(kind="drawn", rooms=(1, 6), furniture_per_m2=(0.0, 0.3), pillars=(0, 8))
     building = draw_building(options, seed, "room")
     space, plan = building.space, building.plan
     assert plan.doors
