@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import logging
 import os
 import re
 import sys
@@ -32,7 +33,7 @@ from twin.commands.new import app as new
 from twin.commands.run import environment, render, run
 from twin.commands.track import detections, evaluate, export, track
 from twin.commands.view import view
-from twin.messages import sentence
+from twin.messages import TrackerLog, sentence
 
 app = typer.Typer(
     name="twin",
@@ -103,6 +104,7 @@ def _code_of_run() -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # Images are rendered through EGL here, whatever the user's other programs use.
     os.environ["MUJOCO_GL"] = "disable"
+    logging.getLogger("trackers").addHandler(TrackerLog(logging.WARNING))
     raise_on_signals()
     try:
         check_memory()

@@ -13,7 +13,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
-from twin.messages import OnProgress, printable, sentence
+from twin.messages import OnProgress, TrackerLog, printable, sentence
 from twin.report.metrics_table import METRICS, format_judged, format_value, metric_value
 
 _SHOWN = (
@@ -146,8 +146,9 @@ def print_warnings(warnings: Iterable[str]) -> None:
 
 
 def print_warning(warning: str) -> None:
-    """Print one warning about a result on stderr."""
-    sys.stderr.write(f"twin: warning: {sentence(warning)}\n")
+    """Print one warning about a result on stderr, unless the tracker has logged it meanwhile."""
+    if sentence(warning) not in TrackerLog.printed:
+        sys.stderr.write(f"twin: warning: {sentence(warning)}\n")
 
 
 def print_paths(files: Mapping[str, Path]) -> None:

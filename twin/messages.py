@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 import re
 import sys
 import warnings
 from collections.abc import Callable
+from typing import ClassVar
 
 OnProgress = Callable[[str, float, float], None]
 """Called with the name of a task, the amount done and the total, in the same unit."""
@@ -28,6 +30,19 @@ def warn(warning: str) -> None:
     while frame.f_back is not None and frame.f_globals.get("__name__", "").split(".")[0] in ("twin", "contextlib"):
         frame, level = frame.f_back, level + 1
     warnings.warn(warning, stacklevel=level)
+
+
+class TrackerLog(logging.Handler):
+    """Handler of what trackers log while they work: printed on stderr as a warning of the command line, by the system's name."""
+
+    printed: ClassVar[set[str]] = set()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print the message."""
+        _, system, *inside = record.name.split(".")
+        name = f"{system.replace('_', '-')}: " if inside else ""
+        self.printed.add(sentence(f"{name}{record.getMessage()}"))
+        sys.stderr.write(f"twin: warning: {sentence(f'{name}{record.getMessage()}')}\n")
 
 
 _UNPRINTABLE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")

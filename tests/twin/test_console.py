@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from pathlib import Path
 
 import pytest
 
-from twin.console import PlainConsole, print_paths, print_table
+from twin.console import PlainConsole, print_paths, print_table, print_warning
+from twin.messages import TrackerLog
 
 
 def test_paths_stand_in_one_column(capsys: pytest.CaptureFixture[str]) -> None:
@@ -41,3 +43,17 @@ def test_tables_cut_nothing_on_terminals_of_any_width(
 def test_a_table_without_rows_has_its_headings(capsys: pytest.CaptureFixture[str]) -> None:
     print_table(["tracker", "HOTA"], [])
     assert "tracker" in capsys.readouterr().out
+
+
+def test_what_a_tracker_logs_is_printed_once_as_a_warning(capsys: pytest.CaptureFixture[str]) -> None:
+    logger, handler = logging.getLogger("trackers.fusion.tracker"), TrackerLog(logging.WARNING)
+    logger.addHandler(handler)
+    try:
+        logger.warning("camera_2 hardly shows the people")
+    finally:
+        logger.removeHandler(handler)
+    print_warning("fusion: camera_2 hardly shows the people")
+    print_warning("fusion: another")
+    TrackerLog.printed.clear()
+    said = capsys.readouterr().err.splitlines()
+    assert said == ["twin: warning: fusion: camera_2 hardly shows the people", "twin: warning: fusion: another"]

@@ -193,7 +193,8 @@ def scenario(
     loaded = load_scenario("drawn", [*(set_ or []), *([] if seed is None else [f"seed={seed}"])])
     with open_atomic(room) as stream:
         stream.write(Path(loaded.room).read_text(encoding="utf-8"))
-    plain = loaded.model_copy(update={"room": room.name, "name": f"drawn-{loaded.seed}"})
+    about = f"Drawn with seed {loaded.seed}."
+    plain = loaded.model_copy(update={"room": room.name, "name": f"drawn-{loaded.seed}", "description": about})
     with open_atomic(path) as stream:
         stream.write(dump_scenario(plain))
     print_paths({"scenario": path, "room": room})
@@ -213,7 +214,7 @@ def tracker(out: Annotated[Path, typer.Option(metavar="FILE.py", help="File to w
 
 @app.command(epilog="Example: twin new suite --out gate.yaml; twin suite run gate.yaml")
 def suite(out: Annotated[Path, typer.Option(metavar="FILE.yaml", help="File to write.")] = Path("suite.yaml")) -> None:
-    """Write a suite of one scenario, two trackers and two seeds, with a requirement."""
+    """Write a suite of one scenario, two trackers and six seeds, with a requirement."""
     _write("suite", _filled(SUITE, out), out, ".yaml")
 
 

@@ -194,6 +194,10 @@ def read_truth(
     numbers = {name: _numbers(rows, name) for name in TRUTH_NUMBERS}
     within = np.ones(len(rows), bool) if area is None else area.contains(np.column_stack([numbers["x"], numbers["y"]]))
     in_area = rows.flags("in_area") if "in_area" in rows.cells else within
+    swapped = ("has a column status, as tables of tracks have; the table of truth comes first",)
+    notes = tuple(f"{os.fspath(path)}: {each}" for each in swapped if "status" in rows.cells)
+    if not set(TRUTH_COLUMNS) <= set(rows.cells):
+        notes += check_plausibility(found)
     return TruthTable(
         os.fspath(path),
         found.frame_stamps_ns,
@@ -202,7 +206,7 @@ def read_truth(
         **numbers,
         in_area=in_area,
         visible=visible,
-        notes=found.notes if set(TRUTH_COLUMNS) <= set(rows.cells) else (*found.notes, *check_plausibility(found)),
+        notes=(*found.notes, *notes),
         labels=found.counted(),
     )
 

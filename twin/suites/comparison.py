@@ -227,8 +227,8 @@ def notes_on(before: Results, now: Results, before_name: str, pairs: Sequence[Pa
     few = {pair.key: pair for pair in pairs if len(pair.seeds) < min_recordings()}
     if few:
         yield (
-            f"fewer than {min_recordings()} seeds in common: {_names(list(few))}; within such a scenario only a recording "
-            "whose metric falls beyond any noise raises an alarm"
+            f"fewer than {min_recordings()} seeds in common have {_names(list(few))}; there only a recording whose metric falls "
+            "beyond any noise raises an alarm"
         )
     missing = [key for key in before.groups if key not in now.groups]
     added = [key for key in now.groups if key not in before.groups]

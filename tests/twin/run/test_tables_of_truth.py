@@ -108,3 +108,9 @@ def test_tracks_are_counted_without_any_truth() -> None:
     }
     empty = track_counts(track_table([TrackFrame(0, ())]))
     assert empty["track_count"] == 0 and empty["duration_s"]["longest"] is None and empty["tracks_per_frame"] == 0
+
+
+def test_tracks_in_the_place_of_truth_are_told(tmp_path: Path) -> None:
+    table = tmp_path / "tracks.csv"
+    table.write_text("t,id,x,y,status\n0.0,1,0.5,0.5,confirmed\n0.1,1,0.6,0.5,coasting\n")
+    assert any("the table of truth comes first" in note for note in read_truth(table).notes)
