@@ -10,7 +10,7 @@ import numpy as np
 
 from trackers.arrays import Array
 from twin.drawn.distributions import DrawnRoom
-from twin.drawn.draw_furniture import Piece, PieceGeom, draw_furniture, draw_pillars
+from twin.drawn.draw_furniture import Geom, Piece, draw_furniture, draw_pillars
 from twin.drawn.floor_plan import DOOR_M, PARTITION_M, FloorPlan, FreeSpace, Wall, draw_floor_plan
 from twin.streams import stream
 
@@ -227,7 +227,7 @@ def _piece(piece: Piece, number: int) -> Iterator[str]:
     yield "      </body>"
 
 
-def _geom(solid: PieceGeom) -> str:
+def _geom(solid: Geom) -> str:
     size, middle = (" ".join(f"{each:.4f}" for each in values) for values in (solid.size, solid.middle))
     return f'type="{solid.kind}" size="{size}" pos="{middle}" material="{solid.material}"'
 

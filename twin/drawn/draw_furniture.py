@@ -21,7 +21,7 @@ _STAND_M = KEEP_M + CELL_M
 
 
 @dataclass(frozen=True)
-class PieceGeom:
+class Geom:
     """A geom of a piece: `kind` box (half sizes), cylinder (radius, half height) or ellipsoid (half axes) [m], its middle."""
 
     kind: str
@@ -49,7 +49,7 @@ class Piece:
     name: str
     width_m: float
     depth_m: float
-    solids: tuple[PieceGeom, ...]
+    solids: tuple[Geom, ...]
     spots: tuple[Spot, ...] = ()
     free_m: float = 0.0
     at_wall: bool = True
@@ -70,24 +70,22 @@ class Piece:
 def _table(rng: np.random.Generator) -> Piece:
     width, depth = rng.uniform(1.2, 2.0), rng.uniform(0.7, 0.95)
     legs = tuple(
-        PieceGeom(
-            "box", (0.03, 0.03, 0.35), (x * (width / 2 - 0.06), depth / 2 + y * (depth / 2 - 0.06), 0.35), "metal"
-        )
+        Geom("box", (0.03, 0.03, 0.35), (x * (width / 2 - 0.06), depth / 2 + y * (depth / 2 - 0.06), 0.35), "metal")
         for x in (-1, 1)
         for y in (-1, 1)
     )
-    top = PieceGeom("box", (width / 2, depth / 2, 0.02), (0, depth / 2, 0.72), "wood")
+    top = Geom("box", (width / 2, depth / 2, 0.02), (0, depth / 2, 0.72), "wood")
     return Piece("table", width, depth, (top, *legs), at_wall=False)
 
 
 def _desk(rng: np.random.Generator) -> Piece:
     width, depth = rng.uniform(1.2, 1.7), rng.uniform(0.65, 0.8)
     solids = (
-        PieceGeom("box", (width / 2, depth / 2, 0.015), (0, depth / 2, 0.725), "wood"),
-        PieceGeom("box", (0.02, depth / 2 - 0.03, 0.355), (-width / 2 + 0.04, depth / 2, 0.355), "metal"),
-        PieceGeom("box", (0.02, depth / 2 - 0.03, 0.355), (width / 2 - 0.04, depth / 2, 0.355), "metal"),
-        PieceGeom("box", (0.27, 0.02, 0.17), (0, 0.2, 0.98), "dark"),
-        PieceGeom("box", (0.03, 0.03, 0.05), (0, 0.18, 0.78), "dark"),
+        Geom("box", (width / 2, depth / 2, 0.015), (0, depth / 2, 0.725), "wood"),
+        Geom("box", (0.02, depth / 2 - 0.03, 0.355), (-width / 2 + 0.04, depth / 2, 0.355), "metal"),
+        Geom("box", (0.02, depth / 2 - 0.03, 0.355), (width / 2 - 0.04, depth / 2, 0.355), "metal"),
+        Geom("box", (0.27, 0.02, 0.17), (0, 0.2, 0.98), "dark"),
+        Geom("box", (0.03, 0.03, 0.05), (0, 0.18, 0.78), "dark"),
     )
     return Piece("desk", width, depth, solids, free_m=0.9)
 
@@ -95,8 +93,8 @@ def _desk(rng: np.random.Generator) -> Piece:
 def _cupboard(rng: np.random.Generator) -> Piece:
     width, depth, height = rng.uniform(0.8, 1.8), rng.uniform(0.4, 0.6), rng.uniform(1.85, 2.1)
     solids = (
-        PieceGeom("box", (width / 2, depth / 2, height / 2), (0, depth / 2, height / 2), "furniture"),
-        PieceGeom("box", (0.004, 0.004, height / 2 - 0.05), (0, depth, height / 2), "dark"),
+        Geom("box", (width / 2, depth / 2, height / 2), (0, depth / 2, height / 2), "furniture"),
+        Geom("box", (0.004, 0.004, height / 2 - 0.05), (0, depth, height / 2), "dark"),
     )
     return Piece("cupboard", width, depth, solids, free_m=0.5)
 
@@ -104,14 +102,14 @@ def _cupboard(rng: np.random.Generator) -> Piece:
 def _shelf(rng: np.random.Generator) -> Piece:
     width, depth, height = rng.uniform(0.8, 2.0), rng.uniform(0.28, 0.4), rng.uniform(1.0, 2.0)
     boards = tuple(
-        PieceGeom("box", (width / 2, depth / 2, 0.015), (0, depth / 2, z), "wood") for z in np.arange(0.1, height, 0.36)
+        Geom("box", (width / 2, depth / 2, 0.015), (0, depth / 2, z), "wood") for z in np.arange(0.1, height, 0.36)
     )
     sides = tuple(
-        PieceGeom("box", (0.015, depth / 2, height / 2), (x * (width / 2 - 0.015), depth / 2, height / 2), "wood")
+        Geom("box", (0.015, depth / 2, height / 2), (x * (width / 2 - 0.015), depth / 2, height / 2), "wood")
         for x in (-1, 1)
     )
     books = tuple(
-        PieceGeom("box", (share * width / 2, 0.1, 0.11), (0, depth / 2, z + 0.125), f"books_{rng.integers(3)}")
+        Geom("box", (share * width / 2, 0.1, 0.11), (0, depth / 2, z + 0.125), f"books_{rng.integers(3)}")
         for z, share in zip(np.arange(0.1, height - 0.3, 0.36), rng.uniform(0.5, 0.93, 6), strict=False)
     )
     return Piece("shelf", width, depth, (*boards, *sides, *books), free_m=0.5)
@@ -121,10 +119,10 @@ def _sofa(rng: np.random.Generator) -> Piece:
     n_seat = int(rng.integers(2, 4))
     width, depth = 0.62 * n_seat + 0.3, rng.uniform(0.8, 0.9)
     solids = (
-        PieceGeom("box", (width / 2, depth / 2, 0.21), (0, depth / 2, 0.21), "cloth"),
-        PieceGeom("box", (width / 2, 0.11, 0.2), (0, 0.11, 0.62), "cloth"),
-        PieceGeom("box", (0.075, depth / 2, 0.1), (-width / 2 + 0.075, depth / 2, 0.52), "cloth"),
-        PieceGeom("box", (0.075, depth / 2, 0.1), (width / 2 - 0.075, depth / 2, 0.52), "cloth"),
+        Geom("box", (width / 2, depth / 2, 0.21), (0, depth / 2, 0.21), "cloth"),
+        Geom("box", (width / 2, 0.11, 0.2), (0, 0.11, 0.62), "cloth"),
+        Geom("box", (0.075, depth / 2, 0.1), (-width / 2 + 0.075, depth / 2, 0.52), "cloth"),
+        Geom("box", (0.075, depth / 2, 0.1), (width / 2 - 0.075, depth / 2, 0.52), "cloth"),
     )
     seats = tuple(
         Spot("seat", ((place - (n_seat - 1) / 2) * 0.62, 0.22 + (depth - 0.22) / 2, 0.42), np.pi / 2)
@@ -136,10 +134,10 @@ def _sofa(rng: np.random.Generator) -> Piece:
 def _bed(rng: np.random.Generator) -> Piece:
     width, length = rng.uniform(0.9, 1.4), 2.05  # its head at the wall
     solids = (
-        PieceGeom("box", (width / 2, length / 2, 0.15), (0, length / 2, 0.15), "wood"),
-        PieceGeom("box", (width / 2 - 0.02, length / 2 - 0.03, 0.09), (0, length / 2 + 0.01, 0.39), "sheet"),
-        PieceGeom("box", (width / 2, 0.03, 0.25), (0, 0.03, 0.55), "wood"),
-        PieceGeom("box", (0.3, 0.18, 0.04), (0, 0.28, 0.5), "sheet"),
+        Geom("box", (width / 2, length / 2, 0.15), (0, length / 2, 0.15), "wood"),
+        Geom("box", (width / 2 - 0.02, length / 2 - 0.03, 0.09), (0, length / 2 + 0.01, 0.39), "sheet"),
+        Geom("box", (width / 2, 0.03, 0.25), (0, 0.03, 0.55), "wood"),
+        Geom("box", (0.3, 0.18, 0.04), (0, 0.28, 0.5), "sheet"),
     )
     return Piece("bed", width, length, solids, (Spot("bed", (0, length / 2, 0.48), -np.pi / 2),), free_m=0.5)
 
@@ -147,8 +145,8 @@ def _bed(rng: np.random.Generator) -> Piece:
 def _plant(rng: np.random.Generator) -> Piece:
     radius, height = rng.uniform(0.14, 0.22), rng.uniform(0.8, 1.6)
     solids = (
-        PieceGeom("cylinder", (radius, 0.18), (0, radius, 0.18), "dark"),
-        PieceGeom("ellipsoid", (radius * 1.4, radius * 1.4, (height - 0.3) / 2), (0, radius, 0.3 + (height - 0.3) / 2), "leaf"),
+        Geom("cylinder", (radius, 0.18), (0, radius, 0.18), "dark"),
+        Geom("ellipsoid", (radius * 1.4, radius * 1.4, (height - 0.3) / 2), (0, radius, 0.3 + (height - 0.3) / 2), "leaf"),
     )  # fmt: skip
     return Piece("plant", 2.8 * radius, 2.4 * radius, solids)
 
@@ -156,17 +154,17 @@ def _plant(rng: np.random.Generator) -> Piece:
 def _counter(rng: np.random.Generator) -> Piece:
     width, depth = rng.uniform(1.4, 2.6), rng.uniform(0.5, 0.65)
     solids = (
-        PieceGeom("box", (width / 2 - 0.03, depth / 2 - 0.05, 0.51), (0, depth / 2, 0.51), "furniture"),
-        PieceGeom("box", (width / 2, depth / 2, 0.02), (0, depth / 2, 1.04), "wood"),
+        Geom("box", (width / 2 - 0.03, depth / 2 - 0.05, 0.51), (0, depth / 2, 0.51), "furniture"),
+        Geom("box", (width / 2, depth / 2, 0.02), (0, depth / 2, 1.04), "wood"),
     )
     return Piece("counter", width, depth, solids, at_wall=False)
 
 
 def _chair(rng: np.random.Generator) -> Piece:
     solids = (
-        PieceGeom("box", (0.22, 0.22, 0.025), (0, 0.23, 0.435), "cloth"),
-        PieceGeom("box", (0.22, 0.02, 0.2), (0, 0.02, 0.7), "cloth"),
-        *(PieceGeom("box", (0.015, 0.015, 0.205), (x * 0.2, 0.23 + y * 0.2, 0.205), "metal") for x in (-1, 1) for y in (-1, 1)),
+        Geom("box", (0.22, 0.22, 0.025), (0, 0.23, 0.435), "cloth"),
+        Geom("box", (0.22, 0.02, 0.2), (0, 0.02, 0.7), "cloth"),
+        *(Geom("box", (0.015, 0.015, 0.205), (x * 0.2, 0.23 + y * 0.2, 0.205), "metal") for x in (-1, 1) for y in (-1, 1)),
     )  # fmt: skip
     return Piece("chair", 0.45, 0.46, solids, (Spot("seat", (0, 0.24, 0.46), np.pi / 2),), free_m=0.55, at_wall=False)
 
@@ -190,9 +188,9 @@ def draw_pillars(plan: FloorPlan, options: DrawnRoom, space: FreeSpace, rng: np.
         width, is_round = float(rng.uniform(*options.pillar_m)), rng.random() < 0.5
         half = plan.height_m / 2
         solid = (
-            PieceGeom("cylinder", (width / 2, half), (0, width / 2, half), "pillar")
+            Geom("cylinder", (width / 2, half), (0, width / 2, half), "pillar")
             if is_round
-            else PieceGeom("box", (width / 2, width / 2, half), (0, width / 2, half), "pillar")
+            else Geom("box", (width / 2, width / 2, half), (0, width / 2, half), "pillar")
         )
         pillar = Piece("pillar", width, width, (solid,), at_wall=False)
         placed = _stood(pillar, plan, space, [], rng, gap_m=0.9)
