@@ -301,8 +301,9 @@ def _put(piece: Piece, plan: FloorPlan, space: FreeSpace, others: list[Piece]) -
         if _overlap(footprint, _strip(wall, partition.gap_m[0] - 0.1, partition.gap_m[1] + 0.1, 0.9)):
             return False
     for door in plan.doors:
-        clear = _strip(door.wall, door.along_m - DOOR_M / 2 - 0.1, door.along_m + DOOR_M / 2 + 0.1, 1.0)
-        if _overlap(footprint, clear):
+        if _overlap(
+            footprint, _strip(door.wall, door.along_m - DOOR_M / 2 - 0.1, door.along_m + DOOR_M / 2 + 0.1, 1.0)
+        ):
             return False
     changed = space.copy()
     changed.take(footprint)
@@ -310,9 +311,7 @@ def _put(piece: Piece, plan: FloorPlan, space: FreeSpace, others: list[Piece]) -
     x, y = piece.width_m + 0.8, piece.depth_m + 0.8
     if lost_m2 > x * y * 1.15 + 0.1:  # more than the piece itself: something is cut off
         return False
-    wanted = list(plan.thresholds())
-    for each in (*others, piece):
-        wanted += list(standing_places(each))
+    wanted = [*plan.thresholds(), *(place for each in (*others, piece) for place in standing_places(each))]
     if not changed.is_reached(np.array(wanted).reshape(-1, 2)).all():
         return False
     space.take(footprint)

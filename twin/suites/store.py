@@ -65,14 +65,11 @@ class StoredCase:
 
 @dataclass(frozen=True)
 class RecordingInfo:
-    """Digests of a case's recording and of its people's motion ("": unknown), and its scanners' range noise.
-
-    scatter_m: of each scanner's ranges, by its position.
-    """
+    """Digests of a case's recording and of its people's motion ("": unknown), and its scanners' range noise."""
 
     digest: str = ""
     people: str = ""
-    scatter_m: Mapping[str, FiniteFloat] = field(default_factory=dict)
+    scatter_m: Mapping[str, FiniteFloat] = field(default_factory=dict)  # of each scanner's ranges, by its position
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ Implausible walking speeds and coordinates, such as a column of heights, are rej
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -126,7 +125,8 @@ def _rows_in_comments(path: Path, found: Cells, width: int) -> list[str]:
     rows = [
         line
         for line, text in found.comments
-        if line > first and any(len(row := split_line(text, mark)) == width and _holds_number(row) for mark in " ,;\t|")
+        if line > first
+        and any(len(row := split_line(text, mark)) == width and any(map(is_number, row)) for mark in " ,;\t|")
     ]
     if not rows:
         return []
@@ -140,7 +140,7 @@ def _by_header(path: Path, found: Cells) -> tuple[list[str], dict[str, float], C
     assert found.header is not None
     names: list[str] = []
     units: dict[str, float] = {}
-    below = found.rows[0] if found.rows and not _holds_number(found.rows[0]) else []
+    below = found.rows[0] if found.rows and not any(map(is_number, found.rows[0])) else []
     below_units = [cell.strip("[]()/ ").lower() for cell in below]
     known = {*_LENGTHS, *_TIMES, *_NO_UNIT, "m/s", "cm/s", "rad", "deg"}
     is_units = bool(below) and any(below_units) and all(cell in known for cell in below_units)
@@ -267,10 +267,6 @@ def _without_repeats(
         line = columns.lines[int(order[repeats[0]])]
         notes.append(f"{columns.source}: {len(repeats)} rows, as that on line {line}, stand there twice and count once")
     return np.delete(order, repeats)
-
-
-def _holds_number(row: Sequence[str]) -> bool:
-    return any(is_number(cell) for cell in row)
 
 
 WALKING_M_S = (0.5, 2.5)
