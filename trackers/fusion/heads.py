@@ -14,38 +14,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Protocol, Self
+from typing import Self
 
 import numpy as np
 
 from trackers.area import Area
 from trackers.arrays import Array, Bool, Float, Index, Int, Mask, Singles
-from trackers.cameras.placed import PlacedCamera
 from trackers.filters.gating import distances
 from trackers.filters.imm import ImmState
 from trackers.filters.motion import VelocityMotion
 from trackers.filters.rows import Rows, written
+from trackers.fusion.cameras import Camera
 from trackers.fusion.options import HeadEvidenceOptions
 from trackers.likelihood.stereo_head import StereoHeadOptions, StereoHeads
 from trackers.tracking.roster import NEVER_NS
 from trackers.vision.head_colours import HeadColours, HeadModel
 from trackers.vision.head_outlines import ASPECTS
-from trackers.vision.stereo_picture import PackedPicture
-
-
-class HeadView(Protocol):
-    """A camera with its newest picture."""
-
-    @property
-    def camera(self) -> PlacedCamera:
-        """The camera."""
-        ...
-
-    @property
-    def picture(self) -> PackedPicture:
-        """The picture."""
-        ...
-
 
 _DIRECTIONS = (np.arange(ASPECTS[0]) + 0.5) * (2 * np.pi / ASPECTS[0])
 _UPRIGHT_M, _UPRIGHT_SIGMA_M = 1.55, np.array([0.05, 0.05, 0.17])
@@ -56,6 +40,8 @@ _LEAN_S = 0.026
 """A walker's head is ahead of the pelvis by so much of the velocity [m per m/s]; measured in the twin."""
 _LEAST_SIGMA_M = 0.012
 """No picture tells a place better than this [m]."""
+_ALONG_M = 1.0
+"""Standard deviation, along the sight, of a head that one camera without distances shows: how large it is is not known [m]."""
 _KNOWS_NOTHING = 0.1
 """Information of a place from which on a picture tells something of it [1/m²]."""
 _OUTSIDE = 20.0
@@ -137,10 +123,6 @@ class Heads(Rows):
         facing = facing * np.exp(_AHEAD * dt * np.where(speed > _WALKS_M_S, 1.0, 0.0)[:, None] * ahead)
         return self.changed(facing=facing / facing.sum(axis=1, keepdims=True))
 
-    def at(self, place: Float[Array, "n 3"]) -> Float[Array, "4 1 n"]:
-        """Return heads at places as pictures are asked about them, with their directions."""
-        return np.concatenate([place.T, self.direction[0][None]])[:, None]
-
 
 class HeadWeighing:
     """Weighs heads by pictures of one stamp. model: of heads; area: where people are (None: everywhere)."""
@@ -155,7 +137,7 @@ class HeadWeighing:
         heads: Heads,
         expected: Float[Array, "n 3"],
         covariance: Float[Array, "n 3 3"],
-        views: Sequence[HeadView],
+        views: Sequence[Camera],
         in_view: Bool[Mask, "c n"],
         outlined: Bool[Mask, "c n"],
         share: Float[Array, "n"],
@@ -192,17 +174,20 @@ class HeadWeighing:
                 break
         shown[row] = (showing.sum(axis=0) - empty.sum(axis=0)) / outlined[:, row].sum(axis=0)
         here = showing.any(axis=0)
+        eyes_m, flat = np.array([each.camera.eye_m for each in views]), [not each.picture.knows_depth for each in views]
+        along = sights_of_one(showing[:, here], mean[here], eyes_m, np.array(flat))
         row = row[here]
         heads = heads.changed(seen_ns=written(heads.seen_ns, row, ns))
         heads = self._faced(heads, row, mean[here], tables[here], views, in_view[:, row], share[row])
-        return heads, shown, row, *gained(*(each[here] for each in (*before, mean, C)))
+        place, R = gained(*(each[here] for each in (*before, mean, C)))
+        return heads, shown, row, place, R + _ALONG_M**2 * along[:, :, None] * along[:, None]
 
     def _weighed(
         self,
         places: Float[Array, "k p 3"],
         direction: Float[Array, "k"],
         tables: Float[Singles, "k entries"],
-        views: Sequence[HeadView],
+        views: Sequence[Camera],
     ) -> tuple[Float[Array, "c k p"], Float[Array, "k p"], Bool[Mask, "c k"], Bool[Mask, "c k"]]:
         """Weigh places of each head [m] by each picture.
 
@@ -224,7 +209,7 @@ class HeadWeighing:
         seen = seen.all(axis=2)
         return log, outside, sees & seen, seen & (p_detect.max(axis=2) < _LEAST_SHOWN)
 
-    def _heads(self, views: Sequence[HeadView]) -> StereoHeads:
+    def _heads(self, views: Sequence[Camera]) -> StereoHeads:
         """Return the likelihood by these cameras' pictures."""
         cameras = tuple(id(each.camera) for each in views)
         if cameras not in self._by_cameras:
@@ -237,7 +222,7 @@ class HeadWeighing:
         row: Int[Index, "k"],
         place: Float[Array, "k 3"],
         tables: Float[Singles, "k entries"],
-        views: Sequence[HeadView],
+        views: Sequence[Camera],
         in_view: Bool[Mask, "c k"],
         share: Float[Array, "k"],
     ) -> Heads:
@@ -245,7 +230,7 @@ class HeadWeighing:
         if not row.size:
             return heads
         by, common, seen = self._heads(views), self._model.common, heads.select(row)
-        at = np.repeat(seen.at(place), len(views), axis=1)
+        at = np.repeat(np.concatenate([place.T, seen.direction[0][None]])[:, None], len(views), axis=1)
         log = by.facing([each.picture for each in views], at, tables)
         facing = seen.facing * _normalized((log * in_view[..., None]).sum(axis=0) * share[:, None])
         seen = seen.changed(facing=facing / facing.sum(axis=1, keepdims=True))
@@ -276,6 +261,16 @@ def _normalized(log: Float[Array, "*n p"]) -> Float[Array, "*n p"]:
 def own(place: Float[Array, "n 3"]) -> Bool[Mask, "n"]:
     """Mark the heads at places [m] that are in no older one."""
     return ~np.logical_or.reduce(np.tril(distances(place[:, :2], place[:, :2]) < _SAME_M, -1), axis=1)
+
+
+def sights_of_one(
+    showing: Bool[Mask, "c k"], place: Float[Array, "k 3"], eyes_m: Float[Array, "c 3"], flat: Bool[Mask, "c"]
+) -> Float[Array, "k 3"]:
+    """Return unit vectors along the sights to heads at places [m] that one camera alone shows, and is flat; 0 of others."""
+    by = showing.argmax(axis=0)
+    sight = place - eyes_m[by]
+    one = (showing.sum(axis=0) == 1) & flat[by]
+    return np.where(one[:, None], sight / np.linalg.norm(sight, axis=1, keepdims=True), 0.0)
 
 
 def gained(

@@ -16,8 +16,8 @@ from trackers.fusion.posture import Posture
 from trackers.tracking.appearance import Appearance
 from trackers.tracking.roster import NEVER_NS, ImmTracks, Roster
 
-_USUAL_STATURE_M, _LEAST_STATURE_M = 1.7, 1.0
-"""Stature of a person of whom it is not known, and that of small children [m]: who is lower does not stand."""
+_USUAL_STATURE_M, _STATURE_M, _LEAST_STATURE_M = 1.7, 0.2, 1.0
+"""Mean and standard deviation of statures that are not known, and that of small children [m]: who is lower does not stand."""
 _SINKS, _SURE_M = 0.005, 0.06
 """Share by which a stature sinks to a lower head, and standard deviation of a height from which on one is known [m]."""
 _CROWN_M = 0.12
@@ -87,9 +87,10 @@ class People(ImmTracks):
         """Statures [m], the usual one where it is not known."""
         return np.where(np.isnan(self.stature_m), _USUAL_STATURE_M, self.stature_m)
 
-    def upright(self) -> Self:
-        """Return the tracks as if everybody stood."""
-        return self.changed(posture=Posture.upright(len(self)))
+    @property
+    def stature_m2(self) -> Float[Array, "n"]:
+        """Variances of statures [m²]: 0 of those that are known."""
+        return np.where(np.isnan(self.stature_m), _STATURE_M**2, 0.0)
 
     def expected(self) -> Expected:
         """Return what sources are told of the tracks."""

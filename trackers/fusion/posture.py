@@ -45,6 +45,9 @@ _LEGS_ALIKE_S = 0.3
 _SEAT_M, _UP, _SEAT_S = 0.5, 3.0, 2.0
 """Standard deviation of where a resting person is measured from the seat [m], χ² of one who has stood up, and time constant in
 which one sensor tells where the seat is [s]."""
+_LIES_BEHIND_M = 0.3
+"""A person who lies down from the edge of a bed lies so far behind where they sat, away from the knees [m]: half a bed, less the
+edge."""
 _KNEES_M, _KNEES_SIGMA_M, _KNEES_MEMORY = np.array([0.0, 0.45, 0.45]), np.array([0.15, 0.17, 0.3]), 0.7
 """Distance of the legs from the trunk, on average, its standard deviation [m]; share of the old average that is kept."""
 
@@ -56,12 +59,15 @@ class Posture(Rows):
     probability: Float[Array, "n 3"]  # of standing, sitting, lying
     knees: Float[Array, "n 2"]  # from the place to the middle of the legs, on average [m]
     seat: Float[Array, "n 2"]  # where they sit or lie [m]; NaN: they stand
+    faces: Float[Array, "n 2"]  # from there to the middle of the legs while they sat [m]; NaN: they stand
     lain: Bool[Mask, "n"]  # who lies, or has lain and not stood up since
 
     @classmethod
     def upright(cls, n: int) -> Self:
         """Make postures of n people who are met standing, more likely than not."""
-        return cls(np.tile([0.9, 0.09, 0.01], (n, 1)), np.zeros((n, 2)), np.full((n, 2), np.nan), np.zeros(n, np.bool_))
+        return cls(
+            np.tile([0.9, 0.09, 0.01], (n, 1)), np.zeros((n, 2)), *np.full((2, n, 2), np.nan), np.zeros(n, np.bool_)
+        )
 
     @property
     def low(self) -> Float[Array, "n"]:
@@ -164,12 +170,18 @@ class Posture(Rows):
         return self.weighed(row, log)
 
     def settled(self, place: Float[Array, "n 2"], since_s: Float[Array, "n"]) -> Self:
-        """Learn the seats of people who sit at places [m]; a lying person is not where a sitting one was shown.
+        """Learn the seats of people who sit at places [m], and where they face; who lies is not where a sitting one was shown.
 
         since_s: for how long the sensors that show them now had not, together [s].
         """
-        rests, fresh = self.rests[:, None], np.isnan(self.seat)
-        kept = np.exp(-since_s / _SEAT_S)[:, None]
-        moved = np.where(fresh, place, kept * self.seat + (1 - kept) * place)
-        seat = np.where(rests, np.where(self.lies[:, None] & ~fresh, self.seat, moved), np.nan)
-        return self.changed(seat=seat, lain=self.rests & (self.lain | self.lies))
+        stays = np.where(self.lies, 1.0, np.exp(-since_s / _SEAT_S))
+        kept = np.where(np.isnan(self.seat[:, 0]), 0.0, stays)[:, None]
+        old, new = np.concatenate([self.seat, self.faces], axis=1), np.concatenate([place, self.knees], axis=1)
+        learned = np.where(self.rests[:, None], kept * np.nan_to_num(old) + (1 - kept) * new, np.nan)
+        return self.changed(seat=learned[:, :2], faces=learned[:, 2:])
+
+    def lain_down(self) -> Self:
+        """Remember who lies, and move the seats of those who just lay down to where they lie."""
+        away = np.hypot(*self.faces.T)[:, None]
+        behind = np.where(away > _KNEES_M[1] / 2, self.faces / away, 0.0) * (self.lies & ~self.lain)[:, None]
+        return self.changed(seat=self.seat - _LIES_BEHIND_M * behind, lain=self.rests & (self.lain | self.lies))

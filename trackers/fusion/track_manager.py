@@ -95,7 +95,7 @@ class FusionTrackManager(TrackManager):
             at,
             ns,
             others.clothes.reference.shape[1],
-            self._n_source(others),
+            others.seen_ns.shape[1],
         )
         people.seen_ns[0, number], people.seen_at[0, number] = ns, place
         roster = people.roster.changed(n_measured=np.array([len(place)]))
@@ -109,7 +109,7 @@ class FusionTrackManager(TrackManager):
 
     def aged(self, people: People, elapsed_s: float) -> People:
         """Return the tracks some time later: people sit and lie down now and then."""
-        people = people.changed(posture=people.posture.later(elapsed_s, self._rules.lies_down_s))
+        people = people.changed(posture=people.posture.later(elapsed_s, self._rules.lies_down_s).lain_down())
         seat = people.posture.seat
         row = np.flatnonzero(~np.isnan(seat[:, 0]))
         if not row.size:
@@ -209,7 +209,7 @@ class FusionTrackManager(TrackManager):
         # who may have gone unseen may have gone: where nothing would show them as likely as elsewhere
         stays_s = self._rules.survival_s * np.where(posture.rests[row], _STAYS, 1.0)
         stays_s = np.where(self.inside(some.positions), stays_s, _LEFT_S)
-        existence = existence_after_miss(some.existence, whole, elapsed_s / self._n_source(people), stays_s)
+        existence = existence_after_miss(some.existence, whole, elapsed_s / people.seen_ns.shape[1], stays_s)
         people = people.changed(existence=written(people.existence, row, existence), posture=posture)
         return people.in_state(people.state.replaced(row, state))
 
@@ -218,10 +218,6 @@ class FusionTrackManager(TrackManager):
         rests = people.confirmed & people.posture.rests & (people.existence > 0.5) & self.inside(people.place)
         lain = rests & people.posture.lain
         return clear_of(position, people.place[rests], LENGTH_M) & clear_of(position, people.place[lain], LAIN_M)
-
-    @staticmethod
-    def _n_source(people: People) -> int:
-        return people.seen_ns.shape[1]
 
     def confirmed(self, people: People, ns: int, elapsed_s: float) -> People:
         """Confirm tracks that were measured long and often enough, and that exist."""
@@ -257,7 +253,6 @@ class FusionTrackManager(TrackManager):
         exists = people.existence > np.where(people.confirmed, 0.2, 0.05)
         if self.area is not None:
             lasting |= people.confirmed & (people.existence > 0.5)
-        apart = people.confirmed | self.clear_of_seats(
-            people, people.positions
-        )  # limbs of a resting person are no track
+        # limbs of a resting person are no track
+        apart = people.confirmed | self.clear_of_seats(people, people.positions)
         return people.select(inside & lasting & exists & apart)

@@ -33,7 +33,7 @@ from trackers.fusion.lasers import scanners_of
 from trackers.fusion.look import Look, Source
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.people import People
-from trackers.fusion.posture import OFF_BODY
+from trackers.fusion.posture import OFF_BODY, Posture
 from trackers.fusion.track_manager import FusionTrackManager
 from trackers.observations import NS_PER_S, Observation
 from trackers.prior import Prior
@@ -49,8 +49,8 @@ logger = logging.getLogger(__name__)
 _LEAST_SHARE = 0.02
 _TOGETHER_S = 0.15
 """A trunk measured no longer ago tells where the legs are from there [s]."""
-_STATURE_M = 0.2
-"""Standard deviation of statures [m]."""
+_STILL_M_S = 0.15
+"""Standard deviation of the speed of trunks over their seats: who moves is sitting or lying down, or gets up [m/s]."""
 _HEAD_SHOWN_S = 1.0
 """A head that no picture has shown for longer is not reported [s]."""
 
@@ -193,7 +193,7 @@ class Fusion(SynchronizedTracker):
         """Take what sources measured at once, by their numbers: associate, update, initiate."""
         people, numbers, doubted = self._people, list(looks), self._doubted
         if any(doubted[number] and look.feet is not None for number, look in looks.items()):
-            people = people.upright()
+            people = people.changed(posture=Posture.upright(len(people)))
         looks = {k: self._agreement.of_doubted(look, k) if doubted[k] else look for k, look in looks.items()}
         for number, look in looks.items():
             if look.feet is not None:
@@ -271,12 +271,12 @@ class Fusion(SynchronizedTracker):
         offset_m2 = np.bincount(row, kind["offset_m"] ** 2, n)[each] / np.bincount(row, minlength=n)[each]
         seen_ns, seen_at = people.seen_ns.copy(), people.seen_at.copy()
         seen_ns[row, number], seen_at[row, number] = ns, place
-        seat = written(
-            people.positions, row[head], people.head[row[head], :2]
-        )  # a pelvis is about under a sitting head
+        # a pelvis is about under a sitting head
+        seat = written(people.positions, row[head], people.head[row[head], :2])
+        still = np.exp(-0.5 * (np.hypot(*people.velocity.T) / _STILL_M_S) ** 2)
         return people.changed(
             place=written(people.place, each, people.positions[each]),
-            posture=people.posture.settled(seat, np.bincount(row, since_s, n).astype(np.float64)),
+            posture=people.posture.settled(seat, np.bincount(row, since_s, n) * still),
             offset_m2=written(people.offset_m2, each, 0.8 * people.offset_m2[each] + 0.2 * offset_m2),
             seen_ns=seen_ns,
             seen_at=seen_at,
@@ -315,7 +315,7 @@ class Fusion(SynchronizedTracker):
             state = self._imm.update(people.state, row, place, R, SHOWN)
             people = people.changed(roster=people.roster.measured(row, ns, state))
             height_m, variance_m2 = people.head[row, 2], people.head_covariance[row, 2, 2]
-            unsure_m2 = variance_m2 + self._unsure_m2(people)[row]
+            unsure_m2 = variance_m2 + people.stature_m2[row]
             posture = people.posture.by_head(row, height_m, unsure_m2, people.stature[row], since_s[row])
             people = people.changed(posture=posture)
             people = people.learn_stature(row, height_m, variance_m2, self.options.identity.memory)
@@ -329,16 +329,11 @@ class Fusion(SynchronizedTracker):
             people = people.changed(clothes=clothes)
         return people
 
-    @staticmethod
-    def _unsure_m2(people: People) -> Float[Array, "n"]:
-        """Return the variances of statures [m²]: 0 of those that are known."""
-        return np.where(np.isnan(people.stature_m), _STATURE_M**2, 0.0)
-
     def _over_bodies(self, people: People) -> tuple[Float[Array, "n"], Float[Array, "n 3"]]:
         """Return heights of heads [m] and variances of them and of offsets from bodies [m²], by posture."""
         height_m, spread_m2 = people.posture.head_height(people.stature)
         flat_m2 = self.options.head.over_body_m**2 * people.posture.shown(OFF_BODY)
-        return height_m, np.column_stack([flat_m2, flat_m2, spread_m2 + self._unsure_m2(people)])
+        return height_m, np.column_stack([flat_m2, flat_m2, spread_m2 + people.stature_m2])
 
 
 def _is_fixed(sensor: RigSensor) -> bool:

@@ -18,7 +18,7 @@ from trackers.errors import InputError
 from trackers.feeding import track_frames
 from trackers.filters.imm import Imm
 from trackers.fusion.association import pairs
-from trackers.fusion.heads import SHOWN, BodyAndHeadMotion, unit_points
+from trackers.fusion.heads import SHOWN, BodyAndHeadMotion, sights_of_one, unit_points
 from trackers.fusion.look import Look
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.people import People
@@ -252,3 +252,10 @@ def test_a_head_moves_its_body_in_the_share_of_their_variances() -> None:
     people = People.started(imm.update(state, np.array([0]), head, 1e-9 * np.eye(3)[None], SHOWN), head[:, :2], 0, 1, 1)
     np.testing.assert_allclose(people.positions, [[0.04, 0.0]], atol=1e-6)
     np.testing.assert_allclose(people.head, head, atol=1e-6)
+
+
+def test_a_camera_without_distances_that_shows_a_head_alone_leaves_its_range_open() -> None:
+    eyes_m, flat = np.array([(0.0, 0.0, 1.5), (0.0, 4.0, 1.5), (4.0, 0.0, 1.5)]), np.array([True, True, False])
+    showing = np.array([[True, True, False], [False, True, False], [False, False, True]])
+    found = sights_of_one(showing, np.tile([2.0, 0.0, 1.5], (3, 1)), eyes_m, flat)
+    np.testing.assert_allclose(found, [[1.0, 0, 0], [0, 0, 0], [0, 0, 0]])

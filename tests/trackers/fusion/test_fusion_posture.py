@@ -52,3 +52,14 @@ def test_nobody_seen_for_long_is_not_taken_to_lie_but_from_a_seat() -> None:
         return float(posture.low[0])
 
     assert missed(headed(Posture.upright(1), 1.28, 3)) > missed(headed(Posture.upright(1), 1.68, 3))
+
+
+def test_who_lies_down_from_a_seat_lies_behind_it_away_from_the_knees() -> None:
+    sitting = headed(Posture.upright(1), 1.28, 3)
+    for _ in range(10):
+        sitting = sitting.by_legs(ROW, np.array([[0.0, 0.5]]), 0.1 * ONE).settled(np.ones((1, 2)), ONE)
+    lying = headed(sitting, 0.65, 3)
+    assert not sitting.lain[0] and lying.lies[0]
+    down = lying.lain_down()
+    np.testing.assert_allclose(down.seat, [[1.0, 0.7]])
+    np.testing.assert_array_equal(down.lain_down().seat, down.seat)
