@@ -183,5 +183,8 @@ class Posture(Rows):
     def lain_down(self) -> Self:
         """Remember who lies, and move the seats of those who just lay down to where they lie."""
         away = np.hypot(*self.faces.T)[:, None]
-        behind = np.where(away > _KNEES_M[1] / 2, self.faces / away, 0.0) * (self.lies & ~self.lain)[:, None]
+        behind = (
+            np.where(away > _KNEES_M[1] / 2, self.faces / np.maximum(away, 1e-9), 0.0)
+            * (self.lies & ~self.lain)[:, None]
+        )
         return self.changed(seat=self.seat - _LIES_BEHIND_M * behind, lain=self.rests & (self.lain | self.lies))
