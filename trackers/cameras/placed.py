@@ -257,7 +257,7 @@ def through_people(
     eyes_m: Float[Array, "*cameras 3"],
     points_m: Float[Array, "k 3"],
     people_m: Float[Array, "n 2"],
-    radius_m: float,
+    radius_m: float | Float[Array, "k 1"],
     crown_m: float | Float[Array, "n"],
 ) -> tuple[Bool[Mask, "*cameras k n"], Float[Array, "*cameras k n"]]:
     """Return whether lines of sight from eyes through points meet people, upright cylinders from the floor to their crowns [m].

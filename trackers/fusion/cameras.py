@@ -25,6 +25,8 @@ from trackers.vision.stereo_picture import StereoCamera, head_of, heads_in_plan,
 
 _CHEST_M, _CROWN_M, _SHADOW_M = 1.1, 1.65, 0.25
 """Heights of a chest and of a crown, and how near to another's axis a line of sight is hidden [m]."""
+_SIGMAS = 3.0
+"""A head may be within so many standard deviations of where it is expected."""
 _SAME_M, _OVERLAP_M = 0.3, 0.45
 """A place so near to another is its own; silhouettes nearer than this, across the sight, may be one [m]."""
 _LEAST_STEEP = 0.08
@@ -177,11 +179,17 @@ class Camera:
             seen &= ~hidden(self.camera.eye_m, points, others, _SHADOW_M).any(axis=1)
         return seen
 
-    def stands_alone(self, heads: Float[Array, "n 3"], places: Float[Array, "n 2"]) -> Bool[Mask, "n"]:
-        """Mark heads [m] whose outlines are their own: depths tell them from others, silhouettes where nobody is on the sight."""
+    def stands_alone(
+        self, heads: Float[Array, "n 3"], sigma_m: Float[Array, "n"], places: Float[Array, "n 2"]
+    ) -> Bool[Mask, "n"]:
+        """Mark heads [m] whose outlines are their own: depths tell them from others, silhouettes where nobody is on the sight.
+
+        sigma_m: standard deviation of each on each axis; nobody is on any sight to where the head may be.
+        """
         if self._stereo is not None:
             return np.ones(len(heads), np.bool_)
-        meets, _ = through_people(self.camera.eye_m, heads, places, _SHADOW_M, _CROWN_M)
+        reach_m = np.hypot(_SHADOW_M, _SIGMAS * sigma_m)[:, None]
+        meets, _ = through_people(self.camera.eye_m, heads, places, reach_m, _CROWN_M)
         return ~np.logical_or.reduce(meets & ~np.eye(len(heads), dtype=np.bool_), axis=1)
 
     def colours(

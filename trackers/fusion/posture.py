@@ -65,9 +65,8 @@ class Posture(Rows):
     @classmethod
     def upright(cls, n: int) -> Self:
         """Make postures of n people who are met standing, more likely than not."""
-        return cls(
-            np.tile([0.9, 0.09, 0.01], (n, 1)), np.zeros((n, 2)), *np.full((2, n, 2), np.nan), np.zeros(n, np.bool_)
-        )
+        nowhere = np.full((n, 2), np.nan)
+        return cls(np.tile([0.9, 0.09, 0.01], (n, 1)), np.zeros((n, 2)), nowhere, nowhere, np.zeros(n, np.bool_))
 
     @property
     def low(self) -> Float[Array, "n"]:

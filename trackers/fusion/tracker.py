@@ -301,14 +301,15 @@ class Fusion(SynchronizedTracker):
         if not cameras or not len(people):
             return people
         kind = self.options.camera
-        before, head = people.heads, people.head
+        before, head, covariance = people.heads, people.head, people.head_covariance
+        sigma_m = np.sqrt((covariance[:, 0, 0] + covariance[:, 1, 1]) / 2)
         asked = people.confirmed & own(head)
         in_view = np.array([each.sees(head, people.positions) for each in cameras]) & asked
-        outlined = np.array([each.stands_alone(head, people.positions) for each in cameras]) & in_view
+        outlined = np.array([each.stands_alone(head, sigma_m, people.positions) for each in cameras]) & in_view
         since_s = np.minimum((ns - before.seen_ns) / NS_PER_S, 1.0)
         share = np.clip(since_s / 0.05, 0.25, 1.0)
         heads, shown, row, place, R = self._weighing.updated(
-            before, head, people.head_covariance, cameras, in_view, outlined, share, ns
+            before, head, covariance, cameras, in_view, outlined, share, ns
         )
         people = self._manager.head_shown(people.changed(heads=heads), shown, kind, share, ns)
         if row.size:
