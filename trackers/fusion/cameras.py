@@ -25,7 +25,7 @@ from trackers.vision.stereo_picture import StereoCamera, head_of, heads_in_plan,
 
 _CHEST_M, _CROWN_M, _SHADOW_M = 1.1, 1.65, 0.25
 """Heights of a chest and of a crown, and how near to another's axis a line of sight is hidden [m]."""
-_SIGMAS = 3.0
+_SIGMAS = 2.5
 """A head may be within so many standard deviations of where it is expected."""
 _SAME_M, _OVERLAP_M = 0.3, 0.45
 """A place so near to another is its own; silhouettes nearer than this, across the sight, may be one [m]."""
@@ -188,7 +188,7 @@ class Camera:
         """
         if self._stereo is not None:
             return np.ones(len(heads), np.bool_)
-        reach_m = np.hypot(_SHADOW_M, _SIGMAS * sigma_m)[:, None]
+        reach_m = np.maximum(_SHADOW_M, _SIGMAS * sigma_m)[:, None]
         meets, _ = through_people(self.camera.eye_m, heads, places, reach_m, _CROWN_M)
         return ~np.logical_or.reduce(meets & ~np.eye(len(heads), dtype=np.bool_), axis=1)
 
