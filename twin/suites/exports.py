@@ -15,7 +15,8 @@ from xml.etree import ElementTree
 
 from twin.recording.atomic_file import atomic_path, open_atomic
 from twin.suites.comparison import Change, Comparison, SuiteOutcome, describe_change
-from twin.suites.results import GroupKey, RequirementCheck, gated_values
+from twin.suites.metrics import GATED
+from twin.suites.results import GroupKey, RequirementCheck, mean_over_seeds
 from twin.suites.store import DONE, FAILED
 
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -112,7 +113,9 @@ def write_summary(path: Path, outcome: SuiteOutcome) -> None:
                 "overrides": json.loads(key.overrides),
                 "tracker": key.tracker,
                 "seeds": sorted(group.seeds),
-                "metrics": {metric: asdict(mean) for metric, mean in gated_values(group)},
+                "metrics": {
+                    metric: asdict(mean) for metric in GATED if (mean := mean_over_seeds(group.values(metric)))
+                },
             }
             for key, group in results.groups.items()
         ],

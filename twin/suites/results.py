@@ -14,19 +14,14 @@ from scipy.stats import bootstrap
 
 from trackers.errors import InputError
 from twin.streams import stream
-from twin.suites.metrics import GATED, METRICS, format_metric, holds
+from twin.suites.metrics import METRICS, format_metric, holds
 from twin.suites.store import DONE, EXPECTED, FAILED, RecordingInfo, ResultStore, StoredCase
 from twin.suites.worker import NO_RENDERER
 
 _N_REPLICATE = 2000
-
-_CONFIDENCE = 0.95
-
 FEWEST = 6
 """Values that an interval needs: of fewer, all are on one side of 0 by chance in more than 5 % of cases (2 · 0.5^n)."""
-
-_MOST_DRAWN = 10**7
-"""Values drawn at a time: 80 MB."""
+_MOST_DRAWN = 10**7  # values drawn at a time: 80 MB
 
 
 @dataclass(frozen=True)
@@ -190,20 +185,12 @@ def mean_over_seeds(values: list[float], together: Sequence[Hashable] | None = N
         batch=max(1, _MOST_DRAWN // len(of_label)),
         vectorized=True,
         paired=True,
-        confidence_level=_CONFIDENCE,
+        confidence_level=0.95,
         method="percentile",
         rng=stream(len(of_label), "suite", "means"),
     )
     low, high = drawn.confidence_interval
     return MeanOverSeeds(mean, float(low), float(high), n)
-
-
-def gated_values(group: Group) -> Iterator[tuple[str, MeanOverSeeds]]:
-    """Yield each compared metric that applies to the group."""
-    for metric in GATED:
-        found = mean_over_seeds(group.values(metric))
-        if found is not None:
-            yield metric, found
 
 
 @dataclass(frozen=True)
