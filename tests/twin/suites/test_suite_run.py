@@ -325,8 +325,11 @@ def test_requirements_are_met_or_the_run_falls_short_whatever_the_baseline_says(
 @pytest.mark.parametrize(
     ("require", "said"),
     [
-        ("{laser-im: {mota: 1}}", "require: 'laser-im' is none of the trackers; valid are laser-imm, laser-kalman"),
-        ("{laser-imm: {moto: 1}}", "there is no metric 'moto'; valid are mota"),
+        (
+            "{laser-im: {mota: 1}}",
+            "require: 'laser-im' is none of the trackers; did you mean 'laser-imm'? valid are laser-imm, laser-kalman",
+        ),
+        ("{laser-imm: {moto: 1}}", "there is no metric 'moto'; did you mean 'mota'? valid are mota"),
         ("{laser-imm: {mota: about 1}}", 'a number, or a bound as in ">= 0.97", is expected'),
         ("{laser-imm: [mota]}", 'a mapping of metrics, as in {mota: ">= 0.97"}, is expected'),
         ("[laser-imm]", "a mapping of trackers, as in {sort:"),
