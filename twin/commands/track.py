@@ -148,8 +148,8 @@ def evaluate(
     from twin.evaluate import evaluate_with_details
     from twin.evaluate.judged_frames import describe_judged
     from twin.recording.situation_table import read_situations
-    from twin.recording.tables import MOST_TABLE_BYTES, read_tracks, read_truth
-    from twin.recording.truth_tables import on_clock_of_tracks
+    from twin.recording.tables import read_tracks, read_truth
+    from twin.recording.truth_tables import MOST_TABLE_BYTES, on_clock_of_tracks
     from twin.tables.headerless import sequence_info
 
     if not 0 < gate < float("inf"):

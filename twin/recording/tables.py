@@ -33,8 +33,6 @@ _TRACK_NUMBERS = ("x", "y", "z", "vx", "vy", "head_x", "head_y", "head_z", "head
 TRUTH_COLUMNS = ("t", "id", *TRUTH_NUMBERS, "in_area")
 TRACK_COLUMNS = ("t", "id", *_TRACK_NUMBERS, "status", "radius95_m")
 STATUSES = ("confirmed", "coasting")
-MOST_TABLE_BYTES = 256 * 1024 * 1024
-"""A table larger than this takes gigabytes to read, and is refused unless asked for."""
 
 _VISIBLE = "visible_"
 
@@ -194,10 +192,9 @@ def read_truth(
     numbers = {name: _numbers(rows, name) for name in TRUTH_NUMBERS}
     within = np.ones(len(rows), bool) if area is None else area.contains(np.column_stack([numbers["x"], numbers["y"]]))
     in_area = rows.flags("in_area") if "in_area" in rows.cells else within
-    swapped = ("has a column status, as tables of tracks have; the table of truth comes first",)
-    notes = tuple(f"{os.fspath(path)}: {each}" for each in swapped if "status" in rows.cells)
-    if not set(TRUTH_COLUMNS) <= set(rows.cells):
-        notes += check_plausibility(found)
+    notes = found.notes if set(TRUTH_COLUMNS) <= set(rows.cells) else (*found.notes, *check_plausibility(found))
+    if "status" in rows.cells:
+        notes += (f"{os.fspath(path)}: has a column status, as tables of tracks have; the table of truth comes first",)
     return TruthTable(
         os.fspath(path),
         found.frame_stamps_ns,
@@ -206,7 +203,7 @@ def read_truth(
         **numbers,
         in_area=in_area,
         visible=visible,
-        notes=(*found.notes, *notes),
+        notes=notes,
         labels=found.counted(),
     )
 

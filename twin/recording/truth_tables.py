@@ -39,7 +39,6 @@ from twin.recording.atomic_file import open_atomic
 from twin.recording.ros_messages import string_message
 from twin.recording.situation_table import encode_situation, situation_writer
 from twin.recording.tables import (
-    MOST_TABLE_BYTES,
     TRUTH_NUMBERS,
     Row,
     TrackTable,
@@ -54,6 +53,8 @@ from twin.truth.frames import Box, BoxFrame, FootTruth, PersonTruth, RayFrame, S
 if TYPE_CHECKING:
     from twin.recording.reader import Recording
 
+MOST_TABLE_BYTES = 256 * 1024 * 1024
+"""A table larger than this takes gigabytes to read, and is refused unless asked for."""
 PEOPLE_COLUMNS = ("id", "name")
 _FOOT_NUMBERS = ("x", "y", "z", "yaw", "load_n", "pressure_x", "pressure_y")
 FEET_COLUMNS = ("t", "id", "foot", *_FOOT_NUMBERS, "contact")
