@@ -94,7 +94,6 @@ def test_a_command_loads_only_what_it_needs() -> None:
                 "optuna",
                 "jaxtyping",
                 "asyncio",
-                "unittest",
                 "rosbags.typesys.stores.ros2_humble",
             ),
         ),

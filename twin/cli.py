@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import logging
 import os
 import re
 import sys
@@ -104,7 +103,7 @@ def _code_of_run() -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # Images are rendered through EGL here, whatever the user's other programs use.
     os.environ["MUJOCO_GL"] = "disable"
-    logging.getLogger("trackers").addHandler(TrackerLog(logging.WARNING))
+    TrackerLog.install()
     raise_on_signals()
     try:
         check_memory()

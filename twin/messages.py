@@ -37,6 +37,16 @@ class TrackerLog(logging.Handler):
 
     printed: ClassVar[set[str]] = set()
 
+    @classmethod
+    def install(cls) -> None:
+        """Print what trackers log from now on, each once however often a process calls the command line."""
+        trackers = logging.getLogger("trackers")
+        for handler in trackers.handlers[:]:
+            if isinstance(handler, cls):
+                trackers.removeHandler(handler)
+        trackers.addHandler(cls(logging.WARNING))
+        cls.printed.clear()
+
     def emit(self, record: logging.LogRecord) -> None:
         """Print the message."""
         _, system, *inside = record.name.split(".")

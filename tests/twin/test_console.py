@@ -46,12 +46,9 @@ def test_a_table_without_rows_has_its_headings(capsys: pytest.CaptureFixture[str
 
 
 def test_what_a_tracker_logs_is_printed_once_as_a_warning(capsys: pytest.CaptureFixture[str]) -> None:
-    logger, handler = logging.getLogger("trackers.fusion.tracker"), TrackerLog(logging.WARNING)
-    logger.addHandler(handler)
-    try:
-        logger.warning("camera_2 hardly shows the people")
-    finally:
-        logger.removeHandler(handler)
+    TrackerLog.install()
+    TrackerLog.install()  # as where one process calls the command line twice
+    logging.getLogger("trackers.fusion.tracker").warning("camera_2 hardly shows the people")
     print_warning("fusion: camera_2 hardly shows the people")
     print_warning("fusion: another")
     TrackerLog.printed.clear()

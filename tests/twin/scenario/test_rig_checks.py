@@ -83,7 +83,11 @@ BOTH: dict[str, tuple[Change, Change, str]] = {
     "a kind that is none": (("sensors.waist.kind", "radar"), ("sensors.waist.kind", "radar"), "'radar' is not known"),
     "an unknown key": (("sensors.waist.colour", 1), ("sensors.waist.colour", 1), "unknown key"),
     **{
-        f"a sensor called {name!r}": ((f"sensors|{name}", "waist"), (f"sensors|{name}", "waist"), "pattern|at most 100")
+        f"a sensor called {name!r}": (
+            (f"sensors|{name}", "waist"),
+            (f"sensors|{name}", "waist"),
+            "a letter first, is expected|at most 100",
+        )
         for name in ("", "two words", "a,b", "a+b", "a/b", "1", "ä", "x" * 101)
     },
     "no sensors": (("sensors", {}), ("sensors", {}), "sensors is empty"),
