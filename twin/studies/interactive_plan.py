@@ -21,7 +21,7 @@ from scipy.spatial import ConvexHull, QhullError
 from trackers.arrays import Array
 from twin.geometry.geom_hull import hull_points
 from twin.instant.snapshot import RAY_GROUPS
-from twin.room.building import Building
+from twin.room.building import Building, room_outline
 from twin.scenario import Scenario
 from twin.scenario.housings import in_the_room
 from twin.scenario.sensors import LaserDescription
@@ -62,6 +62,7 @@ def plan_data(
         "folder": folder.as_posix(),
         "name": f"{scenario.name}-plan",
         "prisms": room_prisms(building.model, building.data),
+        "glass": [np.round(each, 4).tolist() for each in room_outline(building.model, building.data, glass_only=True)],
         "sensors": [_sensor(scenario, name, (prices or {}).get(name)) for name in names],
     }
 

@@ -81,6 +81,8 @@
       outline(pen, each.corners); pen.globalAlpha = each.high > 1.5 ? 1 : 0.35; pen.fill();
     }
     pen.globalAlpha = 1;
+    pen.fillStyle = "#8fd0ea"; pen.strokeStyle = "#3b9fc4"; pen.lineWidth = ratio;
+    for (const pane of plan.glass) { outline(pen, pane); pen.fill(); pen.stroke(); }
     pen.setLineDash([6 * ratio, 4 * ratio]); pen.strokeStyle = "#11151a"; pen.lineWidth = ratio;
     outline(pen, plan.area); pen.stroke(); pen.setLineDash([]);
     const order = [...sensors.filter((each) => each !== chosen), chosen]; // the chosen one over those at the same place

@@ -201,6 +201,8 @@ def _room(axes: Axes, building: Building, area: Array) -> None:
         is_wall = (extent_m < _WALL_M).any() and extent_m.max() > 3 * _WALL_M
         fill, edge = ("#7a838f", "#4a525c") if is_wall else ("#d5d9df", "#a9b0bb")
         axes.fill(*polygon.T, facecolor=fill, edgecolor=edge, linewidth=0.5, zorder=2)
+    for pane in room_outline(building.model, data, glass_only=True):
+        axes.fill(*pane.T, facecolor="#bfe3f2", edgecolor="#3b9fc4", linewidth=0.5, zorder=2)
     for piece in building.open_edges():
         axes.plot(*piece.T, color=QUIET, linewidth=0.6, linestyle=":", zorder=3)
     axes.fill(*area.T, facecolor="none", edgecolor=QUIET, linewidth=0.7, linestyle="--", zorder=3)

@@ -74,6 +74,23 @@ def test_the_page_sees_of_the_floor_what_the_twin_sees(name, seed, tmp_path):
     assert loaded.sensors[names[1]].mount.yaw_deg == 30
 
 
+def test_panes_of_glass_are_on_the_plan_and_in_no_ray_s_way():
+    scenario = load_scenario("drawn", ["seed=1044", "room.glass=1", "room.rooms=[2,2]"])
+    building = building_of(World(scenario).scene)
+    plan = plan_data(scenario, [], building, building.outline, Coverage(), 0.1, extends="scenario.yaml")
+    assert plan["glass"]
+    for pane in plan["glass"]:
+        middle = np.mean(pane, axis=0)
+        around = [np.array(each["corners"]) for each in plan["prisms"] if each["z"][0] < 1 < each["z"][1]]
+        assert not any(inside(middle, corners) for corners in around)
+
+
+def inside(place, corners):
+    """Whether a place is in a convex outline, counter-clockwise."""
+    edges, to_place = np.roll(corners, -1, axis=0) - corners, place - corners
+    return bool((edges[:, 0] * to_place[:, 1] - edges[:, 1] * to_place[:, 0] > 0).all())
+
+
 def test_text_of_a_scenario_cannot_leave_the_page_s_data():
     plan = {"sensors": [{"price": None, "name": "</script><script>alert(1)"}]}
     assert "</script" not in section(plan)["plan_json"]
