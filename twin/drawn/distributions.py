@@ -152,6 +152,11 @@ class DrawnSensors(Strict):
         default=(180.0, 270.0), min_length=1, description="fields of view of scanners [deg]"
     )
     range_m: Range = Field(default=(8.0, 30.0), description="longest range of a scanner [m], 2 to 100")
+    range_10_percent_m: Range | None = Field(
+        default=None,
+        description="range of a surface that reflects 10 % [m], 1 to 100, drawn by its logarithm for each scanner; none: dark "
+        "surfaces return echoes like others",
+    )
     robots: Count = Field(
         default=(0, 0), description="number of robots that wander about, each with a low scanner and odometry"
     )
@@ -180,10 +185,10 @@ class DrawnSensors(Strict):
     def _possible(self) -> DrawnSensors:
         for name, (low, high) in (
             ("scanners", (0, 12)), ("robots", (0, 4)), ("fisheyes", (0, 12)), ("cameras", (0, 12)), ("stereos", (0, 12)),
-            ("scanner_hz", (1, 100)), ("camera_hz", (1, 60)), ("range_m", (2, 100)),
+            ("scanner_hz", (1, 100)), ("camera_hz", (1, 60)), ("range_m", (2, 100)), ("range_10_percent_m", (1, 100)),
         ):  # fmt: skip
             bounds = getattr(self, name)
-            if not low <= bounds[0] <= bounds[1] <= high:
+            if bounds is not None and not low <= bounds[0] <= bounds[1] <= high:
                 raise ValueError(f"{name} {list(bounds)} is not drawn; {low:g} to {high:g} is valid")
         least = sum(getattr(self, kind)[0] for kind in ("scanners", "robots", "fisheyes", "cameras", "stereos"))
         if least == 0 and self.floor < 1:

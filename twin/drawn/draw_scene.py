@@ -56,6 +56,11 @@ def draw_sensors(
         housings[f"robot_{number}"] = housing
         starts = np.vstack([starts, housing["mount"]["xyz"][:2]])
         sensors[f"robot_{number}_scanner"] = _robot_scanner(options, own) | {"housing": f"robot_{number}"}
+    if options.range_10_percent_m is not None:
+        own, (nearest, farthest) = stream(seed, "drawn echoes", ""), np.log(options.range_10_percent_m)
+        for description in sensors.values():
+            if description["kind"] == "laser":
+                description["range_10_percent_m"] = round(float(np.exp(own.uniform(nearest, farthest))), 1)
     faults = {}
     for name in sensors:
         if rng.random() < options.faults:

@@ -166,6 +166,13 @@ class LaserDescription(Mounted):
     sweep_time_s: float = Field(
         default=0.0, ge=0, le=0.5, description="time from the first beam to the last [s]; 0: all at once"
     )
+    range_10_percent_m: float | None = Field(
+        default=None,
+        gt=0,
+        le=1000,
+        description="range of a surface that reflects 10 % and faces the beam; darker, slanting and farther ones return no echo "
+        "[m]; none: every surface within range_max_m returns one",
+    )
     noise: _LaserNoise = Field(
         default=LASER_NOISE["default"],
         description="errors of the scanner: off, default, worse, hokuyo, or their parameters",
@@ -330,4 +337,5 @@ def _build_ideal(
                 range_min_m=description.range_min_m,
                 range_max_m=description.range_max_m,
                 sweep_time_s=description.sweep_time_s,
+                range_10_percent_m=description.range_10_percent_m,
             )

@@ -7,7 +7,9 @@ from itertools import pairwise
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
+from trackers.arrays import Array, Mask
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor
 from twin.instant.snapshot import Snapshot, base_body
@@ -16,10 +18,40 @@ from twin.sensors.sensor import Reading, State
 
 SWEEP_STEP_S = 0.005
 """Period of snapshots during a sweep [s]: a person at 2 m/s is placed to within 5 mm."""
+_DARKEST, _BRIGHTEST = 0.02, 0.9
+_FLUCTUATION = 0.2
+"""Deviation of the logarithm of a received signal from beam to beam; assumed."""
+
+
+def reflected(model: mujoco.MjModel, geom: NDArray[np.integer], faces: Array, directions: Array) -> Array:
+    """Return the share of light near 905 nm that beams (n,) see reflected: reflectivity times cosine of the angle of incidence.
+
+    `faces` and `directions` (n, 3): unit normals of the surfaces of `geom` (n,) and beams. A surface is matt and as bright as
+    its colour's brightest linear channel: only what is black to the eye is dark to a scanner. Carbon black is; dark tones of
+    organic pigments can reflect over 0.6 at 905 nm (Lim et al. 2022, doi 10.1007/s13233-022-0037-5), which a colour does not
+    tell. A geom with a texture has the colour of its material.
+    """
+    material = model.geom_matid[geom]
+    has = material >= 0
+    rgb = model.geom_rgba[geom, :3].astype(float)
+    rgb[has] = model.mat_rgba[material[has], :3]
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)  # sRGB, IEC 61966-2-1
+    return np.clip(linear.max(axis=1), _DARKEST, _BRIGHTEST) * np.abs((faces * directions).sum(axis=1))
+
+
+def returns_echo(reflected: Array, distance_m: Array, range_10_percent_m: float, rng: np.random.Generator) -> Mask:
+    """Draw which beams (n,) get an echo: those whose received signal is over the threshold.
+
+    The signal of a surface wider than the beam goes with `reflected` / distance². It meets the threshold at `range_10_percent_m`
+    for a reflectivity of 0.1 faced squarely, as data sheets state ranges. Kneip et al. (ICRA 2009) measured such losses on dark
+    surfaces and at large angles of incidence, with a Hokuyo URG-04LX.
+    """
+    signal = reflected / 0.1 * (range_10_percent_m / np.maximum(distance_m, 1e-6)) ** 2
+    return signal * np.exp(_FLUCTUATION * rng.standard_normal(signal.size)) >= 1
 
 
 class Laser:
-    """An ideal scanner: exact ranges along infinitely thin rays, and the person at each ray as truth.
+    """A scanner without noise: exact ranges along infinitely thin rays, and the person at each ray as truth.
 
     Beams go counter-clockwise from `angle_min_rad` in steps of `angle_increment_rad` in the x-y plane of the sensor's frame (x
     ahead, y left, z up). A return nearer than `range_min_m` is NaN (invalid), none within `range_max_m` is +inf (REP 117).
@@ -29,7 +61,8 @@ class Laser:
 
     `origin_m` (3,) and `directions` (n_beam, 3) are its rays in the room frame, or in that of its housing.
 
-    Simplified: every surface reflects; glass and mirrors are walls (geoms with alpha = 0 are not seen at all).
+    With `range_10_percent_m` a beam whose echo is too weak (`returns_echo`) reads +inf and meets no person; without it every
+    surface returns an echo. Glass and mirrors are walls (geoms with alpha = 0 are not seen at all).
     """
 
     def __init__(
@@ -43,6 +76,7 @@ class Laser:
         range_min_m: float,
         range_max_m: float,
         sweep_time_s: float = 0.0,
+        range_10_percent_m: float | None = None,
     ) -> None:
         self.name = name
         self._rig = rig
@@ -52,6 +86,7 @@ class Laser:
         self._range_min_m = float(np.float32(range_min_m))
         self._range_max_m = float(np.float32(range_max_m))
         self._sweep_time_s = sweep_time_s
+        self._range_10_percent_m = range_10_percent_m
         angles = self._angle_min_rad + self._angle_increment_rad * np.arange(beams)
         in_sensor = np.stack([np.cos(angles), np.sin(angles), np.zeros(beams)], axis=1)  # (n_beam, 3)
         # Rays of a sensor that never moves are turned into the room's frame once.
@@ -73,9 +108,9 @@ class Laser:
     def observe(
         self, stamp_ns: int, snapshots: Iterable[Snapshot], state: State, rng: np.random.Generator
     ) -> tuple[Reading, State]:
-        """Return the ideal scan; `rng` and `state` are not used."""
+        """Return the scan without noise; `rng` draws the fluctuation of weak echoes, `state` is not used."""
         for sector, snapshot in zip(self._sectors, snapshots, strict=True):
-            geom, self._distance[sector] = self._trace(snapshot, sector)
+            geom, self._distance[sector] = self._trace(snapshot, sector, rng)
             # A miss has geom -1 and takes the last geom's person here; it is cleared with the range below.
             self._person[sector] = snapshot.person_of_geom[geom]
         distance, person = self._distance, self._person
@@ -97,15 +132,16 @@ class Laser:
         )
         return Reading(scan, {"person_of_ray": person_of_ray, "range_m": ranges_m}), state
 
-    def _trace(self, snapshot: Snapshot, sector: slice) -> Hits:
+    def _trace(self, snapshot: Snapshot, sector: slice, rng: np.random.Generator) -> Hits:
         """Return the first hits of some of the beams, from the scanner's pose at the snapshot's time."""
         base = self._rig.mounted_on
-        if base is None:
+        if base is None and self._range_10_percent_m is None:
             return self._fan.trace(snapshot, sector)
-        room_from_base = snapshot.bases[base]
+        room_from_base = np.eye(4) if base is None else snapshot.bases[base]
         turn, pose = room_from_base[:3, :3], self._rig.room_from_sensor
         directions = np.ascontiguousarray(self.directions[sector] @ turn.T)
         geom, distance_m = np.empty(len(directions), dtype=np.int32), np.empty(len(directions))
+        faces = None if self._range_10_percent_m is None else np.zeros((len(directions), 3))
         trace_rays(
             snapshot,
             turn @ self.origin_m + room_from_base[:3, 3],
@@ -114,8 +150,12 @@ class Laser:
             distance_m,
             normal=turn @ pose.rotation[:, 2],
             range_max_m=self._range_max_m,
-            body_left_out=mujoco.mj_name2id(snapshot.model, mujoco.mjtObj.mjOBJ_BODY, base_body(base)),
+            body_left_out=-1 if base is None else snapshot.model.body(base_body(base)).id,
+            faces=faces,
         )
+        if faces is not None and self._range_10_percent_m is not None:
+            seen = reflected(snapshot.model, geom, faces, directions)
+            distance_m[~returns_echo(seen, distance_m, self._range_10_percent_m, rng)] = -1
         return geom, distance_m
 
     def rig_sensor(self) -> LaserSensor:

@@ -25,12 +25,13 @@ def trace_rays(
     left_out: Mask | None = None,
     range_max_m: float = mujoco.mjMAXVAL,
     body_left_out: int = -1,
+    faces: Array | None = None,
 ) -> None:
     """Fill in the geom (n,) and the distance (n,) [m] of each ray's first hit; -1 for none.
 
     `origin_m` (3,) and the unit `directions` (n, 3) are in the room frame. For rays in one plane, its `normal` (3,) saves more
     than half of the cost: geoms whose bounding sphere does not meet the plane are skipped. Rays pass through the geoms of
-    `left_out` (n_geom,) and of the body `body_left_out`.
+    `left_out` (n_geom,) and of the body `body_left_out`. `faces` (n, 3) is filled with the unit normals of the surfaces hit.
     """
     model, data = snapshot.model, snapshot.data
     arguments = (
@@ -40,7 +41,7 @@ def trace_rays(
         body_left_out,
         geom,
         distance_m,
-        None,
+        None if faces is None else faces.reshape(-1),
         geom.size,
         range_max_m,
     )

@@ -226,6 +226,17 @@ def test_a_rig_has_what_is_asked_for() -> None:
     assert {sensor.get("role") for sensor in content["sensors"].values()} == {"waist", None}
 
 
+def test_ranges_of_dark_surfaces_are_drawn_without_another_change() -> None:
+    options = {"scanners": [2, 2], "robots": [1, 1], "fisheyes": [1, 1], "faults": 1.0}
+    plain, _ = drawn(1003, sensors=options)
+    content, _ = drawn(1003, sensors=options | {"range_10_percent_m": [3, 20]})
+    ranges_m = [each.pop("range_10_percent_m") for each in content["sensors"].values() if each["kind"] == "laser"]
+    assert content == plain
+    assert len(ranges_m) == 3 and all(3 <= each <= 20 for each in ranges_m)
+    with pytest.raises(InputError, match="range_10_percent_m"):
+        drawn(1003, sensors={"range_10_percent_m": [0, 20]})
+
+
 def test_a_suite_draws_another_scene_for_each_seed(tmp_path: Path) -> None:
     path = tmp_path / "own.yaml"
     path.write_text(

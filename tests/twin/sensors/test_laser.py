@@ -8,7 +8,7 @@ from capsule_room import CapsuleWorld, capsule_model
 from trackers.rig import LaserSensor, Pose
 from twin.instant.snapshot import Snapshot
 from twin.scenario.sensors import LaserDescription
-from twin.sensors.laser import Laser
+from twin.sensors.laser import Laser, reflected, returns_echo
 from twin.sensors.rays import trace_rays
 
 _ARENA = """
@@ -171,3 +171,32 @@ def test_leaving_out_what_the_plane_cannot_meet_changes_no_range(world: CapsuleW
     assert np.array_equal(found[0][0], found[1][0])
     assert np.array_equal(found[0][1], found[1][1])
     assert (snapshot.person_of_geom[found[0][0]] > 0).any()
+
+
+def test_echoes_end_where_reflectivity_angle_and_distance_say():
+    turned = np.array([0.0, np.sqrt(0.75), 0.5])
+    model = mujoco.MjModel.from_xml_string("""
+        <mujoco><asset><material name="grey" rgba="0.735 0.2 0.2 1"/></asset>
+        <worldbody><geom size="1" rgba="0 0 0 1"/><geom size="1" material="grey"/></worldbody></mujoco>""")
+    beams = np.tile([0.0, 0.0, -1.0], (2, 1))
+    seen = reflected(model, np.array([0, 1]), np.stack([[0.0, 0.0, 1.0], turned]), beams)
+    np.testing.assert_allclose(seen, [0.02, 0.25], atol=1e-3)
+    # a surface of 10 % at 4 m is just detected; a quarter of it at half the range
+    for share, edge_m in ((0.1, 4.0), (0.025, 2.0), (0.9, 12.0)):
+        for distance_m, expected in ((0.7 * edge_m, 1.0), (edge_m, 0.5), (1.4 * edge_m, 0.0)):
+            echo = returns_echo(np.full(2000, share), np.full(2000, distance_m), 4.0, np.random.default_rng(0))
+            assert echo.mean() == pytest.approx(expected, abs=0.04)
+
+
+def test_black_clothes_are_lost_before_the_wall_behind_them_and_bright_ones_are_not():
+    world = CapsuleWorld(capsule_model({1: (-0.8, 2.0), 2: (0.8, 2.0)}, _ARENA), speed=0)
+    every, met = look(laser(height_m=1.2, beams=1441), world)
+    scan, person = look(laser(height_m=1.2, beams=1441, range_10_percent_m=1.5), world)
+    there = np.isfinite(scan.ranges_m)
+    assert np.array_equal(scan.ranges_m[there], every.ranges_m[there])
+    assert set(person) == {0, 1} and np.isposinf(scan.ranges_m[met == 2]).all()
+    # the bright one's edges, which the beam grazes, are lost
+    lost = np.flatnonzero((met == 1) & ~there)
+    assert 0 < lost.size < 0.2 * (met == 1).sum()
+    far, _ = look(laser(height_m=1.2, beams=1441, range_10_percent_m=40.0), world)
+    assert np.isfinite(far.ranges_m[met == 2]).mean() > 0.8
