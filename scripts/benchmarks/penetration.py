@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 from trackers.arrays import Array
 from twin.instant.snapshot import Snapshot, SnapshotSource
 from twin.people.body.person_spec import GEOM_GROUP
+from twin.room.furniture import Bed, Seat
+from twin.world.world import World
 
 Allowed = Mapping[int, Collection[int]]
 """For ids of people: geoms of the room that they may touch and press into."""
@@ -167,6 +169,17 @@ def count_penetrations(
             check = PenetrationCheck(snapshot.model, snapshot.person_of_geom)
         count.add(check.at(snapshot, allowed(t) if allowed is not None else None, least_m))
     return count
+
+
+def furniture_in_use(world: World) -> Allowed:
+    """Return the geoms that people press into who sit or lie, or are about to."""
+    ids, names = world.scene.ids, world.population.names
+    in_use: dict[int, list[int]] = {}
+    for name, number in world.population._context.taken.items():
+        furniture = world.scene.ground.furniture[name]
+        assert isinstance(furniture, Seat | Bed)
+        in_use[ids[names[number]]] = sorted(furniture.geoms)
+    return in_use
 
 
 def _apart(first: Array, second: Array) -> Array:

@@ -112,7 +112,8 @@ class Poses(ABC):
     def __init__(self, names: Sequence[str], appearances: Mapping[str, BodyAppearance], measures: BodyMeasures) -> None:
         """`appearances`: source of proportions and mass; `measures`: of the bodies, in the order of `names`."""
         self.names = tuple(names)
-        self._skeleton = Skeleton([appearances[name].proportions for name in self.names])
+        looks = [appearances[name] for name in self.names]
+        self._skeleton = Skeleton([each.proportions for each in looks], [each.carries for each in looks])
         self._weight_n = GRAVITY_M_S2 * np.array([appearances[name].mass_kg for name in self.names], dtype=float)
         self._measures = measures
         self._history = PoseHistory(len(self.names))

@@ -7,9 +7,11 @@ import pytest
 from people_cast import AREA, FIVE, make_population
 
 from trackers.errors import InputError
+from twin.geometry.geom_hull import hull_points
 from twin.people.body.person_spec import NQ_PERSON
 from twin.people.population import randomized
 from twin.people.poses import HISTORY_S, TICK_S
+from twin.room.obstacles import KEEP_FROM_FURNITURE_M
 from twin.scenario import load_scenario
 from twin.scenario.action import RecordedPath
 from twin.scenario.behaviour import Stand, Walk
@@ -199,3 +201,18 @@ def test_former_names_are_read_in_files_and_overrides_and_named(tmp_path, caplog
         assert f"is now called {name!r}" in caplog.text
     for text in (dump_scenario(scenario),):
         assert "vary" not in text and "believed" not in text
+
+
+@pytest.mark.parametrize("bag", ["handbag", "shoulder", "backpack"])
+def test_what_people_carry_stays_within_the_distance_that_walkers_keep_from_things(bag):
+    people = "{kind: walk, waypoints: [[-1.1, -1.2], [1.3, 1.6]], speed_m_s: 1.6}"
+    changes = ["people.anna.height_m=1.85", f"people.anna.bag={bag}", f"people.anna.script={people}", "duration_s=3"]
+    world = World(load_scenario("straight-course", changes))
+    fastest = 0.0
+    for t in np.arange(0.0, 3.0, 0.05):
+        snapshot = world.snapshot(float(t))
+        truth = world.population.truth(float(t))
+        corners = hull_points(snapshot.model, snapshot.data, snapshot.model.geom("anna/bag").id)
+        assert np.hypot(*(corners[:, :2] - (truth.x[0], truth.y[0])).T).max() < KEEP_FROM_FURNITURE_M + 0.01
+        fastest = max(fastest, float(np.hypot(truth.vx[0], truth.vy[0])))
+    assert fastest > 1.4

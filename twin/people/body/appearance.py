@@ -227,6 +227,11 @@ class BodyAppearance:
     bag_colour: Rgb
 
     @property
+    def carries(self) -> tuple[bool, bool]:
+        """Whether the left and the right hand carry a bag."""
+        return False, self.bag == "handbag"
+
+    @property
     def proportions(self) -> Proportions:
         """Segment lengths [m]."""
         return proportions_of(self.height_m, self.child)

@@ -83,9 +83,12 @@ REFERENCE_STATURE_M = 1.75
 
 
 class Skeleton:
-    """Segment lengths of n people, (n,) each [m]; `scale`: leg length relative to the reference person's."""
+    """Segment lengths of n people, (n,) each [m]; `scale`: leg length relative to the reference person's.
 
-    def __init__(self, proportions: Sequence[Proportions]) -> None:
+    `carries` (2, n): left and right arm, 1 where the hand carries a bag, else 0.
+    """
+
+    def __init__(self, proportions: Sequence[Proportions], carries: Sequence[tuple[bool, bool]] = ()) -> None:
         def column(name: str) -> np.ndarray:
             return np.array([getattr(person, name) for person in proportions], dtype=float)
 
@@ -100,6 +103,7 @@ class Skeleton:
         self.toes = self.shoe - self.heel - self.ball
         reference = proportions_of(REFERENCE_STATURE_M)
         self.scale = self.leg / (reference.thigh + reference.shank)
+        self.carries = np.array(carries or [(False, False)] * len(self.leg), dtype=float).T
 
 
 def _about(angle: Array, first: int, second: int) -> Array:

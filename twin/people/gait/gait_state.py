@@ -52,6 +52,8 @@ _LETS_GO = 0.8
 _UNLOADED_M = 0.12
 """Excess allowed over the leg of an unloaded foot; none if it carries half the body [m]."""
 _ARMS_OUT_RAD = 0.10
+_WEIGHED_DOWN = 0.8
+"""Part of its swing and of the elbow's bend that an arm loses whose hand carries a bag: a pendulum of the bag's weight."""
 _HANDS_INWARD = 0.35
 """Inward turn of the upper arms per radian of elbow beyond 0.6: runners' hands swing before the chest."""
 _TOES_FREE_M = 0.2
@@ -154,14 +156,14 @@ def joint_coordinates(state: GaitState, skeleton: Skeleton) -> Array:
     # the shoulders turn against the pelvis, the head stays with the gaze
     out[_SPINE_YAW], out[_SPINE_PITCH], out[_SPINE_ROLL] = -2.0 * twist, rows[TRUNK_PITCH], rows[TRUNK_ROLL]
     out[_NECK_YAW], out[_NECK_PITCH] = rows[GAZE] + twist, 0.04 - 0.8 * rows[TRUNK_PITCH]
-    for (pitch_place, roll_place, yaw_place, elbow_place), sign, held_in in zip(
-        _ARMS, (1.0, -1.0), rows[ARMS_IN], strict=True
-    ):
-        swing = 0.04 + sign * arms
+    free = 1.0 - _WEIGHED_DOWN * skeleton.carries
+    held_in = np.maximum(rows[ARMS_IN], skeleton.carries)
+    for (pitch_place, roll_place, yaw_place, elbow_place), side, sign in zip(_ARMS, (0, 1), (1.0, -1.0), strict=True):
+        swing = 0.04 + sign * arms * free[side]
         out[pitch_place] = swing - 0.7 * rows[TRUNK_PITCH]
-        out[roll_place] = sign * (_ARMS_OUT_RAD * (1.0 - held_in))
+        out[roll_place] = sign * (_ARMS_OUT_RAD * (1.0 - held_in[side]))
         out[yaw_place] = -sign * inward
-        out[elbow_place] = 0.5 * np.minimum(swing, 0.0) - rows[ELBOW]
+        out[elbow_place] = 0.5 * np.minimum(swing, 0.0) - rows[ELBOW] * free[side]
     for place in range(6):
         out[_LEGS[:, place]] = legs[place]
     # the toes stay level while the heel is up, and straighten in the air
