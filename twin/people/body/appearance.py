@@ -228,7 +228,7 @@ class BodyAppearance:
 
     @property
     def carries(self) -> tuple[bool, bool]:
-        """Whether the left and the right hand carry a bag."""
+        """Return whether the left and the right hand carry a bag."""
         return False, self.bag == "handbag"
 
     @property
