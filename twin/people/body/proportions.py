@@ -103,7 +103,9 @@ class Skeleton:
         self.toes = self.shoe - self.heel - self.ball
         reference = proportions_of(REFERENCE_STATURE_M)
         self.scale = self.leg / (reference.thigh + reference.shank)
-        self.carries = np.array(carries or [(False, False)] * len(self.leg), dtype=float).T
+        self.carries = np.zeros((2, len(self.leg)))
+        if carries:
+            self.carries[:] = np.transpose(carries)
 
 
 def _about(angle: Array, first: int, second: int) -> Array:
