@@ -37,7 +37,7 @@ from trackers.laser_fisheye_imm.detection import Detector, Seen
 from trackers.laser_fisheye_imm.options import START_SPEED_M_S, LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import LaserTracks
 from trackers.laser_fisheye_imm.track_manager import ImmTrackManager
-from trackers.likelihood.legs import legs_ahead_m
+from trackers.likelihood.legs import full_stride, legs_ahead_m
 from trackers.observations import NS_PER_S, LaserScan, Observation
 from trackers.rig import Rig
 from trackers.tracking.fixed_lag_smoother import FixedLagSmoother, Held, by_id
@@ -131,8 +131,10 @@ class LaserFisheyeImm(SynchronizedTracker):
         mean = self._imm.average(people.state)[:, shown]
         velocity = self._imm.motion.velocity(mean)
         sitting = people.posture.seated(people.measured_at, self.options.posture)[shown]
-        lean_m2 = np.where(sitting, self.options.posture.lean_m**2, 0.0)
-        radius_m = radius_containing(people.state.select(shown), mean[:2].T, 0.95, lean_m2)
+        constant_m2 = np.where(sitting, self.options.posture.lean_m**2, 0.0)
+        if self._detector.sees_waists:
+            constant_m2 += (1 - full_stride(np.hypot(*velocity))) * self.options.trunk.standing_m**2
+        radius_m = radius_containing(people.state.select(shown), mean[:2].T, 0.95, constant_m2)
         columns = roster.id[shown], *mean[:2], *velocity, radius_m, measured[shown]
         return [
             Track(number, x, y, vx, vy, status="confirmed" if is_measured else "coasting", radius95_m=radius_m)

@@ -7,7 +7,7 @@ trunk.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -209,6 +209,9 @@ class TrunkOptions(Strict):
         description="variance of a trunk's place on each axis, beside that of its outline [m²] (ours, measured; the paper: 0.01)",
     )
     gate_m: float = Field(default=1.0, gt=0, description="radius of the validation region of trunks [m] (the paper's)")
+    standing_m: ClassVar[float] = 0.012
+    """Standard deviation, on each axis, of an error that trunks of who stands keep, beyond the filter's: the outline stays the
+    same [m]. Measured in the twin."""
 
 
 def trunk_likelihood(trunks: Detections, options: TrunkOptions) -> PositionLikelihood:

@@ -11,7 +11,7 @@ from trackers.laser.clusters import Detections
 from trackers.laser_fisheye_imm.detection import Seen
 from trackers.laser_fisheye_imm.people import LegPosture, PostureOptions
 from trackers.laser_fisheye_imm.tracker import LaserFisheyeImm
-from trackers.likelihood.legs import LegOptions, legs_ahead_m, pair_legs
+from trackers.likelihood.legs import LegOptions, TrunkOptions, legs_ahead_m, pair_legs
 from trackers.observations import NS_PER_S, LaserScan
 from trackers.tracking.synced_frames import SyncedFrame
 
@@ -97,6 +97,15 @@ def test_knees_that_move_away_from_the_trunk_little_by_little_stay_its_own(room)
     people = room.tracker._people
     assert people.posture.seated(people.measured_at, PostureOptions()).tolist() == [True]
     np.testing.assert_allclose(people.posture.knees, [(0.0, -0.6)], atol=0.05)
+
+
+def test_the_outline_of_who_stands_keeps_an_error_that_further_looks_do_not_average_out(room, monkeypatch):
+    room.shows([ELSEWHERE], times=60)
+    (stated,) = room.tracker.tracks()
+    kept_m = TrunkOptions.standing_m * np.sqrt(-2 * np.log(0.05))
+    monkeypatch.setattr(TrunkOptions, "standing_m", 0.0)
+    (without,) = room.tracker.tracks()
+    assert stated.radius95_m == pytest.approx(np.hypot(without.radius95_m, kept_m), rel=0.02)
 
 
 def test_a_scanner_four_times_as_fast_makes_nobody_surer(monkeypatch):
