@@ -111,9 +111,7 @@ class Agreement:
     def of_doubted(self, look: Look, number: int) -> Look:
         """Return what a doubted source tells: who is where, but not exactly, and neither who is new nor who is gone."""
         off_m2 = max(self.offsets_m[number], _DOUBTED_M) ** 2
-        return replace(
-            look, covariance=look.covariance + off_m2 * np.eye(2), starts=np.zeros_like(look.starts), feet=None
-        )
+        return replace(look, covariance=look.covariance + off_m2 * np.eye(2), starts=np.zeros_like(look.starts))
 
     def found(self) -> list[str]:
         """Keep what of the doubted sources contradicts the others, and return what was not known before."""

@@ -23,6 +23,7 @@ from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.filters.gating import distances, max_weight_assignment
 from trackers.filters.imm import ImmState
 from trackers.fusion.look import Look
+from trackers.fusion.motion import seen, seen_over_modes
 from trackers.fusion.people import People
 
 LEAST_EXISTENCE, _LEAST_MISSED, _LEAST_SHOWN = 1e-4, 1e-2, 1e-2
@@ -35,13 +36,11 @@ EXPLAINED = 3.0
 """A measurement nearer to a track than so many standard deviations initiates none."""
 
 
-def log_density(
-    state: ImmState, position: Float[Array, "k 2"], covariance: Float[Array, "k 2 2"]
-) -> tuple[Float[Array, "n k"], Float[Array, "n k"]]:
+def log_density(state: ImmState, look: Look) -> tuple[Float[Array, "n k"], Float[Array, "n k"]]:
     """Return ln p(z) [ln 1/m²] of measurements about the likeliest mode of each track, and its Mahalanobis distance."""
-    P = state.covariance[:2, :2].T[:, :, None]  # (n, m, 1, 2, 2)
-    S = P + covariance
-    off = position - state.positions[:, :, None]  # (n, m, k, 2)
+    mean, P = seen(state, look.observes)
+    S = P[:, :, None] + look.covariance  # (n, m, k, 2, 2)
+    off = look.position - mean[:, :, None]
     s_xx, s_xy, s_yy = S[..., 0, 0], S[..., 0, 1], S[..., 1, 1]
     determinant = s_xx * s_yy - s_xy**2
     x, y = off[..., 0], off[..., 1]
@@ -59,7 +58,7 @@ def pairs(people: People, looks: Sequence[Look], missed: Sequence[Float[Array, "
 
     missed: how probably each look would not show each track. Measurements that a source has shared out keep their owners.
     """
-    log = [log_density(people.state, look.position, look.covariance) for look in looks]
+    log = [log_density(people.state, look) for look in looks]
     weighed = [_weighed(people, *each) for each in zip(looks, missed, log, strict=True)]
     if not len(people):
         return [(np.empty(0, np.intp), np.empty(0, np.intp), np.empty(0)) for _ in looks]
@@ -75,7 +74,7 @@ def _weighed(
     """Return the log-likelihood ratios of pairs against clutter, and which pairs may be."""
     density, away = log
     ratio = density - np.log(look.kind.clutter_m2) + _log_shown(people, look, missed)[:, None]
-    allowed = (away <= _GATE) | (distances(people.positions, look.position) < _NEAR_M)
+    allowed = (away <= _GATE) | (distances(seen_over_modes(people.state, look.observes)[0], look.position) < _NEAR_M)
     given = np.flatnonzero(look.owner >= 0)
     fits = allowed[look.owner[given], given]
     allowed[:, given] = False
@@ -185,7 +184,7 @@ def _by_several(
     )
     log_missed = [np.log(np.maximum(each, _LEAST_MISSED)) for each in missed]
     for look, chance, log_miss, may in zip(looks, missed, log_missed, allowed, strict=True):
-        off = look.position - people.positions[:, None]
+        off = look.position - seen_over_modes(people.state, look.observes)[0][:, None]
         tried = tried.extended(look, off, _log_shown(people, look, chance), log_miss, may)
     e = np.maximum(people.existence, LEAST_EXISTENCE)
     nothing = np.log(1 - e + e * np.exp(sum(log_missed)))
@@ -218,10 +217,11 @@ def _disjoint(worth: Float[Array, "n h"], column: Int[Index, "n h looks"]) -> In
 
 
 def explained(people: People, look: Look) -> Bool[Mask, "k"]:
-    """Mark the measurements that a track explains, though it may have had another one."""
+    """Mark the measurements that a track explains better than clutter does, though it may have had another one."""
     if not len(people):
         return np.zeros(len(look.position), np.bool_)
-    return np.logical_or.reduce(log_density(people.state, look.position, look.covariance)[1] < EXPLAINED, axis=0)
+    density, away = log_density(people.state, look)
+    return np.logical_or.reduce((away < EXPLAINED) & (density > np.log(look.kind.clutter_m2)), axis=0)
 
 
 def fused(

@@ -12,6 +12,7 @@ from trackers.cameras.placed import PlacedCamera, through_people
 from trackers.environment import Environment
 from trackers.filters.gating import distances
 from trackers.fusion.look import Expected, Look, detections_of, round_covariance
+from trackers.fusion.motion import OUTLINE, PLACE
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.posture import DEPTH_SHOWN, SILHOUETTE_SHOWN
 from trackers.observations import DepthImage, Image, Observation
@@ -149,6 +150,7 @@ class Camera:
             owner,
             lambda points: self._missed(points, expected),
             by_posture=DEPTH_SHOWN if self._stereo is not None else SILHOUETTE_SHOWN,
+            observes=OUTLINE if head is None else PLACE,
             head=head,
             shown=detections_of(ns, self.names, "person", position, covariance),
         )

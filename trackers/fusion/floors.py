@@ -16,6 +16,7 @@ from trackers.arrays import Array, Float
 from trackers.filters.gating import distances
 from trackers.floor.clusters import FloorClusterOptions, floor_clusters
 from trackers.fusion.look import Expected, Look, detections_of, round_covariance
+from trackers.fusion.motion import LEGS
 from trackers.fusion.options import KindOptions
 from trackers.fusion.posture import FLOOR_SHOWN
 from trackers.observations import FloorFrame, Observation
@@ -28,8 +29,6 @@ _LEAST_N = 60.0
 """Load from which it is a person's: a child's on one foot [N]."""
 _LINKED_M = 0.45
 """Unexplained clusters nearer than this are the feet of one person [m]."""
-_FEET_M = 0.35
-"""Standard deviation, on each axis, of the feet of a sitting person from the pelvis [m]."""
 _MOST_LOADED = 0.5
 """Share of the elements from which a frame is that of a broken floor."""
 
@@ -58,7 +57,7 @@ class FusedFloor:
         if loaded.mean() > _MOST_LOADED:
             return None
         place, load_n = self._floor.centres[loaded], found.cell_load_n[loaded]
-        feet = expected.place + expected.knees
+        feet = expected.place + expected.legs
         closeness = np.exp(-0.5 * (distances(feet, place) / _NEAR_M) ** 2)
         share = closeness / (closeness.sum(axis=0) + np.exp(-0.5 * (_GATE_M / _NEAR_M) ** 2))
         own_n = share * load_n
@@ -69,7 +68,7 @@ class FusedFloor:
         mixed = 1 - (own_n[owner] * share[owner]).sum(axis=1) / total_n[owner]
         left_n = load_n * (1 - share.sum(axis=0))
         new = self._unexplained(place, left_n)
-        position = np.concatenate([middle - expected.knees[owner], new])
+        position = np.concatenate([middle, new])
         variance = np.full(len(position), self._kind.sigma_m**2)
         variance[: len(owner)] += (2 * _NEAR_M * mixed) ** 2
         covariance = round_covariance(variance)
@@ -84,7 +83,7 @@ class FusedFloor:
             np.concatenate([owner, np.full(len(new), -1)]),
             self._missed,
             FLOOR_SHOWN,
-            lean_m=_FEET_M,
+            observes=LEGS,
             shown=detections_of(ns, self.names, "floor", position, covariance),
         )
 

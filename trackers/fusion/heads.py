@@ -21,8 +21,6 @@ import numpy as np
 from trackers.area import Area
 from trackers.arrays import Array, Bool, Float, Index, Int, Mask, Singles
 from trackers.filters.gating import distances
-from trackers.filters.imm import ImmState
-from trackers.filters.motion import VelocityMotion
 from trackers.filters.rows import Rows, written
 from trackers.fusion.cameras import Camera
 from trackers.fusion.options import HeadEvidenceOptions
@@ -32,12 +30,8 @@ from trackers.vision.head_colours import HeadColours, HeadModel
 from trackers.vision.head_outlines import ASPECTS
 
 _DIRECTIONS = (np.arange(ASPECTS[0]) + 0.5) * (2 * np.pi / ASPECTS[0])
-_UPRIGHT_M, _UPRIGHT_SIGMA_M = 1.55, np.array([0.05, 0.05, 0.17])
-"""Height of the middle of a head that nobody has seen yet, and standard deviations [m]."""
 _SAME_M = 0.18
 """Distance within which two heads are one [m]."""
-_LEAN_S = 0.026
-"""A walker's head is ahead of the pelvis by so much of the velocity [m per m/s]; measured in the twin."""
 _LEAST_SIGMA_M = 0.012
 """No picture tells a place better than this [m]."""
 _ALONG_M = 1.0
@@ -56,42 +50,6 @@ _AHEAD, _WALKS_M_S = 4.0, 0.4
 """Concentration about the way, per second, of the direction that people face who walk faster than this [m/s]."""
 _SURE = 0.6
 """Mean resultant length of a direction from which colours are learned at it."""
-
-
-SHOWN = np.array([[1.0, 0, 0, 0, 1, 0, 0], [0, 1, 0, 0, 0, 1, 0], [0, 0, 0, 0, 0, 0, 1]])
-"""The head's place in the state: H of its measurements."""
-
-
-class BodyAndHeadMotion(VelocityMotion):
-    """Motion of a body with its head. State: x, y, vx, vy of the body, the head's offset from it, and its height [m, m/s]."""
-
-    def started(
-        self,
-        position: Float[Array, "n 2"],
-        velocity: Float[Array, "n 2"],
-        position_variance_m2: float | Float[Array, "n"],
-        speed_variance: float | Float[Array, "n"],
-    ) -> tuple[Float[Array, "7 n"], Float[Array, "7 7 n"]]:
-        """Return mean and covariance of new tracks, whose heads nobody has seen."""
-        body, of_body = super().started(position, velocity, position_variance_m2, speed_variance)
-        mean, covariance = np.zeros((7, len(position))), np.zeros((7, 7, len(position)))
-        mean[:4], covariance[:4, :4] = body, of_body
-        mean[6], covariance[[4, 5, 6], [4, 5, 6]] = _UPRIGHT_M, _UPRIGHT_SIGMA_M[:, None] ** 2
-        return mean, covariance
-
-
-def drifted(state: ImmState, kept: float, height_m: Float[Array, "n"], variance_m2: Float[Array, "n 3"]) -> ImmState:
-    """Return the heads some time later. kept: correlation with where they were.
-
-    height_m, variance_m2: of where heads are from their bodies in the long run, by posture; heads of walkers lean ahead.
-    """
-    F = np.diag([1.0, 1, 1, 1, kept, kept, kept])
-    F[[4, 5], [2, 3]] = (1 - kept) * _LEAN_S
-    mean = np.einsum("ab,bmn->amn", F, state.mean)
-    mean[6] += (1 - kept) * height_m
-    P = np.einsum("ab,bcmn,dc->admn", F, state.covariance, F, optimize=True)
-    P[[4, 5, 6], [4, 5, 6]] += (1 - kept**2) * variance_m2.T[:, None]
-    return ImmState(mean, P, state.probability)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ from trackers.filters.gating import distances, max_weight_assignment
 from trackers.filters.rows import written
 from trackers.fusion.options import ColourIdentityOptions
 from trackers.fusion.people import People
+from trackers.fusion.posture import LAIN_M
 from trackers.observations import NS_PER_S
 
 _HIDDEN_S = 0.2
@@ -41,7 +42,10 @@ def reidentified(
     if not fresh.size or not hidden.size or not options.reach_m_s:
         return people, new
     before, after = people.select(hidden), people.select(fresh)
-    reach_m = (_NEAR_M + options.reach_m_s * gap_s[hidden])[:, None]
+    walked_m = _NEAR_M + options.reach_m_s * gap_s[hidden]
+    reach_m = np.where(before.posture.rests, np.minimum(LAIN_M, walked_m), walked_m)[
+        :, None
+    ]  # who rests gets up before they walk
     away = distances(before.place, after.positions)
     colour = colour_distance(before, after)
     worth = np.where(

@@ -8,6 +8,7 @@ import numpy as np
 
 from trackers.area import Area
 from trackers.fusion.look import Expected, Look, round_covariance
+from trackers.fusion.motion import LEGS, PLACE
 from trackers.fusion.options import FusionOptions, KindOptions
 from trackers.fusion.posture import LEGS_SHOWN, TRUNK_SHOWN
 from trackers.laser.group import ScannerGroup, scanners_by_role
@@ -49,15 +50,15 @@ class Scanners:
         if self._area is not None and len(found):
             found = found.select(self._area.contains(found.position))
         position, variance = found.position, self._kind.sigma_m**2 + found.variance_m2
-        starts, owner, feet = self._group.sufficient(found), np.full(len(found), -1), None
+        starts = self._group.sufficient(found)
         if self.role == "knee":
             gate_m = self._legs.gate_m if self._sees_waists else self._legs.gate_alone_m
             no_trunk = np.empty((0, 2))
             walkers = pair_legs(found, starts, no_trunk, expected.place, expected.legs, 0.0, gate_m, self._legs)
-            position, owner, feet = walkers.position, walkers.owner, walkers.n_leg > 1
-            position[owner >= 0] += expected.legs[owner[owner >= 0]]
+            position, known = walkers.position, walkers.of_known
+            position[known] += expected.legs[walkers.owner[known]]
             variance = walkers.likelihood(self._legs, gate_m).variance_m2
-            starts = feet | (not self._sees_waists)
+            starts = (walkers.n_leg > 1) | (not self._sees_waists)
             starts &= clear_of(position, np.concatenate([expected.place, expected.place + expected.legs]), STRIDE_M)
         return Look(
             tuple(scans),
@@ -65,11 +66,11 @@ class Scanners:
             position,
             round_covariance(variance),
             starts,
-            owner,
+            np.full(len(position), -1),
             lambda points: self._group.missed(scans, points),
             TRUNK_SHOWN if self.role == "waist" else LEGS_SHOWN,
             is_sharp=True,
-            feet=feet,
+            observes=LEGS if self.role == "knee" else PLACE,
             shown=tuple(self._group.to_detections(found, self.role, ns)),
         )
 

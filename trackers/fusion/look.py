@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from trackers.arrays import Array, Bool, Float, Index, Int, Mask
+from trackers.fusion.motion import PLACE
 from trackers.fusion.options import KindOptions
 from trackers.fusion.posture import Shares
 from trackers.observations import Observation
@@ -21,8 +22,7 @@ class Expected:
 
     place: Float[Array, "n 2"]  # ground point [m]
     head: Float[Array, "n 3"]  # [m]
-    legs: Float[Array, "n 2"]  # from the place to the middle of the legs on average [m]
-    knees: Float[Array, "n 2"]  # from the place to the middle of the legs [m], far before somebody who sits
+    legs: Float[Array, "n 2"]  # from the place to the middle of the legs [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +32,7 @@ class Look:
     owner: the track that a measurement is of, −1 where it is to be associated; starts: which may initiate a track; missed:
     the probability that the look would not show a standing person at room points (2, ...) [m], (...); by_posture: the
     detection probability of who stands, sits and lies, in that of who stands; is_sharp: whether `missed` tells one place from
-    another near by; feet: which measurements show both feet of a person, None: none; lean_m: standard deviation, on each axis,
-    of what is seen of a sitting person from the pelvis [m].
+    another near by; observes: H of the measurements; head: heads, instead of the places.
     """
 
     sensors: tuple[str, ...]
@@ -45,15 +44,9 @@ class Look:
     missed: Callable[[Array], Array]
     by_posture: Shares
     is_sharp: bool = False
-    feet: Bool[Mask, "k"] | None = None
+    observes: Float[Array, "2 s"] = field(default_factory=lambda: PLACE)
     head: Float[Array, "k 3"] | None = None  # [m]
-    lean_m: float = 0.2
     shown: tuple[Detection, ...] = field(default=())
-
-    @property
-    def heads(self) -> Float[Array, "k 3"]:
-        """Places of heads [m], NaN where none are measured."""
-        return np.full((len(self.position), 3), np.nan) if self.head is None else self.head
 
 
 class Source(Protocol):

@@ -10,8 +10,9 @@ import numpy as np
 from trackers.arrays import Array, Float, Index, Int
 from trackers.filters.imm import ImmState
 from trackers.filters.rows import written
-from trackers.fusion.heads import SHOWN, Heads
+from trackers.fusion.heads import Heads
 from trackers.fusion.look import Expected
+from trackers.fusion.motion import HEAD, PLACE, seen_over_modes
 from trackers.fusion.posture import Posture
 from trackers.tracking.appearance import Appearance
 from trackers.tracking.roster import NEVER_NS, ImmTracks, Roster
@@ -66,21 +67,22 @@ class People(ImmTracks):
     @property
     def covariance(self) -> Float[Array, "n 2 2"]:
         """Covariance of the place over the modes [m²]."""
-        off, weight = self.state.mean[:2] - self.positions.T[:, None], self.state.probability
-        return np.einsum("mn,abmn->nab", weight, self.state.covariance[:2, :2] + off[:, None] * off)
+        return seen_over_modes(self.state, PLACE)[1]
 
     @property
     def head(self) -> Float[Array, "n 3"]:
         """Places of heads over the modes [m]."""
-        return np.einsum("an,pa->np", (self.state.mean * self.state.probability).sum(axis=1), SHOWN)
+        return (self.state.mean * self.state.probability).sum(axis=1).T @ HEAD.T
 
     @property
     def head_covariance(self) -> Float[Array, "n 3 3"]:
         """Covariances of places of heads over the modes [m²]."""
-        mean = np.einsum("pa,amn->pmn", SHOWN, self.state.mean)
-        P = np.einsum("pa,abmn,qb->pqmn", SHOWN, self.state.covariance, SHOWN, optimize=True)
-        off, weight = mean - self.head.T[:, None], self.state.probability
-        return np.einsum("mn,abmn->nab", weight, P + off[:, None] * off)
+        return seen_over_modes(self.state, HEAD)[1]
+
+    @property
+    def legs(self) -> Float[Array, "n 2"]:
+        """Offsets of the middles of legs from the places, over the modes [m]."""
+        return (self.state.mean[7:] * self.state.probability).sum(axis=1).T
 
     @property
     def stature(self) -> Float[Array, "n"]:
@@ -94,7 +96,7 @@ class People(ImmTracks):
 
     def expected(self) -> Expected:
         """Return what sources are told of the tracks."""
-        return Expected(self.positions, self.head, self.posture.knees, self.posture.seated_knees)
+        return Expected(self.positions, self.head, self.legs)
 
     def learn_stature(
         self, row: Int[Index, "k"], height_m: Float[Array, "k"], variance_m2: Float[Array, "k"], memory: float

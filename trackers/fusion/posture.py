@@ -41,15 +41,17 @@ _REST_M_S = 0.5
 _ALIKE_S = 1.0
 """Time in which all looks at a posture together tell what one tells [s]: their errors are alike."""
 _LEGS_ALIKE_S = 0.3
-"""The same of distances of legs from trunks, which are averaged for as long [s]."""
+"""The same of distances of legs from trunks [s]."""
 _SEAT_M, _UP, _SEAT_S = 0.5, 3.0, 2.0
 """Standard deviation of where a resting person is measured from the seat [m], χ² of one who has stood up, and time constant in
 which one sensor tells where the seat is [s]."""
-_LIES_BEHIND_M = 0.3
+_LIES_BEHIND_M, _FACES_M = 0.3, 0.22
 """A person who lies down from the edge of a bed lies so far behind where they sat, away from the knees [m]: half a bed, less the
-edge."""
-_KNEES_M, _KNEES_SIGMA_M, _KNEES_MEMORY = np.array([0.0, 0.45, 0.45]), np.array([0.15, 0.17, 0.3]), 0.7
-"""Distance of the legs from the trunk, on average, its standard deviation [m]; share of the old average that is kept."""
+edge; and how far the legs are from there at least where it can be told [m]."""
+_LEGS_M, _LEGS_STAY_S = np.array([0.03, 0.32, 0.32]), np.array([0.3, 2.0, 2.0])
+"""Standard deviation, on each axis, of the legs from the pelvis [m], and time constant in which they go elsewhere [s]."""
+_STRIDE_M = 0.1
+"""Standard deviation, on each axis, of a walker's legs about there at one look [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,16 +59,15 @@ class Posture(Rows):
     """Postures of n people."""
 
     probability: Float[Array, "n 3"]  # of standing, sitting, lying
-    knees: Float[Array, "n 2"]  # from the place to the middle of the legs, on average [m]
     seat: Float[Array, "n 2"]  # where they sit or lie [m]; NaN: they stand
-    faces: Float[Array, "n 2"]  # from there to the middle of the legs while they sat [m]; NaN: they stand
+    feet: Float[Array, "n 2"]  # where the middle of their legs is there [m]; NaN: they stand
     lain: Bool[Mask, "n"]  # who lies, or has lain and not stood up since
 
     @classmethod
     def upright(cls, n: int) -> Self:
         """Make postures of n people who are met standing, more likely than not."""
         nowhere = np.full((n, 2), np.nan)
-        return cls(np.tile([0.9, 0.09, 0.01], (n, 1)), np.zeros((n, 2)), nowhere, nowhere, np.zeros(n, np.bool_))
+        return cls(np.tile([0.9, 0.09, 0.01], (n, 1)), nowhere, nowhere, np.zeros(n, np.bool_))
 
     @property
     def low(self) -> Float[Array, "n"]:
@@ -82,11 +83,6 @@ class Posture(Rows):
     def rests(self) -> Bool[Mask, "n"]:
         """The people who probably sit or lie."""
         return self.probability[:, 0] < 0.5
-
-    @property
-    def seated_knees(self) -> Float[Array, "n 2"]:
-        """Offsets of the legs of people who sit [m]; 0 of walkers, whose legs swing about them."""
-        return np.where((self.probability[:, 1] > 0.25)[:, None], self.knees, 0.0)
 
     def shown(self, shares: Shares) -> Float[Array, "n"]:
         """Return the detection probability in that of a standing person."""
@@ -146,12 +142,24 @@ class Posture(Rows):
         variance = (stature_m[:, None] * _HEAD_SIGMA) ** 2 + variance_m2[:, None]
         return np.exp(-0.5 * (height_m[:, None] - stature_m[:, None] * _HEAD) ** 2 / variance)
 
-    def by_legs(self, row: Int[Index, "k"], legs: Float[Array, "k 2"], since_s: Float[Array, "k"]) -> Self:
-        """Learn where the legs of those at `row` are from the trunk [m], last seen since_s ago [s], and weigh how far."""
-        knees = _KNEES_MEMORY * self.knees[row] + (1 - _KNEES_MEMORY) * legs
-        off = (np.hypot(*knees.T)[:, None] - _KNEES_M) / _KNEES_SIGMA_M
-        log = (since_s / _LEGS_ALIKE_S)[:, None] * (-0.5 * off**2 - np.log(_KNEES_SIGMA_M))
-        return self.changed(knees=written(self.knees, row, knees)).weighed(row, log)
+    def by_legs(
+        self,
+        row: Int[Index, "k"],
+        off_m: Float[Array, "k 2"],
+        variance_m2: Float[Array, "k"],
+        since_s: Float[Array, "k"],
+    ) -> Self:
+        """Weigh those at `row` by how far legs are from where the pelvis is expected [m], last measured since_s ago [s]."""
+        variance = _LEGS_M**2 + _STRIDE_M**2 + variance_m2[:, None]
+        log = -0.5 * (off_m**2).sum(axis=1)[:, None] / variance - np.log(variance)
+        return self.weighed(row, (since_s / _LEGS_ALIKE_S)[:, None] * log)
+
+    def legs_there(self) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
+        """Return the long-run variance of the offsets of legs on each axis [m²], and the rate at which they change [1/s].
+
+        Geometric means over the postures: who hardly sits has legs that stand.
+        """
+        return np.exp(2 * self.probability @ np.log(_LEGS_M)), np.exp(-self.probability @ np.log(_LEGS_STAY_S))
 
     def by_place(
         self,
@@ -168,22 +176,22 @@ class Posture(Rows):
         log[off_m > LENGTH_M] = 0.0, -9.0, -9.0
         return self.weighed(row, log)
 
-    def settled(self, place: Float[Array, "n 2"], since_s: Float[Array, "n"]) -> Self:
-        """Learn the seats of people who sit at places [m], and where they face; who lies is not where a sitting one was shown.
+    def settled(self, place: Float[Array, "n 2"], legs: Float[Array, "n 2"], since_s: Float[Array, "n"]) -> Self:
+        """Learn the seats of people who sit at places [m], and where their feet are; who lies has none on the floor.
 
-        since_s: for how long the sensors that show them now had not, together [s].
+        legs: from the places to the middles of the legs [m]; since_s: for how long the sensors that show them now had not,
+        together [s].
         """
         stays = np.where(self.lies, 1.0, np.exp(-since_s / _SEAT_S))
         kept = np.where(np.isnan(self.seat[:, 0]), 0.0, stays)[:, None]
-        old, new = np.concatenate([self.seat, self.faces], axis=1), np.concatenate([place, self.knees], axis=1)
+        old, new = np.concatenate([self.seat, self.feet], axis=1), np.concatenate([place, place + legs], axis=1)
         learned = np.where(self.rests[:, None], kept * np.nan_to_num(old) + (1 - kept) * new, np.nan)
-        return self.changed(seat=learned[:, :2], faces=learned[:, 2:])
+        return self.changed(seat=learned[:, :2], feet=learned[:, 2:])
 
     def lain_down(self) -> Self:
-        """Remember who lies, and move the seats of those who just lay down to where they lie."""
-        away = np.hypot(*self.faces.T)[:, None]
-        behind = (
-            np.where(away > _KNEES_M[1] / 2, self.faces / np.maximum(away, 1e-9), 0.0)
-            * (self.lies & ~self.lain)[:, None]
-        )
-        return self.changed(seat=self.seat - _LIES_BEHIND_M * behind, lain=self.rests & (self.lain | self.lies))
+        """Remember who lies, and move the seats of those who just lay down to where they lie, away from their feet."""
+        ahead = self.feet - self.seat
+        away = np.hypot(*ahead.T)[:, None]
+        now = (self.lies & ~self.lain)[:, None] & (away > _FACES_M)
+        seat = np.where(now, self.seat - _LIES_BEHIND_M * ahead / np.maximum(away, 1e-9), self.seat)
+        return self.changed(seat=seat, lain=self.rests & (self.lain | self.lies))

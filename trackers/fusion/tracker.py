@@ -12,25 +12,25 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable
-from dataclasses import replace
 from math import nan
 from typing import Any
 
 import numpy as np
 
-from trackers.arrays import Array, Bool, Float, Index, Int, Mask
+from trackers.arrays import Array, Float, Index, Int
 from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.filters.imm import Imm
 from trackers.filters.negative_information import radius_containing
 from trackers.filters.rows import written
 from trackers.fusion.agreement import Agreement
-from trackers.fusion.association import Pairs, fused, pairs
+from trackers.fusion.association import Pairs, pairs
 from trackers.fusion.cameras import Camera, cameras_of
 from trackers.fusion.floors import FusedFloor
-from trackers.fusion.heads import SHOWN, BodyAndHeadMotion, HeadWeighing, drifted, own
+from trackers.fusion.heads import HeadWeighing, own
 from trackers.fusion.lasers import scanners_of
 from trackers.fusion.look import Look, Source
+from trackers.fusion.motion import HEAD, LEGS, PersonMotion, drifted
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.people import People
 from trackers.fusion.posture import OFF_BODY, Posture
@@ -51,6 +51,8 @@ _TOGETHER_S = 0.15
 """A trunk measured no longer ago tells where the legs are from there [s]."""
 _STILL_M_S = 0.15
 """Standard deviation of the speed of trunks over their seats: who moves is sitting or lying down, or gets up [m/s]."""
+_LEAN_M = 0.2
+"""Standard deviation, on each axis, of what is seen of a sitting person above the legs [m]."""
 _HEAD_SHOWN_S = 1.0
 """A head that no picture has shown for longer is not reported [s]."""
 
@@ -79,7 +81,7 @@ class Fusion(SynchronizedTracker):
         prior, rig = Prior.of(background), rig.model_copy(update={"sensors": used, "main": main})
         self._main = rig.main_sensor
         empty_room = list(prior)
-        self._imm = Imm(BodyAndHeadMotion())
+        self._imm = Imm(PersonMotion())
         self._manager = FusionTrackManager(self.options, rig.area, self._imm)
         area = self._manager.area
         cameras = cameras_of(rig, empty_room, self.options, area, prior.environment)
@@ -181,9 +183,7 @@ class Fusion(SynchronizedTracker):
         people = self._manager.after_gap(self._people, last_ns, ns)
         if elapsed_s > 0 and len(people):
             people = people.in_state(self._imm.predict_over(people.state, elapsed_s, self.options.step_s))
-            height_m, variance_m2 = self._over_bodies(people)
-            kept = float(np.exp(-elapsed_s / self.options.head.stays_s))
-            people = people.in_state(drifted(people.state, kept, height_m, variance_m2))
+            people = people.in_state(drifted(people.state, *self._over_bodies(people, elapsed_s)))
             people = people.changed(heads=people.heads.turned(elapsed_s, people.velocity))
             people = self._manager.aged(people, elapsed_s)
             people = self._manager.without_doubles(people, elapsed_s)
@@ -192,12 +192,7 @@ class Fusion(SynchronizedTracker):
     def _take(self, looks: dict[int, Look], ns: int) -> None:
         """Take what sources measured at once, by their numbers: associate, update, initiate."""
         people, numbers, doubted = self._people, list(looks), self._doubted
-        if any(doubted[number] and look.feet is not None for number, look in looks.items()):
-            people = people.changed(posture=Posture.upright(len(people)))
         looks = {k: self._agreement.of_doubted(look, k) if doubted[k] else look for k, look in looks.items()}
-        for number, look in looks.items():
-            if look.feet is not None:
-                people, looks[number] = self._by_legs(people, look, look.feet, number, ns)
         elapsed_s, share = {}, {}
         for number, look in looks.items():
             since_s = (ns - self._looked_ns.get(number, ns - round(look.kind.lasts_s * NS_PER_S))) / NS_PER_S
@@ -249,52 +244,66 @@ class Fusion(SynchronizedTracker):
             return people
         number = np.repeat(list(looks), [len(each[0]) for each in paired])
         kind = {k: np.array([getattr(looks[n].kind, k) for n in number]) for k in ("lasts_s", "offset_m", "p_detect")}
-        place, covariance, of_head = (
+        place, covariance = (
             np.concatenate([getattr(look, name)[each[1]] for look, each in zip(looks.values(), paired, strict=True)])
-            for name in ("position", "covariance", "heads")
+            for name in ("position", "covariance")
         )
         since_s = np.minimum((ns - people.seen_ns[row, number]) / NS_PER_S, 1.0)
         share = np.clip(since_s / kind["lasts_s"], _LEAST_SHARE, 1.0)
         posture = people.posture.detected(row, np.array([looks[n].by_posture[2] for n in number]), share)
-        posture = posture.by_place(row, place, np.hypot(*people.velocity[row].T), share)
+        of_legs = np.array([looks[n].observes is LEGS for n in number])
+        pelvis = np.where(of_legs[:, None], place - people.legs[row], place)
+        posture = posture.by_place(row, pelvis, np.hypot(*people.velocity[row].T), share)
         upright = np.maximum(1 - posture.low[row], _LEAST_SHARE)  # a lying person is not where a standing one would be
-        lean_m = np.where(posture.rests[row], np.array([looks[n].lean_m for n in number]), 0.0)
+        lean_m = np.where(posture.rests[row] & ~of_legs, _LEAN_M, 0.0)
         R = (covariance / share[:, None, None] + (lean_m**2)[:, None, None] * np.eye(2)) / upright[:, None, None]
-        head = ~np.isnan(of_head[:, 0])
-        R_head = np.tile(np.eye(3), (head.sum(), 1, 1)) * (covariance[head, 0, 0] / share[head])[:, None, None]
-        state = self._imm.update(people.state, *fused(row[~head], place[~head], R[~head]))
-        state = self._imm.update(state, *fused(row[head], of_head[head], R_head), SHOWN)
+        state = people.state
+        for (source, look), (rows, columns, _) in zip(looks.items(), paired, strict=True):
+            of = number == source
+            if look.observes is LEGS:
+                posture = self._by_legs(people, posture, rows, place[of], covariance[of, 0, 0], since_s[of], ns)
+            if look.head is None:
+                state = self._imm.update(state, rows, place[of], R[of], look.observes)
+            else:
+                noise = np.eye(3) * (covariance[of, :1, :1] / share[of, None, None])
+                state = self._imm.update(state, rows, look.head[columns], noise, HEAD)
         people, each = people.changed(posture=posture), np.unique(row)
         people = people.changed(roster=people.roster.measured(each, ns, state))
         people = self._manager.detected(people, row, ratio, share * upright, kind["p_detect"])
         n = len(people)
         offset_m2 = np.bincount(row, kind["offset_m"] ** 2, n)[each] / np.bincount(row, minlength=n)[each]
         seen_ns, seen_at = people.seen_ns.copy(), people.seen_at.copy()
-        seen_ns[row, number], seen_at[row, number] = ns, place
-        # a pelvis is about under a sitting head
-        seat = written(people.positions, row[head], people.head[row[head], :2])
+        seen_ns[row, number], seen_at[row, number] = ns, pelvis
+        seat = people.positions
+        for look, (rows, *_) in zip(looks.values(), paired, strict=True):
+            if look.head is not None:  # a pelvis is about under a sitting head
+                seat = written(seat, rows, people.head[rows, :2])
         still = np.exp(-0.5 * (np.hypot(*people.velocity.T) / _STILL_M_S) ** 2)
         return people.changed(
             place=written(people.place, each, people.positions[each]),
-            posture=people.posture.settled(seat, np.bincount(row, since_s, n) * still),
+            posture=people.posture.settled(seat, people.legs, np.bincount(row, since_s, n) * still),
             offset_m2=written(people.offset_m2, each, 0.8 * people.offset_m2[each] + 0.2 * offset_m2),
             seen_ns=seen_ns,
             seen_at=seen_at,
         )
 
-    def _by_legs(self, people: People, look: Look, feet: Bool[Mask, "k"], number: int, ns: int) -> tuple[People, Look]:
-        """Learn postures by how far legs are from trunks; return the tracks, and the pelvises over the legs of a look."""
-        known, posture = np.flatnonzero(look.owner >= 0), people.posture
-        row = look.owner[known]
+    def _by_legs(
+        self,
+        people: People,
+        posture: Posture,
+        row: Int[Index, "p"],
+        place: Float[Array, "p 2"],
+        variance_m2: Float[Array, "p"],
+        since_s: Float[Array, "p"],
+        ns: int,
+    ) -> Posture:
+        """Weigh postures by how far legs are from trunks measured lately, or from places on a rig that sees no trunks."""
         if self._sees_waists:
-            tells = ns - people.seen_ns[row, 0] <= _TOGETHER_S * NS_PER_S
-            tells &= feet[known] | posture.rests[row]
-            of = row[tells]
-            since_s = np.minimum((ns - people.seen_ns[of, number]) / NS_PER_S, 1.0)
-            posture = posture.by_legs(of, look.position[known[tells]] - people.seen_at[of, 0], since_s)
-        place = look.position.copy()
-        place[known] -= posture.seated_knees[row]
-        return people.changed(posture=posture), replace(look, position=place, owner=np.full(len(place), -1))
+            tells, trunk = ns - people.seen_ns[row, 0] <= _TOGETHER_S * NS_PER_S, people.seen_at[row, 0]
+        else:
+            tells, trunk = np.ones(row.size, np.bool_), people.positions[row]
+            variance_m2 = variance_m2 + people.covariance[row].trace(axis1=1, axis2=2) / 2
+        return posture.by_legs(row[tells], (place - trunk)[tells], variance_m2[tells], since_s[tells])
 
     def _by_pictures(self, people: People, cameras: list[Camera], ns: int) -> People:
         """Update heads by pictures, bodies by their heads, and colours."""
@@ -313,7 +322,7 @@ class Fusion(SynchronizedTracker):
         )
         people = self._manager.head_shown(people.changed(heads=heads), shown, kind, share, ns)
         if row.size:
-            state = self._imm.update(people.state, row, place, R, SHOWN)
+            state = self._imm.update(people.state, row, place, R, HEAD)
             people = people.changed(roster=people.roster.measured(row, ns, state))
             height_m, variance_m2 = people.head[row, 2], people.head_covariance[row, 2, 2]
             unsure_m2 = variance_m2 + people.stature_m2[row]
@@ -330,11 +339,16 @@ class Fusion(SynchronizedTracker):
             people = people.changed(clothes=clothes)
         return people
 
-    def _over_bodies(self, people: People) -> tuple[Float[Array, "n"], Float[Array, "n 3"]]:
-        """Return heights of heads [m] and variances of them and of offsets from bodies [m²], by posture."""
+    def _over_bodies(
+        self, people: People, elapsed_s: float
+    ) -> tuple[Float[Array, "5 n"], Float[Array, "n"], Float[Array, "5 n"]]:
+        """Return by posture what heads and legs keep of their offsets from bodies, and where they are in the long run [m]."""
         height_m, spread_m2 = people.posture.head_height(people.stature)
         flat_m2 = self.options.head.over_body_m**2 * people.posture.shown(OFF_BODY)
-        return height_m, np.column_stack([flat_m2, flat_m2, spread_m2 + people.stature_m2])
+        legs_m2, legs_rate = people.posture.legs_there()
+        head_rate = np.full(len(people), 1 / self.options.head.stays_s)
+        kept = np.exp(-elapsed_s * np.stack([head_rate, head_rate, head_rate, legs_rate, legs_rate]))
+        return kept, height_m, np.stack([flat_m2, flat_m2, spread_m2 + people.stature_m2, legs_m2, legs_m2])
 
 
 def _is_fixed(sensor: RigSensor) -> bool:

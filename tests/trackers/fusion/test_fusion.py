@@ -18,11 +18,12 @@ from trackers.errors import InputError
 from trackers.feeding import track_frames
 from trackers.filters.imm import Imm
 from trackers.fusion.association import pairs
-from trackers.fusion.heads import SHOWN, BodyAndHeadMotion, sights_of_one, unit_points
+from trackers.fusion.heads import sights_of_one, unit_points
 from trackers.fusion.look import Look
+from trackers.fusion.motion import HEAD, LEGS, PersonMotion, drifted
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.people import People
-from trackers.fusion.posture import SILHOUETTE_SHOWN
+from trackers.fusion.posture import SILHOUETTE_SHOWN, Posture
 from trackers.presets import make_tracker
 from trackers.rig import Rig
 
@@ -223,7 +224,7 @@ def looks_of(*positions: list[tuple[float, float]]) -> list[Look]:
 
 def people_at(places: list[tuple[float, float]]) -> People:
     at = np.array(places)
-    people = People.started(Imm(BodyAndHeadMotion()).start(at, None, 0.3**2), at, 0, 1, 2)
+    people = People.started(Imm(PersonMotion()).start(at, None, 0.3**2), at, 0, 1, 2)
     return people.changed(existence=np.full(len(at), 0.999))
 
 
@@ -246,10 +247,10 @@ def test_no_measurement_is_shared() -> None:
 
 def test_a_head_moves_its_body_in_the_share_of_their_variances() -> None:
     """A body's place is known to 10 cm and the offset of its head to 5 cm: a head 5 cm to the side is 4 cm of body's."""
-    imm = Imm(BodyAndHeadMotion())
+    imm = Imm(PersonMotion())
     state = imm.start(np.zeros((1, 2)), None, 0.1**2)
     head = np.array([[0.05, 0.0, 1.55]])
-    people = People.started(imm.update(state, np.array([0]), head, 1e-9 * np.eye(3)[None], SHOWN), head[:, :2], 0, 1, 1)
+    people = People.started(imm.update(state, np.array([0]), head, 1e-9 * np.eye(3)[None], HEAD), head[:, :2], 0, 1, 1)
     np.testing.assert_allclose(people.positions, [[0.04, 0.0]], atol=1e-6)
     np.testing.assert_allclose(people.head, head, atol=1e-6)
 
@@ -259,3 +260,20 @@ def test_a_camera_without_distances_that_shows_a_head_alone_leaves_its_range_ope
     showing = np.array([[True, True, False], [False, True, False], [False, False, True]])
     found = sights_of_one(showing, np.tile([2.0, 0.0, 1.5], (3, 1)), eyes_m, flat)
     np.testing.assert_allclose(found, [[1.0, 0, 0], [0, 0, 0], [0, 0, 0]])
+
+
+def test_loads_are_where_a_standing_person_is_and_teach_where_a_sitting_persons_feet_are() -> None:
+    """A head over the pelvis and feet 40 cm before it, 6 s long: who stands is between them, who sits under the head."""
+    imm, head = Imm(PersonMotion()), np.array([[0.0, 0.0, 1.25]])
+    for p, least_m, most_m in (([1.0, 0, 0], 0.1, 0.4), ([0.0, 1, 0], 0.0, 0.06)):
+        posture = Posture.upright(1).changed(probability=np.array([p]))
+        state, (variance, rate) = imm.start(np.zeros((1, 2)), None, 0.1**2), posture.legs_there()
+        for _ in range(60):
+            kept = np.exp(-0.1 * np.stack([np.ones(1), np.ones(1), np.ones(1), rate, rate]))
+            spread = np.stack([np.full(1, 0.1**2)] * 3 + [variance, variance])
+            state = drifted(imm.predict(state, 0.1), kept, np.array([1.25]), spread)
+            state = imm.update(state, np.array([0]), np.array([[0.4, 0.0]]), 0.1**2 * np.eye(2)[None], LEGS)
+            state = imm.update(state, np.array([0]), head, 0.05**2 * np.eye(3)[None], HEAD)
+        mean = (state.mean * state.probability).sum(axis=1)[:, 0]
+        assert least_m <= mean[0] < most_m
+        assert abs(mean[0] + mean[7] - 0.4) < 0.1
