@@ -76,6 +76,8 @@ def _unreadable_folder(path: Path) -> str:
                 return f"its {database.name} {reason}"
         return ""
     held = sorted(each.name for each in path.iterdir() if each.suffix in (*_STORAGES, ".zstd"))
+    if (path / "scenario.yaml").is_file() and len(held) == 1:
+        return f"is the folder of a run, whose bag is {path / held[0]}"
     if not held and (path / "tracks").is_dir():
         return "is a folder of results without a recording; `twin track BAG --bag FILE.mcap` writes a copy with the tracks in it"
     if not held:

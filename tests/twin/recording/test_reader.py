@@ -308,13 +308,22 @@ def test_files_that_are_no_bags(tmp_path):
     (tmp_path / "notes.txt").write_text("hello")
     (tmp_path / "notes.bag").write_text("hello")
     (tmp_path / "notes.mcap").write_text("hello, this is text and longer than a footer of a bag would be")
-    (tmp_path / "folder").mkdir()
+    for folder, names in {
+        "folder": (),
+        "run": ("recording.mcap", "scenario.yaml"),
+        "killed": ("killed_0.mcap",),
+    }.items():
+        (tmp_path / folder).mkdir()
+        for name in names:
+            (tmp_path / folder / name).touch()
     for name, complaint in {
         "missing.bag": "does not exist",
         "notes.txt": "is not named like a bag",
         "notes.bag": "is no ROS 1 bag",
         "notes.mcap": "is no MCAP file",
         "folder": "is a folder without metadata.yaml",
+        "run": "is the folder of a run, whose bag is .*run/recording.mcap",
+        "killed": "is a folder without metadata.yaml, as a recorder that was killed leaves it",
     }.items():
         with pytest.raises(InputError, match=f"{name}: {complaint}.* is expected$"):
             Recording(tmp_path / name)
