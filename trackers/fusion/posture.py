@@ -48,7 +48,7 @@ which one sensor tells where the seat is [s]."""
 _LIES_BEHIND_M, _FACES_M = 0.3, 0.22
 """A person who lies down from the edge of a bed lies so far behind where they sat, away from the knees [m]: half a bed, less the
 edge; and how far the legs are from there at least where it can be told [m]."""
-_LEGS_M, _LEGS_STAY_S = np.array([0.03, 0.32, 0.32]), np.array([0.3, 2.0, 2.0])
+_LEGS_M, _LEGS_STAY_S = np.array([0.03, 0.32, 0.32]), np.array([0.3, 10.0, 10.0])
 """Standard deviation, on each axis, of the legs from the pelvis [m], and time constant in which they go elsewhere [s]."""
 _STRIDE_M = 0.1
 """Standard deviation, on each axis, of a walker's legs about there at one look [m]."""
