@@ -77,6 +77,7 @@ class Matches:
     new_variance: Float[Array, "q"]  # of the position on each axis
     new_trunk: Int[Index, "q"]
     new_single: Bool[Mask, "q"]
+    new_sample: Int[Index, "q"]  # samples of the trunk, or of the legs
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +119,7 @@ class Association:
         single = np.concatenate([np.zeros(n_trunk, np.bool_), walkers.n_leg == 1])
         by_legs = walkers.likelihood(options.legs, self._leg_gate_m)
         weak = np.append(seen.trunks.n_sample < options.waist.min_samples, np.zeros(n_walker, np.bool_))
+        n_sample = np.append(seen.trunks.n_sample, walkers.n_sample)
         cost = cost.joined(Costs.of(people, by_legs, options))
         unknown = np.full((len(people), n_walker), np.nan)  # of legs no colours are seen
         colour = np.concatenate([colour, unknown], axis=1)
@@ -144,6 +146,7 @@ class Association:
             new_variance=variance[new],
             new_trunk=trunk[new],
             new_single=single[new],
+            new_sample=n_sample[new],
         )
 
     @property
@@ -181,13 +184,14 @@ class Association:
         legs = self.options.legs
         position, n_leg = pair_off(seen.legs.position, legs.pair_m)
         new = np.full(len(position), -1)
-        groups = LegPairs(position, np.full_like(n_leg, 2), np.full((len(seen.trunks), 2), np.nan), new)
+        none = np.zeros_like(n_leg)
+        groups = LegPairs(position, np.full_like(n_leg, 2), np.full((len(seen.trunks), 2), np.nan), new, none)
         cost = Costs.of(self.people, groups.likelihood(legs, self._leg_gate_m), self.options)
         shown = np.broadcast_to((trunk_of >= 0)[:, None], cost.pair.shape)
         looks = self._by_colour(np.full(cost.pair.shape, np.nan))
         track, taken = associate([self._explained(cost, looks, ~shown), self._explained(cost, looks, shown)])
         left = left_over(len(position), taken[trunk_of[track] >= 0])
-        return LegPairs(position[left], groups.n_leg[left], groups.under_trunk, new[left])
+        return LegPairs(position[left], groups.n_leg[left], groups.under_trunk, new[left], none[left])
 
     def _explained(self, cost: Costs, looks: Float[Array, "n k"], without: Bool[Mask, "*#n k"] | bool = False) -> Stage:
         """Pair tracks with explained measurements, except those in `without`; looks: the cost of their colours."""

@@ -41,6 +41,11 @@ class ImmTrackManagementOptions(TrackManagementOptions, ReidentificationOptions)
         description=described(TrackManagementOptions, "confirm_s")
         + "; where the background is known (ours; the paper: 0.5 s)",
     )
+    confirm_samples: PositiveInt | None = Field(
+        default=4,
+        description="where the background is known, a track whose first measurement has so many samples is confirmed at once, "
+        "since noise and edges give fewer; null: none is (ours)",
+    )
     confirm_learned_s: ClassVar[float] = 0.5
     """Time for which a tentative track is measured before it is confirmed where the background is learned [s] (the paper's)."""
     confirm_moved_m: float = Field(

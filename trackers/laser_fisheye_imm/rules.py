@@ -67,7 +67,15 @@ PAPER_RULES: tuple[PaperRule, ...] = (
         "stated",
         "III.B a",
         "an unmatched measurement is tracked tentatively, and confirmed once it was measured for more than 0.5 s",
-        {"track_management": {"confirm_s": 0.5, "confirm_moved_m": 0.0, "apart_m": 0.0, "start_apart_m": 0.0}},
+        {
+            "track_management": {
+                "confirm_s": 0.5,
+                "confirm_samples": None,
+                "confirm_moved_m": 0.0,
+                "apart_m": 0.0,
+                "start_apart_m": 0.0,
+            }
+        },
     ),
     PaperRule(
         "termination",
@@ -179,7 +187,11 @@ RULES: Mapping[str, tuple[str, ...]] = {
     "negative-information": ("waist.p_detect", "knee.p_detect"),
     "clear-looks": ("appearance.learn_width_m", "appearance.max_overlap"),
     "re-identification": ("track_management.reid_speed_m_s",),
-    "confirmation": ("track_management.confirm_s", "track_management.confirm_moved_m"),
+    "confirmation": (
+        "track_management.confirm_s",
+        "track_management.confirm_samples",
+        "track_management.confirm_moved_m",
+    ),
     "existence": ("track_management.survival_s", "track_management.within_m"),
     "postures": ("posture.seated_m",),
     "bodies-apart": ("track_management.apart_m", "track_management.start_apart_m"),

@@ -52,6 +52,20 @@ class ImmTrackManager(TrackManager):
         people = people.continued(old, again)
         return people.changed(roster=self.confirm(people.roster, new))
 
+    def confirmed_at_once(
+        self, people: LaserTracks, n_sample: Int[Index, "k"], ns: int, knows_room: bool
+    ) -> LaserTracks:
+        """Confirm those of the last k tracks, first measured at ns, that so many samples show that they are no noise.
+
+        One that a hidden track can have become waits until it was measured long enough.
+        """
+        least = self._options.track_management.confirm_samples
+        if least is None or not knows_room or not (n_sample >= least).any():
+            return people
+        new = np.append(np.zeros(len(people) - n_sample.size, np.bool_), n_sample >= least)
+        new[self._re_identified(people, new.nonzero()[0], ns)[1]] = False
+        return people.changed(roster=self.confirm(people.roster, new))
+
     def _re_identified(
         self, people: LaserTracks, new: Int[Index, "k"], ns: int
     ) -> tuple[Int[Index, "p"], Int[Index, "p"]]:

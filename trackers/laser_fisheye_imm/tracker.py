@@ -252,7 +252,9 @@ class LaserFisheyeImm(SynchronizedTracker):
         has_reference = by_trunk.copy()
         has_reference[by_trunk] = seen.clear[trunk[by_trunk]]
         histograms[has_reference] = seen.histograms[trunk[has_reference]]
-        self._people = self._people.joined(self._born(position, variance, ns, histograms, has_reference))
+        people = self._people.joined(self._born(position, variance, ns, histograms, has_reference))
+        knows_room = not self._detector.is_learning
+        self._people = self._track_manager.confirmed_at_once(people, matches.new_sample[free], ns, knows_room)
 
     def _born(
         self,

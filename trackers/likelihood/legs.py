@@ -125,6 +125,7 @@ class LegPairs:
     n_leg: Int[Index, "p"]
     under_trunk: Float[Array, "k 2"]  # [m], NaN where not both are seen
     owner: Int[Index, "p"]  # the person without a trunk whose legs were expected there, −1 of new ones
+    n_sample: Int[Index, "p"]  # of the better seen leg of a new one; 0 of known ones, and where legs are grouped
 
     @property
     def of_known(self) -> Bool[Mask, "p"]:
@@ -192,7 +193,10 @@ def pair_legs(
         leg = distances(position[n_trunk:][taking][single], place).argmin(axis=1)
         middle[single] += _BEHIND_M * mean_line(lines[leg])
     owner = np.concatenate([np.flatnonzero(taking), np.full(len(new), -1)])
-    return LegPairs(np.concatenate([middle, new]), np.concatenate([n_leg_of_known, n_leg_of_new]), under, owner)
+    own = distances(new, place) <= 0.5 * options.pair_m
+    n_sample = np.append(np.zeros(taking.sum(), np.intp), (own * legs.n_sample).max(axis=1, initial=0))
+    n_leg = np.concatenate([n_leg_of_known, n_leg_of_new])
+    return LegPairs(np.concatenate([middle, new]), n_leg, under, owner, n_sample)
 
 
 def mean_line(lines: Float[Array, "k s 2"]) -> Float[Array, "k 2"]:

@@ -46,16 +46,18 @@ def test_five_people_cross_and_keep_their_ids():
     assert tracker.discarded == 0
 
 
-def test_ids_count_from_one_and_nobody_is_shown_before_the_second_scan():
-    frames, _ = tracked(CROSSING)
+@pytest.mark.parametrize(("least", "n_before"), [(4, 0), (1000, 1), (None, 1)])
+def test_ids_count_from_one_and_whom_few_samples_show_is_not_shown_before_the_second_scan(least, n_before):
+    frames, _ = tracked(CROSSING, track_management={"confirm_samples": least})
     first = next(frame for frame in frames if frame.tracks)
-    assert first.stamp_ns - frames[0].stamp_ns == 0.1 * NS_PER_S  # the second scan in a row
+    assert first.stamp_ns - frames[0].stamp_ns == n_before * 0.1 * NS_PER_S
     assert {track.id for frame in frames for track in frame.tracks} == {1, 2, 3, 4, 5}
 
 
 def test_smoothed_output_is_late_begins_earlier_lies_nearer_and_says_so():
-    at_once, _ = tracked(CROSSING)
-    smoothed, tracker = tracked(CROSSING, smoothed_s=0.5)
+    by_two = {"confirm_samples": None}
+    at_once, _ = tracked(CROSSING, track_management=by_two)
+    smoothed, tracker = tracked(CROSSING, smoothed_s=0.5, track_management=by_two)
     assert [each.stamp_ns for each in smoothed] == [each.stamp_ns for each in at_once]
     assert "leave 0.5 s late, smoothed" in tracker.warnings[0]
     assert len(smoothed[0].tracks) > len(at_once[0].tracks) == 0
@@ -93,7 +95,7 @@ def test_velocities_are_the_walkers():
 def test_a_new_track_goes_the_way_its_first_two_measurements_say():
     runners = straight_walk([(-1.6, 1.0), (-1.6, 1.9), (-1.6, 2.7)], [(2.0, 0.0)] * 3, 8)
     frames, _ = tracked(runners)
-    k = next(k for k, frame in enumerate(frames) if frame.tracks)
+    k = 1 + next(k for k, frame in enumerate(frames) if frame.tracks)
     assert len(frames[k].tracks) == 3
     assert np.mean([track.vx for track in frames[k].tracks]) > 1.0
     assert np.mean([track.x for track in frames[k].tracks]) == pytest.approx(runners.position[k, 0, 0], abs=0.08)

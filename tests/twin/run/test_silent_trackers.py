@@ -10,12 +10,12 @@ from twin.run.live import run_scenario
 from twin.run.replay import track_recording
 from twin.scenario import load_scenario
 
-NEVER = "trackers.laser-imm.track_management.confirm_s=1000"
+NEVER = [f"trackers.laser-imm.track_management.{each}" for each in ("confirm_s=1000", "confirm_samples=null")]
 
 
 @pytest.mark.parametrize("people", ["{ann: {}, ben: {}}", "{}"])
 def test_it_is_told_where_people_are_and_only_there(people: str, tmp_path: Path) -> None:
-    scenario = load_scenario("lab-five-people", [f"people={people}", "duration_s=3", NEVER])
+    scenario = load_scenario("lab-five-people", [f"people={people}", "duration_s=3", *NEVER])
     told: list[str] = []
     run = run_scenario(
         scenario,
@@ -27,7 +27,7 @@ def test_it_is_told_where_people_are_and_only_there(people: str, tmp_path: Path)
     )
     again: list[str] = []
     track_recording(
-        run.files["recording"], trackers=["laser-imm"], changes=[NEVER], out=tmp_path / "again", video=False,
+        run.files["recording"], trackers=["laser-imm"], changes=NEVER, out=tmp_path / "again", video=False,
         on_warning=again.append,
     )  # fmt: skip
     for warnings in (told, again):
