@@ -222,16 +222,3 @@ def explained(people: People, look: Look) -> Bool[Mask, "k"]:
         return np.zeros(len(look.position), np.bool_)
     density, away = log_density(people.state, look)
     return np.logical_or.reduce((away < EXPLAINED) & (density > np.log(look.kind.clutter_m2)), axis=0)
-
-
-def fused(
-    row: Int[Index, "p"], position: Float[Array, "p d"], covariance: Float[Array, "p d d"]
-) -> tuple[Int[Index, "k"], Float[Array, "k d"], Float[Array, "k d d"]]:
-    """Fuse the measurements of each track to one, of the same product of densities; return the tracks and both."""
-    rows, of = np.unique(row, return_inverse=True)
-    inverse = np.linalg.inv(covariance)
-    information, vector = np.zeros((rows.size, *inverse.shape[1:])), np.zeros((rows.size, position.shape[1]))
-    np.add.at(information, of, inverse)
-    np.add.at(vector, of, np.einsum("pab,pb->pa", inverse, position))
-    R = np.linalg.inv(information).astype(np.float64)
-    return rows, np.einsum("kab,kb->ka", R, vector), R

@@ -43,9 +43,8 @@ def reidentified(
         return people, new
     before, after = people.select(hidden), people.select(fresh)
     walked_m = _NEAR_M + options.reach_m_s * gap_s[hidden]
-    reach_m = np.where(before.posture.rests, np.minimum(LAIN_M, walked_m), walked_m)[
-        :, None
-    ]  # who rests gets up before they walk
+    # who rests gets up before they walk
+    reach_m = np.where(before.posture.rests, np.minimum(LAIN_M, walked_m), walked_m)[:, None]
     away = distances(before.place, after.positions)
     colour = colour_distance(before, after)
     worth = np.where(

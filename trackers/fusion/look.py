@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from trackers.arrays import Array, Bool, Float, Index, Int, Mask
-from trackers.fusion.motion import PLACE
+from trackers.fusion.motion import LEGS, PLACE
 from trackers.fusion.options import KindOptions
 from trackers.fusion.posture import Shares
 from trackers.observations import Observation
@@ -47,6 +47,11 @@ class Look:
     observes: Float[Array, "2 s"] = field(default_factory=lambda: PLACE)
     head: Float[Array, "k 3"] | None = None  # [m]
     shown: tuple[Detection, ...] = field(default=())
+
+    @property
+    def of_legs(self) -> bool:
+        """Tell whether the measurements are of legs, loads of their feet among them."""
+        return self.observes is LEGS
 
 
 class Source(Protocol):

@@ -12,8 +12,9 @@ from trackers.filters.imm import ImmState
 from trackers.filters.rows import written
 from trackers.fusion.heads import Heads
 from trackers.fusion.look import Expected
-from trackers.fusion.motion import HEAD, PLACE, seen_over_modes
-from trackers.fusion.posture import Posture
+from trackers.fusion.motion import HEAD, PLACE, drifted, seen_over_modes
+from trackers.fusion.options import HeadEvidenceOptions
+from trackers.fusion.posture import OFF_BODY, Posture
 from trackers.tracking.appearance import Appearance
 from trackers.tracking.roster import NEVER_NS, ImmTracks, Roster
 
@@ -93,6 +94,16 @@ class People(ImmTracks):
     def stature_m2(self) -> Float[Array, "n"]:
         """Variances of statures [m²]: 0 of those that are known."""
         return np.where(np.isnan(self.stature_m), _STATURE_M**2, 0.0)
+
+    def with_parts_later(self, elapsed_s: float, options: HeadEvidenceOptions) -> Self:
+        """Return them with heads and legs where they drift to over their bodies in a time [s], by posture."""
+        posture, head_rate = self.posture, np.full(len(self), 1 / options.stays_s)
+        height_m, spread_m2 = posture.head_height(self.stature)
+        flat_m2 = options.over_body_m**2 * posture.shown(OFF_BODY)
+        legs_m2, legs_rate = posture.legs_there()
+        kept = np.exp(-elapsed_s * np.stack([head_rate, head_rate, head_rate, legs_rate, legs_rate]))
+        variance_m2 = np.stack([flat_m2, flat_m2, spread_m2 + self.stature_m2, legs_m2, legs_m2])
+        return self.in_state(drifted(self.state, kept, height_m, variance_m2))
 
     def expected(self) -> Expected:
         """Return what sources are told of the tracks."""

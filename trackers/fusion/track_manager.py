@@ -16,7 +16,7 @@ from trackers.filters.negative_information import (
     update_missed,
 )
 from trackers.filters.rows import written
-from trackers.fusion.association import EXPLAINED, LEAST_EXISTENCE, explained, fused
+from trackers.fusion.association import EXPLAINED, LEAST_EXISTENCE, explained
 from trackers.fusion.identity import reidentified
 from trackers.fusion.look import Look, round_covariance
 from trackers.fusion.options import FusionOptions, KindOptions
@@ -87,11 +87,12 @@ class FusionTrackManager(TrackManager):
         looks: dict[int, Look],
     ) -> People:
         """Make a tentative track of measurements by sources, each with a covariance."""
-        one = np.zeros(len(place), np.intp)
-        row, at, covariance = fused(one, place, R)
+        information = np.linalg.inv(R)
+        covariance = np.linalg.inv(information.sum(axis=0, keepdims=True)).astype(np.float64)
+        at = np.einsum("zab,kbc,kc->za", covariance, information, place)
         state = self._imm.start(at, None, _UNKNOWN_M**2, _START_SPEED_M_S**2)
         people = People.started(
-            self._imm.update(state, row, at, covariance),
+            self._imm.update(state, np.zeros(1, np.intp), at, covariance),
             at,
             ns,
             others.clothes.reference.shape[1],

@@ -30,10 +30,10 @@ from trackers.fusion.floors import FusedFloor
 from trackers.fusion.heads import HeadWeighing, own
 from trackers.fusion.lasers import scanners_of
 from trackers.fusion.look import Look, Source
-from trackers.fusion.motion import HEAD, LEGS, PersonMotion, drifted
+from trackers.fusion.motion import HEAD, PersonMotion
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.people import People
-from trackers.fusion.posture import OFF_BODY, Posture
+from trackers.fusion.posture import Posture
 from trackers.fusion.track_manager import FusionTrackManager
 from trackers.observations import NS_PER_S, Observation
 from trackers.prior import Prior
@@ -183,7 +183,7 @@ class Fusion(SynchronizedTracker):
         people = self._manager.after_gap(self._people, last_ns, ns)
         if elapsed_s > 0 and len(people):
             people = people.in_state(self._imm.predict_over(people.state, elapsed_s, self.options.step_s))
-            people = people.in_state(drifted(people.state, *self._over_bodies(people, elapsed_s)))
+            people = people.with_parts_later(elapsed_s, self.options.head)
             people = people.changed(heads=people.heads.turned(elapsed_s, people.velocity))
             people = self._manager.aged(people, elapsed_s)
             people = self._manager.without_doubles(people, elapsed_s)
@@ -251,7 +251,7 @@ class Fusion(SynchronizedTracker):
         since_s = np.minimum((ns - people.seen_ns[row, number]) / NS_PER_S, 1.0)
         share = np.clip(since_s / kind["lasts_s"], _LEAST_SHARE, 1.0)
         posture = people.posture.detected(row, np.array([looks[n].by_posture[2] for n in number]), share)
-        of_legs = np.array([looks[n].observes is LEGS for n in number])
+        of_legs = np.array([looks[n].of_legs for n in number])
         pelvis = np.where(of_legs[:, None], place - people.legs[row], place)
         posture = posture.by_place(row, pelvis, np.hypot(*people.velocity[row].T), share)
         upright = np.maximum(1 - posture.low[row], _LEAST_SHARE)  # a lying person is not where a standing one would be
@@ -260,7 +260,7 @@ class Fusion(SynchronizedTracker):
         state = people.state
         for (source, look), (rows, columns, _) in zip(looks.items(), paired, strict=True):
             of = number == source
-            if look.observes is LEGS:
+            if look.of_legs:
                 posture = self._by_legs(people, posture, rows, place[of], covariance[of, 0, 0], since_s[of], ns)
             if look.head is None:
                 state = self._imm.update(state, rows, place[of], R[of], look.observes)
@@ -338,17 +338,6 @@ class Fusion(SynchronizedTracker):
             clothes = people.clothes.learned(looked, histograms[looked], doubtful, 0, memory)
             people = people.changed(clothes=clothes)
         return people
-
-    def _over_bodies(
-        self, people: People, elapsed_s: float
-    ) -> tuple[Float[Array, "5 n"], Float[Array, "n"], Float[Array, "5 n"]]:
-        """Return by posture what heads and legs keep of their offsets from bodies, and where they are in the long run [m]."""
-        height_m, spread_m2 = people.posture.head_height(people.stature)
-        flat_m2 = self.options.head.over_body_m**2 * people.posture.shown(OFF_BODY)
-        legs_m2, legs_rate = people.posture.legs_there()
-        head_rate = np.full(len(people), 1 / self.options.head.stays_s)
-        kept = np.exp(-elapsed_s * np.stack([head_rate, head_rate, head_rate, legs_rate, legs_rate]))
-        return kept, height_m, np.stack([flat_m2, flat_m2, spread_m2 + people.stature_m2, legs_m2, legs_m2])
 
 
 def _is_fixed(sensor: RigSensor) -> bool:

@@ -398,7 +398,7 @@ def test_windows_are_like_references_by_the_bhattacharyya_coefficient(pixels):
     for place, pixel, root, found in zip(places[:, there].T, at[1, there], np.tile(roots, (2, 1)), alike, strict=False):
         counts = view.samples(place[:, None], pixel[None], window, window.samples).histograms()[0]
         whole = counts.sum() if pixels == "all" else np.prod(window.samples)
-        np.testing.assert_allclose(found, np.sqrt(counts / whole) @ root, rtol=1e-5)
+        np.testing.assert_allclose(found, np.sqrt(counts / whole) @ root, rtol=1e-6)
     assert len(there) >= 3 and alike.max() > 0.1
 
 

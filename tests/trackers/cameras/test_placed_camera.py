@@ -177,7 +177,7 @@ def test_ellipses_know_their_outlines_and_points():
     ellipses = Ellipses(np.array([[10.0, 20.0]]), (turn @ np.diag([25.0, 4.0]) @ turn.T)[None])
     outline = ellipses.outline(5000)
     np.testing.assert_allclose(how_far_out(ellipses, 0, outline[0]), 1)
-    np.testing.assert_allclose(outline.max(axis=1) - [10, 20], np.sqrt(np.diag(ellipses.shape[0]))[None], rtol=1e-5)
+    np.testing.assert_allclose(outline.max(axis=1) - [10, 20], np.sqrt(np.diag(ellipses.shape[0]))[None], rtol=1e-6)
     np.testing.assert_allclose(how_far_out(ellipses, 0, ellipses.points(np.array([[0.3, 0.4], [0, 0]]))[0]), [0.5, 0])
 
 

@@ -20,10 +20,10 @@ from trackers.filters.imm import Imm
 from trackers.fusion.association import pairs
 from trackers.fusion.heads import sights_of_one, unit_points
 from trackers.fusion.look import Look
-from trackers.fusion.motion import HEAD, LEGS, PersonMotion, drifted
+from trackers.fusion.motion import HEAD, LEGS, PersonMotion
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.people import People
-from trackers.fusion.posture import SILHOUETTE_SHOWN, Posture
+from trackers.fusion.posture import SILHOUETTE_SHOWN
 from trackers.presets import make_tracker
 from trackers.rig import Rig
 
@@ -264,16 +264,15 @@ def test_a_camera_without_distances_that_shows_a_head_alone_leaves_its_range_ope
 
 def test_loads_are_where_a_standing_person_is_and_teach_where_a_sitting_persons_feet_are() -> None:
     """A head over the pelvis and feet 40 cm before it, 6 s long: who stands is between them, who sits under the head."""
-    imm, head = Imm(PersonMotion()), np.array([[0.0, 0.0, 1.25]])
-    for p, least_m, most_m in (([1.0, 0, 0], 0.1, 0.4), ([0.0, 1, 0], 0.0, 0.06)):
-        posture = Posture.upright(1).changed(probability=np.array([p]))
-        state, (variance, rate) = imm.start(np.zeros((1, 2)), None, 0.1**2), posture.legs_there()
+    imm, head, options = Imm(PersonMotion()), np.array([[0.0, 0.0, 1.25]]), FusionOptions().head
+    place, legs = {}, {}
+    for posture, p in {"stands": (1.0, 0, 0), "sits": (0.0, 1, 0)}.items():
+        people = People.started(imm.start(np.zeros((1, 2)), None, 0.1**2), np.zeros((1, 2)), 0, 1, 1)
+        people = people.changed(posture=people.posture.changed(probability=np.array([p])))
         for _ in range(60):
-            kept = np.exp(-0.1 * np.stack([np.ones(1), np.ones(1), np.ones(1), rate, rate]))
-            spread = np.stack([np.full(1, 0.1**2)] * 3 + [variance, variance])
-            state = drifted(imm.predict(state, 0.1), kept, np.array([1.25]), spread)
-            state = imm.update(state, np.array([0]), np.array([[0.4, 0.0]]), 0.1**2 * np.eye(2)[None], LEGS)
-            state = imm.update(state, np.array([0]), head, 0.05**2 * np.eye(3)[None], HEAD)
-        mean = (state.mean * state.probability).sum(axis=1)[:, 0]
-        assert least_m <= mean[0] < most_m
-        assert abs(mean[0] + mean[7] - 0.4) < 0.1
+            people = people.in_state(imm.predict(people.state, 0.1)).with_parts_later(0.1, options)
+            state = imm.update(people.state, np.array([0]), np.array([[0.4, 0.0]]), 0.1**2 * np.eye(2)[None], LEGS)
+            people = people.in_state(imm.update(state, np.array([0]), head, 0.05**2 * np.eye(3)[None], HEAD))
+        place[posture], legs[posture] = people.positions[0, 0], people.legs[0, 0]
+    assert 0.1 <= place["stands"] < 0.3 and abs(legs["stands"]) < 0.1
+    assert 0.0 <= place["sits"] < 0.06 and abs(place["sits"] + legs["sits"] - 0.4) < 0.1

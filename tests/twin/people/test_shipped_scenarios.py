@@ -22,6 +22,7 @@ LONGEST_PERSON_S = 400.0  # how much is looked at of a scenario with many people
 def test_no_bodies_pass_through_anything(name: str) -> None:
     scenario = load_scenario(name)
     world = World(scenario)
+    assert set(world.population.names) == set(world.scene.ids)
     if close_calls(scenario.people, scenario.duration_s):
         return  # recorded paths that are meant to come so close, as a warning says
     times = np.arange(0.0, min(scenario.duration_s, 60.0, LONGEST_PERSON_S / max(len(scenario.people), 1)), EVERY_S)

@@ -53,7 +53,7 @@ _UNLOADED_M = 0.12
 """Excess allowed over the leg of an unloaded foot; none if it carries half the body [m]."""
 _ARMS_OUT_RAD = 0.10
 _WEIGHED_DOWN = 0.8
-"""Part of its swing and of the elbow's bend that an arm loses whose hand carries a bag: a pendulum of the bag's weight."""
+"""Part of its swing and of the elbow's bend that an arm loses whose hand carries a bag; assumed."""
 _HANDS_INWARD = 0.35
 """Inward turn of the upper arms per radian of elbow beyond 0.6: runners' hands swing before the chest."""
 _TOES_FREE_M = 0.2
