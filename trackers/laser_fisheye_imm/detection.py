@@ -63,7 +63,9 @@ class Detector:
             self._projector = TorsoProjector(lasers[names["waist"][0]], camera, torso)
             self._intrinsics = camera.intrinsics
         self._groups: dict[Role, ScannerGroup] = {
-            role: ScannerGroup({name: lasers[name] for name in names[role]}, empty_room, layer.parameters())
+            role: ScannerGroup(
+                {name: lasers[name] for name in names[role]}, empty_room, layer.parameters(options.weak_samples)
+            )
             for role, layer in (("waist", options.waist), ("knee", options.knee))
             if role in names
         }

@@ -103,11 +103,6 @@ class LayerScannerOptions(ScannerOptions):
     """Scanner options of every layer of this system."""
 
     min_samples: PositiveInt = Field(description="least samples of a cluster that initiates a track")
-    weak_samples: PositiveInt | None = Field(
-        default=1,
-        description="least samples of a cluster that goes on with a track, but alone initiates none, where nothing nearer is "
-        "beside it; null: the same as of any other (ours)",
-    )
     min_width_m: float = Field(
         ge=0,
         description="least width of a cluster, as the number of beams that a thing so wide returns at its range [m]",
@@ -122,7 +117,7 @@ class LayerScannerOptions(ScannerOptions):
 
     def layer(self, defaults: LayerOptions, **own: Any) -> LayerOptions:
         """Return the parameters of a layer: these, and its `own`, over the `defaults` of its height."""
-        base, names = self.over(defaults), ("hidden_variance_m2", "fuse_m", "weak_samples")
+        base, names = self.over(defaults), ("hidden_variance_m2", "fuse_m")
         cluster = base.cluster.model_copy(update={"min_samples": self.min_samples, "min_width_m": self.min_width_m})
         return base.model_copy(update={"cluster": cluster, **{name: getattr(self, name) for name in names}, **own})
 
@@ -155,9 +150,10 @@ class WaistScannerOptions(LayerScannerOptions):
     )
     fuse_m: float = Field(default=0.35, ge=0, description=described(LayerScannerOptions, "fuse_m"))
 
-    def parameters(self) -> LayerOptions:
+    def parameters(self, weak_samples: int | None) -> LayerOptions:
         """Return the layer's parameters."""
         own = {
+            "weak_samples": weak_samples,
             "side_half_depth_m": self.side_half_depth_m,
             "body_width_m": self.body_width_m,
             "satellite_width_m": self.arm_width_m,
@@ -177,9 +173,9 @@ class KneeScannerOptions(LayerScannerOptions):
     )
     fuse_m: float = Field(default=0.2, ge=0, description=described(LayerScannerOptions, "fuse_m"))
 
-    def parameters(self) -> LayerOptions:
+    def parameters(self, weak_samples: int | None) -> LayerOptions:
         """Return the layer's parameters."""
-        return self.layer(KneeOptions())
+        return self.layer(KneeOptions(), weak_samples=weak_samples)
 
 
 class AppearanceOptions(Strict):
@@ -211,7 +207,7 @@ _SHARED = (
     *(("jump_m", "cluster.jump_m"), ("min_samples", "cluster.min_samples"), ("margin_m", "background.margin_m")),
     *(("min_width_m", "cluster.min_width_m"), ("memory_s", "background.memory_s"), ("p_detect", "free_space.detected")),
 )
-_MOVED = (*(former for _, former in _SHARED), "satellite_width_m")
+_MOVED = (*(former for _, former in _SHARED), "satellite_width_m", "weak_samples")
 _SCANNERS: Mapping[str, LayerOptions] = {"waist": WaistOptions(), "knee": KneeOptions()}
 
 
@@ -243,6 +239,7 @@ class LaserFisheyeImmOptions(Strict):
         "knee.radius_alone_m": "legs.gate_alone_m",
         "knee.single_leg_s": "legs.single_leg_s",
         "knee.pair_m": "legs.pair_m",
+        "knee.weak_samples": "weak_samples",
         "knee.single_leg_variance_m2": "legs.single_leg_variance_m2",
         **{f"{role}.{former}": f"{role}.{name}" for role in _SCANNERS for name, former in _SHARED},
     }
@@ -309,6 +306,11 @@ class LaserFisheyeImmOptions(Strict):
         le=10,
         description="how late frames may leave, so that what is measured meanwhile counts: people are reported from their first "
         "measurement on and between measurements [s]; 0: at once (ours)",
+    )
+    weak_samples: PositiveInt | None = Field(
+        default=1,
+        description="least samples of a cluster of a scanner that goes on with a track, but alone initiates none, where nothing "
+        "nearer is beside it; null: the same as of any other (ours)",
     )
     waist: WaistScannerOptions = Field(default=WaistScannerOptions(), description="scanners at waist height")
     knee: KneeScannerOptions = Field(default=KneeScannerOptions(), description="scanners at knee height")

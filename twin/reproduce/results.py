@@ -52,8 +52,12 @@ class Bootstrap:
         self.counts: Array = np.concatenate([np.ones((1, n_run)), drawn])  # (1 + replicates, runs)
 
     def ratio(self, above: Array, below: Array) -> Array:
-        """Compute Σ above / Σ below over the runs (n, k) at each scan, in every replicate, (1 + replicates, k)."""
-        return (self.counts @ above) / (self.counts @ below)
+        """Compute Σ above / Σ below over the runs (n, k) at each scan, in every replicate, (1 + replicates, k).
+
+        NaN where a replicate drew only runs without any event: it tells nothing of a share, and `interval` leaves it out.
+        """
+        whole = self.counts @ below
+        return np.divide(self.counts @ above, whole, out=np.full(whole.shape, np.nan), where=whole != 0)
 
     def mean(self, values: Array) -> Array:
         """Compute the mean of (n,) values over the runs, in every replicate, (1 + replicates,)."""
@@ -80,8 +84,8 @@ class Bootstrap:
 
 
 def interval(values: Array) -> Interval:
-    """Compute the interval of (1 + replicates,) values, the first of the original sample."""
-    low, high = np.quantile(values[1:], [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
+    """Compute the interval of (1 + replicates,) values, the first of the original sample; NaN: a replicate that tells nothing."""
+    low, high = np.nanquantile(values[1:], [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
     return Interval(float(values[0]), float(low), float(high))
 
 
@@ -92,7 +96,7 @@ def mean_over_runs(values: Array, seed: int, stream_name: str) -> Interval:
 
 def band(values: Array) -> tuple[Array, Array, Array]:
     """Compute `interval` at each scan of (1 + replicates, k): the curve and its lower and upper border, (k,) each."""
-    low, high = np.quantile(values[1:], [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)
+    low, high = np.nanquantile(values[1:], [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)
     return values[0], low, high
 
 

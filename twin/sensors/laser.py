@@ -142,6 +142,8 @@ class Laser:
         directions = np.ascontiguousarray(self.directions[sector] @ turn.T)
         geom, distance_m = np.empty(len(directions), dtype=np.int32), np.empty(len(directions))
         faces = None if self._range_10_percent_m is None else np.zeros((len(directions), 3))
+        # -1 too for a base without a body
+        own_body = -1 if base is None else mujoco.mj_name2id(snapshot.model, mujoco.mjtObj.mjOBJ_BODY, base_body(base))
         trace_rays(
             snapshot,
             turn @ self.origin_m + room_from_base[:3, 3],
@@ -150,7 +152,7 @@ class Laser:
             distance_m,
             normal=turn @ pose.rotation[:, 2],
             range_max_m=self._range_max_m,
-            body_left_out=-1 if base is None else snapshot.model.body(base_body(base)).id,
+            body_left_out=own_body,
             faces=faces,
         )
         if faces is not None and self._range_10_percent_m is not None:

@@ -78,3 +78,10 @@ def test_an_interval_of_95_percent_holds_the_truth_about_as_often():
 def test_runs_that_agree_have_an_interval_of_no_width():
     found = interval(Bootstrap(5, np.random.default_rng(2)).ratio(np.full((5, 1), 3.0), np.full((5, 1), 4.0))[:, 0])
     np.testing.assert_allclose((found.value, found.low, found.high), 0.75)
+
+
+def test_a_run_without_events_leaves_the_interval_of_a_share_to_the_others():
+    found = interval(
+        Bootstrap(2, np.random.default_rng(2)).ratio(np.array([[0.0], [3.0]]), np.array([[0.0], [4.0]]))[:, 0]
+    )
+    assert found.value == found.low == found.high == 0.75
