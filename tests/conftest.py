@@ -56,9 +56,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 @pytest.hookimpl(tryfirst=True)
-def pytest_runtest_setup() -> None:
-    """Check each function's first calls anew in each test."""
-    shape_checks.begin_test()
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Check each function's first calls anew in each file of tests."""
+    shape_checks.begin_test_of(item.path)
 
 
 @pytest.fixture(autouse=True)

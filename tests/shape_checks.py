@@ -1,7 +1,7 @@
 """The type checks of the test run (`tests/conftest.py`): which checker, and how many calls it looks at.
 
 A check costs more than most of what it checks: of every call it would be two thirds of the time of the trackers' tests.
-So in each test each function is checked at its first calls, and then now and then; `scripts/test --all` checks every call.
+So in each file of tests a function is checked at its first calls, and then now and then; `scripts/test --all` checks all.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import inspect
 import os
 from collections import Counter
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, Self
 
 import jaxtyping
@@ -37,18 +38,22 @@ CHECKED = (
     "trackers.tracking",
     "trackers.vision",
 )
-FIRST, EVERY = (2, 499) if os.environ.get("ROOMTWIN_SHAPE_CHECKS") != "all" else (0, 1)
-"""Calls of a function in a test: the first so many are checked, then each so manieth; a prime, so that no loop's rhythm
-always shows the same call."""
+FIRST, EVERY = (5, 499) if os.environ.get("ROOMTWIN_SHAPE_CHECKS") != "all" else (0, 1)
+"""Calls of a function in a file of tests: the first so many are checked, then each so manieth; a prime, so that no loop's
+rhythm always shows the same call."""
 
 _jaxtyped = jaxtyping.jaxtyped
 _calls: Counter[int] = Counter()
-"""In the current test, by the id of the code: a function within a function is made anew at each call of that one."""
+"""In the current file, by the id of the code: a function within a function is made anew at each call of that one."""
+_file: Path | None = None
 
 
-def begin_test() -> None:
-    """Count the calls of every function from the start."""
-    _calls.clear()
+def begin_test_of(file: Path | None) -> None:
+    """Count the calls of every function from the start, if the last test was of another file."""
+    global _file
+    if file != _file:
+        _calls.clear()
+    _file = file
 
 
 def _sampled(fn: Any, *, typechecker: Any) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import jaxtyping
 import numpy as np
@@ -47,10 +48,13 @@ def refused(n_call: int) -> int:
     return n
 
 
-def test_the_first_calls_of_a_function_are_checked_in_each_test_and_then_one_of_so_many() -> None:
+def test_the_first_calls_of_a_function_are_checked_in_each_file_of_tests_and_then_one_of_so_many() -> None:
+    shape_checks.begin_test_of(Path("one.py"))
     assert refused(shape_checks.FIRST) == shape_checks.FIRST
     assert refused(5 * shape_checks.EVERY) == 5
-    shape_checks.begin_test()
+    shape_checks.begin_test_of(Path("one.py"))
+    assert refused(shape_checks.FIRST) == 0
+    shape_checks.begin_test_of(Path("another.py"))
     assert refused(shape_checks.FIRST) == shape_checks.FIRST
 
 
