@@ -46,6 +46,8 @@ class LegTracks(Rows):
     last: Float[Array, "n"]  # evidence in the last scan [nat]
     born_at: Float[Array, "n 2"]  # first position [m]
     seen_from: Float[Array, "n 2"]  # where the scanner was then [m]
+    born_by: Int[Index, "n"]  # which scanner started it
+    scanner: Int[Index, "n"]  # which scanner measured it last: only its scans tell whether the person exists
     farthest: Float[Array, "n"]  # greatest distance from the first position [m]
     free: Float[Array, "n"]  # looks before it that saw its place free
     hit: Float[Array, "n"]  # looks before it that saw something there
@@ -55,14 +57,16 @@ class LegTracks(Rows):
         return len(self.missed)
 
     @classmethod
-    def started(cls, state: ImmState, evidence: Float[Array, "n"], scanner: Float[Array, "2"], log_odds: float) -> Self:
-        """Return new tracks whose clusters have this evidence [nat]."""
+    def started(
+        cls, state: ImmState, evidence: Float[Array, "n"], scanner: int, seen_from: Float[Array, "2"], log_odds: float
+    ) -> Self:
+        """Return new tracks whose clusters have this evidence [nat]; seen_from: where the scanner is [m]."""
         n = len(state)
         place = state.mean[:2, 0].T.copy()
-        zeros = np.zeros(n)
+        zeros, by = np.zeros(n), np.full(n, scanner)
         return cls(
-            state, np.zeros((n, len(SHOWN))), zeros, evidence, evidence, place, np.tile(scanner, (n, 1)), zeros, zeros,
-            zeros, np.full(n, log_odds),
+            state, np.zeros((n, len(SHOWN))), zeros, evidence, evidence, place, np.tile(seen_from, (n, 1)), by, by, zeros,
+            zeros, zeros, np.full(n, log_odds),
         )  # fmt: skip
 
     def faded(self, elapsed_s: float) -> Self:
@@ -70,9 +74,13 @@ class LegTracks(Rows):
         return self.changed(sums=self.sums * np.exp(-elapsed_s / MEMORY_S))
 
     def looked(
-        self, track: Int[Index, "p"], shown: Float[Array, "p shown"], p_detect: Float[Array, "n"], elapsed_s: float
-    ) -> Self:
-        """Return the tracks after a scan in which those at `track` were measured; p_detect: of all of them."""
+        self, track: Int[Index, "p"], shown: Float[Array, "p shown"], p_detect: Float[Array, "n"], elapsed_s: float,
+        scanner: int,
+    ) -> Self:  # fmt: skip
+        """Return the tracks after a scan in which those at `track` were measured.
+
+        p_detect: of all of them; elapsed_s: since this scanner's last scan, which may have seen whom no other one sees.
+        """
         sums = self.sums.copy()
         sums[track] += min(elapsed_s, MEMORY_S) * shown
         missed = p_detect.copy()
@@ -86,17 +94,18 @@ class LegTracks(Rows):
             sums=sums,
             missed=self.missed + share * certain * (missed - self.missed),
             best=written(self.best, track, np.maximum(self.best[track], leg)),
-            last=written(np.full(len(self), NO_LEG), track, leg),
+            last=written(np.where(self.scanner == scanner, NO_LEG, self.last), track, leg),
+            scanner=written(self.scanner, track, np.full(len(track), scanner)),
         )
 
     def features(
         self, places: Float[Array, "n 2"], speed: Float[Array, "n"], spread: Float[Array, "n"], age: Float[Array, "n"],
-        scanner: Float[Array, "2"], driving: float, step_rad: float, period_s: float,
+        scanner: int, scanners: Float[Array, "s 2"], driving: float, step_rad: float, period_s: float,
     ) -> Float[Array, "n features"]:  # fmt: skip
-        """Return `TRACK_FEATURES` of the tracks at these places [m].
+        """Return `TRACK_FEATURES` of the tracks at these places [m], as one scanner sees them.
 
-        scanner: where it is [m]; driving: its speed [m/s] and turn rate [rad/s] together; step_rad: between its beams;
-        period_s: since the scan before, for a slow scanner says as much about a track in one look as a fast one in many.
+        scanners: where all of them are [m]; driving: its speed [m/s] and turn rate [rad/s] together; step_rad: between its
+        beams; period_s: since its scan before, for a slow scanner says as much about a track in one look as a fast one in many.
         """
         look, *others = self.sums.T
         leg, second, both, square, samples, width, width_square, around, surprise, *_ = (
@@ -110,10 +119,11 @@ class LegTracks(Rows):
         )
         beside = np.where(better, apart, _BESIDE_M).min(axis=1, initial=_BESIDE_M)
         rival = np.where(better & (apart < _RIVAL_M), self.log_odds, _NO_RIVAL).max(axis=1, initial=_NO_RIVAL)
-        away = np.hypot(*(places - scanner).T)
+        away = np.hypot(*(places - scanners[scanner]).T)
+        driven = np.hypot(*(self.seen_from - scanners[self.born_by]).T)
         return np.column_stack([
             leg, second, self.best, both, look, self.missed, self.farthest, speed, np.minimum(age, 10.0), away,
-            np.hypot(*(self.seen_from - scanner).T), (self.free + 0.5) / (self.free + self.hit + 1), np.log1p(self.free),
+            driven, (self.free + 0.5) / (self.free + self.hit + 1), np.log1p(self.free),
             np.log1p(self.hit), spread, beside, np.sqrt(np.maximum(square - leg**2, 0)), samples, width,
             np.sqrt(np.maximum(width_square - width**2, 0)), around, surprise, gap, self.last,
             np.full(len(self), driving), away * step_rad, (apart < _NEAR_M).sum(axis=1) - 1.0, rival,

@@ -33,7 +33,7 @@ from trackers.rig import LaserSensor, Rig
 from trackers.tracking.roster import Roster
 from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
 from trackers.tracking.synced_tracker import SynchronizedTracker
-from trackers.tracking.track_manager import TrackManager, measured_now
+from trackers.tracking.track_manager import TrackManager
 from trackers.tracks import Detection, Track, TrackFrame
 
 EXISTENCE = Path(__file__).with_name("existence.npz")
@@ -73,11 +73,12 @@ class LaserLegs(SynchronizedTracker):
         self.unused_sensors = [
             name for name in rig.sensors if name not in self._names and name not in self.scanners.bases
         ]
-        none = LegTracks.started(self._imm.start(np.empty((0, 2))), np.empty(0), np.zeros(2), _NO_PERSON)
+        none = LegTracks.started(self._imm.start(np.empty((0, 2))), np.empty(0), 0, np.zeros(2), _NO_PERSON)
         self.roster: Roster[LegTracks] = Roster.started(none, 0)
         self.ns = 0
         self._predicted_ns: int | None = None
-        self._frame_ns = 0
+        self._scanned_ns: dict[str, int] = {}
+        self._frame_ns = self._since_ns = 0  # of the last frame, and of the first of its scans
         self._seen: list[Detection] = []
         self.features = np.empty((0, len(TRACK_FEATURES)))
         """Evidence of the tracks that the last scan found; those that it initiated follow them in the roster."""
@@ -106,7 +107,7 @@ class LaserLegs(SynchronizedTracker):
             places, velocities = frame.to_rig(places, velocities)
         shown &= self.manager.inside(places)
         shown[shown] = likeliest(places[shown], state.log_odds[shown], self.options.report_apart_m)
-        measured = measured_now(roster, self._frame_ns)
+        measured = roster.measured_ns >= self._since_ns
         return [
             Track(
                 int(roster.id[k]), *places[k].tolist(), *velocities[k].tolist(),
@@ -128,28 +129,31 @@ class LaserLegs(SynchronizedTracker):
 
     def _work(self, synced: SyncedFrame) -> None:
         self.ns = self._frame_ns = synced.ns
-        for name in self._names:
-            scan = synced.observations.get(name)
-            if isinstance(scan, LaserScan) and scan.ranges_m.size and not self.scanners.is_tilted(scan):
-                self._take(name, self.scanners.upright(scan))
+        scans = [scan for name in self._names if isinstance(scan := synced.observations.get(name), LaserScan)]
+        self._since_ns = min((scan.stamp_ns for scan in scans), default=synced.ns)
+        for scan in sorted(scans, key=lambda scan: scan.stamp_ns):
+            if scan.ranges_m.size and not self.scanners.is_tilted(scan):
+                self._take(self.scanners.upright(scan))
         self._predict(synced.ns)
         kept = self.manager.lasting(self.roster, synced.ns)
         self.features = self.features[kept[: len(self.features)]]
         self.roster = self.roster.select(kept)
 
-    def _predict(self, ns: int) -> float:
-        """Predict all tracks to a stamp; return the time since the last one [s]."""
+    def _predict(self, ns: int) -> None:
+        """Predict all tracks to a stamp."""
         elapsed = 0.0 if self._predicted_ns is None else max(ns - self._predicted_ns, 0) / NS_PER_S
         self._predicted_ns = ns if self._predicted_ns is None else max(ns, self._predicted_ns)
         if elapsed > 0 and len(self.roster):
             state = self.roster.state
             state = state.changed(filter=self._imm.predict_over(state.filter, min(elapsed, 10.0), _PERIOD_S))
             self.roster = self.roster.changed(state=state.faded(elapsed))
-        return elapsed
 
-    def _take(self, name: str, scan: LaserScan) -> None:
+    def _take(self, scan: LaserScan) -> None:
         """Take the tracks on by a scan."""
-        options, elapsed = self.options, self._predict(scan.stamp_ns)
+        options, ns = self.options, scan.stamp_ns
+        self._predict(ns)
+        elapsed = max(ns - self._scanned_ns.get(scan.sensor, ns), 0) / NS_PER_S
+        self._scanned_ns[scan.sensor] = ns
         clusters = leg_clusters(scan)
         evidence = self._classifier.evidence(scan, clusters)
         still = np.ones(scan.ranges_m.size, np.bool_)
@@ -163,7 +167,7 @@ class LaserLegs(SynchronizedTracker):
         count = scan.ranges_m.size
         across_seam = count * (legs.last_beam < legs.first_beam)
         places = frame.placed(scan, back, (legs.first_beam + legs.last_beam + across_seam) / 2 % count)
-        self._tell(name, places[evidence > options.start_evidence])
+        self._tell(scan.sensor, places[evidence > options.start_evidence])
         free = self._update(scan, frame, legs, places, evidence, elapsed)
         self._initiate(scan, frame, places[free], evidence[free])
 
@@ -194,37 +198,33 @@ class LaserLegs(SynchronizedTracker):
         spread = np.sqrt(np.maximum(covariance[:, 0, 0] + covariance[:, 1, 1], 0.0) / 2)
         reach_m = np.minimum(options.reach_m + spread, _REACH_GROWS_TO_M)
         owner = np.full(len(places), -1)
-        for group in (
-            self.roster.confirmed,
-            ~self.roster.confirmed,
-        ):  # who is known takes both legs before a newer track one
+        # who is known takes both legs before a newer track one
+        for group in (self.roster.confirmed, ~self.roster.confirmed):
             members, free = group.nonzero()[0], (owner < 0).nonzero()[0]
             taken = assigned(mean[members, :2], reach_m[members], places[free], evidence[free])
             owner[free[taken >= 0]] = members[taken[taken >= 0]]
         free = owner < 0
         track, position, first, second, both = _measured(owner, places, evidence)
         shown = _shown(legs, places, evidence, first, second, both, np.hypot(*(position - mean[track, :2]).T))
-        R = (
-            np.eye(2)
-            * np.where(both, options.measurement_m**2, options.measurement_m**2 + _OTHER_LEG_M2)[:, None, None]
-        )
-        filter_ = self._imm.update(state.filter, track, position, R)
+        variance = options.measurement_m**2 + np.where(both, 0.0, _OTHER_LEG_M2)
+        filter_ = self._imm.update(state.filter, track, position, np.eye(2) * variance[:, None, None])
         p_detect = self._detection.seen(scan, frame.seen_from(mean[:, :2]).T)
-        state = state.changed(filter=filter_).looked(track, shown, p_detect, max(elapsed, 1e-3))
-        self.roster = self._evaluated(
-            self.roster.measured(track, ns, state), frame, scan.t, elapsed, scan.angle_increment_rad
+        state = state.changed(filter=filter_).looked(
+            track, shown, p_detect, max(elapsed, 1e-3), self._names.index(scan.sensor)
         )
+        self.roster = self._evaluated(self.roster.measured(track, ns, state), scan, frame, elapsed)
         return free
 
     def _evaluated(
-        self, roster: Roster[LegTracks], frame: SensorFrame, t: float, elapsed: float, step_rad: float
+        self, roster: Roster[LegTracks], scan: LaserScan, frame: SensorFrame, elapsed: float
     ) -> Roster[LegTracks]:
-        """Find the existence of all tracks, and confirm those that exist."""
-        state = roster.state
+        """Find the existence of the tracks that this scanner measured last, and confirm those that exist."""
+        state, scanner = roster.state, self._names.index(scan.sensor)
+        own = state.scanner == scanner
         mean, covariance = self._imm.estimate(state.filter)
         places = mean[:, :2]
         looks = frame.looks(places, roster.born_ns / NS_PER_S - 0.3)
-        informed = looks.free + looks.hit > 0
+        informed = own & (looks.free + looks.hit > 0)
         shift = np.hypot(*(places - state.born_at).T)
         state = state.changed(
             free=np.where(informed, looks.free, state.free), hit=np.where(informed, looks.hit, state.hit),
@@ -235,17 +235,18 @@ class LaserLegs(SynchronizedTracker):
             places,
             np.hypot(mean[:, 2], mean[:, 3]),
             spread,
-            t - roster.born_ns / NS_PER_S,
-            frame.pose[:2],
+            scan.t - roster.born_ns / NS_PER_S,
+            scanner,
+            np.array([self.scanners.of[name].pose[:2] for name in self._names]),
             frame.driving,
-            step_rad,
+            scan.angle_increment_rad,
             elapsed,
         )
         verdict = self._existence.score(self.features)
         follow = 1 - np.exp(-max(elapsed, 1e-3) / _EXISTENCE_S)
-        state = state.changed(log_odds=state.log_odds + follow * (verdict - state.log_odds))
+        state = state.changed(log_odds=state.log_odds + own * follow * (verdict - state.log_odds))
         roster = roster.changed(state=state)
-        new = self.manager.to_confirm(roster, self.ns, round(elapsed * NS_PER_S))
+        new = self.manager.to_confirm(roster, scan.stamp_ns, round(elapsed * NS_PER_S))
         new &= state.log_odds > _nats(self.options.existence)
         return self.manager.confirm(roster, new)
 
@@ -262,7 +263,13 @@ class LaserLegs(SynchronizedTracker):
             if self.manager.may_start(place[None], self.places())[0]:
                 of_place = evidence[np.hypot(*(places - place).T) <= PAIR_M]
                 state = self._imm.start(place[None], position_variance_m2=0.02, speed_variance=1.0)
-                new = LegTracks.started(state, of_place.max(initial=NO_LEG)[None], frame.pose[:2], _NO_PERSON)
+                new = LegTracks.started(
+                    state,
+                    of_place.max(initial=NO_LEG)[None],
+                    self._names.index(scan.sensor),
+                    frame.pose[:2],
+                    _NO_PERSON,
+                )
                 self.roster = self.roster.joined(Roster.started(new, scan.stamp_ns))
 
     def _tell(self, name: str, places: Float[Array, "k 2"]) -> None:

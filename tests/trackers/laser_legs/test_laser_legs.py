@@ -185,6 +185,25 @@ def test_two_robots_tell_of_one_person_in_one_frame():
     assert max(len(frame.tracks) for frame in frames[20:]) == 1
 
 
+@pytest.mark.parametrize("sees", [0, 1])
+def test_people_whom_one_of_two_low_scanners_sees_are_found_whatever_its_stamps(sees):
+    pose = STANDING[0][0]
+    rig = Rig(
+        sensors={f"scan_{k}": rig_at(pose).sensors["scan"].model_copy(update={"topic": f"/scan_{k}"}) for k in range(2)}
+    )
+    fed = []
+    for step in range(50):
+        for k in range(2):
+            t = 0.1 * step + 0.04 * k
+            legs = legs_at((WALKER[0] + WALKER[2] * t, WALKER[1] + WALKER[3] * t), np.arctan2(WALKER[3], WALKER[2]), t)
+            scan = scan_at(pose, t, 0.05, np.zeros(3), [*POSTS, *(legs if k == sees else [])])
+            fed.append(replace(scan, sensor=f"scan_{k}"))
+    tracker = make_tracker("laser-legs", rig, (), np.random.default_rng(0), {"report_in": "matched"})
+    frames = [frame for frame in track_frames(tracker, rig, fed) if frame.stamp_ns % (NS_PER_S // 10) == 0]
+    assert misses(frames, WALKER) <= 3
+    assert {track.status for frame in frames[20:30] for track in frame.tracks} == {"confirmed"}
+
+
 def test_scans_of_a_tilting_mast_are_left_out_and_told():
     path, motions = drive()
     rig = Rig(
