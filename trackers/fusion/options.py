@@ -77,6 +77,12 @@ class FusionTrackManagementOptions(TrackManagementOptions):
         gt=0,
         description="how long people are upright on average before they are lower than trunks are looked for [s]",
     )
+    within_m: float = Field(
+        default=0.5,
+        gt=0,
+        description="a coasting track is reported while its person exists and stands this near to the reported place more "
+        "probably than not [m]",
+    )
 
 
 class FusionOptions(Strict):

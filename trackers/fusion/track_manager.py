@@ -12,6 +12,7 @@ from trackers.filters.negative_information import (
     existence_after_detection,
     existence_after_miss,
     miss_probability,
+    probability_within,
     update_missed,
 )
 from trackers.filters.rows import written
@@ -231,9 +232,11 @@ class FusionTrackManager(TrackManager):
         return ns - people.roster.measured_ns <= nanoseconds(_FRESH_S)
 
     def to_report(self, people: People, ns: int) -> Bool[Mask, "n"]:
-        """Select the confirmed tracks that are measured, or whose person is probably there."""
-        there = (people.existence > 0.5) & self.inside(people.positions)
-        return self.reported(people.roster, ns) & (self.is_fresh(people, ns) | there)
+        """Select the confirmed tracks that are measured, or whose person is probably there and near the reported place."""
+        reported, fresh = self.reported(people.roster, ns), self.is_fresh(people, ns)
+        within = probability_within(people.state, people.positions, self._rules.within_m, people.velocity.T)
+        there = (people.existence * within > 0.5) & self.inside(people.positions)
+        return reported & (fresh | there)
 
     def without_doubles(self, people: People, elapsed_s: float) -> People:
         """Delete the younger of two tracks that have been at one place for long; tentative ones at once."""

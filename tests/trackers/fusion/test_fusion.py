@@ -137,6 +137,7 @@ SEEN_ELSEWHERE = {
     "track_management.tentative_coast_s": "a person who flickers",
     "track_management.coast_s": "a person whom nothing shows for seconds",
     "track_management.lies_down_s": "a person who lies down",
+    "track_management.within_m": "a person whom nothing shows for seconds",
 }
 """Options whose effect takes people that short recordings lack."""
 
