@@ -153,11 +153,11 @@ def test_who_lies_out_of_every_scan_is_not_merged_for_the_rig():
 def test_situations_are_told_in_the_order_of_their_ends():
     two = {"waist": WAIST | {"rate_hz": 25}, "east": EAST | {"rate_hz": 10, "phase_s": 0.03}}
     people = {name: {"script": {"kind": "wander"}} for name in "abcdefgh"}
-    crowd = scenario(people, two, 12.0, area=[[-2, -1.5], [2, -1.5], [2, 1.5], [-2, 1.5]])
+    crowd = scenario(people, two, 7.0, area=[[-2, -1.5], [2, -1.5], [2, 1.5], [-2, 1.5]])
     details, _ = details_of(crowd)
     told = [each for each in details if isinstance(each, Situation) and each.complete]
     assert {each.kind for each in told} == {"interaction", "correlated", "merged", "merged_rig"}
-    ends = [each.end_ns for each in told if each.end_ns <= 11_500_000_000]
+    ends = [each.end_ns for each in told if each.end_ns <= 6_500_000_000]
     assert ends == sorted(ends)
 
 

@@ -51,10 +51,10 @@ def test_activities_come_by_person_in_order_of_time(everyday):
     assert len({(each.person, each.verb) for each in everyday}) == len(everyday)
 
 
-def test_a_posture_is_shown_when_it_is_reached():
+def test_a_posture_is_shown_when_it_is_reached(everyday):
     scenario = load_scenario("everyday")
     world = populate(scenario, build_scene(scenario))
-    sits = next(each for each in found(scenario) if each.person == "anna" and each.verb == "sits")
+    sits = next(each for each in everyday if each.person == "anna" and each.verb == "sits")
     world.advance(sits.t)
     truth = world.truth(sits.t)
     place = world.names.index("anna")

@@ -62,7 +62,7 @@ def test_a_chair_before_a_desk_is_sat_on_or_refused(gap_m: float, height_m: floa
         assert gap_m < 0.7 and "people.anna.script.0.seat" in refused and "'desk' is in the way" in refused
         return
     assert gap_m > 0.3 or height_m > 1.5
-    population = at_end(world, 19.0).population
+    population = at_end(world, 13.0).population
     assert population.holds_posture()[0] and not population.under_way[0] and population.late() == []
 
 

@@ -137,8 +137,8 @@ def test_who_sits_is_on_the_seat_and_shares_the_weight_with_it() -> None:
 
 def test_who_is_kept_from_the_last_steps_to_a_seat_tries_again(monkeypatch: pytest.MonkeyPatch) -> None:
     def sits_at_s() -> float:
-        run = moments({"anna": act({"kind": "sit", "seat": "chair_left", "for_s": 4})}, 20)
-        return next(moment.t for moment in run if moment.truth.z < 0.65)
+        sits = scenario({"anna": act({"kind": "sit", "seat": "chair_left", "for_s": 4})})
+        return next(moment.t for moment in watch(World(sits), 20) if moment.truth.z < 0.65)
 
     usual_s = sits_at_s()
     stands_near, kept = Postures.stands_near, iter([True])
