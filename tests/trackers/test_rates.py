@@ -15,7 +15,7 @@ from twin import Simulation, evaluate_tracks, load_scenario, stream, track_frame
 
 pytestmark = pytest.mark.slow
 
-TRACKERS = ("laser-imm", "laser-kalman", "laser-vision-learning-laser", "sort")
+TRACKERS = ("laser-imm", "laser-kalman", "laser-legs", "laser-vision-learning-laser", "sort")
 Recorded = tuple[Rig, list[Observation], list[Observation], list]
 
 
