@@ -18,6 +18,7 @@ from trackers.configuration import validate
 from trackers.filters.gating import distances, max_weight_assignment
 from trackers.filters.imm import Imm
 from trackers.filters.motion import VelocityMotion
+from trackers.filters.rows import written
 from trackers.frames.rig_frames import RigFrames
 from trackers.frames.sensor_frame import SensorFrame
 from trackers.laser.bearings import DetectionModel, DetectionOptions, beams_of_turn
@@ -242,9 +243,10 @@ class LaserLegs(SynchronizedTracker):
             scan.angle_increment_rad,
             elapsed,
         )
-        verdict = self._existence.score(self.features)
+        verdict = self._existence.score(self.features[own])
         follow = 1 - np.exp(-max(elapsed, 1e-3) / _EXISTENCE_S)
-        state = state.changed(log_odds=state.log_odds + own * follow * (verdict - state.log_odds))
+        before = state.log_odds[own]
+        state = state.changed(log_odds=written(state.log_odds, own, before + follow * (verdict - before)))
         roster = roster.changed(state=state)
         new = self.manager.to_confirm(roster, scan.stamp_ns, round(elapsed * NS_PER_S))
         new &= state.log_odds > _nats(self.options.existence)
@@ -254,7 +256,7 @@ class LaserLegs(SynchronizedTracker):
         self, scan: LaserScan, frame: SensorFrame, places: Float[Array, "k 2"], evidence: Float[Array, "k"]
     ) -> None:
         """Start tracks at legs that are nobody's, two to each where they are close."""
-        strong = evidence > self.options.start_evidence
+        strong, scanner = evidence > self.options.start_evidence, self._names.index(scan.sensor)
         places, evidence = places[strong], evidence[strong]
         if len(places) == 0:
             return
@@ -263,13 +265,8 @@ class LaserLegs(SynchronizedTracker):
             if self.manager.may_start(place[None], self.places())[0]:
                 of_place = evidence[np.hypot(*(places - place).T) <= PAIR_M]
                 state = self._imm.start(place[None], position_variance_m2=0.02, speed_variance=1.0)
-                new = LegTracks.started(
-                    state,
-                    of_place.max(initial=NO_LEG)[None],
-                    self._names.index(scan.sensor),
-                    frame.pose[:2],
-                    _NO_PERSON,
-                )
+                best = of_place.max(initial=NO_LEG)[None]
+                new = LegTracks.started(state, best, scanner, frame.pose[:2], _NO_PERSON)
                 self.roster = self.roster.joined(Roster.started(new, scan.stamp_ns))
 
     def _tell(self, name: str, places: Float[Array, "k 2"]) -> None:

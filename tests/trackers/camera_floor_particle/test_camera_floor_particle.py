@@ -395,7 +395,9 @@ def test_windows_are_like_references_by_the_bhattacharyya_coefficient(pixels):
     there = np.flatnonzero(seen[1])
     roots = np.sqrt(np.random.default_rng(0).dirichlet(np.ones(110), 2))
     alike = view.similarity(places[:, there], at[1, there], window, padded_roots(roots), np.arange(len(there)) % 2)
-    for place, pixel, root, found in zip(places[:, there].T, at[1, there], np.tile(roots, (2, 1)), alike, strict=False):
+    for place, pixel, root, found in zip(
+        places[:, there].T, at[1, there], roots[np.arange(len(there)) % 2], alike, strict=True
+    ):
         counts = view.samples(place[:, None], pixel[None], window, window.samples).histograms()[0]
         whole = counts.sum() if pixels == "all" else np.prod(window.samples)
         np.testing.assert_allclose(found, np.sqrt(counts / whole) @ root, rtol=1e-6)

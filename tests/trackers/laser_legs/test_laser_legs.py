@@ -25,12 +25,17 @@ def rig_at(pose) -> Rig:
     return Rig(sensors={"scan": LaserSensor(topic="/scan", room_from_sensor=Pose(xyz=(x, y, 0.3), rpy=(0, 0, yaw)))})
 
 
+def legs_of(person, t):
+    x, y, vx, vy = person
+    return legs_at((x + vx * t, y + vy * t), np.arctan2(vy, vx), t)
+
+
 def scanned(path, motions, people):
     """Scans of people (x, y, vx, vy) who walk on straight lines."""
     scans = []
     for k, (pose, motion) in enumerate(zip(path, motions, strict=True)):
         t = 0.1 * k
-        legs = [leg for x, y, vx, vy in people for leg in legs_at((x + vx * t, y + vy * t), np.arctan2(vy, vx), t)]
+        legs = [leg for person in people for leg in legs_of(person, t)]
         scans.append(scan_at(pose, t, 0.05, motion, [*POSTS, *legs]))
     return scans
 
@@ -87,9 +92,7 @@ def test_a_clockwise_scanner_that_drives_places_each_beam_at_its_own_time(stands
     x, y, yaw = path[0]
     scans = []
     for k, (pose, motion) in enumerate(zip(path, motions, strict=True)):
-        place = np.array(WALKER[:2]) + 0.1 * k * np.array(WALKER[2:])
-        legs = legs_at(place, np.arctan2(WALKER[3], WALKER[2]), 0.1 * k)
-        scans.append(scan_at(pose, 0.1 * k, 0.09, motion, [*POSTS, *legs]))
+        scans.append(scan_at(pose, 0.1 * k, 0.09, motion, [*POSTS, *legs_of(WALKER, 0.1 * k)]))
     tracks = {}
     for side in (1, -1):  # the room, and as in a mirror
         roll = 0.0 if side == 1 or stands_upright else np.pi
@@ -130,7 +133,7 @@ def with_odometry(path, motions, people, slip: float = 1.0):
     fed = []
     for k, (pose, motion) in enumerate(zip(path, motions, strict=True)):
         t = 0.1 * k
-        legs = [leg for x, y, vx, vy in people for leg in legs_at((x + vx * t, y + vy * t), np.arctan2(vy, vx), t)]
+        legs = [leg for person in people for leg in legs_of(person, t)]
         x, y, yaw = odometry[k]
         matrix = np.eye(4)
         matrix[:2, :2] = [[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]
@@ -179,7 +182,7 @@ def test_two_robots_tell_of_one_person_in_one_frame():
     for step in range(len(paths[0])):
         for k, path in enumerate(paths):
             t = 0.1 * step + 0.04 * k
-            legs = legs_at((WALKER[0] + WALKER[2] * t, WALKER[1] + WALKER[3] * t), np.arctan2(WALKER[3], WALKER[2]), t)
+            legs = legs_of(WALKER, t)
             odometry = between(path[0], path[step]) * (1.1 - 0.2 * k, 1.0, 1.0)
             scan = scan_at(path[step], t, 0.05, motions[k][step], [*POSTS, *legs])
             fed += [Odometry(f"base_{k}", scan.stamp_ns, matrix_of(odometry)), replace(scan, sensor=f"scan_{k}")]
@@ -201,7 +204,7 @@ def test_people_whom_one_of_two_low_scanners_sees_are_found_whatever_its_stamps(
     for step in range(50):
         for k in range(2):
             t = 0.1 * step + 0.04 * k
-            legs = legs_at((WALKER[0] + WALKER[2] * t, WALKER[1] + WALKER[3] * t), np.arctan2(WALKER[3], WALKER[2]), t)
+            legs = legs_of(WALKER, t)
             scan = scan_at(pose, t, 0.05, np.zeros(3), [*POSTS, *(legs if k == sees else [])])
             fed.append(replace(scan, sensor=f"scan_{k}"))
     tracker = make_tracker("laser-legs", rig, (), np.random.default_rng(0), {"report_in": "matched"})
