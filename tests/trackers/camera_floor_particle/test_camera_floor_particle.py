@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -42,6 +43,12 @@ def follow(observations=SEEN, on=RIG, room=ROOM, name="camera-floor-particle", *
     return list(track_frames(make_tracker(name, on, room, np.random.default_rng(0), options), on, observations))
 
 
+@cache
+def followed() -> list[TrackFrame]:
+    """What the tracker as it is makes of the recording as it is."""
+    return follow()
+
+
 def test_the_velocity_keeps_its_share_of_the_last_one():
     before, way = np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 0.1, 0.0]])
     assert smoothed(before, way, 0.1, MotionOptions(memory=0.0)) == pytest.approx(np.array([[0.0, 1.0, 0.0]]))
@@ -78,7 +85,7 @@ def floor_of(values):
 
 
 def test_three_people_keep_their_numbers_and_heads_are_on_top():
-    frames = follow()
+    frames = followed()
     errors, ids = end_errors(frames)
     assert (errors < 0.15).all() and sorted(ids) == [1, 2, 3]
     began = {track.id: (track.x, track.y) for frame in frames for track in reversed(frame.tracks)}
@@ -150,7 +157,7 @@ def test_a_frozen_camera_says_nothing():
 
 
 def test_particles_and_windows_are_told_of_everybody():
-    frame = follow()[-1]
+    frame = followed()[-1]
     assert [each.id for each in frame.maps] == 2 * [track.id for track in frame.tracks]
     for number, each in enumerate(frame.maps):
         track, is_head = frame.tracks[number % 3], number >= 3
@@ -292,7 +299,7 @@ def test_who_is_felt_in_every_other_frame_waits_for_a_track_as_long_as_the_optio
 
 
 def test_the_same_recording_gives_the_same_bits():
-    assert repr(follow()[-1]) == repr(follow()[-1])
+    assert repr(follow()[-1]) == repr(followed()[-1])
 
 
 def test_everybody_dropped_coasts_and_says_so():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import signal
 import sqlite3
 import subprocess
@@ -66,6 +67,15 @@ def run_made_up(suite: Path, folder: Path, jobs: int = 1, **more: object) -> Non
     loaded, path = load_suite(suite)
     cache = RecordingCache(folder.parent / "cache", 10**6)
     run_suite(loaded, path, folder, cache, Workers(jobs=jobs), function=result_of, **more)
+
+
+@pytest.fixture(scope="module")
+def made_up(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the suite's file and, in `out`, its whole run; tests spoil copies of it."""
+    folder = tmp_path_factory.mktemp("made-up")
+    (folder / "made-up.yaml").write_text(SUITE)
+    run_made_up(folder / "made-up.yaml", folder / "out")
+    return folder
 
 
 def rows(folder: Path, query: str) -> list[tuple]:
@@ -468,9 +478,9 @@ def test_files_that_are_no_baseline_and_no_results_are_told(tmp_path: Path, monk
     ],
 )
 def test_results_that_were_spoiled_are_told_in_one_sentence(
-    statement: str, said: str, suite: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    statement: str, said: str, made_up: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    run_made_up(suite, tmp_path / "out")
+    shutil.copytree(made_up / "out", tmp_path / "out")
     rows(tmp_path / "out", statement)
     for arguments in (("show", str(tmp_path / "out")), ("compare", str(tmp_path / "out"), str(tmp_path / "out"))):
         _, _, error = command(monkeypatch, *arguments)
@@ -479,17 +489,17 @@ def test_results_that_were_spoiled_are_told_in_one_sentence(
 
 
 @pytest.mark.parametrize("statement", ["DROP TABLE moments", "DROP TABLE cases"])
-def test_a_run_is_not_taken_up_in_a_spoiled_file(statement: str, suite: Path, tmp_path: Path) -> None:
-    run_made_up(suite, tmp_path / "out")
+def test_a_run_is_not_taken_up_in_a_spoiled_file(statement: str, made_up: Path, tmp_path: Path) -> None:
+    shutil.copytree(made_up / "out", tmp_path / "out")
     rows(tmp_path / "out", statement)
     with pytest.raises(InputError, match="is no file of results"):
-        run_made_up(suite, tmp_path / "out", resume=True)
+        run_made_up(made_up / "made-up.yaml", tmp_path / "out", resume=True)
 
 
 @pytest.mark.parametrize("table", [None, "moments", "results"])
-def test_a_run_is_not_taken_up_in_a_damaged_file(table: str | None, suite: Path, tmp_path: Path) -> None:
+def test_a_run_is_not_taken_up_in_a_damaged_file(table: str | None, made_up: Path, tmp_path: Path) -> None:
     """Cut, or with a page of a table overwritten."""
-    run_made_up(suite, tmp_path / "out")
+    shutil.copytree(made_up / "out", tmp_path / "out")
     path = tmp_path / "out" / "results.sqlite"
     content = bytearray(path.read_bytes())
     if table is None:
@@ -502,7 +512,7 @@ def test_a_run_is_not_taken_up_in_a_damaged_file(table: str | None, suite: Path,
         content[(page - 1) * size : page * size] = bytes([255]) * size
     path.write_bytes(content)
     with pytest.raises(InputError, match=r"results.sqlite: is (no file of results|damaged)"):
-        run_made_up(suite, tmp_path / "out", resume=True)
+        run_made_up(made_up / "made-up.yaml", tmp_path / "out", resume=True)
 
 
 def test_the_cache_command_says_how_much_and_empties(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
