@@ -12,9 +12,10 @@ from trackers.cameras.placed import PlacedCamera, through_people
 from trackers.environment import Environment
 from trackers.filters.gating import distances
 from trackers.fusion.look import Expected, Look, detections_of, round_covariance
-from trackers.fusion.motion import OUTLINE, PLACE
+from trackers.fusion.motion import HEAD_PLACE, OUTLINE
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.posture import DEPTH_SHOWN, SILHOUETTE_SHOWN
+from trackers.likelihood.stereo_head import RangeOptions
 from trackers.observations import DepthImage, Image, Observation
 from trackers.rig import CameraSensor, Rig, StereoSensor
 from trackers.tracking.track_manager import clear_of
@@ -133,7 +134,11 @@ class Camera:
         head = np.concatenate([np.reshape(heads, (-1, 3)), new])
         owner = np.concatenate([np.array(owners, np.intp), np.full(len(new), -1)])
         drop_m = np.maximum(1.2 - head[:, 2], 0.0)
+        sight = head - self.camera.eye_m
+        squared = (sight**2).sum(axis=1)
+        along_m2 = RangeOptions().sigma(squared) ** 2 / squared
         covariance = round_covariance(self._kind.sigma_m**2 + (0.5 * drop_m) ** 2)
+        covariance += along_m2[:, None, None] * sight[:, :2, None] * sight[:, None, :2]
         return self._looked(head[:, :2], covariance, expected, ns, owner, head)
 
     def _looked(self, position, covariance, expected: Expected, ns: int, owner, head=None) -> Look:
@@ -150,8 +155,7 @@ class Camera:
             owner,
             lambda points: self._missed(points, expected),
             by_posture=DEPTH_SHOWN if self._stereo is not None else SILHOUETTE_SHOWN,
-            observes=OUTLINE if head is None else PLACE,
-            head=head,
+            observes=OUTLINE if head is None else HEAD_PLACE,
             shown=detections_of(ns, self.names, "person", position, covariance),
         )
 

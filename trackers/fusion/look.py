@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from trackers.arrays import Array, Bool, Float, Index, Int, Mask
-from trackers.fusion.motion import LEGS, PLACE
+from trackers.fusion.motion import HEAD_PLACE, LEGS, PLACE
 from trackers.fusion.options import KindOptions
 from trackers.fusion.posture import Shares
 from trackers.observations import Observation
@@ -32,7 +32,7 @@ class Look:
     owner: the track that a measurement is of, −1 where it is to be associated; starts: which may initiate a track; missed:
     the probability that the look would not show a standing person at room points (2, ...) [m], (...); by_posture: the
     detection probability of who stands, sits and lies, in that of who stands; is_sharp: whether `missed` tells one place from
-    another near by; observes: H of the measurements; head: heads, instead of the places.
+    another near by; observes: H of the measurements.
     """
 
     sensors: tuple[str, ...]
@@ -45,8 +45,12 @@ class Look:
     by_posture: Shares
     is_sharp: bool = False
     observes: Float[Array, "2 s"] = field(default_factory=lambda: PLACE)
-    head: Float[Array, "k 3"] | None = None  # [m]
     shown: tuple[Detection, ...] = field(default=())
+
+    @property
+    def of_heads(self) -> bool:
+        """Tell whether the measurements are of heads."""
+        return self.observes is HEAD_PLACE
 
     @property
     def of_legs(self) -> bool:

@@ -28,6 +28,7 @@ LEGS = PLACE + np.eye(2, 9, k=7)
 OUTLINE = PLACE + _OUTLINED * np.eye(2, 9, k=7)
 HEAD = np.eye(3, 9, k=4)
 HEAD[:2] += PLACE
+HEAD_PLACE = HEAD[:2]
 
 
 class PersonMotion(VelocityMotion):

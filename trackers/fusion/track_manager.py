@@ -173,17 +173,11 @@ class FusionTrackManager(TrackManager):
         posture = people.posture.weighed(row, np.minimum(log, 0.0))
         return people.changed(existence=written(people.existence, row, existence), posture=posture)
 
-    def updated_missed(
-        self, people: People, look: Look, shown: Bool[Mask, "n"], share: float, elapsed_s: float, ns: int
-    ) -> People:
-        """Update the tracks that a look did not show: lower, and those that no other did likelier hidden, or not to exist.
+    def updated_missed(self, people: People, look: Look, share: float, elapsed_s: float, ns: int) -> People:
+        """Update the tracks that neither a look nor another one of its stamp showed: likelier hidden, or not to exist.
 
         share: of a look's evidence.
         """
-        row = np.flatnonzero(~shown & (people.roster.measured_ns == ns))
-        seen = 1 - look.missed(people.positions[row].T) ** share
-        lower = np.log(np.maximum(1 - seen[:, None] * look.by_posture, 1e-3))
-        people = people.changed(posture=people.posture.weighed(row, lower))
         row = np.flatnonzero(people.roster.measured_ns < ns)
         if not row.size:
             return people

@@ -206,10 +206,9 @@ class Fusion(SynchronizedTracker):
         people = self._measured(people, paired, looks, ns)
         cameras = [each for k in numbers if isinstance(each := self._sources[k], Camera) and not doubted[k]]
         people = self._by_pictures(people, cameras, ns)
-        for (number, look), (row, *_) in zip(looks.items(), paired, strict=True):
+        for number, look in looks.items():
             if not doubted[number]:
-                shown = written(np.zeros(len(people), np.bool_), row, True)
-                people = self._manager.updated_missed(people, look, shown, share[number], elapsed_s[number], ns)
+                people = self._manager.updated_missed(people, look, share[number], elapsed_s[number], ns)
         people = self._manager.initiated(people, looks, [column for _, column, _ in paired], ns)
         self._people = self._manager.confirmed(people, ns, max(elapsed_s.values()))
 
@@ -255,18 +254,15 @@ class Fusion(SynchronizedTracker):
         pelvis = np.where(of_legs[:, None], place - people.legs[row], place)
         posture = posture.by_place(row, pelvis, np.hypot(*people.velocity[row].T), share)
         upright = np.maximum(1 - posture.low[row], _LEAST_SHARE)  # a lying person is not where a standing one would be
-        lean_m = np.where(posture.rests[row] & ~of_legs, _LEAN_M, 0.0)
+        of_heads = np.array([looks[n].of_heads for n in number])
+        lean_m = np.where(posture.rests[row] & ~of_legs & ~of_heads, _LEAN_M, 0.0)
         R = (covariance / share[:, None, None] + (lean_m**2)[:, None, None] * np.eye(2)) / upright[:, None, None]
         state = people.state
-        for (source, look), (rows, columns, _) in zip(looks.items(), paired, strict=True):
+        for (source, look), (rows, *_) in zip(looks.items(), paired, strict=True):
             of = number == source
             if look.of_legs:
                 posture = self._by_legs(people, posture, rows, place[of], covariance[of, 0, 0], since_s[of], ns)
-            if look.head is None:
-                state = self._imm.update(state, rows, place[of], R[of], look.observes)
-            else:
-                noise = np.eye(3) * (covariance[of, :1, :1] / share[of, None, None])
-                state = self._imm.update(state, rows, look.head[columns], noise, HEAD)
+            state = self._imm.update(state, rows, place[of], R[of], look.observes)
         people, each = people.changed(posture=posture), np.unique(row)
         people = people.changed(roster=people.roster.measured(each, ns, state))
         people = self._manager.detected(people, row, ratio, share * upright, kind["p_detect"])
@@ -276,7 +272,7 @@ class Fusion(SynchronizedTracker):
         seen_ns[row, number], seen_at[row, number] = ns, pelvis
         seat = people.positions
         for look, (rows, *_) in zip(looks.values(), paired, strict=True):
-            if look.head is not None:  # a pelvis is about under a sitting head
+            if look.of_heads:  # a pelvis is about under a sitting head
                 seat = written(seat, rows, people.head[rows, :2])
         still = np.exp(-0.5 * (np.hypot(*people.velocity.T) / _STILL_M_S) ** 2)
         return people.changed(
