@@ -18,8 +18,7 @@ from trackers.errors import InputError
 from twin.run.inputs import ChosenTracker
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
-from twin.studies import run as study_run
-from twin.studies import store
+from twin.studies import run as study_run, store
 from twin.studies.results import print_summary
 from twin.studies.run import run_study, write_results
 from twin.studies.worker import EvaluationTask, evaluate_task
