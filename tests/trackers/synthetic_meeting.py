@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 from synthetic_home import corner
 
+from trackers.cameras import PlacedCamera
 from trackers.cameras.intrinsics import PinholeIntrinsics
 from trackers.observations import NS_PER_S, DepthImage, Observation
 from trackers.rig import Rig, StereoSensor, placed_camera
@@ -47,24 +49,37 @@ def met(
     return away, start + np.where(np.isfinite(away), away, 0)[..., None] * way
 
 
+@cache
+def _empty(placed: PlacedCamera) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    """What a camera sees of the walls: its rays, their lengths squared, how far along them a wall is, and its colour."""
+    rays = placed.pixel_rays
+    with np.errstate(divide="ignore"):
+        walls = np.where(rays > 0, (_ROOM[1] - placed.eye_m) / rays, (_ROOM[0] - placed.eye_m) / rays)
+    rgb = np.full((*rays.shape[:2], 3), 170.0) - 15.0 * (walls.argmin(-1) == 2)[..., None]
+    return rays, (rays**2).sum(-1), walls.min(-1), rgb
+
+
 def picture(
     camera: StereoSensor, heads: NDArray, rng: np.random.Generator, ns: int, name: str, noise_m: float = 0.02
 ) -> DepthImage:
     """What a camera shows of people whose heads (n, 4) are at x, y, z [m] and face yaw [rad]."""
     placed = placed_camera(camera)
-    rays, eye = placed.pixel_rays, placed.eye_m
-    with np.errstate(divide="ignore"):
-        walls = np.where(rays > 0, (_ROOM[1] - eye) / rays, (_ROOM[0] - eye) / rays)
-    away, rgb = walls.min(-1), np.full((*rays.shape[:2], 3), 170.0)
-    rgb -= 15.0 * (walls.argmin(-1) == 2)[..., None]
+    eye = placed.eye_m
+    rays, square, *walls = _empty(placed)
+    away, rgb = (each.copy() for each in walls)
     for number, (x, y, z, yaw) in enumerate(heads):
-        body, _ = met(rays, eye, np.array([x, y, z - 0.12 - _BODY_M[2]]), _BODY_M, yaw)
-        head, place = met(rays, eye, np.array([x, y, z]), HEAD_M, yaw)
-        face = (np.abs(np.arctan2(place[..., 1], place[..., 0])) < 1.3) & (place[..., 2] < 0.4)
-        for seen, colour in ((body, SHIRTS[number % 3]), (head, None)):
-            nearer = seen < away
-            paint = np.where(face[..., None], SKIN, HAIR) if colour is None else np.broadcast_to(colour, rgb.shape)
-            rgb[nearer], away[nearer] = paint[nearer], seen[nearer]
+        for middle, semi_axes_m in (((x, y, z - 0.12 - _BODY_M[2]), _BODY_M), ((x, y, z), HEAD_M)):
+            towards = np.subtract(middle, eye)
+            along = rays @ towards
+            # rays that come near enough: none else needs to be looked at
+            about = (along > 0) & (along**2 >= (towards @ towards - max(semi_axes_m) ** 2) * square)
+            seen, place = met(rays[about], eye, np.array(middle), semi_axes_m, yaw)
+            face = (np.abs(np.arctan2(place[:, 1], place[:, 0])) < 1.3) & (place[:, 2] < 0.4)
+            is_head = semi_axes_m is HEAD_M
+            paint = np.where(face[:, None], SKIN, HAIR) if is_head else np.full((len(seen), 3), SHIRTS[number % 3])
+            nearer = seen < away[about]
+            rgb[about] = np.where(nearer[:, None], paint, rgb[about])
+            away[about] = np.where(nearer, seen, away[about])
     depth = away * (rays @ placed.rotation[:, 2])
     depth = depth + noise_m * rng.standard_normal(depth.shape)
     rgb = np.clip(rgb + rng.normal(0, 2, rgb.shape), 0, 255).astype(np.uint8)

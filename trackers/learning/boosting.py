@@ -22,7 +22,6 @@ from typing import Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
-from sklearn.tree import DecisionTreeClassifier
 
 from trackers.arrays import Array, Float, Index, Int
 from trackers.configuration import Strict
@@ -183,6 +182,8 @@ class ScikitLearnTrees:
 
     def _grow(self, samples: NDArray[np.float32], weight: Array, label: Array) -> tuple[Index, Array, Array, Array]:
         """Return features (3,), thresholds (3,), labels of the leaves (4,) as in `Grown`, and the tree's labels (k,)."""
+        from sklearn.tree import DecisionTreeClassifier  # takes longer to load than all the rest
+
         there = weight > 0
         fitted = DecisionTreeClassifier(max_depth=2, random_state=0).fit(samples[there], label[there], weight[there])
         tree = fitted.tree_

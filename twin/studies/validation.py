@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from scipy.stats import spearmanr
 
 from trackers.arrays import Array
 from trackers.errors import InputError
@@ -81,6 +80,8 @@ def rank_correlations(
     tried = [each for each in trials if not each.failure and each.placement != BASELINE]
     if len(tried) < 5:
         return []
+    from scipy.stats import spearmanr  # takes a while to load
+
     values = [each.value(objective, study.scenarios) for each in tried]
     middle = np.mean([np.array(each).mean(axis=0) for each in candidate_set.positions], axis=0)
     rows: dict[str, list[float]] = {

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from scipy.stats import bootstrap
 
 from trackers.errors import InputError
 from twin.streams import stream
@@ -178,6 +177,8 @@ def mean_over_seeds(values: list[float], together: Sequence[Hashable] | None = N
     of_label = np.bincount(label)
     if len(of_label) < FEWEST:
         return MeanOverSeeds(mean, None, None, n)
+    from scipy.stats import bootstrap  # takes a while to load
+
     drawn = bootstrap(
         (np.bincount(label, weights=values), of_label),
         lambda total, count, axis: total.sum(axis=axis) / count.sum(axis=axis),
