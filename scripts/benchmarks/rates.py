@@ -13,8 +13,8 @@ import os
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
-from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
+from multiprocessing.pool import AsyncResult
 from pathlib import Path
 from typing import Any
 
@@ -181,9 +181,10 @@ def measure() -> Iterator[Figure]:
     """A row per ground, tracker and rate; the last of each ground are lost and unlike scans."""
     first = int(os.environ.get(FIRST_SEED, _FIRST_SEED))
     spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(len(os.sched_getaffinity(0)), mp_context=spawn, max_tasks_per_child=8) as pool:
+    # an executor with `max_tasks_per_child` stops for ever once its workers end (python/cpython#115634)
+    with spawn.Pool(len(os.sched_getaffinity(0)), maxtasksperchild=8) as pool:
         runs = {
-            (ground, change): [pool.submit(ground.mota, change, first + n) for n in range(ground.n_seeds)]
+            (ground, change): [pool.apply_async(ground.mota, (change, first + n)) for n in range(ground.n_seeds)]
             for ground in _GROUNDS
             for change in ground.changes
         }
@@ -194,8 +195,8 @@ def measure() -> Iterator[Figure]:
     yield from _recorded()
 
 
-def _mean(runs: list[Future[dict[str, float]]]) -> dict[str, float]:
-    each = [run.result() for run in runs]
+def _mean(runs: list[AsyncResult[dict[str, float]]]) -> dict[str, float]:
+    each = [run.get() for run in runs]
     return {tracker: sum(mota[tracker] for mota in each) / len(each) for tracker in each[0]}
 
 
