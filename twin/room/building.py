@@ -215,11 +215,15 @@ def _length_m(way: Array) -> float:
     return float(np.hypot(*np.diff(way, axis=0).T).sum())
 
 
+_SLACK_M = 1e-6
+"""Added to a geom's bounding sphere [m]: nothing of the geom is outside."""
+
+
 def check_mount(model: mujoco.MjModel, data: mujoco.MjData, field: str, xyz: NDArray[np.float64]) -> None:
     """Raise InputError naming the field and the geom if the point (3,) [m] lies inside a static geom of the room."""
-    for geom in range(model.ngeom):
-        if model.body_weldid[model.geom_bodyid[geom]] != 0 or model.geom_rgba[geom, 3] == 0:
-            continue
+    is_there = (model.body_weldid[model.geom_bodyid] == 0) & (model.geom_rgba[:, 3] != 0)
+    near = ((data.geom_xpos - xyz) ** 2).sum(axis=1) <= _reach_m(model) ** 2
+    for geom in np.flatnonzero(is_there & near).tolist():
         if is_within(model, data, geom, xyz[None]).any():
             thing = model.geom(geom).name or f"geom {geom}"
             where = f"[{xyz[0]:g}, {xyz[1]:g}, {xyz[2]:g}]"
@@ -244,7 +248,9 @@ def _is_partition(model: mujoco.MjModel, data: mujoco.MjData, plane: int) -> boo
     if horizontal[plane] < _UPRIGHT or not model.geom_size[plane, :2].all():
         return False
     is_floor = (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) & (horizontal < _UPRIGHT)
-    for geom in np.flatnonzero(~is_floor & (model.geom_rgba[:, 3] > 0)).tolist():
+    ahead_m = (data.geom_xpos - data.geom_xpos[plane]) @ data.geom_xmat[plane, 2::3]
+    is_behind = ahead_m - _reach_m(model) < -2 * PLANE_M  # some of it may be
+    for geom in np.flatnonzero(~is_floor & (model.geom_rgba[:, 3] > 0) & is_behind).tolist():
         if geom == plane:
             continue
         points = hull_points(model, data, geom)
@@ -255,6 +261,11 @@ def _is_partition(model: mujoco.MjModel, data: mujoco.MjData, plane: int) -> boo
         if (straight & (local[:, 2] < -2 * PLANE_M)).any():
             return True
     return False
+
+
+def _reach_m(model: mujoco.MjModel) -> Array:
+    """Return how far each geom reaches from its origin at most (n,) [m]; planes without end."""
+    return np.where(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE, np.inf, model.geom_rbound + _SLACK_M)
 
 
 def _within_shape(kind: int, size: NDArray[np.float64], local: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -227,12 +227,20 @@ def _modules(names: Iterable[str]) -> set[Path]:
             waiting.append(name.rpartition(".")[0])  # a package is loaded before what is in it
         if path.parent in _PACKAGES.values() and path.name == "__init__.py":
             continue  # its names are loaded one by one, each imported from its own module
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Import):
-                waiting += [alias.name for alias in node.names]
-            elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
-                waiting += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+        waiting += _imported(path)
     return found
+
+
+@cache
+def _imported(path: Path) -> list[str]:
+    """List what a module imports, at its start or in its functions: modules, and names that may be modules."""
+    imported: list[str] = []
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            imported += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            imported += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+    return imported
 
 
 def _file_of(module: str) -> Path | None:
