@@ -123,10 +123,17 @@ class KnownBackground:
         centre = np.nanmedian(near[:, finite], axis=0)
         deviation[finite] = 1.4826 * np.nanmedian(np.abs(near[:, finite] - centre), axis=0)
         self.threshold_m = room - np.maximum(options.margin_m, options.spread_factor * deviation)
+        self._on_edge = options.spread_factor * deviation > options.margin_m
+        self._margin_m = options.margin_m
         self._warned = False
 
     def foreground(self, scan: LaserScan) -> Bool[Mask, "n_beam"]:
-        """Return a mask of the samples in front of the room."""
+        """Return a mask of the samples in front of the room.
+
+        A beam on an edge of the room meets now what is before it, now what is behind, so that nobody is clearly in front of
+        both. Its sample is foreground where it goes on a foreground sample beside it: no farther from it in range than the
+        margin and the spacing of the beams.
+        """
         ranges, hit, _ = returns(scan)
         before, after = self._grid.rows(scan)
         threshold_m = self._threshold(before)
@@ -143,7 +150,17 @@ class KnownBackground:
                 unknown.sum(),
                 unknown.size,
             )
-        return hit & (ranges < threshold_m)
+        front = hit & (ranges < threshold_m)
+        on_edge = (hit & ~front & (self._is_on_edge(before) | self._is_on_edge(after))).nonzero()[0]
+        reach_m = self._margin_m + abs(scan.angle_increment_rad) * ranges[on_edge]
+        goes_on = np.zeros(on_edge.size, np.bool_)
+        for beside in (np.maximum(on_edge - 1, 0), np.minimum(on_edge + 1, front.size - 1)):
+            goes_on |= front[beside] & (np.abs(ranges[beside] - ranges[on_edge]) <= reach_m)
+        front[on_edge[goes_on]] = True
+        return front
+
+    def _is_on_edge(self, row: Int[Index, "n_beam"]) -> Bool[Mask, "n_beam"]:
+        return (row >= 0) & self._on_edge[row]
 
     def _threshold(self, row: Int[Index, "n_beam"]) -> Float[Array, "n_beam"]:
         """Return the thresholds of rows [m]; NaN without one."""

@@ -39,9 +39,28 @@ class TestKnown:
         noisy = np.full((50, N_BEAM), WALL_M)
         noisy[:, 5] += rng.normal(0, 0.2, 50)
         background = KnownBackground([scan(k, row) for k, row in enumerate(noisy)])
-        found = background.foreground(scan(99, WALL_M - 0.5))
-        assert not found[5]
-        assert found[6]
+        found = background.foreground(scan(99, with_object(slice(5, 6), WALL_M - 0.5)))
+        assert not found.any()
+        found = background.foreground(scan(100, with_object(slice(6, 7), WALL_M - 0.5)))
+        np.testing.assert_array_equal(np.flatnonzero(found), [6])
+
+    @pytest.mark.parametrize("mirrored", [False, True])
+    def test_a_beam_on_an_edge_goes_on_what_stands_beside_it(self, mirrored: bool):
+        empty = np.full((20, N_BEAM), WALL_M)
+        empty[:, 20:30] = 1.0  # a cupboard
+        empty[:, 19] = np.linspace(1.0, WALL_M, 20)  # a beam half on its edge
+        side = slice(None, None, -1) if mirrored else slice(None)
+        background = KnownBackground([scan(k, row[side]) for k, row in enumerate(empty)])
+
+        def found(*beams: int, edge_m: float) -> list[int]:
+            ranges = np.where(np.isin(np.arange(N_BEAM), beams), 2.5, empty[-1])
+            ranges[19] = edge_m
+            return np.flatnonzero(background.foreground(scan(50, ranges[side]))[side]).tolist()
+
+        assert found(17, 18, edge_m=2.55) == [17, 18, 19]
+        assert found(17, 18, edge_m=1.5) == [17, 18]  # mixed with the cupboard
+        assert found(17, edge_m=2.5) == [17]  # the wall is seen between
+        assert found(edge_m=2.5) == []
 
     def test_anything_is_in_front_of_nothing(self):
         background = KnownBackground([scan(0, np.inf)])
