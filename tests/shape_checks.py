@@ -29,7 +29,7 @@ CHECKED = (
     "trackers.cameras",
     "trackers.environment",
     "trackers.filters",
-    "trackers.floor",
+    "trackers.likelihood.floor",
     "trackers.laser",
     "trackers.laser_fisheye_imm",
     "trackers.laser_vision_learning",

@@ -61,9 +61,6 @@ _BY_FILE = {
     "trackers/filters/resampling.py": [
         ("systematic without its offset", "_systematic", "_A * _B - _C", "_A * _B - 0.5"),
     ],
-    "trackers/tracking/appearance.py": [
-        ("first look blended with nothing", "Appearance.learned", "np.where(_A[_B, None], _C, _D)", "_C"),
-    ],
     "trackers/tracking/roster.py": [
         ("whom nothing fits is paired first", "associate", "_A[:, None] - _B", "_A[:, None] + _B"),
         ("measurement paired twice", "associate", "_A[_B] = _A[:, _C] = False", "_A[_B] = False"),
@@ -286,6 +283,7 @@ _BY_FILE = {
         ("threshold on a sample", "SortedSamples._asked", "0.5 * (_A - _B)", "_A - _B"),
     ],
     "trackers/vision/histogram.py": [
+        ("first look blended with nothing", "Appearance.learned", "np.where(_A[_B, None], _C, _D)", "_C"),
         ("appearance memory of .95", "HistogramOptions", "0.4", "0.95"),
         (
             "hue does not wrap",
@@ -333,9 +331,6 @@ _BY_FILE = {
         ("rotation transposed", "PlacedCamera.rays", "_A.T", "_A"),
         ("turned the wrong way", "Ellipsoids.upright", "_A - _B", "_B - _A"),
     ],
-    "trackers/floor/clusters.py": [
-        ("elements of no cluster count", "floor_clusters", "total_n[kept]", "total_n[kept] + total_n[0]"),
-    ],
     "trackers/camera_floor_particle/body.py": [
         ("memory of the velocity inverted", "smoothed", "_A * _B + (1 - _A) * _C / _D", "(1 - _A) * _B + _A * _C / _D"),
         ("unlikeliest stays", "excluded", "-_A", "_A"),
@@ -350,6 +345,7 @@ _BY_FILE = {
         ),
     ],
     "trackers/likelihood/floor.py": [
+        ("elements of no cluster count", "floor_clusters", "total_n[kept]", "total_n[kept] + total_n[0]"),
         ("rows and columns exchanged", "FloorLikelihood.log_likelihood", "_A.T[::-1]", "_A.T"),
     ],
     "trackers/rgbd_head/likelihoods.py": [
@@ -405,7 +401,7 @@ _BY_FILE = {
         ("jitter both ways", "Schedule._looks", "timing.jitter_s * late", "timing.jitter_s * (2 * late - 1)"),
         ("drifts from the start", "MessageFaults.reported_stamp_ns", "_A - _B", "_A"),
     ],
-    "twin/sensors/stereo.py": [
+    "twin/sensors/pinhole.py": [
         ("depth upside down", "Stereo.observe", "_A[::-1]", "_A"),
         ("noise on depth, not disparity", "Stereo._measured", "_A / _B + _C", "_A / (_B + _C)"),
     ],
@@ -419,7 +415,7 @@ _BY_FILE = {
     "twin/sensors/floor_electronics.py": [
         ("crosstalk twice as large", "spread_to_neighbours", "_A / 4", "_A / 2"),
     ],
-    "twin/sensors/floor_plate.py": [
+    "twin/sensors/floor.py": [
         ("sign of a torque", "_FootGroup.press", "-_A[:, 0]", "_A[:, 0]"),
     ],
     "twin/world/truth_details.py": [

@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.figure import Figure, median_ratio, median_s
 from trackers.area import Pose
 from trackers.cameras import Ellipsoids, PinholeIntrinsics, PlacedCamera
-from trackers.floor.clusters import floor_clusters
+from trackers.likelihood.floor import floor_clusters
 from trackers.observations import FloorFrame, Image
 from trackers.rig import FloorSensor
 from trackers.vision.colour_bins import HueSaturationValueBins

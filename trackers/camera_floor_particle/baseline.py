@@ -15,7 +15,7 @@ from trackers.camera_floor_particle.tracker import the_floor
 from trackers.configuration import Strict, described, validate
 from trackers.filters.gating import distances
 from trackers.filters.rows import Rows
-from trackers.floor.clusters import FloorClusterOptions, floor_clusters
+from trackers.likelihood.floor import FloorClusterOptions, floor_clusters
 from trackers.observations import NS_PER_S, FloorFrame, Observation
 from trackers.rig import Rig
 from trackers.sort import KalmanTracks, of_both_axes

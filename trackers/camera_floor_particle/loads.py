@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from trackers.arrays import Array, Bool, Float, Mask
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
-from trackers.floor.clusters import FloorClusterOptions, FloorClusters, floor_clusters
-from trackers.likelihood.floor import FloorLikelihood
+from trackers.likelihood.floor import FloorClusterOptions, FloorClusters, FloorLikelihood, floor_clusters
 from trackers.observations import NS_PER_S, FloorFrame
 from trackers.rig import FloorSensor
 

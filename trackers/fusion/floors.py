@@ -14,11 +14,11 @@ import numpy as np
 
 from trackers.arrays import Array, Float
 from trackers.filters.gating import distances
-from trackers.floor.clusters import FloorClusterOptions, floor_clusters
 from trackers.fusion.look import Expected, Look, detections_of, round_covariance
 from trackers.fusion.motion import LEGS
 from trackers.fusion.options import KindOptions
 from trackers.fusion.posture import FLOOR_SHOWN
+from trackers.likelihood.floor import FloorClusterOptions, floor_clusters
 from trackers.observations import FloorFrame, Observation
 from trackers.rig import FloorSensor
 from trackers.tracking.track_manager import clear_of

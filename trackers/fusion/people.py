@@ -15,8 +15,8 @@ from trackers.fusion.look import Expected
 from trackers.fusion.motion import HEAD, PLACE, drifted, seen_over_modes
 from trackers.fusion.options import HeadEvidenceOptions
 from trackers.fusion.posture import OFF_BODY, Posture
-from trackers.tracking.appearance import Appearance
 from trackers.tracking.roster import NEVER_NS, ImmTracks, Roster
+from trackers.vision.histogram import Appearance
 
 _USUAL_STATURE_M, _STATURE_M, _LEAST_STATURE_M = 1.7, 0.2, 1.0
 """Mean and standard deviation of statures that are not known, and that of small children [m]: who is lower does not stand."""

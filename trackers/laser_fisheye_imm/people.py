@@ -18,8 +18,8 @@ from trackers.configuration import Strict
 from trackers.filters.imm import ImmState
 from trackers.filters.motion import MEASUREMENT_VARIANCE_M2
 from trackers.filters.rows import Rows, written
-from trackers.tracking.appearance import Appearance
 from trackers.tracking.roster import NEVER_NS, ImmTracks, Roster
+from trackers.vision.histogram import Appearance
 
 _MEMORY = 0.7
 """Retained share of the average when legs and trunk are detected together."""

@@ -1,19 +1,21 @@
-"""Colour histograms of torso windows: hue, their chi-squared distance, and a person's reference.
+"""Colour histograms of torso windows: hue, their chi-squared distance, and the references of tracks.
 
 The paper uses 360 hue bins, but the hue of white and black shirts is noise. So here (ours) a pixel counts in its hue bin by
 its chroma, and for the rest in one of a few bins of brightness; bins may be smoothed, as a window may hold few pixels.
-`grey_bins=0`, `smoothing_deg=0` is the paper's histogram.
+`grey_bins=0`, `smoothing_deg=0` is the paper's histogram. A track's reference is learned from clear views, without doubtful ones.
 """
 
 from __future__ import annotations
 
-from typing import Literal
+from dataclasses import dataclass
+from typing import Literal, Self
 
 import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 
-from trackers.arrays import Array, Bool, Bytes, Float, Mask, UInt8
+from trackers.arrays import Array, Bool, Bytes, Float, Index, Int, Mask, UInt8
 from trackers.configuration import Strict
+from trackers.filters.rows import Rows, written
 from trackers.vision.colour_bins import HueAndGreyBins
 
 
@@ -136,3 +138,57 @@ def _smoothed(
     reach = kernel.size // 2
     padded = np.pad(counts, ((0, 0), (reach, reach)), mode)
     return np.einsum("kbw,w->kb", np.lib.stride_tricks.sliding_window_view(padded, kernel.size, axis=1), kernel)
+
+
+@dataclass(frozen=True, eq=False)
+class Appearance(Rows):
+    """The appearance memory of n tracks."""
+
+    reference: Float[Array, "n bins"]  # colour histogram
+    n_look: Int[Index, "n"]  # number of views learned; 0: no reference
+    n_refused: Int[Index, "n"]  # number of consecutive doubtful views, not learned
+
+    @classmethod
+    def started(cls, reference: Float[Array, "n bins"], n_look: Int[Index, "n"]) -> Self:
+        """Make appearances of new tracks, with a first view (n_look 1) or none (0)."""
+        return cls(reference, n_look, np.zeros(len(reference), np.int64))
+
+    @property
+    def known(self) -> Bool[Mask, "n"]:
+        """Mask of tracks with at least one clear view."""
+        return self.n_look > 0
+
+    def learned(
+        self,
+        track: Int[Index, "p"],
+        histogram: Float[Array, "p bins"],
+        doubtful: Bool[Mask, "p"],
+        patience: int,
+        memory: float,
+    ) -> Self:
+        """Return the appearances after clear views with these histograms of the tracks at `track`.
+
+        A `doubtful` view, possibly of another person, is not learned; but after `patience` of them in a row the clothes, or
+        the light, have changed. memory: retained share of the old reference.
+        """
+        refused = doubtful & (self.n_refused[track] < patience)
+        n_refused = written(self.n_refused, track, np.where(refused, self.n_refused[track] + 1, 0))
+        if refused.any():
+            track, histogram = track[~refused], histogram[~refused]
+        blended = updated_reference(self.reference[track], histogram, memory)
+        return type(self)(
+            reference=written(self.reference, track, np.where(self.known[track, None], blended, histogram)),
+            n_look=written(self.n_look, track, self.n_look[track] + 1),
+            n_refused=n_refused,
+        )
+
+    def distance(self, histograms: Float[Array, "k bins"], comparable: Bool[Mask, "k"]) -> Float[Array, "n k"] | None:
+        """Return the χ² distance of every track and each of k views, in [0, 1], NaN where either has no colours; None: all
+        have none.
+        """
+        known = self.known
+        if not known.any() or not comparable.any():
+            return None
+        distance = np.full((known.size, comparable.size), np.nan)
+        distance[np.ix_(known, comparable)] = chi_squared_distance(self.reference[known], histograms[comparable])
+        return distance

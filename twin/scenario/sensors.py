@@ -309,7 +309,7 @@ def _build_ideal(
 
             return Pinhole(name, description.rig_sensor(name), renderer, instants_s=description.instants_s)
         case StereoDescription():
-            from twin.sensors.stereo import Stereo
+            from twin.sensors.pinhole import Stereo
 
             return Stereo(
                 name,

@@ -190,8 +190,7 @@ def mean_over_seeds(values: list[float], together: Sequence[Hashable] | None = N
         method="percentile",
         rng=stream(len(of_label), "suite", "means"),
     )
-    low, high = drawn.confidence_interval
-    return MeanOverSeeds(mean, float(low), float(high), n)
+    return MeanOverSeeds(mean, *map(float, drawn.confidence_interval), n)
 
 
 @dataclass(frozen=True)

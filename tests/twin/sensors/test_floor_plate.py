@@ -11,7 +11,7 @@ from footfalls import soles, somewhere, standing, walking
 from hypothesis import given, settings, strategies as st
 
 from twin.instant.snapshot import Feet, FootShapes
-from twin.sensors.floor_plate import FloorLoad, FloorPlate
+from twin.sensors.floor import FloorLoad, FloorPlate
 from twin.sensors.floor_soles import sheet_cells, sole_points, soles_model
 
 ROWS, COLUMNS, PITCH_M = 14, 18, 0.2

@@ -13,10 +13,10 @@ from trackers.observations import DepthImage
 from trackers.rig import Pose, StereoSensor
 from twin.scenario.cameras import StereoDescription
 from twin.scenario.sensors import SensorDescription, build_sensor
+from twin.sensors.pinhole import Stereo
 from twin.sensors.rays import trace_rays
 from twin.sensors.render import RendererOnDemand
 from twin.sensors.sensor import State
-from twin.sensors.stereo import Stereo
 
 MOUNT = {"xyz": [0.0, 0.2, 1.2], "yaw_deg": 90}
 _PX_M = 1 / 212  # of the camera below, at 1 m

@@ -14,9 +14,8 @@ from trackers.filters.gating import distances
 from trackers.filters.particle import Cloud
 from trackers.filters.rows import Rows
 from trackers.laser_vision_learning.vision_only.options import ParticleOptions
-from trackers.tracking.appearance import Appearance
 from trackers.tracking.roster import Roster
-from trackers.vision.histogram import ColourHistogram, HistogramOptions
+from trackers.vision.histogram import Appearance, ColourHistogram, HistogramOptions
 from trackers.vision.person_windows import largest_overlap, person_windows
 
 _PATIENCE = 5

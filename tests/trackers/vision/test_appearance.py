@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackers.tracking.appearance import Appearance
-from trackers.vision.histogram import HistogramOptions
+from trackers.vision.histogram import Appearance, HistogramOptions
 
 
 def test_doubtful_looks_teach_nothing_but_some_in_a_row_do():

@@ -9,7 +9,7 @@ from hypothesis.extra.numpy import arrays
 
 from trackers.area import Pose
 from trackers.errors import InputError
-from trackers.floor.clusters import FloorClusterOptions, floor_clusters
+from trackers.likelihood.floor import FloorClusterOptions, floor_clusters
 from trackers.observations import FloorFrame
 from trackers.rig import FloorSensor
 

@@ -1,1 +1,0 @@
-"""Pressure floor: from its 8-bit values to loads, and to clusters of them."""
