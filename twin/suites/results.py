@@ -179,7 +179,7 @@ def mean_over_seeds(values: list[float], together: Sequence[Hashable] | None = N
         return MeanOverSeeds(mean, None, None, n)
     from scipy.stats import bootstrap  # takes a while to load
 
-    drawn = bootstrap(
+    interval = bootstrap(
         (np.bincount(label, weights=values), of_label),
         lambda total, count, axis: total.sum(axis=axis) / count.sum(axis=axis),
         n_resamples=_N_REPLICATE,
@@ -189,8 +189,8 @@ def mean_over_seeds(values: list[float], together: Sequence[Hashable] | None = N
         confidence_level=0.95,
         method="percentile",
         rng=stream(len(of_label), "suite", "means"),
-    )
-    return MeanOverSeeds(mean, *map(float, drawn.confidence_interval), n)
+    ).confidence_interval
+    return MeanOverSeeds(mean, float(interval.low), float(interval.high), n)
 
 
 @dataclass(frozen=True)
