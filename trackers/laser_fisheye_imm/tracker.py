@@ -246,6 +246,12 @@ class LaserFisheyeImm(SynchronizedTracker):
         free &= clear_of(matches.new_position, seats, sitting.length_m)  # trunk and legs of who lies or gets up
         if self.options.legs.pair_m > 0:
             free &= ~(matches.new_single & waist_seen)
+        for one in np.flatnonzero(
+            free & maybe_theirs
+        ):  # of who starts in this frame too: a leg that two scanners show twice
+            earlier = free & (~maybe_theirs | (np.arange(free.size) < one))
+            place, others = matches.new_position[one, None], matches.new_position[earlier]
+            free[one] = clear_of(place, others, self.options.legs.start_apart_m)[0]
         position, variance, trunk = matches.new_position[free], matches.new_variance[free], matches.new_trunk[free]
         histograms = np.zeros((len(position), self._detector.histogram.size))
         by_trunk = trunk >= 0

@@ -169,6 +169,17 @@ def test_where_waists_are_scanned_nobody_starts_by_a_leg_alone(monkeypatch, trun
     assert bool(told) == starts
 
 
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1), (1, 2, 0)])
+def test_a_leg_that_two_scanners_show_twice_in_the_first_frame_is_nobody(monkeypatch, order):
+    """Three legs within a stride are one person's and a double; two pairs are two people."""
+    left, double, right = (-0.2, 2.5), (-0.17, 2.62), (0.05, 2.6)
+    legs = [(left, double, right)[k] for k in order]
+    assert len(Room(monkeypatch, waist=False).shows(legs=legs, times=10)[-1]) == 1
+    pairs = [left, double, (right[0] + 0.3, right[1]), (right[0] + 0.45, right[1])]
+    assert len(Room(monkeypatch, waist=False).shows(legs=pairs, times=10)[-1]) == 2
+    assert len(Room(monkeypatch, waist=False).shows(legs=[left, (0.8, 2.5)], times=10)[-1]) == 2
+
+
 def test_who_is_gone_in_plain_sight_holds_no_newcomer_back(room):
     room.shows([SEAT, ELSEWHERE], times=20)
     room.shows([ELSEWHERE], times=4)
