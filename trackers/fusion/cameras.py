@@ -15,6 +15,7 @@ from trackers.fusion.look import Expected, Look, detections_of, round_covariance
 from trackers.fusion.motion import HEAD_PLACE, OUTLINE
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.posture import DEPTH_SHOWN, SILHOUETTE_SHOWN
+from trackers.fusion.shown_places import ShownPlaces
 from trackers.likelihood.stereo_head import RangeOptions
 from trackers.observations import DepthImage, Image, Observation
 from trackers.rig import CameraSensor, Rig, StereoSensor
@@ -44,6 +45,8 @@ _LEAST_M2 = 0.06
 _TORSO = np.stack(np.meshgrid(np.linspace(-0.12, 0.12, 8), np.linspace(0.54, 0.8, 10)), axis=-1)
 """Across the line of sight [m], and up as a share of the stature: where clothes are looked at."""
 _LEAST_SAMPLES = 12
+_HARDLY = 0.3
+"""Share of the people shown at a place below which a wall hides it that nobody has told."""
 
 
 class Camera:
@@ -74,6 +77,7 @@ class Camera:
         self.picture = packed_without_depth(np.zeros((1, 1, 3), np.uint8), np.zeros((1, 1), np.bool_))
         """The newest picture."""
         self._rgb = np.zeros((1, 1, 3), np.uint8)
+        self._shown = ShownPlaces(self.camera)
 
     @property
     def learns_background(self) -> bool:
@@ -171,13 +175,23 @@ class Camera:
 
     def _missed(self, points: Float[Array, "2 *n"], expected: Expected) -> Float[Array, "*n"]:
         at = points.reshape(2, -1).T
-        visible = self.sees(np.column_stack([at, np.full(len(at), _CHEST_M)]), expected.place)
-        if self._detector is not None:
-            visible &= self._detector.places.shows(at)
-        return np.where(visible, 1 - self._kind.p_detect, 1.0).reshape(points.shape[1:])
+        visible = self._in_plain_sight(at, expected.place)
+        return (1 - visible * self._kind.p_detect * self._shown.share(at)).reshape(points.shape[1:])
+
+    def learn_shown(self, place: Float[Array, "n 2"], asked: Float[Array, "n"], shown: Bool[Mask, "n"]) -> None:
+        """Learn where people are shown whom other sensors measure at places [m]; asked: how much each tells."""
+        self._shown.learn(place, asked * self._in_plain_sight(place, place), shown)
+
+    def _in_plain_sight(self, place: Float[Array, "k 2"], others: Float[Array, "n 2"]) -> Bool[Mask, "k"]:
+        """Mark places [m] of people that neither the room, as far as it is told, nor another person hides from the picture."""
+        visible = self._is_clear(np.column_stack([place, np.full(len(place), _CHEST_M)]), others)
+        return visible if self._detector is None else visible & self._detector.places.shows(place)
 
     def sees(self, points: Float[Array, "k 3"], others: Float[Array, "n 2"]) -> Bool[Mask, "k"]:
         """Mark points [m] in the picture that neither the room nor another person hides. others: people's places [m]."""
+        return self._is_clear(points, others) & (self._shown.share(points[:, :2]) > _HARDLY)
+
+    def _is_clear(self, points: Float[Array, "k 3"], others: Float[Array, "n 2"]) -> Bool[Mask, "k"]:
         seen = self.camera.project(points)[1]
         if self._environment is not None and seen.any():
             seen &= self._environment.visible(self.camera.eye_m, points)

@@ -60,7 +60,6 @@ class ColourIdentityOptions(Strict):
 class FusionTrackManagementOptions(TrackManagementOptions):
     """Those of every tracker, and existence."""
 
-    confirm_s: float = Field(default=0.15, ge=0, description=described(TrackManagementOptions, "confirm_s"))
     confirm_hits: PositiveInt = Field(default=2, description=described(TrackManagementOptions, "confirm_hits"))
     coast_s: float = Field(
         default=2.0,

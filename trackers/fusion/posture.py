@@ -36,7 +36,7 @@ _FALLS = 0.1
 """Share of the people who lie down, or rise from lying, that do not sit in between."""
 _HEAD, _HEAD_SIGMA = np.array([0.93, 0.74, 0.36]), np.array([0.06, 0.09, 0.13])
 """Height of the middle of a head in the stature, and its standard deviation."""
-_REST_M_S = 0.5
+_REST_M_S = 0.25
 """Standard deviation of the speed of people who rest [m/s]."""
 _ALIKE_S = 1.0
 """Time in which all looks at a posture together tell what one tells [s]: their errors are alike."""

@@ -232,6 +232,9 @@ class Fusion(SynchronizedTracker):
         shown = np.zeros(len(people), np.bool_)
         shown[row] = True
         agreement.take_shown(number, share * by_others * (1 - missed), shown)
+        source = self._sources[number]
+        if isinstance(source, Camera):
+            source.learn_shown(people.positions, share * by_others, shown)
         self._doubted = agreement.doubted
         for sentence in agreement.found():
             logger.warning(sentence)

@@ -180,7 +180,7 @@ class FloorPlaces:
         reach_m: float,
         least_in_picture: float,
     ) -> None:
-        self._eye, self._axes = camera.eye_m[:2], _ground_axes(camera)
+        self._eye, self._axes = camera.eye_m[:2], ground_axes(camera)
         if area is None:
             outline = reach_m * np.array([(-1.0, -1.0), (1.0, 1.0)])
         else:
@@ -225,7 +225,7 @@ class FloorPlaces:
         return self.read(self._whole, positions.T) > 0
 
 
-def _ground_axes(camera: PlacedCamera) -> Float[Array, "2 2"]:
+def ground_axes(camera: PlacedCamera) -> Float[Array, "2 2"]:
     """Return two directions of the floor as columns: that of the picture's rows, or of its columns where that is upright."""
     across = camera.rotation[:2, int(np.hypot(*camera.rotation[:2, 0]) < np.sqrt(0.5))]
     across = across / np.hypot(*across)
