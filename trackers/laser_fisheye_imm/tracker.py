@@ -246,9 +246,8 @@ class LaserFisheyeImm(SynchronizedTracker):
         free &= clear_of(matches.new_position, seats, sitting.length_m)  # trunk and legs of who lies or gets up
         if self.options.legs.pair_m > 0:
             free &= ~(matches.new_single & waist_seen)
-        for one in np.flatnonzero(
-            free & maybe_theirs
-        ):  # of who starts in this frame too: a leg that two scanners show twice
+        # nor do they beside others who start in this frame: two scanners may show one leg twice
+        for one in np.flatnonzero(free & maybe_theirs):
             earlier = free & (~maybe_theirs | (np.arange(free.size) < one))
             place, others = matches.new_position[one, None], matches.new_position[earlier]
             free[one] = clear_of(place, others, self.options.legs.start_apart_m)[0]

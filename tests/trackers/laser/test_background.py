@@ -43,6 +43,7 @@ class TestKnown:
         assert not found.any()
         found = background.foreground(scan(100, with_object(slice(6, 7), WALL_M - 0.5)))
         np.testing.assert_array_equal(np.flatnonzero(found), [6])
+        assert background.foreground(scan(101, WALL_M - 0.5)).all()  # it goes on what stands on either side
 
     @pytest.mark.parametrize("mirrored", [False, True])
     def test_a_beam_on_an_edge_goes_on_what_stands_beside_it(self, mirrored: bool):

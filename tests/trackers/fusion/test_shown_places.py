@@ -1,0 +1,60 @@
+"""Where a camera shows people, learned from those whom others measure."""
+
+import numpy as np
+import pytest
+from synthetic_view import rig
+
+from trackers.cameras import PlacedCamera
+from trackers.fusion.shown_places import ShownPlaces
+from trackers.rig import placed_camera
+
+BEHIND_A_WALL, IN_VIEW = np.array([[4.0, 1.3]]), np.array([[1.0, -2.2]])
+
+
+def camera() -> PlacedCamera:
+    return placed_camera(next(iter(rig().sensors.values())))
+
+
+def test_a_place_where_others_measure_people_who_are_not_shown_is_believed_hidden():
+    places = ShownPlaces(camera())
+    assert places.share(np.concatenate([BEHIND_A_WALL, IN_VIEW])).tolist() == [1.0, 1.0]
+    shares = []
+    for _ in range(50):
+        places.learn(BEHIND_A_WALL, np.ones(1), np.zeros(1, np.bool_))
+        places.learn(IN_VIEW, np.ones(1), np.ones(1, np.bool_))
+        shares.append(places.share(BEHIND_A_WALL)[0])
+    assert (np.diff(shares) < 0).all()
+    assert shares[-1] < 0.1
+    assert places.share(IN_VIEW) == pytest.approx(1.0)
+    elsewhere = BEHIND_A_WALL + np.array([2.0, 0.0])
+    assert places.share(elsewhere) == pytest.approx(1.0)
+
+
+def test_looks_that_count_nothing_teach_nothing_and_many_teach_as_one_after_the_other():
+    rng = np.random.default_rng(0)
+    at, asked, shown = rng.uniform(-5, 5, (40, 2)), rng.uniform(0, 1, 40), rng.random(40) < 0.5
+    together, singly = ShownPlaces(camera()), ShownPlaces(camera())
+    together.learn(at, np.zeros(40), shown)
+    assert (together.share(at) == 1).all()
+    together.learn(at, asked, shown)
+    for k in range(40):
+        singly.learn(at[[k]], asked[[k]], shown[[k]])
+    np.testing.assert_allclose(together.share(at), singly.share(at), rtol=1e-12)
+    assert (together.share(at) < 1).any()
+
+
+def test_shares_are_those_of_the_people_asked():
+    places = ShownPlaces(camera())
+    at = np.repeat(IN_VIEW, 400, axis=0)
+    places.learn(at, np.ones(400), np.arange(400) % 4 == 0)
+    # the belief weighs one look of a cell's
+    assert places.share(IN_VIEW)[0] == pytest.approx(0.25, abs=0.02)
+
+
+def test_the_share_does_not_jump_from_place_to_place():
+    rng, places = np.random.default_rng(1), ShownPlaces(camera())
+    places.learn(rng.uniform(-5, 5, (300, 2)), np.ones(300), rng.random(300) < 0.5)
+    way = np.linspace([-4.0, -3.0], [4.0, 2.0], 5000)  # steps of 2 mm
+    share = places.share(way)
+    assert np.ptp(share) > 0.3
+    assert np.abs(np.diff(share)).max() < 0.02
