@@ -23,7 +23,7 @@ is p (A. P. Dawid, "The well-calibrated Bayesian", J. American Statistical Assoc
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -258,3 +258,56 @@ def calibration_curve(metrics: Mapping[str, Any]) -> list[tuple[float, float]]:
     nested = metrics.get(WITHIN) or {}
     found = [(each, metrics.get(f"{WITHIN}.{each}", nested.get(str(each)))) for each in CLAIMED_PERCENT]
     return [(each / 100, share) for each, share in found if share is not None]
+
+
+_EXPLAINED, _FEW, _LEAST_ROWS = 0.5, 0.1, 10
+"""Share of tracks near people with which their places are as they should be, the share with which they cannot be, and the tracks
+needed to say so."""
+
+
+def misplaced(judged: Sequence[Frame], gate_m: float, source: str) -> str:
+    """Return a note where the tracks of the table `source` are near nobody, or where another unit or frame explains them better.
+
+    Tried are other units of length, x and y in each other's place, mirrored axes and another origin. Empty where the places are
+    as they should be, or the tracks too few to say.
+    """
+    frames = [each for each in judged if each.person_ids.size and each.track_ids.size]
+    if sum(each.track_ids.size for each in frames) < _LEAST_ROWS:
+        return ""
+    distance_m = _nearest_m(frames, lambda xy: xy)
+    is_near = float((distance_m <= gate_m).mean())
+    if is_near >= _EXPLAINED:
+        return ""
+    people, tracks = (np.median(np.concatenate(places), axis=0) for places in _places(frames))
+    changes: dict[str, Callable[[NDArray[np.float64]], NDArray[np.float64]]] = {
+        "lengths in dm": lambda xy: xy / 10,
+        "lengths in cm": lambda xy: xy / 100,
+        "lengths in mm": lambda xy: xy / 1000,
+        "x and y in each other's place": lambda xy: xy[:, ::-1],
+        "x the other way round": lambda xy: xy * (-1, 1),
+        "y the other way round": lambda xy: xy * (1, -1),
+        "both axes the other way round": lambda xy: -xy,
+        f"an origin {np.hypot(*(tracks - people)):.3g} m away": lambda xy: xy - (tracks - people),
+    }
+    near = {how: float((_nearest_m(frames, changed) <= gate_m).mean()) for how, changed in changes.items()}
+    best = max(near, key=lambda how: near[how])
+    is_explained = near[best] >= max(_EXPLAINED, 2 * is_near)
+    if not is_explained and is_near > _FEW:
+        return ""
+    text = f"{source}: {is_near:.0%} of {distance_m.size} tracks are within {gate_m:g} m of a person, "
+    text += f"half of them farther than {np.median(distance_m):.3g} m"
+    if is_explained:
+        text += f"; {best} would bring {near[best]:.0%} there"
+    return f"{text}; x and y in metres, in the frame of the truth, are expected"
+
+
+def _places(frames: Sequence[Frame]) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
+    return [each.person_xy for each in frames], [each.track_xy for each in frames]
+
+
+def _nearest_m(
+    frames: Sequence[Frame], changed: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+) -> NDArray[np.float64]:
+    """Return the distance of each track, its place changed, from the nearest person [m]."""
+    gaps = [each.person_xy[:, None] - changed(each.track_xy)[None] for each in frames]
+    return np.concatenate([np.hypot(gap[..., 0], gap[..., 1]).min(axis=0) for gap in gaps])

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from trackers.scipy_functions import linear_sum_assignment
-from twin.evaluate.accuracy import PersonFrames, disposal, person_frames, within_radius
+from twin.evaluate.accuracy import PersonFrames, disposal, misplaced, person_frames, within_radius
 from twin.evaluate.causes import Errors, errors_by_cause
 from twin.evaluate.clear import FrameMatches, PairMatrix, clear, find_switches, identity, match_frames
 from twin.evaluate.continuity import TrackEvent, continuity, right_at_end, switch_events
@@ -92,6 +92,7 @@ def evaluate_with_details(
     stamps = np.array([frame.stamp_ns for frame in judged], dtype=np.int64)
     people = person_frames(frames, all_people, gate_m)
     errors = errors_by_cause(truth, judged, matches, gate_m, unused)
+    apart = misplaced(judged, gate_m, tracks.source)
     pose_errors, n_head = _pose_errors(judged, matches)
     metrics: dict[str, Any] = {
         **_matrix_metrics(pair_matrices, gate_m, matches),
@@ -121,7 +122,7 @@ def evaluate_with_details(
         people=people,
         situations=situations,
         errors=errors,
-        notes=(*truth.notes, *tracks.notes, *aligned.notes),
+        notes=(*truth.notes, *tracks.notes, *aligned.notes, *([apart] if apart else [])),
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from trackers.observations import NS_PER_S
-from twin.evaluate import evaluate_tracks
+from twin.evaluate import evaluate_tracks, evaluate_with_details
 from twin.recording.tables import TrackTable, TruthTable
 
 
@@ -102,3 +102,39 @@ def test_the_same_tables_give_the_same_figures(name):
             del found[each], expected[each]
     # figures are means of distances below 1 m, which floats at 1 km tell to 1e-13 m
     assert found == pytest.approx(expected, abs=1e-9)
+
+
+ELSEWHERE = {
+    "lengths in mm": lambda x, y: (1000 * x, 1000 * y),
+    "lengths in cm": lambda x, y: (100 * x, 100 * y),
+    "lengths in dm": lambda x, y: (10 * x, 10 * y),
+    "x and y in each other's place": lambda x, y: (y, x),
+    "x the other way round": lambda x, y: (-x, y),
+    "y the other way round": lambda x, y: (x, -y),
+    "both axes the other way round": lambda x, y: (-x, -y),
+    "an origin 50 m away": lambda x, y: (x + 30, y - 40),
+}
+
+
+@pytest.mark.parametrize("how", ELSEWHERE)
+@pytest.mark.parametrize("seed", [1, 2])
+def test_tracks_in_another_unit_or_frame_are_told_with_what_would_bring_them_back(seed: int, how: str) -> None:
+    truth, tracks = tables(seed, n_person=3)
+    x, y = ELSEWHERE[how](tracks.x, tracks.y)
+    (note,) = evaluate_with_details(truth, replace(tracks, x=x, y=y)).notes
+    assert how in note and note.startswith("tracks: ") and "would bring" in note
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_tracks_where_people_are_are_not_told_to_be_elsewhere(seed: int) -> None:
+    truth, tracks = tables(seed)
+    lost = np.random.default_rng(seed).random(tracks.x.size) < 0.6  # ghosts 2 m from their people
+    for x in (tracks.x, tracks.x + 2 * lost):
+        assert evaluate_with_details(truth, replace(tracks, x=x)).notes == ()
+
+
+def test_tracks_near_nobody_that_nothing_explains_are_told() -> None:
+    truth, tracks = tables()
+    away = np.random.default_rng(3).uniform(-90, 90, (2, tracks.x.size))
+    (note,) = evaluate_with_details(truth, replace(tracks, x=away[0], y=away[1])).notes
+    assert "would bring" not in note and "are within 0.5 m of a person" in note
