@@ -35,13 +35,7 @@ writer.dump_qos_v8 = lambda qos: _kept_qos_texts(tuple(qos))  # pyright: ignore[
 @contextmanager
 def _no_metadata_file() -> Iterator[None]:
     """Let the library format the metadata within an MCAP file alone: the file beside it is not kept, and as costly."""
-
-    class Within(_Yaml):
-        def dump(self, data: Any, stream: Any = None, **options: Any) -> Any:
-            if "rosbag2_bagfile_information" not in data:
-                super().dump(data, stream, **options)
-
-    writer.YAML = Within  # pyright: ignore[reportPrivateImportUsage]
+    writer.YAML = _YamlWithinFile  # pyright: ignore[reportPrivateImportUsage]
     try:
         yield
     finally:
@@ -49,6 +43,14 @@ def _no_metadata_file() -> Iterator[None]:
 
 
 _Yaml = writer.YAML  # pyright: ignore[reportPrivateImportUsage]
+
+
+class _YamlWithinFile(_Yaml):
+    """Formatter of everything but the file beside a bag."""
+
+    def dump(self, data: Any, stream: Any = None, **options: Any) -> Any:
+        if "rosbag2_bagfile_information" not in data:
+            super().dump(data, stream, **options)
 
 
 class McapFile:

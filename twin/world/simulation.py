@@ -162,8 +162,11 @@ class Simulation:
         self.close()
 
     def close(self) -> None:
-        """Free the renderer and end the simulation."""
+        """Free the renderer, end the simulation and let go of its listeners, which may refer to it."""
         self._renderer.close()
+        self._on_truth = self._details = None
+        for timed in self._sensors.values():
+            timed.on_reading = TimedSensor.on_reading
         self._over = self._over or "is closed"
         self._coming = None
         trim_heap()

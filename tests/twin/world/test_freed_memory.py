@@ -1,18 +1,24 @@
-"""Memory that is freed goes back to the system."""
+"""Memory that is freed goes back to the system, and a run's is freed at its end."""
 
 from __future__ import annotations
 
+import gc
 import sys
+from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import twin
 from twin.world import world
 from twin.world.world import heap_trimmed, trim_heap
 
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="resident memory is read from /proc")
 MIB = 2**20
+OF_THE_LIBRARY = "_YamlWithinFile"
+"""Formatter of a bag's metadata: ruamel's refer to themselves, and hold nothing of the run."""
 
 
 def resident_mib() -> float:
@@ -43,3 +49,52 @@ def test_memory_between_things_that_live_on_is_given_back() -> None:
 def test_a_library_that_cannot_trim_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(world, "_malloc_trim", lambda: None)
     trim_heap()
+
+
+def garbage_of(work: Callable[[], object]) -> Counter[str]:
+    """Objects of ours, by class, that after this work only a search for garbage would free."""
+    gc.collect()
+    debugged, were_enabled = gc.get_debug(), gc.isenabled()
+    gc.disable()
+    gc.set_debug(gc.DEBUG_SAVEALL)
+    try:
+        work()
+        gc.collect()
+        kinds = [type(each) for each in gc.garbage]
+    finally:
+        gc.garbage.clear()
+        gc.set_debug(debugged)
+        if were_enabled:
+            gc.enable()
+    return Counter(each.__qualname__ for each in kinds if each.__module__.partition(".")[0] in ("twin", "trackers"))
+
+
+@pytest.mark.parametrize("images", [False, True])
+def test_run_leaves_nothing_to_the_collector(tmp_path: Path, images: bool) -> None:
+    scenario = twin.load_scenario("lab-five-people", ["duration_s=0.5", "background_frames=2"])
+    tracker = "laser-fisheye-imm" if images else "laser-imm"
+
+    def run() -> None:
+        twin.run_scenario(scenario, trackers=[tracker], out=tmp_path / "run", images=images, video=images)
+
+    def track() -> None:
+        twin.track_recording(
+            tmp_path / "run" / "recording.mcap", trackers=["sort"], out=tmp_path / "tracked", video=images
+        )
+
+    assert garbage_of(lambda: "nothing") == {}
+    assert garbage_of(run).keys() <= {OF_THE_LIBRARY}
+    assert garbage_of(track) == {}
+
+
+def test_simulation_that_its_listeners_hold_is_freed_once_closed() -> None:
+    scenario = twin.load_scenario("lab-five-people", ["duration_s=0.2", "background=none"])
+
+    def simulate() -> None:
+        held: list[object] = []
+        hold = held.append
+        with twin.Simulation(scenario, images=False, on_truth=hold, on_detail=hold) as simulation:
+            hold(simulation)
+            list(simulation)
+
+    assert garbage_of(simulate) == {}
