@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import re
-import types
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import lru_cache
-from typing import Annotated, Any, ClassVar, TypeVar, Union, get_args, get_origin
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, ClassVar, TypeVar, get_args
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError, model_validator
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from trackers.errors import InputError, valid_names
-from trackers.former_options import moved, warn_of_former_name, without_fixed
+from trackers.former_options import (
+    checked_current_names,
+    members_of,
+    models_at,
+    of_kind,
+    with_current_names,
+)
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -118,7 +122,7 @@ def _nested(model: type[BaseModel], given: dict[Any, Any], owner: Mapping[str, A
     whole = {}
     for name, info in model.model_fields.items():
         change, default = given.get(name), owner.get(name, info.default)
-        of_one_model = [each for each in _unwrap(info.annotation) if each is not type(None)] == [type(default)]
+        of_one_model = [each for each in members_of(info.annotation) if each is not type(None)] == [type(default)]
         if isinstance(change, dict) and isinstance(default, BaseModel) and of_one_model and not info.metadata:
             held = dict(default)
             whole[name] = held | change | _nested(type(default), change, held)
@@ -138,91 +142,6 @@ def leaves_of(options: BaseModel, path: str = "") -> Iterator[tuple[str, Any]]:
 def described(model: type[BaseModel], field: str) -> str:
     """Return the description of a model's field, for a subclass with a default of its own."""
     return model.model_fields[field].description or ""
-
-
-def with_current_names(model: type[BaseModel], content: Any, source: str = "") -> Any:
-    """Return the content of a file with former names of the model's fields, at every depth, replaced by current ones.
-
-    Warn once per former name, with its path after `source` and the current name. Call it before contents are merged: only
-    one of them may use the former name. Raises ValueError where a mapping has both names of a field.
-    """
-    return _current([model], content, source, ())
-
-
-def checked_current_names(model: type[BaseModel], content: Any, source: str) -> Any:
-    """Return `with_current_names`; raises InputError, with the prefix `source`, where a mapping has both names of a field."""
-    try:
-        return with_current_names(model, content, source)
-    except ValueError as error:
-        raise InputError(f"{source}: {error}") from error
-
-
-def current_path(model: type[BaseModel], path: Sequence[str], source: str = "") -> list[str]:
-    """Return the path of a field with current names; warn as `with_current_names`."""
-    nested: Any = None
-    for name in reversed(path):
-        nested = {name: nested}
-    current, names = with_current_names(model, nested, source), []
-    while isinstance(current, dict):
-        ((name, current),) = current.items()
-        names.append(name)
-    return names
-
-
-def _current(kinds: Sequence[Any], content: Any, source: str, at: tuple[str, ...]) -> Any:
-    """Replace former names in content of one of these kinds, the members of a union; `at`: its path in the file."""
-    if isinstance(content, list | tuple) and kinds:
-        inner = [member for kind in kinds for member in _inner(kind, 0)]
-        items = [_current(inner, item, source, (*at, str(place))) for place, item in enumerate(content)]
-        return items if isinstance(content, list) else tuple(items)
-    if not isinstance(content, dict) or not kinds:
-        return content
-    former: dict[Any, str] = {}
-    for kind in _of_kind(kinds, content.get("kind")):
-        former |= getattr(kind, "former_names", {})
-        content = without_fixed(content, _fixed(kind), source, at)
-    if any("." in each for each in former):
-        content, former = moved(content, former, source, at), {}
-    result = {}
-    for key, value in content.items():
-        name = former[key] if key in former else key  # noqa: SIM401 – .get loses the type
-        if name != key:
-            if name in content:
-                raise ValueError(
-                    f"{'.'.join((*at, str(key)))}: is the former name of {name!r}, which is given too; give one of them"
-                )
-            warn_of_former_name(source, ".".join((*at, str(key))), name)
-        inner = [member for kind in kinds for member in _inner(kind, name)]
-        renames = isinstance(value, dict | list | tuple) and any(map(_renames, inner))
-        result[name] = _current(inner, value, source, (*at, str(key))) if renames else value
-    return result
-
-
-def _renames(kind: Any) -> bool:
-    """Return whether a type is a model with former names or fixed values, or holds one."""
-    return _model_renames(kind) if _is_model(kind) else any(map(_renames, get_args(kind)))
-
-
-@lru_cache(maxsize=4096)
-def _model_renames(model: type[BaseModel]) -> bool:
-    known, kinds = set[Any](), list[Any]([model])
-    while kinds:
-        kind = kinds.pop()
-        if not _is_model(kind):
-            kinds += get_args(kind)
-        elif kind not in known:
-            known.add(kind)
-            if getattr(kind, "former_names", {}) or _fixed(kind):
-                return True
-            kinds += [info.annotation for info in kind.model_fields.values()]
-    return False
-
-
-def _fixed(model: type[BaseModel]) -> dict[str, Any]:
-    """Return the fixed values of former options of a model: its constants, and its `fixed_values`."""
-    constants = model.__class_vars__ - {"model_config", "former_names", "fixed_values"}
-    values = {name: getattr(model, name) for name in constants if hasattr(model, name)}
-    return values | dict(getattr(model, "fixed_values", {}))
 
 
 def validate(model: type[Model], content: Any, source: str) -> Model:
@@ -250,16 +169,19 @@ def _lines(error: ValidationError, model: type[BaseModel], content: Any, source:
             valid = valid_names(about["tag"], about["expected_tags"].replace("'", "").split(", "))
             path, message = f"{path}.kind", f"{_shown(about['tag'])} is not known; {valid}"
         elif fault["type"] == "union_tag_not_found":
-            beside = _of_a_kind(fault["loc"], content)
-            message = "Field required" + (
-                f"; {valid_names(fault['loc'][-1], beside, start='there are')}" if beside else ""
-            )
-            path = f"{path}.kind"
+            beside, kinds = _of_a_kind(fault["loc"], content), models_at(model, fault["loc"])
+            tags = [tag for each in kinds for tag in get_args(each.model_fields["kind"].annotation)]
+            path, message = f"{path}.kind", f"is missing; one of {', '.join(tags)} is expected"
+            message += f"; {valid_names(fault['loc'][-1], beside, start='there are')}" if beside else ""
+        elif fault["type"] == "missing":
+            fields = [each.model_fields.get(fault["loc"][-1]) for each in models_at(model, fault["loc"][:-1])]
+            about = next((each.description for each in fields if each is not None and each.description), None)
+            message = "is missing" + (f" ({about})" if about else "")
         elif (kind := fault.get("ctx", {}).get("pattern", fault["type"])) in _SHAPES:
             message = f"{_SHAPES[kind]} is expected (got {_shown(fault['input'])})"
             if fault["type"] == "string_type" and isinstance(fault["input"], bool | int | float):
                 message += "; in quotes it is one"
-        elif fault["type"] != "missing" and not isinstance(fault["input"], dict | BaseModel):
+        elif not isinstance(fault["input"], dict | BaseModel):
             message += f" (got {_shown(fault['input'])})"
         lines.append(": ".join(part for part in (source, path, message) if part))
     distinct = list(dict.fromkeys(lines))
@@ -304,46 +226,5 @@ def keys_of(model: type[BaseModel], path: tuple[int | str, ...], kind: Any = Non
 
     kind: the mapping's own `kind`, which selects one of several models.
     """
-    models: list[Any] = [model]
-    for part in path:
-        models = [inner for each in models for inner in _inner(each, part)]
-    models = _of_kind(models, kind)
+    models = of_kind(models_at(model, path), kind)
     return frozenset(name for each in models for name in each.model_fields) if models else None
-
-
-def _of_kind(kinds: Sequence[Any], kind: Any) -> list[Any]:
-    """Select the models of a union whose tag `kind` is this one, else all."""
-    models = [each for each in kinds if _is_model(each)]
-    return [
-        each for each in models if kind in get_args(getattr(each.model_fields.get("kind"), "annotation", None))
-    ] or models
-
-
-def _is_model(kind: Any) -> bool:
-    return isinstance(kind, type) and issubclass(kind, BaseModel)
-
-
-def _inner(kind: Any, part: int | str) -> list[Any]:
-    """Return the models one step down a pydantic error location: a field, a mapping's value or a union's tag."""
-    if _is_model(kind):
-        return list(_within_model(kind, part))
-    if get_origin(kind) in (dict, list, tuple):
-        return _unwrap(get_args(kind)[-1] if get_origin(kind) is dict else get_args(kind)[0])
-    return []
-
-
-@lru_cache(maxsize=4096)
-def _within_model(kind: type[BaseModel], part: int | str) -> tuple[Any, ...]:
-    if part in kind.model_fields:
-        return tuple(_unwrap(kind.model_fields[str(part)].annotation))
-    literal = kind.model_fields.get("kind")
-    return (kind,) if literal is not None and part in get_args(literal.annotation) else ()
-
-
-def _unwrap(kind: Any) -> list[Any]:
-    """Return the members of Annotated and union types."""
-    if get_origin(kind) is Annotated:
-        return _unwrap(get_args(kind)[0])
-    if get_origin(kind) in (Union, types.UnionType):
-        return [inner for member in get_args(kind) for inner in _unwrap(member)]
-    return [kind]

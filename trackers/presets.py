@@ -305,7 +305,7 @@ def make_tracker(
 
 def _with_current_names(maker: Any, options: Mapping[str, Any], name: str) -> Mapping[str, Any]:
     """Return options with the current names of those that were renamed, where the class says by `Options` which it takes."""
-    from trackers.configuration import checked_current_names
+    from trackers.former_options import checked_current_names
 
     model = getattr(maker, "Options", None)
     return options if model is None else checked_current_names(model, dict(options), f"tracker {name}")

@@ -10,8 +10,9 @@ from typing import Any
 
 from pydantic import BaseModel, Field
 
-from trackers.configuration import checked_current_names, current_path, keys_of, validate
+from trackers.configuration import keys_of, validate
 from trackers.errors import InputError, valid_names
+from trackers.former_options import checked_current_names, current_path
 from trackers.plain_data import DEEPEST, deep_merge, dump_yaml, parse_yaml, parse_yaml_value
 from trackers.rig import Name, files_within
 from trackers.text_file import AnyPath, as_path, read_text
