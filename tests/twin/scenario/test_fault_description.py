@@ -78,7 +78,7 @@ def test_every_kind_is_listed_and_in_the_schema() -> None:
         ("faults.a={sensor: waist, kind: freeze, from_s: -1}", "from_s: .*greater than or equal to 0"),
         ("faults.a={sensor: waist, kind: freeze, from: 1}", "from: unknown key; did you mean 'from_s'"),
         ("faults.a={sensor: [], kind: freeze}", "sensor: .*at least 1 item"),
-        ("faults.a={kind: freeze}", "sensor: is missing (name of the sensor at fault"),
+        ("faults.a={kind: freeze}", r"sensor: is missing \(name of the sensor at fault"),
         ("faults.a={sensor: waist, kind: dropout, probability: 1.5}", "probability: .*less than or equal to 1"),
         ("faults.a={sensor: waist, kind: dropout, probability: 0}", "probability: .*greater than 0"),
         ("faults.a={sensor: waist, kind: delay}", "delay_s and jitter_s are both 0"),
@@ -103,7 +103,7 @@ def test_every_kind_is_listed_and_in_the_schema() -> None:
         ("sensors.fisheye.calibration_error.focal_scale=0", "focal_scale 0 is no scale"),
         ("sensors.waist.calibration_error.xzy=[1, 0, 0]", "calibration_error.xzy: unknown key; did you mean 'xyz'"),
         ("sensors.waist.calibration_error.xyz=[.inf, 0, 0]", "calibration_error.xyz.0: .*finite"),
-        ("housings.rig.mount.yaw_deg=3", "housings.rig.mount.xyz: is missing (place"),
+        ("housings.rig.mount.yaw_deg=3", r"housings.rig.mount.xyz: is missing \(place"),
     ],
 )
 def test_what_cannot_be_is_refused_in_a_sentence(change: str, said: str) -> None:
