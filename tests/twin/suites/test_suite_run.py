@@ -467,7 +467,7 @@ def test_files_that_are_no_baseline_and_no_results_are_told(tmp_path: Path, monk
 @pytest.mark.parametrize(
     ("statement", "said"),
     [
-        ("DELETE FROM facts WHERE name = 'versions'", "facts: versions: is missing"),
+        ("DELETE FROM facts WHERE name = 'versions'", "facts: versions: Field required"),
         ("UPDATE facts SET value = '' WHERE name = 'suite'", "facts.suite, line 1: is not JSON"),
         ("UPDATE facts SET value = '[1]' WHERE name = 'tolerances'", "facts: tolerances: .*dictionary"),
         ("UPDATE cases SET status = 'well' WHERE rowid = 1", r"cases: 0.status: .* \(got 'well'\)"),
