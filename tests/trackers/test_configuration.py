@@ -249,13 +249,14 @@ class _Kinds(Strict):
 
 def test_a_mapping_without_a_kind_is_told_with_those_beside_it() -> None:
     content = {"faults": {"fog": {"at_s": 1}, "smoke": {"kind": "dark"}}}
-    with pytest.raises(InputError, match=r"faults\.fog\.kind: is missing; one of fog, dark is expected; there are smoke"):
+    with pytest.raises(
+        InputError, match=r"faults\.fog\.kind: is missing; one of fog, dark is expected; there are smoke"
+    ):
         validate(_Kinds, content, "x.yaml")
 
 
 class _Named(Strict):
     name: str = Field(description="name of the thing")
-    kinds: dict[str, Annotated[_Fog | _Dark, Field(discriminator="kind")]] = {}
 
 
 def test_a_missing_field_is_told_with_what_it_is() -> None:
