@@ -78,14 +78,12 @@ def errors_by_cause(
         for row, column in zip(pairs.rows.tolist(), pairs.columns.tolist(), strict=True):
             followed.add(people[row])
             last_person[tracks[column]] = people[row]
-        for row in np.setdiff1d(np.arange(len(people)), pairs.rows).tolist():
+        for row in _others(len(people), pairs.rows):
             sight, posture = rows.at(people[row], frame.stamp_ns)
             started = "seen" if people[row] in followed else "start_up"
             found.append((frame.stamp_ns, frame.person_xy[row], started if sight == "seen" else sight, posture))
-        alone = np.setdiff1d(np.arange(len(tracks)), pairs.columns)
-        near = frame.distances_m.min(axis=0, initial=np.inf) <= gate_m
-        for column in alone.tolist():
-            doubled = bool(near[column])
+        for column in _others(len(tracks), pairs.columns):
+            doubled = bool(frame.distances_m[:, column].min(initial=np.inf) <= gate_m)
             cause = "double" if doubled else "clutter"
             if not doubled and not frame.confirmed[column]:
                 person = last_person.get(tracks[column])
@@ -99,6 +97,11 @@ def errors_by_cause(
         np.array(causes, dtype=np.str_),
         np.array(postures, dtype=np.str_),
     )
+
+
+def _others(count: int, paired: NDArray[np.intp]) -> list[int]:
+    """List the places from 0 to `count` - 1 that are in no pair, ascending."""
+    return sorted(set(range(count)).difference(paired.tolist())) if paired.size < count else []
 
 
 class _TruthRows:

@@ -110,11 +110,12 @@ def match_frames(frames: Sequence[PairMatrix], gate: float) -> list[FrameMatches
     for index, frame in enumerate(frames):
         allowed = frame.values <= gate  # NaN is no pair
         rows, columns = _kept_pairs(frame, allowed, partner, last_matched)
-        allowed[rows, :] = False
-        allowed[:, columns] = False
-        new_rows, new_columns = assign(frame.values, allowed)
-        all_rows = np.concatenate([np.array(rows, dtype=np.intp), new_rows])
-        all_columns = np.concatenate([np.array(columns, dtype=np.intp), new_columns])
+        if len(rows) < min(allowed.shape):  # else nothing is left to assign
+            allowed[rows, :] = False
+            allowed[:, columns] = False
+            new_rows, new_columns = assign(frame.values, allowed)
+            rows, columns = rows + new_rows.tolist(), columns + new_columns.tolist()
+        all_rows, all_columns = np.array(rows, dtype=np.intp), np.array(columns, dtype=np.intp)
         for person, track in zip(
             frame.person_ids[all_rows].tolist(), frame.track_ids[all_columns].tolist(), strict=True
         ):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,7 @@ class Frame:
     confirmed: NDArray[np.bool_]  # (m,) False: coasting
     radius95_m: NDArray[np.float64]  # (m,) stated radius that holds the person with 95 % [m]; NaN: not stated
 
-    @property
+    @cached_property
     def distances_m(self) -> NDArray[np.float64]:
         """Ground distance of every person and track, (n, m)."""
         gap = self.person_xy[:, None] - self.track_xy[None]
@@ -175,7 +176,7 @@ def match_all_people(frames: Sequence[Frame], gate_m: float) -> list[FrameMatche
 
 
 def restrict_to_area(frames: Sequence[Frame], matches: Sequence[FrameMatches]) -> list[Frame]:
-    """Leave out the people outside the tracked area and the tracks matched with them.
+    """Leave out the people outside the tracked area and the tracks matched with them; a frame without any is itself.
 
     `matches`: of all people (see `match_all_people`).
     """
@@ -183,6 +184,9 @@ def restrict_to_area(frames: Sequence[Frame], matches: Sequence[FrameMatches]) -
     for frame, pairs in zip(frames, matches, strict=True):
         judged = np.ones(frame.track_ids.size, dtype=np.bool_)
         judged[pairs.columns[~frame.in_area[pairs.rows]]] = False
+        if frame.in_area.all() and judged.all():
+            kept.append(frame)
+            continue
         kept.append(
             replace(
                 frame,

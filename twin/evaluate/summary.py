@@ -15,7 +15,7 @@ from trackers.errors import InputError
 from trackers.scipy_functions import linear_sum_assignment
 from twin.evaluate.accuracy import PersonFrames, disposal, misplaced, person_frames, within_radius
 from twin.evaluate.causes import Errors, errors_by_cause
-from twin.evaluate.clear import FrameMatches, PairMatrix, clear, find_switches, identity, match_frames
+from twin.evaluate.clear import ClearScores, FrameMatches, PairMatrix, clear, find_switches, identity, match_frames
 from twin.evaluate.continuity import TrackEvent, continuity, right_at_end, switch_events
 from twin.evaluate.hota import hota, hota_cap
 from twin.evaluate.judged_frames import Frame, align, match_all_people, restrict_to_area, wrap_angle
@@ -82,9 +82,7 @@ def evaluate_with_details(
     aligned = align(truth, tracks)
     frames = aligned.frames
     all_people = match_all_people(frames, gate_m)
-    judged = restrict_to_area(frames, all_people)
-    pair_matrices = [frame.pair_matrix() for frame in judged]
-    matches = match_frames(pair_matrices, gate_m)
+    judged, pair_matrices, matches = _inside(frames, all_people, gate_m)
     switches = switch_events(judged, find_switches(pair_matrices, matches))
     misidentifications, lost = continuity(frames, judged, matches)
     ospa_m, gospa_m = _set_distances(pair_matrices)
@@ -95,7 +93,7 @@ def evaluate_with_details(
     apart = misplaced(judged, gate_m, tracks.source)
     pose_errors, n_head = _pose_errors(judged, matches)
     metrics: dict[str, Any] = {
-        **_matrix_metrics(pair_matrices, gate_m, matches),
+        **_matrix_metrics(pair_matrices, gate_m, matches, scores),
         "gospa_m": float(gospa_m.mean()),
         "ospa_m": float(ospa_m.mean()),
         "false_positives": scores.false_positives,
@@ -124,6 +122,18 @@ def evaluate_with_details(
         errors=errors,
         notes=(*truth.notes, *tracks.notes, *aligned.notes, *([apart] if apart else [])),
     )
+
+
+def _inside(
+    frames: Sequence[Frame], all_people: Sequence[FrameMatches], gate_m: float
+) -> tuple[Sequence[Frame], list[PairMatrix], Sequence[FrameMatches]]:
+    """Return the frames inside the area, their distances and their correspondence, which is that of all people where no frame
+    loses anybody.
+    """
+    judged = restrict_to_area(frames, all_people)
+    pair_matrices = [frame.pair_matrix() for frame in judged]
+    is_whole = all(inside is frame for inside, frame in zip(judged, frames, strict=True))
+    return judged, pair_matrices, all_people if is_whole else match_frames(pair_matrices, gate_m)
 
 
 def _check_tables(truth: object, tracks: object) -> None:
@@ -162,17 +172,15 @@ def _set_distances(pair_matrices: Sequence[PairMatrix]) -> tuple[NDArray[np.floa
 
 def _wide_metrics(frames: Sequence[Frame]) -> dict[str, Any]:
     """Compute `at_1m` of `metrics.json`."""
-    inside = restrict_to_area(frames, match_all_people(frames, WIDE_GATE_M))
-    found = _matrix_metrics([frame.pair_matrix() for frame in inside], WIDE_GATE_M)
+    _, pair_matrices, matches = _inside(frames, match_all_people(frames, WIDE_GATE_M), WIDE_GATE_M)
+    found = _matrix_metrics(pair_matrices, WIDE_GATE_M, matches, clear(pair_matrices, WIDE_GATE_M, matches))
     return {name: found[name] for name in ("mota", "motp_m", "idf1", "hota", "id_switches")}
 
 
 def _matrix_metrics(
-    pair_matrices: Sequence[PairMatrix], gate_m: float, matches: Sequence[FrameMatches] | None = None
+    pair_matrices: Sequence[PairMatrix], gate_m: float, matches: Sequence[FrameMatches], scores: ClearScores
 ) -> dict[str, Any]:
-    """Compute the metrics that need only the distances."""
-    matches = matches if matches is not None else match_frames(pair_matrices, gate_m)
-    scores = clear(pair_matrices, gate_m, matches)
+    """Compute the metrics that need only the distances; `matches` and their `scores` at this gate."""
     similarities = [
         PairMatrix(pairs.person_ids, pairs.track_ids, np.maximum(0.0, 1.0 - pairs.values / (2 * gate_m)))
         for pairs in pair_matrices

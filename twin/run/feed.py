@@ -98,6 +98,9 @@ class Preview:
             for name, held in self._observations.items()
             if name not in silent
         }
+        for name, each in newest.items():
+            if each is not None:
+                self._drop_before(name, each.stamp_ns)
         images = {name: each for name, each in newest.items() if isinstance(each, Image | DepthImage)}
         scans = {name: each for name, each in newest.items() if isinstance(each, LaserScan)}
         floors = {name: each for name, each in newest.items() if isinstance(each, FloorFrame)}
@@ -110,6 +113,13 @@ class Preview:
         kept = self._stills is not None and self._stills.keep_best(frame, images | scans | floors | bases, truth)
         if kept and self._writer is not None:
             self._poster = self._writer.still()
+
+    def _drop_before(self, sensor: str, stamp_ns: int) -> None:
+        """Drop a sensor's observations before the one of this stamp, which no later frame shows: pictures are large."""
+        held = self._observations[sensor]
+        left = [each for each in held if each.stamp_ns >= stamp_ns]
+        held.clear()
+        held.extend(left)
 
     def _truth_at(self, stamp_ns: int) -> TruthFrame | None:
         """Return the truth of a stamp, or the nearest one for a stamp by a wrong clock; None if none is near."""

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import gc
 import sys
+import weakref
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
 
 import twin
+from trackers.observations import Image
+from trackers.tracks import TrackFrame
+from twin.report.preview import PreviewWriter
+from twin.run.feed import Preview
 from twin.world import world
 from twin.world.world import heap_trimmed, trim_heap
 
@@ -98,3 +104,26 @@ def test_simulation_that_its_listeners_hold_is_freed_once_closed() -> None:
             list(simulation)
 
     assert garbage_of(simulate) == {}
+
+
+def test_preview_drops_pictures_that_no_later_frame_shows() -> None:
+    shown: list[int] = []
+
+    class Film:
+        def frame(self, stamp_ns: int, images: Mapping[str, Image], *_: object) -> None:
+            shown.append(images["fisheye"].stamp_ns)
+
+    with twin.Simulation(twin.load_scenario("lab-five-people", ["background=none"]), images=False) as simulation:
+        preview = Preview(cast("PreviewWriter", Film()), simulation.rig)
+    alive: list[weakref.ref[Image]] = []
+    stamps = [0, 1, 2, 3, 5, 4, 6, 7, 8]  # one arrives late
+    for stamp_ns in stamps:
+        image = Image("fisheye", stamp_ns, np.zeros((4, 4, 3), np.uint8))
+        alive.append(weakref.ref(image))
+        preview.observe(image)
+        if stamp_ns != 6:  # nothing is tracked at this one
+            preview.draw(TrackFrame(stamp_ns, ()))
+        del image
+    preview.finish()
+    assert shown == [0, 1, 2, 3, 5, 7, 8]
+    assert [stamp_ns for stamp_ns, each in zip(stamps, alive, strict=True) if each() is not None] == [8]
