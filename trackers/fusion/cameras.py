@@ -155,7 +155,7 @@ class Camera:
             self._kind,
             position,
             covariance,
-            starts,
+            starts.astype(np.intp),
             owner,
             lambda points: self._missed(points, expected),
             by_posture=DEPTH_SHOWN if self._stereo is not None else SILHOUETTE_SHOWN,

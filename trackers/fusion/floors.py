@@ -78,8 +78,8 @@ class FusedFloor:
             position,
             covariance,
             np.concatenate(
-                [np.zeros(len(owner), np.bool_), clear_of(new, np.concatenate([expected.place, feet]), _GATE_M)]
-            ),
+                [np.zeros(len(owner)), clear_of(new, np.concatenate([expected.place, feet]), _GATE_M)]
+            ).astype(np.intp),
             np.concatenate([owner, np.full(len(new), -1)]),
             self._missed,
             FLOOR_SHOWN,

@@ -12,21 +12,29 @@ from trackers.fusion.motion import LEGS, PLACE
 from trackers.fusion.options import FusionOptions, KindOptions
 from trackers.fusion.posture import LEGS_SHOWN, TRUNK_SHOWN
 from trackers.laser.group import ScannerGroup, scanners_by_role
-from trackers.laser.grouping import STRIDE_M
 from trackers.laser.layer import KneeOptions, LayerOptions, WaistOptions
-from trackers.likelihood.legs import LegOptions, pair_legs
+from trackers.likelihood.legs import LegOptions, legs_ahead_m, may_be_new, pair_legs
 from trackers.observations import LaserScan, Observation
 from trackers.rig import Rig, Role
-from trackers.tracking.track_manager import clear_of
+
+_SURE_SAMPLES = 4
+"""Samples of a cluster from which it is neither noise nor an edge, where the empty room is known."""
 
 
 class Scanners:
     """All scanners of one height. sees_waists: whether the rig has others at waist height, so that a leg alone is no person."""
 
     def __init__(
-        self, group: ScannerGroup, role: Role, kind: KindOptions, area: Area | None, sees_waists: bool
+        self,
+        group: ScannerGroup,
+        role: Role,
+        height_m: float,
+        kind: KindOptions,
+        area: Area | None,
+        sees_waists: bool,
     ) -> None:
         self.role: Role = role
+        self._height_m = height_m
         self._group, self._kind, self._area = group, kind, area
         self._sees_waists = sees_waists
         self._legs = LegOptions(variance_m2=kind.sigma_m**2)
@@ -50,22 +58,28 @@ class Scanners:
         if self._area is not None and len(found):
             found = found.select(self._area.contains(found.position))
         position, variance = found.position, self._kind.sigma_m**2 + found.variance_m2
-        starts = self._group.sufficient(found)
+        starts, n_sample = self._group.sufficient(found), found.n_sample
         if self.role == "knee":
             gate_m = self._legs.gate_m if self._sees_waists else self._legs.gate_alone_m
             no_trunk = np.empty((0, 2))
-            walkers = pair_legs(found, starts, no_trunk, expected.place, expected.legs, 0.0, gate_m, self._legs)
+            # shanks lean forward: knees are before the feet
+            knees = expected.facing * legs_ahead_m(expected.speed_m_s, self._height_m, self._legs)[:, None]
+            knees, lines = expected.legs + knees, found.sight_lines(self._group.origins)
+            walkers = pair_legs(found, starts, no_trunk, expected.place, knees, 0.0, gate_m, self._legs, lines)
             position, known = walkers.position, walkers.of_known
             position[known] += expected.legs[walkers.owner[known]]
             variance = walkers.likelihood(self._legs, gate_m).variance_m2
+            n_sample = walkers.n_sample
             starts = (walkers.n_leg > 1) | (not self._sees_waists)
-            starts &= clear_of(position, np.concatenate([expected.place, expected.place + expected.legs]), STRIDE_M)
+            bodies = np.concatenate([expected.place, expected.place + expected.legs, position[known]])
+            starts = may_be_new(position, walkers.n_leg == 1, starts & ~known, bodies, self._legs.start_apart_m)
+        sure = (n_sample >= _SURE_SAMPLES) & (not self._group.is_learning)
         return Look(
             tuple(scans),
             self._kind,
             position,
             round_covariance(variance),
-            starts,
+            np.where(starts, np.where(sure, 2, 1), 0),
             np.full(len(position), -1),
             lambda points: self._group.missed(scans, points),
             TRUNK_SHOWN if self.role == "waist" else LEGS_SHOWN,
@@ -83,7 +97,7 @@ def scanners_of(
         return []
     lasers, names = rig.lasers(), scanners_by_role(rig, ("waist", "knee"))
     layers: dict[Role, tuple[LayerOptions, KindOptions]] = {
-        "waist": (WaistOptions(outlines=True), options.trunk),
+        "waist": (WaistOptions(outlines=True, weak_samples=1), options.trunk),
         "knee": (KneeOptions(), options.legs),
     }
     found = []
@@ -92,5 +106,6 @@ def scanners_of(
         seen = layer.free_space.model_copy(update={"detected": kind.p_detect})
         layer = layer.model_copy(update={"free_space": seen})
         group = ScannerGroup({name: lasers[name] for name in of_role}, empty_room, layer)
-        found.append(Scanners(group, role, kind, area, "waist" in names))
+        height_m = float(np.mean([lasers[name].room_from_sensor.translation[2] for name in of_role]))
+        found.append(Scanners(group, role, height_m, kind, area, "waist" in names))
     return found

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from trackers.arrays import Array, Bool, Float, Index, Int, Mask
+from trackers.arrays import Array, Float, Index, Int
 from trackers.fusion.motion import HEAD_PLACE, LEGS, PLACE
 from trackers.fusion.options import KindOptions
 from trackers.fusion.posture import Shares
@@ -23,14 +23,17 @@ class Expected:
     place: Float[Array, "n 2"]  # ground point [m]
     head: Float[Array, "n 3"]  # [m]
     legs: Float[Array, "n 2"]  # from the place to the middle of the legs [m]
+    speed_m_s: Float[Array, "n"]
+    facing: Float[Array, "n 2"]  # mean of the unit vector that they face by, of length 0 where that is not known
 
 
 @dataclass(frozen=True, eq=False)
 class Look:
     """k measurements of one kind at one stamp.
 
-    owner: the track that a measurement is of, −1 where it is to be associated; starts: which may initiate a track; missed:
-    the probability that the look would not show a standing person at room points (2, ...) [m], (...); by_posture: the
+    owner: the track that a measurement is of, −1 where it is to be associated; starts: the hits with which a track begins
+    that a measurement initiates, 0 where it may not: one that can be nobody but a person counts as several; missed: the
+    probability that the look would not show a standing person at room points (2, ...) [m], (...); by_posture: the
     detection probability of who stands, sits and lies, in that of who stands; is_sharp: whether `missed` tells one place from
     another near by; observes: H of the measurements.
     """
@@ -39,7 +42,7 @@ class Look:
     kind: KindOptions
     position: Float[Array, "k 2"]
     covariance: Float[Array, "k 2 2"]  # [m²]
-    starts: Bool[Mask, "k"]
+    starts: Int[Index, "k"]
     owner: Int[Index, "k"]
     missed: Callable[[Array], Array]
     by_posture: Shares

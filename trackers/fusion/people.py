@@ -107,7 +107,9 @@ class People(ImmTracks):
 
     def expected(self) -> Expected:
         """Return what sources are told of the tracks."""
-        return Expected(self.positions, self.head, self.legs)
+        angle, length = self.heads.direction
+        facing = (length * np.array([np.cos(angle), np.sin(angle)])).T
+        return Expected(self.positions, self.head, self.legs, np.hypot(*self.velocity.T), facing)
 
     def learn_stature(
         self, row: Int[Index, "k"], height_m: Float[Array, "k"], variance_m2: Float[Array, "k"], memory: float

@@ -43,8 +43,6 @@ _PLACE_M, _AT_REST = 0.35, 0.01
 """Standard deviation of where a lying person comes up again [m], and variance of their speed [m²/s²]."""
 _SEAT_M = 0.2
 """Standard deviation of a sitting person's pelvis from the seat, in each step [m]; half as much of a lying one's."""
-_LEFT_S = 0.5
-"""Mean time for which a person whom nothing shows outside the area stays there [s]."""
 _STAYS = 20.0
 """A person who sits or lies stays so many times as long as another."""
 
@@ -59,15 +57,16 @@ class FusionTrackManager(TrackManager):
 
     def initiated(self, people: People, looks: dict[int, Look], paired: list[Int[Index, "p"]], ns: int) -> People:
         """Return the tracks and those that begin at measurements that no track explains, one of each person."""
-        place, number, R, near = [], [], [], [people.positions]
+        place, number, R, hits, near = [], [], [], [], [people.positions]
         for (source, look), column in zip(looks.items(), paired, strict=True):
-            start = look.starts & ~explained(people, look) & self.clear_of_seats(people, look.position)
+            start = (look.starts > 0) & ~explained(people, look) & self.clear_of_seats(people, look.position)
             start[column] = False
             near.append(look.position[column])
             place.append(look.position[start])
             number.append(np.full(start.sum(), source))
             R.append(look.covariance[start])
-        place, number, R = np.concatenate(place), np.concatenate(number), np.concatenate(R)
+            hits.append(look.starts[start])
+        place, number, R, hits = (np.concatenate(each) for each in (place, number, R, hits))
         free = self.may_start(place, np.concatenate(near))
         for k in np.lexsort((*place.T, R.trace(axis1=1, axis2=2))):  # the sharpest first
             if free[k]:
@@ -75,7 +74,8 @@ class FusionTrackManager(TrackManager):
                 same = np.einsum("ka,kab,kb->k", off, np.linalg.inv(R + R[k]), off) < EXPLAINED**2
                 _, own = np.unique(np.where(same & free, number, -1), return_index=True)
                 own = np.union1d(own[(same & free)[own]], [k])
-                people = people.joined(self._started(people, place[own], R[own], ns, number[own], looks))
+                by = np.repeat(number[own], hits[own])
+                people = people.joined(self._started(people, place[own], R[own], ns, number[own], looks, by))
                 free &= ~same & self.may_start(place, place[[k]])
         return people
 
@@ -87,8 +87,9 @@ class FusionTrackManager(TrackManager):
         ns: int,
         number: Int[Index, "k"],
         looks: dict[int, Look],
+        by: Int[Index, "hits"],
     ) -> People:
-        """Make a tentative track of measurements by sources, each with a covariance."""
+        """Make a tentative track of measurements by sources, each with a covariance; by: the sources of its hits."""
         information = np.linalg.inv(R)
         covariance = np.linalg.inv(information.sum(axis=0, keepdims=True)).astype(np.float64)
         at = np.einsum("zab,kbc,kc->za", covariance, information, place)
@@ -101,8 +102,8 @@ class FusionTrackManager(TrackManager):
             others.seen_ns.shape[1],
         )
         people.seen_ns[0, number], people.seen_at[0, number] = ns, place
-        roster = people.roster.changed(n_measured=np.array([len(place)]))
-        existence = np.array([self.existence_of_new([looks[k].kind.p_detect for k in number[1:].tolist()])])
+        roster = people.roster.changed(n_measured=np.array([by.size]))
+        existence = np.array([self.existence_of_new([looks[k].kind.p_detect for k in by[1:].tolist()])])
         return people.changed(roster=roster, existence=existence)
 
     def after_gap(self, people: People, last_ns: int, ns: int) -> People:
@@ -186,7 +187,8 @@ class FusionTrackManager(TrackManager):
         others = people.positions[people.confirmed & (people.roster.measured_ns == ns)]
 
         def not_shown(points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
-            free = clear_of(points.reshape(2, -1).T, others, _APART_M).reshape(points.shape[1:])
+            at = points.reshape(2, -1).T
+            free = (clear_of(at, others, _APART_M) & self.inside(at)).reshape(points.shape[1:])
             return np.maximum(look.missed(points) ** share * free, 1e-3)
 
         some = people.select(row)
@@ -194,7 +196,7 @@ class FusionTrackManager(TrackManager):
             state, chance = update_missed(some.state, not_shown, some.velocity.T)
         else:
             state, chance = some.state, not_shown(some.positions.T)
-        alone = clear_of(some.place, others, _APART_M)
+        alone = clear_of(some.place, others, _APART_M) & self.inside(some.positions)
         by_posture = np.where(alone[:, None], 1 - np.array(look.by_posture) * (1 - chance[:, None]), chance[:, None])
         whole = (some.posture.probability * by_posture).sum(axis=1)
         posture = people.posture.weighed(row, np.log(by_posture))
@@ -205,7 +207,6 @@ class FusionTrackManager(TrackManager):
         state = state.replaced(lies, rest.select(lies))
         # who may have gone unseen may have gone: where nothing would show them as likely as elsewhere
         stays_s = self._rules.survival_s * np.where(posture.rests[row], _STAYS, 1.0)
-        stays_s = np.where(self.inside(some.positions), stays_s, _LEFT_S)
         existence = existence_after_miss(some.existence, whole, elapsed_s / people.seen_ns.shape[1], stays_s)
         people = people.changed(existence=written(people.existence, row, existence), posture=posture)
         return people.in_state(people.state.replaced(row, state))
@@ -297,6 +298,9 @@ def reidentified(
     if not old.size:
         return people, new
     old, now = hidden[old], fresh[now]
+    new = written(new, now, False)
+    met = people.roster.born_ns[now] < ns  # one look tells not who it is
+    old, now = old[met], now[met]
     roster = people.roster.changed(
         id=written(people.roster.id, now, people.roster.id[old]),
         confirmed=written(people.roster.confirmed, now, True),
@@ -312,5 +316,4 @@ def reidentified(
     )
     stays = np.ones(len(people), np.bool_)
     stays[old] = False
-    new = written(new, now, False)
     return people.select(stays), new[stays]

@@ -37,7 +37,7 @@ from trackers.laser_fisheye_imm.detection import Detector, Seen
 from trackers.laser_fisheye_imm.options import START_SPEED_M_S, LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import LaserTracks
 from trackers.laser_fisheye_imm.track_manager import ImmTrackManager
-from trackers.likelihood.legs import full_stride, legs_ahead_m
+from trackers.likelihood.legs import full_stride, legs_ahead_m, may_be_new
 from trackers.observations import NS_PER_S, LaserScan, Observation
 from trackers.rig import Rig
 from trackers.tracking.fixed_lag_smoother import FixedLagSmoother, Held, by_id
@@ -240,17 +240,12 @@ class LaserFisheyeImm(SynchronizedTracker):
         # a single leg, or knees without a trunk where waists are seen, within a stride of somebody are likelier theirs
         waist_seen = self._detector.waists_seen(matches.new_position)
         maybe_theirs = matches.new_single | (waist_seen & (matches.new_trunk < 0))
-        stride_m = np.where(maybe_theirs, self.options.legs.start_apart_m, 0.0)
-        free = clear_of(matches.new_position, bodies, np.maximum(self.options.track_management.start_apart_m, stride_m))
+        free = clear_of(matches.new_position, bodies, self.options.track_management.start_apart_m)
         seats = people.posture.seat[people.posture.seated(people.measured_at, sitting)]
         free &= clear_of(matches.new_position, seats, sitting.length_m)  # trunk and legs of who lies or gets up
         if self.options.legs.pair_m > 0:
             free &= ~(matches.new_single & waist_seen)
-        # nor do they beside others who start in this frame: two scanners may show one leg twice
-        for one in np.flatnonzero(free & maybe_theirs):
-            earlier = free & (~maybe_theirs | (np.arange(free.size) < one))
-            place, others = matches.new_position[one, None], matches.new_position[earlier]
-            free[one] = clear_of(place, others, self.options.legs.start_apart_m)[0]
+        free = may_be_new(matches.new_position, maybe_theirs, free, bodies, self.options.legs.start_apart_m)
         position, variance, trunk = matches.new_position[free], matches.new_variance[free], matches.new_trunk[free]
         histograms = np.zeros((len(position), self._detector.histogram.size))
         by_trunk = trunk >= 0

@@ -18,6 +18,7 @@ from trackers.filters.gating import distances, mahalanobis_distances, validation
 from trackers.filters.imm import ImmState
 from trackers.laser.clusters import Detections
 from trackers.laser.grouping import PAIR_M, STRIDE_M, pair_off, take_legs
+from trackers.tracking.track_manager import clear_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,6 +198,25 @@ def pair_legs(
     n_sample = np.append(np.zeros(taking.sum(), np.intp), (own * legs.n_sample).max(axis=1, initial=0))
     n_leg = np.concatenate([n_leg_of_known, n_leg_of_new])
     return LegPairs(np.concatenate([middle, new]), n_leg, under, owner, n_sample)
+
+
+def may_be_new(
+    position: Float[Array, "k 2"],
+    is_part: Bool[Mask, "k"],
+    free: Bool[Mask, "k"],
+    known: Float[Array, "n 2"],
+    apart_m: float,
+) -> Bool[Mask, "k"]:
+    """Return which of the `free` positions [m] may initiate a track.
+
+    Parts of people, as single legs, are likelier one's who is known or starts in the same frame: two scanners may show one
+    leg twice. known: where people are known to be [m]; apart_m: how far from them and from others who start parts are.
+    """
+    free = free & (~is_part | clear_of(position, known, apart_m))
+    for one in np.flatnonzero(free & is_part):
+        earlier = free & (~is_part | (np.arange(free.size) < one))
+        free[one] = clear_of(position[one, None], position[earlier], apart_m)[0]
+    return free
 
 
 def mean_line(lines: Float[Array, "k s 2"]) -> Float[Array, "k 2"]:

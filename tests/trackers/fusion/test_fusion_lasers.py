@@ -1,0 +1,102 @@
+"""Scanners in `fusion`: who is a person at the first look, legs before their feet, and tracks that leave the area."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_room import Walk, empty_room, observe, rig, straight_walk
+
+from trackers.arrays import Array
+from trackers.filters.imm import Imm
+from trackers.fusion.lasers import scanners_of
+from trackers.fusion.look import Expected, Look
+from trackers.fusion.motion import PersonMotion
+from trackers.fusion.options import FusionOptions
+from trackers.fusion.people import People
+from trackers.fusion.posture import LEGS_SHOWN
+from trackers.fusion.track_manager import FusionTrackManager, reidentified
+from trackers.observations import NS_PER_S, LaserScan
+from trackers.presets import make_tracker
+
+WALK = straight_walk([(-1.2, 1.2), (1.2, 2.2), (0.0, 2.8)], [(0.5, 0.0), (-0.5, 0.0), (0.0, -0.2)], 24)
+EMPTY = list(empty_room(np.random.default_rng(1)))
+
+
+@pytest.mark.parametrize("role", ["waist", "knee"])
+def test_a_first_look_shows_people_where_the_empty_room_is_known_alone(role: str) -> None:
+    on = rig(waist=role == "waist", knee=role == "knee", camera=False)
+    scans = [each for each in observe(WALK, 5, images=False) if each.sensor == role]
+    waited_ns = {}
+    for knows, before in {"knows": EMPTY, "learns": []}.items():
+        tracker = make_tracker("fusion", on, before)
+        detected_ns, frames = [], []
+        for scan in scans:
+            frames += tracker.update(scan)
+            detected_ns += [each.stamp_ns for each in tracker.detections()]
+        waited_ns[knows] = next(each.stamp_ns for each in frames if each.tracks) - detected_ns[0]
+    assert waited_ns["knows"] == 0 < waited_ns["learns"]
+
+
+def look_at_legs(walk: Walk, facing: Array, speed_m_s: float) -> Look:
+    on, scans = rig(waist=False, camera=False), observe(walk, 5, images=False)
+    scanners = scanners_of(on, EMPTY, FusionOptions(), None)[0]
+    place = walk.position[0]
+    n = len(place)
+    head = np.column_stack([place, np.full(n, 1.55)])
+    expected = Expected(place, head, np.zeros((n, 2)), np.full(n, speed_m_s), np.tile(facing, (n, 1)))
+    knee = next(each for each in scans if isinstance(each, LaserScan) and each.sensor == "knee")
+    look = scanners.look({"knee": knee}, expected, knee.stamp_ns)
+    assert look is not None
+    return look
+
+
+def test_knees_are_before_the_feet_on_the_way_of_a_walker() -> None:
+    """At 45 cm the shanks of a walker lean 8 cm ahead; whose way is not known is where the legs are."""
+    walk = straight_walk([(0.0, 1.5)], [(1.0, 0.0)], 2)
+    feet = look_at_legs(walk, np.array([1.0, 0.0]), 1.0).position
+    knees = look_at_legs(walk, np.zeros(2), 1.0).position
+    np.testing.assert_allclose(knees - feet, [[0.08, 0.0]], atol=0.01)
+    stands = look_at_legs(walk, np.array([1.0, 0.0]), 0.0).position
+    assert 0 < (knees - stands)[0, 0] < 0.05
+
+
+def people_at(*places: tuple[float, float]) -> People:
+    at = np.array(places)
+    people = People.started(Imm(PersonMotion()).start(at, None, 0.1**2), at, 0, 1, 1)
+    return people.changed(existence=np.full(len(at), 0.99))
+
+
+def test_one_look_tells_not_whether_somebody_new_is_a_hidden_person() -> None:
+    """Whoever comes up where a hidden person may be stays tentative for a look, and then goes on with that identity."""
+    now, options = NS_PER_S, FusionOptions().identity
+    people = people_at((0.0, 0.0), (0.8, 0.0))
+    roster = people.roster.changed(
+        id=np.array([7, 0]),
+        confirmed=np.array([True, False]),
+        born_ns=np.array([0, now]),
+        measured_ns=np.array([0, now]),
+    )
+    people, new = people.changed(roster=roster), np.array([False, True])
+    first, to_confirm = reidentified(people, new, now, options)
+    assert len(first) == 2 and not to_confirm.any() and first.roster.id.tolist() == [7, 0]
+    later = people.changed(roster=roster.changed(born_ns=np.array([0, now - NS_PER_S // 10])))
+    second, to_confirm = reidentified(later, new, now, options)
+    assert second.roster.id.tolist() == [7] and not to_confirm.any()
+    np.testing.assert_allclose(second.positions, [(0.8, 0.0)])
+
+
+def test_nobody_is_outside_the_area() -> None:
+    """A look that would show nobody, wherever they are, says nothing of a person inside and ends a track outside."""
+    options, imm = FusionOptions(), Imm(PersonMotion())
+    manager = FusionTrackManager(options, [(-2, -2), (2, -2), (2, 2), (-2, 2)], imm)
+    people = people_at((0.0, 0.0), (3.0, 0.0))
+    people = people.changed(roster=replace(people.roster, measured_ns=np.zeros(2, np.int64)))
+    nothing = np.empty((0, 2))
+    look = Look(
+        ("knee",), options.legs, nothing, np.empty((0, 2, 2)), np.empty(0, np.intp), np.empty(0, np.intp),
+        lambda points: np.ones(points.shape[1:]), LEGS_SHOWN, is_sharp=True,
+    )  # fmt: skip
+    after = manager.updated_missed(people, look, 1.0, 0.1, NS_PER_S)
+    assert after.existence[0] > 0.98 and after.existence[1] < 0.2
