@@ -13,10 +13,11 @@ from typing import Self
 
 import numpy as np
 
-from trackers.arrays import Array, Float, Index, Int
+from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.filters.gating import distances
 from trackers.filters.imm import ImmState
 from trackers.filters.rows import Rows, written
+from trackers.laser.clusters import Clusters
 
 TRACK_FEATURES = (
     "legs", "second_leg", "best_leg", "both", "looks_s", "missed", "farthest", "speed", "age", "range",
@@ -32,7 +33,7 @@ MEMORY_S = 1.0
 NO_LEG = -4.0
 """Evidence of a leg that is not seen [nat]."""
 _NO_RIVAL = -6.0
-_BESIDE_M, _NEAR_M, _RIVAL_M = 2.0, 1.5, 1.0
+_BESIDE_M, _NEAR_M, _RIVAL_M, _AROUND_M = 2.0, 1.5, 1.0, 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,3 +130,21 @@ class LegTracks(Rows):
             np.full(len(self), driving), away * step_rad, (apart < _NEAR_M).sum(axis=1) - 1.0, rival,
             np.sqrt(np.maximum(gap_square - gap**2, 0)), np.full(len(self), min(period_s, MEMORY_S)),
         ])  # fmt: skip
+
+
+def shown_by(
+    legs: Clusters, places: Float[Array, "k 2"], evidence: Float[Array, "k"], first: Int[Index, "p"],
+    second: Int[Index, "p"], both: Bool[Mask, "p"], surprise: Float[Array, "p"],
+) -> Float[Array, "p shown"]:  # fmt: skip
+    """Return what one look shows of people with these legs (`SHOWN`); surprise: distance from where they were expected [m]."""
+    strong = evidence > 0
+    around = (
+        ((distances(places[first], places) < _AROUND_M) & strong).sum(axis=1) - strong[first] - (both & strong[second])
+    )
+    width = legs.width_m[first]
+    gap = np.where(both, np.hypot(*(places[first] - places[second]).T), 0.0)
+    return np.column_stack([
+        np.ones(len(first)), evidence[first], np.where(both, evidence[second], NO_LEG), both.astype(float), evidence[first] ** 2,
+        np.log2(legs.n_sample[first]), width, width**2, around, surprise,
+        gap, gap**2,
+    ])  # fmt: skip

@@ -1,7 +1,7 @@
 """The tracker: legs by a classifier, two to a person, in a fixed frame; existence by evidence in nats.
 
 Each scan of a low scanner gets a pose (`trackers.frames`). Its clusters get evidence of being legs, are assigned to predicted
-people by least squares, two to each, and start tracks where they are left over. What a track has shown so far tells how
+people by likelihood, two to each, and start tracks where they are left over. What a track has shown so far tells how
 probably it is a person (`evidence`): it is confirmed, and reported, by that.
 """
 
@@ -27,7 +27,7 @@ from trackers.laser.group import scanners_by_role
 from trackers.laser.grouping import PAIR_M, STRIDE_M, pair_off
 from trackers.laser.legs.classifier import read_forest, shipped
 from trackers.laser.legs.features import leg_clusters, own_samples
-from trackers.laser_legs.evidence import NO_LEG, TRACK_FEATURES, LegTracks
+from trackers.laser_legs.evidence import NO_LEG, TRACK_FEATURES, LegTracks, shown_by
 from trackers.laser_legs.options import LaserLegsOptions
 from trackers.observations import NS_PER_S, LaserScan, Observation, Odometry
 from trackers.rig import LaserSensor, Rig
@@ -45,10 +45,15 @@ _EXISTENCE_S = 0.1
 _NO_PERSON = -4.0
 """Log-odds of a new track, before its first evidence [nat]."""
 _WIDEST_M = 0.7
-_AROUND_M = 1.5
 _OTHER_LEG_M2 = 0.01
 """Variance of a person's place about a single leg [m²]."""
 _REACH_GROWS_TO_M = 1.2
+_LEG_M = 0.2
+"""Standard deviation of a leg about its person, on each axis [m]."""
+_OTHERS_PER_M2 = 0.1
+"""Density of clusters that are not this person's legs."""
+_MOST = 2.0
+"""More evidence says nothing about whose leg it is: another person's leg has it as well [nat]."""
 
 
 class LaserLegs(SynchronizedTracker):
@@ -202,11 +207,11 @@ class LaserLegs(SynchronizedTracker):
         # who is known takes both legs before a newer track one
         for group in (self.roster.confirmed, ~self.roster.confirmed):
             members, free = group.nonzero()[0], (owner < 0).nonzero()[0]
-            taken = assigned(mean[members, :2], reach_m[members], places[free], evidence[free])
+            taken = assigned(mean[members, :2], spread[members], reach_m[members], places[free], evidence[free])
             owner[free[taken >= 0]] = members[taken[taken >= 0]]
         free = owner < 0
         track, position, first, second, both = _measured(owner, places, evidence)
-        shown = _shown(legs, places, evidence, first, second, both, np.hypot(*(position - mean[track, :2]).T))
+        shown = shown_by(legs, places, evidence, first, second, both, np.hypot(*(position - mean[track, :2]).T))
         variance = options.measurement_m**2 + np.where(both, 0.0, _OTHER_LEG_M2)
         filter_ = self._imm.update(state.filter, track, position, np.eye(2) * variance[:, None, None])
         p_detect = self._detection.seen(scan, frame.seen_from(mean[:, :2]).T)
@@ -278,18 +283,22 @@ class LaserLegs(SynchronizedTracker):
 
 
 def assigned(
-    expected: Float[Array, "n 2"], reach_m: Float[Array, "n"], legs: Float[Array, "k 2"], evidence: Float[Array, "k"]
-) -> Int[Index, "k"]:
-    """Assign legs to people, two to each, by least squares; return the person of each leg, −1: nobody's.
+    expected: Float[Array, "n 2"], spread_m: Float[Array, "n"], reach_m: Float[Array, "n"], legs: Float[Array, "k 2"],
+    evidence: Float[Array, "k"],
+) -> Int[Index, "k"]:  # fmt: skip
+    """Assign legs to people by likelihood, two to each; return the person of each leg, −1: nobody's.
 
-    Of two legs farther apart than a stride the one with less evidence is set free.
+    A leg is worth ln p(place | this person's) / p(place | anything else's), and its evidence. spread_m: standard deviation of the
+    expected places, on each axis: who was not seen for a while takes no leg from one who is known to stand there. Worth nothing,
+    or out of reach, a leg is nobody's. Of two legs farther apart than a stride the one worth less is set free.
     """
     n, owner = len(expected), np.full(len(legs), -1)
     if n == 0 or len(legs) == 0:
         return owner
     away = distances(expected, legs)
-    worth = reach_m[:, None] ** 2 - away**2
-    worth = np.where(worth > 0, worth + 0.01 * np.clip(evidence, -2, 5), 0.0)
+    variance = _LEG_M**2 + spread_m[:, None] ** 2
+    worth = -0.5 * away**2 / variance - np.log(2 * np.pi * variance * _OTHERS_PER_M2) + np.minimum(evidence, _MOST)
+    worth = np.where(away < reach_m[:, None], np.maximum(worth, 0.0), 0.0)
     slot, leg = max_weight_assignment(np.tile(worth, (2, 1)))
     owner[leg] = slot % n
     for person in np.flatnonzero(np.bincount(owner[leg], minlength=n) == 2):
@@ -322,24 +331,6 @@ def _measured(
     share = np.where(both, weight[other] / (weight[first] + weight[other]), 0.0)[:, None]
     position = (1 - share) * places[first] + share * places[other]
     return track, position, first, other, both
-
-
-def _shown(
-    legs: Clusters, places: Float[Array, "k 2"], evidence: Float[Array, "k"], first: Int[Index, "p"],
-    second: Int[Index, "p"], both: Bool[Mask, "p"], surprise: Float[Array, "p"],
-) -> Float[Array, "p shown"]:  # fmt: skip
-    """Return what one look shows of people with these legs (`SHOWN`); surprise: distance from where they were expected [m]."""
-    strong = evidence > 0
-    around = (
-        ((distances(places[first], places) < _AROUND_M) & strong).sum(axis=1) - strong[first] - (both & strong[second])
-    )
-    width = legs.width_m[first]
-    gap = np.where(both, np.hypot(*(places[first] - places[second]).T), 0.0)
-    return np.column_stack([
-        np.ones(len(first)), evidence[first], np.where(both, evidence[second], NO_LEG), both.astype(float), evidence[first] ** 2,
-        np.log2(legs.n_sample[first]), width, width**2, around, surprise,
-        gap, gap**2,
-    ])  # fmt: skip
 
 
 def _nats(probability: float) -> float:

@@ -113,9 +113,38 @@ def test_a_clockwise_scanner_that_drives_places_each_beam_at_its_own_time(stands
 def test_legs_go_two_to_each_person_and_a_stride_apart_at_most():
     people = np.array([[0.0, 0.0], [2.0, 0.0]])
     legs = np.array([[0.0, 0.1], [0.0, -0.15], [0.05, 0.3], [1.5, 0.0], [2.45, 0.0], [5.0, 0.0]])
-    owner = assigned(people, np.full(2, 0.55), legs, np.array([2.0, 2, 0, 2, 3, 3]))
+    owner = assigned(people, np.full(2, 0.1), np.full(2, 0.55), legs, np.array([2.0, 2, 0, 2, 3, 3]))
     np.testing.assert_array_equal(owner, [0, 0, -1, -1, 1, -1])
-    assert assigned(people[:0], np.empty(0), legs, np.zeros(6)).tolist() == [-1] * 6
+    assert assigned(people[:0], np.empty(0), np.empty(0), legs, np.zeros(6)).tolist() == [-1] * 6
+
+
+def test_a_person_not_seen_for_a_while_takes_no_leg_from_one_who_is_known_to_stand_there():
+    known, lost = np.array([[0.0, 0.0], [0.5, 0.0]])
+    legs = np.array([[0.2, 0.0]])
+    spread_m = np.array([0.05, 0.6])
+    for order in ([0, 1], [1, 0]):
+        people = np.stack([known, lost])[order]
+        owner = assigned(people, spread_m[order], 0.55 + spread_m[order], legs, np.array([2.0]))
+        assert owner.tolist() == [order.index(0)]
+    farther = np.array([[-0.4, 0.0]])  # in reach of a place that is not known well, and of it alone
+    assert assigned(lost[None], spread_m[1:], np.array([1.15]), farther, np.array([2.0])).tolist() == [0]
+    assert assigned(lost[None], spread_m[:1], np.array([1.15]), farther, np.array([2.0])).tolist() == [-1]
+
+
+@pytest.mark.parametrize(("evidence", "owner"), [(2.0, 0), (-2.0, -1)])
+def test_what_hardly_looks_like_a_leg_must_be_nearer_to_be_one(evidence, owner):
+    leg = np.array([[0.45, 0.0]])
+    assert assigned(np.zeros((1, 2)), np.array([0.1]), np.array([0.6]), leg, np.array([evidence])).tolist() == [owner]
+
+
+def test_of_two_clusters_a_person_has_the_one_that_looks_more_like_a_leg():
+    clusters = np.array([[0.1, 0.0], [-0.75, 0.0], [0.0, 0.15]])
+    owner = assigned(np.zeros((1, 2)), np.array([0.1]), np.array([0.9]), clusters, np.array([-1.5, 2.0, 2.0]))
+    np.testing.assert_array_equal(owner, [0, -1, 0])
+    owner = assigned(
+        np.zeros((1, 2)), np.array([0.1]), np.array([0.9]), clusters[[0, 2, 2]], np.array([-1.9, 2.0, 2.0])
+    )
+    np.testing.assert_array_equal(owner, [-1, 0, 0])
 
 
 def with_odometry(path, motions, people, slip: float = 1.0):
