@@ -99,6 +99,8 @@ def test_a_command_loads_only_what_it_needs() -> None:
                 "asyncio",
                 "unittest",
                 "rosbags.typesys.stores.ros2_humble",
+                "rosbags.rosbag1",
+                "twin.recording.reader",
             ),
         ),
     ):

@@ -29,7 +29,7 @@ from trackers.text_file import refuse_unless_lifted
 from twin.recording.bag_damage import describe_damage, reason_unreadable
 from twin.recording.bag_files import BagPath
 from twin.recording.bounded_readers import MOST_CHUNK_BYTES, open_reader
-from twin.recording.message_types import typestore
+from twin.recording.message_types import normal_type, typestore
 
 if sys.version_info >= (3, 14):
     from compression import zstd
@@ -210,12 +210,6 @@ def decoded(data: bytes, msgtype: str, is_ros1: bool) -> Any:
         return decode(data, msgtype, is_ros1)
     except _BROKEN_BAG as error:
         raise InputError(f"{len(data)} bytes that are no {msgtype} ({_first_line(error)})") from error
-
-
-def normal_type(name: str) -> str:
-    """Return a type in ROS 2 notation (`sensor_msgs/msg/LaserScan`); ROS 1 may leave out `msg`."""
-    package, _, own = name.partition("/")
-    return name if "/" in own or not own else f"{package}/msg/{own}"
 
 
 @contextmanager

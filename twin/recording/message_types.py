@@ -72,6 +72,12 @@ def _whole_typestore() -> Typestore:
     return get_typestore(Stores.ROS2_HUMBLE)
 
 
+def normal_type(name: str) -> str:
+    """Return a type in ROS 2 notation (`sensor_msgs/msg/LaserScan`); ROS 1 may leave out `msg`."""
+    package, _, own = name.partition("/")
+    return name if "/" in own or not own else f"{package}/msg/{own}"
+
+
 def _full_name(short: str) -> str:
     return short.replace("/", "/msg/")
 

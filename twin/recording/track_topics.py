@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rosbags.interfaces import Connection
@@ -19,16 +20,16 @@ from trackers.observations import NS_PER_S
 from trackers.tracks import TrackFrame
 from twin.messages import OnWarning
 from twin.recording import topics
-from twin.recording.bag import normal_type, open_bag
 from twin.recording.bag_files import McapFile
-from twin.recording.message_types import TYPESTORE, TFMessage
-from twin.recording.reader import Recording
+from twin.recording.message_types import TYPESTORE, TFMessage, normal_type
 from twin.recording.ros_messages import STRING, string_message
 from twin.recording.tables import TruthTable, plain, track_row
-from twin.recording.transforms import TransformTree
 from twin.recording.truth_messages import MARKER_ARRAY, MarkerStyle, PeopleMarkers, encode_people
 from twin.recording.truth_tables import DETAIL_TOPICS, truth_frames
 from twin.recording.writer import TF_MESSAGE, latched, transform_message
+
+if TYPE_CHECKING:  # a run without a recording to read imports no reader: a tenth of its start
+    from twin.recording.reader import Recording
 
 _STYLE = MarkerStyle("tracks", "ids", width_m=0.3, opacity=0.8, id_prefix="#")  # within the truth's cylinders
 
@@ -106,6 +107,8 @@ def copy_with_tracks(
     them, and the start stamp (`START`). Tracks of the same trackers that the bag already holds are left out, and its own
     truth where `truth` takes its place. Raises InputError for a damaged bag and for a target that cannot be written.
     """
+    from twin.recording.bag import open_bag
+
     own = [each for topic in track_topics(trackers).values() for each in (topic, markers_topic(topic))]
     own += [START, *(_TRUTH if truth is not None else ())]
     with open_bag(recording.path) as original, McapFile(target) as bag:
@@ -182,6 +185,9 @@ def _as_ros2(bag: McapFile, connection: Connection, store: Typestore) -> tuple[C
 
 def _write_start(bag: McapFile, recording: Recording) -> None:
     """Write the stamp of t = 0, and the transforms of the sensors' frames to the room's."""
+    from twin.recording.bag import open_bag
+    from twin.recording.transforms import TransformTree
+
     log_ns = max(recording.start_ns + recording.logged_after_ns, 0)
     bag.connect(START, STRING, latched(depth=1))
     start = {"start_stamp_ns": recording.start_ns}

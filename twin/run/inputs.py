@@ -13,7 +13,7 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field
 
@@ -23,10 +23,12 @@ from trackers.plain_data import parse_yaml
 from trackers.presets import available
 from trackers.rig import NO_PRIOR, PriorFiles, files_within, missing_file
 from trackers.text_file import AnyPath, is_file
-from twin.recording.reader import Recording
 from twin.scenario import Scenario, TrackerChoice
 from twin.scenario.load import apply_overrides, without_null
 from twin.scenario.run_size import check_size
+
+if TYPE_CHECKING:
+    from twin.recording.reader import Recording
 
 SCHEDULER = "scheduler"
 """Tracker option that holds a Dask scheduler address."""

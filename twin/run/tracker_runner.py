@@ -33,7 +33,6 @@ from trackers.text_file import AnyPath
 from trackers.tracks import Detection, Tracker, TrackFrame, detections_of, misreported, warnings
 from twin.messages import OnWarning
 from twin.recording.losses import dropped_by, lines
-from twin.recording.reader import Recording
 from twin.recording.tables import TrackWriter, number_cell, seconds_cell, track_writer
 from twin.run.inputs import ChosenTracker, chosen_trackers, files_for, scenario_of
 from twin.streams import stream
@@ -301,6 +300,8 @@ def write_detections(
 
     Raises InputError for bad input, a tracker without detections among it, before anything is written.
     """
+    from twin.recording.reader import Recording
+
     bag = Recording(recording, rig_path)
     scenario = scenario_of(bag)
     seed = seed if seed is not None else scenario.seed if scenario is not None else 0
