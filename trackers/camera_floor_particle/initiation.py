@@ -48,6 +48,8 @@ _LEAST_SKIN = 0.3
 """Least share of skin in a window, all cameras together, that shows the face's direction."""
 _SKIN_SHOWS = 2.0
 """Concentration of the pan about the direction of most skin."""
+_SLID_S = 0.5
+"""Time for which a head is under more of its person before it is initiated anew [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,33 +107,24 @@ class Initiation:
         """Initiate a track over a cluster, by floor and hull."""
         options = self._options
         if len(hull):
-            heights, n_point = np.unique(hull[:, 2], return_counts=True)
-            top_m = float(heights[n_point >= _LEAST_AT_TOP].max(initial=heights[0])) + 0.5 * _LAYER_M
-            crown = hull[hull[:, 2] > top_m - _HEAD_M]
-            n_shown = views.look(crown.T).on_foreground.sum(axis=0)
-            skull = np.append(crown[n_shown == n_shown.max(), :2].mean(axis=0), top_m - body.CROWN_M)
+            skull = _skull(hull, views)
+            top_m = float(skull[2]) + body.CROWN_M
             middle = np.append((place + skull[:2]) / 2, _PELVIS * top_m)
         else:
             top_m = _UNKNOWN_HEIGHT_M
             middle, skull = np.append(place, _PELVIS * top_m), np.append(place, top_m - body.CROWN_M)
         clothes = self._clothes(middle[:, None], views)
         pan, skin, hair = self._face(skull[:, None], views)
-        facing = np.exp(_SKIN_SHOWS * np.cos(GRID - pan)) if skin else np.ones(len(GRID))
         return BodyTracks(
             roster=Roster.started(body.started(middle[None], options.body.particles, rng), ns),
-            head=Cloud.normal(
-                np.append(skull, pan)[None],
-                np.diag([0.04, 0.04, 0.04, 0.5])[None] ** 2,
-                options.head.particles,
-                rng,
-            ),
+            head=self._heads(np.append(skull, pan), rng),
             place=middle[None],
             velocity=np.zeros((1, 3)),
             head_place=skull[None],
             head_velocity=np.zeros((1, 3)),
             pan=np.array([pan]),
             clothes=clothes[None],
-            facing=facing[None] / facing.sum(),
+            facing=_facing(pan, skin)[None],
             hair=hair[None],
             course=np.zeros((1, 2)),
             skin_true=np.ones(1),
@@ -139,7 +132,36 @@ class Initiation:
             weight_n=np.array([load_n]),
             height_m=np.array([top_m]),
             lost=np.zeros(1, np.bool_),
+            slid_s=np.zeros(1),
         )
+
+    def with_heads_on_top(self, people: BodyTracks, views: Views, rng: np.random.Generator) -> BodyTracks:
+        """Return the tracks with heads that have slid down their people initiated anew, at the tops of their hulls.
+
+        A person initiated while sitting or getting up may have had the head outside the hull over the feet.
+        """
+        for row in np.flatnonzero(people.slid_s > _SLID_S):
+            others = people.select(np.arange(len(people)) != row)
+            hull, _ = hull_over(people.place[row, :2], views, others)
+            one = people.select(np.array([row])).changed(slid_s=np.zeros(1))
+            if len(hull) and (skull := _skull(hull, views))[2] > one.head_place[0, 2] + body.CROWN_M:
+                pan, skin, hair = self._face(skull[:, None], views)
+                one = one.changed(
+                    head=self._heads(np.append(skull, pan), rng),
+                    head_place=skull[None],
+                    head_velocity=np.zeros((1, 3)),
+                    pan=np.array([pan]),
+                    facing=_facing(pan, skin)[None],
+                    hair=hair[None],
+                    pan_known=np.array([skin > _LEAST_SKIN]),
+                    height_m=np.maximum(one.height_m, skull[2] + body.CROWN_M),
+                )
+            people = people.replaced(np.array([row]), one)
+        return people
+
+    def _heads(self, place: Float[Array, "4"], rng: np.random.Generator) -> Cloud:
+        """Draw the particles of a head about its place [m] and pan [rad]."""
+        return Cloud.normal(place[None], np.diag([0.04, 0.04, 0.04, 0.5])[None] ** 2, self._options.head.particles, rng)
 
     def _clothes(self, middle: Float[Array, "3 1"], views: Views) -> Float[Array, "cameras bins"]:
         """Return the colours about the middle of a body as roots; a camera that does not see it gets the others' mean."""
@@ -171,6 +193,21 @@ class Initiation:
         if len(faces):
             hair = _FIRST_LOOKS * around(faces, from_east - pan, mixed=options.references == "mixed")
         return pan, float(abs(skin)), hair
+
+
+def _skull(hull: Float[Array, "k 3"], views: Views) -> Float[Array, "3"]:
+    """Return the middle of the head at the top of a hull [m], where most cameras show it."""
+    heights, n_point = np.unique(hull[:, 2], return_counts=True)
+    top_m = float(heights[n_point >= _LEAST_AT_TOP].max(initial=heights[0])) + 0.5 * _LAYER_M
+    crown = hull[hull[:, 2] > top_m - _HEAD_M]
+    n_shown = views.look(crown.T).on_foreground.sum(axis=0)
+    return np.append(crown[n_shown == n_shown.max(), :2].mean(axis=0), top_m - body.CROWN_M)
+
+
+def _facing(pan: float, skin: float) -> Float[Array, "steps"]:
+    """Return the probability of each pan of the grid, about the direction of most skin [rad], if there is any."""
+    facing = np.exp(_SKIN_SHOWS * np.cos(GRID - pan)) if skin else np.ones(len(GRID))
+    return facing / facing.sum()
 
 
 def hull_over(

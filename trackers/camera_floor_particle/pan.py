@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackers.area import Area
-from trackers.arrays import AnyArray, Array, Complex, Float, Index, Int
+from trackers.arrays import AnyArray, Array, Bool, Complex, Float, Index, Int, Mask
 from trackers.camera_floor_particle.body import FILTER, PAN_BINS, BodyTracks, in_room, redrawn, smoothed, spread
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions, FacingOptions, HeadOptions
 from trackers.filters.circular import circular_mean, diffused, drawn, grid_of, mean_direction
@@ -36,6 +36,8 @@ _NARROW = 6.0
 """Concentration of a view about its angle, in learned references."""
 _SURE = 0.8
 """Mean resultant length of a pan that is certain enough for learning."""
+_MOSTLY = 0.75
+"""Share of the cameras that show more of the person above a head which is none."""
 _SKIN_LOOKS = 20
 """Number of views in the average of the skin's agreement with the walking direction."""
 _LEAST = 1e-4
@@ -44,7 +46,7 @@ _LEAST = 1e-4
 
 class HeadViews(NamedTuple):
     """Views of heads by cameras: rows of tracks, bearings [rad], colours as roots, part by part, similarity to each side,
-    skin.
+    skin, and whether more of the silhouette is above.
     """
 
     rows: Int[Index, "k"]
@@ -52,6 +54,7 @@ class HeadViews(NamedTuple):
     roots: Float[Array, "k colours"]
     alike: Float[Array, "k sides"]
     skin: Complex[AnyArray, "k"]  # its share, in the direction that it faces, e^iφ in the room
+    covered: Bool[Mask, "k"]  # whether a point over the crown is foreground too: it may be no head
 
 
 def looks(people: BodyTracks, views: Views, options: HeadOptions) -> HeadViews | None:
@@ -66,7 +69,8 @@ def looks(people: BodyTracks, views: Views, options: HeadOptions) -> HeadViews |
     roots = unit(np.sqrt(views.colours(places, pixels, shown, window, options.parts)))
     alike = (unit(people.hair)[rows] @ roots[..., None])[..., 0]
     skin = views.skin(places, pixels, shown, options.window) * np.exp(1j * from_east)
-    return HeadViews(rows, from_east, roots, alike, skin)
+    covered = views.look(places + _CROWN_M).on_foreground[shown]
+    return HeadViews(rows, from_east, roots, alike, skin, covered)
 
 
 def turned(
@@ -126,11 +130,23 @@ def aligned(people: BodyTracks) -> BodyTracks:
     )
 
 
+def _sliding(people: BodyTracks, dt: float, seen: HeadViews | None) -> BodyTracks:
+    """Count the time for which most cameras show more of the person above the head."""
+    rows = np.empty(0, np.intp) if seen is None else seen.rows
+    n_look = np.bincount(rows, minlength=len(people))
+    n_covered = np.zeros(len(people)) if seen is None else np.bincount(rows, seen.covered, minlength=len(people))
+    slides = (n_look >= 2) & (n_covered >= _MOSTLY * n_look)
+    return people.changed(slid_s=np.where(slides, people.slid_s + dt, 0.0))
+
+
 def learned(people: BodyTracks, seen: HeadViews, most_looks: float) -> BodyTracks:
-    """Learn the visible sides of heads with a certain pan: references are means of the last views at each."""
+    """Learn the visible sides of heads with a certain pan: references are means of the last views at each.
+
+    Not where more of the silhouette is above: references would slide down the body.
+    """
     _, sure = mean_direction(people.facing)
     clear = people.pan_known & (sure > _SURE) & ~people.lost
-    own = clear[seen.rows] & (seen.alike.max(axis=1) > _CLEAR)
+    own = clear[seen.rows] & (seen.alike.max(axis=1) > _CLEAR) & ~seen.covered
     rows = seen.rows[own]
     about = np.exp(_NARROW * (np.cos(SIDES - (seen.bearing[own] - people.pan[rows])[:, None]) - 1))
     of_person = np.zeros((len(people), PAN_BINS, len(rows)))
@@ -228,7 +244,7 @@ class HeadFilter:
             return people.changed(pan=np.atleast_1d(pan))
         seen = looks(people, views, options)
         turns = np.deg2rad(options.turn_deg) * np.sqrt(options.motion.steps(dt))
-        people = aligned(turned(people, dt, turns, seen, options.facing))
+        people = aligned(turned(_sliding(people, dt, seen), dt, turns, seen, options.facing))
         if options.facing.learning and seen is not None:
             people = learned(people, seen, options.facing.learning)
         state = cloud.state.copy()

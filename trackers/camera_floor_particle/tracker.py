@@ -252,6 +252,7 @@ class CameraFloorParticle(SynchronizedTracker):
             people = self._bodies.step(self._people, dt, loads, views, self._rng)
             if self._has_pictures:
                 people = self._heads.step(people, offset, dt, views, self._rng)
+                people = self._initiation.with_heads_on_top(people, views, self._rng)
                 take(self._calibration, people, views)
             self._people = self._manager.updated(people, loads, views, self._ns, is_new=is_new)
         if loads is not None and is_new:

@@ -22,10 +22,11 @@ from trackers.camera_floor_particle.options import (
     FacingOptions,
     MotionOptions,
 )
-from trackers.camera_floor_particle.pan import GRID, HeadViews, pan_bin, turned, walk as walk_of
+from trackers.camera_floor_particle.pan import GRID, HeadViews, learned, looks, pan_bin, turned, unit, walk as walk_of
 from trackers.errors import InputError
 from trackers.feeding import track_frames
 from trackers.filters.circular import diffused, drawn
+from trackers.filters.particle import Cloud
 from trackers.observations import NS_PER_S, FloorFrame, Image
 from trackers.presets import make_tracker
 from trackers.rig import placed_camera
@@ -436,7 +437,12 @@ def test_skin_is_believed_as_far_as_it_is_where_people_walk():
     for where, trust in ((np.pi / 2, 1.0), (-np.pi / 2, -1.0), (0.0, 0.0)):
         after = walking.changed(facing=east)
         seen = HeadViews(
-            looks_of, np.zeros(3), np.zeros((3, 1)), np.zeros((3, PAN_BINS)), np.full(3, 0.4 * np.exp(1j * where))
+            looks_of,
+            np.zeros(3),
+            np.zeros((3, 1)),
+            np.zeros((3, PAN_BINS)),
+            np.full(3, 0.4 * np.exp(1j * where)),
+            np.zeros(3, np.bool_),
         )
         for _ in range(200):
             after = turned(after, PERIOD_S, 0.1, seen, FacingOptions())
@@ -465,3 +471,38 @@ def test_beliefs_about_the_pan_spread_and_are_drawn_from():
     pans = drawn(spread[None], 20_000, np.random.default_rng(0))[0]
     share = np.bincount(np.rint(pans / GRID[1]).astype(int), minlength=len(GRID)) / 20_000
     np.testing.assert_allclose(share, spread, atol=0.01)
+
+
+def test_a_head_below_its_crown_is_not_learned_from():
+    state = tracker_after(SEEN).debug_state()
+    people, options = state.people, CameraFloorParticleOptions().head
+    sure = np.where(np.arange(len(GRID)) == 0, 1.0, 0.0)[None].repeat(len(people), axis=0)
+    people = people.changed(pan_known=np.ones(len(people), np.bool_), facing=sure)
+    for below_m, covered in ((0.0, False), (0.25, True)):
+        lower = people.changed(head_place=people.head_place - [0.0, 0.0, below_m])
+        seen = looks(lower, state.views, options)
+        assert len(seen.rows) >= 3 * len(people) and (seen.covered == covered).mean() > 0.75
+        seen = seen._replace(covered=np.full(len(seen.rows), covered))
+        assert (learned(lower, seen, 60.0).hair != lower.hair).any() != covered
+
+
+def test_a_head_that_slid_down_its_person_comes_back_on_top():
+    """A head's particles and colours are put upon the chest, as where a person began while sitting; the others stay."""
+    later = len(SEEN) // 2
+    tracker = tracker_after(SEEN[:later])
+    people = tracker.debug_state().people
+    assert len(people) == 3
+    first = np.arange(3) == 0
+    down = np.array([0.0, 0.0, 0.35]) * first[:, None]
+    state = people.head.state.copy()
+    state[:3] -= down.T[..., None]
+    slid = people.changed(head=Cloud(state, people.head.weights), head_place=people.head_place - down)
+    chest = looks(slid, tracker.debug_state().views, CameraFloorParticleOptions().head)
+    hair = unit(np.where(first[:, None, None], chest.roots[chest.rows == 0].mean(axis=0), people.hair))
+    tracker._people = slid.changed(hair=5 * hair)
+    for each in SEEN[later:]:
+        tracker.update(each)
+    tracker.finish()
+    after = tracker.debug_state().people
+    assert (np.abs(after.head_place[:, 2] - people.head_place[:, 2]) < 0.12).all()
+    assert after.ids.tolist() == people.ids.tolist()
