@@ -88,7 +88,10 @@ class BodyOptions(Strict):
 
 
 class FacingOptions(Strict):
-    """Options of the pan as a distribution over all directions, by views of the head's estimate (ours)."""
+    """Options of the pan as a distribution over all directions, by views of the head's estimate (ours).
+
+    They also show whether more of the person is above: then nothing is learned, and the head is soon initiated anew on top.
+    """
 
     colour: float = Field(default=3.0, gt=0, description="λ of those looks' likelihood exp(−λ D²)")
     skin: float = Field(
