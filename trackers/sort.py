@@ -17,8 +17,7 @@ from trackers.laser.group import people_seen, scanner_groups
 from trackers.observations import NS_PER_S, Observation
 from trackers.rig import Rig
 from trackers.tracking.roster import Roster, Stage, associate
-from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
-from trackers.tracking.synced_tracker import SynchronizedTracker
+from trackers.tracking.synced_frames import SyncedFrame, SynchronizedTracker, SyncPolicy
 from trackers.tracking.track_manager import TrackManagementOptions, TrackManager, measured_now
 from trackers.tracks import Detection, Track, TrackFrame
 

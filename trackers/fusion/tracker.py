@@ -39,8 +39,7 @@ from trackers.observations import NS_PER_S, Observation
 from trackers.prior import Prior
 from trackers.rig import Rig, RigSensor
 from trackers.tracking.roster import NEVER_NS
-from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
-from trackers.tracking.synced_tracker import SynchronizedTracker
+from trackers.tracking.synced_frames import SyncedFrame, SynchronizedTracker, SyncPolicy
 from trackers.tracks import Detection, Track, TrackFrame
 from trackers.vision.head_colours import SHIPPED, load_head_model
 

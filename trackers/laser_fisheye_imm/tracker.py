@@ -41,8 +41,7 @@ from trackers.likelihood.legs import full_stride, legs_ahead_m, may_be_new
 from trackers.observations import NS_PER_S, LaserScan, Observation
 from trackers.rig import Rig
 from trackers.tracking.fixed_lag_smoother import FixedLagSmoother, Held, by_id
-from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
-from trackers.tracking.synced_tracker import SynchronizedTracker
+from trackers.tracking.synced_frames import SyncedFrame, SynchronizedTracker, SyncPolicy
 from trackers.tracking.track_manager import clear_of, measured_now
 from trackers.tracks import Detection, Track, TrackFrame
 

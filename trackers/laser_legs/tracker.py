@@ -32,8 +32,7 @@ from trackers.laser_legs.options import LaserLegsOptions
 from trackers.observations import NS_PER_S, LaserScan, Observation, Odometry
 from trackers.rig import LaserSensor, Rig
 from trackers.tracking.roster import Roster
-from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
-from trackers.tracking.synced_tracker import SynchronizedTracker
+from trackers.tracking.synced_frames import SyncedFrame, SynchronizedTracker, SyncPolicy
 from trackers.tracking.track_manager import TrackManager
 from trackers.tracks import Detection, Track, TrackFrame
 

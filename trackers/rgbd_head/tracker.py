@@ -33,8 +33,7 @@ from trackers.rgbd_head.likelihoods import Likelihoods
 from trackers.rgbd_head.options import RgbdHeadOptions
 from trackers.rgbd_head.people import HeadTrackManager, HeadTracks, Motion
 from trackers.rig import Rig, StereoSensor
-from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
-from trackers.tracking.synced_tracker import SynchronizedTracker
+from trackers.tracking.synced_frames import SyncedFrame, SynchronizedTracker, SyncPolicy
 from trackers.tracks import Hypotheses, Track, TrackFrame
 from trackers.vision.front_end import front_ends
 from trackers.vision.head_colours import SHIPPED, HeadModel, load_head_model

@@ -143,8 +143,7 @@ class Simulation:
         """Return the rig as it is, and as trackers are told."""
         area = tuple((float(x), float(y)) for x, y in self.world.scene.area)
         true = {name: sensor.rig_sensor() for name, sensor in self._sensors.items()}
-        chosen = self.scenario.main_sensor
-        main = chosen if chosen in true else None  # a camera, where images are left out
+        main = self.scenario.main_sensor if self.scenario.main_sensor in true else None  # else a camera, left out
         assumed = true | {name: assumed_sensor(each, true[name]) for name, each in self._descriptions.items()}
         rig_of = partial(Rig, area=area, room=self.scenario.room_name, main=main)
         return rig_of(sensors=true), rig_of(sensors=assumed)
@@ -232,8 +231,7 @@ class Simulation:
         """Return each sensor's observation at one stamp, by name, outside its schedule; without silent ones."""
         looks = {}
         for name, timed in self._sensors.items():
-            faults = self.scenario.faults
-            if self._timing[name].dropout == 1 or MessageFaults(name, faults, 0).loses_all(stamp_ns):
+            if self._timing[name].dropout == 1 or MessageFaults(name, self.scenario.faults, 0).loses_all(stamp_ns):
                 continue
             rng = stream(self.scenario.seed, "look", name)
             snapshots = (self.world.snapshot(stamp_ns / NS_PER_S + offset) for offset in timed.instants_s)
@@ -302,8 +300,7 @@ class Simulation:
         return {name: timed.ideal for name, timed in self._sensors.items() if isinstance(timed.ideal, PersonImaging)}
 
     def _truth_details(self, tell: Callable[[TruthDetail], object]) -> TruthDetails:
-        boxes_hz = self.scenario.truth.boxes_hz
-        details = TruthDetails(self.world, self.views, self._cameras(), boxes_hz, tell)
+        details = TruthDetails(self.world, self.views, self._cameras(), self.scenario.truth.boxes_hz, tell)
         for timed in self._sensors.values():
             timed.on_reading = details.look
         return details
