@@ -4,7 +4,7 @@ import gc
 import logging
 import os
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 
 import pytest
 import shape_checks
@@ -66,6 +66,22 @@ def pytest_collection_finish() -> None:
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Check each function's first calls anew in each file of tests."""
     shape_checks.begin_test_of(item.path)
+
+
+@pytest.hookimpl(wrapper=True, trylast=True)
+def pytest_runtest_teardown(item: pytest.Function, nextitem: pytest.Item | None) -> Generator[None, object, object]:
+    """Free what a file's own caches keep after its last test: recordings, worlds and pictures for no other file."""
+    result = yield
+    if nextitem is None or nextitem.path != item.path:
+        from twin.world.world import trim_heap
+
+        assert item.module is not None
+        for each in vars(item.module).values():
+            if getattr(each, "__module__", None) == item.module.__name__ and hasattr(each, "cache_clear"):
+                each.cache_clear()
+        gc.collect()
+        trim_heap()
+    return result
 
 
 @pytest.fixture(autouse=True)

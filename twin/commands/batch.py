@@ -26,8 +26,6 @@ suite_app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-Folder = Annotated[Path, typer.Argument(help="A folder that `twin suite run` has written.")]
-
 
 suite_app.callback()(_help_if_alone)
 

@@ -55,7 +55,6 @@ class SplitDecision:
 
     first_id: int
     second_id: int
-    parted_s: float
     margin: float
 
     @property
@@ -128,7 +127,7 @@ class SplitTrial:
             by_looks = decided(np.nan_to_num(mean), np.arange(2), margin=0.0)
             margin = float(by_looks.margin[0]) * (1 if by_looks.column[0] == 0 else -1)
             first, second = self._truth.ids[each.columns].tolist()
-            self.decisions.append(SplitDecision(first, second, each.at_s, margin))
+            self.decisions.append(SplitDecision(first, second, margin))
 
 
 def decide(
