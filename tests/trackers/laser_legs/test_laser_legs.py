@@ -70,6 +70,13 @@ def test_somebody_who_walks_is_one_track_in_the_fixed_frame_and_posts_are_none(w
 
 
 @pytest.mark.parametrize("way", [STANDING, drive()], ids=["stands", "drives"])
+def test_a_person_in_full_view_is_reported_from_the_second_scan_on(way):
+    frames, _ = tracked(*way, [WALKER])
+    assert not frames[0].tracks
+    assert all(len(frame.tracks) == 1 for frame in frames[1:4])
+
+
+@pytest.mark.parametrize("way", [STANDING, drive()], ids=["stands", "drives"])
 def test_where_there_is_no_person_there_is_hardly_a_track(way):
     frames, _ = tracked(*way, [])
     assert sum(len(frame.tracks) for frame in frames) <= 3
