@@ -44,7 +44,7 @@ class BodyTracks(Rows):
     weight_n: Float[Array, "n"]  # on the floor, learned [N]
     height_m: Float[Array, "n"]
     lost: Bool[Mask, "n"]  # without particles left: they coast
-    slid_s: Float[Array, "n"]  # for how long most cameras have shown more of the person above the head [s]
+    slid_s: Float[Array, "n"]  # for how long hardly a camera has shown a head where it is [s]
 
     @property
     def body(self) -> Cloud:

@@ -49,7 +49,7 @@ _LEAST_SKIN = 0.3
 _SKIN_SHOWS = 2.0
 """Concentration of the pan about the direction of most skin."""
 _SLID_S = 0.5
-"""Time for which a head is under more of its person before it is initiated anew [s]."""
+"""Time for which hardly a camera shows a head where it is before it is initiated anew [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +136,7 @@ class Initiation:
         )
 
     def with_heads_on_top(self, people: BodyTracks, views: Views, rng: np.random.Generator) -> BodyTracks:
-        """Return the tracks with heads that have slid down their people initiated anew, at the tops of their hulls.
+        """Return the tracks with heads that have slid off initiated anew, at the tops of their people's hulls.
 
         A person initiated while sitting or getting up may have had the head outside the hull over the feet.
         """
@@ -144,7 +144,7 @@ class Initiation:
             others = people.select(np.arange(len(people)) != row)
             hull, _ = hull_over(people.place[row, :2], views, others)
             one = people.select(np.array([row])).changed(slid_s=np.zeros(1))
-            if len(hull) and (skull := _skull(hull, views))[2] > one.head_place[0, 2] + body.CROWN_M:
+            if len(hull) and np.linalg.norm((skull := _skull(hull, views)) - one.head_place[0]) > body.CROWN_M:
                 pan, skin, hair = self._face(skull[:, None], views)
                 one = one.changed(
                     head=self._heads(np.append(skull, pan), rng),

@@ -36,8 +36,8 @@ _NARROW = 6.0
 """Concentration of a view about its angle, in learned references."""
 _SURE = 0.8
 """Mean resultant length of a pan that is certain enough for learning."""
-_MOSTLY = 0.75
-"""Share of the cameras that show more of the person above a head which is none."""
+_HARDLY = 0.25
+"""Share of the cameras that show what is no head as if it were one, at most."""
 _SKIN_LOOKS = 20
 """Number of views in the average of the skin's agreement with the walking direction."""
 _LEAST = 1e-4
@@ -130,12 +130,11 @@ def aligned(people: BodyTracks) -> BodyTracks:
     )
 
 
-def _sliding(people: BodyTracks, dt: float, seen: HeadViews | None) -> BodyTracks:
-    """Count the time for which most cameras show more of the person above the head."""
-    rows = np.empty(0, np.intp) if seen is None else seen.rows
-    n_look = np.bincount(rows, minlength=len(people))
-    n_covered = np.zeros(len(people)) if seen is None else np.bincount(rows, seen.covered, minlength=len(people))
-    slides = (n_look >= 2) & (n_covered >= _MOSTLY * n_look)
+def _sliding(people: BodyTracks, dt: float, views: Views) -> BodyTracks:
+    """Count the time for which hardly a camera shows a head there: no foreground, or more of the person above."""
+    look, above = views.look(people.head_place.T), views.look(people.head_place.T + _CROWN_M)
+    n_seen, n_head = look.seen.sum(axis=0), (look.on_foreground & ~above.on_foreground).sum(axis=0)
+    slides = (n_seen >= 2) & (n_head <= _HARDLY * n_seen)
     return people.changed(slid_s=np.where(slides, people.slid_s + dt, 0.0))
 
 
@@ -244,7 +243,7 @@ class HeadFilter:
             return people.changed(pan=np.atleast_1d(pan))
         seen = looks(people, views, options)
         turns = np.deg2rad(options.turn_deg) * np.sqrt(options.motion.steps(dt))
-        people = aligned(turned(_sliding(people, dt, seen), dt, turns, seen, options.facing))
+        people = aligned(turned(_sliding(people, dt, views), dt, turns, seen, options.facing))
         if options.facing.learning and seen is not None:
             people = learned(people, seen, options.facing.learning)
         state = cloud.state.copy()
