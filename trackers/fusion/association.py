@@ -25,6 +25,7 @@ from trackers.filters.imm import ImmState
 from trackers.fusion.look import Look
 from trackers.fusion.motion import seen, seen_over_modes
 from trackers.fusion.people import People
+from trackers.fusion.posture import LEGS_REST_M
 
 LEAST_EXISTENCE, _LEAST_MISSED, _LEAST_SHOWN = 1e-4, 1e-2, 1e-2
 _NEAR_M, _GATE = 0.3, 4.0
@@ -36,9 +37,13 @@ EXPLAINED = 3.0
 """A measurement nearer to a track than so many standard deviations initiates none."""
 
 
-def log_density(state: ImmState, look: Look) -> tuple[Float[Array, "n k"], Float[Array, "n k"]]:
-    """Return ln p(z) [ln 1/m²] of measurements about the likeliest mode of each track, and its Mahalanobis distance."""
+def log_density(state: ImmState, look: Look, wider_m2: float = 0.0) -> tuple[Float[Array, "n k"], Float[Array, "n k"]]:
+    """Return ln p(z) [ln 1/m²] of measurements about the likeliest mode of each track, and its Mahalanobis distance.
+
+    wider_m2: variance to add on each axis.
+    """
     mean, P = seen(state, look.observes)
+    P = P + wider_m2 * np.eye(2)
     S = P[:, :, None] + look.covariance  # (n, m, k, 2, 2)
     off = look.position - mean[:, :, None]
     s_xx, s_xy, s_yy = S[..., 0, 0], S[..., 0, 1], S[..., 1, 1]
@@ -53,12 +58,15 @@ Pairs = tuple[Int[Index, "p"], Int[Index, "p"], Float[Array, "p"]]
 """Tracks, measurements, and log-likelihood ratios against clutter."""
 
 
-def pairs(people: People, looks: Sequence[Look], missed: Sequence[Float[Array, "n"]]) -> list[Pairs]:
+def pairs(
+    people: People, looks: Sequence[Look], missed: Sequence[Float[Array, "n"]], by_trunk: Bool[Mask, "n"]
+) -> list[Pairs]:
     """Pair tracks with the measurements of looks at one stamp.
 
-    missed: how probably each look would not show each track. Measurements that a source has shared out keep their owners.
+    missed: how probably each look would not show each track; by_trunk: the tracks of whom a trunk was measured lately, so that
+    their legs are near. Measurements that a source has shared out keep their owners.
     """
-    log = [log_density(people.state, look) for look in looks]
+    log = [_density(people, look, by_trunk) for look in looks]
     weighed = [_weighed(people, *each) for each in zip(looks, missed, log, strict=True)]
     if not len(people):
         return [(np.empty(0, np.intp), np.empty(0, np.intp), np.empty(0)) for _ in looks]
@@ -66,6 +74,34 @@ def pairs(people: People, looks: Sequence[Look], missed: Sequence[Float[Array, "
         return [_by_one(people, looks[0], missed[0], *weighed[0])]
     chosen = _by_several(people, looks, missed, [allowed for _, allowed in weighed])
     return [(rows, columns, ratio[rows, columns]) for (rows, columns), (ratio, _) in zip(chosen, weighed, strict=True)]
+
+
+def _density(people: People, look: Look, by_trunk: Bool[Mask, "n"]) -> tuple[Float[Array, "n k"], Float[Array, "n k"]]:
+    """Return `log_density`; of the legs of those who were measured by a trunk, a mixture with `_elsewhere`.
+
+    Who sits down or lies has legs half a metre from there within a second.
+    """
+    density, away = log_density(people.state, look)
+    if not look.of_legs or not len(people):
+        return density, away
+    elsewhere, away_elsewhere = _elsewhere(people, look)
+    may = by_trunk[:, None]
+    return np.where(may, np.logaddexp(density, elsewhere), density), np.where(
+        may, np.minimum(away, away_elsewhere), away
+    )
+
+
+def legs_elsewhere(people: People, look: Look) -> Float[Array, "n k"]:
+    """Return the probability that measured legs are not where the track's were: those of who sits down, lies or gets up."""
+    stay, elsewhere = log_density(people.state, look)[0], _elsewhere(people, look)[0]
+    return np.exp(elsewhere - np.logaddexp(stay, elsewhere))
+
+
+def _elsewhere(people: People, look: Look) -> tuple[Float[Array, "n k"], Float[Array, "n k"]]:
+    """Return `log_density` of legs anywhere about people, as far as they rest by how far these are from their trunks."""
+    density, away = log_density(people.state, look, LEGS_REST_M**2)
+    off_m = distances(np.nan_to_num(people.seen_at[:, 0]), look.position)
+    return people.posture.rests_by_legs(off_m) + density, away
 
 
 def _weighed(

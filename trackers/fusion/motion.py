@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackers.arrays import Array, Float
+from trackers.arrays import Array, Float, Index, Int
 from trackers.filters.imm import ImmState
 from trackers.filters.motion import VelocityMotion
 
@@ -80,3 +80,11 @@ def drifted(
     P = np.einsum("abn,bcmn,dcn->admn", F, state.covariance, F, optimize=True)
     P[range(4, 9), range(4, 9)] += ((1 - kept**2) * variance_m2)[:, None]
     return ImmState(mean, P, state.probability)
+
+
+def with_legs_free(state: ImmState, row: Int[Index, "k"], variance_m2: Float[Array, "k"]) -> ImmState:
+    """Return tracks whose legs, at `row`, may be elsewhere than before, by a variance on each axis [m²]."""
+    P = state.covariance.copy()
+    for axis in (7, 8):
+        P[axis, axis][:, row] += variance_m2
+    return ImmState(state.mean, P, state.probability)

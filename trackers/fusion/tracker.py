@@ -17,23 +17,23 @@ from typing import Any
 
 import numpy as np
 
-from trackers.arrays import Array, Float, Index, Int
+from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.filters.imm import Imm
 from trackers.filters.negative_information import radius_containing
 from trackers.filters.rows import written
 from trackers.fusion.agreement import Agreement
-from trackers.fusion.association import Pairs, pairs
+from trackers.fusion.association import Pairs, legs_elsewhere, pairs
 from trackers.fusion.cameras import Camera, cameras_of
 from trackers.fusion.floors import FusedFloor
 from trackers.fusion.heads import HeadWeighing, own
 from trackers.fusion.lasers import scanners_of
 from trackers.fusion.look import Look, Source
-from trackers.fusion.motion import HEAD, PersonMotion
+from trackers.fusion.motion import HEAD, PersonMotion, with_legs_free
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.people import People
-from trackers.fusion.posture import Posture
+from trackers.fusion.posture import LEGS_REST_M, Posture
 from trackers.fusion.track_manager import FusionTrackManager
 from trackers.observations import NS_PER_S, Observation
 from trackers.prior import Prior
@@ -198,7 +198,7 @@ class Fusion(SynchronizedTracker):
             self._looked_ns[number], elapsed_s[number] = ns, since_s
             share[number] = min(since_s / look.kind.lasts_s, 1.0)
         missed = [self._manager.missed(people, look) for look in looks.values()]
-        paired = pairs(people, list(looks.values()), missed)
+        paired = pairs(people, list(looks.values()), missed, self._by_trunk(people, ns))
         self._agreement.age(ns)
         for number, chance, (row, column, _) in zip(numbers, missed, paired, strict=True):
             self._compare(people, looks[number], row, column, chance, share[number], number, ns)
@@ -260,10 +260,12 @@ class Fusion(SynchronizedTracker):
         lean_m = np.where(posture.rests[row] & ~of_legs & ~of_heads, _LEAN_M, 0.0)
         R = (covariance / share[:, None, None] + (lean_m**2)[:, None, None] * np.eye(2)) / upright[:, None, None]
         state = people.state
-        for (source, look), (rows, *_) in zip(looks.items(), paired, strict=True):
+        for (source, look), (rows, columns, _) in zip(looks.items(), paired, strict=True):
             of = number == source
             if look.of_legs:
                 posture = self._by_legs(people, posture, rows, place[of], covariance[of, 0, 0], since_s[of], ns)
+                elsewhere = legs_elsewhere(people, look)[rows, columns] * self._by_trunk(people, ns)[rows]
+                state = with_legs_free(state, rows, elsewhere * LEGS_REST_M**2)
             state = self._imm.update(state, rows, place[of], R[of], look.observes)
         people, each = people.changed(posture=posture), np.unique(row)
         people = people.changed(roster=people.roster.measured(each, ns, state))
@@ -284,6 +286,12 @@ class Fusion(SynchronizedTracker):
             seen_ns=seen_ns,
             seen_at=seen_at,
         )
+
+    def _by_trunk(self, people: People, ns: int) -> Bool[Mask, "n"]:
+        """Mark the people whose trunk was measured lately: their legs are near, wherever they were before."""
+        if not self._sees_waists:
+            return np.zeros(len(people), np.bool_)
+        return ns - people.seen_ns[:, 0] <= _TOGETHER_S * NS_PER_S
 
     def _by_legs(
         self,

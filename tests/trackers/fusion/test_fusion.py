@@ -237,14 +237,16 @@ def test_a_camera_that_shows_two_people_as_one_follows_what_the_others_show(orde
     """Two of three cameras tell the two people apart; the third shows one silhouette, nearer to whom it is not of."""
     people = people_at([(0.0, 0.0), (0.8, 0.0)])
     looks = looks_of([(0.2, 0.0), (1.0, 0.0)], [(0.2, 0.02), (1.0, 0.02)], [(0.4, 0.0)])
-    found = pairs(people, [looks[k] for k in order], [np.full(2, 0.2)] * 3)
+    found = pairs(people, [looks[k] for k in order], [np.full(2, 0.2)] * 3, np.zeros(2, np.bool_))
     paired = {order[k]: dict(zip(each[0].tolist(), each[1].tolist(), strict=True)) for k, each in enumerate(found)}
     assert paired == {0: {0: 0, 1: 1}, 1: {0: 0, 1: 1}, 2: {0: 0}}
 
 
 def test_no_measurement_is_shared() -> None:
     people = people_at([(0.0, 0.0), (0.1, 0.0), (0.2, 0.0)])
-    found = pairs(people, looks_of([(0.1, 0.0)], [(0.0, 0.1), (0.1, 0.1)]), [np.full(3, 0.2)] * 2)
+    found = pairs(
+        people, looks_of([(0.1, 0.0)], [(0.0, 0.1), (0.1, 0.1)]), [np.full(3, 0.2)] * 2, np.zeros(3, np.bool_)
+    )
     assert all(len(set(each[1].tolist())) == len(each[1]) for each in found)
     assert [len(each[0]) for each in found] == [1, 2]
 

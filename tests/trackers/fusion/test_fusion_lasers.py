@@ -10,9 +10,10 @@ from synthetic_room import Walk, empty_room, observe, rig, straight_walk
 
 from trackers.arrays import Array
 from trackers.filters.imm import Imm
+from trackers.fusion.association import legs_elsewhere, pairs
 from trackers.fusion.lasers import scanners_of
 from trackers.fusion.look import Expected, Look
-from trackers.fusion.motion import PersonMotion
+from trackers.fusion.motion import LEGS, PersonMotion, with_legs_free
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.people import People
 from trackers.fusion.posture import LEGS_SHOWN
@@ -100,3 +101,28 @@ def test_nobody_is_outside_the_area() -> None:
     )  # fmt: skip
     after = manager.updated_missed(people, look, 1.0, 0.1, NS_PER_S)
     assert after.existence[0] > 0.98 and after.existence[1] < 0.2
+
+
+def legs_at(x_m: float) -> Look:
+    return Look(
+        ("knee",), FusionOptions().legs, np.array([[x_m, 0.0]]), np.eye(2)[None] * 0.05**2, np.zeros(1, np.intp),
+        np.full(1, -1), lambda points: np.ones(points.shape[1:]), LEGS_SHOWN, is_sharp=True, observes=LEGS,
+    )  # fmt: skip
+
+
+def test_legs_of_who_sits_down_are_theirs_while_the_trunk_is_seen() -> None:
+    """Within a second they are half a metre before the trunk; they may be another's where no trunk tells where the person is."""
+    people, missed = people_at((0.0, 0.0)), [np.full(1, 0.5)]
+    people = people.in_state(replace(people.state, covariance=people.state.covariance * 0.1))
+    for x_m, by_trunk, are_theirs in (
+        (0.05, False, True),
+        (0.45, True, True),
+        (0.45, False, False),
+        (2.0, True, False),
+    ):
+        ((row, *_),) = pairs(people, [legs_at(x_m)], missed, np.array([by_trunk]))
+        assert row.size == are_theirs
+    assert legs_elsewhere(people, legs_at(0.05))[0, 0] < 0.02 < 0.9 < legs_elsewhere(people, legs_at(0.45))[0, 0]
+    moved = with_legs_free(people.state, np.zeros(1, np.intp), np.full(1, 0.3**2))
+    assert (moved.covariance[7, 7] - people.state.covariance[7, 7] > 0.08).all()
+    np.testing.assert_array_equal(moved.covariance[:7, :7], people.state.covariance[:7, :7])
