@@ -23,7 +23,7 @@ from trackers.tracking.track_manager import clear_of
 from trackers.vision.foreground import Foreground
 from trackers.vision.front_end import CameraFrontEnd, FrontEndOptions, PreparedPicture
 from trackers.vision.histogram import ColourHistogram
-from trackers.vision.person_detector import SILHOUETTES, PersonDetector
+from trackers.vision.person_detector import ROOMS, SILHOUETTES, PersonDetector, PersonModel
 from trackers.vision.stereo_picture import StereoCamera, head_of, heads_in_plan, packed_without_depth
 
 _CHEST_M, _CROWN_M, _SHADOW_M = 1.1, 1.65, 0.25
@@ -73,7 +73,7 @@ class Camera:
         else:
             self._kind = options.camera
             self._silhouettes = Foreground(sensor.intrinsics, self._front_end.empty_room, SILHOUETTES)
-            self._detector = PersonDetector(self.camera, rig.area)
+            self._detector = PersonDetector(self.camera, rig.area, model=PersonModel.load(ROOMS))
         self.picture = packed_without_depth(np.zeros((1, 1, 3), np.uint8), np.zeros((1, 1), np.bool_))
         """The newest picture."""
         self._rgb = np.zeros((1, 1, 3), np.uint8)
