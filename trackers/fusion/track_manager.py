@@ -166,10 +166,12 @@ class FusionTrackManager(TrackManager):
         """
         row = np.flatnonzero(~np.isnan(shown))
         most = _TRUST * np.log(kind.p_detect / (1 - kind.p_detect))
-        others = people.positions[people.confirmed & (people.roster.measured_ns == ns)]
+        others = np.flatnonzero(people.confirmed & (people.roster.measured_ns == ns))
+        away_m = distances(people.head[row, :2], people.positions[others])
+        away_m[row[:, None] == others] = np.inf
         there = people.posture.head_there(people.head[:, 2], people.head_covariance[:, 2, 2], people.stature)[row]
         there[:, 0] = 0.0
-        alone = clear_of(people.head[row, :2], others, _HEAD_M)[:, None]
+        alone = (away_m.min(axis=1, initial=np.inf) > _HEAD_M)[:, None]
         log = (share[row] * most * shown[row])[:, None] * alone * np.where(shown[row, None] < 0, there, [0.0, 1.0, 1.0])
         ratio = (people.posture.probability[row] * np.exp(log)).sum(axis=1)
         existence = np.clip(existence_after_detection(people.existence[row], ratio), LEAST_EXISTENCE, 1 - 1e-6)
