@@ -100,26 +100,26 @@ class HeadWeighing:
         outlined: Bool[Mask, "c n"],
         share: Float[Array, "n"],
         ns: int,
-    ) -> tuple[Heads, Float[Array, "n"], Int[Index, "k"], Float[Array, "k 3"], Float[Array, "k 3 3"]]:
+    ) -> tuple[Heads, Int[Index, "k"], Float[Array, "k 3"], Float[Array, "k 3 3"]]:
         """Weigh heads expected at places [m], with covariances [m²], by all pictures of a stamp at once.
 
         in_view: which heads nothing is known to hide from each camera; outlined: which of them have nobody about them; share: of
-        a look's evidence. Return the heads; the share of pictures of each that show it, less that of empty ones; and the rows of
-        those that pictures show, and where these alone show them [m], with covariances [m²].
+        a look's evidence. Return the heads, the rows of those that pictures show, and where these alone show them [m], with
+        covariances [m²].
         """
-        row, shown = np.flatnonzero(outlined.any(axis=0)), np.full(len(heads), np.nan)
+        row = np.flatnonzero(outlined.any(axis=0))
         mean, C = expected[row], covariance[row]
         if not row.size:
-            return heads, shown, row, mean, C
+            return heads, row, mean, C
         showing, left, before = outlined[:, row], share[row].copy(), (mean, C)
-        empty, some = np.zeros_like(showing), heads.select(row)
+        some = heads.select(row)
         tables = some.colours.expected(self._model.common).tables
         for number in range(_PASSES):
             root = np.linalg.cholesky(C + 1e-10 * np.eye(3))
             places = mean[:, None] + self._z @ root.transpose(0, 2, 1)
-            log, outside, sees, none = self._weighed(places, some.direction[0], tables, views)
+            log, outside, sees = self._weighed(places, some.direction[0], tables, views)
             if number == 0:
-                showing, empty = showing & sees, showing & none
+                showing = showing & sees
             log = (log * showing[..., None]).sum(axis=0)
             power = 1.0 if number == _PASSES - 1 else _tempered(log * left[:, None] - outside)
             weight = _normalized(log * (left * power)[:, None] - outside)
@@ -130,7 +130,6 @@ class HeadWeighing:
             C[:, [0, 1, 2], [0, 1, 2]] += _LEAST_SIGMA_M**2 / 4
             if (left < 1e-6).all():
                 break
-        shown[row] = (showing.sum(axis=0) - empty.sum(axis=0)) / outlined[:, row].sum(axis=0)
         here = showing.any(axis=0)
         eyes_m, flat = np.array([each.camera.eye_m for each in views]), [not each.picture.knows_depth for each in views]
         along = sights_of_one(showing[:, here], mean[here], eyes_m, np.array(flat))
@@ -138,7 +137,7 @@ class HeadWeighing:
         heads = heads.changed(seen_ns=written(heads.seen_ns, row, ns))
         heads = self._faced(heads, row, mean[here], tables[here], views, in_view[:, row], share[row])
         place, R = gained(*(each[here] for each in (*before, mean, C)))
-        return heads, shown, row, place, R + _ALONG_M**2 * along[:, :, None] * along[:, None]
+        return heads, row, place, R + _ALONG_M**2 * along[:, :, None] * along[:, None]
 
     def _weighed(
         self,
@@ -146,11 +145,10 @@ class HeadWeighing:
         direction: Float[Array, "k"],
         tables: Float[Singles, "k entries"],
         views: Sequence[Camera],
-    ) -> tuple[Float[Array, "c k p"], Float[Array, "k p"], Bool[Mask, "c k"], Bool[Mask, "c k"]]:
+    ) -> tuple[Float[Array, "c k p"], Float[Array, "k p"], Bool[Mask, "c k"]]:
         """Weigh places of each head [m] by each picture.
 
-        Return log-likelihoods, what places outside the area lose, which pictures show which head, and
-        which show none.
+        Return log-likelihoods, what places outside the area lose, and which pictures show which head.
         """
         asked = np.empty((4, len(views), *places.shape[:2]), np.float32)
         asked[:3], asked[3] = places.transpose(2, 0, 1)[:, None], direction[:, None]
@@ -164,8 +162,7 @@ class HeadWeighing:
         if self._area is not None:
             outside[~self._area.contains(places[..., :2].reshape(-1, 2)).reshape(outside.shape)] = _OUTSIDE
         sees = (_normalized(log - outside) * p_detect).sum(axis=2) >= _LEAST_SHOWN
-        seen = seen.all(axis=2)
-        return log, outside, sees & seen, seen & (p_detect.max(axis=2) < _LEAST_SHOWN)
+        return log, outside, sees & seen.all(axis=2)
 
     def _heads(self, views: Sequence[Camera]) -> StereoHeads:
         """Return the likelihood by these cameras' pictures."""

@@ -64,8 +64,8 @@ class Scanners:
             no_trunk = np.empty((0, 2))
             # shanks lean forward: knees are before the feet
             knees = expected.facing * legs_ahead_m(expected.speed_m_s, self._height_m, self._legs)[:, None]
-            knees, lines = expected.legs + knees, found.sight_lines(self._group.origins)
-            walkers = pair_legs(found, starts, no_trunk, expected.place, knees, 0.0, gate_m, self._legs, lines)
+            knees = expected.legs + knees
+            walkers = pair_legs(found, starts, no_trunk, expected.place, knees, 0.0, gate_m, self._legs)
             position, known = walkers.position, walkers.of_known
             position[known] += expected.legs[walkers.owner[known]]
             variance = walkers.likelihood(self._legs, gate_m).variance_m2

@@ -138,13 +138,6 @@ class Posture(Rows):
         variance = self.probability @ (_HEAD**2 + _HEAD_SIGMA**2) - mean**2
         return stature_m * mean, stature_m**2 * variance
 
-    def head_there(
-        self, height_m: Float[Array, "n"], variance_m2: Float[Array, "n"], stature_m: Float[Array, "n"]
-    ) -> Float[Array, "n 3"]:
-        """Return how well each posture explains heads expected at these heights [m], 1 at its own, at these statures [m]."""
-        variance = (stature_m[:, None] * _HEAD_SIGMA) ** 2 + variance_m2[:, None]
-        return np.exp(-0.5 * (height_m[:, None] - stature_m[:, None] * _HEAD) ** 2 / variance)
-
     def by_legs(
         self,
         row: Int[Index, "k"],

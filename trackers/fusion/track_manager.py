@@ -21,7 +21,7 @@ from trackers.filters.negative_information import (
 from trackers.filters.rows import written
 from trackers.fusion.association import EXPLAINED, LEAST_EXISTENCE, explained
 from trackers.fusion.look import Look, round_covariance
-from trackers.fusion.options import ColourIdentityOptions, FusionOptions, KindOptions
+from trackers.fusion.options import ColourIdentityOptions, FusionOptions
 from trackers.fusion.people import People
 from trackers.fusion.posture import LAIN_M, LENGTH_M
 from trackers.observations import NS_PER_S
@@ -37,8 +37,8 @@ _TRUST = 1.5
 """Log-likelihood ratio of a detection at most, in that of detecting a person against missing one."""
 _SAME_M, _SAME_S = 0.25, 0.7
 """Two tracks nearer than this for so long are one person's [m, s]."""
-_APART_M, _HEAD_M = 0.3, 0.5
-"""A person is not where another is measured, nor is a head that nobody's body is under [m]."""
+_APART_M = 0.3
+"""A person is not where another is measured [m]."""
 _PLACE_M, _AT_REST = 0.35, 0.01
 """Standard deviation of where a lying person comes up again [m], and variance of their speed [m²/s²]."""
 _SEAT_M = 0.2
@@ -155,28 +155,6 @@ class FusionTrackManager(TrackManager):
     def existence_of_new(p_detect: list[float]) -> float:
         """Return the existence of a track that a sensor has measured first, and others of these P_D with it."""
         return float(1 / (1 + np.prod([(1 / p - 1) ** _TRUST for p in p_detect])))
-
-    def head_shown(
-        self, people: People, shown: Float[Array, "n"], kind: KindOptions, share: Float[Array, "n"], ns: int
-    ) -> People:
-        """Return the tracks that rest where no other is, likelier to exist by the pictures that show their heads.
-
-        Where pictures show none, the person is in another posture than it was expected for, or does not exist.
-        shown: share of the pictures that could, less that of those without any; NaN: none could. share: of a look's evidence.
-        """
-        row = np.flatnonzero(~np.isnan(shown))
-        most = _TRUST * np.log(kind.p_detect / (1 - kind.p_detect))
-        others = np.flatnonzero(people.confirmed & (people.roster.measured_ns == ns))
-        away_m = distances(people.head[row, :2], people.positions[others])
-        away_m[row[:, None] == others] = np.inf
-        there = people.posture.head_there(people.head[:, 2], people.head_covariance[:, 2, 2], people.stature)[row]
-        there[:, 0] = 0.0
-        alone = (away_m.min(axis=1, initial=np.inf) > _HEAD_M)[:, None]
-        log = (share[row] * most * shown[row])[:, None] * alone * np.where(shown[row, None] < 0, there, [0.0, 1.0, 1.0])
-        ratio = (people.posture.probability[row] * np.exp(log)).sum(axis=1)
-        existence = np.clip(existence_after_detection(people.existence[row], ratio), LEAST_EXISTENCE, 1 - 1e-6)
-        posture = people.posture.weighed(row, np.minimum(log, 0.0))
-        return people.changed(existence=written(people.existence, row, existence), posture=posture)
 
     def updated_missed(self, people: People, look: Look, share: float, elapsed_s: float, ns: int) -> People:
         """Update the tracks that neither a look nor another one of its stamp showed: likelier hidden, or not to exist.

@@ -315,7 +315,6 @@ class Fusion(SynchronizedTracker):
         """Update heads by pictures, bodies by their heads, and colours."""
         if not cameras or not len(people):
             return people
-        kind = self.options.camera
         before, head, covariance = people.heads, people.head, people.head_covariance
         sigma_m = np.sqrt((covariance[:, 0, 0] + covariance[:, 1, 1]) / 2)
         asked = people.confirmed & own(head)
@@ -323,10 +322,8 @@ class Fusion(SynchronizedTracker):
         outlined = np.array([each.stands_alone(head, sigma_m, people.positions) for each in cameras]) & in_view
         since_s = np.minimum((ns - before.seen_ns) / NS_PER_S, 1.0)
         share = np.clip(since_s / 0.05, 0.25, 1.0)
-        heads, shown, row, place, R = self._weighing.updated(
-            before, head, covariance, cameras, in_view, outlined, share, ns
-        )
-        people = self._manager.head_shown(people.changed(heads=heads), shown, kind, share, ns)
+        heads, row, place, R = self._weighing.updated(before, head, covariance, cameras, in_view, outlined, share, ns)
+        people = people.changed(heads=heads)
         if row.size:
             state = self._imm.update(people.state, row, place, R, HEAD)
             people = people.changed(roster=people.roster.measured(row, ns, state))

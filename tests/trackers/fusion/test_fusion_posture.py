@@ -4,13 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackers.filters.imm import Imm
-from trackers.fusion.motion import PersonMotion, drifted
-from trackers.fusion.options import FusionOptions
-from trackers.fusion.people import People
 from trackers.fusion.posture import LENGTH_M, SILHOUETTE_SHOWN, TRUNK_SHOWN, Posture
-from trackers.fusion.track_manager import FusionTrackManager
-from trackers.observations import NS_PER_S
 
 ROW, ONE = np.array([0]), np.ones(1)
 
@@ -68,22 +62,3 @@ def test_who_lies_down_from_a_seat_lies_behind_it_away_from_the_knees() -> None:
     down = lying.lain_down()
     np.testing.assert_allclose(down.seat, [[1.0, 0.7]])
     np.testing.assert_array_equal(down.lain_down().seat, down.seat)
-
-
-def test_a_head_that_pictures_do_not_show_is_not_where_a_resting_persons_would_be() -> None:
-    """Also where the person's own body is measured; not where another stands, of whom the pictures may show a part."""
-    imm, options = Imm(PersonMotion()), FusionOptions()
-    manager = FusionTrackManager(options, None, imm)
-    at = np.array([(0.0, 0.0), (0.1, 0.0), (3.0, 0.0)])
-    people = People.started(imm.start(at, None, 0.1**2), at, 0, 1, 1)
-    sitting = headed(Posture.upright(1), 1.28, 3)
-    posture = sitting.select(np.zeros(3, np.intp))
-    height_m, variance_m2 = posture.head_height(people.stature)
-    state = drifted(people.state, np.zeros((5, 3)), height_m, np.tile(0.05**2, (5, 3)))
-    roster = people.roster.changed(confirmed=np.ones(3, np.bool_), measured_ns=np.full(3, NS_PER_S))
-    people = people.changed(posture=posture, roster=roster).in_state(state)
-    shown = np.full(3, -1.0)
-    for _ in range(20):
-        people = manager.head_shown(people, shown, options.camera, np.ones(3), NS_PER_S)
-    beside_one, beside_other, alone = people.posture.probability[:, 0]
-    assert alone > 0.4 > 0.05 > max(beside_one, beside_other)
