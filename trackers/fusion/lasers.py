@@ -63,8 +63,8 @@ class Scanners:
             gate_m = self._legs.gate_m if self._sees_waists else self._legs.gate_alone_m
             no_trunk = np.empty((0, 2))
             # shanks lean forward: knees are before the feet
-            knees = expected.facing * legs_ahead_m(expected.speed_m_s, self._height_m, self._legs)[:, None]
-            knees = expected.legs + knees
+            ahead_m = legs_ahead_m(expected.speed_m_s, self._height_m, self._legs)
+            knees = expected.legs + expected.facing * ahead_m[:, None]
             walkers = pair_legs(found, starts, no_trunk, expected.place, knees, 0.0, gate_m, self._legs)
             position, known = walkers.position, walkers.of_known
             position[known] += expected.legs[walkers.owner[known]]
