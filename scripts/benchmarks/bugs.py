@@ -307,10 +307,8 @@ _BY_FILE = {
     "trackers/vision/patches.py": [
         ("hidden by who stands behind", "PatchSampler.drawn", "_A < _B[:, None] - _C", "_A > _B[:, None] + _C"),
     ],
-    "trackers/vision/person_detector.py": [
-        ("rows and columns exchanged", "FloorPlaces.read", "[row, column]", "[column, row]"),
-    ],
     "trackers/vision/person_windows.py": [
+        ("rows and columns exchanged", "FloorPlaces.read", "[row, column]", "[column, row]"),
         (
             "sine for cosine",
             "TorsoProjector.windows",

@@ -6,7 +6,7 @@ import numpy as np
 
 from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.cameras.placed import PlacedCamera
-from trackers.vision.person_detector import ground_axes
+from trackers.vision.person_windows import ground_axes
 
 _CELL_M, _CELLS = 0.5, 128
 """Pitch [m] and number of cells on each side; the lattice repeats beyond them, so that its size is fixed."""

@@ -18,9 +18,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
-from scipy.ndimage import map_coordinates
 
-from trackers.area import Area
 from trackers.array_files import ArraySpec, read_arrays
 from trackers.arrays import AnyArray, Array, Bool, Bytes, Float, Float32, Index, Int, Mask, Singles, UInt8
 from trackers.cameras.placed import PlacedCamera
@@ -28,7 +26,7 @@ from trackers.configuration import Strict
 from trackers.filters.gating import distances
 from trackers.text_file import AnyPath
 from trackers.vision.foreground import ForegroundOptions
-from trackers.vision.person_windows import person_windows
+from trackers.vision.person_windows import FloorPlaces
 
 ROWS, COLUMNS = 14, 8
 """Cells of a window, the inputs of the model."""
@@ -150,89 +148,6 @@ class MaskLevels:
             bordered = table[self._start[each] :][: (rows + 2) * (columns + 2)].reshape(rows + 2, columns + 2)
             bordered[1:-1, 1:-1] = cv2.blur(plane, (_SQUARE, _SQUARE), borderType=cv2.BORDER_REPLICATE)
         return table
-
-
-_LEAST_CELL_PX = 1.0
-"""Least side of a cell of a detectable person."""
-_DIRECTIONS = 72
-
-
-def _sees_people(camera: PlacedCamera, cells: tuple[int, int], least_in_picture: float, away_m: float) -> bool:
-    """Return True where the picture holds enough of a person who stands so far off [m] in any direction."""
-    angle = np.linspace(-np.pi, np.pi, _DIRECTIONS, endpoint=False)
-    ring = camera.eye_m[:2] + away_m * np.column_stack([np.cos(angle), np.sin(angle)])
-    windows = person_windows(camera, ring, *cells)
-    return bool(((windows.inside.mean(axis=(1, 2)) >= least_in_picture) & (windows.cell_px >= _LEAST_CELL_PX)).any())
-
-
-class FloorPlaces:
-    """Positions `pitch_m` apart with at least a share of `least_in_picture` of their windows in the picture.
-
-    They are those of an area and `margin_m` about it, or without one those within `reach_m` of the camera. They lie on a lattice
-    through the camera's ground point, along its view: the same whatever the room's axes are.
-    """
-
-    def __init__(
-        self,
-        camera: PlacedCamera,
-        area: ArrayLike | None,
-        *,
-        cells: tuple[int, int],
-        pitch_m: float,
-        margin_m: float,
-        reach_m: float,
-        least_in_picture: float,
-    ) -> None:
-        self._eye, self._axes = camera.eye_m[:2], ground_axes(camera)
-        if area is None:
-            outline = reach_m * np.array([(-1.0, -1.0), (1.0, 1.0)])
-        else:
-            outline = (np.asarray(area, float) - self._eye) @ self._axes
-            outline = np.array([outline.min(axis=0) - margin_m, outline.max(axis=0) + margin_m])
-        low = np.floor(outline[0] / pitch_m).astype(int)
-        columns, rows = np.ceil(outline[1] / pitch_m).astype(int) - low + 1
-        lattice = low + np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
-        grid = self._eye + pitch_m * lattice @ self._axes.T
-        away_m = np.hypot(*(grid - self._eye).T)
-        near = away_m <= reach_m if area is None else Area(area, margin_m).contains(grid)
-        self.is_cut = area is None and _sees_people(camera, cells, least_in_picture, 1.02 * reach_m)
-        """True where people farther off than `reach_m` would be in the picture, and are not looked for."""
-        of_grid = near.nonzero()[0]
-        windows = person_windows(camera, grid[of_grid], *cells)
-        share = windows.inside.mean(axis=(1, 2))
-        shown = (share >= least_in_picture) & (windows.cell_px >= _LEAST_CELL_PX)
-        self.position: Float[Array, "n 2"] = grid[of_grid[shown]]
-        self.windows = windows.select(shown)
-        self.share_in_picture: Float[Array, "n"] = share[shown]
-        self._of_grid: Int[Index, "n"] = of_grid[shown]
-        self._low, self._pitch_m, self._shape = low[:, None], pitch_m, (int(rows), int(columns))
-        self._whole = self.map(np.arange(len(self)), np.ones(len(self), np.float32))
-
-    def __len__(self) -> int:
-        return len(self.position)
-
-    def map(self, index: Int[Index, "k"], values: Float32[Singles, "k"]) -> Float32[Singles, "rows columns"]:
-        """Return the whole grid with values at `index` and 0 elsewhere."""
-        grid = np.zeros(self._shape, np.float32)
-        grid.flat[self._of_grid[index]] = values
-        return grid
-
-    def read(self, grid: Float32[Singles, "rows columns"], positions: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
-        """Read such a map at positions x and y [m], linear between its places; 0 beyond them."""
-        flat = positions.reshape(2, -1)
-        column, row = self._axes.T @ (flat - self._eye[:, None]) / self._pitch_m - self._low
-        return map_coordinates(grid, [row, column], np.float64, order=1).reshape(positions.shape[1:])
-
-    def shows(self, positions: Float[Array, "n 2"]) -> Bool[Mask, "n"]:
-        """Return a mask of positions [m] near one of these: a person there is in the picture, unless hidden."""
-        return self.read(self._whole, positions.T) > 0
-
-
-def ground_axes(camera: PlacedCamera) -> Float[Array, "2 2"]:
-    """Return two directions of the floor as columns: that of the picture's rows, or of its columns where that is upright."""
-    across = camera.rotation[:2, int(np.hypot(*camera.rotation[:2, 0]) < np.sqrt(0.5))]
-    across = across / np.hypot(*across)
-    return np.array([[across[0], -across[1]], [across[1], across[0]]])
 
 
 _FULL = np.float32(255)
