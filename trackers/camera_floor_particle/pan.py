@@ -19,7 +19,7 @@ from trackers.camera_floor_particle.options import CameraFloorParticleOptions, F
 from trackers.filters.circular import circular_mean, diffused, drawn, grid_of, mean_direction
 from trackers.filters.particle import Cloud, LikelihoodStage, MixtureProposal, cascade
 from trackers.likelihood.colour import point_log_likelihood, window_log_likelihood
-from trackers.vision.views import BINS, Views, padded_roots
+from trackers.vision.views import BINS, ProjectedPoints, Views, padded_roots
 
 PAN_STEPS = 72
 """Directions of the grid."""
@@ -57,11 +57,22 @@ class HeadViews(NamedTuple):
     covered: Bool[Mask, "k"]  # whether a point over the crown is foreground too: it may be no head
 
 
-def looks(people: BodyTracks, views: Views, options: HeadOptions) -> HeadViews | None:
+class Sights(NamedTuple):
+    """Heads where they are estimated, and points over their crowns, in every picture."""
+
+    head: ProjectedPoints
+    above: ProjectedPoints
+
+    @classmethod
+    def of(cls, people: BodyTracks, views: Views) -> Sights:
+        """Look at the heads of all tracks."""
+        return cls(views.look(people.head_place.T), views.look(people.head_place.T + _CROWN_M))
+
+
+def looks(people: BodyTracks, views: Views, sights: Sights, options: HeadOptions) -> HeadViews | None:
     """Evaluate the head estimates in every view with foreground there; None without any."""
     places = people.head_place.T
-    look = views.look(places)
-    pixels, shown = look.pixels, look.on_foreground
+    pixels, shown = sights.head.pixels, sights.head.on_foreground
     if not shown.any():
         return None
     window = options.window.model_copy(update={"stride": 1})  # few views, so every pixel
@@ -69,8 +80,7 @@ def looks(people: BodyTracks, views: Views, options: HeadOptions) -> HeadViews |
     roots = unit(np.sqrt(views.colours(places, pixels, shown, window, options.parts)))
     alike = (unit(people.hair)[rows] @ roots[..., None])[..., 0]
     skin = views.skin(places, pixels, shown, options.window) * np.exp(1j * from_east)
-    covered = views.look(places + _CROWN_M).on_foreground[shown]
-    return HeadViews(rows, from_east, roots, alike, skin, covered)
+    return HeadViews(rows, from_east, roots, alike, skin, sights.above.on_foreground[shown])
 
 
 def turned(
@@ -130,10 +140,10 @@ def aligned(people: BodyTracks) -> BodyTracks:
     )
 
 
-def _sliding(people: BodyTracks, dt: float, views: Views) -> BodyTracks:
+def _sliding(people: BodyTracks, dt: float, sights: Sights) -> BodyTracks:
     """Count the time for which hardly a camera shows a head there: no foreground, or more of the person above."""
-    look, above = views.look(people.head_place.T), views.look(people.head_place.T + _CROWN_M)
-    n_seen, n_head = look.seen.sum(axis=0), (look.on_foreground & ~above.on_foreground).sum(axis=0)
+    is_head = sights.head.on_foreground & ~sights.above.on_foreground
+    n_seen, n_head = sights.head.seen.sum(axis=0), is_head.sum(axis=0)
     slides = (n_seen >= 2) & (n_head <= _HARDLY * n_seen)
     return people.changed(slid_s=np.where(slides, people.slid_s + dt, 0.0))
 
@@ -241,9 +251,10 @@ class HeadFilter:
         if options.facing is None:
             pan, _ = circular_mean(cloud.state[3], cloud.weights.normalised)
             return people.changed(pan=np.atleast_1d(pan))
-        seen = looks(people, views, options)
+        sights = Sights.of(people, views)
+        seen = looks(people, views, sights, options)
         turns = np.deg2rad(options.turn_deg) * np.sqrt(options.motion.steps(dt))
-        people = aligned(turned(_sliding(people, dt, views), dt, turns, seen, options.facing))
+        people = aligned(turned(_sliding(people, dt, sights), dt, turns, seen, options.facing))
         if options.facing.learning and seen is not None:
             people = learned(people, seen, options.facing.learning)
         state = cloud.state.copy()

@@ -22,7 +22,17 @@ from trackers.camera_floor_particle.options import (
     FacingOptions,
     MotionOptions,
 )
-from trackers.camera_floor_particle.pan import GRID, HeadViews, learned, looks, pan_bin, turned, unit, walk as walk_of
+from trackers.camera_floor_particle.pan import (
+    GRID,
+    HeadViews,
+    Sights,
+    learned,
+    looks,
+    pan_bin,
+    turned,
+    unit,
+    walk as walk_of,
+)
 from trackers.errors import InputError
 from trackers.feeding import track_frames
 from trackers.filters.circular import diffused, drawn
@@ -480,7 +490,7 @@ def test_a_head_below_its_crown_is_not_learned_from():
     people = people.changed(pan_known=np.ones(len(people), np.bool_), facing=sure)
     for below_m, covered in ((0.0, False), (0.25, True)):
         lower = people.changed(head_place=people.head_place - [0.0, 0.0, below_m])
-        seen = looks(lower, state.views, options)
+        seen = looks(lower, state.views, Sights.of(lower, state.views), options)
         assert len(seen.rows) >= 3 * len(people) and (seen.covered == covered).mean() > 0.75
         seen = seen._replace(covered=np.full(len(seen.rows), covered))
         assert (learned(lower, seen, 60.0).hair != lower.hair).any() != covered
@@ -497,7 +507,8 @@ def test_a_head_that_slid_down_its_person_comes_back_on_top():
     state = people.head.state.copy()
     state[:3] -= down.T[..., None]
     slid = people.changed(head=Cloud(state, people.head.weights), head_place=people.head_place - down)
-    chest = looks(slid, tracker.debug_state().views, CameraFloorParticleOptions().head)
+    views = tracker.debug_state().views
+    chest = looks(slid, views, Sights.of(slid, views), CameraFloorParticleOptions().head)
     hair = unit(np.where(first[:, None, None], chest.roots[chest.rows == 0].mean(axis=0), people.hair))
     tracker._people = slid.changed(hair=5 * hair)
     for each in SEEN[later:]:
