@@ -220,14 +220,51 @@ _SLACK_M = 1e-6
 
 
 def check_mount(model: mujoco.MjModel, data: mujoco.MjData, field: str, xyz: NDArray[np.float64]) -> None:
-    """Raise InputError naming the field and the geom if the point (3,) [m] lies inside a static geom of the room."""
+    """Raise InputError naming the field and the geom if the point (3,) [m] lies inside a static geom of the room, or outside
+    its walls.
+    """
     is_there = (model.body_weldid[model.geom_bodyid] == 0) & (model.geom_rgba[:, 3] != 0)
-    near = ((data.geom_xpos - xyz) ** 2).sum(axis=1) <= _reach_m(model) ** 2
-    for geom in np.flatnonzero(is_there & near).tolist():
-        if is_within(model, data, geom, xyz[None]).any():
-            thing = model.geom(geom).name or f"geom {geom}"
-            where = f"[{xyz[0]:g}, {xyz[1]:g}, {xyz[2]:g}]"
-            raise InputError(f"{field}: {where} is inside {thing!r} of the room; a point in free space is expected")
+    near = is_there & (((data.geom_xpos - xyz) ** 2).sum(axis=1) <= _reach_m(model) ** 2)
+    within = (geom for geom in np.flatnonzero(near).tolist() if is_within(model, data, geom, xyz[None]).any())
+    geom, where = next(within, None), "inside {} of the room"
+    if geom is None:
+        geom, where = _wall_before(model, data, xyz, is_there), "outside the room, behind {}"
+    if geom is not None:
+        thing, place = repr(model.geom(geom).name or f"geom {geom}"), f"[{xyz[0]:g}, {xyz[1]:g}, {xyz[2]:g}]"
+        raise InputError(f"{field}: {place} is {where.format(thing)}; a point in free space is expected")
+
+
+def _wall_before(model: mujoco.MjModel, data: mujoco.MjData, xyz: Array, is_there: Mask) -> int | None:
+    """Return the upright plane before a point (3,) [m] outside the room, the nearest; None for a point inside.
+
+    A plane is seen from its front alone. Outside, as in the notch of an L-shaped room, every level ray that meets anything
+    passes the back of a plane first.
+    """
+    upright = np.hypot(data.geom_xmat[:, 2], data.geom_xmat[:, 5]) >= _UPRIGHT
+    planes = np.flatnonzero(is_there & upright & (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE))
+    axes = data.geom_xmat[planes].reshape(-1, 3, 3)
+    at = np.einsum("pab,pa->pb", axes, xyz - data.geom_xpos[planes])[:, None]  # in each plane's frame
+    if not (at[..., 2] < 0).any():
+        return None
+    ways = np.einsum("pab,na->pnb", axes, _LEVEL)
+    from_behind = (at[..., 2] < 0) & (ways[..., 2] > _SLACK_M)
+    passed_m = -at[..., 2] / np.where(from_behind, ways[..., 2], 1.0)
+    half = model.geom_size[planes, None, :2]  # 0: without end; corners are closed
+    on_plane = (np.abs(at[..., :2] + passed_m[..., None] * ways[..., :2]) <= half + PLANE_M) | (half == 0)
+    passed_m = np.where(from_behind & on_plane.all(axis=-1), passed_m, np.inf)
+    met_m, first = np.empty(len(_LEVEL)), np.empty(len(_LEVEL), dtype=np.int32)
+    flat = _LEVEL.ravel()
+    mujoco.mj_multiRay(model, data, xyz, flat, RAY_GROUPS, 1, -1, first, met_m, None, len(_LEVEL), mujoco.mjMAXVAL)
+    before_m = passed_m.min(axis=0)
+    through = np.isfinite(before_m) & (before_m <= np.where(first < 0, np.inf, met_m) + PLANE_M)
+    if not through.any() or (~through & (first >= 0)).any():
+        return None
+    return int(planes[passed_m.min(axis=1).argmin()])
+
+
+_AROUND = np.deg2rad(np.arange(0, 360, 5))
+_LEVEL = np.stack([np.cos(_AROUND), np.sin(_AROUND), np.zeros(len(_AROUND))], axis=1)
+"""Level directions, unit vectors (n, 3)."""
 
 
 def is_within(model: mujoco.MjModel, data: mujoco.MjData, geom: int, places_m: Array) -> Mask:

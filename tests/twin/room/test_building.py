@@ -8,7 +8,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from twin.room.building import Building
+from trackers.errors import InputError
+from twin.room.building import Building, check_mount
 from twin.room.floor import floor_of
 from twin.room.obstacles import Footprints, obstacles_of
 
@@ -103,3 +104,31 @@ def test_a_floor_without_walls_is_all_building(tmp_path: Path) -> None:
     walkable = np.array([[-4.8, -4.8], [4.8, -4.8], [4.8, 4.8], [-4.8, 4.8]])
     yard = Building.of(model, data, floor_of(model, data, "yard"), walkable, Footprints([]))
     assert yard.is_indoors(np.array([[0, 0, 1.0], [4.9, 4.9, 1], [5.2, 0, 1]])).tolist() == [True, True, False]
+
+
+@pytest.mark.parametrize("turn_deg", [0, 37, 45, 200])
+def test_no_mount_is_outside_the_planes_around_an_l_shaped_room(turn_deg: float) -> None:
+    """Walls seen from their fronts alone; outside lies the L's notch, with other parts of the room behind its walls."""
+    corners = np.array([[-4, -3], [4, -3], [4, 0], [0, 0], [0, 3], [-4, 3]], dtype=float)
+    ways = np.roll(corners, -1, axis=0) - corners
+    walls = "".join(
+        f'<geom name="wall_{number}" type="plane" pos="{x} {y} 1.25" size="{np.hypot(*way) / 2} 1.25 0.1" '
+        f'xyaxes="{-way[0]} {-way[1]} 0 0 0 1"/>'
+        for number, ((x, y), way) in enumerate(zip(corners + ways / 2, ways, strict=True), start=1)
+    )
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><compiler angle="degree"/><worldbody><geom name="floor" type="plane" size="0 0 1"/>'
+        f'<frame euler="0 0 {turn_deg}">{walls}</frame></worldbody></mujoco>'
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    turn = np.deg2rad(turn_deg)
+    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    x, y = np.meshgrid(np.arange(-3.9, 4.0, 0.4), np.arange(-2.9, 3.0, 0.4))
+    for place in [*np.column_stack([x.ravel(), y.ravel()]), np.ones(2)]:
+        xyz = np.array([*rotation @ place, 0.9])
+        if (place > 0).all():
+            with pytest.raises(InputError, match=r"outside the room, behind 'wall_[34]'|inside 'wall_[34]'"):
+                check_mount(model, data, "mount", xyz)
+        else:
+            check_mount(model, data, "mount", xyz)
