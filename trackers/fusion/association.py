@@ -98,10 +98,9 @@ def legs_elsewhere(people: People, look: Look) -> Float[Array, "n k"]:
 
 
 def _elsewhere(people: People, look: Look) -> tuple[Float[Array, "n k"], Float[Array, "n k"]]:
-    """Return `log_density` of legs anywhere about people, as far as they rest by how far these are from their trunks."""
+    """Return `log_density` of legs anywhere about people, as probable as that these rest."""
     density, away = log_density(people.state, look, LEGS_REST_M**2)
-    off_m = distances(np.nan_to_num(people.seen_at[:, 0]), look.position)
-    return people.posture.rests_by_legs(off_m) + density, away
+    return density + np.log(people.posture.probability[:, 1:].sum(axis=1))[:, None], away
 
 
 def _weighed(

@@ -52,8 +52,6 @@ LEGS_REST_M = 0.32
 """Standard deviation, on each axis, of the legs of who sits or lies from the pelvis [m]."""
 _LEGS_M, _LEGS_STAY_S = np.array([0.03, LEGS_REST_M, LEGS_REST_M]), np.array([0.3, 10.0, 10.0])
 """Standard deviation, on each axis, of the legs from the pelvis [m], and time constant in which they go elsewhere [s]."""
-_LEAST = 0.01
-"""Least probability of a posture that legs may tell of."""
 _STRIDE_M = 0.1
 """Standard deviation, on each axis, of a walker's legs about there at one look [m]."""
 
@@ -150,14 +148,6 @@ class Posture(Rows):
         variance = _LEGS_M**2 + _STRIDE_M**2 + variance_m2[:, None]
         log = -0.5 * (off_m**2).sum(axis=1)[:, None] / variance - np.log(variance)
         return self.weighed(row, (since_s / _LEGS_ALIKE_S)[:, None] * log)
-
-    def rests_by_legs(self, off_m: Float[Array, "n k"]) -> Float[Array, "n k"]:
-        """Return ln of the probability that each rests whose legs would be so far from the trunk [m]."""
-        stand, rest = _LEGS_M[:2] ** 2 + _STRIDE_M**2
-        p = self.probability[:, :1]
-        stands = np.log(p + _LEAST) - 0.5 * off_m**2 / stand - np.log(stand)
-        rests = np.log(1 - p + _LEAST) - 0.5 * off_m**2 / rest - np.log(rest)
-        return rests - np.logaddexp(stands, rests)
 
     def legs_there(self) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
         """Return the long-run variance of the offsets of legs on each axis [m²], and the rate at which they change [1/s].

@@ -123,6 +123,9 @@ def test_legs_of_who_sits_down_are_theirs_while_the_trunk_is_seen() -> None:
         ((row, *_),) = pairs(people, [legs_at(x_m)], missed, np.array([by_trunk]))
         assert row.size == are_theirs
     assert legs_elsewhere(people, legs_at(0.05))[0, 0] < 0.02 < 0.9 < legs_elsewhere(people, legs_at(0.45))[0, 0]
+    stands = replace(people.posture, probability=np.array([[0.999, 0.0009, 0.0001]]))
+    ((row, *_),) = pairs(people.changed(posture=stands), [legs_at(0.8)], [np.full(1, 0.9)], np.ones(1, np.bool_))
+    assert not row.size, "legs beside a person who stands, and whose own may be hidden, are another's"
     moved = with_legs_free(people.state, np.zeros(1, np.intp), np.full(1, 0.3**2))
     assert (moved.covariance[7, 7] - people.state.covariance[7, 7] > 0.08).all()
     np.testing.assert_array_equal(moved.covariance[:7, :7], people.state.covariance[:7, :7])
