@@ -4,8 +4,9 @@
 scanner.
 
 Samples follow ROS REP 117. A finite range within the scanner's limits is a return; +inf, or a range beyond the limit, is a
-beam without return; NaN and −inf are no reading and are ignored. A finite range below the limit counts as no return: many
-drivers write 0 or a small error code then.
+beam without return; NaN and −inf are no reading. A finite range below the limit counts as no return: many drivers write 0 or a
+small error code then. Many write NaN, and a beam without a reading for most of the time, while others have one, is taken to
+look into the open.
 
 Both keep their knowledge per bearing (`BearingGrid`): scans may have any beams. A beam between two cells is foreground if it
 is in front of the background of either, so that edges of objects do not flicker. Bearings never scanned have no background
@@ -192,6 +193,7 @@ class LearnedBackground:
         )  # (n_row, n_bin + 4): observed seconds, times the weight of the scan; see `_column`
         self._flickered = np.empty((0, 0))  # like `_seen`, with the first `flicker_s` of every stay except the first
         self._total = np.empty(0)  # (n_row,)
+        self._blank = np.empty(0)  # (n_row,) the same without a reading, which is not in the total
         self._stay_column = np.empty(0, np.intp)  # (n_row,) the last column of each bearing
         self._stay_s = np.empty(0)  # (n_row,) and its duration so far
         self._came_back = np.empty(0, np.bool_)  # (n_row,) and whether it had been seen before
@@ -212,7 +214,7 @@ class LearnedBackground:
         if after is not before:
             known_after, in_front_after = self._in_front(after, column, hit)
             foreground = (foreground | ~known) & (in_front_after | ~known_after) & (known | known_after)
-        self._learn(row, column[beam], (hit | missed)[beam], scan.stamp_ns)
+        self._learn(row, column[beam], (hit | missed)[beam], np.isnan(ranges)[beam], scan.stamp_ns)
         return foreground
 
     @property
@@ -241,7 +243,7 @@ class LearnedBackground:
         """Keep these rows of all learned tables; without any, make tables of `n_column` columns."""
         self._seen = self._seen[row] if row.size else np.empty((0, n_column))
         self._flickered = self._flickered[row] if row.size else np.empty((0, n_column))
-        self._total, self._stay_s = self._total[row], self._stay_s[row]
+        self._total, self._blank, self._stay_s = self._total[row], self._blank[row], self._stay_s[row]
         self._stay_column, self._came_back = self._stay_column[row], self._came_back[row]
 
     def _make_rows(self, scan: LaserScan, n_row: int) -> None:
@@ -252,7 +254,8 @@ class LearnedBackground:
         _check_size(scan, n_row, n_column - 4)
         self._seen = np.concatenate([self._seen, np.zeros((new, n_column))])
         self._flickered = np.concatenate([self._flickered, np.zeros((new, n_column))])
-        self._total, self._stay_s = np.pad(self._total, (0, new)), np.pad(self._stay_s, (0, new))
+        self._total, self._blank = np.pad(self._total, (0, new)), np.pad(self._blank, (0, new))
+        self._stay_s = np.pad(self._stay_s, (0, new))
         self._stay_column, self._came_back = np.pad(self._stay_column, (0, new)), np.pad(self._came_back, (0, new))
 
     def _column(
@@ -270,24 +273,39 @@ class LearnedBackground:
         self, row: Int[Index, "n_beam"], column: Int[Index, "n_beam"], hit: Bool[Mask, "n_beam"]
     ) -> tuple[Bool[Mask, "n_beam"], Bool[Mask, "n_beam"]]:
         """Return masks of rows, one per beam, that have learned anything, and of samples in front of their background."""
-        known = (row >= 0) & (self._total[row] > 0)
+        blank_s = self._open_s()
+        total_s = self._total + blank_s
+        known = (row >= 0) & (total_s[row] > 0)
         beams = np.flatnonzero(hit & known)
         rows, here = row[beams], column[beams]
         near = _around(self._seen, rows, here)
         # a range that fills the share of all time also fills that of the time beyond: no sum is needed
-        undecided = near <= self._options.static_share * self._total[rows]
+        undecided = near <= self._options.static_share * total_s[rows]
         beams, rows, here, near = beams[undecided], rows[undecided], here[undecided], near[undecided]
         farther = np.arange(self._seen.shape[1]) > here[:, None] + 1
-        beyond = (self._seen[rows] * farther).sum(axis=1)
+        beyond = (self._seen[rows] * farther).sum(axis=1) + blank_s[rows]
         room = near > self._options.static_share * (near + beyond)
         room |= _around(self._flickered, rows, here) > self._options.flicker_share * (near + beyond)
-        is_open = beyond >= self._options.open_share * self._total[rows]
+        is_open = beyond >= self._options.open_share * total_s[rows]
         foreground = np.zeros(hit.size, np.bool_)
         foreground[beams[~room & is_open]] = True
         return known, foreground
 
-    def _learn(self, row: Int[Index, "k"], column: Int[Index, "k"], informed: Bool[Mask, "k"], ns: int) -> None:
-        """Learn at a stamp [ns] the present columns of these rows, as far as informed."""
+    def _open_s(self) -> Float[Array, "n_row"]:
+        """Return the time without a reading of beams that have none for most of the time and `initial_s`; 0 for the others."""
+        least_s = self._options.initial_s * self._weight
+        is_open = self._blank > self._options.static_share * (self._blank + np.maximum(self._total, least_s))
+        return np.where(is_open, self._blank, 0.0)
+
+    def _learn(
+        self,
+        row: Int[Index, "k"],
+        column: Int[Index, "k"],
+        informed: Bool[Mask, "k"],
+        blank: Bool[Mask, "k"],
+        ns: int,
+    ) -> None:
+        """Learn at a stamp [ns] the present columns of these rows, as far as informed, and which have no reading."""
         initial_s = self._options.initial_s
         elapsed = initial_s if self._ns is None else (ns - self._ns) / NS_PER_S  # independent of the clock's epoch
         if elapsed <= 0:
@@ -296,6 +314,8 @@ class LearnedBackground:
         elapsed = min(elapsed, initial_s)
         self._ns = ns
         self._weight *= np.exp(elapsed / self._options.memory_s)
+        if not blank.all():  # else no reading at all
+            self._blank[row[blank]] += self._weight * elapsed
         rows, here = row[informed], column[informed]
         new = self._total[rows] == 0
         seconds = self._weight * np.where(new, initial_s, elapsed)
@@ -311,6 +331,7 @@ class LearnedBackground:
             self._seen /= self._weight
             self._flickered /= self._weight
             self._total /= self._weight
+            self._blank /= self._weight
             self._weight = 1.0
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from dataclasses import replace
-from math import inf, isfinite, isnan, pi
+from math import inf, isfinite, isnan, pi, remainder
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,8 @@ _NEXT = 1.5
 """Distance of a sector's first beam from the end of the one before, in beams, within which it goes on there."""
 _FEWEST = 0.3
 """Least share of messages that go on where the last one ended; half of those in two sectors a turn do."""
+_MISCOUNTED = 1.5
+"""Distance of angle_max from the last beam, in beams, up to which a driver counts the beams otherwise."""
 _PAUSE = 3.0
 """Longest time between two sectors of a turn, in long ones (90 %) of as many sectors."""
 
@@ -116,16 +118,19 @@ def joined(sectors: Sequence[LaserScan]) -> LaserScan:
 def with_limits(message: Any) -> tuple[Any, str]:
     """Return a LaserScan whose fields that say nothing hold ROS's "not known", and a clause on those; '' for none.
 
-    time_increment: 0; range_min: 0; range_max (NaN or 0): infinite.
+    time_increment: 0; range_min (NaN or negative): 0; range_max (NaN, 0 or negative): infinite. An angle_max that is not the
+    bearing of the last beam is told: bearings are by angle_min and angle_increment.
     """
     known: dict[str, float] = {}
     if not isfinite(message.time_increment):
         known["time_increment"] = 0.0
-    if isnan(message.range_min):
+    if isnan(message.range_min) or message.range_min < 0:
         known["range_min"] = 0.0
-    if isnan(message.range_max) or message.range_max == 0:
+    if isnan(message.range_max) or message.range_max <= 0:
         known["range_max"] = inf
-    if not known:
-        return message, ""
-    said = ", ".join(f"{name} {getattr(message, name):g} (taken as {value:g})" for name, value in known.items())
-    return replace(message, **known), said
+    said = [f"{name} {getattr(message, name):g} (taken as {value:g})" for name, value in known.items()]
+    last = message.angle_min + max(len(message.ranges) - 1, 0) * message.angle_increment
+    off = message.angle_max - last
+    if isfinite(off) and abs(remainder(off, 2 * pi)) > _MISCOUNTED * abs(message.angle_increment):
+        said.append(f"angle_max {message.angle_max:g} rad (the last beam is at {last:g} rad by angle_increment)")
+    return (replace(message, **known) if known else message), ", ".join(said)

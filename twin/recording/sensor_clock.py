@@ -240,8 +240,9 @@ class SensorClock:
         """
         if np.count_nonzero(is_set) <= BLOCKS:
             return False
-        logged = np.diff(self.log[is_set]).astype(float)
-        usual = float(np.median(logged))
+        log = self.log[is_set]
+        logged, step = np.diff(log).astype(float), max(1, log.size // BLOCKS)
+        usual = float(np.median(log[step:] - log[:-step])) / step  # of the log as a whole: it may come in bursts
         is_regular = (logged >= 0.5 * usual) & (logged <= 2 * usual) & (logged > 0)
         if np.mean(is_regular) < _REGULAR or self._share_along(is_set) >= 0.5:
             return False
@@ -257,8 +258,11 @@ class SensorClock:
 
     @property
     def has_pace(self) -> bool:
-        """True where there are enough stamps, and most go along with the log times at one pace."""
-        return self.set.size >= 2 * BLOCKS and self._share_along(~self.unset) > 0.5
+        """True where there are enough stamps, and most, and the whole, go along with the log times at one pace."""
+        if self.set.size < 2 * BLOCKS or self._share_along(~self.unset) <= 0.5:
+            return False
+        whole = float(np.ptp(self.stamp[self.set])) * self.logged_per_stamp  # else messages were logged in bursts
+        return 0.5 * whole <= float(np.ptp(self.log[self.set])) <= 2 * whole
 
     def _unwound(self) -> Nanoseconds | None:
         """Return times that go on in the order of the messages where stamps fall back for good; None where none do."""

@@ -161,6 +161,23 @@ class TestLearned:
         assert background.foreground(scan(t, with_object(slice(3, 5), 2.0)))[3:5].all()
         assert not background.foreground(scan(t + 0.1)).any()
 
+    @pytest.mark.parametrize("coded", [np.nan, 0.0, 0.01, 65.533])
+    @pytest.mark.parametrize("share", [0.0, 0.1, 0.3])
+    def test_whatever_a_driver_writes_for_no_return_people_in_the_open_are_foreground(self, coded, share):
+        """As where it is inf; readings dropped at random, a share of them, tell of nothing open."""
+        rng = np.random.default_rng(0)
+        as_inf, as_coded = LearnedBackground(), LearnedBackground()
+        for k in range(100):
+            ranges = with_object(slice(k % 50, k % 50 + 3), 2.0)
+            ranges[30:][ranges[30:] == WALL_M] = np.inf  # the room is open there
+            ranges[rng.random(N_BEAM) < share] = np.nan
+            expected = as_inf.foreground(scan(k / 10, ranges))
+            found = as_coded.foreground(scan(k / 10, np.where(ranges == np.inf, coded, ranges)))
+            np.testing.assert_array_equal(found[:30], expected[:30])
+            if k > 15:
+                np.testing.assert_array_equal(found, expected)
+        assert expected.any() == (not np.isnan(ranges[k % 50 : k % 50 + 3]).all())
+
     def test_a_duplicate_or_older_scan_teaches_nothing(self):
         once, twice = LearnedBackground(), LearnedBackground()
         for k in range(50):

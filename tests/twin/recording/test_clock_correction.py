@@ -171,6 +171,11 @@ def test_stamps_that_are_right_stay_so_where_the_clock_of_the_recorder_alone_was
     assert recording.jumps_ns == ()
 
 
+def in_bursts(n: int) -> Said:
+    """Log times of messages that a network hands on n at a time, a microsecond apart."""
+    return lambda k: EPOCH_NS + (k // n + 1) * n * 100 * MS + k % n * 1000
+
+
 RIGHT: dict[str, tuple[Said, Said]] = {
     "on one clock": (true, true),
     "since the robot was switched on": (lambda k: REGULAR[k], true),
@@ -178,6 +183,7 @@ RIGHT: dict[str, tuple[Said, Said]] = {
     "logged 0.2 s late": (true, lambda k: true(k) + 200 * MS),
     "a recorder that stalls": (true, lambda k: max(true(k), true(40) + k * MS) if 20 < k <= 40 else true(k) + 200 * MS),
     "simulated time": (lambda k: REGULAR[k], lambda k: EPOCH_NS + REGULAR[k] * 5 // 4),
+    **{f"logged {n} at a time": (true, in_bursts(n)) for n in (2, 3, 7, 16, 20, 27, 40)},
     "log times written later": (true, lambda k: EPOCH_NS + NS_PER_DAY + k * MS),
     "log times all the same": (true, lambda k: EPOCH_NS),
     "a clock of the recorder that is a day off": (true, lambda k: true(k) + NS_PER_DAY),

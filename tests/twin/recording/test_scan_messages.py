@@ -14,7 +14,7 @@ from twin.recording.losses import lines
 from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
 from twin.recording.ros_messages import LASER_SCAN, encode, time_message
-from twin.recording.scan_messages import joined, turns
+from twin.recording.scan_messages import joined, turns, with_limits
 
 MS = 10**6
 RIG = Rig(sensors={"waist": LaserSensor(topic="/high", role="waist")})
@@ -106,16 +106,36 @@ def test_a_bag_of_sectors_gives_its_turns_with_gaps_where_sectors_were_lost(tmp_
     assert np.abs(gaps - PERIOD_NS).max() <= 70 * MS  # a turn that lost its first sector begins with its second
 
 
-@pytest.mark.parametrize("field", ["time_increment", "range_min", "range_max"])
-def test_a_field_without_a_value_is_told_and_the_scans_are_used(tmp_path, field):
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        *((field, np.nan) for field in ("time_increment", "range_min", "range_max")),
+        ("range_min", -1.0),
+        ("range_max", 0.0),
+        ("range_max", -1.0),
+        ("angle_max", 0.0),
+    ],
+)
+def test_a_field_without_a_value_is_told_and_the_scans_are_used(tmp_path, field, value):
     messages = []
     for k in range(20):
         message: Any = TYPESTORE.deserialize_cdr(encode(a_scan(k * PERIOD_NS)).data, LASER_SCAN)
-        messages.append(("/high", LASER_SCAN, k * PERIOD_NS, replace(message, **{field: float("nan")})))
+        messages.append(("/high", LASER_SCAN, k * PERIOD_NS, replace(message, **{field: value})))
     write_ros2_bag(tmp_path / "bag", messages)
     recording = Recording(tmp_path / "bag", RIG)
     assert len(list(recording.observations())) == 20
     assert [
-        f"20 of 20 messages have fields without a usable value, the first at 0.00 s: {field} nan" in line
+        f"20 of 20 messages have fields without a usable value, the first at 0.00 s: {field} {value:g}" in line
         for line in lines(recording.losses)
     ] == [True]
+
+
+@given(st.integers(2, 400), st.floats(-7, 7), st.floats(0.001, 0.1), st.sampled_from([-1, 1]), st.integers(-1, 1))
+def test_bearings_are_doubted_only_where_angle_max_is_no_matter_of_counting(n, start, step, sign, counted):
+    message: Any = TYPESTORE.deserialize_cdr(encode(a_scan(0)).data, LASER_SCAN)
+    step = min(step, 6 / n)
+    end = start + sign * step * (n - 1 + counted)
+    said = replace(message, angle_min=start, angle_increment=sign * step, ranges=np.ones(n, np.float32), angle_max=end)
+    assert with_limits(said)[1] == ""
+    assert with_limits(replace(said, angle_max=end + 2 * np.pi))[1] == ""
+    assert "angle_max" in with_limits(replace(said, angle_max=end + 3 * step * sign))[1]
