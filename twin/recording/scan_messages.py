@@ -129,8 +129,12 @@ def with_limits(message: Any) -> tuple[Any, str]:
     if isnan(message.range_max) or message.range_max <= 0:
         known["range_max"] = inf
     said = [f"{name} {getattr(message, name):g} (taken as {value:g})" for name, value in known.items()]
-    last = message.angle_min + max(len(message.ranges) - 1, 0) * message.angle_increment
+    last = message.angle_min + (len(message.ranges) - 1) * message.angle_increment
     off = message.angle_max - last
-    if isfinite(off) and abs(remainder(off, 2 * pi)) > _MISCOUNTED * abs(message.angle_increment):
+    if (
+        len(message.ranges)
+        and isfinite(off)
+        and abs(remainder(off, 2 * pi)) > _MISCOUNTED * abs(message.angle_increment)
+    ):
         said.append(f"angle_max {message.angle_max:g} rad (the last beam is at {last:g} rad by angle_increment)")
     return (replace(message, **known) if known else message), ", ".join(said)

@@ -218,7 +218,7 @@ class CsvColumns:
 
         def convert(text: str) -> str:
             try:
-                number = float(text)
+                number = float(_plain(text))
             except ValueError:
                 if not text.strip():
                     raise
@@ -235,16 +235,10 @@ class CsvColumns:
         """Read integers of at least `minimum`, (n,); "3.0" counts as 3, as often saved in tables with empty cells."""
 
         def convert(text: str) -> int:
-            try:
-                value = int(text)
-            except ValueError:
-                number = float(text)
-                if not number.is_integer():
-                    raise
-                value = int(number)
-            if not minimum <= value <= MAX_INT64:
+            number = Decimal(_plain(text.strip()))
+            if number != number.to_integral_value() or not minimum <= number <= MAX_INT64:
                 raise ValueError
-            return value
+            return int(number)
 
         return np.array(self._convert(name, convert, f"an integer of at least {minimum}"), dtype=np.int64)
 
@@ -298,8 +292,6 @@ class CsvColumns:
         known: dict[str, _Value] = {}
         for text in dict.fromkeys(cells):
             try:
-                if "_" in text:  # Python accepts 1_000 as a number
-                    raise ValueError
                 known[text] = convert(text)
             except (ValueError, ArithmeticError):  # a decimal's own errors among the latter
                 self.refuse(cells.index(text), name, valid)
@@ -335,7 +327,7 @@ def columns_of(source: str, names: Sequence[str], found: Cells, units: Mapping[s
 
 
 def _stamp_ns(text: str, unit: Decimal) -> int:
-    seconds = Decimal(text.strip())
+    seconds = Decimal(_plain(text.strip()))
     if unit != 1:
         seconds /= unit
     if not seconds.is_finite() or abs(seconds) > _MAX_STAMP_S:
@@ -343,8 +335,12 @@ def _stamp_ns(text: str, unit: Decimal) -> int:
     return int((seconds * NS_PER_S).to_integral_value())
 
 
+def _plain(text: str) -> str:
+    return text.replace("_", "?")  # Python takes 1_000 for a number
+
+
 def _is_finite_number(text: str) -> bool:
     try:
-        return "_" not in text and isfinite(float(text))
+        return isfinite(float(_plain(text)))
     except ValueError:
         return False

@@ -75,7 +75,7 @@ def of_waist_and_knee(change):
     [
         ({"angle_increment": np.inf}, "angle_increment is inf"),
         ({"ranges": np.zeros(0, np.float32)}, "has no ranges"),
-        ({"range_max": -2.0}, "range_max -2 m"),
+        ({"range_max": 0.01}, "range_max 0.01 m"),
     ],
 )
 def test_messages_that_cannot_be_used_are_left_out_and_told_and_most_of_them_are_refused(tmp_path, n_bad, fault, said):

@@ -150,7 +150,14 @@ def test_the_same_table_said_otherwise_gives_the_same_values(layout: str, tmp_pa
     assert set(found[1].notes) == {note.removeprefix("pedestrians: ") for note in found[3]}
 
 
-@pytest.mark.parametrize("names", [{3: "ann", 4: "ben", 5: "cem", 6: "dee"}, {3: "0", 4: "1", 5: "2", 6: "x-9"}])
+@pytest.mark.parametrize(
+    "names",
+    [
+        {3: "ann", 4: "ben", 5: "cem", 6: "dee"},
+        {3: "0", 4: "1", 5: "2", 6: "x-9"},
+        {3: "1_4", 4: "_", 5: "b_c", 6: "ped_3"},
+    ],
+)
 def test_ids_may_be_names(names: dict[int, str], tmp_path: Path) -> None:
     text = table(",", "t id x y", lambda f, i, x, y: (plain(f, i, x, y)[0], names[i], *plain(f, i, x, y)[2:]))
     points, truth, tracks, _ = values(text, tmp_path)
