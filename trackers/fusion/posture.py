@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from scipy.linalg import expm
 
 from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.filters.rows import Rows, written
@@ -91,7 +90,7 @@ class Posture(Rows):
         return self.probability @ np.array(shares)
 
     def later(self, elapsed_s: float, lies_down_s: float) -> Self:
-        """Return the postures some time later; lies_down_s: how long people stand on average [s]."""
+        """Return the postures some time later, by Euler's implicit step; lies_down_s: how long people stand on average [s]."""
         rates = np.array(
             [
                 [0.0, 1 / lies_down_s, _FALLS / lies_down_s],
@@ -99,7 +98,8 @@ class Posture(Rows):
                 [_FALLS / _RISES_S, (1 - _FALLS) / _RISES_S, 0.0],
             ]
         )
-        return self.changed(probability=self.probability @ expm(elapsed_s * (rates - np.diag(rates.sum(axis=1)))))
+        stays = np.eye(3) + elapsed_s * (np.diag(rates.sum(axis=1)) - rates)
+        return self.changed(probability=self.probability @ np.linalg.inv(stays))
 
     def weighed(self, row: Int[Index, "k"], log_likelihood: Float[Array, "k 3"]) -> Self:
         """Return the postures, those at `row`, some of them repeatedly, weighed by log-likelihoods of what is seen."""

@@ -216,10 +216,15 @@ class FusionTrackManager(TrackManager):
         return reported & (fresh | there)
 
     def without_doubles(self, people: People, elapsed_s: float) -> People:
-        """Delete the younger of two tracks that have been at one place for long; tentative ones at once."""
+        """Delete the younger of two tracks that are known to have been at one place for long; tentative ones at once.
+
+        Known: by their mean squared distance, of the means and of both covariances.
+        """
         if len(people) < 2:
             return people
-        near = np.tril(distances(people.positions, people.positions) < _SAME_M, -1) & people.confirmed
+        variance_m2 = people.covariance.trace(axis1=1, axis2=2)
+        square_m2 = distances(people.positions, people.positions) ** 2 + variance_m2[:, None] + variance_m2
+        near = np.tril(square_m2 < _SAME_M**2, -1) & people.confirmed
         doubled_s = np.where(near.any(axis=1), people.doubled_s + elapsed_s, 0.0)
         people = people.changed(doubled_s=doubled_s)
         return people.select(doubled_s <= np.where(people.confirmed, _SAME_S, 0.0))
@@ -238,8 +243,6 @@ class FusionTrackManager(TrackManager):
 
 _HIDDEN_S = 0.2
 """A track that has not been measured for longer may be the one that comes up elsewhere [s]."""
-_NEAR_M = 0.5
-"""And so much farther than its person can have walked [m]."""
 _EVEN = 0.35
 """Distance of colours at which two looks are as likely one person's as two people's."""
 _COLOUR = 12.0
@@ -266,7 +269,7 @@ def reidentified(
     if not fresh.size or not hidden.size or not options.reach_m_s:
         return people, new
     before, after = people.select(hidden), people.select(fresh)
-    walked_m = _NEAR_M + options.reach_m_s * gap_s[hidden]
+    walked_m = options.reach_m_s * gap_s[hidden]
     # who rests gets up before they walk
     reach_m = np.where(before.posture.rests, np.minimum(LAIN_M, walked_m), walked_m)[:, None]
     away = distances(before.place, after.positions)
