@@ -125,7 +125,7 @@ def test_no_mount_is_outside_the_planes_around_an_l_shaped_room(turn_deg: float)
     turn = np.deg2rad(turn_deg)
     rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     x, y = np.meshgrid(np.arange(-3.9, 4.0, 0.4), np.arange(-2.9, 3.0, 0.4))
-    for place in [*np.column_stack([x.ravel(), y.ravel()]), np.ones(2)]:
+    for place in [*np.column_stack([x.ravel(), y.ravel()]), np.full(2, 1.5)]:
         xyz = np.array([*rotation @ place, 0.9])
         if (place > 0).all():
             with pytest.raises(InputError, match=r"outside the room, behind 'wall_[34]'|inside 'wall_[34]'"):
