@@ -5,6 +5,7 @@ Shares depend on rays alone, not on a renderer.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
@@ -185,24 +186,27 @@ _SPACING_M = 0.25
 _MOST_PLACES = 1000
 _HEIGHTS_M = (0.1, 0.9, 1.6)
 """Feet, middle and head of a standing person [m]."""
+_LEVELS_M = tuple(np.arange(0.1, 1.8, _PLANE_BAND_M).tolist())
+"""Heights of which a scanner's plane is near one wherever it crosses a person [m]."""
 
 _NO_PERSON = np.array([np.iinfo(np.int16).max], dtype=np.int16)
 
 
 def sees_any_of(view: SensorView, empty: Snapshot, area: NDArray[np.float64]) -> bool:
-    """Return True where a ray from the camera reaches a possible point of a body in the area (k, 2) [m] of the empty room."""
-    return bool(visible_share(view, empty, _points(area)[None], _NO_PERSON)[0] > 0)
+    """Return True where a ray from the sensor reaches a possible point of a body in the area (k, 2) [m] of the empty room."""
+    heights_m = _LEVELS_M if view.is_scanner else _HEIGHTS_M
+    return bool(visible_share(view, empty, _points(area, heights_m)[None], _NO_PERSON)[0] > 0)
 
 
-def _points(area: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return points over the area at a few heights, (n, 3) [m]; only the corners' mean if narrower than the grid."""
+def _points(area: NDArray[np.float64], heights_m: Sequence[float]) -> NDArray[np.float64]:
+    """Return points over the area at some heights, (n, 3) [m]; only the corners' mean if narrower than the grid."""
     low, high = area.min(axis=0), area.max(axis=0)
     spacing_m = max(_SPACING_M, float(np.sqrt(np.prod(high - low) / _MOST_PLACES)))
     x, y = np.meshgrid(np.arange(low[0], high[0], spacing_m), np.arange(low[1], high[1], spacing_m))
     places = np.stack([x.ravel(), y.ravel()], axis=-1) + spacing_m / 2
     inside = Area(area).contains(places)
     places = places[inside] if inside.any() else area.mean(axis=0, keepdims=True)
-    return np.concatenate([np.column_stack([places, np.full(len(places), height)]) for height in _HEIGHTS_M])
+    return np.concatenate([np.column_stack([places, np.full(len(places), height)]) for height in heights_m])
 
 
 OUTSIDE = -1

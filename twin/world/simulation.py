@@ -317,9 +317,10 @@ class Simulation:
         empty, scene = self.world.empty_snapshot(0.0), self.world.scene
         area = scene.walkable
         blind = [
-            f"sensors.{name}.mount: the camera sees nothing of the walkable area; another place or direction is expected"
+            f"sensors.{name}.mount: the {'scanner' if view.is_scanner else 'camera'} sees nothing of the walkable area; "
+            "another place or direction is expected"
             for name, view in self.views.items()
-            if not view.is_scanner and not sees_any_of(view, empty, area)
+            if view.base is None and not sees_any_of(view, empty, area)
         ]
         dark = [
             f"room: {scene.room_file.name} is dark at the start, so that cameras see next to nothing; a <light> that shines, "

@@ -1,7 +1,8 @@
-"""A camera that sees nothing of where people walk is worth a warning."""
+"""A sensor that sees nothing of where people walk is worth a warning."""
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from trackers.errors import InputError
@@ -27,6 +28,26 @@ def test_a_camera_that_looks_away_is_warned_of(kind: str):
     with simulation("{xyz: [0, 2.0, 1.5], pitch_deg: -80}", kind) as blind:
         (warning,) = blind.warnings
     assert "sensors.view.mount: the camera sees nothing of the walkable area" in warning
+
+
+@pytest.mark.parametrize(
+    ("mount", "more"),
+    [
+        ("{xyz: [0, 3.4, 0.95], yaw_deg: 90}", {}),
+        ("{xyz: [0, 0.2, 2.4], yaw_deg: 90}", {}),
+        ("{xyz: [0, 0.2, 0.4], yaw_deg: 90}", {"range_max_m": "0.1"}),
+    ],
+)
+def test_a_scanner_that_meets_nobody_is_warned_of(mount: str, more: dict[str, str]):
+    with simulation(mount, "laser", **more) as blind:
+        (warning,) = blind.warnings
+    assert "sensors.view.mount: the scanner sees nothing of the walkable area" in warning
+
+
+@pytest.mark.parametrize("height_m", np.arange(0.05, 1.75, 0.05).round(2))
+def test_a_scanner_at_any_height_of_people_is_no_news(height_m: float):
+    with simulation(f"{{xyz: [0, 0.2, {height_m}], yaw_deg: 90}}", "laser") as seeing:
+        assert seeing.warnings == ()
 
 
 def test_a_right_eye_in_the_wall_is_refused():
