@@ -82,13 +82,12 @@ def _density(people: People, look: Look, by_trunk: Bool[Mask, "n"]) -> tuple[Flo
     Who sits down or lies has legs half a metre from there within a second.
     """
     density, away = log_density(people.state, look)
-    if not look.of_legs or not len(people):
+    if not look.of_legs:
         return density, away
     elsewhere, away_elsewhere = _elsewhere(people, look)
     may = by_trunk[:, None]
-    return np.where(may, np.logaddexp(density, elsewhere), density), np.where(
-        may, np.minimum(away, away_elsewhere), away
-    )
+    density = np.logaddexp(density, elsewhere, out=density, where=may)
+    return density, np.minimum(away, away_elsewhere, out=away, where=may)
 
 
 def legs_elsewhere(people: People, look: Look) -> Float[Array, "n k"]:

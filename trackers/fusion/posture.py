@@ -8,6 +8,7 @@ not, how high the head is, how far the legs are from the trunk (L. Rabiner, "A t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Self
 
 import numpy as np
@@ -90,16 +91,9 @@ class Posture(Rows):
         return self.probability @ np.array(shares)
 
     def later(self, elapsed_s: float, lies_down_s: float) -> Self:
-        """Return the postures some time later, by Euler's implicit step; lies_down_s: how long people stand on average [s]."""
-        rates = np.array(
-            [
-                [0.0, 1 / lies_down_s, _FALLS / lies_down_s],
-                [1 / _RISES_S, 0.0, 1 / _LIES_DOWN_S],
-                [_FALLS / _RISES_S, (1 - _FALLS) / _RISES_S, 0.0],
-            ]
-        )
-        stays = np.eye(3) + elapsed_s * (np.diag(rates.sum(axis=1)) - rates)
-        return self.changed(probability=self.probability @ np.linalg.inv(stays))
+        """Return the postures some time later; lies_down_s: how long people stand on average [s]."""
+        rate, root, inverse = _modes(lies_down_s)
+        return self.changed(probability=self.probability @ (root * np.exp(elapsed_s * rate) @ inverse))
 
     def weighed(self, row: Int[Index, "k"], log_likelihood: Float[Array, "k 3"]) -> Self:
         """Return the postures, those at `row`, some of them repeatedly, weighed by log-likelihoods of what is seen."""
@@ -114,9 +108,7 @@ class Posture(Rows):
 
         of_lying: detection probability of people who lie, in that of those who stand.
         """
-        log = np.zeros((row.size, 3))
-        log[:, 2] = share * np.log(of_lying)
-        return self.weighed(row, log)
+        return self.weighed(row, (share * np.log(of_lying))[:, None] * np.array([0.0, 0.0, 1.0]))
 
     def by_head(
         self,
@@ -190,3 +182,17 @@ class Posture(Rows):
         now = (self.lies & ~self.lain)[:, None] & (away > _FACES_M)
         seat = np.where(now, self.seat - _LIES_BEHIND_M * ahead / np.maximum(away, 1e-9), self.seat)
         return self.changed(seat=seat, lain=self.rests & (self.lain | self.lies))
+
+
+@lru_cache(maxsize=4)
+def _modes(lies_down_s: float) -> tuple[Float[Array, "3"], Float[Array, "3 3"], Float[Array, "3 3"]]:
+    """Return the eigenvalues [1/s] of the rates at which postures change, and their eigenvectors with the inverse."""
+    rates = np.array(
+        [
+            [0.0, 1 / lies_down_s, _FALLS / lies_down_s],
+            [1 / _RISES_S, 0.0, 1 / _LIES_DOWN_S],
+            [_FALLS / _RISES_S, (1 - _FALLS) / _RISES_S, 0.0],
+        ]
+    )
+    rate, root = np.linalg.eig(rates - np.diag(rates.sum(axis=1)))
+    return rate, root, np.linalg.inv(root)

@@ -284,19 +284,12 @@ def reidentified(
     new = written(new, now, False)
     met = people.roster.born_ns[now] < ns  # one look tells not who it is
     old, now = old[met], now[met]
-    roster = people.roster.changed(
-        id=written(people.roster.id, now, people.roster.id[old]),
-        confirmed=written(people.roster.confirmed, now, True),
-        born_ns=written(people.roster.born_ns, now, people.roster.born_ns[old]),
+    before, after = people.select(old), people.select(now)
+    known = before.clothes.known
+    after = after.changed(
+        roster=after.roster.changed(id=before.roster.id, confirmed=before.confirmed, born_ns=before.roster.born_ns),
+        clothes=after.clothes.replaced(known, before.clothes.select(known)),
+        stature_m=before.stature_m,
     )
-    clothes = people.clothes.replaced(
-        now[people.clothes.known[old]], people.clothes.select(old[people.clothes.known[old]])
-    )
-    people = people.changed(
-        roster=roster,
-        clothes=clothes,
-        stature_m=written(people.stature_m, now, people.stature_m[old]),
-    )
-    stays = np.ones(len(people), np.bool_)
-    stays[old] = False
-    return people.select(stays), new[stays]
+    stays = written(np.ones(len(people), np.bool_), old, False)
+    return people.replaced(now, after).select(stays), new[stays]

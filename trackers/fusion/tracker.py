@@ -305,7 +305,7 @@ class Fusion(SynchronizedTracker):
     ) -> Posture:
         """Weigh postures by how far legs are from trunks measured lately, or from places on a rig that sees no trunks."""
         if self._sees_waists:
-            tells, trunk = ns - people.seen_ns[row, 0] <= _TOGETHER_S * NS_PER_S, people.seen_at[row, 0]
+            tells, trunk = self._by_trunk(people, ns)[row], people.seen_at[row, 0]
         else:
             tells, trunk = np.ones(row.size, np.bool_), people.positions[row]
             variance_m2 = variance_m2 + people.covariance[row].trace(axis1=1, axis2=2) / 2

@@ -131,24 +131,6 @@ def test_legs_of_who_sits_down_are_theirs_while_the_trunk_is_seen() -> None:
     np.testing.assert_array_equal(moved.covariance[:7, :7], people.state.covariance[:7, :7])
 
 
-def test_a_leg_alone_is_a_person_where_no_scanner_shows_waists() -> None:
-    """Scanners at waist height that have not looked show nobody; one that has shows who stands before the walls, not behind."""
-    waists, knees = scanners_of(rig(camera=False), EMPTY, FusionOptions(), None)
-    nobody = Expected(np.empty((0, 2)), np.empty((0, 3)), np.empty((0, 2)), np.empty(0), np.empty((0, 2)))
-    scan = [each for each in observe(WALK, 5, images=False) if isinstance(each, LaserScan) and each.sensor == "knee"][2]
-    empty = next(each for each in EMPTY if isinstance(each, LaserScan) and each.sensor == "waist")
-    starts = []
-    for seen in ({}, {"waist": empty}):
-        waists.look(seen, nobody, scan.stamp_ns)
-        look = knees.look({"knee": scan}, nobody, scan.stamp_ns)
-        assert look is not None
-        alone = look.covariance[:, 0, 0] > look.covariance[:, 0, 0].min()
-        assert alone.sum() == 1
-        starts.append((look.starts[alone] > 0).all() and (look.starts[~alone] > 0).all())
-    assert starts == [True, False]
-    assert waists.shows(np.array([[0.6, 1.6], [60.0, 60.0]])).tolist() == [True, False]
-
-
 def test_two_hidden_people_who_may_be_at_one_place_stay_two() -> None:
     """A younger track goes where both are known to be at one place; not where each may be anywhere."""
     manager = FusionTrackManager(FusionOptions(), None, Imm(PersonMotion()))
