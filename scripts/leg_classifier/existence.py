@@ -35,7 +35,7 @@ class TrackSamples:
 
 
 def track_samples(seed: int) -> TrackSamples:
-    """Track the drives in the room of a seed."""
+    """Track the drives in the room of a seed; tracks of people who are hardly met are left out, as they are not owed."""
     features, is_person = [np.empty((0, len(TRACK_FEATURES)))], [np.empty(0, np.bool_)]
     for robot in tracked(seed):
         next_ns = 0
@@ -44,8 +44,9 @@ def track_samples(seed: int) -> TrackSamples:
                 continue
             next_ns = sweep.scan.stamp_ns + round(_EVERY_S * NS_PER_S)
             updated = len(tracker.features)
-            features.append(tracker.features[:updated])
-            is_person.append(_of_people(in_room(tracker, sweep, tracker.places()[:updated]), sweep))
+            found, is_owed = _of_people(in_room(tracker, sweep, tracker.places()[:updated]), sweep)
+            features.append(tracker.features[is_owed])
+            is_person.append(found[is_owed])
     return TrackSamples(np.concatenate(features), np.concatenate(is_person))
 
 
@@ -144,11 +145,13 @@ def _count(counts: DriveCounts, last: dict[int, int], sweep: Sweep, tracker: Las
     counts.scans += 1
 
 
-def _of_people(places: Array, sweep: Sweep) -> NDArray[np.bool_]:
-    """Select the tracks nearest to a person, one each."""
-    found = np.zeros(len(places), np.bool_)
+def _of_people(places: Array, sweep: Sweep) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Select the tracks nearest to a person, one each; and those that are not such a track of a person hardly met."""
+    found, is_owed = np.zeros(len(places), np.bool_), np.ones(len(places), np.bool_)
     if len(places) and len(sweep.places):
         apart = distances(places, sweep.places)
-        nearest = apart.argmin(axis=0)
-        found[nearest[apart.min(axis=0) < _ON_M]] = True
-    return found
+        nearest, near = apart.argmin(axis=0), apart.min(axis=0) < _ON_M
+        owed = sweep.beams >= _LEAST_BEAMS
+        found[nearest[near & owed]] = True
+        is_owed[nearest[near & ~owed]] = False
+    return found, is_owed | found

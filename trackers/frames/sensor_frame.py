@@ -36,6 +36,9 @@ _RECENT, _RECENT_S = 24, 0.25
 _OLD, _OLD_S = 36, 2.0
 _PASSED_M = 0.25
 """A beam that goes on by so much behind a place passed it [m]."""
+_DARK = 1 / 3
+"""Share of a scanner's range from which surfaces of a tenth of the reflectance have an echo, by the lidar equation: power falls
+with the square of the range. A beam without an echo passed what is nearer; what is farther may have been there all the time."""
 _STILL_M = 0.18
 """One that ends so near to a place met what stands there [m]."""
 
@@ -55,23 +58,28 @@ class ScanMemory:
         self._t = np.full(n, np.inf)
         self._view = np.zeros((n, 3))  # the fixed frame as the scanner saw it
         self._range = np.full((n, _BINS), np.nan)
+        self._dark_m = np.zeros(n)
         self._n_recent = self._n_old = 0
         self._last_s = [-np.inf, -np.inf]
 
-    def add(self, t: float, pose: Float[Array, "3"], bearings: Float[Array, "n"], reach: Float[Array, "n"]) -> None:
+    def add(
+        self, t: float, pose: Float[Array, "3"], bearings: Float[Array, "n"], reach: Float[Array, "n"],
+        dark_m: float,
+    ) -> None:  # fmt: skip
         """Keep a scan from a pose at time t [s], if the last one kept is old enough.
 
-        reach: how far each beam came [m]; infinite where it met nothing, NaN where it says nothing.
+        reach: how far each beam came [m]; infinite where it had no echo, NaN where it says nothing. dark_m: range up to which
+        dark surfaces have one.
         """
         if t - self._last_s[0] < _RECENT_S:
             return
         self._last_s[0] = t
         if t - self._last_s[1] >= _OLD_S:
             self._last_s[1] = t
-            self._put(_RECENT + self._n_old % _OLD, t, pose, bearings, reach)
+            self._put(_RECENT + self._n_old % _OLD, t, pose, bearings, reach, dark_m)
             self._n_old += 1
         else:
-            self._put(self._n_recent % _RECENT, t, pose, bearings, reach)
+            self._put(self._n_recent % _RECENT, t, pose, bearings, reach, dark_m)
             self._n_recent += 1
 
     def looks(self, places: Float[Array, "n 2"], before_s: Float[Array, "n"]) -> SightCounts:
@@ -84,6 +92,7 @@ class ScanMemory:
         bin_ = np.rint(np.arctan2(seen_at[..., 1], seen_at[..., 0]) * (_BINS / (2 * np.pi))).astype(np.intp)
         ranges, rows = self._range[kept], np.arange(kept.sum())[:, None]
         beams = np.stack([ranges[rows, (bin_ + shift) % _BINS] for shift in (-1, 0, 1)])
+        beams[np.isinf(beams) & (away > self._dark_m[kept, None])] = np.nan
         with np.errstate(invalid="ignore"):
             gap = beams - away
             free = (gap > _PASSED_M).sum(axis=0) >= 2
@@ -91,8 +100,8 @@ class ScanMemory:
         earlier = self._t[kept][:, None] < before_s
         return SightCounts((free & ~hit & earlier).sum(axis=0).astype(float), (hit & earlier).sum(axis=0).astype(float))
 
-    def _put(self, row: int, t: float, pose: Array, bearings: Array, reach: Array) -> None:
-        self._t[row], self._view[row] = t, inverse(pose)
+    def _put(self, row: int, t: float, pose: Array, bearings: Array, reach: Array, dark_m: float) -> None:
+        self._t[row], self._view[row], self._dark_m[row] = t, inverse(pose), dark_m
         if bearings.size > 1:
             # each bin takes the beam nearest to its middle, the shorter of two; bins beyond the beams say nothing
             middle = np.arange(_BINS) * (2 * np.pi / _BINS)
@@ -230,7 +239,7 @@ class SensorFrame:
         reach = np.where(
             hit & ~self.own_parts(scan), ranges, np.where(missed & (ranges >= scan.range_min_m), np.inf, np.nan)
         )
-        memory.add(t, self.pose, scan.angles_rad, reach)
+        memory.add(t, self.pose, scan.angles_rad, reach, _DARK * scan.range_max_m)
 
     def _watch_own_parts(self, ranges: Array, hit: Mask, step: Array) -> None:
         """Add the way driven to the beams whose range stays the same; the others begin again."""

@@ -8,6 +8,7 @@ look is worth is learned as well.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Self
 
@@ -17,13 +18,14 @@ from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.filters.gating import distances
 from trackers.filters.imm import ImmState
 from trackers.filters.rows import Rows, written
+from trackers.frames.sensor_frame import SightCounts
 from trackers.laser.clusters import Clusters
 
 TRACK_FEATURES = (
     "legs", "second_leg", "best_leg", "both", "looks_s", "missed", "farthest", "speed", "age", "range",
     "driven", "free_share", "free", "hit", "spread", "beside",
     "varies", "samples", "width", "width_varies", "around", "surprise", "gap", "last", "driving", "spacing", "near", "rival",
-    "gap_varies", "period",
+    "gap_varies", "period", "stay", "free_here", "hit_here",
 )  # fmt: skip
 """Names of what the forest is shown of a track, in their order."""
 SHOWN = ("look", "leg", "second_leg", "both", "leg²", "samples", "width", "width²", "around", "surprise", "gap", "gap²")
@@ -33,6 +35,10 @@ MEMORY_S = 1.0
 NO_LEG = -4.0
 """Evidence of a leg that is not seen [nat]."""
 _NO_RIVAL = -6.0
+_PLACE_M = 0.4
+"""A track farther than this from the place that it came to has left it [m]."""
+_BEFORE_S = 0.3
+"""Looks until so long before a track was there do not see it yet [s]."""
 _BESIDE_M, _NEAR_M, _RIVAL_M, _AROUND_M = 2.0, 1.5, 1.0, 1.5
 
 
@@ -50,24 +56,26 @@ class LegTracks(Rows):
     born_by: Int[Index, "n"]  # which scanner started it
     scanner: Int[Index, "n"]  # which scanner measured it last: only its scans tell whether the person exists
     farthest: Float[Array, "n"]  # greatest distance from the first position [m]
-    free: Float[Array, "n"]  # looks before it that saw its place free
-    hit: Float[Array, "n"]  # looks before it that saw something there
+    free: Float[Array, "n"]  # looks before the track that saw its place free
+    hit: Float[Array, "n"]  # looks before the track that saw something there
+    place: Float[Array, "n 2"]  # that it came to last, and has been about since [m]
+    came_s: Float[Array, "n"]  # when it came there [s]
+    free_here: Float[Array, "n"]  # looks before it came there that saw its place free
+    hit_here: Float[Array, "n"]  # looks before it came there that saw something
     log_odds: Float[Array, "n"]  # of existence [nat]
 
     def __len__(self) -> int:
         return len(self.missed)
 
     @classmethod
-    def started(
-        cls, state: ImmState, evidence: Float[Array, "n"], scanner: int, seen_from: Float[Array, "2"], log_odds: float
-    ) -> Self:
-        """Return new tracks whose clusters have this evidence [nat]; seen_from: where the scanner is [m]."""
+    def started(cls, state: ImmState, scanner: int, seen_from: Float[Array, "2"], log_odds: float, at_s: float) -> Self:
+        """Return new tracks before their first look, at a time; seen_from: where the scanner is [m]."""
         n = len(state)
         place = state.mean[:2, 0].T.copy()
-        zeros, by = np.zeros(n), np.full(n, scanner)
+        zeros, none, by = np.zeros(n), np.full(n, NO_LEG), np.full(n, scanner)
         return cls(
-            state, np.zeros((n, len(SHOWN))), zeros, evidence, evidence, place, np.tile(seen_from, (n, 1)), by, by, zeros,
-            zeros, zeros, np.full(n, log_odds),
+            state, np.zeros((n, len(SHOWN))), zeros, none, none, place, np.tile(seen_from, (n, 1)), by, by, zeros,
+            zeros, zeros, place, np.full(n, at_s), zeros, zeros, np.full(n, log_odds),
         )  # fmt: skip
 
     def faded(self, elapsed_s: float) -> Self:
@@ -99,14 +107,38 @@ class LegTracks(Rows):
             scanner=written(self.scanner, track, np.full(len(track), scanner)),
         )
 
+    def arrived(
+        self, places: Float[Array, "n 2"], own: Bool[Mask, "n"], born_s: Float[Array, "n"], at_s: float,
+        looks: Callable[[Float[Array, "n 2"], Float[Array, "n"]], SightCounts],
+    ) -> Self:  # fmt: skip
+        """Return the tracks at these places [m], and what looks saw there before: before each track, and before it came there.
+
+        A track that left its place came to another one. own: the tracks that this scan tells about, at this time; looks: of
+        places before times, as `SensorFrame.looks`.
+        """
+        came = own & (np.hypot(*(places - self.place).T) > _PLACE_M)
+        came_s = np.where(came, at_s, self.came_s)
+        before, here = (looks(places, since_s - _BEFORE_S) for since_s in (born_s, came_s))
+        known, known_here = (own & (each.free + each.hit > 0) for each in (before, here))
+        return self.changed(
+            place=np.where(came[:, None], places, self.place),
+            came_s=came_s,
+            farthest=np.maximum(self.farthest, np.hypot(*(places - self.born_at).T)),
+            free=np.where(known, before.free, self.free),
+            hit=np.where(known, before.hit, self.hit),
+            free_here=np.where(known_here, here.free, np.where(came, 0.0, self.free_here)),
+            hit_here=np.where(known_here, here.hit, np.where(came, 0.0, self.hit_here)),
+        )
+
     def features(
         self, places: Float[Array, "n 2"], speed: Float[Array, "n"], spread: Float[Array, "n"], age: Float[Array, "n"],
-        scanner: int, scanners: Float[Array, "s 2"], driving: float, step_rad: float, period_s: float,
+        stay: Float[Array, "n"], scanner: int, scanners: Float[Array, "s 2"], driving: float, step_rad: float, period_s: float,
     ) -> Float[Array, "n features"]:  # fmt: skip
         """Return `TRACK_FEATURES` of the tracks at these places [m], as one scanner sees them.
 
-        scanners: where all of them are [m]; driving: its speed [m/s] and turn rate [rad/s] together; step_rad: between its
-        beams; period_s: since its scan before, for a slow scanner says as much about a track in one look as a fast one in many.
+        stay: time in the place that it came to last [s]; scanners: where all of them are [m]; driving: its speed [m/s] and turn
+        rate [rad/s] together; step_rad: between its beams; period_s: since its scan before, for a slow scanner says as much about
+        a track in one look as a fast one in many.
         """
         look, *others = self.sums.T
         leg, second, both, square, samples, width, width_square, around, surprise, *_ = (
@@ -129,6 +161,7 @@ class LegTracks(Rows):
             np.sqrt(np.maximum(width_square - width**2, 0)), around, surprise, gap, self.last,
             np.full(len(self), driving), away * step_rad, (apart < _NEAR_M).sum(axis=1) - 1.0, rival,
             np.sqrt(np.maximum(gap_square - gap**2, 0)), np.full(len(self), min(period_s, MEMORY_S)),
+            np.minimum(stay, 10.0), np.log1p(self.free_here), np.log1p(self.hit_here),
         ])  # fmt: skip
 
 

@@ -27,7 +27,7 @@ from trackers.laser.group import scanners_by_role
 from trackers.laser.grouping import PAIR_M, STRIDE_M, pair_off
 from trackers.laser.legs.classifier import read_forest, shipped
 from trackers.laser.legs.features import leg_clusters, own_samples
-from trackers.laser_legs.evidence import NO_LEG, TRACK_FEATURES, LegTracks, shown_by
+from trackers.laser_legs.evidence import TRACK_FEATURES, LegTracks, shown_by
 from trackers.laser_legs.options import LaserLegsOptions
 from trackers.observations import NS_PER_S, LaserScan, Observation, Odometry
 from trackers.rig import LaserSensor, Rig
@@ -41,8 +41,12 @@ EXISTENCE = Path(__file__).with_name("existence.npz")
 _PERIOD_S = 0.1
 _EXISTENCE_S = 0.1
 """Time constant with which existence follows the evidence [s]."""
+_WALKS_M_S = 1.5
+"""Speed with which a person out of sight may have walked on [m/s]."""
 _NEW = -2.4
 """Log-odds of a new track, before its first evidence [nat]: on drives every twelfth is a person's."""
+_NEW_M = 0.14
+"""Standard deviation of the place of a new track, on each axis [m]."""
 _WIDEST_M = 0.7
 _OTHER_LEG_M2 = 0.01
 """Variance of a person's place about a single leg [m²]."""
@@ -78,7 +82,7 @@ class LaserLegs(SynchronizedTracker):
         self.unused_sensors = [
             name for name in rig.sensors if name not in self._names and name not in self.scanners.bases
         ]
-        none = LegTracks.started(self._imm.start(np.empty((0, 2))), np.empty(0), 0, np.zeros(2), _NEW)
+        none = LegTracks.started(self._imm.start(np.empty((0, 2))), 0, np.zeros(2), _NEW, 0.0)
         self.roster: Roster[LegTracks] = Roster.started(none, 0)
         self.ns = 0
         self._predicted_ns: int | None = None
@@ -86,7 +90,7 @@ class LaserLegs(SynchronizedTracker):
         self._frame_ns = self._since_ns = 0  # of the last frame, and of the first of its scans
         self._seen: list[Detection] = []
         self.features = np.empty((0, len(TRACK_FEATURES)))
-        """Evidence of the tracks that the last scan found; those that it initiated follow them in the roster."""
+        """Evidence of the tracks after the last scan."""
 
     def places(self) -> Float[Array, "n 2"]:
         """Return where all tracks are, tentative ones too, in the matched frame [m]."""
@@ -104,7 +108,7 @@ class LaserLegs(SynchronizedTracker):
     def tracks(self) -> list[Track]:
         """Return the tracks that exist more probably than `existence`, as of the last frame, by id."""
         roster, state = self.roster, self.roster.state
-        shown = self.manager.reported(roster, self.ns) & (state.log_odds > _nats(self.options.least_existence))
+        shown = self._is_there(roster, self.ns)
         average = self._imm.average(state.filter).T
         frame = self.scanners.reporter
         places, velocities = average[:, :2], average[:, 2:]
@@ -120,6 +124,10 @@ class LaserLegs(SynchronizedTracker):
             )
             for k in sorted(shown.nonzero()[0].tolist(), key=lambda k: roster.id[k])
         ]  # fmt: skip
+
+    def _is_there(self, roster: Roster[LegTracks], ns: int) -> Bool[Mask, "n"]:
+        """Select the confirmed tracks that were measured lately and still exist by their evidence."""
+        return self.manager.reported(roster, ns) & (roster.state.log_odds > _nats(self.options.least_existence))
 
     def update(self, observation: Observation) -> list[TrackFrame]:
         """Take one observation; poses of bases are kept until scans ask for them."""
@@ -173,8 +181,9 @@ class LaserLegs(SynchronizedTracker):
         across_seam = count * (legs.last_beam < legs.first_beam)
         places = frame.placed(scan, back, (legs.first_beam + legs.last_beam + across_seam) / 2 % count)
         self._tell(scan.sensor, places[evidence > options.start_evidence])
-        free = self._update(scan, frame, legs, places, evidence, elapsed)
-        self._initiate(scan, frame, places[free], evidence[free])
+        n_known, owner = len(self.roster), self._owners(places, evidence)
+        self._initiate(scan, frame, places, evidence, owner)
+        self._measure(scan, frame, legs, places, evidence, owner, n_known, elapsed)
 
     def _possible(
         self, scan: LaserScan, frame: SensorFrame, clusters: Clusters, evidence: Float[Array, "k"]
@@ -184,41 +193,58 @@ class LaserLegs(SynchronizedTracker):
         narrow = clusters.width_m < _WIDEST_M
         return (evidence > self.options.least_evidence) & narrow & ~own[clusters.first_beam] & ~own[clusters.last_beam]
 
-    def _update(
-        self,
-        scan: LaserScan,
-        frame: SensorFrame,
-        legs: Clusters,
-        places: Float[Array, "k 2"],
-        evidence: Float[Array, "k"],
-        elapsed: float,
-    ) -> Bool[Mask, "k"]:
-        """Measure the tracks by the legs; return the legs that are nobody's."""
-        options, state, ns = self.options, self.roster.state, scan.stamp_ns
-        free = np.ones(len(places), np.bool_)
-        if len(state) == 0:
-            self.features = self.features[:0]
-            return free
-        mean, covariance = self._imm.estimate(state.filter)
+    def _owners(self, places: Float[Array, "k 2"], evidence: Float[Array, "k"]) -> Int[Index, "k"]:
+        """Assign the legs to the tracks; return the track of each, −1: none."""
+        mean, covariance = self._imm.estimate(self.roster.state.filter)
         spread = np.sqrt(np.maximum(covariance[:, 0, 0] + covariance[:, 1, 1], 0.0) / 2)
-        reach_m = np.minimum(options.reach_m + spread, _REACH_GROWS_TO_M)
+        reach_m = np.minimum(self.options.reach_m + spread, _REACH_GROWS_TO_M)
         owner = np.full(len(places), -1)
         # who is known takes both legs before a newer track one
         for group in (self.roster.confirmed, ~self.roster.confirmed):
             members, free = group.nonzero()[0], (owner < 0).nonzero()[0]
             taken = assigned(mean[members, :2], spread[members], reach_m[members], places[free], evidence[free])
             owner[free[taken >= 0]] = members[taken[taken >= 0]]
-        free = owner < 0
+        return owner
+
+    def _initiate(
+        self, scan: LaserScan, frame: SensorFrame, places: Float[Array, "k 2"], evidence: Float[Array, "k"],
+        owner: Int[Index, "k"],
+    ) -> None:  # fmt: skip
+        """Start tracks at legs that are nobody's, two to each where they are close; these become their legs."""
+        free = (owner < 0).nonzero()[0]
+        known, new = self.places(), np.empty((0, 2))
+        for place in pair_off(places[free[evidence[free] > self.options.start_evidence]], PAIR_M)[0][:, None]:
+            if self.manager.may_start(place, np.concatenate([known, new]))[0]:
+                new = np.concatenate([new, place])
+        n = len(new)
+        taken = assigned(new, np.full(n, _NEW_M), np.full(n, PAIR_M), places[free], evidence[free])
+        owner[free[taken >= 0]] = len(known) + taken[taken >= 0]
+        state = self._imm.start(new, position_variance_m2=_NEW_M**2, speed_variance=1.0)
+        tracks = LegTracks.started(state, self._names.index(scan.sensor), frame.pose[:2], _NEW, scan.t)
+        self.roster = self.roster.joined(Roster.started(tracks, scan.stamp_ns))
+
+    def _measure(
+        self, scan: LaserScan, frame: SensorFrame, legs: Clusters, places: Float[Array, "k 2"], evidence: Float[Array, "k"],
+        owner: Int[Index, "k"], n_known: int, elapsed: float,
+    ) -> None:  # fmt: skip
+        """Measure the tracks by their legs, all but the first `n_known` of which were initiated at them."""
+        options, state = self.options, self.roster.state
+        if len(state) == 0:
+            self.features = self.features[:0]
+            return
+        mean, _ = self._imm.estimate(state.filter)
         track, position, first, second, both = _measured(owner, places, evidence)
         shown = shown_by(legs, places, evidence, first, second, both, np.hypot(*(position - mean[track, :2]).T))
         variance = options.measurement_m**2 + np.where(both, 0.0, _OTHER_LEG_M2)
-        filter_ = self._imm.update(state.filter, track, position, np.eye(2) * variance[:, None, None])
+        known = track < n_known
+        filter_ = self._imm.update(
+            state.filter, track[known], position[known], (np.eye(2) * variance[:, None, None])[known]
+        )
         p_detect = self._detection.seen(scan, frame.seen_from(mean[:, :2]).T)
         state = state.changed(filter=filter_).looked(
             track, shown, p_detect, max(elapsed, 1e-3), self._names.index(scan.sensor)
         )
-        self.roster = self._evaluated(self.roster.measured(track, ns, state), scan, frame, elapsed)
-        return free
+        self.roster = self._evaluated(self.roster.measured(track[known], scan.stamp_ns, state), scan, frame, elapsed)
 
     def _evaluated(
         self, roster: Roster[LegTracks], scan: LaserScan, frame: SensorFrame, elapsed: float
@@ -228,25 +254,14 @@ class LaserLegs(SynchronizedTracker):
         own = state.scanner == scanner
         mean, covariance = self._imm.estimate(state.filter)
         places = mean[:, :2]
-        looks = frame.looks(places, roster.born_ns / NS_PER_S - 0.3)
-        informed = own & (looks.free + looks.hit > 0)
-        shift = np.hypot(*(places - state.born_at).T)
-        state = state.changed(
-            free=np.where(informed, looks.free, state.free), hit=np.where(informed, looks.hit, state.hit),
-            farthest=np.maximum(state.farthest, shift),
-        )  # fmt: skip
+        born_s = roster.born_ns / NS_PER_S
+        state = state.arrived(places, own, born_s, scan.t, frame.looks)
         spread = np.sqrt(np.maximum(covariance[:, 0, 0] + covariance[:, 1, 1], 0.0) / 2)
+        scanners = np.array([self.scanners.of[name].pose[:2] for name in self._names])
         self.features = state.features(
-            places,
-            np.hypot(mean[:, 2], mean[:, 3]),
-            spread,
-            scan.t - roster.born_ns / NS_PER_S,
-            scanner,
-            np.array([self.scanners.of[name].pose[:2] for name in self._names]),
-            frame.driving,
-            scan.angle_increment_rad,
-            elapsed,
-        )
+            places, np.hypot(mean[:, 2], mean[:, 3]), spread, scan.t - born_s, scan.t - state.came_s, scanner, scanners,
+            frame.driving, scan.angle_increment_rad, elapsed,
+        )  # fmt: skip
         verdict = self._existence.score(self.features[own])
         follow = 1 - np.exp(-max(elapsed, 1e-3) / _EXISTENCE_S)
         before = state.log_odds[own]
@@ -254,24 +269,21 @@ class LaserLegs(SynchronizedTracker):
         roster = roster.changed(state=state)
         new = self.manager.to_confirm(roster, scan.stamp_ns, round(elapsed * NS_PER_S))
         new &= state.log_odds > _nats(self.options.existence)
-        return self.manager.confirm(roster, new)
+        return self.manager.confirm(*self._resumed(roster, places, new, scan.stamp_ns))
 
-    def _initiate(
-        self, scan: LaserScan, frame: SensorFrame, places: Float[Array, "k 2"], evidence: Float[Array, "k"]
-    ) -> None:
-        """Start tracks at legs that are nobody's, two to each where they are close."""
-        strong, scanner = evidence > self.options.start_evidence, self._names.index(scan.sensor)
-        places, evidence = places[strong], evidence[strong]
-        if len(places) == 0:
-            return
-        people, _ = pair_off(places, PAIR_M)
-        for place in people:
-            if self.manager.may_start(place[None], self.places())[0]:
-                of_place = evidence[np.hypot(*(places - place).T) <= PAIR_M]
-                state = self._imm.start(place[None], position_variance_m2=0.02, speed_variance=1.0)
-                best = of_place.max(initial=NO_LEG)[None]
-                new = LegTracks.started(state, best, scanner, frame.pose[:2], _NEW)
-                self.roster = self.roster.joined(Roster.started(new, scan.stamp_ns))
+    def _resumed(
+        self, roster: Roster[LegTracks], places: Float[Array, "n 2"], new: Bool[Mask, "n"], ns: int
+    ) -> tuple[Roster[LegTracks], Bool[Mask, "n"]]:
+        """Give tracks that are to be confirmed the ids of people who were lost within reach; return the others of them too."""
+        rows, lost = new.nonzero()[0], (roster.confirmed & ~self._is_there(roster, ns)).nonzero()[0]
+        hidden_s = np.maximum(roster.born_ns[rows] - roster.measured_ns[lost, None], 0) / NS_PER_S
+        reach_m = self.options.reach_m + _WALKS_M_S * hidden_s
+        old, again = max_weight_assignment(reach_m - distances(places[lost], places[rows]))
+        old, again = lost[old], rows[again]
+        id_, confirmed = roster.id.copy(), roster.confirmed.copy()
+        id_[again], id_[old] = id_[old], 0
+        confirmed[again], confirmed[old] = True, False
+        return roster.changed(id=id_, confirmed=confirmed), new & ~confirmed
 
     def _tell(self, name: str, places: Float[Array, "k 2"]) -> None:
         """Keep the legs of a scan as detections, in the frame of the reports."""

@@ -1,5 +1,7 @@
 """Poses of scanners: composed, interpolated, matched; and the memory of places."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from driving_room import BEAMS, drive, scan_at
@@ -65,7 +67,7 @@ def test_places_keep_what_earlier_scans_saw_of_them_wherever_the_scanner_is_by_t
     memory = ScanMemory()
     for k, pose in enumerate(([0.0, 0.0, 0.0], [0.5, 0.0, 1.0], [1.0, -0.5, 2.0])):
         scan = scan_at(pose, k, extra=[(2.0, 0.0, 0.1)])
-        memory.add(scan.t, np.array(pose), scan.angles_rad, scan.ranges_m.astype(float))
+        memory.add(scan.t, np.array(pose), scan.angles_rad, scan.ranges_m.astype(float), np.inf)
     places = np.array(
         [[1.9, 0.0], [1.5, 1.0], [4.0, 0.0], [8.0, 0.0]]
     )  # the post, free floor, behind the post at first, outside
@@ -74,6 +76,17 @@ def test_places_keep_what_earlier_scans_saw_of_them_wherever_the_scanner_is_by_t
     np.testing.assert_array_equal(looks.free[1], 3)
     assert looks.free[0] == looks.free[3] == 0 and 0 < looks.free[2] < 3
     assert memory.looks(places, np.full(4, 0.5)).free[1] == 1  # only what was seen until then
+
+
+def test_a_beam_without_an_echo_tells_nothing_of_places_from_which_dark_surfaces_have_none():
+    frame = SensorFrame(np.zeros(3), MatchingOptions())
+    scan = scan_at(np.zeros(3), 0.0)
+    silent = replace(scan, ranges_m=np.full_like(scan.ranges_m, np.inf), range_max_m=6.0)
+    frame.locate(silent, np.ones(scan.ranges_m.size, np.bool_), None)
+    places = np.array([[1.0, 0.0], [1.9, 0.0], [2.1, 0.0], [5.5, 0.0]])
+    looks = frame.looks(places, np.full(4, 10.0))
+    assert looks.free.tolist() == [1, 1, 0, 0]
+    assert looks.hit.tolist() == [0, 0, 0, 0]
 
 
 def test_odometry_is_interpolated_and_breaks_where_it_jumps_or_stops():

@@ -82,6 +82,31 @@ def test_where_there_is_no_person_there_is_hardly_a_track(way):
     assert sum(len(frame.tracks) for frame in frames) <= 3
 
 
+def test_a_slow_scanner_reports_at_its_first_look_who_comes_to_a_place_seen_free_before():
+    rig = rig_at(STANDING[0][0])
+    tracker = make_tracker("laser-legs", rig, (), np.random.default_rng(0), {"report_in": "matched"})
+    scans = []
+    for k in range(14):
+        legs = legs_of(WALKER, 0.3 * (k - 10)) if k >= 10 else []
+        scans.append(scan_at(STANDING[0][0], 0.3 * k, 0.05, np.zeros(3), [*POSTS, *legs]))
+    frames = list(track_frames(tracker, rig, scans))
+    assert [len(frame.tracks) for frame in frames] == [0] * 10 + [1] * 4
+
+
+@pytest.mark.parametrize(("aside", "ids"), [(1.5, {1}), (3.0, {1, 2})], ids=["within reach", "too far"])
+def test_who_comes_out_of_hiding_within_reach_is_the_same_person(aside, ids):
+    scans = []
+    for k in range(40):
+        person = (0.5, 1.2, 0.3, -0.6) if k < 15 else (0.5 + aside, 1.2, 0.3, -0.6)
+        legs = [] if 15 <= k < 25 else legs_of(person, 0.1 * k)
+        scans.append(scan_at(STANDING[0][0], 0.1 * k, 0.05, np.zeros(3), [*POSTS, *legs]))
+    rig = rig_at(STANDING[0][0])
+    tracker = make_tracker("laser-legs", rig, (), np.random.default_rng(0), {"report_in": "matched"})
+    frames = list(track_frames(tracker, rig, scans))
+    assert {track.id for frame in frames for track in frame.tracks} == ids
+    assert any(frame.tracks for frame in frames[-10:])
+
+
 def test_a_rig_that_says_the_scanner_stands_has_its_reports_about_the_scanner():
     path, motions = drive()
     frames, _ = tracked(path, motions, [WALKER])
