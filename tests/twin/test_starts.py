@@ -71,6 +71,19 @@ def test_check_knows_the_kind_of_a_file(here: Path, kind: str) -> None:
     assert isinstance(CliRunner().invoke(app, ["check", file]).exception, InputError)
 
 
+@pytest.mark.parametrize(
+    ("room", "xyz"), [("lab", "[0, 99, 1]"), ("lab", "[0, 0, 9]"), ("meeting_room", "[50, 50, 1]")]
+)
+@pytest.mark.parametrize("lens", ["{kind: laser, ", "{kind: fisheye, lens: equidistant_185, "])
+def test_check_refuses_what_a_run_would_refuse(here: Path, room: str, xyz: str, lens: str) -> None:
+    sensors = f"sensors: {{high: {lens}rate_hz: 5, mount: {{xyz: {xyz}}}}}}}"
+    Path("s.yaml").write_text(f"name: s\nroom: {room}\nduration_s: 1\npeople: {{}}\n{sensors}\n")
+    for command in (["check", "s.yaml"], ["run", "s.yaml", "--tracker", "sort"]):
+        error = CliRunner().invoke(app, command).exception
+        assert isinstance(error, InputError)
+        assert "sensors.high.mount.xyz" in str(error)
+
+
 def test_check_of_a_rig(here: Path) -> None:
     sensor = "sensors: {low: {kind: laser, topic: /scan, room_from_sensor: {xyz: [0, 0, HEIGHT], rpy: [0, 0, 0]}}}"
     Path("rig.yaml").write_text(sensor.replace("HEIGHT", "0.4"))

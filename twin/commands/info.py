@@ -12,6 +12,7 @@ import typer
 
 from twin import version_of
 from twin.commands.memory import EXIT_FELL_SHORT
+from twin.console import print_warnings
 from twin.messages import printable
 
 _PARTS = "scenarios", "rooms", "trackers", "sensors", "suites", "studies", "faults"
@@ -236,14 +237,15 @@ def checked_file(kind: str, name: str, allow_plugins: bool = False) -> str:
     from twin.suites.expansion import expand
     from twin.suites.spec import load_suite
     from twin.view.room_sheet import empty_world
-    from twin.world.world import World
+    from twin.world.simulation import Simulation
 
     trusted = TrustedClasses(every=allow_plugins)
     match kind:
         case "scenario":
             scenario = load_scenario(name)
             check_size(scenario)
-            World(scenario)
+            with Simulation(scenario) as simulation:
+                print_warnings(simulation.warnings)
             about = f"people: {len(scenario.people)}, sensors: {', '.join(scenario.sensors)}, {scenario.duration_s:g} s"
         case "room":
             scene = empty_world(name).scene

@@ -8,15 +8,17 @@ the schedule (missing messages), the trackers (dropped observations). Reported o
 from __future__ import annotations
 
 from array import array
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trackers.arrays import Nanoseconds
 from trackers.feeding import LATE, NOTED_LOSS
-from trackers.observations import NS_PER_S, LaserScan, Observation
+from trackers.observations import NS_PER_S, DepthImage, Image, LaserScan, Observation
 
 _GAP = 1.75
 """Ratio of a gap to the usual one from which messages are missing."""
@@ -27,6 +29,9 @@ _IRREGULAR_GAP = 4.0
 _CROWD = 6
 _DENSE = 1.3
 """Length of two gaps, in usual ones, which six times in succession is no jitter."""
+_SAMPLED = 8
+"""Rows and columns of a picture of which one is looked at first."""
+_DARK, _HOLES = "show one colour throughout", "have no distance in any pixel"
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,11 +138,12 @@ def crowded(sensor: str, stamps_ns: Nanoseconds, usual: float = 0.5) -> Loss | N
 
 
 class ObservationLog:
-    """Log of the observations so far: the stamps of each sensor, and the number of beams with a return per scan."""
+    """Log of the observations so far: the stamps of each sensor, beams with a return per scan, and pictures of nothing."""
 
     def __init__(self) -> None:
         self._stamps_ns: dict[str, array[int]] = {}
         self._readings: dict[str, array[int]] = {}
+        self._of_nothing: Counter[tuple[str, str]] = Counter()
 
     def add(self, observation: Observation) -> None:
         """Add an observation on arrival."""
@@ -146,6 +152,10 @@ class ObservationLog:
         if isinstance(observation, LaserScan):
             valid = int(np.count_nonzero(np.isfinite(observation.ranges_m)))
             self._readings.setdefault(name, array("q")).append(valid)
+        if isinstance(observation, Image | DepthImage) and _is_even(observation.rgb):
+            self._of_nothing[name, _DARK] += 1
+        if isinstance(observation, DepthImage) and not observation.depth_m.any():
+            self._of_nothing[name, _HOLES] += 1
 
     @property
     def counts(self) -> dict[str, int]:
@@ -165,8 +175,10 @@ class ObservationLog:
         return [loss for loss in found if loss is not None]
 
     def blind(self) -> list[Loss]:
-        """Count the scans with returns in less than half of the scanner's usual number of beams."""
-        losses = []
+        """Count the scans with returns in less than half of the scanner's usual number of beams, and pictures of nothing."""
+        remedy = "see whether the camera is covered, or something else is on its topic"
+        counts = self.counts
+        losses = [Loss(name, n, counts[name], what, remedy) for (name, what), n in self._of_nothing.items()]
         for name, each in self._readings.items():
             valid = np.array(each)
             usual = float(np.median(valid))
@@ -187,6 +199,11 @@ class ObservationLog:
                     )
                 )
         return losses
+
+
+def _is_even(rgb: NDArray[np.uint8]) -> bool:
+    """Return True for a picture of one colour; most others are known by a few of their pixels."""
+    return rgb.size > 0 and all(bool((part == rgb[0, 0]).all()) for part in (rgb[::_SAMPLED, ::_SAMPLED], rgb))
 
 
 def dropped_by(

@@ -217,15 +217,14 @@ def motion_warnings(
     """Return one warning per cause that moves sensors; `frames`: the frame_ids of each sensor's messages.
 
     A transform moves a sensor if it lies between the sensor's frame and the root of the tree. A robot's odometry, or pose,
-    moves those sensors that stand on it, and all where no transform tells what stands on what. A tree that does not tell on
+    moves those sensors that stand on it, and those of which no transform tells. A tree that does not tell on
     what a sensor stands, for a gap or a circle, while something in it moves, is a cause, too.
     """
     chains = {name: tree.ancestors(own) for name, own in frames.items()}
     moved: dict[str, list[str]] = {}
     for topic, each in poses.items():
         for name, chain in chains.items():
-            stands_on_it = each.child in chain or not any(frame in tree.edges for frame in chain)
-            if each.moves and stands_on_it:
+            if each.moves and (each.child in chain or tree.may_carry(each.child, chain)):
                 moved.setdefault(_said(topic, each.poses), []).append(name)
     for child, edge in tree.edges.items():
         on_it = [name for name, chain in chains.items() if child in chain]

@@ -71,7 +71,8 @@ def _guess_base(
     """Return the odometry of the base that moves a frame, the frame's pose on it, and what had to be assumed.
 
     The base is the first frame above that moves against its parent; the frame that stands is one called odom (REP 105, it
-    never jumps), else the highest whose child moves. Without transforms, the only Odometry that moves.
+    never jumps), else the highest whose child moves. Where transforms do not tell, the only Odometry that moves:
+    what is highest above the frame is at its base.
     """
     try:
         chain = tree.chain(frame)
@@ -89,10 +90,13 @@ def _guess_base(
     for topic, each in found.items():
         if each.child in on_it:
             return OdometrySensor(topic=topic), _pose_on(tree, frame, each.child), ""
-    if len(found) == 1 and not any(each in tree.edges for each in on_it):
-        ((topic, each),) = found.items()
-        assumed = f"moves with {each.child or 'the base'} of {topic}, and no transform tells where it sits on it: at its origin"
-        return OdometrySensor(topic=topic), Pose(), assumed
+    untold = {topic: each for topic, each in found.items() if tree.may_carry(each.child, on_it)}
+    if len(untold) == 1:
+        ((topic, each),) = untold.items()
+        above = chain[-1].parent if chain else ""
+        on = f"{each.child or 'the base'} of {topic}"
+        assumed = f"moves with {on}, and no transform tells where {above or 'it'} sits on it: at its origin"
+        return OdometrySensor(topic=topic), _pose_on(tree, frame, above or frame), assumed
     return None, Pose(), ""
 
 

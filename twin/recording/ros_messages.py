@@ -46,6 +46,8 @@ ODOMETRY = "nav_msgs/msg/Odometry"
 STRING = "std_msgs/msg/String"
 
 _FLOOR_ENCODINGS = ("mono8", "8UC1")
+_FARTHEST_M = 500.0
+"""Range of no scanner: half of a scan beyond it says another unit."""
 _NO_INTENSITIES = np.zeros(0, dtype=np.float32)
 
 
@@ -113,7 +115,7 @@ def from_message(message: Any, sensor: str, *, kind: str | None = None, offset_n
         pose = message.pose.pose
         return Odometry(sensor, stamp_ns, matrix_of(pose.position, pose.orientation))
     if message.__msgtype__ == LASER_SCAN:
-        return _scan(
+        scan = _scan(
             sensor,
             stamp_ns,
             np.array(message.ranges, dtype=np.float32),
@@ -123,6 +125,12 @@ def from_message(message: Any, sensor: str, *, kind: str | None = None, offset_n
             message.range_max,
             message.time_increment,
         )
+        returned_m = scan.ranges_m[np.isfinite(scan.ranges_m)]
+        if returned_m.size and (middle_m := float(np.median(returned_m))) > _FARTHEST_M:
+            raise InputError(
+                f"scan of {sensor!r}: the median range is {middle_m:g} m; ranges and limits in m are expected"
+            )
+        return scan
     if message.__msgtype__ == COMPRESSED_IMAGE:
         return Image(sensor, stamp_ns, decode_compressed(message, f"image of {sensor!r}"))
     if message.__msgtype__ == RAW_IMAGE:

@@ -7,7 +7,7 @@ Poses between two messages are interpolated: places linearly, rotations along th
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from math import degrees
@@ -103,6 +103,10 @@ class Edge:
         return found
 
 
+_STANDING = ("map", "odom", "world", "earth", "room")
+"""Names of frames that stand (REP 105, and the twin's own)."""
+
+
 class TransformTree:
     """The frames of a bag, each with the edge to its parent, by the child's name.
 
@@ -153,6 +157,18 @@ class TransformTree:
                 )
             passed.append(here)
         return edges
+
+    def may_carry(self, base: str, frames: Collection[str]) -> bool:
+        """Return whether a base may carry frames that are not below it; `frames`: with all above them.
+
+        It may where no transform tells of the frames; else where none tells of the base, and what is above the frames has no
+        name of a frame that stands.
+        """
+        if not any(each in self.edges for each in frames):
+            return True
+        tops = {each for each in frames if each not in self.edges}
+        known = {*self.edges, *(edge.parent for edge in self.edges.values())}
+        return base not in known and bool(tops) and all(each.split("/")[-1] not in _STANDING for each in tops)
 
     def ancestors(self, frames: Iterable[str]) -> set[str]:
         """Return the frames and all above them; of a circle, all that are in it."""

@@ -162,7 +162,7 @@ class _LiveRun:
             now_s = delivered.arrival_ns / NS_PER_S
             request.on_progress("simulating and tracking", now_s, request.scenario.duration_s)
         self._feed.finish()
-        self._tracker_warnings = tracker_warnings(self._feed.runners)
+        self._tracker_warnings = tracker_warnings(self._feed.runners, bool(request.scenario.people))
         self._losses = [*self._feed.log.missing(), *self._feed.losses()]
         self._late = self._simulation.late()
         found = (*self._late, *lines(self._losses), *self._tracker_warnings)

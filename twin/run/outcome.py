@@ -162,9 +162,9 @@ def prior_notes(files: PriorFiles) -> list[str]:
     return [f"Prior files of the trackers: {found}."] if found else []
 
 
-def tracker_warnings(runners: Sequence[TrackerRunner]) -> list[str]:
-    """Return the warnings of each tracker so far."""
-    return [f"{each.name}: {warning}" for each in runners for warning in each.warnings]
+def tracker_warnings(runners: Sequence[TrackerRunner], anybody: bool | None = False) -> list[str]:
+    """Return the warnings of each tracker so far; anybody: whether people were there, None: not known."""
+    return [f"{each.name}: {warning}" for each in runners for warning in each.warnings(anybody)]
 
 
 def early_warnings(runners: Sequence[TrackerRunner], faults: Mapping[str, Fault]) -> list[str]:

@@ -207,7 +207,8 @@ class _Replay:
                 fed.preview.add_truth(waiting.popleft())
             fed.observe(observation)
         fed.finish()
-        self._tracker_warnings = tracker_warnings(fed.runners)
+        anybody = None if self._truth is None else bool(self._truth.id.size)
+        self._tracker_warnings = tracker_warnings(fed.runners, anybody)
         self._losses = [*bag.losses, *fed.losses(bag.ahead_s)]
         self._new = [each for each in (*lines(self._losses), *self._tracker_warnings) if each not in self._early]
         for each in self._new:

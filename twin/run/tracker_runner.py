@@ -145,28 +145,30 @@ class TrackerRunner:
             self._pending_ms = 0.0
         return frames
 
-    @property
-    def warnings(self) -> list[str]:
-        """Warnings of the tracker, options that its preset needs, and one if it reports no track in many frames."""
+    def warnings(self, anybody: bool | None = False) -> list[str]:
+        """Return warnings: the tracker's, missing options, no track in many frames. anybody: people were there; None: unknown."""
         preset = PRESETS.get(self._chosen.target)
         missing = (
             [] if preset is None else [each for each in preset.needs.items() if each[0] not in self._chosen.options]
         )
         needs = [f"needs the option `{option}`: {what}" for option, what in missing]
-        return [*warnings(self.tracker), *needs, *self._silence()]
+        return [*warnings(self.tracker), *needs, *self._silence(anybody)]
 
-    def _silence(self) -> list[str]:
-        """Return one clause if no track was reported although something is detected, or although none can be told."""
+    def _silence(self, anybody: bool | None) -> list[str]:
+        """Return one clause if no track was reported although something is detected, people were there, or neither is known."""
+        n, detected, is_enough = self._n_frame, self._n_with_detections, self._n_frame >= _ENOUGH_FRAMES
         if self._tracked or self.failure:
             return []
         if detections_of(self.tracker) is None:
-            enough = self._is_finished and self._n_frame >= _ENOUGH_FRAMES
-            return [f"reports no track in any of {self._n_frame} frames"] * enough
-        if self._n_frame >= _ENOUGH_FRAMES and self._n_with_detections >= _OFTEN * self._n_frame:
-            often = f"{self._n_with_detections} of {self._n_frame} frames"
+            return [f"reports no track in any of {n} frames"] * (self._is_finished and is_enough)
+        if is_enough and detected >= _OFTEN * n:
+            often = f"{detected} of {n} frames"
             return [f"reports no track, although it detects something in {often}; `twin detections` shows what"]
-        if self._is_finished and self._n_with_detections and self._n_frame < _ENOUGH_FRAMES:
-            return [f"reports no track of what it detects: too few frames, {self._n_frame}"]
+        if self._is_finished and is_enough and anybody is not False:
+            who = "people were there" if anybody else "whether anybody was there is not known"
+            return [f"reports no track in any of {n} frames, and detects something in {detected} of them; {who}"]
+        if self._is_finished and detected and not is_enough:
+            return [f"reports no track of what it detects: too few frames, {n}"]
         return []
 
     def _note_silence(self, frames: Sequence[TrackFrame]) -> None:

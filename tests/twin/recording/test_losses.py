@@ -26,7 +26,7 @@ from rosbags.typesys.stores.ros2_humble import (
 )
 
 from trackers.errors import InputError
-from trackers.observations import LaserScan
+from trackers.observations import DepthImage, Image, LaserScan
 from trackers.rig import LaserSensor, Rig
 from twin.recording.bag import open_bag
 from twin.recording.losses import ObservationLog, lines, missing
@@ -133,6 +133,25 @@ def test_scans_that_see_less_than_usual_are_told():
         heard.add(LaserScan("waist", stamp_ns, ranges, 0.0, 0.01, 0.1, 10.0))
     (line,) = lines(heard.blind())
     assert line.startswith("waist: 3 of 60 messages have returns in less than half of the 100 beams")
+
+
+@pytest.mark.parametrize("shown", ["nothing", "one pixel", "noise"])
+@pytest.mark.parametrize("n", [1, 2, 30, 60])
+def test_pictures_of_nothing_are_told(shown, n):
+    heard, rng = ObservationLog(), np.random.default_rng(n)
+    for k, stamp_ns in enumerate(STAMPS):
+        rgb, depth_m = np.full((48, 64, 3), (3, 5, 7), np.uint8), np.zeros((48, 64), np.float32)
+        if k >= n or shown == "one pixel":
+            place = rng.integers(0, 48, 2)
+            rgb[*place], depth_m[*place] = 200, 2.0
+        elif shown == "noise":
+            rgb, depth_m = rng.integers(0, 255, (48, 64, 3), dtype=np.uint8), rng.random((48, 64)).astype(np.float32)
+        heard.add(Image("camera", stamp_ns, rgb))
+        heard.add(DepthImage("stereo", stamp_ns, rgb, depth_m))
+    told = ["camera", "stereo", "stereo"] * (shown == "nothing" and n > 1)  # one of 60 is less than 2 %
+    found = lines(heard.blind())
+    assert [line.partition(":")[0] for line in found] == told
+    assert all(f"{n} of 60 messages " in line for line in found)
 
 
 MOVES = {

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from tests.twin.recording.recorded import a_scan, write_ros2_bag
+from trackers.errors import InputError
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor, Rig
 from twin.recording.losses import lines
@@ -139,3 +140,24 @@ def test_bearings_are_doubted_only_where_angle_max_is_no_matter_of_counting(n, s
     assert with_limits(said)[1] == ""
     assert with_limits(replace(said, angle_max=end + 2 * np.pi))[1] == ""
     assert "angle_max" in with_limits(replace(said, angle_max=end + 3 * step * sign))[1]
+
+
+@pytest.mark.parametrize("unit", [1.0, 1000.0])
+@pytest.mark.parametrize("beyond", [1.0, np.inf])
+def test_a_bag_of_ranges_in_another_unit_is_refused_and_far_ones_are_read(tmp_path, unit, beyond):
+    """Far: 120 m, as scanners out of doors see."""
+    messages = []
+    for k in range(20):
+        message: Any = TYPESTORE.deserialize_cdr(encode(a_scan(k * PERIOD_NS)).data, LASER_SCAN)
+        ranges = np.where(np.arange(31) % 5 == 0, beyond, np.where(unit == 1, 120.0, 2.4)) * unit
+        changed = {"ranges": ranges.astype(np.float32), "range_min": 0.05 * unit, "range_max": 200 * unit}
+        messages.append(("/high", LASER_SCAN, k * PERIOD_NS, replace(message, **changed)))
+    write_ros2_bag(tmp_path / "bag", messages)
+    recording = Recording(tmp_path / "bag", RIG)
+    if unit == 1:
+        assert len(list(recording.observations())) == 20
+        return
+    with pytest.raises(
+        InputError, match=r"topic /high: .*the median range is 2400 m; ranges and limits in m are expected"
+    ):
+        list(recording.observations())

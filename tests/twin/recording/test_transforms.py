@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from math import cos, sin
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,8 +18,9 @@ from trackers.errors import InputError
 from trackers.observations import Odometry
 from trackers.rig import LaserSensor, OdometrySensor, Rig
 from twin.recording.losses import lines
+from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
-from twin.recording.ros_messages import encode
+from twin.recording.ros_messages import ODOMETRY, encode
 from twin.recording.writer import CAMERA_INFO, TF_MESSAGE, _camera_info, transform_message
 
 STAMPS = [EPOCH_NS + k * 50 * MS for k in range(40)]
@@ -128,6 +131,31 @@ def test_without_a_rig_a_tree_that_does_not_tell_on_what_the_scanner_stands_is_t
 def test_a_scanner_that_stands_beside_a_robot_is_not_doubted(tmp_path):
     beside = [*driving(), tf(STAMPS[0], "odom", "waist", at(2.0), "/tf_static")]
     assert Recording(bag(tmp_path, beside)).moving == []
+
+
+@pytest.mark.parametrize("child", ["base_footprint", "", "robot/base"])
+@pytest.mark.parametrize("top", ["base_link", "chassis", "map", "robot/odom"])
+def test_a_base_that_no_transform_names_carries_what_is_above_the_scanner_unless_that_stands(tmp_path, child, top):
+    moved = [Odometry(child or "robot", ns, at(0.1 * k)) for k, ns in enumerate(STAMPS)]
+    messages = [
+        tf(STAMPS[0], top, "mast", at(0.2), "/tf_static"),
+        tf(STAMPS[0], "mast", "waist", at(0.1), "/tf_static"),
+    ]
+    for each in moved:
+        message: Any = TYPESTORE.deserialize_cdr(encode(each).data, ODOMETRY)
+        messages.append(("/odom", ODOMETRY, each.stamp_ns + MS, replace(message, child_frame_id=child)))
+    stands = top in ("map", "robot/odom")
+    path = bag(tmp_path, messages)
+    recording = Recording(path)
+    assert recording.rig.mounted() == ({} if stands else {"scan": "odometry"})
+    assert [f"no transform tells where {top} sits on it" in line for line in lines(recording.losses)] == [True] * (
+        not stands
+    )
+    if not stands:
+        pose = recording.rig.sensors["scan"].room_from_sensor.matrix
+        assert np.allclose(pose, at(0.3), atol=1e-9)
+    still = Recording(path, Rig(sensors={"scan": LaserSensor(topic="/scan")}))
+    assert ["scan moves: by /odom" in each for each in still.moving] == [True] * (not stands)
 
 
 def test_odometry_that_jumps_or_stops_and_a_second_parent_are_told(tmp_path):
