@@ -63,6 +63,11 @@ class Track(NanEqual):
     situation: str = ""
     radius95_m: float = nan
 
+    def __post_init__(self) -> None:
+        """Make an integer of numpy a plain one, which has no bounds and can be written as JSON."""
+        if isinstance(self.id, np.integer):
+            object.__setattr__(self, "id", int(self.id))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoreMap:

@@ -122,7 +122,9 @@ def align(truth: TruthTable, tracks: TrackTable, *, interpolate: bool = True) ->
         unknown = np.setdiff1d(tracks.frame_stamps_ns, reported)
         remedy = "truth around the stamps of all tracks is needed"
         if len(frames) < LEAST_SHARE * n_total:
-            remedy = f"metrics of less than half of the frames say little; {remedy}"
+            remedy = (
+                f"metrics of less than half of the frames say little{_other_clock(truth, tracks, gap_ns)}; {remedy}"
+            )
         notes.append(
             f"{tracks.source}: evaluated in {len(frames)} of {n_total} frames ({len(frames) / n_total:.1%}); at the others, "
             f"the first of them at {unknown[0] / NS_PER_S:.3f} s, {truth.source} does not say where people are; {remedy}"
@@ -228,11 +230,31 @@ def _nothing_shared(truth: TruthTable, tracks: TrackTable, gap_ns: int) -> Input
     apart = theirs[-1] < ours[0] or theirs[0] > ours[-1]
     where = f"{tracks.source}: no stamp from {_span(theirs)} is covered by {truth.source} from {_span(ours)}"
     if apart:
-        return InputError(f"{where}; t of both tables is expected on the same clock")
+        return InputError(
+            f"{where}{_other_clock(truth, tracks, gap_ns)}; t of both tables is expected on the same clock"
+        )
     return InputError(
         f"{where}: none is a stamp of the truth, or between two of them at most {gap_ns / NS_PER_S:.3g} s apart; "
         "truth around the stamps of the tracks is expected"
     )
+
+
+def _other_clock(truth: TruthTable, tracks: TrackTable, gap_ns: int) -> str:
+    """Return a clause on the unit of t, or the start of the clock, by which most frames of the tracks would be covered."""
+    theirs, ours = tracks.frame_stamps_ns, truth.frame_stamps_ns
+    changes = {
+        "t of the tracks in ms": theirs // 1000,
+        "t of the tracks in µs": theirs // 1_000_000,
+        "t of the truth in ms": np.clip(theirs, -_MOST_NS, _MOST_NS) * 1000,
+        "t of both from their first rows on": theirs - theirs[0] + ours[0],
+    }
+    share = {how: float(_is_covered(ours, stamps, gap_ns).mean()) for how, stamps in changes.items()}
+    best = max(share, key=lambda how: share[how])
+    is_better = share[best] >= max(LEAST_SHARE, 2 * float(_is_covered(ours, theirs, gap_ns).mean()))
+    return f"; {best} would cover {share[best]:.0%} of the frames" if is_better else ""
+
+
+_MOST_NS = np.iinfo(np.int64).max // 1000
 
 
 def _is_covered(truth_stamps: NDArray[np.int64], stamps: NDArray[np.int64], gap_ns: int) -> NDArray[np.bool_]:

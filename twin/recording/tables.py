@@ -24,7 +24,7 @@ from trackers.observations import NS_PER_S
 from trackers.text_file import AnyPath, as_path
 from trackers.tracks import Track, TrackFrame
 from twin.recording.atomic_file import open_atomic
-from twin.tables.columns import MAX_INT64, CsvColumns, StampedRows
+from twin.tables.columns import LARGEST, MAX_INT64, CsvColumns, StampedRows
 from twin.tables.person_rows import check_plausibility, read_person_rows
 from twin.truth.frames import PersonTruth, TruthFrame
 
@@ -321,12 +321,12 @@ def plain(row: Mapping[str, Value]) -> Row:
 
 
 def number_cell(value: float) -> str:
-    """Format a number: empty for NaN; raises ValueError for an infinite one."""
-    if isfinite(value):
+    """Format a number: empty for NaN; raises ValueError for one that no table is read with."""
+    if abs(value) <= LARGEST:
         return repr(float(value))
     if isnan(value):
         return ""
-    raise ValueError(f"{value} in a table; a finite number, or NaN for one that is not known, is needed")
+    raise ValueError(f"{value} in a table; finite, at most {LARGEST:g}, or NaN if not known, is needed")
 
 
 def _numbers(rows: CsvColumns, name: str) -> NDArray[np.float64]:

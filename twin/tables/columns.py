@@ -164,7 +164,7 @@ def _is_number(text: str) -> bool:
 MAX_INT64 = int(np.iinfo(np.int64).max)
 MISSING = ("", "nan", "na", "n/a", "null", "none")
 """Cells without a value, in lower case."""
-_LARGEST = 1e12
+LARGEST = 1e12
 """Greatest number: squares and sums of larger ones are not exact, and no place is so far."""
 _MAX_STAMP_S = Decimal(MAX_INT64 // NS_PER_S)
 _LONGEST_LABEL = 100
@@ -272,14 +272,12 @@ class CsvColumns:
         except ValueError:
             values = None
         n_empty = cells.count("") if may_be_empty else 0
-        if values is not None and np.count_nonzero(~(abs(values) <= _LARGEST)) == n_empty and "_" not in "".join(cells):
+        if values is not None and np.count_nonzero(~(abs(values) <= LARGEST)) == n_empty and "_" not in "".join(cells):
             return values / self.units.get(name, 1.0)
         # Some cell is invalid: check cell by cell to report it.
         filled = (row for row, cell in enumerate(cells) if cell or not may_be_empty)
-        fault = next(
-            row for row in filled if not (_is_finite_number(cells[row]) and abs(float(cells[row])) <= _LARGEST)
-        )
-        self.refuse(fault, name, f"a number of at most {_LARGEST:g}" if _is_finite_number(cells[fault]) else valid)
+        fault = next(row for row in filled if not (_is_finite_number(cells[row]) and abs(float(cells[row])) <= LARGEST))
+        self.refuse(fault, name, f"a number of at most {LARGEST:g}" if _is_finite_number(cells[fault]) else valid)
 
     def refuse(self, row: int, name: str, valid: str) -> NoReturn:
         """Raise the InputError with this cell and the valid values."""

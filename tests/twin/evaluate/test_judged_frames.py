@@ -134,6 +134,28 @@ def test_frames_that_are_not_judged_are_noted(outside: int, noted: bool, little:
     assert ("less than half" in said) == little
 
 
+@pytest.mark.parametrize(
+    ("of_tracks", "of_truth", "how"),
+    [
+        (lambda t: 1e3 * t, lambda t: t, "t of the tracks in ms"),
+        (lambda t: 1e6 * t, lambda t: t, "t of the tracks in µs"),
+        (lambda t: t, lambda t: 1e3 * t, "t of the truth in ms"),
+        (lambda t: 1.7e9 + t, lambda t: t, "t of both from their first rows on"),
+        (lambda t: t, lambda t: 1.7e9 + t, "t of both from their first rows on"),
+        (lambda t: 40 + t if t < 10 else 1e5 + t * t, lambda t: t, ""),
+    ],
+)
+@pytest.mark.parametrize("start", [0.5, 3.0])
+def test_another_unit_or_start_of_t_is_named(of_tracks, of_truth, how, start) -> None:
+    stamps = start + np.arange(200) / 10
+    truth, tracks = truth_at(map(of_truth, stamps)), tracks_at(map(of_tracks, stamps))
+    try:
+        (said,) = [note for note in align(truth, tracks).notes if "of less than half" in note]
+    except InputError as error:
+        said = str(error)
+    assert f"; {how} would cover " in said if how else "would cover" not in said
+
+
 def test_truth_that_overlaps_but_covers_no_stamp_is_refused_for_that_reason() -> None:
     truth = truth_table([TruthFrame(ns, (PersonTruth(1, 0, 0),)) for ns in (0, 10**8, 10**10, 10**10 + 10**8)])
     with pytest.raises(InputError, match="between two of them at most 0.25 s apart") as refused:

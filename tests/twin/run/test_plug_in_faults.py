@@ -7,10 +7,12 @@ import re
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from command_line import Ended, twin
 
 from trackers.errors import PlugInError
+from twin.recording.tables import read_tracks
 from twin.run.live import run_scenario
 from twin.run.outcome import RunResult
 from twin.scenario import load_scenario
@@ -19,6 +21,7 @@ pytestmark = pytest.mark.slow
 
 PLUG_INS = """
 import sys
+import numpy as np
 from trackers.tracks import Track, TrackFrame
 
 class Fine:
@@ -61,6 +64,14 @@ class BadTrack(Fine):
     def tracks(self):
         return [Track(id=1, x=0.0, y=1.5, status="lost")]
 
+class Far(Fine):
+    def tracks(self):
+        return [Track(id=1, x=0.0, y=1.5, vx=1e300)]
+
+class Numpy(Fine):
+    def tracks(self):
+        return (Track(id=np.uint8(1), x=np.float32(0), y=np.array(1.5), z=np.int16(1)) for _ in range(1))
+
 class NoFrames(Fine):
     def update(self, observation):
         return 7
@@ -90,7 +101,7 @@ def run(out: Path, *names: str) -> RunResult:
 
 
 FAULTS = {
-    "plug_lab:InUpdate": r"update\(\) raised ValueError: no such person \(plug_lab.py, line 18\) at the LaserScan of "
+    "plug_lab:InUpdate": r"update\(\) raised ValueError: no such person \(plug_lab.py, line 19\) at the LaserScan of "
     r"(waist|knee) stamped 0.\d+ s",
     "plug_lab:InputInUpdate": r"update\(\) raised InputError: I want another scan \(plug_lab.py, line \d+\) at the LaserScan",
     "plug_lab:Leaves": r"update\(\) raised SystemExit: 3 \(plug_lab.py, line \d+\) at the LaserScan of ",
@@ -98,6 +109,7 @@ FAULTS = {
     "plug_lab:InTracks": r"tracks\(\) raised ZeroDivisionError: division by zero \(plug_lab.py, line \d+\) at the LaserScan",
     "plug_lab:NoTracks": r"what it gave raised TypeError: .* at the LaserScan of ",
     "plug_lab:BadTrack": r"what it gave raised ValueError: track 1: status 'lost' .* in the frame stamped 0.\d+ s",
+    "plug_lab:Far": r"what it gave raised ValueError: 1e\+300 in a table; finite, .* in the frame stamped 0.\d+ s",
     "plug_lab:NoFrames": r"what it gave raised TypeError: .* at the LaserScan of ",
     "plug_lab:InFinish": r"finish\(\) raised KeyError: 'rest' \(plug_lab.py, line \d+\) after the last observation",
     "plug_lab:InConstructor": r"__init__\(\) raised RuntimeError: no network \(plug_lab.py, line \d+\) before the first "
@@ -131,6 +143,14 @@ def test_a_run_whose_every_tracker_failed_ends_and_leaves_nothing(name: str, tmp
     with pytest.raises(PlugInError, match=name):
         run(tmp_path / "out", name)
     assert not [path for path in tmp_path.glob("out/**/*") if path.is_file()]
+
+
+def test_numbers_of_numpy_are_numbers(tmp_path: Path) -> None:
+    result = run(tmp_path / "out", "plug_lab:Numpy", "plug_lab:Fine")
+    assert result.failures == () and result.metrics is not None
+    own, fine = (read_tracks(tmp_path / "out" / "tracks" / f"plug_lab-{name}.csv") for name in ("Numpy", "Fine"))
+    for column in ("frame_stamps_ns", "stamps_ns", "id", "x", "y"):
+        np.testing.assert_array_equal(getattr(own, column), getattr(fine, column))
 
 
 def test_the_command_says_it_in_a_sentence_with_exit_code_1(tmp_path: Path) -> None:

@@ -49,7 +49,7 @@ def test_of_a_bag_that_shows_nothing_it_is_told_and_whether_people_were_there(tm
     for people, said in ((None, "whether anybody was there is not known"), (truth, "people were there")):
         told: list[str] = []
         track_recording(
-            tmp_path / "bag", trackers=["sort", "laser-legs"], truth=people, out=tmp_path / "out", video=False,
+            tmp_path / "bag", trackers=["sort", "laser-legs"], truth_path=people, out=tmp_path / "out", video=False,
             on_warning=told.append,
         )  # fmt: skip
         silent = [warning for warning in told if "reports no track in any of 40 frames, and detects some" in warning]
