@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 import typer.main
-from documentation import gallery, reference
+from documentation import gallery, reference, tables
 from documentation.build import assembled
 from documentation.figures import commits_since, read_figures, read_sources
 from documentation.tables import PLACEHOLDER, readme_with_tables, sources_in
@@ -240,6 +240,19 @@ class TestFigures:
     def test_the_readme_shows_the_table_as_it_is(self) -> None:
         text = (ROOT / "README.md").read_text(encoding="utf-8")
         assert readme_with_tables(text) == text, "`scripts/figures readme` fills the table"
+
+    def test_a_metric_across_conditions_has_a_mean_only_where_all_have_a_value(self, monkeypatch) -> None:
+        values = {("lab", "sort"): 0.5, ("hall", "sort"): 0.7, ("lab", "mine"): 0.9}
+        figures = [
+            {"where": at, "row": row, "column": "hota", "value": each, "n": 2} for (at, row), each in values.items()
+        ]
+        kept = read_figures()["shipped"] | {"figures": figures}
+        monkeypatch.setattr(tables, "read_figures", lambda: {"shipped": kept})
+        lines = tables.fill("{{ figures shipped across=hota }}").splitlines()
+        assert lines[0] == "| | lab | hall | mean |" and "n = 2 runs in each cell." in lines
+        assert lines[2:4] == ["| `sort` | 0.500 | 0.700 | 0.600 |", "| `mine` | 0.900 | – | – |"]
+        with pytest.raises(tables.MissingFigureError, match="no mota"):
+            tables.fill("{{ figures shipped across=mota }}")
 
     def test_no_table_of_results_is_typed(self) -> None:
         """A table in the results and the README holds no decimal fraction but the paper's, made by the command."""

@@ -1,8 +1,8 @@
 """Tables and values of docs/figures.json as Markdown, for the pages and the README.
 
-A page writes `{{ figures SOURCE [where=TEXT] [columns=a,b] }}`, `{{ papers }}` or `{{ all KIND }}` on a line of its own, or
-`{{ value SOURCE | where | row | column }}` within a sentence; the README holds its table between two comments, which
-`scripts/figures readme` fills.
+A page writes `{{ figures SOURCE [where=TEXT] [columns=a,b] }}`, `{{ figures SOURCE across=METRIC }}`, `{{ papers }}` or
+`{{ all KIND }}` on a line of its own, or `{{ value SOURCE | where | row | column }}` within a sentence; the README holds its
+table between two comments, which `scripts/figures readme` fills.
 """
 
 from __future__ import annotations
@@ -37,6 +37,8 @@ def fill(text: str) -> str:
             return format_value(_figure(source, where, row, column))
         source, *options = given.split()
         chosen = dict(option.split("=", 1) for option in options)
+        if "across" in chosen:
+            return conditions_table(source, chosen["across"])
         return figures_table(source, chosen.get("where"), chosen["columns"].split(",") if "columns" in chosen else None)
 
     return PLACEHOLDER.sub(filled, text)
@@ -97,6 +99,24 @@ def figures_table(source: str, where: str | None = None, columns: Sequence[str] 
             n = next((each["n"] for each in shown if each is not None), "")
             lines.append(f"| {'' if number else condition} | `{row}` | {n} | " + " | ".join(texts) + " |")
     return "\n".join(lines) + "\n\n" + provenance(source)
+
+
+def conditions_table(source: str, metric: str) -> str:
+    """Format one metric of a source: a line per row, a column per condition, and the mean of these where all have a value."""
+    figures = [each for each in _source(source)["figures"] if each["column"] == metric]
+    if not figures:
+        raise MissingFigureError(f"{source}: docs/figures.json has no {metric}")
+    conditions = list(dict.fromkeys(each["where"] for each in figures))
+    lines = ["| | " + " | ".join([*conditions, "mean"]) + " |", "|---|" + "--:|" * (len(conditions) + 1)]
+    n = ", ".join(dict.fromkeys(str(each["n"]) for each in figures))
+    for row in dict.fromkeys(each["row"] for each in figures):
+        found = {each["where"]: each for each in figures if each["row"] == row}
+        texts = [format_value(found[where]) if where in found else "–" for where in conditions]
+        whole = len(found) == len(conditions)
+        mean = sum(each["value"] for each in found.values()) / len(found)
+        texts.append(format_value({**next(iter(found.values())), "value": mean}) if whole else "–")
+        lines.append(f"| `{row}` | " + " | ".join(texts) + " |")
+    return "\n".join(lines) + f"\n\nn = {n} runs in each cell.\n\n" + provenance(source)
 
 
 def _reproduction_table(figures: Sequence[Figure]) -> str:
