@@ -25,8 +25,8 @@ def test_every_preset_that_reports_nobody_says_so(name, monkeypatch, tmp_path):
             for each in observations:
                 runner.update(each)
             runner.finish()
-        assert any("reports no track" in warning for warning in runner.warnings)
-        named = [option for option in PRESETS[name].needs if any(f"`{option}`" in each for each in runner.warnings)]
+        assert any("reports no track" in warning for warning in runner.warnings())
+        named = [option for option in PRESETS[name].needs if any(f"`{option}`" in each for each in runner.warnings())]
         assert named == ([] if options else list(PRESETS[name].needs))
 
 
