@@ -317,8 +317,7 @@ class Simulation:
         empty, scene = self.world.empty_snapshot(0.0), self.world.scene
         area = scene.walkable
         blind = [
-            f"sensors.{name}.mount: the {'scanner' if view.is_scanner else 'camera'} sees nothing of the walkable area; "
-            "another place or direction is expected"
+            f"sensors.{name}.mount: it sees nothing of the walkable area; another place or direction is expected"
             for name, view in self.views.items()
             if view.base is None and not sees_any_of(view, empty, area)
         ]

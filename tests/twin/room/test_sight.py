@@ -27,7 +27,7 @@ def test_a_camera_that_sees_people_is_no_news():
 def test_a_camera_that_looks_away_is_warned_of(kind: str):
     with simulation("{xyz: [0, 2.0, 1.5], pitch_deg: -80}", kind) as blind:
         (warning,) = blind.warnings
-    assert "sensors.view.mount: the camera sees nothing of the walkable area" in warning
+    assert "sensors.view.mount: it sees nothing of the walkable area" in warning
 
 
 @pytest.mark.parametrize(
@@ -41,7 +41,7 @@ def test_a_camera_that_looks_away_is_warned_of(kind: str):
 def test_a_scanner_that_meets_nobody_is_warned_of(mount: str, more: dict[str, str]):
     with simulation(mount, "laser", **more) as blind:
         (warning,) = blind.warnings
-    assert "sensors.view.mount: the scanner sees nothing of the walkable area" in warning
+    assert "sensors.view.mount: it sees nothing of the walkable area" in warning
 
 
 @pytest.mark.parametrize("height_m", np.arange(0.05, 1.75, 0.05).round(2))
