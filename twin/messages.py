@@ -6,7 +6,9 @@ import logging
 import re
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import ClassVar
 
 OnProgress = Callable[[str, float, float], None]
@@ -32,8 +34,24 @@ def warn(warning: str) -> None:
     warnings.warn(warning, stacklevel=level)
 
 
+_AT_WORK: ContextVar[str] = ContextVar("name of the tracker at work")
+
+
+@contextmanager
+def at_work(tracker: str) -> Iterator[None]:
+    """Print what is logged in the block under this tracker's name, as the user typed it."""
+    token = _AT_WORK.set(tracker)
+    try:
+        yield
+    finally:
+        _AT_WORK.reset(token)
+
+
 class TrackerLog(logging.Handler):
-    """Handler of what trackers log while they work: printed on stderr as a warning of the command line, by the system's name."""
+    """Handler of what trackers log while they work: printed on stderr as a warning of the command line.
+
+    A warning begins with the tracker at work (`at_work`), else with the package that logs.
+    """
 
     printed: ClassVar[set[str]] = set()
 
@@ -50,7 +68,7 @@ class TrackerLog(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         """Print the message."""
         _, system, *inside = record.name.split(".")
-        name = f"{system.replace('_', '-')}: " if inside else ""
+        name = f"{_AT_WORK.get(system.replace('_', '-'))}: " if inside else ""
         self.printed.add(sentence(f"{name}{record.getMessage()}"))
         sys.stderr.write(f"twin: warning: {sentence(f'{name}{record.getMessage()}')}\n")
 

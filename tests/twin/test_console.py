@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from twin.console import PlainConsole, print_paths, print_table, print_warning
-from twin.messages import TrackerLog
+from twin.messages import TrackerLog, at_work
 
 
 def test_paths_stand_in_one_column(capsys: pytest.CaptureFixture[str]) -> None:
@@ -54,3 +54,16 @@ def test_what_a_tracker_logs_is_printed_once_as_a_warning(capsys: pytest.Capture
     TrackerLog.printed.clear()
     said = capsys.readouterr().err.splitlines()
     assert said == ["twin: warning: fusion: camera_2 hardly shows the people", "twin: warning: fusion: another"]
+
+
+def test_what_a_tracker_logs_begins_with_the_name_that_was_typed(capsys: pytest.CaptureFixture[str]) -> None:
+    TrackerLog.install()
+    log = logging.getLogger("trackers.laser_fisheye_imm.tracker")
+    with at_work("laser-imm"):
+        log.warning("one")
+        with at_work("mine"):
+            log.warning("one")
+    log.warning("one")
+    TrackerLog.printed.clear()
+    said = [line.removeprefix("twin: warning: ") for line in capsys.readouterr().err.splitlines()]
+    assert said == ["laser-imm: one", "mine: one", "laser-fisheye-imm: one"]

@@ -84,6 +84,17 @@ def test_check_refuses_what_a_run_would_refuse(here: Path, room: str, xyz: str, 
         assert "sensors.high.mount.xyz" in str(error)
 
 
+@pytest.mark.parametrize("above_m", [1.0, 1.5])
+def test_check_refuses_a_room_in_which_nobody_can_stand(here: Path, above_m: float) -> None:
+    slab = '<geom name="{}" type="box" pos="0 0 {}" size="3 3 .05"/>'
+    bodies = '<light pos="0 0 5"/>' + slab.format("floor", -0.05)
+    for more, is_valid in (("", True), (slab.format("ceiling", above_m), False)):
+        Path("r.xml").write_text(f"<mujoco><worldbody>{bodies}{more}</worldbody></mujoco>")
+        error = CliRunner().invoke(app, ["check", "r.xml"]).exception
+        assert (error is None) == is_valid
+    assert str(error).startswith("r.xml: area: furniture leaves no place to stand; ")
+
+
 def test_check_of_a_rig(here: Path) -> None:
     sensor = "sensors: {low: {kind: laser, topic: /scan, room_from_sensor: {xyz: [0, 0, HEIGHT], rpy: [0, 0, 0]}}}"
     Path("rig.yaml").write_text(sensor.replace("HEIGHT", "0.4"))

@@ -19,6 +19,8 @@ _PARTS = "scenarios", "rooms", "trackers", "sensors", "suites", "studies", "faul
 _SIDE_PX = 400
 _FRAMES = 5
 _CHECKED_S = 4.0
+_PLACES = 200
+"""Number of places to stand, drawn at random, that a room must have."""
 
 
 def list_(
@@ -229,6 +231,10 @@ def kind_of(subject: str) -> str:
 
 def checked_file(kind: str, name: str, allow_plugins: bool = False) -> str:
     """Load a file with all that it names, build its room, and return one line about it. Raises InputError naming each fault."""
+    from dataclasses import replace
+
+    import numpy as np
+
     from trackers.rig import Rig
     from twin.run.inputs import TrustedClasses
     from twin.scenario import load_scenario
@@ -249,6 +255,7 @@ def checked_file(kind: str, name: str, allow_plugins: bool = False) -> str:
             about = f"people: {len(scenario.people)}, sensors: {', '.join(scenario.sensors)}, {scenario.duration_s:g} s"
         case "room":
             scene = empty_world(name).scene
+            replace(scene.ground, source=name).free_places(_PLACES, np.random.default_rng(0))
             seats = ", ".join(scene.ground.furniture) or "none"
             about = f"seats and beds: {seats}"
         case "suite":

@@ -105,7 +105,7 @@ def align(truth: TruthTable, tracks: TrackTable, *, interpolate: bool = True) ->
     if interpolate and gap_ns > MAX_TRUTH_GAP_NS and not np.isin(reported, truth.frame_stamps_ns).all():
         notes.append(
             f"{truth.source}: a person's rows come every {usual_ns / NS_PER_S:.3g} s; between rows at most "
-            f"{gap_ns / NS_PER_S:.3g} s apart people are taken to walk straight on"
+            f"{gap_ns / NS_PER_S:.3g} s apart people are taken to walk straight on{_finer_unit(truth, tracks)}"
         )
     if _is_one_by_one(tracks):
         notes.append(
@@ -255,6 +255,23 @@ def _other_clock(truth: TruthTable, tracks: TrackTable, gap_ns: int) -> str:
 
 
 _MOST_NS = np.iinfo(np.int64).max // 1000
+_UNITS = {"ms": 1000, "µs": 1_000_000}
+
+
+def _finer_unit(truth: TruthTable, tracks: TrackTable) -> str:
+    """Return a clause on the unit of the truth's t by which both tables are about as long, though they begin alike."""
+    ours, theirs = (each[-1] - each[0] for each in (truth.frame_stamps_ns, tracks.frame_stamps_ns))
+    for unit, per_s in _UNITS.items():
+        if _ALIKE * theirs <= ours / per_s <= theirs / _ALIKE:
+            return (
+                f"; its t spans {ours / NS_PER_S:.4g} s and that of {tracks.source} {theirs / NS_PER_S:.4g} s: t in s is "
+                f"expected, and in {unit} the two would span about the same"
+            )
+    return ""
+
+
+_ALIKE = 0.5
+"""Least ratio of two tables' spans of time that are of one recording."""
 
 
 def _is_covered(truth_stamps: NDArray[np.int64], stamps: NDArray[np.int64], gap_ns: int) -> NDArray[np.bool_]:

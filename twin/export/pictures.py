@@ -2,7 +2,7 @@
 
 A recording is a bag with the people's names and the tracks of its run, with its truth on demand. A picture's number counts
 those of its camera from 1 in the order in which they arrived, in every format. Bytes are copied where the message holds a
-JPEG or PNG; raw pictures become PNG, which loses nothing. `export_images` writes a folder per camera.
+JPEG or PNG; raw and other pictures become PNG, which loses nothing. `export_images` writes a folder per camera.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from twin.evaluate.judged_frames import truth_at
 from twin.messages import OnWarning
 from twin.recording import topics
 from twin.recording.bag import decoded, open_bag
-from twin.recording.colour_images import decode_raw
+from twin.recording.colour_images import check_picture, decode_compressed, decode_raw
 from twin.recording.depth_images import PNG_FORMAT, decode_depth, encode_png
 from twin.recording.reader import Recording
 from twin.recording.ros_messages import COMPRESSED_IMAGE, STRING
@@ -249,8 +249,9 @@ def _colour_file(message: Any, camera: str) -> tuple[bytes, str]:
         data = bytes(message.data)
         for magic, suffix in _SUFFIXES.items():
             if data.startswith(magic):
+                check_picture(data, f"image of {camera!r}: format is {message.format!r}")
                 return data, suffix
-        raise InputError(f"image of {camera!r}: format is {message.format!r}; a JPEG or PNG is expected")
+        return png_of(decode_compressed(message, f"image of {camera!r}")), ".png"
     return png_of(decode_raw(message, f"image of {camera!r}")), ".png"
 
 

@@ -63,7 +63,7 @@ class Population(Poses):
         area has no room for those who wander.
         """
         self.names = tuple(sorted(people))
-        described = [_put_in_place(people[name], ground, measures, number) for number, name in enumerate(self.names)]
+        described = [put_in_place(people[name], ground, measures, number) for number, name in enumerate(self.names)]
         random = [rngs[name] for name in self.names]
         count = len(self.names)
         position = start_places(self.names, described, ground, random, source)
@@ -256,7 +256,7 @@ def _approach(seat: Seat, ground: Ground, measures: BodyMeasures, number: int) -
     return first_that(ground.routes.reachable, approaches(seat, measures, number))
 
 
-def _put_in_place(person: Person, ground: Ground, measures: BodyMeasures, number: int) -> Person:
+def put_in_place(person: Person, ground: Ground, measures: BodyMeasures, number: int) -> Person:
     """Return a person who starts seated with start and heading before the seat, one who comes by a door with a start in from
     it, and others unchanged.
     """

@@ -1,4 +1,4 @@
-"""Colour images in messages: raw in the encodings of ROS, or compressed as JPEG and PNG.
+"""Colour images in messages: raw in the encodings of ROS, or compressed as JPEG, PNG, WebP and BMP.
 
 The size claimed by an encoded image is checked in its header before an array of that size is made.
 """
@@ -91,7 +91,7 @@ def decode_compressed(message: Any, subject: str) -> NDArray[np.uint8]:
     encoding = message.format.partition(";")[0].strip()
     if "compressedDepth" in message.format or encoding in _DEPTH:
         raise InputError(
-            f"{subject}: format is {message.format!r}, a depth picture; a colour JPEG or PNG is expected, and depth under "
+            f"{subject}: format is {message.format!r}, a depth picture; a colour picture is expected, and depth under "
             "depth_topic of a sensor of kind stereo"
         )
     if encoding.rstrip("0123456789") in _BAYER:
@@ -102,12 +102,12 @@ def decode_compressed(message: Any, subject: str) -> NDArray[np.uint8]:
 
 
 def _decoded(message: Any, subject: str, flags: int) -> Any:
-    """Return the picture in a JPEG or PNG as OpenCV reads it with these flags; raises InputError for others."""
+    """Return a compressed picture as OpenCV reads it with these flags; raises InputError for formats without `picture_size`."""
     check_picture(bytes(message.data), f"{subject}: format is {message.format!r}")
     # The lens is calibrated on the sensor's rows and columns: an EXIF orientation must not turn them.
     pixels = cv2.imdecode(message.data, flags if flags < 0 else flags | cv2.IMREAD_IGNORE_ORIENTATION)
     if pixels is None:
-        raise InputError(f"{subject}: {message.data.size} bytes that are no image; a JPEG or PNG is expected")
+        raise InputError(_no_picture(bytes(message.data), subject))
     return pixels
 
 
@@ -122,6 +122,9 @@ def _array(pixels: Any) -> NDArray[np.uint8]:
 MOST_PIXELS = 2**24
 """Greatest number of pixels of one picture, as in `twin.scenario.run_size`."""
 
+FORMATS = "JPEG, PNG, WebP or BMP"
+"""Formats of compressed pictures that are read."""
+
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG = b"\xff\xd8"
 _FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
@@ -131,11 +134,15 @@ _ALONE = {0x01, *range(0xD0, 0xD8)}
 
 
 def check_picture(data: bytes, subject: str) -> None:
-    """Raise InputError, with the prefix `subject`, for no JPEG or PNG, and for too many pixels."""
+    """Raise InputError, with the prefix `subject`, for a format without `picture_size`, and for too many pixels."""
     size = picture_size(data)
     if size is None:
-        raise InputError(f"{subject}: {len(data)} bytes that are no image; a JPEG or PNG is expected")
+        raise InputError(_no_picture(data, subject))
     check_size(*size, subject)
+
+
+def _no_picture(data: bytes, subject: str) -> str:
+    return f"{subject}: {len(data)} bytes that are no image; a {FORMATS} is expected"
 
 
 def check_size(width: int, height: int, subject: str) -> None:
@@ -146,9 +153,13 @@ def check_size(width: int, height: int, subject: str) -> None:
 
 
 def picture_size(data: bytes) -> tuple[int, int] | None:
-    """Return width and height in the header of a JPEG or PNG [px], the largest of several; None without any."""
+    """Return width and height in the header of a JPEG, PNG, WebP or BMP [px], the largest of several; None without any."""
     if data.startswith(_PNG) and len(data) >= 24:
         return struct.unpack(">II", data[16:24])
+    if data.startswith(b"BM") and len(data) >= 26:
+        return _bmp_size(data)
+    if data.startswith(b"RIFF") and data[8:12] == b"WEBP" and len(data) >= 30:
+        return _webp_size(data)
     if not data.startswith(_JPEG):
         return None
     found: list[tuple[int, int]] = []
@@ -165,3 +176,26 @@ def picture_size(data: bytes) -> tuple[int, int] | None:
         if marker == 0xDA and found:  # pixels follow
             break
     return max(found, key=lambda each: each[0] * each[1], default=None)
+
+
+def _bmp_size(data: bytes) -> tuple[int, int]:
+    """Return the size in the header of a BMP, of two bytes each in the oldest; a negative height says rows from the top."""
+    if struct.unpack("<I", data[14:18]) == (12,):
+        return struct.unpack("<HH", data[18:22])
+    width, height = struct.unpack("<ii", data[18:26])
+    return abs(width), abs(height)
+
+
+def _webp_size(data: bytes) -> tuple[int, int] | None:
+    """Return the size in the first chunk of a WebP (RFC 9649): extended, lossless or lossy."""
+    match data[12:16]:
+        case b"VP8X":
+            return 1 + int.from_bytes(data[24:27], "little"), 1 + int.from_bytes(data[27:30], "little")
+        case b"VP8L":
+            bits = int.from_bytes(data[21:25], "little")
+            return 1 + (bits & 0x3FFF), 1 + (bits >> 14 & 0x3FFF)
+        case b"VP8 ":
+            width, height = struct.unpack("<HH", data[26:30])
+            return width & 0x3FFF, height & 0x3FFF
+        case _:
+            return None

@@ -104,9 +104,10 @@ def _from_compressed(message: Any, sensor: str) -> NDArray[np.float32]:
 
 
 def _png(data: NDArray[np.uint8], subject: str) -> NDArray[np.uint16]:
+    pixels = None
     if picture_size(bytes(data)) is not None:
         check_picture(bytes(data), subject)
-    pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+        pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
     if pixels is None or pixels.dtype != np.uint16 or pixels.ndim != 2:
         what = "no picture" if pixels is None else f"a picture of {pixels.dtype} {pixels.shape}"
         raise InputError(f"{subject}: {data.size} bytes that are {what}; a 16-bit grey PNG is expected")

@@ -156,7 +156,7 @@ def check_fits(name: str, sensor: RigSensor, observation: Observation | None) ->
         lens = sensor.intrinsics
         if (width, height) != (lens.width, lens.height):
             raise InputError(
-                f"image is {width} x {height}; sensors.{name}.intrinsics of the rig "
+                f"image is {width} x {height}; sensors.{name}.intrinsics, of the rig or else from the bag's CameraInfo, "
                 f"say {lens.width} x {lens.height}, the size of the images is expected there"
             )
     if isinstance(observation, FloorFrame) and isinstance(sensor, FloorSensor):

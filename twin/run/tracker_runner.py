@@ -31,7 +31,7 @@ from trackers.prior import Prior
 from trackers.rig import Rig
 from trackers.text_file import AnyPath
 from trackers.tracks import Detection, Tracker, TrackFrame, detections_of, misreported, warnings
-from twin.messages import OnWarning
+from twin.messages import OnWarning, at_work
 from twin.recording.losses import dropped_by, lines
 from twin.recording.tables import TrackWriter, number_cell, seconds_cell, track_writer
 from twin.run.inputs import ChosenTracker, chosen_trackers, files_for, scenario_of
@@ -77,8 +77,9 @@ class TrackerRunner:
             return make_tracker(self._chosen.target, self.rig, prior, rng, self._chosen.options)
 
         try:
-            self.tracker = made(self.name)
-            faults = misreported(self.tracker, self.rig)
+            with at_work(self.name):
+                self.tracker = made(self.name)
+                faults = misreported(self.tracker, self.rig)
         except PLUG_IN_ERRORS as error:
             if isinstance(error, InputError):
                 raise InputError(_as_named(str(error), self._chosen)) from error
@@ -120,7 +121,8 @@ class TrackerRunner:
             return []
         start = time.thread_time()
         try:
-            frames = call(self._fed)
+            with at_work(self.name):
+                frames = call(self._fed)
             self._pending_ms += 1e3 * (time.thread_time() - start)
         except PLUG_IN_ERRORS as error:
             self._fail(error)
@@ -336,7 +338,8 @@ def write_detections(
 def _called(chosen: ChosenTracker, tracker: Any, call: Callable[[], object]) -> None:
     """Call a tracker; raises PlugInError for an exception of a plug-in, but passes on that of a tracker of ours."""
     try:
-        call()
+        with at_work(chosen.name):
+            call()
     except OSError:  # of the file, not the tracker
         raise
     except Exception as error:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import count, takewhile
+from itertools import count, groupby, takewhile
 from math import inf
 from pathlib import Path
 
@@ -53,10 +53,12 @@ class Bodies:
         """
         spec = room.copy()
         names = tuple(name for name in all_names if name in looks)
-        for name in names:
-            spec.attach(
-                person_spec(looks[name], pictures=pictures), prefix=f"{name}/", frame=spec.worldbody.add_frame()
-            )
+        for together in _attached_together(names):
+            first, group = together[0][0], mujoco.MjSpec()
+            for name in together:
+                body = person_spec(looks[name], pictures=pictures)
+                group.attach(body, prefix=f"{name[1:]}/", frame=group.worldbody.add_frame())
+            spec.attach(group, prefix=first, frame=spec.worldbody.add_frame())
         model = compiled(spec, path)
         places = [place for place, name in enumerate(all_names) if name in looks]
 
@@ -80,6 +82,19 @@ class Bodies:
     def there(self) -> NDArray[np.bool_]:
         """Mask (n_people,) of people with bodies."""
         return self.head_site >= 0
+
+
+_MOST_TOGETHER = 20
+
+
+def _attached_together(names: Sequence[str]) -> Iterator[Sequence[str]]:
+    """Divide names into groups of one first letter, the prefix of the group, in their order.
+
+    What an attachment costs grows with all that is there: in groups, 400 bodies take a fifth of the time, for the same model.
+    """
+    for _, alike in groupby(names, key=lambda name: name[0]):
+        same = list(alike)
+        yield from (same[k : k + _MOST_TOGETHER] for k in range(0, len(same), _MOST_TOGETHER))
 
 
 def _person_of_geom(model: mujoco.MjModel, ids: Mapping[str, int]) -> NDArray[np.int16]:

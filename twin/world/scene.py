@@ -17,11 +17,12 @@ from twin.people.body.proportions import REFERENCE_STATURE_M
 from twin.people.crowd.bases import MovingBases
 from twin.people.crowd.ground import Ground
 from twin.people.crowd.routes import Routes
-from twin.people.population import Population
+from twin.people.population import Population, put_in_place
 from twin.people.poses import HISTORY_S, TICK_S, PopulationMotion, PrecomputedPoses
 from twin.people.posture.body_measures import BodyMeasures
 from twin.people.posture.side_seating import side_poses
 from twin.people.script.actor import approaches
+from twin.people.script.recorded import known_start, start_places
 from twin.room.furniture import Bed, Seat
 from twin.room.mjcf import set_planes
 from twin.scenario import Scenario
@@ -94,6 +95,7 @@ def build_scene(scenario: Scenario, *, pictures: bool = True) -> Scene:
     appearances = {name: appearance_of(scenario.people[name], stream(scenario.seed, "looks", name)) for name in names}
     ids = {name: number for number, name in enumerate(scenario.people, start=1)}
     looks = {name: appearances[name] for name in body_pools(scenario.people)[0].names}
+    _check_starts(scenario, ground, appearances)  # before bodies are made, of which hundreds take long
     _add_bases(spec, scenario, routes)
     return Scene(
         room=spec,
@@ -108,6 +110,21 @@ def build_scene(scenario: Scenario, *, pictures: bool = True) -> Scene:
         bodies=Bodies.in_room(spec, room.path, names, ids, looks, pictures=pictures),
         pictures=pictures,
     )
+
+
+def _check_starts(scenario: Scenario, ground: Ground, appearances: Mapping[str, BodyAppearance]) -> None:
+    """Raise InputError where the area has no room for all whose start is drawn, by the draws of `Population`."""
+    if all(known_start(person) is not None for person in scenario.people.values()):
+        return
+    names = tuple(appearances)
+    described = []
+    for name in names:
+        person = scenario.people[name]
+        seated = person.script and isinstance(person.script[0], Sit)
+        measures = BodyMeasures.of([appearances[name]] if seated else [])
+        described.append(put_in_place(person, ground, measures, 0))
+    streams = [stream(scenario.seed, "person", name) for name in names]
+    start_places(names, described, ground, streams, ground.source)
 
 
 def _add_bases(spec: mujoco.MjSpec, scenario: Scenario, routes: Routes) -> None:

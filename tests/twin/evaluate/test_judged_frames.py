@@ -346,3 +346,13 @@ def test_a_tracker_that_joins_scans_of_close_rates_owes_nothing(slow, faster, ph
     stamps = np.unique(np.round(np.concatenate([first, second[far]]), 6))
     truth = truth_at(np.unique(np.round(np.concatenate([first, second]), 6)))
     assert owed(truth, tracks_at(stamps))[0] == 0
+
+
+@pytest.mark.parametrize(("unit", "per_s"), [("ms", 1e3), ("µs", 1e6)])
+@pytest.mark.parametrize("truth_hz", [2.5, 10.0, 30.0])
+def test_truth_from_0_in_another_unit_is_told_with_it(unit: str, per_s: float, truth_hz: float) -> None:
+    tracks = tracks_at(np.arange(0.1, 20, 0.1))
+    notes = align(truth_at(np.arange(0, 20, 1 / truth_hz) * per_s, walk=lambda t: (0.0, 0.0)), tracks).notes
+    assert sum(f"t in s is expected, and in {unit} the two would span about the same" in each for each in notes) == 1
+    seldom = align(truth_at(np.arange(0, 20.1, 2.0)), tracks).notes
+    assert len(seldom) == 1 and "span" not in seldom[0]

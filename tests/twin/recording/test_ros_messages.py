@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from dataclasses import replace
 from typing import Any
 
@@ -132,8 +133,8 @@ def test_a_lossless_png_comes_through():
         (RawImage(HEADER, 2, 2, "nv24", 0, 4, np.zeros(8, np.uint8)), "'nv24'; one of rgb8, bgr8, rgba8"),
         (RawImage(HEADER, 2, 2, "rgb8", 0, 6, np.zeros(8, np.uint8)), "height x step bytes"),
         (RawImage(HEADER, 2, 2, "rgb8", 0, 4, np.zeros(8, np.uint8)), "height x step bytes"),
-        (CompressedImage(HEADER, "jpeg", np.zeros(0, np.uint8)), "JPEG or PNG is expected"),
-        (CompressedImage(HEADER, "jpeg", np.arange(90, dtype=np.uint8)), "JPEG or PNG is expected"),
+        (CompressedImage(HEADER, "jpeg", np.zeros(0, np.uint8)), "JPEG, PNG, WebP or BMP is expected"),
+        (CompressedImage(HEADER, "jpeg", np.arange(90, dtype=np.uint8)), "JPEG, PNG, WebP or BMP is expected"),
         (CompressedImage(HEADER, "16UC1; compressedDepth png", np.zeros(9, np.uint8)), "compressedDepth"),
     ],
 )
@@ -175,7 +176,7 @@ def test_a_scan_without_a_range_of_ranges_is_refused():
         encode(replace(a_scan(0), range_min_m=0.0, range_max_m=0.0))
 
 
-@pytest.mark.parametrize("ending", [".jpg", ".png"])
+@pytest.mark.parametrize("ending", [".jpg", ".png", ".bmp", ".webp"])
 def test_a_picture_that_claims_more_pixels_than_a_picture_has_is_not_decoded(
     ending: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -186,9 +187,37 @@ def test_a_picture_that_claims_more_pixels_than_a_picture_has_is_not_decoded(
     claimed = bytes(data).replace(b"\x00\x07\x00\x09", b"\x4e\x20\x4e\x20", 1)
     if ending == ".png":
         claimed = bytes(data).replace(b"\x00\x00\x00\x09\x00\x00\x00\x07", b"\x00\x00\x4e\x20\x00\x00\x4e\x20", 1)
+    if ending == ".bmp":
+        claimed = bytes(data).replace(struct.pack("<ii", 9, 7), struct.pack("<ii", 20000, 20000), 1)
+    if ending == ".webp":  # the extended form, whose canvas has up to 2 ** 24 pixels a side
+        size = (19_999).to_bytes(3, "little") * 2
+        claimed = b"RIFF" + struct.pack("<I", 1000) + b"WEBPVP8X" + struct.pack("<II", 10, 0) + size + bytes(data)[12:]
     monkeypatch.setattr(cv2, "imdecode", lambda *arguments: pytest.fail("was decoded"))
     with pytest.raises(InputError, match=r"its header claims 20000 x 20000, 4e\+08 pixels; at most .*--no-limits"):
         from_message(compressed(np.frombuffer(claimed, np.uint8)), "fisheye")
+
+
+@pytest.mark.parametrize(
+    ("ending", "flags", "most_off"),
+    [(".bmp", (), 0), (".webp", (cv2.IMWRITE_WEBP_QUALITY, 101), 0), (".webp", (cv2.IMWRITE_WEBP_QUALITY, 99), 6)],
+)
+def test_every_compression_that_is_read_has_its_size_in_the_header(ending, flags, most_off) -> None:
+    from twin.recording.colour_images import picture_size
+
+    rgb = np.add.outer(np.arange(12), np.arange(18))[..., None].astype(np.uint8) * np.array([3, 5, 2], np.uint8)
+    data = cv2.imencode(ending, rgb[..., ::-1], flags)[1].ravel()
+    assert picture_size(bytes(data)) == (18, 12)
+    got = from_message(compressed(data, ending[1:]), "camera")
+    assert isinstance(got, Image)
+    assert np.abs(got.rgb.astype(int) - rgb).max() <= most_off
+
+
+def test_a_bmp_of_the_oldest_header_and_one_from_the_top_have_their_sizes() -> None:
+    from twin.recording.colour_images import picture_size
+
+    oldest = b"BM" + bytes(12) + struct.pack("<IHHHH", 12, 640, 480, 1, 24) + bytes(40)
+    from_top = b"BM" + bytes(12) + struct.pack("<Iii", 40, 640, -480) + bytes(40)
+    assert [picture_size(each) for each in (oldest, from_top)] == [(640, 480)] * 2
 
 
 def compressed(data: np.ndarray, told: str = "jpeg") -> CompressedImage:
@@ -325,7 +354,9 @@ def test_compressed_depth_is_no_colour_picture(told):
         from_message(compressed(data, told), "c")
 
 
-@pytest.mark.parametrize("told", ["h264", "webp", "rgb8; tiff compressed "])
+@pytest.mark.parametrize("told", ["h264", "gif", "rgb8; tiff compressed "])
 def test_other_compressions_are_refused_by_name(told):
-    with pytest.raises(InputError, match=f"format is '{told}': 9 bytes that are no image; a JPEG or PNG is expected"):
+    with pytest.raises(
+        InputError, match=f"format is '{told}': 9 bytes that are no image; a JPEG, PNG, WebP or BMP is expected"
+    ):
         from_message(compressed(np.arange(9, dtype=np.uint8), told), "c")

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
 from trackers.configuration import validate
+from trackers.errors import InputError
+from twin.people import population as population_module
 from twin.people.poses import HISTORY_S
 from twin.people.posture.body_measures import BodyMeasures
 from twin.scenario import Scenario, load_scenario
-from twin.world import body_pool
+from twin.world import body_pool, scene as scene_module
 from twin.world.body_pool import body_pools
-from twin.world.scene import build_scene
+from twin.world.scene import build_scene, populate
 from twin.world.simulation import Simulation
 from twin.world.world import World
 
@@ -113,3 +116,41 @@ def test_a_body_measures_the_same_alone_and_in_a_room() -> None:
     alone = BodyMeasures.in_room(scene.model, scene.appearances, ())
     for name, values in vars(in_room).items():
         np.testing.assert_array_equal(values, getattr(alone, name), name)
+
+
+def test_bodies_attached_in_groups_give_the_model_of_bodies_attached_one_by_one(monkeypatch) -> None:
+    people = "{" + ", ".join(f"{name}: {{}}" for name in ("a", "ab", "b1", "b2", "b3", "z")) + "}"
+    scenario = load_scenario("lab-five-people", [f"people={people}"])
+
+    def model(together: int) -> bytes:
+        monkeypatch.setattr(body_pool, "_MOST_TOGETHER", together)
+        built = build_scene(scenario).model
+        content = np.empty(mujoco.mj_sizeModel(built), np.uint8)
+        mujoco.mj_saveModel(built, None, content)
+        return content.tobytes()
+
+    assert model(1) == model(2) == model(20)
+
+
+def test_more_people_than_have_a_place_are_refused_before_a_body_is_made(monkeypatch) -> None:
+    people = "{" + ", ".join(f"p{number}: {{}}" for number in range(400)) + "}"
+    scenario = load_scenario("lab-five-people", [f"people={people}"])
+    monkeypatch.setattr(body_pool.Bodies, "in_room", lambda *_, **__: pytest.fail("bodies were made"))
+    with pytest.raises(InputError, match=r"fewer people than 400, or a larger area, are expected"):
+        build_scene(scenario)
+
+
+@pytest.mark.parametrize("name", ["everyday", "home-three-people", "lab-five-people", "library-hall"])
+def test_starts_are_checked_by_the_draws_by_which_people_start(name, monkeypatch) -> None:
+    drawn = []
+    kept = scene_module.start_places, population_module.start_places
+
+    def noting(which):
+        return lambda *arguments: drawn.append(kept[which](*arguments)) or drawn[-1]
+
+    monkeypatch.setattr(scene_module, "start_places", noting(0))
+    monkeypatch.setattr(population_module, "start_places", noting(1))
+    scenario = load_scenario(name, ["duration_s=1"])
+    populate(scenario, build_scene(scenario))
+    assert len(drawn) >= 1
+    np.testing.assert_array_equal(drawn[0], drawn[-1])
