@@ -204,7 +204,9 @@ def parse_yaml(text: str, source: str, expected: str) -> dict[str, Any]:
     """Parse the mapping in a YAML text. Raises InputError naming the source, the line and what is `expected`."""
     content = _loaded(text, source, expected, tells_line=True)
     if not isinstance(content, dict):
-        raise InputError(f"{source}: holds {type(content).__name__}, not a mapping; {expected} is expected")
+        kind = "a list" if isinstance(content, list) else "a text" if isinstance(content, str) else "one value"
+        what = "is empty" if content is None else f"holds {kind}, not a mapping"
+        raise InputError(f"{source}: {what}; {expected} is expected")
     return content
 
 

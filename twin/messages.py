@@ -88,6 +88,11 @@ def sentence(text: str) -> str:
     )
 
 
+def counted(count: int, one: str, many: str = "") -> str:
+    """Format a number of things; `many`: the plural, where it is not `one` with an s."""
+    return f"{count} {one if count == 1 else many or one + 's'}"
+
+
 def printable(text: str) -> str:
     """Escape control characters as Python does, so that no name of a file or field moves the cursor."""
     return _UNPRINTABLE.sub(lambda found: found[0].encode("unicode_escape").decode(), text)

@@ -58,8 +58,8 @@ BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
         ("a: 1\n---\nb: 1", "found another document"),
         ("a: \0", "control characters are not allowed"),
         (r'a: "\ud800"', "invalid Unicode character"),
-        ("[1, 2]", "holds list, not a mapping"),
-        ("", "holds NoneType, not a mapping"),
+        ("[1, 2]", "holds a list, not a mapping"),
+        ("", "is empty; "),
     ],
 )
 def test_yaml_that_is_only_bad_is_one_sentence(text: str, said: str) -> None:

@@ -241,6 +241,7 @@ def checked_file(kind: str, name: str, allow_plugins: bool = False) -> str:
     from twin.scenario.run_size import check_size
     from twin.studies.preflight import prepare
     from twin.suites.expansion import expand
+    from twin.suites.run import idle_changes
     from twin.suites.spec import load_suite
     from twin.view.room_sheet import empty_world
     from twin.world.simulation import Simulation
@@ -260,7 +261,9 @@ def checked_file(kind: str, name: str, allow_plugins: bool = False) -> str:
             about = f"seats and beds: {seats}"
         case "suite":
             suite, path = load_suite(name)
-            about = f"cases: {len(expand(suite, path, trusted=trusted, limits=True))}"
+            cases = expand(suite, path, trusted=trusted, limits=True)
+            print_warnings(idle_changes(cases))
+            about = f"cases: {len(cases)}"
         case "study":
             study = prepare(name, trusted=trusted)
             about = f"devices: {', '.join(study.study.devices)}"

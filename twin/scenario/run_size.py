@@ -8,6 +8,7 @@ from math import ceil
 from typing import TYPE_CHECKING
 
 from trackers.text_file import refuse_unless_lifted
+from twin.messages import counted
 from twin.scenario.cameras import PinholeDescription, StereoDescription
 from twin.scenario.sensors import AnyDescription, FisheyeDescription, FloorDescription
 
@@ -42,8 +43,8 @@ class RunSize:
 
     def __str__(self) -> str:
         return (
-            f"{self.seconds:g} s, {'at most ' * self.of_several}{_counted(self.people, 'person', 'people')}, "
-            f"{_counted(self.observations, 'observation', 'observations')}, about {_bytes(self.n_bytes)}"
+            f"{self.seconds:g} s, {'at most ' * self.of_several}{counted(self.people, 'person', 'people')}, "
+            f"{counted(self.observations, 'observation', 'observations')}, about {_bytes(self.n_bytes)}"
         )
 
 
@@ -120,10 +121,6 @@ def _bytes_of_a_look(sensor: AnyDescription) -> float:
     if isinstance(sensor, FloorDescription):
         return _HEADER_BYTES + sensor.rows * sensor.columns
     return _HEADER_BYTES + 4.0 * getattr(sensor, "n_beam", 0)
-
-
-def _counted(count: int, one: str, many: str) -> str:
-    return f"{count} {one if count == 1 else many}"
 
 
 def _bytes(count: float) -> str:

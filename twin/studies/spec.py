@@ -15,7 +15,7 @@ from trackers.text_file import read_text
 from twin import models
 from twin.studies.devices import Constraints, Device, Metres
 from twin.suites.metrics import METRICS
-from twin.suites.spec import Overrides, OwnName, Seeds, Text, TrackerName, list_of, mapping_of, single
+from twin.suites.spec import EachOnce, Overrides, OwnName, Seeds, Text, TrackerName, list_of, mapping_of, single
 
 NOT_DETERMINISTIC = ("ms_per_frame.mean", "ms_per_frame.p95")
 """Metrics that depend on the machine's load: no objective may use them."""
@@ -150,7 +150,9 @@ class Study(Strict):
         Field(min_length=1),
         list_of("a list of scenarios, as in [{scenario: lab-five-people}],"),
     ] = Field(description="where placements are tried")
-    trackers: tuple[TrackerName, ...] = Field(default=(), description="trackers to run; none: coverage alone")
+    trackers: Annotated[tuple[TrackerName, ...], EachOnce] = Field(
+        default=(), description="trackers to run; none: coverage alone"
+    )
     seeds: Seeds = Field(default=(1000,), description="search seeds: replicates are taken from the front")
     held_out: HeldOut | None = Field(
         default=None, description="seeds and scenarios for validation; none: no validation"

@@ -21,6 +21,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 
 from trackers.errors import InputError
 from twin.console import PlainConsole
+from twin.messages import counted
 from twin.suites.cluster import Cluster, Workers, open_cluster
 from twin.suites.tasks import MAX_RETRIES, State, Task, TaskListener, TaskQueue, call_task, log_tail, run_serial
 
@@ -67,7 +68,7 @@ def suite_progress() -> Iterator[ProgressListener]:
         bar.update(task, total=total, completed=now.done + now.failed, text=text)
         if not console.is_terminal and time.monotonic() - last_line_s > _LINE_EVERY_S:
             last_line_s = time.monotonic()
-            print(f"of {total} cases {text}", file=sys.stderr, flush=True)
+            print(f"of {counted(total, 'case')} {text}", file=sys.stderr, flush=True)
 
     def failed(case_id: str, error: str) -> None:
         console.print(f"failed: {case_id}: {error.splitlines()[0] if error else ''}", soft_wrap=True)
@@ -77,7 +78,7 @@ def suite_progress() -> Iterator[ProgressListener]:
         yield ProgressListener(
             dashboard=lambda address: console.print(f"Dask dashboard: {address}", soft_wrap=True),
             failed=failed,
-            warned=lambda warning: console.print(f"warning: {warning}", soft_wrap=True),
+            warned=lambda warning: console.print(f"twin: warning: {warning}", soft_wrap=True),
             state=state,
             planned=lambda what: print(f"twin: planned: {what}", file=sys.stderr, flush=True),
         )

@@ -169,13 +169,17 @@ def expand(
         except InputError as error:  # of a scene drawn by one seed
             faults += [f"{path}: scenarios.{entry.number}: {line}" for line in str(error).splitlines()]
             continue
+        again = []
         for case in found:
-            if case.id in cases:
-                faults.append(
-                    f"{path}: scenarios.{entry.number}: {_title(case.scenario, case.variant)}, seed {case.seed}, "
-                    f"{case.tracker} is there twice; a name of its own for each entry is expected"
-                )
+            again += [case] * (case.id in cases)
             cases[case.id] = case
+        if again:
+            first = f"{_title(again[0].scenario, again[0].variant)}, seed {again[0].seed}, {again[0].tracker}"
+            more = f", as are {len(again) - 1} more of its cases" * (len(again) > 1)
+            faults.append(
+                f"{path}: scenarios.{entry.number}: {first} is there twice{more}; a name of its own for each entry, or "
+                "variants that differ, is expected"
+            )
     for case in recorded:
         if case.id in cases:
             faults.append(

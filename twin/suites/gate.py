@@ -9,6 +9,7 @@ import json
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from twin.suites.cache import RecordingCache, cache_limit_bytes
 from twin.suites.cluster import Workers
 from twin.suites.comparison import Comparison, SuiteOutcome, compare, tolerances_of
 from twin.suites.dask_runner import suite_progress
+from twin.suites.expansion import Case
 from twin.suites.exports import write_junit, write_summary
 from twin.suites.metrics import GATED, GATED_SENSOR_METRICS, allowed_by_default
 from twin.suites.page import write_comparison_page, write_page
@@ -43,6 +45,7 @@ from twin.suites.tables import (
     print_results,
 )
 
+_NOTHING_COMPARED = "nothing could be compared; the same scenarios, changes, trackers and seeds are expected in both"
 _EXPECTED = "a baseline that `twin suite run --update-baseline` has written"
 
 
@@ -178,6 +181,7 @@ def run_gate(
             resume=resume,
             progress=progress,
             limits=limits,
+            check=partial(_check_comparable, before, f"--baseline {baseline}"),
         )
     with read_store(folder) as store:
         outcome = SuiteOutcome.of(folder, store, before)
@@ -215,6 +219,15 @@ def _baseline_of(suite: Suite, baseline: Path | None, update: bool) -> Results |
     if before.suite != suite.name:
         raise InputError(f"--baseline {baseline}: is of the suite {before.suite!r}; one of {suite.name!r} is expected")
     return None if update else before
+
+
+def _check_comparable(before: Results | None, source: str, cases: Sequence[Case]) -> None:
+    """Raise InputError if no case is one of the results to compare with, whatever its tracker."""
+    if before is None:
+        return
+    held = {(key.scenario, key.overrides, seed) for key, group in before.groups.items() for seed in group.seeds}
+    if not any((case.scenario, json.dumps(case.overrides, ensure_ascii=False), case.seed) in held for case in cases):
+        raise InputError(f"{source}: {_NOTHING_COMPARED}")
 
 
 @contextmanager
@@ -272,9 +285,7 @@ def _held_baseline(store: ResultStore) -> Results | None:
 def _check_compared(comparison: Comparison, what: str) -> None:
     """Raise InputError where no metric could be compared."""
     if not comparison.changes:
-        raise InputError(
-            f"{what}: nothing could be compared; the same scenarios, changes, trackers and seeds are expected in both"
-        )
+        raise InputError(f"{what}: {_NOTHING_COMPARED}")
 
 
 def compare_results(before: Path, now: Path, out: Path | None, *, markdown: bool = False) -> bool:

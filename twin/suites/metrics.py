@@ -176,10 +176,12 @@ _ROUNDING = 1e-9
 
 
 def _bound(value: str | float) -> str:
-    """Parse a bound like `>= 0.97`; a number alone means equality."""
-    found = _BOUND.fullmatch(str(value))
+    """Parse a bound like `>= 0.97`; a whole number alone means equality, which a mean of others hardly ever keeps."""
+    found = None if isinstance(value, bool) else _BOUND.fullmatch(str(value))
     if found is None:
-        raise ValueError('a number, or a bound as in ">= 0.97", is expected')
+        raise ValueError('a whole number, or a bound as in ">= 0.97", is expected')
+    if found[1] is None and not float(found[2]).is_integer():
+        raise ValueError(f'a bound as in ">= {found[2]}" or "<= {found[2]}" is expected; equality is "== {found[2]}"')
     return f"{found[1] or '=='} {found[2]}"
 
 

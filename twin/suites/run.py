@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import json
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from twin.messages import counted
 from twin.recording.atomic_file import atomic_path
 from twin.run.inputs import NONE_TRUSTED, TrustedClasses
 from twin.run.outcome import versions
 from twin.scenario.run_size import total
 from twin.suites.cache import RecordingCache
-from twin.suites.cache_keys import whole_code
+from twin.suites.cache_keys import Provenance, whole_code
 from twin.suites.cluster import Workers
 from twin.suites.dask_runner import ProgressListener, RunTasks, open_workers
 from twin.suites.expansion import Case, check_case_count, expand
@@ -45,23 +46,27 @@ def run_suite(
     progress: ProgressListener | None = None,
     function: Callable[[CaseWork], CaseResult] | None = None,
     limits: bool = True,
+    check: Callable[[Sequence[Case]], None] = lambda cases: None,
 ) -> None:
     """Run every case of the suite into `folder`/results.sqlite, with its files; then draw film strips.
 
     changes: 'path=value' texts for every case; trusted: classes that the suite and its scenarios may name; function: handles
     a case, importable by workers (None: `run_case`); limits: whether to refuse implausible numbers of cases, people and
-    bytes. A failed case is noted, and the rest goes on. Raises InputError for an invalid suite, without a scheduler's
-    answer, and for a folder with other results; also where the disk is full or the workers are gone, which keeps all results
-    so far.
+    bytes; check: called with the cases before the first starts, to raise for what they lack. A failed case is noted, and the
+    rest goes on. Raises InputError for an invalid suite, without a scheduler's answer, and for a folder with other results;
+    also where the disk is full or the workers are gone, which keeps all results so far.
     """
     progress, workers = progress or ProgressListener(), workers or Workers()
     # The user's own classes on a scheduler's workers are not known here.
     if limits:
         check_case_count(suite, path)
-    progress.planned(f"{suite.n_case} cases")
+    progress.planned(counted(suite.n_case, "case"))
     cases = expand(suite, path, changes, plug_ins=workers.scheduler is None, trusted=trusted, limits=limits)
+    check(cases)
+    for warning in idle_changes(cases):
+        progress.warned(warning)
     recordings = {case.resolved: case.size for case in cases}
-    progress.planned(f"{len(recordings)} recordings: {total(recordings.values())}")
+    progress.planned(f"{counted(len(recordings), 'recording')}: {total(recordings.values())}")
     if workers.scheduler is None:  # workers elsewhere have caches of their own
         cache.check()
     with ExitStack() as stack:
@@ -75,6 +80,22 @@ def run_suite(
         _run_cases(store, folder, cases, cache, run_tasks, progress, logs, function or run_case)
         _draw_filmstrips(store, folder, cases, cache, run_tasks, progress)
         store.note(seconds=before_s + time.perf_counter() - start)
+
+
+def idle_changes(cases: Sequence[Case]) -> list[str]:
+    """Return a sentence for each pair of variants of a scenario whose cases are made from the same, and give the same."""
+    made_from: defaultdict[tuple[str, str], set[tuple[int, str, Provenance]]] = defaultdict(set)
+    for case in cases:
+        made_from[case.scenario, case.variant].add((case.seed, case.tracker, case.provenance))
+    first: dict[tuple[str, frozenset[tuple[int, str, Provenance]]], str] = {}
+    sentences = []
+    for (scenario, variant), parts in made_from.items():
+        same = first.setdefault((scenario, frozenset(parts)), variant)
+        if same != variant:
+            names = [repr(each) for each in (same, variant) if each]
+            does = f"{' and '.join(names)} differ in" if len(names) == 2 else f"{names[0]} changes"
+            sentences.append(f"{scenario}: {does} nothing that is simulated or tracked")
+    return sentences
 
 
 def _facts(suite: Suite, cases: Sequence[Case], changes: Sequence[str]) -> dict[str, Any]:

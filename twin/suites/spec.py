@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
+from json import dumps
 from math import prod
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
@@ -37,6 +38,20 @@ def list_of(what: str, *, or_empty: bool = False) -> BeforeValidator:
         return value
 
     return BeforeValidator(check)
+
+
+def _each_once(values: Any) -> Any:
+    """Return a list or tuple, unless a value stands twice in it."""
+    seen = set()
+    for value in values or ():
+        key = dumps(value, sort_keys=True)
+        if key in seen:
+            raise ValueError(f"{key} stands twice; each once is expected")
+        seen.add(key)
+    return values
+
+
+EachOnce = AfterValidator(_each_once)
 
 
 def mapping_of(what: str) -> BeforeValidator:
@@ -134,6 +149,7 @@ Seeds = Annotated[
     tuple[Seed, ...],
     Field(min_length=1),
     BeforeValidator(_seeds, json_schema_input_type=HowMany | SeedList | SeedRange),
+    EachOnce,
 ]
 
 Limit = Annotated[float, Field(gt=0, le=86_400), single("a time above 0, up to 86400 s,")]
@@ -148,7 +164,7 @@ _TRACKERS = "a list of trackers' names, as in [laser-imm],"
 
 Amount = Annotated[float, Field(ge=0), single("a number from 0 up")]
 
-Values = Annotated[list[JsonValue], Field(min_length=1), list_of("a list of values to try, as in [5, 10],")]
+Values = Annotated[list[JsonValue], Field(min_length=1), list_of("a list of values to try, as in [5, 10],"), EachOnce]
 
 
 class Tolerance(Strict):
@@ -175,7 +191,7 @@ class SuiteScenario(Strict):
         default=None, description="what to call it in the results; none: the scenario's own name"
     )
     seeds: Seeds | None = Field(default=None, description="a list of seeds, or how many from 0 on; none: the suite's")
-    trackers: Annotated[tuple[TrackerName, ...], Field(min_length=1), list_of(_TRACKERS)] | None = Field(
+    trackers: Annotated[tuple[TrackerName, ...], Field(min_length=1), list_of(_TRACKERS), EachOnce] | None = Field(
         default=None, description="names of trackers to run; none: the suite's"
     )
     limit_s: Limit | None = Field(
@@ -189,7 +205,7 @@ class SuiteScenario(Strict):
         default={}, description="values by path, every combination"
     )
     variants: Annotated[
-        list[Overrides], Field(min_length=1), list_of("a list of mappings, as in [{}, {duration_s: 5}],")
+        list[Overrides], Field(min_length=1), list_of("a list of mappings, as in [{}, {duration_s: 5}],"), EachOnce
     ] = Field(default=[{}], description="changes by path, one after the other")
 
     def combinations(self) -> list[Overrides]:
@@ -221,7 +237,7 @@ class SuiteRecording(Strict):
         description="table of the truth (t from the bag's start, id, x, y); none: what the bag holds, if any",
     )
     seeds: Seeds = Field(default=(0,), description="seeds of trackers that draw at random")
-    trackers: Annotated[tuple[TrackerName, ...], Field(min_length=1), list_of(_TRACKERS)] | None = Field(
+    trackers: Annotated[tuple[TrackerName, ...], Field(min_length=1), list_of(_TRACKERS), EachOnce] | None = Field(
         default=None, description="names of trackers to run; none: the suite's"
     )
     limit_s: Limit | None = Field(default=None, description="how long a case may take [s]; none: the suite's")
@@ -236,7 +252,7 @@ class Suite(Strict):
     name: OwnName = Field(description="name of the suite; it becomes the name of a folder")
     description: Text = Field(default="", description="what the suite is for, for readers")
     seeds: Seeds = Field(default=(0, 1, 2), description="a list of seeds, or how many from 0 on")
-    trackers: Annotated[tuple[TrackerName, ...], list_of(_TRACKERS, or_empty=True)] = Field(
+    trackers: Annotated[tuple[TrackerName, ...], list_of(_TRACKERS, or_empty=True), EachOnce] = Field(
         default=(), description="names of trackers to run on every scenario that names none"
     )
     reference: TrackerName | None = Field(

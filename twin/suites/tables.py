@@ -7,7 +7,7 @@ from itertools import groupby
 from pathlib import Path
 
 from twin.console import PlainConsole, print_table
-from twin.messages import printable
+from twin.messages import counted, printable
 from twin.report.metrics_table import HEADLINE_METRICS, format_number
 from twin.suites.comparison import Change, Comparison, incident_link, significance
 from twin.suites.metrics import METRICS, format_metric, metric_named, pooled_shares
@@ -54,11 +54,11 @@ def print_results(results: Results, reference: str | None = None) -> None:
     for case in results.failed[:_MOST_ROWS]:
         error = (case.error or "").splitlines()
         console.print(
-            f"failed after {case.attempts} attempts: {case.id}: {error[0] if error else ''}",
+            f"failed after {counted(case.attempts, 'attempt')}: {case.id}: {error[0] if error else ''}",
             soft_wrap=True,
         )
     if results.unfinished:
-        console.print(f"{results.unfinished} cases are not finished")
+        console.print(f"not finished: {counted(results.unfinished, 'case')}")
 
 
 def _heading(metric: str) -> str:
@@ -125,7 +125,7 @@ def print_comparison(
     """Print worse metrics, their changes and incidents in `run` (results and folder), then better ones; notes on stderr."""
     console = PlainConsole()
     for warning in comparison.warnings:
-        PlainConsole(stderr=True).print(f"warning: {warning}", soft_wrap=True)
+        PlainConsole(stderr=True).print(f"twin: warning: {warning}", soft_wrap=True)
     for word in shown:
         changes = comparison.worse if word == "worse" else comparison.better
         if changes:

@@ -13,6 +13,7 @@ from trackers.errors import InputError
 from twin import models
 from twin.suites import cache_keys
 from twin.suites.expansion import Case, expand
+from twin.suites.run import idle_changes
 from twin.suites.spec import load_suite
 
 HEAD = "name: s\ntrackers: [laser-imm]\nseeds: 2\n"
@@ -36,6 +37,21 @@ def test_shipped_suites_can_be_run(name: str) -> None:
     assert suite.name == name and suite.description
     cases = expand(suite, path)
     assert len({case.id for case in cases}) == len(cases) >= 2
+    assert idle_changes(cases) == []
+
+
+@pytest.mark.parametrize(
+    ("entry", "said"),
+    [
+        ("grid: {trackers.sort.gate: [2, 3]}", "'trackers.sort.gate=2' and 'trackers.sort.gate=3' differ in nothing"),
+        ("variants: [{}, {sensors.waist.role: waist}]", "'sensors.waist.role=waist' changes nothing"),
+        ("grid: {trackers.sort.gate: [2, 3]}, trackers: [laser-imm, sort]", ""),
+        ("grid: {people.white.height_m: [1.7, 1.8]}", ""),
+    ],
+)
+def test_a_change_that_changes_nothing_is_told(tmp_path: Path, entry: str, said: str) -> None:
+    found = idle_changes(cases_of(tmp_path, f"scenarios: [{{scenario: lab-five-people, {entry}}}]"))
+    assert found == [f"lab-five-people: {said} that is simulated or tracked"] * bool(said)
 
 
 def test_scenarios_times_seeds_times_overrides_times_trackers(tmp_path: Path) -> None:
@@ -107,6 +123,14 @@ def test_ids_stay_the_same_whatever_else_is_in_the_suite(tmp_path: Path) -> None
         ),
         ("scenarios: [{scenario: lab-five-people}, {scenario: lab-five-people}]", r"seed 0, laser-imm is there twice"),
         (
+            "scenarios: [{scenario: lab-five-people, seeds: 5}, {scenario: lab-five-people, seeds: 5}]",
+            r"scenarios.1: lab-five-people, seed 0, laser-imm is there twice, as are 4 more of its cases; a name [^\n]*\Z",
+        ),
+        (
+            "scenarios: [{scenario: lab-five-people, grid: {duration_s: [2, 3]}, variants: [{}, {duration_s: 2}]}]",
+            r"lab-five-people \(duration_s=2\), seed 0, laser-imm is there twice, as are",
+        ),
+        (
             "scenarios: [{scenario: lab-five-people}]\ntolerances: {mata: {absolute: 1}}",
             r"no metric 'mata'; did you mean 'mota'\? valid are mota",
         ),
@@ -123,6 +147,22 @@ def test_bad_suites_are_told_with_the_field(tmp_path: Path, text: str, said: str
         ("seeds: [a]", "seeds.0: a seed, a whole number from 0 up, is expected (got 'a')"),
         ("seeds: [0, -1]", "seeds.1: a seed, a whole number from 0 up, is expected (got -1)"),
         ("seeds: {}", f"seeds: {SEEDS_EXPECTED} (got {{}})"),
+        ("seeds: [3, 0, 3]", "seeds: 3 stands twice; each once is expected (got [3, 0, 3])"),
+        ("trackers: [sort, sort]", "trackers: \"sort\" stands twice; each once is expected (got ['sort', 'sort'])"),
+        (
+            "scenarios: [{scenario: lab-five-people, grid: {duration_s: [2, 2]}}]",
+            "scenarios.0.grid.duration_s: 2 stands twice; each once is expected (got [2, 2])",
+        ),
+        (
+            "scenarios: [{scenario: lab-five-people, variants: [{duration_s: 2}, {}, {duration_s: 2}]}]",
+            'scenarios.0.variants: {"duration_s": 2} stands twice; each once is expected '
+            "(got [{'duration_s': 2}, {}, {'duration_s': 2}])",
+        ),
+        (
+            "scenarios: [{scenario: lab-five-people, require: {laser-imm: {hota: 0.97}}}]",
+            'scenarios.0.require.laser-imm.hota: a bound as in ">= 0.97" or "<= 0.97" is expected; equality is "== 0.97" '
+            "(got 0.97)",
+        ),
         ("seeds: 1000000000000", "seeds: how many seeds there are from 0 on; 1 to 100000 is valid (got 1000000000000)"),
         ("trackers: 3", "trackers: a list of trackers' names, as in [laser-imm], is expected (got 3)"),
         (
