@@ -21,6 +21,12 @@ class PlugInError(Exception):
     """
 
 
+def raise_faults(faults: Iterable[str]) -> None:
+    """Raise InputError with a line per fault, each once; nothing without any."""
+    if lines := list(dict.fromkeys(faults)):
+        raise InputError("\n".join(lines))
+
+
 def valid_names(
     given: object, names: Iterable[str], also: str = "", *, start: str = "valid are", none: str = "none"
 ) -> str:

@@ -16,7 +16,7 @@ from pydantic import Field, model_validator
 
 from trackers.area import Point2, Polygon, Pose
 from trackers.configuration import Strict, validate
-from trackers.errors import InputError, valid_names
+from trackers.errors import raise_faults, valid_names
 from trackers.plain_data import dump_yaml, parse_yaml
 from trackers.rig_sensors import (
     CameraSensor,
@@ -104,9 +104,7 @@ class PriorFiles(Strict):
 
     def check(self, source: str) -> None:
         """Raise InputError, one line per file that does not exist, naming `source` and the field."""
-        faults = [f"{source}: {missing_file(f'prior.{field}', path)}" for field, path in self.missing().items()]
-        if faults:
-            raise InputError("\n".join(faults))
+        raise_faults(f"{source}: {missing_file(f'prior.{field}', path)}" for field, path in self.missing().items())
 
     def digest(self) -> str:
         """Digest the contents of the files, 16 hexadecimal digits; '' where there are none. All of them must exist."""

@@ -13,12 +13,16 @@ from trackers.plain_data import dump_yaml
 from twin import models
 from twin.recording.atomic_file import open_atomic
 from twin.scenario import Scenario
-from twin.scenario.housings import check_place, in_the_room
-from twin.scenario.mount import Mount, mount_of
+from twin.scenario.housings import check_place
+from twin.scenario.mount import Mount
 from twin.scenario.sensors import FloorDescription
+from twin.studies.candidate_poses import relative_mounts
 from twin.studies.candidate_set import CandidatePose
 from twin.studies.devices import Device, DeviceKind
 from twin.studies.spec import Study
+
+_Placed = tuple[Mount, DeviceKind]
+"""One device: its mount, or that of its first sensor, in the room, and its kind."""
 
 
 def apply_placement(study: Study, scenario: Scenario, poses: Sequence[CandidatePose]) -> Scenario:
@@ -35,12 +39,22 @@ def apply_placement(study: Study, scenario: Scenario, poses: Sequence[CandidateP
     called: dict[str, str] = {}
     for name, device in study.devices.items():
         chosen = [(mount, device.kinds[pose.kind]) for pose in poses if pose.device == name for mount in pose.mounts]
+        for own in device.sensors_in(scenario):
+            del sensors[own]
         if device.housing is not None:
-            _move_housing(device.housing, chosen, name, sensors, housings, scenario)
+            placed_housings, placed = _on_housings(device.housing, device.sensors_in(scenario), name, chosen, scenario)
+            del housings[device.housing]
+            housings |= placed_housings
         elif device.together:
-            _move_together(device, chosen, name, sensors, scenario)
+            placed = _together(device, name, chosen, scenario)
         else:
-            called |= _move_each(device, chosen, name, sensors, scenario)
+            placed = _single(device, name, chosen, scenario)
+            if taken := next((each for each in placed if each in sensors), None):
+                raise InputError(
+                    f"devices.{name}: {taken!r} is a sensor that stays; another name of the entry is expected"
+                )
+            called |= dict(zip(device.sensors, placed, strict=False))
+        sensors |= placed
     if not sensors:
         raise InputError("no sensor is left; at least one is expected")
     main = called.get(scenario.main_sensor or "", scenario.main_sensor)
@@ -70,11 +84,6 @@ def apply_placement(study: Study, scenario: Scenario, poses: Sequence[CandidateP
     return changed
 
 
-def _names(own: Sequence[str], device_name: str, number: int) -> list[str]:
-    """Name the sensors of a device: by the scenario's own name if any, then NAME-2 ... after the device."""
-    return [own[0] if k == 0 and len(own) == 1 else f"{device_name}-{k + 1}" for k in range(number)]
-
-
 def _described(description: Any, mount: Mount, kind: DeviceKind) -> Any:
     """Describe a sensor of this kind at a mount in the room, with its pose freed of rounding by rotation."""
     angles = {each: round(getattr(mount, each), 9) + 0.0 for each in ("yaw_deg", "pitch_deg", "roll_deg")}
@@ -94,67 +103,44 @@ def _described(description: Any, mount: Mount, kind: DeviceKind) -> Any:
     return validate(type(description), whole, f"devices: kinds: {kind.name}")
 
 
-def _move_each(
-    device: Device,
-    chosen: list[tuple[Mount, DeviceKind]],
-    device_name: str,
-    sensors: dict[str, Any],
-    scenario: Scenario,
-) -> dict[str, str]:
-    """Place devices of one sensor each; return the new names of the scenario's own sensors, as far as they go."""
-    for name in device.sensors:
-        del sensors[name]
-    names = _names(device.sensors, device_name, len(chosen))
-    for number, (name, (mount, kind)) in enumerate(zip(names, chosen, strict=True)):
-        template = scenario.sensors[device.sensors[min(number, len(device.sensors) - 1)]]
-        if name in sensors:
-            raise InputError(
-                f"devices.{device_name}: {name!r} is a sensor that stays; another name of the entry is expected"
-            )
-        sensors[name] = _described(template, mount, kind)
-    return dict(zip(device.sensors, names, strict=False))
-
-
-def _move_together(
-    device: Device,
-    chosen: list[tuple[Mount, DeviceKind]],
-    device_name: str,
-    sensors: dict[str, Any],
-    scenario: Scenario,
-) -> None:
-    poses = {name: in_the_room(scenario, name).mount.room_from_housing() for name in device.together}  # pyright: ignore
-    first = poses[device.together[0]]
-    for name in device.together:
-        del sensors[name]
+def _single(device: Device, device_name: str, chosen: Sequence[_Placed], scenario: Scenario) -> dict[str, Any]:
+    """Describe devices of one sensor each: the first by the scenario's own name if that is the only one."""
+    templates = [scenario.sensors[name] for name in device.sensors]
+    placed = {}
     for number, (mount, kind) in enumerate(chosen):
-        for name, pose in poses.items():
-            inner = mount_of(
-                first.rotation.T @ pose.rotation, first.rotation.T @ (pose.translation - first.translation)
-            )
-            called = name if number == 0 else f"{name}-{device_name}-{number + 1}"
-            sensors[called] = _described(scenario.sensors[name], mount.carrying(inner), kind)
+        name = device.sensors[0] if number == 0 and len(templates) == 1 else f"{device_name}-{number + 1}"
+        placed[name] = _described(templates[min(number, len(templates) - 1)], mount, kind)
+    return placed
 
 
-def _move_housing(
-    housing: str,
-    chosen: list[tuple[Mount, DeviceKind]],
-    device_name: str,
-    sensors: dict[str, Any],
-    housings: dict[str, Any],
-    scenario: Scenario,
-) -> None:
-    on_it = {name: each for name, each in scenario.sensors.items() if getattr(each, "housing", None) == housing}
-    for name in on_it:
-        del sensors[name]
-    template = housings.pop(housing)
+def _together(device: Device, device_name: str, chosen: Sequence[_Placed], scenario: Scenario) -> dict[str, Any]:
+    """Describe devices of several sensors each."""
+    inner = dict(zip(device.together, relative_mounts(device, scenario), strict=True))
+    return {
+        _name(name, device_name, number): _described(scenario.sensors[name], mount.carrying(inner[name]), kind)
+        for number, (mount, kind) in enumerate(chosen)
+        for name in device.together
+    }
+
+
+def _on_housings(
+    housing: str, names: Sequence[str], device_name: str, chosen: Sequence[_Placed], scenario: Scenario
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return copies of a housing, and the sensors on each."""
+    housings, sensors = {}, {}
     for number, (mount, kind) in enumerate(chosen):
         called = housing if number == 0 else f"{device_name}-{number + 1}"
-        housings[called] = template.model_copy(update={"mount": mount})
-        for name, each in on_it.items():
-            content = each.model_dump(mode="json", exclude_none=True) | dict(kind.set) | {"housing": called}
-            sensors[name if number == 0 else f"{name}-{called}"] = validate(
-                type(each), content, f"devices: kinds: {kind.name}"
-            )
+        housings[called] = scenario.housings[housing].model_copy(update={"mount": mount})
+        for name in names:
+            sensor = scenario.sensors[name]
+            content = sensor.model_dump(mode="json", exclude_none=True) | dict(kind.set) | {"housing": called}
+            sensors[_name(name, device_name, number)] = validate(type(sensor), content, f"devices: kinds: {kind.name}")
+    return housings, sensors
+
+
+def _name(own: str, device_name: str, number: int) -> str:
+    """Name a sensor of a device of several: of the first one by its own name."""
+    return own if number == 0 else f"{own}-{device_name}-{number + 1}"
 
 
 def write_scenario(path: Path, own: Scenario, changed: Scenario, own_file: Path, name: str, description: str) -> None:

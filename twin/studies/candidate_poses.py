@@ -22,18 +22,10 @@ from twin.world.scene import Scene
 _AIM_HEIGHT_M = 1.0
 
 
-def first_sensor(device: Device, scenario: Scenario) -> str:
-    """Return the name of the sensor that describes a device."""
-    if device.housing is not None:
-        return next(name for name, each in scenario.sensors.items() if getattr(each, "housing", None) == device.housing)
-    return (*device.sensors, *device.together)[0]
-
-
 def relative_mounts(device: Device, scenario: Scenario) -> list[Mount]:
     """Return the mounts of a device's sensors in its own frame: that of its first sensor, or of its housing."""
     if device.housing is not None:
-        on_it = [each for each in scenario.sensors.values() if getattr(each, "housing", None) == device.housing]
-        return [each.mount for each in on_it]  # pyright: ignore[reportReturnType]
+        return [scenario.sensors[name].mount for name in device.sensors_in(scenario)]  # pyright: ignore[reportReturnType]
     if device.sensors:
         return [Mount(xyz=(0.0, 0.0, 0.0))]
     first, *_ = hung = [in_the_room(scenario, name).mount.room_from_housing() for name in device.together]  # pyright: ignore
@@ -48,7 +40,7 @@ def sensor_positions(device: Device, scenario: Scenario, mounts: tuple[Mount, ..
 
 def candidate_mounts(device: Device, scenario: Scenario, building: Building, scene: Scene) -> list[tuple[Mount, ...]]:
     """Return every position in every direction, with mirror images if wanted; yaw and tilt in the room's frame."""
-    first = first_sensor(device, scenario)
+    first = device.sensors_in(scenario)[0]
     described = scenario.sensors[first]
     lies = isinstance(described, FloorDescription)
     own_pitch_deg = 0.0 if lies else in_the_room(scenario, first).mount.pitch_deg  # pyright: ignore[reportAttributeAccessIssue]
@@ -136,7 +128,7 @@ def rejection_reasons(
     def any_of(which: Mask) -> Mask:
         return np.asarray(which.reshape(len(held), -1).any(axis=1))
 
-    first = scenario.sensors[first_sensor(device, scenario)]
+    first = scenario.sensors[device.sensors_in(scenario)[0]]
     if isinstance(first, FloorDescription):
         return {"not on the floor of the room": np.array([not _lies(first, scene, each) for each in mounts])}
     reasons = {

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from trackers.arrays import Array
-from trackers.errors import InputError
+from trackers.errors import InputError, raise_faults
 from twin.room.building import Building
 from twin.room.floor import floor_of
 from twin.room.mjcf import compiled
@@ -106,13 +106,11 @@ class CandidateSet:
             cable_m = cable_lengths_m(study, building, held)
             for number in np.flatnonzero(left):
                 for kind_number, kind in enumerate(device.kinds):
-                    each = kind.price if kind.price is not None else device.price
                     per_m = study.constraints.cable.price_per_m if study.constraints.cable else 0.0
-                    price = each * len(mounts[number]) + per_m * float(cable_m[number])
+                    price = device.price_of(kind) * len(mounts[number]) + per_m * float(cable_m[number])
                     poses.append(CandidatePose(name, kind_number, mounts[number], price, float(cable_m[number])))
                     positions.append(held[number])
-        if faults:
-            raise InputError("\n".join(faults))
+        raise_faults(faults)
         candidate_set = cls(study, scenario, building, tuple(poses), tuple(positions), rejected, n_considered)
         candidate_set._check(source)
         return candidate_set
@@ -156,8 +154,7 @@ class CandidateSet:
         """Return the price of a device that stands for a sensor: of the first matching kind; None: of several sensors."""
         own = sensor.model_dump(mode="json", exclude_none=True) if sensor is not None else {}
         possible = [kind for kind in device.kinds if all(own.get(field) == value for field, value in kind.set.items())]
-        kind = (possible or device.kinds)[0]
-        return kind.price if kind.price is not None else device.price
+        return device.price_of((possible or device.kinds)[0])
 
     def violation(self, placement: Iterable[int]) -> str:
         """Return the constraint that a set of poses violates; "" for none."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from trackers.errors import InputError
 from twin.scenario import Scenario
 from twin.scenario.sensors import FloorDescription
 from twin.studies.apply_placement import apply_placement
-from twin.studies.candidate_set import BASELINE, CandidatePose, CandidateSet, Placement
+from twin.studies.candidate_set import BASELINE, CandidateSet, Placement
 from twin.studies.spec import Coverage, Study
 from twin.studies.visibility import SampledWorld, SensorVisibility, floor_cells, packed
 from twin.suites.cache import RecordingCache
@@ -106,19 +107,17 @@ class PoseCoverage:
             name for name in moved.sensors if moved.sensors[name] == candidate_set.scenario.sensors.get(name)
         ]
         self._bits: dict[int, Bits] = {}
-        self._fixed: Bits | None = None
 
-    @property
+    @cached_property
     def fixed(self) -> Bits:
         """The visibility bits of the sensors that no pose moves."""
-        if self._fixed is None:
-            self._fixed = self.targets.visibility_bits(self._layout.scenario, self._static)
-        return self._fixed
+        return self.targets.visibility_bits(self._layout.scenario, self._static)
 
     def bits(self, pose: int) -> Bits:
         """Return what the sensors of one candidate pose see, (sensors, words)."""
         if pose not in self._bits:
-            alone = _only(self._study, self._layout.scenario, self._layout.poses[pose])
+            without_faults = self._layout.scenario.model_copy(update={"faults": {}})
+            alone = apply_placement(self._study, without_faults, [self._layout.poses[pose]])
             names = [name for name in alone.sensors if name not in self._static]
             self._bits[pose] = self.targets.visibility_bits(alone, names)
         return self._bits[pose]
@@ -162,8 +161,3 @@ def _summed(bits: Bits, n: int, most: int) -> NDArray[np.uint8]:
         return np.zeros(n, dtype=np.uint8)
     each = np.unpackbits(np.ascontiguousarray(bits).view(np.uint8), axis=1, count=n)
     return np.minimum(each.sum(axis=0), most).astype(np.uint8)
-
-
-def _only(study: Study, scenario: Scenario, pose: CandidatePose) -> Scenario:
-    """Return the scenario with only the devices of one candidate pose, without its faults."""
-    return apply_placement(study, scenario.model_copy(update={"faults": {}}), [pose])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, FiniteFloat, model_validator
@@ -11,6 +11,9 @@ from trackers.area import Point3
 from trackers.configuration import Strict
 from trackers.rig import Point2
 from twin.suites.spec import Overrides, OwnName, Text
+
+if TYPE_CHECKING:
+    from twin.scenario import Scenario
 
 Metres = Annotated[FiniteFloat, Field(ge=0, le=1000)]
 
@@ -177,6 +180,16 @@ class Device(Strict):
             return self.count
         number = max(1, len(self.sensors) // (2 if self.mirrored else 1))
         return number, number
+
+    def price_of(self, kind: DeviceKind) -> float:
+        """Return the price of a device of this kind."""
+        return self.price if kind.price is None else kind.price
+
+    def sensors_in(self, scenario: Scenario) -> list[str]:
+        """Return the names of a scenario's sensors that the device stands for; of a housing all on it."""
+        if self.housing is not None:
+            return [name for name, each in scenario.sensors.items() if getattr(each, "housing", None) == self.housing]
+        return [*self.sensors, *self.together]
 
 
 class Cable(Strict):

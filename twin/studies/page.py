@@ -11,9 +11,9 @@ import numpy as np
 from trackers.arrays import Array
 from twin.models import MODELS
 from twin.recording.atomic_file import open_atomic
+from twin.report.metrics_table import format_number
 from twin.report.palette import data_uri, page_template
 from twin.scenario import Scenario
-from twin.studies.candidate_poses import first_sensor
 from twin.studies.candidate_set import BASELINE
 from twin.studies.devices import Device
 from twin.studies.interactive_plan import plan_data, section
@@ -84,7 +84,7 @@ def write_page(path: Path, results: StudyResults) -> None:
             (
                 _left_out(results, placement),
                 f"{value:.4f}",
-                f"{value - _value(results, results.best):+.4f}".replace("-", "−"),
+                format_number(value - _value(results, results.best), 4, sign=True),
             )
             for placement, value in results.one_fewer
         ],
@@ -131,19 +131,12 @@ def _parts(results: StudyResults) -> list[tuple[str, str, str, str]]:
                 if candidate_set.poses[each].device == name and candidate_set.poses[each].kind == number
             ]
             if mine:
-                each = kind.price if kind.price is not None else device.price
                 what = f"{name}: {_device_label(device, results.prepared.scenario)}" + (
                     "" if kind.name == "as-is" else f", {kind.name}"
                 )
                 cable = sum(pose.cable_m * len(pose.mounts) for pose in mine)
-                rows.append(
-                    (
-                        what,
-                        str(sum(len(pose.mounts) for pose in mine)),
-                        f"{each:g}",
-                        f"{cable:.1f} m" if cable else "–",
-                    )
-                )
+                count = sum(len(pose.mounts) for pose in mine)
+                rows.append((what, str(count), f"{device.price_of(kind):g}", f"{cable:.1f} m" if cable else "–"))
     return rows
 
 
@@ -179,11 +172,7 @@ def _prices(results: StudyResults, scenario: Scenario) -> dict[str, float]:
             mine = [each for each in scenario.sensors if each in device.sensors or each.startswith(f"{device_name}-")]
             prices |= {each: candidate_set.device_price(device, scenario.sensors[each]) for each in mine}
             continue
-        of_housing = (
-            each for each, sensor in scenario.sensors.items() if getattr(sensor, "housing", "") == device.housing
-        )
-        first = next(iter(device.together), None) or next(of_housing, None)
-        if first is not None:
+        for first in device.sensors_in(scenario)[:1]:
             prices[first] = candidate_set.device_price(device, None)
     return prices if any(prices.values()) else {}
 
@@ -294,6 +283,6 @@ def _standard_error(results: StudyResults, trial: Trial) -> float:
 
 def _device_label(device: Device, scenario: Scenario) -> str:
     """Name a device for the list of parts."""
-    kind = scenario.sensors[first_sensor(device, scenario)].kind
+    kind = scenario.sensors[device.sensors_in(scenario)[0]].kind
     held = len(device.together) or 1
     return kind if held == 1 else f"{kind} and {held - 1} more on one mount"

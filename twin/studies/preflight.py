@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from trackers.errors import InputError, valid_names
-from trackers.presets import available, make_tracker
+from trackers.errors import InputError, raise_faults, valid_names
+from trackers.presets import make_tracker
 from trackers.prior import Prior
 from trackers.tracks import unused_sensors
 from twin import models
@@ -19,7 +19,7 @@ from twin.streams import stream
 from twin.studies.apply_placement import apply_placement
 from twin.studies.candidate_set import CandidateSet
 from twin.studies.spec import Study, StudyScenario, load_study, scenario_key
-from twin.suites.preflight import format_overrides, warnings_silenced
+from twin.suites.preflight import format_overrides, is_known_tracker, unknown_tracker, warnings_silenced
 from twin.world.scene import Scene, build_scene
 
 
@@ -54,17 +54,12 @@ def prepare(name: str | Path, *, seed_offset: int = 0, trusted: TrustedClasses =
     first = next(iter(scenarios.values()))
     every = {f"scenarios.{key}": each for key, each in scenarios.items()}
     every |= {f"held_out.scenarios.{key}": each for key, each in others.items()}
-    faults = [*_device_faults(study, every, path), *_tracker_faults(study, path, scenarios)]
-    if faults:
-        raise InputError("\n".join(dict.fromkeys(faults)))
+    raise_faults([*_device_faults(study, every, path), *_tracker_faults(study, path, scenarios)])
     chosen = tuple(choose(study.trackers, first.trackers, str(path), trusted, STUDY)) if study.trackers else ()
     scene = build_scene(first, pictures=False)
     candidate_set = CandidateSet.of(study, first, scene, str(path))
-    faults = list(_kind_faults(study, candidate_set, path)) or list(
-        _unused_sensor_faults(study, candidate_set, chosen, scene, path)
-    )
-    if faults:
-        raise InputError("\n".join(dict.fromkeys(faults)))
+    raise_faults(_kind_faults(study, candidate_set, path))
+    raise_faults(_unused_sensor_faults(study, candidate_set, chosen, scene, path))
     return PreparedStudy(study, path, scenarios, files, scenarios | others, chosen, scene, candidate_set)
 
 
@@ -95,8 +90,7 @@ def _loaded(entries: Sequence[StudyScenario], path: Path, field: str) -> tuple[d
                 line if line.startswith(str(path)) else f"{path}: {field}.{number}: {line}"
                 for line in str(error).splitlines()
             ]
-    if faults:
-        raise InputError("\n".join(faults))
+    raise_faults(faults)
     return found, files
 
 
@@ -119,9 +113,7 @@ def _device_faults(study: Study, scenarios: dict[str, Scenario], path: Path) -> 
             if device.housing is not None and device.housing not in scenario.housings:
                 valid = valid_names(device.housing, scenario.housings, none="none, as it has no housings")
                 yield f"{path}: devices.{name}.housing: {scenario.name} has no housing {device.housing!r}; {valid}"
-            elif device.housing is not None and not any(
-                getattr(each, "housing", None) == device.housing for each in scenario.sensors.values()
-            ):
+            elif device.housing is not None and not device.sensors_in(scenario):
                 yield f"{path}: devices.{name}.housing: nothing hangs on {device.housing!r}; a housing with sensors is expected"
     for name, device in study.devices.items():
         for sensor in (*device.sensors, *device.together):
@@ -139,11 +131,9 @@ def _tracker_faults(study: Study, path: Path, scenarios: dict[str, Scenario]) ->
     for place, name in enumerate(study.trackers):
         choice = first.trackers.get(name)
         target = (choice.preset if choice else None) or name
-        if target not in available() and ":" not in target:
-            yield (
-                f"{path}: trackers.{place}: there is no tracker {target!r}; "
-                f"{valid_names(target, available(), ', module:Class, or one that the first scenario defines')}"
-            )
+        if not is_known_tracker(target):
+            where = f"{path}: trackers.{place}"
+            yield unknown_tracker(where, target, "one that the first scenario defines")
 
 
 def _kind_faults(study: Study, candidate_set: CandidateSet, path: Path) -> Iterator[str]:
@@ -176,7 +166,7 @@ def _unused_sensor_faults(
 
     The search would pay for them in vain; coverage and price need no tracker.
     """
-    validated = {objective.tracker for objective in study.validated}
+    validated, kept = {objective.tracker for objective in study.validated}, study.kept_sensors(candidate_set.scenario)
     area = tuple((float(x), float(y)) for x, y in scene.area)
     faults = []
     with warnings_silenced():
@@ -187,9 +177,6 @@ def _unused_sensor_faults(
                 )
             except InputError:  # reported with the trial
                 continue
-            moved = [
-                name for name, each in scenario.sensors.items() if _is_moved(study, candidate_set.scenario, name, each)
-            ]
             rig = assumed_rig(scenario, area)
             for place, each in enumerate(chosen):
                 rng = stream(scenario.seed, "tracker", each.name)
@@ -201,24 +188,13 @@ def _unused_sensor_faults(
                         f"{path}: trackers.{place}: {each.name!r} cannot work on a placement of {sensors}: {error}"
                     )
                     continue
-                ignored = [name for name in unused_sensors(tracker) if name in moved]
+                ignored = [name for name in unused_sensors(tracker) if name not in kept]
                 if ignored and each.name in validated:
                     faults.append(
                         f"{path}: trackers.{place}: {each.name!r} makes no use of {', '.join(ignored)}, which the study moves; a "
                         "tracker that uses what is placed, or other sensors under devices, is expected"
                     )
     return faults
-
-
-def _is_moved(study: Study, scenario: Scenario, name: str, description: object) -> bool:
-    if name not in scenario.sensors:
-        return True
-    own: set[str | None] = set()
-    for device in study.devices.values():
-        own |= {*device.sensors, *device.together}
-        if device.housing is not None:
-            own |= {key for key, each in scenario.sensors.items() if getattr(each, "housing", None) == device.housing}
-    return name in own
 
 
 def _examples(study: Study, candidate_set: CandidateSet) -> Iterator[tuple[int, ...]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -14,7 +13,7 @@ import numpy as np
 
 from trackers.errors import InputError
 from trackers.plain_data import dump_yaml
-from twin.console import PlainConsole, print_warnings
+from twin.console import PlainConsole, print_warning, print_warnings
 from twin.models import cache_folder
 from twin.recording.atomic_file import open_atomic
 from twin.report.palette import data_uri
@@ -29,7 +28,7 @@ from twin.studies.page import study_template, write_page
 from twin.studies.plots import heat_map, plan_sensors
 from twin.studies.preflight import prepare
 from twin.studies.results import StudyResults, summarize, write_table
-from twin.studies.search import Result, Searcher
+from twin.studies.search import Result, Searcher, check_search_size
 from twin.studies.spec import Coverage
 from twin.studies.store import FILE, open_store
 from twin.studies.trials import TrialRunner, losses, pareto_fronts
@@ -75,14 +74,14 @@ def run_study(
     study = prepared.study
     folder = out if out is not None else Path("out") / f"study-{study.name}"
     cache = RecordingCache(cache_folder(), cache_limit_bytes())
+    check_search_size(study, prepared.candidate_set, str(prepared.path))
     run = TrialRunner(prepared, cache)
-    Searcher(study, prepared.candidate_set, None, run.evaluate).check(str(prepared.path))
     coverage = PoseCoverage(study, prepared.candidate_set, cache)
     searcher = Searcher(study, prepared.candidate_set, coverage, run.evaluate)
     run.trials = searcher.result.trials
     first = None if resume and (folder / FILE).exists() else run.check_metrics()
     facts = study.model_dump(mode="json", by_alias=True)
-    listener = ProgressListener(warned=_warn)
+    listener = ProgressListener(warned=print_warning)
     with open_store(folder, facts, place, resume, listener, run.progress) as evaluations:
         run.evaluations = evaluations
         if first is not None:
@@ -91,12 +90,8 @@ def run_study(
         results = _results(run, coverage, result, start)
         for trial in results.front:
             if trial.coverage is None:
-                trial.coverage, trial.coverage_worst = coverage.share(trial.placement), coverage.worst(trial.placement)
+                trial.measure_coverage(coverage)
         yield results, folder
-
-
-def _warn(message: str) -> None:
-    sys.stderr.write(f"twin: warning: {message}\n")
 
 
 def _results(run: TrialRunner, coverage: PoseCoverage, result: Result, start_s: float) -> StudyResults:
@@ -114,22 +109,12 @@ def _results(run: TrialRunner, coverage: PoseCoverage, result: Result, start_s: 
         )
     loss = losses(mine, study.objectives, study.scenarios)
     front = [each for each, number in zip(mine, pareto_fronts(loss), strict=True) if number == 0]
-    best = mine[int(np.lexsort((np.arange(len(mine)), loss[:, 0]))[0])]
+    best = mine[int(np.argmin(loss[:, 0]))]
     if study.cheapest_within is not None:
-        near = [
-            each
-            for each, row in zip(mine, loss, strict=True)
-            if row[0] <= loss[:, 0].min() + study.cheapest_within + 1e-12
-        ]
-        best = min(
-            near,
-            key=lambda each: (
-                each.price,
-                each.value(objective, study.scenarios) * (-1 if objective.more_is_better else 1),
-            ),
-        )
+        near = np.flatnonzero(loss[:, 0] <= loss[:, 0].min() + study.cheapest_within + 1e-12)
+        best = mine[min(near, key=lambda place: (mine[place].price, loss[place, 0]))]
     if best.coverage is None:
-        best.coverage, best.coverage_worst = coverage.share(best.placement), coverage.worst(best.placement)
+        best.measure_coverage(coverage)
     held = [row for each in study.validated for row in held_out_differences(run, best, each)]
     less = values_with_one_fewer(run, coverage, best)
     off = displaced_differences(run, best, study.validated[0]) if study.validated else []

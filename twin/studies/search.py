@@ -39,33 +39,40 @@ Evaluate = Callable[[Sequence[Trial], int], None]
 """Callback that evaluates trials on so many search seeds; failures get their reason in `failure`."""
 
 
+def check_search_size(study: Study, candidate_set: CandidateSet, source: str) -> None:
+    """Raise InputError, naming `source`, for too large a search, before evaluating anything."""
+    method, number = study.search.method, len(candidate_set.poses)
+    ways = sum(
+        prod(comb(len(numbers), count) for numbers, count in each)
+        for each in product(*_counts_by_device(study, candidate_set))
+    )
+    if method == "exhaustive" and ways > MOST_CANDIDATES:
+        refuse_unless_lifted(
+            f"{source}: search.method: 'exhaustive' would try {ways} placements",
+            f"at most {MOST_CANDIDATES}, or another method",
+        )
+    if method in ("greedy", "exact") and number > _MOST_EXACT_OPTIONS:
+        refuse_unless_lifted(
+            f"{source}: search.method: {method!r} keeps the bits of every candidate pose, and there are {number}",
+            f"at most {_MOST_EXACT_OPTIONS}, by larger steps",
+        )
+
+
+def _counts_by_device(study: Study, candidate_set: CandidateSet) -> list[list[tuple[list[int], int]]]:
+    """Return the poses of each device with each allowed count."""
+    return [
+        [(numbers, count) for count in range(study.devices[name].counts[0], study.devices[name].counts[1] + 1)]
+        for name, numbers in candidate_set.by_device.items()
+    ]
+
+
 class Searcher:
     """Search of a candidate set by coverage and by the metrics that `evaluate` adds."""
 
-    def __init__(
-        self, study: Study, candidate_set: CandidateSet, coverage: PoseCoverage | None, evaluate: Evaluate
-    ) -> None:
+    def __init__(self, study: Study, candidate_set: CandidateSet, coverage: PoseCoverage, evaluate: Evaluate) -> None:
         self.study, self.candidate_set, self._coverage, self._evaluate = study, candidate_set, coverage, evaluate
         self.result = Result()
-        self._covers = coverage is not None and any(each.kind == "coverage" for each in study.objectives)
-
-    def check(self, source: str) -> None:
-        """Raise InputError, naming `source`, for too large a search, before evaluating anything."""
-        method = self.study.search.method
-        ways = [
-            prod(comb(len(numbers), count) for numbers, count in each) for each in product(*self._counts_by_device())
-        ]
-        if method == "exhaustive" and sum(ways) > MOST_CANDIDATES:
-            refuse_unless_lifted(
-                f"{source}: search.method: 'exhaustive' would try {sum(ways)} placements",
-                f"at most {MOST_CANDIDATES}, or another method",
-            )
-        number = len(self.candidate_set.poses)
-        if method in ("greedy", "exact") and number > _MOST_EXACT_OPTIONS:
-            refuse_unless_lifted(
-                f"{source}: search.method: {method!r} keeps the bits of every candidate pose, and there are {number}",
-                f"at most {_MOST_EXACT_OPTIONS}, by larger steps",
-            )
+        self._covers = any(each.kind == "coverage" for each in study.objectives)
 
     def run(self) -> Result:
         """Search by the study's method."""
@@ -85,8 +92,8 @@ class Searcher:
         if placement not in self.result.trials:
             trial = Trial(placement, self.candidate_set.price(placement))
             trial.failure = "" if placement == BASELINE else self.candidate_set.violation(placement)
-            if self._coverage is not None and (self._covers or placement == BASELINE) and not trial.failure:
-                trial.coverage, trial.coverage_worst = self._coverage.share(placement), self._coverage.worst(placement)
+            if (self._covers or placement == BASELINE) and not trial.failure:
+                trial.measure_coverage(self._coverage)
             self.result.trials[placement] = trial
         return self.result.trials[placement]
 
@@ -100,17 +107,9 @@ class Searcher:
                 return
             running = rank_trials(running, self.study.objectives, self.study.scenarios)[: -(-len(running) // 2)]
 
-    def _counts_by_device(self) -> list[list[tuple[list[int], int]]]:
-        """Return the poses of each device with each allowed count."""
-        devices = self.study.devices
-        return [
-            [(numbers, count) for count in range(devices[name].counts[0], devices[name].counts[1] + 1)]
-            for name, numbers in self.candidate_set.by_device.items()
-        ]
-
     def _all(self) -> Iterator[Placement]:
         """Yield every placement that keeps the constraints."""
-        for each in product(*self._counts_by_device()):
+        for each in product(*_counts_by_device(self.study, self.candidate_set)):
             for parts in product(*(combinations(numbers, count) for numbers, count in each)):
                 placement = tuple(sorted(number for part in parts for number in part))
                 if placement and not self.candidate_set.violation(placement):
@@ -125,7 +124,6 @@ class Searcher:
 
     def cover_problem(self) -> CoverProblem:
         """Return the set cover problem of greedy and exact."""
-        assert self._coverage is not None
         counts, stay, weight = self._coverage.counts(range(len(self.candidate_set.poses)))
         device = [pose.device for pose in self.candidate_set.poses]
         return CoverProblem(
@@ -256,7 +254,7 @@ class Searcher:
 
     def _starts(self) -> Iterable[dict[str, float]]:
         """Yield the greedy set cover for each number of devices, as first guesses, where its bits fit in memory."""
-        if self._coverage is None or len(self.candidate_set.poses) > _MOST_EXACT_OPTIONS:
+        if len(self.candidate_set.poses) > _MOST_EXACT_OPTIONS:
             return
         choice = self.cover_problem()
         for number in self.numbers():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import combinations
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -16,6 +16,9 @@ from twin import models
 from twin.studies.devices import Constraints, Device, Metres
 from twin.suites.metrics import METRICS
 from twin.suites.spec import EachOnce, Overrides, OwnName, Seeds, Text, TrackerName, list_of, mapping_of, single
+
+if TYPE_CHECKING:
+    from twin.scenario import Scenario
 
 NOT_DETERMINISTIC = ("ms_per_frame.mean", "ms_per_frame.p95")
 """Metrics that depend on the machine's load: no objective may use them."""
@@ -176,6 +179,10 @@ class Study(Strict):
     def validated(self) -> tuple[Objective, ...]:
         """The objectives that are validated on held-out seeds: trackers' metrics."""
         return tuple(each for each in self.objectives if each.kind == "metric")
+
+    def kept_sensors(self, scenario: Scenario) -> set[str]:
+        """Return the names of a scenario's sensors that no device stands for: they stay as they are."""
+        return set(scenario.sensors).difference(*(each.sensors_in(scenario) for each in self.devices.values()))
 
     @model_validator(mode="before")
     @classmethod

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,6 +14,7 @@ from trackers.errors import InputError, valid_names
 from twin.scenario import Scenario
 from twin.studies.apply_placement import apply_placement
 from twin.studies.candidate_set import BASELINE, Placement
+from twin.studies.coverage import PoseCoverage
 from twin.studies.preflight import PreparedStudy
 from twin.studies.spec import Objective, StudyScenario, scenario_key
 from twin.studies.store import EvaluationStore, Job, Outcome
@@ -36,6 +37,10 @@ class Trial:
     coverage: float | None = None
     coverage_worst: float | None = None
     failure: str = ""
+
+    def measure_coverage(self, coverage: PoseCoverage) -> None:
+        """Measure the share of rows that the placement covers, overall and at the worst position."""
+        self.coverage, self.coverage_worst = coverage.share(self.placement), coverage.worst(self.placement)
 
     @property
     def seeds(self) -> list[int]:
@@ -198,20 +203,19 @@ class TrialRunner:
         objective: Objective,
         name: str,
         weights: Mapping[str, float],
-        place: Callable[[str, int], Scenario],
-        seeds: Sequence[int],
+        placed: Mapping[tuple[int, str], Scenario],
     ) -> Array:
         """Return a tracker's metric at each seed (n,), weighted over scenarios by key; NaN where one failed.
 
-        name: key of the evaluations; place: the scenario of a key and a seed.
+        name: key of the evaluations; placed: the scenarios by seed and key, seed by seed in the order of `weights`.
         """
         assert self.evaluations is not None
-        jobs = [self.job(name, key, place(key, seed), seed) for seed in seeds for key in weights]
+        jobs = [self.job(name, key, scenario, seed) for (seed, key), scenario in placed.items()]
         found = [
             np.nan if each.error else each.metrics[objective.tracker or ""].get(objective.metric or "")
             for each in self.evaluations.outcomes(jobs)
         ]
-        table = np.array(found, dtype=float).reshape(len(seeds), len(weights))
+        table = np.array(found, dtype=float).reshape(-1, len(weights))
         weight = np.array(list(weights.values()))
         return table @ weight / weight.sum()
 
@@ -227,15 +231,10 @@ class TrialRunner:
         trials = self.trials.values()
         objective = self.study.objectives[0]
         known = [each for each in trials if not each.failure and (each.metrics or objective.kind != "metric")]
+        values = [each.value(objective, self.study.scenarios) for each in known]
         best = ""
-        if known:
-            values = [
-                each.value(objective, self.study.scenarios)
-                for each in known
-                if each.seeds or objective.kind != "metric"
-            ]
-            if values:
-                best = f", best {objective.column} {max(values) if objective.more_is_better else min(values):.3f}"
+        if values:
+            best = f", best {objective.column} {max(values) if objective.more_is_better else min(values):.3f}"
         asked = self.study.search.candidates if self.study.search.method == "optuna" else max(len(trials) - 1, 1)
         share = min(1.0, max(len(trials) - 1, 0) / asked)
         spent_s = time_s - self._started_s

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -103,11 +102,6 @@ def rank_correlations(
     ]
 
 
-def leave_one_out(candidate_set: CandidateSet, placement: Placement) -> list[Placement]:
-    """Return the placements without each of the devices in turn; none for a single device."""
-    return [tuple(each for each in placement if each != removed) for removed in placement] if len(placement) > 1 else []
-
-
 def displace_sensors(
     scenario: Scenario, names: Sequence[str], off_m: float, turn_deg: float, is_surveyed: bool, seed: int
 ) -> Scenario:
@@ -150,16 +144,8 @@ def _angles(rotation: Array) -> tuple[float, float, float]:
 
 def moved_sensors(study: Study, own: Scenario, now: Scenario) -> list[str]:
     """Return the sensors of a placed scenario that the study moves, floors left out."""
-    kept: set[str] = set(own.sensors)
-    for device in study.devices.values():
-        kept -= {*device.sensors, *device.together}
-        if device.housing is not None:
-            kept -= {name for name, each in own.sensors.items() if getattr(each, "housing", None) == device.housing}
+    kept = study.kept_sensors(own)
     return [name for name, each in now.sensors.items() if name not in kept and not isinstance(each, FloorDescription)]
-
-
-def _placed_as(run: TrialRunner, placement: Placement, key: str, seed: int) -> Scenario:
-    return run.scenario(placement, key)
 
 
 def held_out_differences(run: TrialRunner, best: Trial, objective: Objective) -> list[PairedDifference]:
@@ -174,8 +160,8 @@ def held_out_differences(run: TrialRunner, best: Trial, objective: Objective) ->
     for what, weights in groups:
         both = []
         for placement in (BASELINE, best.placement):
-            scenario_of = partial(_placed_as, run, placement)
-            both.append(run.metric_by_seed(objective, placement_id(placement), weights, scenario_of, held.seeds))
+            placed = {(seed, key): run.scenario(placement, key) for seed in held.seeds for key in weights}
+            both.append(run.metric_by_seed(objective, placement_id(placement), weights, placed))
         rows.append(paired_difference(what if len(run.study.validated) == 1 else f"{objective.column}, {what}", *both))
     return rows
 
@@ -185,14 +171,15 @@ def _weights(run: TrialRunner) -> dict[str, float]:
 
 
 def values_with_one_fewer(run: TrialRunner, coverage: PoseCoverage, best: Trial) -> list[tuple[Placement, float]]:
-    """Return the first objective without each device in turn, on the search seeds."""
+    """Return the first objective without each device in turn, on the search seeds; none for a single device."""
     objective, rows = run.study.objectives[0], []
-    for placement in leave_one_out(run.candidate_set, best.placement):
+    for removed in best.placement if len(best.placement) > 1 else ():
+        placement = tuple(each for each in best.placement if each != removed)
         trial = Trial(placement, run.candidate_set.price(placement))
         if objective.kind == "metric":
             run.evaluate([trial], len(best.seeds))
         else:
-            trial.coverage, trial.coverage_worst = coverage.share(placement), coverage.worst(placement)
+            trial.measure_coverage(coverage)
         if not trial.failure:
             rows.append((placement, trial.value(objective, run.study.scenarios)))
     return rows
@@ -202,11 +189,12 @@ def displaced_differences(run: TrialRunner, best: Trial, objective: Objective) -
     """Compare the recommended placement with itself displaced, surveyed and not, and with a displacement by a millimetre."""
     study = run.study
     seeds = study.held_out.seeds if study.held_out is not None else best.seeds
-    own = {key: run.scenario(best.placement, key) for key in run.prepared.scenarios}
+    weights = _weights(run)
+    own = {(seed, key): run.scenario(best.placement, key) for seed in seeds for key in weights}
     names = moved_sensors(study, run.prepared.scenario, next(iter(own.values())))
     if not names:
         return []
-    base = run.metric_by_seed(objective, placement_id(best.placement), _weights(run), lambda key, _: own[key], seeds)
+    base = run.metric_by_seed(objective, placement_id(best.placement), weights, own)
     wanted = [("1 mm, surveyed: the noise", NOISE_M, 0.0, True)]
     wanted += [
         (f"{what}, {'' if is_surveyed else 'not '}surveyed", off, turn, is_surveyed)
@@ -215,10 +203,10 @@ def displaced_differences(run: TrialRunner, best: Trial, objective: Objective) -
     ]
     rows = []
     for what, off_m, turn_deg, is_surveyed in wanted:
-
-        def displaced(key: str, seed: int, how: tuple[float, float, bool] = (off_m, turn_deg, is_surveyed)) -> Scenario:
-            return displace_sensors(own[key], names, *how, seed)
-
-        here = run.metric_by_seed(objective, f"{placement_id(best.placement)} {what}", _weights(run), displaced, seeds)
+        displaced = {
+            (seed, key): displace_sensors(scenario, names, off_m, turn_deg, is_surveyed, seed)
+            for (seed, key), scenario in own.items()
+        }
+        here = run.metric_by_seed(objective, f"{placement_id(best.placement)} {what}", weights, displaced)
         rows.append(paired_difference(what, base, here))
     return rows

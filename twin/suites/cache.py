@@ -7,7 +7,6 @@ import hashlib
 import json
 import os
 import shutil
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from trackers.errors import InputError
-from twin.messages import sentence
+from twin.console import print_warning
 from twin.recording.atomic_file import NO_SPACE
 
 DEFAULT_LIMIT_GB = 20.0
@@ -42,10 +41,6 @@ def cache_limit_bytes() -> int:
     if not 0 < limit < float("inf"):
         raise InputError(f"{LIMIT_VARIABLE}={text}: is no size; a number of gigabytes above 0 is expected")
     return round(limit * _GB)
-
-
-def _warn(message: str) -> None:
-    sys.stderr.write(f"twin: warning: {sentence(message)}\n")
 
 
 @dataclass(frozen=True)
@@ -83,7 +78,7 @@ class RecordingCache:
 
     @contextmanager
     def recording(
-        self, key: str, make: Callable[[Path], object], warn: Callable[[str], object] = _warn
+        self, key: str, make: Callable[[Path], object], warn: Callable[[str], object] = print_warning
     ) -> Iterator[tuple[Path, bool]]:
         """Yield the folder under this key, and whether it existed; it stays at least as long as the block.
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from pydantic import JsonValue
 
-from trackers.errors import InputError
+from trackers.errors import InputError, raise_faults
 from trackers.rig import NO_PRIOR, PriorFiles
 from trackers.text_file import refuse_unless_lifted
 from twin.models import is_kept_room
@@ -162,7 +162,7 @@ def expand(
         except InputError as error:
             faults += [f"{path}: recordings.{number}: {line}" for line in str(error).splitlines()]
     faults += check.faults()
-    _raise_if_any(faults)  # before each seed draws a room of its own
+    raise_faults(faults)  # before each seed draws a room of its own
     for entry in checked:
         try:
             found = list(_cases_of(suite, entry, path, changes, limits=limits))
@@ -186,13 +186,8 @@ def expand(
                 f"{path}: recordings: {case.scenario} is there twice; a name of its own for each entry is expected"
             )
         cases[case.id] = case
-    _raise_if_any(faults)
+    raise_faults(faults)
     return list(cases.values())
-
-
-def _raise_if_any(faults: Sequence[str]) -> None:
-    if faults:
-        raise InputError("\n".join(dict.fromkeys(faults)))
 
 
 @dataclass(frozen=True)

@@ -138,15 +138,15 @@ class TrackerCheck:
         for name, choice in scenario.trackers.items():
             if name in available() and choice.preset not in (None, name):
                 self._tell(redefined(_place(variant, file, f"trackers.{name}.preset"), name, choice.preset))
-            if name not in variant.trackers and not _known(choice.preset or name):
+            if name not in variant.trackers and not is_known_tracker(choice.preset or name):
                 where = _place(variant, file, f"trackers.{name}.preset" if choice.preset else f"trackers.{name}")
-                self._tell(_unknown(where, choice.preset or name, "a preset: next to the options"))
+                self._tell(unknown_tracker(where, choice.preset or name, "a preset: next to the options"))
         for place, name in enumerate(variant.trackers):
             choice, listed = scenario.trackers.get(name, TrackerChoice()), f"{variant.listed}.{place}"
             target = choice.preset or name
-            if not _known(target):
+            if not is_known_tracker(target):
                 where = _place(variant, file, f"trackers.{name}.preset") if choice.preset else listed
-                self._tell(_unknown(where, target, f"one that the scenario {scenario.name} defines"))
+                self._tell(unknown_tracker(where, target, f"one that the scenario {scenario.name} defines"))
             elif target not in available() and not self._trusted.has(target):
                 where = _place(variant, file, f"trackers.{name}.preset") if choice.preset else listed
                 self._tell(not_trusted(where, target, SUITE))
@@ -167,8 +167,8 @@ class TrackerCheck:
 
     def check_recorded(self, listed: str, name: str, rig: Rig, title: str) -> None:
         """Check that a tracker can be made for the rig of a bag; `listed`: the field of the suite that names it."""
-        if not _known(name):
-            self._tell(_unknown(listed, name, "a class of your own"))
+        if not is_known_tracker(name):
+            self._tell(unknown_tracker(listed, name, "a class of your own"))
         elif name not in available() and not self._trusted.has(name):
             self._tell(not_trusted(listed, name, SUITE))
         elif name in PRESETS:
@@ -232,11 +232,13 @@ class TrackerCheck:
         return assumed_rig(scenario, scenario.area or self._walkable[scenario.room])
 
 
-def _known(target: str) -> bool:
+def is_known_tracker(target: str) -> bool:
+    """Return whether a name is that of a tracker of `twin list`, or may be a class, module:Class."""
     return target in available() or ":" in target
 
 
-def _unknown(where: str, target: str, also: str) -> str:
+def unknown_tracker(where: str, target: str, also: str) -> str:
+    """Format the error for a field that names no tracker; `also`: what else is valid there."""
     return f"{where}: there is no tracker {target!r}; {valid_names(target, available(), f', module:Class, or {also}')}"
 
 
