@@ -156,11 +156,25 @@ class ResultRow:
         return cls(where, row, column, paper, ours.value, interval, unit, runs, paper_system, baseline)
 
     @classmethod
-    def from_json(cls, fields: Mapping[str, Any]) -> ResultRow:
-        """Make the result from its fields in `results.json`."""
-        others = {name: fields[name] for name in ("paper_system", "baseline") if fields.get(name) is not None}
-        values = {name: SystemValue(**{**each, "ci95": tuple(each["ci95"])}) for name, each in others.items()}
-        return cls(**{**fields, "ci95": tuple(fields["ci95"]), **values})
+    def of_runs(
+        cls,
+        where: str,
+        row: str,
+        column: str,
+        values: Array,
+        unit: str,
+        seed: int,
+        stream_name: str,
+        paper: float | None = None,
+        paper_system: SystemValue | None = None,
+        baseline: SystemValue | None = None,
+    ) -> list[ResultRow]:
+        """Make the result of the mean of (n,) values over the runs that have one; none where all are NaN."""
+        known = values[~np.isnan(values)]
+        if not known.size:
+            return []
+        mean = mean_over_runs(known, seed, stream_name)
+        return [cls.of(where, row, column, mean, unit, known.size, paper, paper_system, baseline)]
 
     @property
     def system_texts(self) -> tuple[tuple[str, str], tuple[str, str]]:
@@ -195,6 +209,11 @@ def write_results(path: Path, results: Sequence[ResultRow]) -> None:
         file.write("\n")
 
 
+def rows_of(results: Sequence[ResultRow], *wheres: str) -> list[ResultRow]:
+    """Select the results of these tables."""
+    return [each for each in results if each.where in wheres]
+
+
 def format_rows(results: Sequence[ResultRow]) -> list[Row]:
     """Format results for `rows.html.j2`."""
     return [(result, *format_result(result)) for result in results]
@@ -215,6 +234,12 @@ def pivot_rows(results: Sequence[ResultRow], intervals: bool = True) -> Mapping[
     columns = list(dict.fromkeys(column for row in found.values() for column in row))
     rows = [(row, [cells.get(column) for column in columns]) for row, cells in found.items()]
     return {"columns": columns, "rows": rows} if found else None
+
+
+def pivot_each(results: Sequence[ResultRow], *wheres: str, intervals: bool = True) -> dict[str, Mapping[str, object]]:
+    """Pivot each of these tables that has results, by its name."""
+    grids = {where: pivot_rows(rows_of(results, where), intervals) for where in wheres}
+    return {where: grid for where, grid in grids.items() if grid is not None}
 
 
 def format_result(result: ResultRow) -> tuple[str, str, str]:

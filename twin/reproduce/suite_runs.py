@@ -9,22 +9,31 @@ from __future__ import annotations
 import csv
 import re
 import sys
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from trackers.arrays import Array
+from trackers.environment import Environment
 from trackers.errors import InputError
+from trackers.feeding import track_frames
+from trackers.observations import Observation
+from trackers.presets import make_tracker
+from trackers.prior import Prior
+from trackers.rig import Rig
 from twin.messages import OnProgress, no_progress, printable
 from twin.models import cache_folder
 from twin.recording.atomic_file import open_atomic
-from twin.recording.tables import TrackTable, TruthTable, read_tracks, read_truth
+from twin.recording.reader import Recording
+from twin.recording.tables import TrackTable, TruthTable, read_tracks, read_truth, track_table
 from twin.reproduce.registry import Request
 from twin.reproduce.results import write_pictures
+from twin.streams import stream
 from twin.suites.cache import RecordingCache, cache_limit_bytes
 from twin.suites.cache_keys import recording_key
 from twin.suites.cluster import Workers
@@ -37,7 +46,7 @@ from twin.suites.spec import Suite, load_suite
 from twin.suites.store import DONE
 from twin.suites.store_files import read_store
 from twin.suites.tasks import State, Task, TaskListener, TaskResult
-from twin.suites.worker import TRUTH, Incident, resolved_scenario, scenario_recording
+from twin.suites.worker import RECORDING, TRUTH, Incident, case_recording
 
 SUITE_FOLDER = "suite"
 """Folder of the suite's results within the reproduction's."""
@@ -57,6 +66,38 @@ class SuiteRuns:
     folder: Path
     not_done: tuple[str, ...]
 
+    def first_cases(self, condition: str) -> Mapping[str, Case]:
+        """Return the cases of a condition's first run, by tracker."""
+        return next(iter(self.by_condition[condition].values()))
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedRecording:
+    """Recording in memory, to be tracked again; its truth, and the environment given to trackers, if any."""
+
+    rig: Rig
+    background: Sequence[Observation]
+    observations: Sequence[Observation]
+    truth: TruthTable
+    environment: Environment | None
+
+    @classmethod
+    def of(cls, case: Case, runs: SuiteRuns, environment: Environment | None = None) -> LoadedRecording:
+        """Load the recording of a case, made again if no longer in the cache."""
+        with case_recording(case, runs.cache) as entry:
+            bag = Recording(entry / RECORDING)
+            truth = read_truth(entry / TRUTH)
+            return cls(bag.rig, list(bag.background), list(bag.observations()), truth, environment)
+
+    def tracker(self, preset: str, seed: int, options: Mapping[str, Any] | None = None) -> Any:
+        """Make a tracker as a run of this seed does."""
+        prior = Prior(self.background, self.environment)
+        return make_tracker(preset, self.rig, prior, stream(seed, "tracker", preset), options)
+
+    def track(self, preset: str, seed: int, options: Mapping[str, Any] | None = None) -> TrackTable:
+        """Run a tracker; return its tracks."""
+        return track_table(track_frames(self.tracker(preset, seed, options), self.rig, self.observations))
+
 
 def metric_arrays(
     runs: Collection[Mapping[str, Case]], metrics: Mapping[str, Mapping[str, float | None]]
@@ -75,13 +116,13 @@ def condition_name(case: Case) -> str:
     return with_variant(case.scenario, case.variant)
 
 
-def load_seeded_suite(name: str, seeds: range) -> tuple[Suite, Path]:
-    """Load a suite by name or path, with these seeds in every entry; return it and its file. Raises InputError as
+def load_seeded_suite(request: Request) -> tuple[Suite, Path]:
+    """Load the suite of a request, with its seeds in every entry; return it and its file. Raises InputError as
     `load_suite`.
     """
-    suite, path = load_suite(name)
+    suite, path = load_suite(request.suite or request.name)
     entries = [entry.model_copy(update={"seeds": None}) for entry in suite.scenarios]
-    return suite.model_copy(update={"seeds": tuple(seeds), "scenarios": entries}), path
+    return suite.model_copy(update={"seeds": tuple(request.seed_range), "scenarios": entries}), path
 
 
 def check_entries(
@@ -178,13 +219,6 @@ def _read_runs(
 def warn_of_failure(case_id: str, error: str) -> None:
     """Warn on stderr that a case failed."""
     sys.stderr.write(printable(f"twin: warning: {case_id} failed: {error.splitlines()[0] if error else ''}\n"))
-
-
-@contextmanager
-def case_recording(case: Case, cache: RecordingCache) -> Iterator[Path]:
-    """Yield the folder of a case's recording, made again if no longer in the cache."""
-    with scenario_recording(resolved_scenario(case), cache, case.resolved) as entry:
-        yield entry
 
 
 def case_truth(case: Case, runs: SuiteRuns) -> TruthTable:

@@ -29,7 +29,7 @@ from twin.suites.cache import RecordingCache
 from twin.suites.expansion import Case
 from twin.suites.metrics import METRICS, format_metric
 from twin.suites.results import Group, mean_over_seeds
-from twin.suites.worker import RECORDING, resolved_scenario, scenario_recording
+from twin.suites.worker import RECORDING, case_recording, resolved_scenario
 from twin.world.world import World
 
 _OFFSETS_S = (-0.8, 0.0, 0.8)
@@ -60,7 +60,7 @@ def draw_filmstrip(work: FilmstripWork) -> bytes:
     chosen = choose([case.tracker], defined, case.id, TrustedClasses(every=True))  # checked by `expand`
     world = World(scenario)
     with (
-        scenario_recording(scenario, work.cache, case.resolved) as entry,
+        case_recording(case, work.cache) as entry,
         tempfile.TemporaryDirectory(prefix="roomtwin-strip-") as temporary,
     ):
         folder = Path(temporary)

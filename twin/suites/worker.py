@@ -6,7 +6,7 @@ import hashlib
 import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import cache, partial
 from itertools import pairwise
@@ -21,6 +21,7 @@ from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.plain_data import parse_yaml
+from twin.console import print_warning
 from twin.evaluate.continuity import track_counts
 from twin.evaluate.summary import Evaluation
 from twin.messages import OnWarning, no_warning
@@ -179,11 +180,11 @@ def suite_recordings(
     for case in cases:
         found.setdefault(case.resolved, []).append(case)
     recordings = []
-    for resolved, own in found.items():
+    for own in found.values():
         if (bag := own[0].bag) is not None:
             recordings.append(RecordedCases(own[0].scenario, bag.path, _tables(own, results)))
             continue
-        entry = stack.enter_context(scenario_recording(resolved_scenario(own[0]), cache, resolved, on_warning))
+        entry = stack.enter_context(case_recording(own[0], cache, on_warning))
         name = file_name("-".join(filter(None, (own[0].scenario, own[0].variant, str(own[0].seed)))))
         recordings.append(RecordedCases(name, entry / RECORDING, _tables(own, results)))
     return recordings
@@ -224,13 +225,20 @@ def record(scenario: Scenario, folder: Path, precomputed: PrecomputedScene | Non
     run_scenario(scenario, trackers=[], out=folder, video=False, precomputed=precomputed)
 
 
+def case_recording(
+    case: Case, cache: RecordingCache, on_warning: OnWarning = print_warning
+) -> AbstractContextManager[Path]:
+    """Yield the folder of a case's recording in the cache, made if missing."""
+    return scenario_recording(resolved_scenario(case), cache, case.resolved, on_warning)
+
+
 @contextmanager
 def scenario_recording(
-    scenario: Scenario, cache: RecordingCache, resolved: str | None = None, on_warning: OnWarning | None = None
+    scenario: Scenario, cache: RecordingCache, resolved: str | None = None, on_warning: OnWarning = print_warning
 ) -> Iterator[Path]:
     """Yield the folder of a scenario's recording in the cache, made if missing. resolved: the scenario as YAML, if at hand."""
     key = recording_key(resolved or dump_scenario(scenario), renderer_of(scenario))
-    with cache.recording(key, partial(record, scenario), *filter(None, [on_warning])) as (entry, _):
+    with cache.recording(key, partial(record, scenario), on_warning) as (entry, _):
         yield entry
 
 

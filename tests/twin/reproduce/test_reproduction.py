@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 from typer.testing import CliRunner
 
 from trackers.errors import InputError
@@ -70,7 +71,7 @@ def runs():
 
 
 def format_rows(folder: Path) -> list[ResultRow]:
-    return [ResultRow.from_json(each) for each in json.loads((folder / "results.json").read_text())]
+    return TypeAdapter(list[ResultRow]).validate_json((folder / "results.json").read_bytes())
 
 
 def test_it_leaves_results_tables_plots_and_a_page_and_nothing_else(folder):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from twin.report.palette import page_template
 from twin.reproduce.results import (
@@ -36,7 +37,7 @@ def test_results_are_read_back_as_they_were_written(tmp_path):
     fields = json.loads((tmp_path / "results.json").read_text())
     assert fields[0]["paper_system"] == {"tracker": "mine-paper", "value": 7.25, "ci95": [6.0, 9.0]}
     assert fields[1]["paper_system"] is fields[1]["baseline"] is None
-    assert [ResultRow.from_json(each) for each in fields] == [FULL, BARE]
+    assert TypeAdapter(list[ResultRow]).validate_python(fields) == [FULL, BARE]
 
 
 def test_tables_show_the_systems_that_were_run(capsys):

@@ -170,11 +170,11 @@ def test_statements_say_what_the_runs_show() -> None:
     good = condition({column.tracker: SOME for column in COLUMNS[1:3]} | {c.tracker: SOME + 1 for c in COLUMNS[3:]})
     assert [each.verdict for each in statements(good)] == ["holds"] * 5 + ["does not hold", "holds"]  # IDF1 is 0.985
     lost = {FULL.tracker: np.eye(N)[0]}
-    bad = statements(condition({FULL.tracker: SOME}, lost))
+    bad = list(statements(condition({FULL.tracker: SOME}, lost)))
     assert [each.verdict for each in bad[:4]] == ["does not hold"] * 4
-    excused = statements(condition({}, lost, [hidden_in(1000)]))
+    excused = list(statements(condition({}, lost, [hidden_in(1000)])))
     assert excused[0].verdict == excused[1].verdict == "holds" and "1 in the other 1" in excused[1].evidence
-    doubtful = statements(condition({COLUMNS[3].tracker: np.eye(N)[0]}))
+    doubtful = list(statements(condition({COLUMNS[3].tracker: np.eye(N)[0]})))
     assert doubtful[3].verdict == "not decided"
 
 

@@ -35,7 +35,7 @@ from twin.reproduce.camera_floor_particle.results import (
     tracker_label,
 )
 from twin.reproduce.registry import Outputs, Request
-from twin.reproduce.results import ResultRow, format_rows, pivot_rows, write_pictures, write_reproduction
+from twin.reproduce.results import ResultRow, format_rows, pivot_each, rows_of, write_pictures, write_reproduction
 from twin.reproduce.suite_runs import (
     SuiteRuns,
     case_tracks,
@@ -56,7 +56,7 @@ def reproduce(folder: Path, request: Request, on_progress: OnProgress = no_progr
     Raises InputError for a suite without the paper's experiments, for a folder with another reproduction's runs (or the same
     one's, without `resume`), for conditions with fewer than two complete runs, and where a file cannot be written.
     """
-    suite, path = load_seeded_suite(request.suite or request.name, request.seed_range)
+    suite, path = load_seeded_suite(request)
     check_suite(suite, path)
     runs = run_conditions(folder, suite, path, request, on_progress)
     return write_all(folder, runs, [*mask_results(runs), *compare_choices(runs.cache, on_progress)], request.command)
@@ -71,7 +71,7 @@ def write_all(folder: Path, runs: SuiteRuns, more: Sequence[ResultRow], command:
     """Write results, plots, pictures and page. Raises InputError where a file cannot be written."""
     conditions = read_conditions(runs)
     results = [*results_of(conditions), *more]
-    cases = {name: next(iter(runs.by_condition[name].values())) for name in NEEDED}
+    cases = {name: runs.first_cases(name) for name in NEEDED}
     course = {tracker_label(name): case_tracks(case, runs) for name, case in cases[COURSE].items()}
     errors = [
         head_errors_since_detection(case_truth(cases[name][OURS], runs), case_tracks(cases[name][OURS], runs))
@@ -91,19 +91,11 @@ def write_all(folder: Path, runs: SuiteRuns, more: Sequence[ResultRow], command:
         "camera_floor_particle/page.html.j2",
         results,
         drawn,
-        grids={
-            where: grid
-            for where in (EXPERIMENTS, BEYOND, CHOICE, TIME)
-            if (
-                grid := pivot_rows(
-                    [each for each in results if each.where == where], intervals=where not in (CHOICE, TIME)
-                )
-            )
-        },
+        grids=pivot_each(results, EXPERIMENTS, BEYOND) | pivot_each(results, CHOICE, TIME, intervals=False),
         four_columns=format_rows(
-            [each for each in results if each.where == EXPERIMENTS and (each.paper_system or each.baseline)]
+            [each for each in rows_of(results, EXPERIMENTS) if each.paper_system or each.baseline]
         ),
-        ablations=format_rows([each for each in results if each.where == ABLATION]),
+        ablations=format_rows(rows_of(results, ABLATION)),
         pictures={caption: data_uri(jpeg) for caption, jpeg in pictures.items()},
         n_run=len(conditions[HOME].seeds),
         seeds=f"{conditions[HOME].seeds[0]} to {conditions[HOME].seeds[-1]}",

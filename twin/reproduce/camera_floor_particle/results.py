@@ -32,13 +32,13 @@ from twin.recording.tables import TruthTable, read_truth, track_table
 from twin.report.camera_panel import CameraGrid
 from twin.report.floor_panel import FloorPanel, TruePoses
 from twin.report.palette import IdentityColours, encode_jpeg
-from twin.reproduce.results import ResultRow, SystemValue, mean_over_runs
-from twin.reproduce.suite_runs import SuiteRuns, case_recording, metric_arrays
+from twin.reproduce.results import ResultRow, SystemValue
+from twin.reproduce.suite_runs import SuiteRuns, metric_arrays
 from twin.scenario import Scenario, load_scenario
 from twin.streams import stream
 from twin.suites.cache import RecordingCache
 from twin.suites.expansion import Case
-from twin.suites.worker import RECORDING, TRUTH, resolved_scenario, scenario_recording
+from twin.suites.worker import RECORDING, TRUTH, case_recording, resolved_scenario, scenario_recording
 from twin.world.simulation import Simulation
 
 OURS, PAPER, BASELINE = "camera-floor-particle", "camera-floor-particle-paper", "floor-kalman"
@@ -116,23 +116,21 @@ def tracker_label(tracker: str) -> str:
 
 
 def _means(condition: CameraFloorCondition, where: str) -> Iterator[ResultRow]:
+    has_paper = where == EXPERIMENTS and condition.name not in (COURSE, PAIR)
+    draws = condition.seeds[0], _STREAM
     for tracker, metrics in condition.metrics.items():
         for row, key, times, unit in _MEANS:
-            values = times * metrics[key]
-            known = values[~np.isnan(values)]
-            if known.size:
-                paper = _PAPER_HEAD.get(row) if tracker == OURS and condition.name not in (COURSE, PAIR) else None
-                paper = paper if where == EXPERIMENTS else None
-                found = mean_over_runs(known, condition.seeds[0], _STREAM)
+            paper, others = None, []
+            if tracker == OURS:
+                paper = _PAPER_HEAD.get(row) if has_paper else None
                 others = [
-                    SystemValue.mean(each, times * condition.metrics[each][key], condition.seeds[0], _STREAM)
+                    SystemValue.mean(each, times * condition.metrics[each][key], *draws)
                     if each in condition.metrics
                     else None
                     for each in (PAPER, BASELINE)
-                    if tracker == OURS
                 ]
-                each = f"{condition.name}, {row}"
-                yield ResultRow.of(where, each, tracker_label(tracker), found, unit, len(known), paper, *others)
+            name, column = f"{condition.name}, {row}", tracker_label(tracker)
+            yield from ResultRow.of_runs(where, name, column, times * metrics[key], unit, *draws, paper, *others)
 
 
 def _ablations(conditions: Mapping[str, CameraFloorCondition]) -> Iterator[ResultRow]:
@@ -144,10 +142,8 @@ def _ablations(conditions: Mapping[str, CameraFloorCondition]) -> Iterator[Resul
             continue
         key, times, unit = units[row]
         change = times * (condition.metrics[tracker][key] - condition.metrics[OURS][key])
-        known = change[~np.isnan(change)]
-        if known.size:
-            found = mean_over_runs(known, condition.seeds[0], _STREAM)
-            yield ResultRow.of(ABLATION, f"{what} ({name})", f"change of {row}", found, unit, len(known))
+        label, column = f"{what} ({name})", f"change of {row}"
+        yield from ResultRow.of_runs(ABLATION, label, column, change, unit, condition.seeds[0], _STREAM)
 
 
 SHOWN = ("crossing", "shadows")
@@ -161,7 +157,7 @@ def mask_results(runs: SuiteRuns) -> list[ResultRow]:
     for name in SHOWN:
         if name not in runs.by_condition:
             continue
-        case = next(iter(next(iter(runs.by_condition[name].values())).values()))
+        case = next(iter(runs.first_cases(name).values()))
         recall, precision = mask_quality(case, runs.cache)
         for row, share in (("of people's pixels, foreground", recall), ("of foreground, people's", precision)):
             value = 100 * share

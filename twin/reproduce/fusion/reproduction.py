@@ -8,43 +8,28 @@ sensor silent for ten seconds.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 
 from trackers.arrays import Array
-from trackers.feeding import track_frames
-from trackers.observations import NS_PER_S, Observation
-from trackers.presets import make_tracker
-from trackers.prior import Prior
-from trackers.rig import Rig
+from trackers.observations import NS_PER_S
 from twin.evaluate.summary import evaluate_tracks
 from twin.messages import OnProgress, no_progress
-from twin.recording.reader import Recording
-from twin.recording.tables import TruthTable, read_truth, track_table
 from twin.reproduce.registry import Outputs, Request
-from twin.reproduce.results import (
-    ResultRow,
-    SystemValue,
-    format_rows,
-    mean_over_runs,
-    pivot_rows,
-    write_reproduction,
-)
+from twin.reproduce.results import ResultRow, SystemValue, format_rows, pivot_rows, rows_of, write_reproduction
 from twin.reproduce.suite_runs import (
+    LoadedRecording,
     SuiteRuns,
-    case_recording,
     check_entries,
     load_seeded_suite,
     metric_arrays,
     run_conditions,
 )
-from twin.streams import stream
 from twin.suites.expansion import Case
 from twin.suites.spec import Suite
-from twin.suites.worker import RECORDING, TRUTH
 
 OURS, HOME = "fusion", "home-six"
 """The tracker, and the entry of the suite whose recordings are tracked again."""
@@ -63,7 +48,7 @@ def reproduce(folder: Path, request: Request, on_progress: OnProgress = no_progr
     without the home, or with an entry without this tracker, for a folder with another reproduction's runs (or the same one's,
     without `resume`), for conditions with fewer than two complete runs, and where a file cannot be written.
     """
-    suite, path = load_seeded_suite(request.suite or request.name, request.seed_range)
+    suite, path = load_seeded_suite(request)
     check_suite(suite, path)
     runs = run_conditions(folder, suite, path, request, on_progress)
     cases = [by_tracker[OURS] for by_tracker in runs.by_condition[HOME].values()]
@@ -85,8 +70,8 @@ def write_all(folder: Path, runs: SuiteRuns, replayed: Sequence[ResultRow], comm
         "fusion/page.html.j2",
         results,
         {},
-        grounds=format_rows([each for each in results if each.where == GROUNDS]),
-        grids={name: pivot_rows([each for each in results if each.where == name]) for name in (SUBSETS, SILENT)},
+        grounds=format_rows(rows_of(results, GROUNDS)),
+        grids={name: pivot_rows(rows_of(results, name)) for name in (SUBSETS, SILENT)},
         n_run=len(seeds),
         seeds=f"{min(seeds)} to {max(seeds)}",
         not_done=runs.not_done,
@@ -103,50 +88,31 @@ def ground_results(runs: SuiteRuns) -> list[ResultRow]:
         best = max(others, key=lambda tracker: others[tracker], default=None)
         for metric, label, unit in (*_METRICS, (_TIME, "CPU time per frame", "ms")):
             values = metrics[OURS].get(metric, np.full(len(by_seed), np.nan))
-            known = values[~np.isnan(values)]
-            if known.size:
-                other = metrics[best].get(metric) if best else None
-                value = None if best is None or other is None else SystemValue.mean(best, other, seed, _STREAM)
-                mean = mean_over_runs(known, seed, _STREAM)
-                found.append(ResultRow.of(GROUNDS, name, label, mean, unit, known.size, baseline=value))
+            other = metrics[best].get(metric) if best else None
+            value = None if best is None or other is None else SystemValue.mean(best, other, seed, _STREAM)
+            found += ResultRow.of_runs(GROUNDS, name, label, values, unit, seed, _STREAM, baseline=value)
     return found
 
 
-@dataclass(frozen=True, eq=False)
-class Replay:
-    """One recording in memory, tracked by some of its sensors."""
-
-    rig: Rig
-    background: Sequence[Observation]
-    observations: Sequence[Observation]
-    truth: TruthTable
-    seed: int
-
-    @classmethod
-    def of(cls, entry: Path, seed: int) -> Replay:
-        """Load the recording in a folder of the cache."""
-        bag = Recording(entry / RECORDING)
-        return cls(bag.rig, list(bag.background), list(bag.observations()), read_truth(entry / TRUTH), seed)
-
-    def metrics(self, sensors: Sequence[str], silent: str | None = None) -> dict[str, float]:
-        """Track by these sensors, one of them silent for ten seconds, and evaluate."""
-        rig = self.rig.model_copy(
-            update={
-                "sensors": {name: self.rig.sensors[name] for name in sensors},
-                "main": self.rig.main if self.rig.main in sensors else None,
-            }
-        )
-        empty_room = Prior([each for each in self.background if each.sensor in sensors])
-        tracker = make_tracker(OURS, rig, empty_room, stream(self.seed, "tracker", OURS))
-        start = self.observations[0].stamp_ns
-        low, high = (start + round(t_s * NS_PER_S) for t_s in _SILENT_S)
-        heard = (
+def metrics_of_subset(
+    seen: LoadedRecording, seed: int, sensors: Sequence[str], silent: str | None = None
+) -> dict[str, float]:
+    """Track a recording by these of its sensors, one of them silent for ten seconds, and evaluate."""
+    main = seen.rig.main if seen.rig.main in sensors else None
+    rig = seen.rig.model_copy(update={"sensors": {name: seen.rig.sensors[name] for name in sensors}, "main": main})
+    low, high = (seen.observations[0].stamp_ns + round(t_s * NS_PER_S) for t_s in _SILENT_S)
+    heard = replace(
+        seen,
+        rig=rig,
+        background=[each for each in seen.background if each.sensor in sensors],
+        observations=[
             each
-            for each in self.observations
+            for each in seen.observations
             if each.sensor in sensors and not (each.sensor == silent and low <= each.stamp_ns < high)
-        )
-        metrics = evaluate_tracks(self.truth, track_table(list(track_frames(tracker, rig, heard))))
-        return {name: np.nan if metrics[name] is None else metrics[name] for name, *_ in _METRICS}
+        ],
+    )
+    metrics = evaluate_tracks(seen.truth, heard.track(OURS, seed))
+    return {name: np.nan if metrics[name] is None else metrics[name] for name, *_ in _METRICS}
 
 
 def subsets(names: Sequence[str], most: int | None) -> Iterator[tuple[str, ...]]:
@@ -165,8 +131,7 @@ def replays(cases: Sequence[Case], runs: SuiteRuns, most: int | None, on_progres
     """Track the recordings of these cases again, by subsets of their sensors and with each sensor silent."""
     by_way: dict[tuple[str, str], list[Mapping[str, float]]] = {}
     for number, case in enumerate(cases):
-        with case_recording(case, runs.cache) as entry:
-            seen = Replay.of(entry, case.seed)
+        seen = LoadedRecording.of(case, runs)
         names = list(seen.rig.sensors)
         ways = [
             (SUBSETS, " + ".join(each) if len(each) < len(names) else "all", each, None)
@@ -175,7 +140,7 @@ def replays(cases: Sequence[Case], runs: SuiteRuns, most: int | None, on_progres
         ways += [(SILENT, name, tuple(names), name) for name in names]
         for step, (where, row, sensors, silent) in enumerate(ways):
             on_progress("recordings tracked again", number * len(ways) + step, len(cases) * len(ways))
-            by_way.setdefault((where, row), []).append(seen.metrics(sensors, silent))
+            by_way.setdefault((where, row), []).append(metrics_of_subset(seen, case.seed, sensors, silent))
     return list(_replay_results(by_way, cases[0].seed))
 
 
@@ -183,6 +148,4 @@ def _replay_results(by_way: Mapping[tuple[str, str], Sequence[Mapping[str, float
     for (where, row), found in by_way.items():
         for metric, label, unit in _METRICS:
             values: Array = np.array([each[metric] for each in found])
-            known = values[~np.isnan(values)]
-            if known.size:
-                yield ResultRow.of(where, row, label, mean_over_runs(known, seed, _STREAM), unit, known.size)
+            yield from ResultRow.of_runs(where, row, label, values, unit, seed, _STREAM)

@@ -188,8 +188,7 @@ def compare(subject: Subject) -> SubjectComparison:
     if not all(len(each.seconds) for each in feet):
         raise InputError(f"{SUBJECT_FILE}: holds no whole stance of one foot; a walk of a few steps is expected")
     course = simulate_steady(SUBJECT_SPEED_M_S, [SUBJECT_STATURE_M], 20.0)
-    rate_hz = 1 / float(np.diff(course.t[:2])[0])
-    ours = _together([stance(course.load[:, foot, 0], rate_hz) for foot in range(2)])
+    ours = _together([stance(course.load[:, foot, 0], course.rate_hz) for foot in range(2)])
     own = [each.curves.mean(axis=0) for each in feet]
     return SubjectComparison(
         theirs,
@@ -257,9 +256,8 @@ def _compare_with_subject(compared: SubjectComparison) -> list[ResultRow]:
 
 def _compare_with_person(ours: SteadyGait) -> list[ResultRow]:
     (found,) = measure_people(ours)
-    rate_hz = 1 / float(np.diff(ours.t[:2])[0])
-    curve = _together([stance(ours.load[:, foot, 0], rate_hz) for foot in range(2)]).curves.mean(axis=0)
-    points = load_path(ours, 0)
+    curve = _together([stance(ours.load[:, foot, 0], ours.rate_hz) for foot in range(2)]).curves.mean(axis=0)
+    points = load_path(ours)
     row, whole = f"{PERSON_SPEED_M_S:g} m/s, {PERSON_STATURE_M:g} m", np.linspace(0, 1, STANCE_POINTS)
 
     def result(what: str, paper: float | None, value: float, unit: str) -> ResultRow:

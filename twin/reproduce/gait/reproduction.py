@@ -62,7 +62,7 @@ def stance_svg(runs: GaitRuns) -> str:
         _body_weight(axes)
         if compared is None:
             course = simulate_steady(SUBJECT_SPEED_M_S, [SUBJECT_STATURE_M])
-            ours = stance(course.load[:, 0, 0], _rate_hz(course)).curves
+            ours = stance(course.load[:, 0, 0], course.rate_hz).curves
         else:
             ours = compared.ours.curves
             for number, curve in enumerate(compared.theirs.curves):
@@ -82,7 +82,7 @@ def stance_svg(runs: GaitRuns) -> str:
 
 def _roll(axes: Axes, person: SteadyGait) -> None:
     """Draw our and the published point of load over the stance."""
-    points = load_path(person, 0) / person.shoe_m[0]
+    points = load_path(person) / person.shoe_m[0]
     axes.fill_between(_WHOLE, points.min(axis=0), points.max(axis=0), color=_OURS, alpha=0.18, linewidth=0)
     axes.plot(_WHOLE, points.mean(axis=0), color=_OURS, linewidth=2.4, label="ours")
     shares = np.array(list(ROLL.items()))
@@ -104,7 +104,7 @@ def loads_svg(runs: GaitRuns) -> str:
             for place, speed in enumerate(speeds):
                 course = runs.courses[speed]
                 person = int(np.argsort(course.stature_m)[len(course.stature_m) // 2])
-                found = stance(course.load[:, 0, person], _rate_hz(course))
+                found = stance(course.load[:, 0, person], course.rate_hz)
                 axes.plot(
                     found.seconds.mean() * _WHOLE / 100, found.curves.mean(axis=0),
                     color=hex_colour(IDENTITY_COLOURS[place]), linewidth=1.8, label=f"{speed:g} m/s",
@@ -183,10 +183,6 @@ def _all_bodies(axes: Axes, runs: GaitRuns, name: str, scale: float) -> None:
 
 def _body_weight(axes: Axes) -> None:
     axes.axhline(1, color=INK, linewidth=0.8, linestyle=":")
-
-
-def _rate_hz(course: SteadyGait) -> float:
-    return 1 / float(np.diff(course.t[:2])[0])
 
 
 def reproduce(folder: Path, request: Request, on_progress: OnProgress = no_progress) -> Outputs:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,11 @@ class SteadyGait:
     place: NDArray[np.complex128]  # (k, 2, n) x + iy [m]; they walk along x
     pressure_m: Array  # (k, 2, n): point of load, ahead of the shoe's heel
     shoe_m: Array  # (n,)
+
+    @property
+    def rate_hz(self) -> float:
+        """Rate of `t`."""
+        return 1 / float(np.diff(self.t[:2])[0])
 
 
 @dataclass
@@ -145,13 +150,13 @@ def stance(load: Array, rate_hz: float) -> Stance:
     )
 
 
-def load_path(steady: SteadyGait, person: int) -> Array:
-    """Compute the point of load over the stances of a person's feet, (m, STANCE_POINTS) [m] ahead of the shoe's heel."""
+def load_path(steady: SteadyGait) -> Array:
+    """Compute the point of load over the stances of the first person's feet, (m, STANCE_POINTS) [m] ahead of the heel."""
     whole = np.linspace(0, 1, STANCE_POINTS)
     points = [
-        steady.pressure_m[each, foot, person]
+        steady.pressure_m[each, foot, 0]
         for foot in range(2)
-        for each in whole_stretches(steady.load[:, foot, person] > STANDS_FROM)
+        for each in whole_stretches(steady.load[:, foot, 0] > STANDS_FROM)
     ]
     return np.array([np.interp(whole, np.linspace(0, 1, len(each)), each) for each in points])
 
@@ -192,7 +197,6 @@ def humps(curve: Array) -> tuple[float, float, float]:
 
 def measure_people(steady: SteadyGait) -> list[StrideMeasures]:
     """Measure each person, with step lengths from the positions of the feet."""
-    rate_hz = 1 / float(np.diff(steady.t[:2])[0])
     found = []
     for person in range(len(steady.stature_m)):
         ahead = []
@@ -202,11 +206,10 @@ def measure_people(steady: SteadyGait) -> list[StrideMeasures]:
                 for each in whole_stretches(steady.load[:, foot, person] > STANDS_FROM)
             ]
             ahead.append(np.diff(standing).mean())
-        found.append(measure_stride(steady.load[:, :, person], rate_hz, float(np.mean(ahead)) / 2))
+        found.append(measure_stride(steady.load[:, :, person], steady.rate_hz, float(np.mean(ahead)) / 2))
     return found
 
 
 def values_of(found: list[StrideMeasures], name: str) -> Array:
     """Collect one measure of all people, (n,); `name`: a field of `StrideMeasures`, or cadence."""
-    assert name == "cadence" or name in {field.name for field in fields(StrideMeasures)}
     return np.array([getattr(each, name) for each in found])

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -146,7 +147,7 @@ def particle_estimates(measured: Array, rng: np.random.Generator, n_particle: in
     cloud = Cloud.normal(mean, covariance, n_particle, rng)
     position, speed = [], []
     for scan in range(FIRST_SCAN, measured.shape[1]):
-        cloud = algorithm.step(cloud, _propagate, _MeasurementLikelihood(measured[:, scan]), rng)
+        cloud = algorithm.step(cloud, _propagate, partial(_log_likelihood, measured[:, scan]), rng)
         position.append(cloud.expectation(cloud.state[:2]).T)
         speed.append(_speeds(cloud.state, cloud.expectation))
     return Estimates(np.stack(position, axis=1), np.stack(speed, axis=1))
@@ -167,16 +168,11 @@ def _propagate(state: Array, rng: np.random.Generator) -> Array:
     return propagate(state, disturbance, PERIOD_S, float(PARTICLE_MODEL.turn_persists))
 
 
-@dataclass(frozen=True, eq=False)
-class _MeasurementLikelihood:
-    """Log-likelihood of the measured positions (n, 2) [m] at each particle, up to a constant."""
-
-    position: Array
-
-    def __call__(self, state: Array) -> Array:
-        away_x = state[0] - self.position[:, 0, None]
-        away_y = state[1] - self.position[:, 1, None]
-        return (away_x * away_x + away_y * away_y) * (-0.5 / MEASUREMENT_VARIANCE_M2)
+def _log_likelihood(position: Array, state: Array) -> Array:
+    """Compute the log-likelihood of measured positions (n, 2) [m] at each particle (5, n, p), up to a constant."""
+    away_x = state[0] - position[:, 0, None]
+    away_y = state[1] - position[:, 1, None]
+    return (away_x * away_x + away_y * away_y) * (-0.5 / MEASUREMENT_VARIANCE_M2)
 
 
 def _squared(position: Array, true: Array) -> Array:

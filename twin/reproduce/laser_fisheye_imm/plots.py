@@ -10,7 +10,7 @@ import numpy as np
 from twin.report.palette import IDENTITY_COLOURS, INK, QUIET, SHADE, hex_colour, plot_style, to_svg
 from twin.report.time_axis import median_period_ns, split_at_gaps
 from twin.reproduce.laser_fisheye_imm.figure7 import FILTERS, Curves
-from twin.reproduce.laser_fisheye_imm.runs import COLUMNS, IMM, SENSOR_SETS, Column, LabCondition, LabRun
+from twin.reproduce.laser_fisheye_imm.runs import COLUMNS, IMM, SENSOR_SETS, LabCondition, LabRun
 from twin.reproduce.laser_fisheye_imm.table_one import LOST, MISIDENTIFIED, TOTAL, cell, error_rate, values
 from twin.reproduce.laser_fisheye_imm.walk import PERIOD_S, ManeuveringWalk
 from twin.reproduce.results import band
@@ -122,9 +122,6 @@ def _maneuvers(axes: Axes, walk: ManeuveringWalk, named: bool) -> None:
             )
 
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 _LIGHTEST = 0.72
 _EVENTS = {"misidentification": ("X", "misidentified"), "lost": ("d", "lost")}
 
@@ -207,13 +204,10 @@ def _area(axes: Axes, area: np.ndarray) -> None:
     axes.plot(0, 0, "s", markersize=7, color=INK, label="rig")
 
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 _SENSOR_COLOURS = {
     sensors: hex_colour(IDENTITY_COLOURS[slot]) for sensors, slot in zip(SENSOR_SETS, (0, 1, 2), strict=True)
 }
-_MARKERS = {sensors: marker for sensors, marker in zip(SENSOR_SETS, "osD", strict=True)}
+_MARKERS = dict[str, str](zip(SENSOR_SETS, "osD", strict=True))
 
 
 def table_one_svg(condition: LabCondition) -> str:
@@ -303,15 +297,11 @@ def _dots(axes: Axes, condition: LabCondition, row: str) -> None:
             zorder=3,
         )
     axes.axhline(len(COLUMNS) / 2 - 0.5, color=QUIET, linewidth=0.8)
-    axes.set_yticks(range(len(COLUMNS)), [_label(each) for each in COLUMNS])
+    axes.set_yticks(range(len(COLUMNS)), [each.name for each in COLUMNS])
     axes.set(ylim=(len(COLUMNS) - 0.5, -0.5), xlim=(-0.4, None))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.grid(axis="x")
     axes.grid(visible=False, axis="y")
-
-
-def _label(column: Column) -> str:
-    return f"{column.filter}, {column.sensors}"
 
 
 def _spread(found: np.ndarray) -> np.ndarray:

@@ -66,7 +66,7 @@ from twin.reproduce.laser_fisheye_imm.table_one import (
 )
 from twin.reproduce.laser_fisheye_imm.walk import PERIOD_S, maneuvering_walk
 from twin.reproduce.registry import Outputs, Request
-from twin.reproduce.results import Interval, format_ranges, format_rows, write_reproduction
+from twin.reproduce.results import Interval, format_ranges, format_rows, rows_of, write_reproduction
 from twin.reproduce.suite_runs import (
     CaseIncident,
     FilmStrip,
@@ -115,7 +115,7 @@ def lab_content(lab: LabRuns, strips: Sequence[FilmStrip]) -> dict[str, Any]:
         "area": _size(lab),
         "seeds": format_ranges(np.array(paper.seeds)),
         "first_seed": lab.first.seed,
-        "statements": statements(paper),
+        "statements": list(statements(paper)),
         "densities": _densities(lab) if len(lab.densities) > 1 else None,
         "conditions": [_condition(each, with_paper=False) for each in lab.others],
         "strips": _strips(lab, strips),
@@ -263,7 +263,7 @@ def reproduce(folder: Path, request: Request, on_progress: OnProgress = no_progr
     Raises InputError for an invalid suite, for a folder with another reproduction's runs (or the same one's, without
     `resume`), for conditions with fewer than two complete runs, and where a file cannot be written.
     """
-    suite, path = load_seeded_suite(request.suite or request.name, request.seed_range)
+    suite, path = load_seeded_suite(request)
     check_suite(suite, path)
     found = run_conditions(folder, suite, path, request, on_progress, list(NAMES))
     lab = read_lab(found)
@@ -298,7 +298,7 @@ def write_all(folder: Path, runs: MonteCarlo, lab: LabRuns, strips: list[FilmStr
         "laser_fisheye_imm/page.html.j2",
         results,
         drawn,
-        figure7_rows=format_rows([each for each in results if each.where in (NPE, NVE)]),
+        figure7_rows=format_rows(rows_of(results, NPE, NVE)),
         lab_rows=format_rows([each for each in results if each.where not in (NPE, NVE)]),
         figure7=figure7_content(runs, found),
         lab=lab_content(lab, strips),

@@ -166,7 +166,7 @@ def read_lab(found: SuiteRuns) -> LabRuns:
         conditions.append(_condition(name, whole, full, found.metrics, found.incidents))
     order = {PAPER_CONDITION: 0}
     conditions.sort(key=lambda each: order.get(each.name, 1 if DENSITY.fullmatch(each.name) else 2))
-    papers = next(iter(found.by_condition[PAPER_CONDITION].values()))[FULL.tracker]
+    papers = found.first_cases(PAPER_CONDITION)[FULL.tracker]
     return LabRuns(
         tuple(conditions),
         runs[PAPER_CONDITION],

@@ -212,12 +212,8 @@ class Statement:
     evidence: str
 
 
-def statements(condition: LabCondition) -> list[Statement]:
+def statements(condition: LabCondition) -> Iterator[Statement]:
     """Check the statements about the paper's experiment, in order."""
-    return list(_statements(condition))
-
-
-def _statements(condition: LabCondition) -> Iterator[Statement]:
     n_run = len(condition.seeds)
     misidentified = int(values(condition, FULL.tracker, MISIDENTIFIED).sum())
     yield Statement(
@@ -239,39 +235,29 @@ def _statements(condition: LabCondition) -> Iterator[Statement]:
         _holds(min(sums.values()) > own),
         f"{own} against " + ", ".join(f"{total} ({name})" for name, total in sums.items()),
     )
-    change = filters_difference(condition)
-    yield Statement(
-        "The Kalman filter makes more errors than the IMM, summed over the sensor sets and paired by seed.",
-        "holds" if change.high < 0 else "does not hold" if change.low > 0 or change.value >= 0 else "not decided",
-        f"IMM − Kalman: {change.value:.2f} errors a run, 95 %: {change.low:.2f} to {change.high:.2f}".replace("-", "−"),
-    )
-    if _has_papers_systems(condition):
-        change = filters_difference(condition, paper=True)
-        yield Statement(
-            "So it does by the paper's rules alone.",
-            "holds" if change.high < 0 else "does not hold" if change.low > 0 or change.value >= 0 else "not decided",
-            f"IMM − Kalman: {change.value:.2f} errors a run, 95 %: {change.low:.2f} to {change.high:.2f}".replace(
-                "-", "−"
-            ),
-        )
-    own_figures = {
-        row: cell(condition, FULL.tracker, row).value
-        for row in ("MOTA", "IDF1", "MOTP")
-        if _known(condition, FULL.tracker, row)
+    filters = {
+        "The Kalman filter makes more errors than the IMM, summed over the sensor sets and paired by seed.": False
     }
-    for row, bound in (("MOTA", LEAST_MOTA), ("IDF1", LEAST_IDF1)):
-        if row in own_figures:
-            yield Statement(
-                f"{row} of the full system is at least {bound:g}, on the mean.",
-                _holds(own_figures[row] >= bound),
-                f"{own_figures[row]:.3f}, least in a run {np.nanmin(values(condition, FULL.tracker, row)):.3f}",
-            )
-    if "MOTP" in own_figures:
+    if _has_papers_systems(condition):
+        filters["So it does by the paper's rules alone."] = True
+    for text, paper in filters.items():
+        change = filters_difference(condition, paper)
+        evidence = f"IMM − Kalman: {change.value:.2f} errors a run, 95 %: {change.low:.2f} to {change.high:.2f}"
         yield Statement(
-            f"Its tracks are {MOST_MOTP_M:g} m from their people at most, on the mean (MOTP).",
-            _holds(own_figures["MOTP"] <= MOST_MOTP_M),
-            f"{own_figures['MOTP']:.3f} m, most in a run {np.nanmax(values(condition, FULL.tracker, 'MOTP')):.3f} m",
+            text,
+            "holds" if change.high < 0 else "does not hold" if change.low > 0 or change.value >= 0 else "not decided",
+            evidence.replace("-", "−"),
         )
+    for row, bound in (("MOTA", LEAST_MOTA), ("IDF1", LEAST_IDF1), ("MOTP", MOST_MOTP_M)):
+        if not _known(condition, FULL.tracker, row):
+            continue
+        found, mean = values(condition, FULL.tracker, row), cell(condition, FULL.tracker, row).value
+        if row == "MOTP":
+            text = f"Its tracks are {bound:g} m from their people at most, on the mean (MOTP)."
+            yield Statement(text, _holds(mean <= bound), f"{mean:.3f} m, most in a run {np.nanmax(found):.3f} m")
+        else:
+            text = f"{row} of the full system is at least {bound:g}, on the mean."
+            yield Statement(text, _holds(mean >= bound), f"{mean:.3f}, least in a run {np.nanmin(found):.3f}")
 
 
 def _holds(whether: bool) -> Verdict:

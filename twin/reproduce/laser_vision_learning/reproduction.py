@@ -37,7 +37,7 @@ from twin.reproduce.laser_vision_learning.runs import (
 )
 from twin.reproduce.laser_vision_learning.splits import CHOICE, SEED, compare_choices
 from twin.reproduce.registry import Outputs, Request
-from twin.reproduce.results import ResultRow, format_rows, write_reproduction
+from twin.reproduce.results import ResultRow, format_rows, rows_of, write_reproduction
 from twin.reproduce.suite_runs import (
     CaseIncident,
     FilmStrip,
@@ -56,7 +56,7 @@ def reproduce(folder: Path, request: Request, on_progress: OnProgress = no_progr
     Raises InputError for an invalid suite, for a folder with another reproduction's runs (or the same one's, without
     `resume`), for conditions with fewer than two complete runs, and where a file cannot be written.
     """
-    suite, path = load_seeded_suite(request.suite or request.name, request.seed_range)
+    suite, path = load_seeded_suite(request)
     check_suite(suite, path)
     runs = run_conditions(folder, suite, path, request, on_progress)
     hall = read_hall(runs)
@@ -88,8 +88,8 @@ def write_all(
         "laser_vision_learning/page.html.j2",
         results,
         drawn,
-        rows=format_rows([each for each in results if each.where == PLACE]),
-        groups=format_rows([each for each in results if each.where == TABLE_GROUPS]),
+        rows=format_rows(rows_of(results, PLACE)),
+        groups=format_rows(rows_of(results, TABLE_GROUPS)),
         tables=[_grid(results, TABLE_ONE), _grid(results, TABLE_TWO)],
         beyond={where: grid for where in (CHANGED, DENSITY, ABLATION, CHOICE) if (grid := _grid(results, where))},
         busy=_facts(conditions["busy"]),
@@ -130,7 +130,7 @@ def _fits(hall: HallRuns) -> list[tuple[str, str]]:
 
 def _grid(results: Sequence[ResultRow], where: str) -> dict[str, object] | None:
     """Pivot results of one kind: one row per metric of a condition, one column per tracker; ablations are transposed."""
-    own = [replace(each, row=each.row.removeprefix("ablation, ")) for each in results if each.where == where]
+    own = [replace(each, row=each.row.removeprefix("ablation, ")) for each in rows_of(results, where)]
     if not own:
         return None
     found = {

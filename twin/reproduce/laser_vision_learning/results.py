@@ -34,7 +34,7 @@ ACCURACY, CORRELATED, MERGES = "accuracy", "correlated, disposed of", "merge/spl
 TABLE_GROUPS, AFTER = "people in groups", "identity 1 s after a merge"
 COST, RELATIVE = "time per frame", "time per frame, fused / vision only"
 
-_DISPOSAL = {CORRELATED: "disposal.correlated", MERGES: "disposal.merge_split"}
+_DISPOSAL = {CORRELATED: "disposal.correlated", MERGES: "disposal.merge_split", AFTER: "disposal.identity_after"}
 _KINDS = {"missed": "missed", "false location": "false_location", "identity wrong": "identity_wrong"}
 _PAPER_ONE = {
     (FUSED, CORRELATED): 88.62, (LASER, CORRELATED): 47.52, (VISION, CORRELATED): 66.96,
@@ -70,20 +70,13 @@ def hall_results(hall: HallRuns) -> list[ResultRow]:
     return found
 
 
-_SHARES = {
-    CORRELATED: "disposal.correlated",
-    MERGES: "disposal.merge_split",
-    AFTER: "disposal.identity_after",
-}
-
-
 def _share(condition: HallCondition, tracker: str, row: str) -> tuple[Array, Array]:
-    """Return a tracker's correct and total counts in each run, (n,) each, for a row of the table of groups."""
+    """Return a tracker's correct and total counts in each run, (n,) each: the accuracy, or a disposal."""
     metrics = condition.metrics[tracker]
     if row == ACCURACY:
         count = metrics["failures.person_frames"]
         return count - condition.failures(tracker), count
-    return metrics[f"{_SHARES[row]}.disposed"], metrics[f"{_SHARES[row]}.total"]
+    return metrics[f"{_DISPOSAL[row]}.disposed"], metrics[f"{_DISPOSAL[row]}.total"]
 
 
 def group_results(condition: HallCondition) -> Iterator[ResultRow]:
@@ -98,7 +91,7 @@ def group_results(condition: HallCondition) -> Iterator[ResultRow]:
     replicates = {
         (tracker, row): 100 * boot.ratio(*(each[:, None] for each in _share(condition, tracker, row)))[:, 0]
         for tracker in condition.trackers
-        for row in (ACCURACY, *_SHARES)
+        for row in (ACCURACY, *_DISPOSAL)
     }
     for (tracker, row), values in replicates.items():
         if tracker not in SYSTEMS:
@@ -166,9 +159,9 @@ def _place(condition: HallCondition) -> Iterator[ResultRow]:
 
 
 def _disposals(condition: HallCondition, where: str, with_paper: bool) -> Iterator[ResultRow]:
-    for row, metric in _DISPOSAL.items():
+    for row in (CORRELATED, MERGES):
         for tracker in condition.trackers:
-            total, disposed = (condition.metrics[tracker][f"{metric}.{each}"] for each in ("total", "disposed"))
+            disposed, total = _share(condition, tracker, row)
             if total.sum():
                 paper = _PAPER_ONE.get((tracker, row)) if with_paper else None
                 share = _ratio(_bootstrap(condition), 100 * disposed, total)
@@ -180,8 +173,8 @@ def _accuracies(condition: HallCondition, where: str, with_paper: bool) -> Itera
     for tracker in condition.trackers:
         metrics, column = condition.metrics[tracker], condition.tracker_label(tracker)
         paper = _PAPER_TWO.get(tracker) if with_paper else None
-        count = metrics["failures.person_frames"]
-        right = _ratio(boot, 100 * (count - condition.failures(tracker)), count)
+        right, count = _share(condition, tracker, ACCURACY)
+        right = _ratio(boot, 100 * right, count)
         yield _result(where, ACCURACY, column, paper, right, "%", condition)
         for kind, metric in _KINDS.items():
             share = _ratio(boot, 100 * metrics[f"failures.{metric}"], count)
@@ -205,13 +198,11 @@ def _costs(condition: HallCondition, where: str) -> Iterator[ResultRow]:
 def _beyond(condition: HallCondition, where: str) -> Iterator[ResultRow]:
     boot = _bootstrap(condition)
     for tracker in condition.trackers:
-        count = condition.metrics[tracker]["failures.person_frames"]
-        right = _ratio(boot, 100 * (count - condition.failures(tracker)), count)
-        yield _result(
-            where, f"{condition.name}, {ACCURACY}", condition.tracker_label(tracker), None, right, "%", condition
-        )
-        cost = interval(boot.mean(condition.metrics[tracker]["ms_per_frame.mean"]))
-        yield _result(where, f"{condition.name}, {COST}", condition.tracker_label(tracker), None, cost, "ms", condition)
+        right, count = _share(condition, tracker, ACCURACY)
+        cost, column = boot.mean(condition.metrics[tracker]["ms_per_frame.mean"]), condition.tracker_label(tracker)
+        accuracy = _ratio(boot, 100 * right, count)
+        yield _result(where, f"{condition.name}, {ACCURACY}", column, None, accuracy, "%", condition)
+        yield _result(where, f"{condition.name}, {COST}", column, None, interval(cost), "ms", condition)
     for each in _disposals(condition, where, with_paper=False):
         yield ResultRow(where, f"{condition.name}, {each.row}", each.column, None, each.ours, each.ci95, "%", each.runs)
 

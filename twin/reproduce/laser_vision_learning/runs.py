@@ -19,10 +19,10 @@ from trackers.observations import NS_PER_S
 from twin.evaluate import Evaluation, evaluate_with_details
 from twin.recording.situation_table import SituationTable, read_situations
 from twin.recording.tables import TruthTable, read_truth
-from twin.reproduce.suite_runs import SuiteRuns, case_recording, case_tracks, check_entries, metric_arrays
+from twin.reproduce.suite_runs import SuiteRuns, case_tracks, check_entries, metric_arrays
 from twin.suites.expansion import Case
 from twin.suites.spec import Suite
-from twin.suites.worker import TRUTH, resolved_scenario
+from twin.suites.worker import TRUTH, case_recording, resolved_scenario
 
 FUSED, LASER, VISION = "laser-vision-learning", "laser-vision-learning-laser", "laser-vision-learning-vision"
 SYSTEMS: Mapping[str, str] = {FUSED: "fused", LASER: "laser only", VISION: "vision only"}
@@ -158,7 +158,7 @@ def read_hall(found: SuiteRuns) -> HallRuns:
     """Read all runs; a recording no longer in the cache is made again."""
     conditions = {name: _condition(name, whole, found) for name, whole in found.by_condition.items()}
     conditions[HALL] = replace(conditions[HALL], course=_course(found.by_condition[HALL], found))
-    first = {name: _one_run(next(iter(found.by_condition[name].values())), found) for name in (HALL, BUSY)}
+    first = {name: _one_run(found.first_cases(name), found) for name in (HALL, BUSY)}
     return HallRuns(conditions, first[HALL], first[BUSY], found.not_done)
 
 

@@ -5,8 +5,8 @@ One recording is replayed for the spread of table 3, the trap of figures 11 and 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,24 +14,17 @@ import numpy as np
 
 from trackers.arrays import Array
 from trackers.environment import Environment, load_environment
-from trackers.observations import Observation
-from trackers.presets import make_tracker
-from trackers.prior import Prior
-from trackers.rgbd_head.tracker import HeadDebugState
-from trackers.rig import Rig
-from trackers.tracks import TrackFrame
 from twin.environment.run import write_environment
 from twin.messages import OnProgress, no_progress
-from twin.recording.reader import Recording
-from twin.recording.tables import TrackTable, TruthTable, read_truth, track_table
+from twin.recording.tables import TrackTable, TruthTable
 from twin.report.palette import data_uri
 from twin.reproduce.registry import Outputs, Request
 from twin.reproduce.results import (
     ResultRow,
     SystemValue,
     format_rows,
-    mean_over_runs,
-    pivot_rows,
+    pivot_each,
+    rows_of,
     write_pictures,
     write_reproduction,
 )
@@ -64,8 +57,8 @@ from twin.reproduce.rgbd_head.results import (
     spread_cm,
 )
 from twin.reproduce.suite_runs import (
+    LoadedRecording,
     SuiteRuns,
-    case_recording,
     case_tracks,
     case_truth,
     check_entries,
@@ -74,10 +67,7 @@ from twin.reproduce.suite_runs import (
     run_conditions,
 )
 from twin.scenario import load_scenario
-from twin.streams import stream
-from twin.suites.expansion import Case
 from twin.suites.spec import Suite
-from twin.suites.worker import RECORDING, TRUTH
 
 _ALIKE = "rgbd-head-paper"
 _WAYS: Mapping[str, tuple[str, bool]] = {
@@ -90,60 +80,19 @@ _WAYS: Mapping[str, tuple[str, bool]] = {
 """The trap's systems: preset, and whether it is given the environment."""
 
 
-@dataclass(frozen=True, eq=False)
-class LoadedRecording:
-    """Recording in memory, the input of every replay."""
-
-    rig: Rig
-    background: Sequence[Observation]
-    observations: Sequence[Observation]
-    truth: TruthTable
-    environment: Environment | None
-
-    @classmethod
-    def of(cls, entry: Path, environment: Environment) -> LoadedRecording:
-        """Load the recording in a folder of the cache."""
-        bag = Recording(entry / RECORDING)
-        return cls(bag.rig, bag.background, list(bag.observations()), read_truth(entry / TRUTH), environment)
-
-    def start(self) -> list[dict[str, Any]]:
-        """Return the head's initial true position and direction, which the paper assumes known."""
-        truth = self.truth
-        return [
-            {
-                "place": [float(truth.head_x[0]), float(truth.head_y[0]), float(truth.head_z[0])],
-                "yaw_deg": float(np.degrees(truth.head_yaw[0])),
-            }
-        ]
-
-    def tracker(self, preset: str, seed: int, options: Mapping[str, Any], has_environment: bool = True) -> Any:
-        """Make a tracker as a run of this seed does."""
-        known = Prior(self.background, self.environment if has_environment else None)
-        return make_tracker(preset, self.rig, known, stream(seed, "tracker", preset), options)
-
-    def track(self, preset: str, seed: int, options: Mapping[str, Any], has_environment: bool = True) -> TrackTable:
-        """Run a tracker; return its tracks."""
-        tracker = self.tracker(preset, seed, options, has_environment)
-        frames: list[TrackFrame] = []
-        for observation in self.observations:
-            frames += tracker.update(observation)
-        return track_table([*frames, *tracker.finish()])
-
-    def debug_state(self, preset: str, seed: int, options: Mapping[str, Any], t_s: float) -> HeadDebugState:
-        """Run a tracker up to a time; return its debug state."""
-        tracker = self.tracker(preset, seed, options)
-        for observation in self.observations:
-            frames = tracker.update(observation)
-            if frames and frames[-1].stamp_ns >= t_s * 1e9:
-                break
-        return tracker.debug_state()
+def options_of(preset: str, truth: TruthTable) -> dict[str, Any]:
+    """Return options of a system: of the paper's the head's true position and direction at the start, which it assumes known."""
+    if preset == OURS:
+        return {}
+    place = [float(truth.head_x[0]), float(truth.head_y[0]), float(truth.head_z[0])]
+    return {"start": [{"place": place, "yaw_deg": float(np.degrees(truth.head_yaw[0]))}]}
 
 
 def spread_results(seen: LoadedRecording, n_run: int, on_progress: OnProgress) -> list[ResultRow]:
     """Compute table 3: the spread of runs on one recording with other random numbers, of ours and of the paper's system."""
     spreads = {}
-    for number, (preset, options) in enumerate({OURS: {}, _ALIKE: {"start": seen.start()}}.items()):
-        runs = {}
+    for number, preset in enumerate((OURS, _ALIKE)):
+        runs, options = {}, options_of(preset, seen.truth)
         for seed in range(n_run):
             on_progress("runs of one recording", number * n_run + seed, 2 * n_run)
             runs[seed] = seen.track(preset, seed, options)
@@ -167,17 +116,17 @@ def trap_results(
     found, first = [], {}
     assert seen.environment is not None
     for number, (name, (preset, has_environment)) in enumerate(_WAYS.items()):
-        lost, left = np.zeros(n_run), np.zeros(n_run)
-        options = {} if preset == OURS else {"start": seen.start()}
+        lost, left, options = np.zeros(n_run), np.zeros(n_run), options_of(preset, seen.truth)
+        given = seen if has_environment else replace(seen, environment=None)
         for seed in range(n_run):
             on_progress("runs of the trap", number * n_run + seed, len(_WAYS) * n_run)
-            tracks = seen.track(preset, seed, options, has_environment)
+            tracks = given.track(preset, seed, options)
             first.setdefault(name, tracks)
             lost[seed] = head_errors(seen.truth, tracks, seen.rig).lost
             places = np.column_stack([tracks.head_x, tracks.head_y, tracks.head_z])
             left[seed] = not seen.environment.head_weight(places).all()
         for row, values in (("lost", lost), ("left the room", left)):
-            found.append(ResultRow.of(CAUGHT, name, row, mean_over_runs(100 * values, 0, STREAM), "%", n_run))
+            found += ResultRow.of_runs(CAUGHT, name, row, 100 * values, "%", 0, STREAM)
     return found, first
 
 
@@ -197,7 +146,7 @@ def reproduce(folder: Path, request: Request, on_progress: OnProgress = no_progr
     Raises InputError for a suite without the paper's experiments, for a folder with another reproduction's runs (or the same
     one's, without `resume`), for conditions with fewer than two complete runs, and where a file cannot be written.
     """
-    suite, path = load_seeded_suite(request.suite or request.name, request.seed_range)
+    suite, path = load_seeded_suite(request)
     check_suite(suite, path)
     environment = scan_environment(folder, request.resume, on_progress)
     suite = suite.model_copy(update={"set": {**suite.set, "prior.environment": str(environment.resolve())}})
@@ -226,14 +175,11 @@ def write_all(
     """Write results, plots, pictures and page. Raises InputError where a file cannot be written."""
     conditions = read_conditions(runs)
     n_run = request.runs or _RUNS
-    with case_recording(_first_case(runs, FIRST), runs.cache) as entry:
-        sat = LoadedRecording.of(entry, environment)
+    sat = LoadedRecording.of(runs.first_cases(FIRST)[OURS], runs, environment)
     results = [*results_of(conditions), *spread_results(sat, n_run, on_progress)]
     pictures = _pictures(runs, FIRST, sat) | {"figure 10": _figure_10(sat, runs, _SHOWN_S[FIRST][1])}
-    with case_recording(_first_case(runs, SECOND), runs.cache) as entry:
-        pictures |= _pictures(runs, SECOND, LoadedRecording.of(entry, environment))
-    with case_recording(_first_case(runs, TRAP), runs.cache) as entry:
-        caught = LoadedRecording.of(entry, environment)
+    pictures |= _pictures(runs, SECOND, LoadedRecording.of(runs.first_cases(SECOND)[OURS], runs, environment))
+    caught = LoadedRecording.of(runs.first_cases(TRAP)[OURS], runs, environment)
     lost, ways = trap_results(caught, n_run, on_progress)
     results += lost
     drawn = {
@@ -244,10 +190,6 @@ def write_all(
         "errors": errors_svg({name: conditions[name].errors[0] for name in (FIRST, SECOND)}),
     }
     write_pictures(folder, {name.replace(", ", "-").replace(" ", "-"): jpeg for name, jpeg in pictures.items()})
-    of = {
-        where: [each for each in results if each.where == where]
-        for where in (EXPERIMENTS, SPREAD, CAUGHT, BEYOND, CHOICE, WHERE)
-    }
     seeds = conditions[FIRST].seeds
     return results, write_reproduction(
         folder,
@@ -255,8 +197,8 @@ def write_all(
         "rgbd_head/page.html.j2",
         results,
         drawn,
-        grids={where: grid for where, rows in of.items() if (grid := pivot_rows(rows))},
-        ablations=format_rows([each for each in results if each.where == ABLATION]),
+        grids=pivot_each(results, EXPERIMENTS, SPREAD, CAUGHT, BEYOND, CHOICE, WHERE),
+        ablations=format_rows(rows_of(results, ABLATION)),
         pictures={caption: data_uri(jpeg) for caption, jpeg in pictures.items()},
         n_run=len(seeds),
         n_replay=n_run,
@@ -265,19 +207,16 @@ def write_all(
     )
 
 
-def _first_case(runs: SuiteRuns, condition: str, tracker: str = OURS) -> Case:
-    return next(iter(runs.by_condition[condition].values()))[tracker]
-
-
 def _trajectories(runs: SuiteRuns, condition: str) -> str:
-    cases = {"ours": _first_case(runs, condition), "the paper's cues": _first_case(runs, condition, PAPER)}
+    first = runs.first_cases(condition)
+    cases = {"ours": first[OURS], "the paper's cues": first[PAPER]}
     truth = case_truth(cases["ours"], runs)
     return trajectories_svg(truth, {name: case_tracks(case, runs) for name, case in cases.items()})
 
 
 def _pictures(runs: SuiteRuns, condition: str, seen: LoadedRecording) -> dict[str, bytes]:
     """Draw the views of figure 6 or 8."""
-    tracks = case_tracks(_first_case(runs, condition), runs)
+    tracks = case_tracks(runs.first_cases(condition)[OURS], runs)
     figure = "figure 6" if condition == FIRST else "figure 8"
     return {
         f"{figure}, {at_s:g} s": head_views(seen.observations, seen.rig, at_s, _head(tracks, at_s))
@@ -287,8 +226,13 @@ def _pictures(runs: SuiteRuns, condition: str, seen: LoadedRecording) -> dict[st
 
 def _figure_10(seen: LoadedRecording, runs: SuiteRuns, at_s: float) -> bytes:
     """Draw the paper's two cues at a time, in the camera nearest to the head."""
-    head = _head(case_tracks(_first_case(runs, FIRST), runs), at_s)
-    state = seen.debug_state("rgbd-head-paper", 0, {"start": seen.start()}, at_s)
+    head = _head(case_tracks(runs.first_cases(FIRST)[OURS], runs), at_s)
+    tracker = seen.tracker(_ALIKE, 0, options_of(_ALIKE, seen.truth))
+    for observation in seen.observations:
+        frames = tracker.update(observation)
+        if frames and frames[-1].stamp_ns >= at_s * 1e9:
+            break
+    state = tracker.debug_state()
     cameras = seen.rig.cameras()
     nearest = min(
         state.likelihoods, key=lambda name: float(np.linalg.norm(cameras[name].room_from_sensor.xyz - head[:3]))

@@ -6,8 +6,8 @@ Errors of heads are taken in every frame of a run, by range, visibility and post
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +18,9 @@ from trackers.rig import Rig, placed_camera
 from trackers.scipy_functions import linear_sum_assignment
 from twin.recording.reader import Recording
 from twin.recording.tables import TrackTable, TruthTable, read_truth
-from twin.reproduce.results import ResultRow, SystemValue, mean_over_runs
-from twin.reproduce.suite_runs import SuiteRuns, case_recording, case_tracks
-from twin.suites.worker import RECORDING, TRUTH
+from twin.reproduce.results import ResultRow, SystemValue
+from twin.reproduce.suite_runs import SuiteRuns, case_tracks
+from twin.suites.worker import RECORDING, TRUTH, case_recording
 
 LOST_M, LOST_S = 0.5, 1.0
 """Horizontal distance from the head to the nearest track, and its duration, that make a person lost."""
@@ -225,11 +225,6 @@ def results_of(conditions: Mapping[str, HeadCondition]) -> list[ResultRow]:
     return [*found, *_choices(conditions[FIRST]), *_ablations(conditions), *_where(conditions)]
 
 
-def result_of(where: str, row: str, column: str, paper: float | None, values: Array, unit: str, seed: int) -> ResultRow:
-    """Make a result from a mean over runs with its interval."""
-    return ResultRow.of(where, row, column, mean_over_runs(values, seed, STREAM), unit, len(values), paper)
-
-
 def _means(condition: HeadCondition, where: str) -> Iterator[ResultRow]:
     seed = condition.seeds[0]
 
@@ -241,17 +236,13 @@ def _means(condition: HeadCondition, where: str) -> Iterator[ResultRow]:
         if tracker.startswith(_CHOICES) or tracker in (PAPER, BASELINE):
             continue
         for row, values in metrics.items():
-            known = values[~np.isnan(values)]
-            if known.size:
-                paper, others = None, {}
-                if tracker == OURS:
-                    paper = _PAPER.get(condition.name, {}).get(row)
-                    others = {"paper_system": system(PAPER, row), "baseline": system(BASELINE, row)}
-                # a comma would separate the condition from the metric
-                name = row.replace("XY, ", "XY ").replace("Z, ", "Z ").replace("yaw, ", "yaw ")
-                yield replace(
-                    result_of(where, f"{condition.name}, {name}", tracker, paper, known, unit_of(row), seed), **others
-                )
+            others: tuple[Any, ...] = ()
+            if tracker == OURS:
+                others = _PAPER.get(condition.name, {}).get(row), system(PAPER, row), system(BASELINE, row)
+            # a comma would separate the condition from the metric
+            name = row.replace("XY, ", "XY ").replace("Z, ", "Z ").replace("yaw, ", "yaw ")
+            where_in = f"{condition.name}, {name}"
+            yield from ResultRow.of_runs(where, where_in, tracker, values, unit_of(row), seed, STREAM, *others)
 
 
 def unit_of(metric: str) -> str:
@@ -263,52 +254,46 @@ def _choices(condition: HeadCondition) -> Iterator[ResultRow]:
     """Compare numbers of hypotheses, points and cameras in sequence 1."""
     for tracker, metrics in condition.metrics.items():
         if tracker == OURS or tracker.startswith(_CHOICES):
+            name = "as chosen" if tracker == OURS else tracker.replace("-", " ")
             for row in ("XY", "Z", "yaw", "lost", TIME):
-                values = metrics[row][~np.isnan(metrics[row])]
-                if values.size:
-                    row_name = "as chosen" if tracker == OURS else tracker.replace("-", " ")
-                    yield result_of(CHOICE, row_name, row, None, values, unit_of(row), condition.seeds[0])
+                seed = condition.seeds[0]
+                yield from ResultRow.of_runs(CHOICE, name, row, metrics[row], unit_of(row), seed, STREAM)
 
 
 def _ablations(conditions: Mapping[str, HeadCondition]) -> Iterator[ResultRow]:
     """Compute the effect of omitting one part, over its conditions, paired by run: without less with."""
     for tracker, what, metrics in _ABLATIONS:
         among = [each for each in conditions.values() if tracker in each.metrics]
-        for row in metrics:
-            change = [each.metrics[tracker][row] - each.metrics[OURS][row] for each in among]
-            known = np.concatenate(change)[~np.isnan(np.concatenate(change))] if change else np.empty(0)
-            if known.size:
-                names = ", ".join(each.name for each in among)
-                change_of = f"change of {row}"
-                yield result_of(ABLATION, f"{what} ({names})", change_of, None, known, unit_of(row), among[0].seeds[0])
+        name = f"{what} ({', '.join(each.name for each in among)})"
+        for row in metrics if among else ():
+            change = np.concatenate([each.metrics[tracker][row] - each.metrics[OURS][row] for each in among])
+            column, seed = f"change of {row}", among[0].seeds[0]
+            yield from ResultRow.of_runs(ABLATION, name, column, change, unit_of(row), seed, STREAM)
 
 
 def _where(conditions: Mapping[str, HeadCondition]) -> Iterator[ResultRow]:
     """Compute our errors by range, number of cameras that see the head, and posture, over the runs with any."""
-    errors = [each for name in (FIRST, SECOND, PEOPLE) for each in conditions[name].errors]
-    classes = {
-        **{f"nearest camera {low} to {low + 1} m": partial(_in_range, low=low) for low in (1, 2, 3, 4)},
-        **{f"seen by {count} cameras": partial(_seen_by, count=count) for count in (1, 2, 3, 4)},
-        "upright": lambda each: ~each.seated,
-        "seated or bent": lambda each: each.seated,
-    }
-    for name, chosen in classes.items():
-        parts = [(each, chosen(each)) for each in errors]
-        parts = [(each, mask) for each, mask in parts if mask.any()]
-        if not parts:
-            continue
+    parts_of: dict[str, list[tuple[HeadErrors, Mask]]] = {}
+    for each in (each for name in (FIRST, SECOND, PEOPLE) for each in conditions[name].errors):
+        for name, mask in _classes(each).items():
+            parts_of.setdefault(name, []).extend([(each, mask)] if mask.any() else [])
+    for name, parts in parts_of.items():
         metrics = {
             "XY": [each.xy_cm[mask].mean() for each, mask in parts],
             "Z": [100 * np.abs(each.off_m[mask, 2]).mean() for each, mask in parts],
             "yaw": [each.yaw_deg[mask].mean() for each, mask in parts],
         }
         for row, values in metrics.items():
-            yield result_of(WHERE, name, row, None, np.array(values), unit_of(row), conditions[FIRST].seeds[0])
+            seed = conditions[FIRST].seeds[0]
+            yield from ResultRow.of_runs(WHERE, name, row, np.array(values), unit_of(row), seed, STREAM)
 
 
-def _in_range(errors: HeadErrors, low: int) -> Mask:
-    return (errors.range_m >= low) & (errors.range_m < low + 1)
-
-
-def _seen_by(errors: HeadErrors, count: int) -> Mask:
-    return errors.seen_by == count
+def _classes(errors: HeadErrors) -> dict[str, Mask]:
+    """Return which matches are in each class, by its name."""
+    range_m, seen_by = errors.range_m, errors.seen_by
+    return {
+        **{f"nearest camera {low} to {low + 1} m": (range_m >= low) & (range_m < low + 1) for low in (1, 2, 3, 4)},
+        **{f"seen by {count} cameras": seen_by == count for count in (1, 2, 3, 4)},
+        "upright": ~errors.seated,
+        "seated or bent": errors.seated,
+    }
