@@ -3,7 +3,8 @@
 Each point of a scan is held against the line through the nearest point of the last scans (Chen and Medioni 1991; Censi, "An ICP
 variant using a point-to-line metric", ICRA 2008), with a prior of where the scanner is by now: where odometry says, else where
 it would be had it gone on as before. Points of what moves fit badly and weigh little (Cauchy's weights). Beams are placed at
-the time at which they were taken, for the motion by the prior.
+the time at which they were taken: the motion during the sweep is found together with the pose, and held against the motion since
+the scan before (Dellenbach et al., "CT-ICP", ICRA 2022). By odometry alone, a wheel that slips would bend the scan too.
 
 The curvature of the fit says in which directions the scan holds the scanner: a corridor leaves it free along. There the prior
 decides. `trust` is the share of the points that are near a line, 0 where the scan or the last ones show too little. A pose
@@ -84,6 +85,8 @@ _SPREAD = np.array([0.5, 0.5, 1.0])
 """Standard deviations of the change of speed and turn rate, in a second [m/s, rad/s]."""
 _BY_ODOMETRY = 0.3
 """Share of these that is left where odometry says how the scanner moved."""
+_ACCELERATION = np.array([1.5, 1.5, 3.0])
+"""Standard deviations of the change of motion from the last interval to the sweep, in a second [m/s, rad/s]."""
 _SPAN = 2
 """A line goes through so many points to either side."""
 
@@ -97,7 +100,8 @@ class MatchingOptions(Strict):
 
 @dataclass(frozen=True)
 class Match:
-    """A pose (3,) in the fixed frame at a scan's stamp, the motion (3,) a second in the scanner's frame, and the trust in it."""
+    """A pose (3,) in the fixed frame at a scan's stamp, the motion (3,) a second during the sweep in the scanner's frame, and the
+    trust in them."""
 
     pose: Float[Array, "3"]
     motion: Float[Array, "3"]
@@ -136,28 +140,41 @@ class ScanMatcher:
         straight = deskewed(points, times_s, motion)
         normal, has_line = _normals(straight)
         useful = has_line & still
-        pose, trust = expected, 0.0
+        pose, swept, trust = expected, motion, 0.0
         if self._tree is not None and useful.sum() >= _FEW:
-            spread = _SPREAD * max(elapsed, 1e-3) * (1.0 if moved is None else _BY_ODOMETRY)
-            pose, trust = self._fit(straight[useful], expected, np.maximum(spread, 1e-3))
+            prior = self._prior(expected, max(elapsed, 1e-3), has_odometry=moved is not None)
+            found, trust = self._fit(points[useful], times_s[useful], np.concatenate([expected, motion]), prior)
+            pose, swept = found[:3], found[3:]
         if trust >= options.least_trust:
             self._motion = between(self._pose, pose) / elapsed if elapsed > 0 else self._motion
         elif moved is not None:
-            pose, self._motion = expected, motion
+            pose, swept, self._motion = expected, motion, motion
         else:
-            pose, self._motion = self._pose, np.zeros(3)
+            pose, swept, self._motion = self._pose, HERE, HERE
         self._pose = pose
         if useful.sum() >= _FEW:
-            self._keep(pose, straight[useful], normal[useful], trust)
-        return Match(pose, self._motion, 1.0 if is_first else trust)
+            self._keep(pose, deskewed(points[useful], times_s[useful], swept), normal[useful], trust)
+        return Match(pose, swept, 1.0 if is_first else trust)
 
-    def _fit(self, points: Array, expected: Array, spread: Array) -> tuple[Array, float]:
-        """Gauss and Newton's steps over (x, y, yaw); the prior is a Gaussian about what is expected."""
-        pose, prior = expected.copy(), np.diag(1 / spread**2)
+    def _prior(self, expected: Array, elapsed_s: float, *, has_odometry: bool) -> Array:
+        """Return the inverse covariance (6, 6) of the pose that is expected and the motion during the sweep."""
+        spread = np.maximum(_SPREAD * elapsed_s * (_BY_ODOMETRY if has_odometry else 1.0), 1e-3)
+        # the change of motion, `motion - between(last pose, pose) / elapsed_s`, linear in both
+        cos, sin = np.cos(self._pose[2]), np.sin(self._pose[2])
+        change = np.eye(3, 6, 3)
+        change[:, :3] = np.array([[-cos, -sin, 0], [sin, -cos, 0], [0, 0, -1]]) / elapsed_s
+        prior = (change.T / (_ACCELERATION * elapsed_s) ** 2) @ change
+        prior[:3, :3] += np.diag(1 / spread**2)
+        return prior
+
+    def _fit(self, points: Array, times_s: Array, expected: Array, prior: Array) -> tuple[Array, float]:
+        """Gauss and Newton's steps over pose and motion (6,) together; the prior is a Gaussian about what is expected."""
+        state = expected.copy()
         reach, noise, error = _REACH_M, _SCALE_M, np.empty(0)
         assert self._tree is not None
         for _ in range(_ROUNDS):
-            there = placed(pose, points)
+            pose, motion = state[:3], state[3:]
+            there = placed(pose, deskewed(points, times_s, motion))
             gap, index = self._tree.query(there, distance_upper_bound=reach)
             found = np.isfinite(gap)
             if found.sum() < _FEW:
@@ -168,16 +185,17 @@ class ScanMatcher:
             weight = 1 / (1 + (error / noise) ** 2) / noise**2
             off = here - pose[:2]
             by_yaw = normal[:, 1] * off[:, 0] - normal[:, 0] * off[:, 1]
-            J = np.column_stack([normal, by_yaw])
+            by_motion = times_s[found, None] * np.column_stack([turned(-pose[2], normal), by_yaw])
+            J = np.column_stack([normal, by_yaw, by_motion])
             # a scan's errors are not independent: the points on one wall share theirs
             H = (J.T * weight) @ J / np.sqrt(len(J)) + prior
-            step = np.linalg.solve(H, -(J.T @ (weight * error)) / np.sqrt(len(J)) - prior @ (pose - expected))
-            pose = pose + step
+            step = np.linalg.solve(H, -(J.T @ (weight * error)) / np.sqrt(len(J)) - prior @ (state - expected))
+            state = state + step
             reach = max(0.6 * reach, 5 * noise)
-            if np.abs(step).max() < _SETTLED and reach <= 5 * noise:
+            if np.abs(step[:3]).max() < _SETTLED and reach <= 5 * noise:
                 break
         trust = float((np.abs(error) < _NEAR_M).sum() / len(points))
-        return pose, trust
+        return state, trust
 
     def _keep(self, pose: Array, points: Array, normal: Array, trust: float) -> None:
         """Join the scan to those that the next are matched with, unless it was taken where the last of them was."""

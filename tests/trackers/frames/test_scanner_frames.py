@@ -52,6 +52,17 @@ def test_slipping_wheels_are_corrected_by_the_scans():
     assert np.hypot(*(found - path)[:, :2].T).max() < 0.06
 
 
+@pytest.mark.parametrize("at", [8, 12, 20])
+def test_a_slip_of_the_wheels_during_a_sweep_does_not_bend_the_scan(at: int):
+    path, motions = drive(30)
+    slipping = path.copy()
+    slipping[at:] = compose(compose(path[at], np.array([0.0, 0.0, 0.05])), between(path[at], path[at:]))
+    sure, _ = located(path, motions, sweep_s=0.09, odometry=path)
+    found, frame = located(path, motions, sweep_s=0.09, odometry=slipping)
+    assert np.abs(between(sure, found)[:, 2]).max() < 0.01
+    assert frame.n_untrusted == 0
+
+
 def test_without_anything_to_match_a_pose_is_odometrys_and_has_no_trust():
     frame = SensorFrame(np.zeros(3), MatchingOptions())
     for k in range(5):
