@@ -181,12 +181,31 @@ def _lines(error: ValidationError, model: type[BaseModel], content: Any, source:
             message = f"{_SHAPES[kind]} is expected (got {_shown(fault['input'])})"
             if fault["type"] == "string_type" and isinstance(fault["input"], bool | int | float):
                 message += "; in quotes it is one"
-        elif not isinstance(fault["input"], dict | BaseModel):
-            message += f" (got {_shown(fault['input'])})"
+        else:
+            message = _expected(fault["type"], message, fault.get("ctx", {}))
+            if not isinstance(fault["input"], dict | BaseModel):
+                message += f" (got {_shown(fault['input'])})"
         lines.append(": ".join(part for part in (source, path, message) if part))
     distinct = list(dict.fromkeys(lines))
     more = [f"{source}: and {len(distinct) - _MOST_LINES} faults more"] if len(distinct) > _MOST_LINES else []
     return distinct[:_MOST_LINES] + more
+
+
+def _expected(kind: str, message: str, limits: Mapping[str, Any]) -> str:
+    """Return what is expected where pydantic checks a limit, a length or a choice; its message for other faults."""
+    match kind:
+        case "greater_than" | "greater_than_equal" | "less_than" | "less_than_equal":
+            return f"a number {message.removeprefix('Input should be ')} is expected"
+        case "literal_error":
+            return f"{limits['expected']} is expected"
+        case "too_short":
+            return f"a length of {limits['min_length']} or more is expected"
+        case "too_long":
+            return f"a length of {limits['max_length']} or less is expected"
+        case "string_too_short":
+            return "a text that is not empty is expected"
+        case _:
+            return message
 
 
 def _of_a_kind(location: tuple[int | str, ...], content: Any) -> list[str]:

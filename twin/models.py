@@ -36,11 +36,22 @@ def find(folder: str, name: str, relative_to: Path | None = None, asked_by: str 
     path = (relative_to or Path()) / name
     if is_file(path):
         return path
-    start = f"{asked_by}: " if asked_by else ""
+    start, kind = f"{asked_by}: " if asked_by else "", _kind(folder)
+    if path.is_dir():
+        inside = sorted(str(Path(name) / each.name) for each in path.glob(f"*{suffix}"))
+        raise InputError(
+            f"{start}{name!r} is a folder; the path of a {suffix} file is expected{', as ' * bool(inside)}{', '.join(inside[:3])}"
+        )
+    others = [_kind(each) for each in _SUFFIX if each != folder and name in names(each)]
+    what = f"no file is {path.absolute()}" if name.endswith(suffix) else f"it is a {others[0]}" if others else ""
     raise InputError(
-        f"{start}there is no {_ONE.get(folder, folder[:-1])} {name!r}; "
+        f"{start}there is no {kind} {name!r}{': ' * bool(what)}{what}; "
         f"{valid_names(name, names(folder), f' or the path of a {suffix} file')}"
     )
+
+
+def _kind(folder: str) -> str:
+    return _ONE.get(folder, folder[:-1])
 
 
 _SIGNS = {

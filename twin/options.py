@@ -101,3 +101,9 @@ Resource = Annotated[
     list[str] | None,
     typer.Option(metavar="NAME=N", help="What a case needs of a worker, e.g. GPU=1 (a Dask resource). Repeatable."),
 ]
+
+
+def help_if_alone(context: typer.Context) -> None:
+    """Print the help of a group of commands that is called without one."""
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())

@@ -262,3 +262,32 @@ class _Named(Strict):
 def test_a_missing_field_is_told_with_what_it_is() -> None:
     with pytest.raises(InputError, match=r"x\.yaml: name: is missing \(name of the thing\)$"):
         validate(_Named, {}, "x.yaml")
+
+
+class _Limited(Strict):
+    above: Annotated[float, Field(gt=0, lt=1)] = 0.5
+    count: Annotated[int, Field(ge=1, le=5)] = 1
+    choice: Literal["x", "y"] = "x"
+    pair: Annotated[tuple[int, ...], Field(min_length=2, max_length=3)] = (1, 2)
+    named: Annotated[dict[str, int], Field(default_factory=dict, min_length=1)]
+    text: Annotated[str, Field(min_length=1)] = "a"
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "said"),
+    [
+        ("above", 0, "a number greater than 0 is expected (got 0)"),
+        ("above", 1, "a number less than 1 is expected (got 1)"),
+        ("count", 0, "a number greater than or equal to 1 is expected (got 0)"),
+        ("count", 6, "a number less than or equal to 5 is expected (got 6)"),
+        ("choice", "z", "'x' or 'y' is expected (got 'z')"),
+        ("pair", [1], "a length of 2 or more is expected (got [1])"),
+        ("pair", [1, 2, 3, 4], "a length of 3 or less is expected (got [1, 2, 3, 4])"),
+        ("named", {}, "a length of 1 or more is expected"),
+        ("text", "", "a text that is not empty is expected (got '')"),
+    ],
+)
+def test_a_value_beyond_a_limit_is_told_with_what_is_expected(field: str, value: object, said: str) -> None:
+    with pytest.raises(InputError) as told:
+        validate(_Limited, {field: value}, "f.yaml")
+    assert str(told.value) == f"f.yaml: {field}: {said}"

@@ -171,3 +171,23 @@ def test_another_package_called_trackers_is_named(tmp_path: Path, monkeypatch: p
 
     monkeypatch.delattr(trackers, "DISTRIBUTION")
     assert "that of roomtwin is expected" in str(other_trackers())
+
+
+@pytest.mark.parametrize("group", ["new", "suite", "study"])
+def test_a_group_of_commands_alone_prints_its_help(here: Path, group: str) -> None:
+    assert "Commands:" in _twin(group)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("mine", "'mine' is a folder; the path of a .yaml file is expected, as mine/scenario.yaml"),
+        ("smoke", "there is no scenario 'smoke': it is a suite; valid are "),
+        ("other/mine.yaml", "there is no scenario 'other/mine.yaml': no file is {here}/other/mine.yaml; valid are "),
+        ("lab-5", "there is no scenario 'lab-5'; valid are "),
+    ],
+)
+def test_what_is_no_scenario_is_told_with_what_it_is(here: Path, name: str, said: str) -> None:
+    _twin("new", "scenario", "--out", "mine")
+    error = CliRunner().invoke(app, ["run", name, "--tracker", "sort"]).exception
+    assert isinstance(error, InputError) and str(error).startswith(said.format(here=Path.cwd()))

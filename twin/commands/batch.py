@@ -9,14 +9,18 @@ from typing import Annotated
 import typer
 
 from twin.commands.memory import EXIT_FELL_SHORT
-from twin.options import Jobs, NoLimits, Resource, RoomRoot, ScenarioName, Scheduler, SetOfScenario, overrides
+from twin.options import (
+    Jobs,
+    NoLimits,
+    Resource,
+    RoomRoot,
+    ScenarioName,
+    Scheduler,
+    SetOfScenario,
+    help_if_alone,
+    overrides,
+)
 from twin.reproduce.registry import REPRODUCTIONS, Request
-
-
-def _help_if_alone(context: typer.Context) -> None:
-    if context.invoked_subcommand is None:
-        typer.echo(context.get_help())
-
 
 suite_app = typer.Typer(
     name="suite",
@@ -27,7 +31,7 @@ suite_app = typer.Typer(
 )
 
 
-suite_app.callback()(_help_if_alone)
+suite_app.callback()(help_if_alone)
 
 
 @suite_app.command("run", epilog="Example: twin suite run smoke --jobs 2 --baseline models/suites/baselines/smoke.json")
@@ -156,7 +160,7 @@ study_app = typer.Typer(
 Out = Annotated[Path | None, typer.Option(help="Folder for the results.")]
 
 
-study_app.callback()(_help_if_alone)
+study_app.callback()(help_if_alone)
 
 
 @study_app.command("run", epilog="Example: twin study run lab-scanner-place --jobs 2 --out out/place")

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from twin.options import Seed, Set
+from twin.options import Seed, Set, help_if_alone
 
 SCENARIO = """\
 # A scenario of your own; `twin schema > scenario.schema.json` gives editors completion. Run it: twin run {file}
@@ -156,10 +156,13 @@ class Mine:
 
 app = typer.Typer(
     help="Write a commented start of your own: room, scenario, tracker, suite, study; a bag's rig; or a scene drawn at random.",
-    no_args_is_help=True,
+    invoke_without_command=True,
     add_completion=False,
     rich_markup_mode=None,
 )
+
+
+app.callback()(help_if_alone)
 
 
 @app.command(epilog="Example: twin new scenario --drawn --seed 7 --out office; twin run office/scenario.yaml")

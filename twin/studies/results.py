@@ -94,7 +94,7 @@ def summarize(results: StudyResults) -> dict[str, Any]:
             {"what": what, "rank_correlation": number(rho), "candidates": n} for what, rho, n in results.rank_correlations
         ],
         "proven": [
-            {"devices": count, "greedy": first.value, "greedy_bound": first.bound, **_proof(first, best)}
+            {"devices": count, "greedy": _covered(first), "greedy_bound": first.bound, **_proof(first, best)}
             for count, first, best in results.result.proven
         ],
         "rejected": results.prepared.candidate_set.rejected,
@@ -107,8 +107,13 @@ def summarize(results: StudyResults) -> dict[str, Any]:
 def _proof(first: Cover, best: Cover | None) -> dict[str, Any]:
     if best is None:
         return {}
-    share = first.value / best.value if best.value else 1.0
-    return {"exact": best.value, "exact_is": best.summary(), "greedy_over_exact": share}
+    share = None if not first.complete else first.value / best.value if best.value else 1.0
+    return {"exact": _covered(best), "exact_is": best.summary(), "greedy_over_exact": share}
+
+
+def _covered(cover: Cover) -> float | None:
+    """Return the coverage of a set of as many poses as are wanted; None of fewer."""
+    return cover.value if cover.complete else None
 
 
 def _plain(row: Any) -> dict[str, Any]:

@@ -142,7 +142,7 @@ class Searcher:
             best = exact(choice, number, self.study.search.limit_s) if prove else None
             self.result.proven.append((number, first, best))
             for found in (first, best):
-                if found is not None and found.chosen:
+                if found is not None and found.chosen and found.complete:
                     self._trial(found.chosen)
 
     # ------------------------------------------------------------------------------------------------ Optuna

@@ -64,20 +64,31 @@ class CoverProblem:
 
 @dataclass(frozen=True)
 class Cover:
-    """Set of poses, its coverage, and an upper bound on that of any set."""
+    """Set of poses, its coverage, and an upper bound on that of any set of `wanted` poses.
+
+    Of fewer than `wanted` poses where no such set that keeps the constraints was found; the bound is then 0 if there is none.
+    """
 
     chosen: tuple[int, ...]
     value: float
     bound: float
     seconds: float = 0.0
+    wanted: int = 0
+
+    @property
+    def complete(self) -> bool:
+        """True for a set of as many poses as are wanted."""
+        return len(self.chosen) >= self.wanted
 
     @property
     def optimal(self) -> bool:
         """True for a set proven to be the best."""
-        return self.bound <= self.value + _ROUNDING
+        return self.complete and self.bound <= self.value + _ROUNDING
 
     def summary(self) -> str:
-        """Return 'optimal', or the gap."""
+        """Return 'optimal', the gap, or that no set keeps the constraints."""
+        if not self.complete:
+            return "no placement keeps the constraints" if self.bound <= 0 else "none found that keeps the constraints"
         return "optimal" if self.optimal else f"at most {self.bound - self.value:.4f} below the best"
 
 
@@ -92,7 +103,8 @@ def greedy(choice: CoverProblem, number: Mapping[str, int]) -> Cover:
     chosen = max((_exchange(choice, each, number) for each in ways), key=lambda each: (len(each), choice.value(each)))
     bound = min(_posterior_bound(choice, each, number) for each in ways)
     value = choice.value(chosen)
-    return Cover(tuple(sorted(chosen)), value, max(bound, value), time.perf_counter() - start)
+    wanted = sum(number.values())
+    return Cover(tuple(sorted(chosen)), value, max(bound, value), time.perf_counter() - start, wanted)
 
 
 def _grow(choice: CoverProblem, number: Mapping[str, int], by_bound: bool) -> list[int]:
@@ -174,7 +186,9 @@ def exact(choice: CoverProblem, number: Mapping[str, int], limit_s: float) -> Co
                 break
             if choice.is_allowed([*taken, order[place]]):
                 heapq.heappush(waiting, (-above, (*taken, order[place]), tuple(order[place + 1 :])))
-    return Cover(chosen, max(value, 0.0), max(bound, value), time.perf_counter() - start)
+    if value < 0:
+        chosen = ()
+    return Cover(chosen, max(value, 0.0), max(bound, value, 0.0), time.perf_counter() - start, total)
 
 
 def _selectable(choice: CoverProblem, chosen: Sequence[int], number: Mapping[str, int]) -> Array:

@@ -83,7 +83,7 @@ class Objective(Strict):
         if self.kind != "metric":
             return self.kind if self.form == "share" or self.kind == "price" else "coverage_worst"
         over = {"mean": "", "worst": " (worst)", "quantile": f" ({self.quantile:g} quantile)"}[self.over]
-        return f"{self.tracker}: {self.metric}{over}"
+        return f"{self.tracker or 'metric'}: {self.metric}{over}"
 
 
 class Coverage(Strict):
@@ -160,9 +160,11 @@ class Study(Strict):
     held_out: HeldOut | None = Field(
         default=None, description="seeds and scenarios for validation; none: no validation"
     )
-    devices: Annotated[dict[OwnName, Device], Field(min_length=1), mapping_of("a mapping of devices to place,")] = (
-        Field(description="what is placed, by name")
-    )
+    devices: Annotated[
+        dict[OwnName, Device],
+        Field(min_length=1),
+        mapping_of("a mapping of devices to place, as in {waist: {sensors: [waist], walls: {height_m: 0.95}}},"),
+    ] = Field(description="what is placed, by name")
     constraints: Constraints = Field(default=Constraints(), description="what placements must keep")
     objectives: Annotated[
         tuple[Objective, ...], Field(min_length=1), list_of("a list, as in [{kind: metric, metric: hota}],")
@@ -204,8 +206,9 @@ class Study(Strict):
         faults = []
         for place, objective in enumerate(self.objectives):
             if objective.kind == "metric" and objective.tracker not in self.trackers:
-                valid = valid_names(objective.tracker, self.trackers, none="none, as the study has no trackers")
-                faults.append(f"objectives.{place}.tracker: {objective.tracker!r} is none of the trackers; {valid}")
+                valid = valid_names(objective.tracker or "", self.trackers, none="none, as the study has no trackers")
+                what = "is missing" if objective.tracker is None else f"{objective.tracker!r} is none of the trackers"
+                faults.append(f"objectives.{place}.tracker: {what}; {valid}")
         if self.held_out is not None and not self.validated:
             faults.append(
                 "held_out: validates trackers' metrics, and no objective is one; an objective {kind: metric}, or a study "

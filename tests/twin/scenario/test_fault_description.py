@@ -77,7 +77,7 @@ def test_every_kind_is_listed_and_in_the_schema() -> None:
         ("faults.a={sensor: waist, kind: freeze, from_s: 5, to_s: 5}", "to_s 5 is not after from_s 5"),
         ("faults.a={sensor: waist, kind: freeze, from_s: -1}", "from_s: .*greater than or equal to 0"),
         ("faults.a={sensor: waist, kind: freeze, from: 1}", "from: unknown key; did you mean 'from_s'"),
-        ("faults.a={sensor: [], kind: freeze}", "sensor: .*at least 1 item"),
+        ("faults.a={sensor: [], kind: freeze}", "sensor: .*a length of 1 or more"),
         ("faults.a={kind: freeze}", r"sensor: is missing \(name of the sensor at fault"),
         ("faults.a={sensor: waist, kind: dropout, probability: 1.5}", "probability: .*less than or equal to 1"),
         ("faults.a={sensor: waist, kind: dropout, probability: 0}", "probability: .*greater than 0"),

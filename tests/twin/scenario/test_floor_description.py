@@ -54,7 +54,7 @@ def test_a_resolved_floor_reads_back_the_same():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("pitch_m: 0", r"one.pitch_m: .*greater than or equal to 0.01 \(got 0\)"),
+        ("pitch_m: 0", r"one.pitch_m: .*greater than or equal to 0.01 is expected \(got 0\)"),
         ("pitch_m: -0.2", "pitch_m: .*greater than or equal to 0.01"),
         ("pitch_m: .nan", "pitch_m"),
         ("rows: 0", "rows: .*greater than 0"),

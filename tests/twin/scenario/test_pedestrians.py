@@ -115,7 +115,7 @@ def test_a_file_that_is_no_paths_teaches(tmp_path: Path, paths: str, said: str) 
     ("overrides", "said"),
     [
         (["pedestrians.frame_rate_hz=null"], "frame_rate_hz: is missing"),
-        (["pedestrians.frame_rate_hz=1.5e-5"], "frame_rate_hz: Input should be greater than or equal to 0.01"),
+        (["pedestrians.frame_rate_hz=1.5e-5"], "frame_rate_hz: a number greater than or equal to 0.01 is expected"),
         (["pedestrians.frame_rate_hz=0.1"], "come every 40 s, too rarely .* frame_rate_hz"),
         (["pedestrians.file=/dev/zero"], "/dev/zero: is a device, not a file"),
         (["pedestrians.ids=[7]"], "holds nobody of number 7; one of 1, 2 is expected"),

@@ -107,7 +107,7 @@ def test_the_optical_frame_is_the_housing_s_seen_otherwise(angles: tuple[float, 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (LASER.replace("10", "-10"), r"sensors.one.rate_hz: .*greater than or equal to 0.001 \(got -10\)"),
+        (LASER.replace("10", "-10"), r"sensors.one.rate_hz: .*greater than or equal to 0.001 is expected \(got -10\)"),
         (
             LASER + "noise: wrose",
             r"noise: no preset of this name; did you mean 'worse'\? valid are off, default, worse, hokuyo .* \(got 'wrose'\)",
@@ -120,7 +120,7 @@ def test_the_optical_frame_is_the_housing_s_seen_otherwise(angles: tuple[float, 
         (LASER + "sweep_time_s: 0.2", "sweep_time_s 0.2 is longer than the period"),
         (LASER + "dropout: 1.5", "dropout: .*less than or equal to 1"),
         (LASER + "size: [3, 3]", "sensors.one.size: unknown key"),
-        (LASER + "role: ankle", "role: Input should be 'waist' or 'knee'"),
+        (LASER + "role: ankle", "role: 'waist' or 'knee' is expected"),
         ("rate_hz: 10", "sensors.one.kind: is missing; one of laser, fisheye"),
         ("kind: radar", "sensors.one.kind: 'radar' is not known; valid are laser, fisheye"),
         (FISHEYE + "lens: fisheye_eye", "lens: no preset of this name; valid are equidistant_185, opencv_test_lens"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -41,7 +42,8 @@ def test_exact_is_the_best_of_all_and_its_bounds_hold(seed: int, k: int, per: in
     best = best_of_all(choice, number)
     found, first = exact(choice, number, 60), greedy(choice, number)
     if best < 0:
-        assert len(found.chosen) < 3
+        assert not found.complete and not first.complete and not found.optimal
+        assert found.summary() == "no placement keeps the constraints"
         return
     assert found.optimal and found.summary() == "optimal"
     assert found.value == pytest.approx(best) and choice.value(found.chosen) == pytest.approx(found.value)
@@ -55,6 +57,15 @@ def test_without_time_exact_is_greedy_and_tells_the_gap() -> None:
     found, first = exact(choice, {"a": 2, "b": 3}, 0.0), greedy(choice, {"a": 2, "b": 3})
     assert found.chosen == first.chosen and found.bound >= exact(choice, {"a": 2, "b": 3}, 60).value
     assert not found.optimal and "below the best" in found.summary()
+
+
+def test_where_more_poses_keep_no_constraints_none_is_the_best_of_more() -> None:
+    apart = replace(made_up(4), is_allowed=lambda chosen: len(chosen) < 2)
+    for limit_s, said in ((60.0, "no placement keeps"), (0.0, "none found that keeps")):
+        found = exact(apart, {"a": 2, "b": 0}, limit_s)
+        assert (found.chosen, found.complete) == ((), False) and found.summary() == f"{said} the constraints"
+    assert exact(apart, {"a": 1, "b": 0}, 60.0).summary() == "optimal"
+    assert not greedy(apart, {"a": 2, "b": 0}).complete
 
 
 @given(strategies.integers(0, 1000), strategies.integers(1, 4))

@@ -108,7 +108,7 @@ def test_ids_stay_the_same_whatever_else_is_in_the_suite(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("scenarios: [{scenario: lab}]", r"s.yaml: scenarios.0.scenario: there is no scenario 'lab'; "),
+        ("scenarios: [{scenario: lab}]", r"s.yaml: scenarios.0.scenario: there is no scenario 'lab': it is a room; "),
         ("scenarios: [{scenario: lab-five-people, seed: 1}]", r"scenarios.0.seed: unknown key; did you mean 'seeds'"),
         ("scenarios: []", r"scenarios: a list of scenarios, as in .* is expected \(got \[\]\)$"),
         ("scenarios: [{scenario: lab-five-people, seeds: 0}]", r"scenarios.0.seeds: "),

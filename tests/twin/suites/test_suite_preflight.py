@@ -126,14 +126,14 @@ def test_an_option_of_the_scenario_s_file_is_told_with_that_file(tmp_path: Path)
     )
     (line,) = told(tmp_path, "trackers: [mine]\nscenarios: [{scenario: own.yaml}]\n")
     assert line == (
-        f"scenarios.0.scenario: {scenario}: trackers.mine.waist.p_detect: Input should be less than 1 (got 2)"
+        f"scenarios.0.scenario: {scenario}: trackers.mine.waist.p_detect: a number less than 1 is expected (got 2)"
     )
 
 
 def test_an_option_of_the_command_line_is_told_with_it(tmp_path: Path) -> None:
     (line,) = told(tmp_path, "trackers: [laser-imm]\n" + LAB % "name: a", "trackers.laser-imm.legs.gate_m=0")
     assert line == (
-        "--set trackers.laser-imm.legs.gate_m=0: trackers.laser-imm.legs.gate_m: Input should be greater than 0 (got 0)"
+        "--set trackers.laser-imm.legs.gate_m=0: trackers.laser-imm.legs.gate_m: a number greater than 0 is expected (got 0)"
     )
 
 
