@@ -105,3 +105,14 @@ def test_a_scanner_that_changes_its_rate_midway_is_followed_on(usual: dict[str, 
     truth = [frame for frame in truth if frame.stamp_ns in seen]
     for tracker in TRACKERS:
         assert_follows(tracker, (rig, background, kept, truth), usual, 0.9)
+
+
+@pytest.mark.parametrize("tracker", [*TRACKERS, "fusion"])
+def test_a_scan_that_the_main_sensor_loses_leaves_no_hole_where_another_one_reports(tracker: str) -> None:
+    rig, background, observations, _ = recorded("duration_s=3")
+    of_main = [each.stamp_ns for each in observations if each.sensor == rig.main_sensor]
+    lost = set(of_main[5::6])
+    kept = [each for each in observations if not (each.sensor == rig.main_sensor and each.stamp_ns in lost)]
+    stamps = [frame.stamp_ns for frame in track_frames(make_tracker(tracker, rig, background), rig, kept)]
+    assert np.diff(stamps).max() == np.diff(of_main).max()
+    assert np.diff(stamps).min() == np.diff(of_main).min()  # nor are there two frames for one

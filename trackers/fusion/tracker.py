@@ -46,6 +46,8 @@ from trackers.vision.head_colours import SHIPPED, load_head_model
 logger = logging.getLogger(__name__)
 
 _LEAST_SHARE = 0.02
+_NEAR_TURN = 0.75
+"""Share of the main sensor's period after which an observation of another one may stand in for it."""
 _TOGETHER_S = 0.15
 """A trunk measured no longer ago tells where the legs are from there [s]."""
 _STILL_M_S = 0.15
@@ -138,23 +140,28 @@ class Fusion(SynchronizedTracker):
         ]
 
     def _work_all(self, synced_frames: list[SyncedFrame]) -> list[TrackFrame]:
-        """Work all looks; frames are those of the main sensor, and of others while that is silent."""
+        """Work all looks; frames are those of the main sensor, and of others where it is silent or skips its turn."""
         self._detections, frames = [], []
+        coming_ns = [each.ns for each in synced_frames if self._main in each.observations]
+        coming_ns += self._synchronizer.waiting_ns(self._main)
         for synced in synced_frames:
             self._work(synced)
-            if self._is_due(synced):
+            if self._is_due(synced, coming_ns):
                 self._reported_ns = synced.ns
                 frames.append(TrackFrame(synced.ns, tuple(self.tracks()), self._maps()))
         return frames
 
-    def _is_due(self, synced: SyncedFrame) -> bool:
-        main = self._main
+    def _is_due(self, synced: SyncedFrame, coming_ns: list[int]) -> bool:
+        """Tell whether a frame is reported; coming_ns: stamps of the main sensor that are not worked yet."""
+        main, ns = self._main, synced.ns
         if main in synced.observations or main in synced.repeated:
-            self._main_ns = [*self._main_ns[-4:], synced.ns]
+            self._main_ns = [*self._main_ns[-4:], ns]
             return True
         if len(self._main_ns) < 3 or self._reported_ns is None:
-            return not self._main_ns and self._silent_from_the_start(synced.ns)
-        return synced.ns - self._reported_ns > 1.6 * float(np.median(np.diff(self._main_ns)))
+            return not self._main_ns and self._silent_from_the_start(ns)
+        period_ns = float(np.median(np.diff(self._main_ns)))
+        is_turn = ns - max(self._main_ns[-1], self._reported_ns) >= _NEAR_TURN * period_ns
+        return is_turn and not any(ns < each <= ns + (1 - _NEAR_TURN) * period_ns for each in coming_ns)
 
     def _silent_from_the_start(self, ns: int) -> bool:
         """Tell whether the main sensor has not reported for a second from the first observation on."""

@@ -150,6 +150,10 @@ class FrameSynchronizer:
         self._waiting = []
         return frames
 
+    def waiting_ns(self, sensor: str) -> list[int]:
+        """Return the stamps of a sensor's observations in frames that have not left yet [ns], oldest first."""
+        return [each.observations[sensor].stamp_ns for each in self._pending if sensor in each.observations]
+
     def _learn_period(self, sensor: str, ns: int) -> None:
         """Update the period of frames [s], shorter than declared if sensors report faster."""
         if self._rules.within_s is not None:
