@@ -13,7 +13,7 @@ from typing import Any, TypeVar, get_args
 
 import numpy as np
 
-from trackers.errors import InputError
+from trackers.errors import PLUG_IN_ERRORS, InputError
 from trackers.feeding import FedTracker
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation
 from trackers.rig import Rig
@@ -25,6 +25,8 @@ Corruption = Callable[[Recording], Recording]
 Kind = TypeVar("Kind", bound=Observation)
 
 _SEED = 0
+_PLAIN = "plain run"
+"""Run whose faults are not repeated for the runs with a fault of a sensor."""
 
 
 def check_tracker(
@@ -47,18 +49,18 @@ def check_tracker(
             tracker = make(rig, background, np.random.default_rng(_SEED))
             at_work = FedTracker(tracker, rig, on_worked=lambda: seen.extend(_seen(tracker)))
             frames = [frame for observation in fed for frame in at_work.update(observation)] + at_work.finish()
-            reported = misreported(tracker, rig)
-        except Exception as error:  # whatever a plug-in raises is what its author wants to read
+            faults = [*_faults(frames), *_faults_of_seen(seen, rig), *misreported(tracker, rig)]
+        except PLUG_IN_ERRORS as error:  # whatever a plug-in raises is what its author wants to read
             violations.append(f"{what}: {_raised(error)}")
             return []
-        violations.extend(f"{what}: {fault}" for fault in (*_faults(frames), *_faults_of_seen(seen, rig), *reported))
+        violations.extend(f"{what}: {fault}" for fault in faults if f"{_PLAIN}: {fault}" not in violations)
         return frames
 
     try:
         tracker = make(rig, background, np.random.default_rng(_SEED))
     except InputError:
         raise
-    except Exception as error:
+    except PLUG_IN_ERRORS as error:
         return [f"its constructor {_raised(error)}"]
     if not isinstance(tracker, Tracker):
         return [f"{type(tracker).__name__} has not both update(observation) and tracks()"]
@@ -67,13 +69,13 @@ def check_tracker(
 
     given = list(observations)
     before = copy.deepcopy([_arrays(item) for item in given])
-    first = frames_of("plain run", given)
+    first = frames_of(_PLAIN, given)
     if violations and not first:
         return violations
     if not all(_same(_arrays(item), old) for item, old in zip(given, before, strict=True)):
-        violations.append("plain run: an observation's array was written to")
+        violations.append(f"{_PLAIN}: an observation's array was written to")
     if not violations and not any(frame.tracks for frame in first):
-        violations.append("plain run: nobody was ever tracked; a recording with people is needed to check the rest")
+        violations.append(f"{_PLAIN}: nobody was ever tracked; a recording with people is needed to check the rest")
     if repr(frames_of("second run", given)) != repr(first):
         violations.append("second run: other tracks from the same observations and the same generator")
     for what, corrupt in CORRUPTIONS.items():
@@ -83,7 +85,7 @@ def check_tracker(
     return violations
 
 
-def _raised(error: Exception) -> str:
+def _raised(error: BaseException) -> str:
     """Return the error and the line of its author: the last outside of installed packages."""
     steps = traceback.extract_tb(error.__traceback__)
     own = [step for step in steps if "site-packages" not in step.filename] or steps
@@ -102,14 +104,24 @@ def _faults(frames: Sequence[TrackFrame]) -> list[str]:
     if any(not isinstance(stamp, int) for stamp in stamps):
         faults.append("a stamp is not an int")
     tracks = [track for frame in frames for track in frame.tracks]
-    if any(type(track.id) is not int or track.id < 1 for track in tracks):
-        faults.append("an id is not an int from 1 up")
+    if wrong := {type(track).__name__ for track in tracks if not isinstance(track, Track)}:
+        return [*faults, f"a track is of type {', '.join(sorted(wrong))}; trackers.tracks.Track is expected"]
+    for name in _NUMBERS:
+        values = [getattr(track, name) for track in tracks]
+        if no_numbers := {type(each).__name__ for each in values if not isinstance(each, int | float | np.number)}:
+            faults.append(f"{name} of a track is of type {', '.join(sorted(no_numbers))}; a number is expected")
+    if faults:
+        return faults
+    if any(type(track.id) is not int or not 1 <= track.id < _IDS_END for track in tracks):
+        faults.append("an id is not an int from 1 up to 2**63 - 1")
     if any(len({track.id for track in frame.tracks}) < len(frame.tracks) for frame in frames):
         faults.append("an id stands twice in a frame")
     if any(isnan(track.x) or isnan(track.y) for track in tracks):
         faults.append("x or y is NaN")
     if any(isinf(value) for track in tracks for value in _numbers(track)):
         faults.append("a track holds an infinite number")
+    if any(track.radius95_m <= 0 for track in tracks):
+        faults.append("a radius95_m is not above 0")
     if any(track.status not in get_args(Status) for track in tracks):
         faults.append(f"a status is none of {', '.join(get_args(Status))}")
     return faults
@@ -133,8 +145,12 @@ def _faults_of_seen(seen: Sequence[Any], rig: Rig) -> list[str]:
     return faults
 
 
+_IDS_END = 2**63
+_NUMBERS = [item.name for item in fields(Track) if item.name not in ("id", "status", "situation")]
+
+
 def _numbers(track: Track) -> list[float]:
-    return [getattr(track, item.name) for item in fields(track) if item.name not in ("id", "status", "situation")]
+    return [getattr(track, name) for name in _NUMBERS]
 
 
 def _arrays(observation: Observation) -> list[np.ndarray]:

@@ -14,6 +14,10 @@ class InputError(ValueError):
     """
 
 
+PLUG_IN_ERRORS = (Exception, SystemExit, GeneratorExit)
+"""All that a plug-in may raise without ending what calls it: all but the user's Ctrl-C."""
+
+
 class PlugInError(Exception):
     """Exception of a plug-in tracker: one sentence naming class, method, observation and line.
 

@@ -1,5 +1,6 @@
 """What every tracker promises, over every preset; and that check_tracker sees it broken."""
 
+import sys
 from dataclasses import replace
 from functools import cache
 from typing import ClassVar
@@ -159,6 +160,14 @@ def chokes_on_nan(self, observation):
         (broken(track=lambda self: Track(1, 0.0, 0.0, vx=np.inf)), "infinite"),
         (broken(track=lambda self: Track(0, 0.0, 0.0)), "from 1 up"),
         (broken(track=lambda self: Track(1.5, 0.0, 0.0)), "not an int"),
+        (broken(track=lambda self: Track(2**63, 0.0, 0.0)), "not an int from 1 up to 2**63 - 1"),
+        (broken(track=lambda self: Track(1, 0.0, 0.0, radius95_m=0.0)), "a radius95_m is not above 0"),
+        (broken(track=lambda self: Track(1, "0.0", 0.0)), "x of a track is of type str; a number is expected"),
+        (broken(track=lambda self: Track(1, 0.0, 0.0, z=np.zeros(1))), "z of a track is of type ndarray; a number"),
+        (broken(track=lambda self: (1, 0.0, 0.0)), "a track is of type tuple; trackers.tracks.Track is expected"),
+        (broken(track=lambda self: {"id": 1}), "a track is of type dict; trackers.tracks.Track is expected"),
+        (broken(update=lambda self, observation: sys.exit(3)), "plain run: raised SystemExit: 3 ("),
+        (broken(__init__=lambda self, *made: sys.exit(3)), "its constructor raised SystemExit: 3 ("),
         (broken(track=lambda self: Track(1, 0.0, 0.0, status="lost")), "status"),
         (broken(update=writes), "written to"),
         (broken(update=chokes_on_nan), "scans without a reading: raised ZeroDivisionError"),
@@ -192,6 +201,8 @@ def test_check_tracker_names_what_is_broken(kind, complaint):
     given = [replace(item, ranges_m=item.ranges_m.copy()) for item in observe(WALK, 5, images=False)[:24]]
     violations = check_tracker(lambda on, room, rng: kind(on, room, rng), RIG, given, BACKGROUND)
     assert any(complaint in violation for violation in violations), violations
+    of_the_plain_run = [each.removeprefix("plain run") for each in violations if each.startswith("plain run")]
+    assert not [each for each in violations if each.endswith(tuple(of_the_plain_run)) and "plain run" not in each]
 
 
 def test_a_tracker_that_reports_at_each_scan_keeps_the_contract():

@@ -112,6 +112,8 @@ class TrackWriter:
     def _cells(track: Track) -> list[str]:
         if track.status not in STATUSES:
             raise ValueError(f"track {track.id}: status {track.status!r} is none of {STATUSES}")
+        if track.radius95_m <= 0:
+            raise ValueError(f"track {track.id}: radius95_m is {track.radius95_m}; above 0 m, or NaN, is expected")
         return [cell(value) for value in list(track_row(track).values())[1:]]
 
 
@@ -255,7 +257,9 @@ def track_table(frames: Iterable[TrackFrame], source: str = "tracks") -> TrackTa
     """Track frames as the table that reading their file would give; raises ValueError for a repeated (stamp, id)."""
     frames = list(frames)
     tracks = [(frame.stamp_ns, track) for frame in frames for track in frame.tracks]
-    frame_stamps, stamps, ids, order = _memory_index([f.stamp_ns for f in frames], [(s, t.id) for s, t in tracks])
+    frame_stamps, stamps, ids, order = _memory_index(
+        [f.stamp_ns for f in frames], [(s, _id(s, t.id)) for s, t in tracks]
+    )
     ordered = [tracks[i][1] for i in order]
     status = np.array([track.status for track in ordered], dtype="<U9")
     numbers = _memory_numbers(ordered, (*_TRACK_NUMBERS, "radius95_m"))
@@ -273,14 +277,11 @@ class _RowWriter:
 
     def write(self, stamp_ns: int, entries: Sequence, cells_of) -> None:
         if self._last_stamp_ns is not None and stamp_ns <= self._last_stamp_ns:
-            raise ValueError(
-                f"frame at {stamp_ns} ns comes after the one at {self._last_stamp_ns} ns; stamps must grow"
-            )
+            raise ValueError(f"frame at {stamp_ns} ns comes after that at {self._last_stamp_ns} ns; stamps must grow")
         ids = [_id(stamp_ns, entry.id) for entry in entries]
         if len(set(ids)) < len(ids):
             raise ValueError(f"frame at {stamp_ns} ns: an id is repeated in {ids}")
-        t = seconds_cell(stamp_ns)
-        lines = []
+        t, lines = seconds_cell(stamp_ns), list[str]()
         for id_, entry in zip(ids, entries, strict=True):
             if not (isfinite(entry.x) and isfinite(entry.y)):
                 raise ValueError(f"frame at {stamp_ns} ns: id {id_} is at ({entry.x}, {entry.y}); a place is needed")
@@ -331,9 +332,8 @@ def number_cell(value: float) -> str:
 
 def _numbers(rows: CsvColumns, name: str) -> NDArray[np.float64]:
     """Return a column's numbers; NaN where the table has no such column."""
-    if name not in rows.cells:
-        return np.full(len(rows), nan)
-    return rows.numbers(name, may_be_empty=name not in ("x", "y"))
+    known = name in rows.cells
+    return rows.numbers(name, may_be_empty=name not in ("x", "y")) if known else np.full(len(rows), nan)
 
 
 def _memory_index(

@@ -38,6 +38,7 @@ from twin.run.outcome import (
     tracker_notes,
     tracker_warnings,
     versions,
+    with_failures_shown,
     write_results,
 )
 from twin.run.tracker_runner import file_name
@@ -98,7 +99,7 @@ def run_scenario(
             run = _LiveRun(request, out_, stack)
             run.record()
             out_.announce()
-        return run.finish()
+        return with_failures_shown(run.finish(), on_warning)
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,6 +17,7 @@ from trackers.tracks import background_learned_causally, unused_sensors
 from twin import version_of
 from twin.evaluate import evaluate_with_details
 from twin.evaluate.summary import Evaluation
+from twin.messages import OnWarning, warn
 from twin.recording.atomic_file import open_atomic
 from twin.recording.losses import Loss, documents
 from twin.recording.situation_table import SituationTable
@@ -95,6 +96,14 @@ def evaluate_trackers(
 def evaluation_notes(results: Sequence[TrackerResult]) -> tuple[str, ...]:
     """Return the notes on the evaluations, each once."""
     return tuple(dict.fromkeys(note for each in results if each.evaluation for note in each.evaluation.notes))
+
+
+def with_failures_shown(result: RunResult, on_warning: OnWarning) -> RunResult:
+    """Return the result; in a script, whose warnings are Python's, warn of each plug-in that failed. A command prints them."""
+    if on_warning is warn:
+        for failure in result.failures:
+            warn(f"no results of {failure}")
+    return result
 
 
 def write_results(

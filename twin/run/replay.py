@@ -51,6 +51,7 @@ from twin.run.outcome import (
     tracker_notes,
     tracker_warnings,
     versions,
+    with_failures_shown,
     write_results,
 )
 from twin.run.tracker_runner import file_name
@@ -123,7 +124,7 @@ def track_recording(
         with replay.opened_feed() as fed:
             replay.track(fed)
             out_.announce()
-        return replay.finish(fed)
+        return with_failures_shown(replay.finish(fed), on_warning)
 
 
 def _path(given: AnyPath | None, name: str) -> Path | None:

@@ -23,7 +23,7 @@ from typing import Any, TextIO
 
 import numpy as np
 
-from trackers.errors import InputError, PlugInError
+from trackers.errors import PLUG_IN_ERRORS, InputError, PlugInError
 from trackers.feeding import FedTracker, RestartedTracker
 from trackers.observations import NS_PER_S, Observation
 from trackers.presets import PRESETS, make_tracker
@@ -37,8 +37,6 @@ from twin.recording.tables import TrackWriter, number_cell, seconds_cell, track_
 from twin.run.inputs import ChosenTracker, chosen_trackers, files_for, scenario_of
 from twin.streams import stream
 
-PLUG_IN_ERRORS = (Exception, SystemExit, GeneratorExit)
-"""All that a plug-in may raise without ending the run: all but the user's Ctrl-C."""
 _ENOUGH_FRAMES, _OFTEN = 20, 0.2
 """Number of frames, and share of them with detections, above which a tracker without any track is warned about.
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from trackers.environment import Environment, load_environment
-from trackers.errors import InputError, valid_names
+from trackers.errors import PLUG_IN_ERRORS, InputError, valid_names
 from trackers.observations import Observation
 from trackers.presets import PRESETS, available, make_tracker
 from trackers.prior import Prior
@@ -30,7 +30,6 @@ from twin.run.inputs import (
     not_trusted,
     redefined,
 )
-from twin.run.tracker_runner import PLUG_IN_ERRORS
 from twin.scenario import Scenario
 from twin.scenario.housings import assumed_rig
 from twin.scenario.scenario import TrackerChoice

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from trackers.errors import InputError, PlugInError
+from trackers.errors import PLUG_IN_ERRORS, InputError, PlugInError
 from twin.recording.atomic_file import NO_SPACE
-from twin.run.tracker_runner import PLUG_IN_ERRORS, first_line
+from twin.run.tracker_runner import first_line
 
 CallStatus = Literal["done", "bad input", "no space", "raised"]
 

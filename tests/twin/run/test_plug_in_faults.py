@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,10 @@ class Leaves(Fine):
 class Closes(Fine):
     def at_the_third(self):
         raise GeneratorExit
+
+class NoCircle(Fine):
+    def tracks(self):
+        return [Track(id=1, x=0.0, y=1.5, radius95_m=-1.0)]
 
 class InTracks(Fine):
     def tracks(self):
@@ -143,6 +148,18 @@ def test_a_run_whose_every_tracker_failed_ends_and_leaves_nothing(name: str, tmp
     with pytest.raises(PlugInError, match=name):
         run(tmp_path / "out", name)
     assert not [path for path in tmp_path.glob("out/**/*") if path.is_file()]
+
+
+def test_a_script_is_warned_of_each_plug_in_that_failed(tmp_path: Path) -> None:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        result = run(tmp_path / "out", "plug_lab:InUpdate", "plug_lab:NoCircle", "plug_lab:Fine")
+    said = [str(each.message) for each in caught]
+    assert [each for each in said if each.startswith("no results of ")] == [
+        f"no results of {each}" for each in result.failures
+    ]
+    assert [Path(each.filename) for each in caught if str(each.message).startswith("no res")] == [Path(__file__)] * 2
+    assert "radius95_m is -1.0; above 0 m, or NaN, is expected in the frame stamped 0." in result.failures[1]
 
 
 def test_numbers_of_numpy_are_numbers(tmp_path: Path) -> None:
