@@ -105,7 +105,7 @@ class Sort(SynchronizedTracker):
         self.unused_sensors = [name for name in rig.sensors if name not in used]
         super().__init__(SyncPolicy(used, main=rig.main_sensor if rig.main_sensor in used else None))
         self.roster = Roster.started(KalmanTracks.started(np.empty((0, 2))), 0)
-        self.ns = 0
+        self.ns, self.has_started = 0, False  # stamp of the last frame, and whether there was one
         self.seen = []
 
     def detections(self) -> list[Detection]:
@@ -136,7 +136,8 @@ class Sort(SynchronizedTracker):
         return super()._work_all(synced_frames)
 
     def _work(self, synced: SyncedFrame) -> None:
-        options, manager, last_ns, self.ns = self.options, self.manager, self.ns, synced.ns
+        options, manager, last_ns = self.options, self.manager, self.ns if self.has_started else synced.ns
+        self.ns, self.has_started = synced.ns, True
         self._predict(last_ns)
         self.seen.append((self.ns, {role: group.detect(synced.observations) for role, group in self.groups.items()}))
         roster, state = self.roster, self.roster.state

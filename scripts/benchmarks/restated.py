@@ -257,6 +257,7 @@ EXACT: Mapping[str, Callable[[Scene], Restated]] = {
     "clockwise scanners": clockwise,
     "clock from 0": stamped(0.0),
     "clock from 1970 on, an hour": stamped(3600.0),
+    "clock that runs up to 0": stamped(-1000.0),
     "clock of 2026": stamped(1_790_000_000.0),
     "clock of 2200": stamped(7_258_118_400.0),
     "other names": renamed,

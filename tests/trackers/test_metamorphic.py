@@ -85,6 +85,7 @@ def test_the_same_readings_give_the_same_tracks(name, tracker, known):
         "sensors upside down",
         "clockwise scanners",
         "clock of 2200",
+        "clock that runs up to 0",
         "other order",
     ],
 )

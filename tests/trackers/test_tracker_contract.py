@@ -108,6 +108,18 @@ def test_every_preset_reports_a_frame_at_every_stamp_of_the_main_sensor(name):
     assert [frame.stamp_ns for frame in frames] == stamps
 
 
+@pytest.mark.parametrize("name", BY_CLASS.values())
+def test_stamps_below_0_give_the_same_tracks(name):
+    on, room, observations = world_of(name)
+    by_ns = 1000 * NS_PER_S
+    earlier = [replace(each, stamp_ns=each.stamp_ns - by_ns) for each in observations]
+    first, below = (list(track_frames(make_tracker(name, on, room), on, given)) for given in (observations, earlier))
+    assert len(first) >= 2
+    assert [(frame.stamp_ns - by_ns, frame.tracks) for frame in first] == [
+        (each.stamp_ns, each.tracks) for each in below
+    ]
+
+
 class Stub:
     """A tracker that reports one person at each waist scan."""
 

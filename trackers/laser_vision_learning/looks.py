@@ -25,7 +25,7 @@ from trackers.learning.boosting import BoostingOptions, OnlineBoosting, StrongCl
 from trackers.vision.patches import Feature, FeatureOptions, PatchDescriber, Patches, PatchOptions, PatchSampler
 
 Picture = UInt8[Bytes, "height width 3"]
-_NEVER_NS = -1
+_NEVER_NS = int(np.iinfo(np.int64).min)
 COLOUR_LEVELS, HEIGHTS = 10, 4
 """Levels of each of L*, a*, b*, and parts of a body's height, that `colours` tells apart."""
 COLOURS = HEIGHTS * COLOUR_LEVELS**3
@@ -86,7 +86,7 @@ class Looks(Rows):
     """Appearance of n tracks."""
 
     strong: StrongClassifiers
-    learned_ns: Int[Index, "n"]  # stamp of the last picture learned from, −1 before any
+    learned_ns: Int[Index, "n"]  # stamp of the last picture learned from, the least integer before any
     n_learned: Int[Index, "n"]  # number of these pictures
     reference: Float[Array, "n bins"]  # shares of colours (`colours`); of the classifier without bins
 

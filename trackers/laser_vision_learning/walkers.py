@@ -49,6 +49,7 @@ class Walkers:
         self.situations = Situations.none(self.people.serial)
         self._next_serial, self.ns = 0, 0
         self._looked_ns = 0  # stamp of the last scan
+        self._has_started = False
 
     def new_ids(self, count: int) -> Int[Index, "k"]:
         """Return the next ids."""
@@ -62,6 +63,8 @@ class Walkers:
 
     def step(self, observations: Mapping[str, Observation], ns: int) -> None:
         """Move all tracks to a frame [ns], and weight them by its scans; without any they only move."""
+        if not self._has_started:
+            self.ns, self._looked_ns, self._has_started = ns, ns, True
         options, rules, last_look_ns = self.options, self.options.track_management, self._looked_ns
         step_s, elapsed_s, self.ns = (ns - self.ns) / NS_PER_S, (ns - last_look_ns) / NS_PER_S, ns
         if not observations.keys() & self._scanners.names:

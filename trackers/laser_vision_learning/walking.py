@@ -154,13 +154,13 @@ class WalkerTracks(Rows):
     missing_s: Float[
         Array, "n"
     ]  # time in which they should have been detected and were not, less that of detections since
-    pictured_ns: Int[Index, "n"]  # stamp of the last moment at which a camera's detection measured them, −1 before any
+    pictured_ns: Int[Index, "n"]  # stamp at which a camera's detection measured them last, before that of their start
 
     @classmethod
     def started(cls, state: Cloud, ns: int, first: int) -> Self:
         """Make tentative tracks in `state`, first measured at stamp ns, numbered from `first` on."""
         n = len(state)
-        return cls(first + np.arange(n), Roster.started(state, ns), np.zeros(n), np.full(n, -1))
+        return cls(first + np.arange(n), Roster.started(state, ns), np.zeros(n), np.full(n, ns))
 
     @property
     def cloud(self) -> Cloud:

@@ -75,7 +75,7 @@ class VisionOnly:
         self._clothes = Clothes(camera, self.options.histogram)
         self._filter, self._rng = ParticleFilter(), rng or np.random.default_rng(0)
         self._people = PictureTracks.empty(self.options.filter.particles, self._clothes.size)
-        self._ns = -1
+        self._ns, self._has_started = 0, False  # stamp of the last picture, and whether there was one
         self._detections: list[Detection] = []
 
     @property
@@ -96,7 +96,7 @@ class VisionOnly:
         self._detections = []
         if observation.sensor != self.camera:
             return []
-        if observation.stamp_ns <= self._ns:
+        if self._has_started and observation.stamp_ns <= self._ns:
             self.losses[self.camera, LATE] += 1
             return []
         self._work(_picture(observation))
@@ -120,11 +120,11 @@ class VisionOnly:
 
     def _work(self, picture: Image | DepthImage) -> None:
         ns, appearance = picture.stamp_ns, self.options.appearance
-        elapsed_s = (ns - self._ns) / NS_PER_S if self._ns >= 0 else 0.0
+        elapsed_s = (ns - self._ns) / NS_PER_S if self._has_started else 0.0
         mask = self._foreground.mask(picture)
         if mask.mean() > self.options.most_foreground:
             mask = np.zeros_like(mask)
-        self._ns = ns
+        self._ns, self._has_started = ns, True
         # positions are invalid after a gap in the pictures
         coast_s = self.options.track_management.coast_s
         self._people = self._people.select(coasting_within(self._people.roster, ns, coast_s, coast_s))
