@@ -24,7 +24,7 @@ from twin.report.birdseye import (
     floor_extent,
     paint_room,
 )
-from twin.report.palette import RGB, IdentityColours, Tag, write, write_tags
+from twin.report.palette import RGB, IdentityColours, Tag, layer_colours, write, write_tags
 
 BACKDROP: RGB = (17, 20, 26)
 INK: RGB = (232, 236, 242)
@@ -62,7 +62,8 @@ class FloorPanel:
     """The room from above with scans, tracks and truth.
 
     Scans and floors are drawn at the rig's assumed poses, as a tracker uses them. `true`: the true rig, if known; its
-    sensors are drawn, and those assumed elsewhere once more, dashed and labelled (`about`: of these alone).
+    sensors are drawn, and those assumed elsewhere once more, dashed and labelled (`about`: of these alone). `layers`: colour
+    of each scanner. `names`: of true people by id.
     """
 
     def __init__(
@@ -71,11 +72,13 @@ class FloorPanel:
         outline: Sequence[Polygon],
         width_px: int,
         height_px: int,
+        names: Mapping[int, str],
         true: Rig | None = None,
         about: Collection[str] | None = None,
     ) -> None:
         self.width_px, self.height_px = width_px, height_px
-        self._rig, self._outline = rig, outline
+        self.layers = layer_colours(rig.lasers())
+        self._rig, self._outline, self._names = rig, outline, names
         self._true = true if true is not None else rig
         self._assumed_poses = [each for each in assumed_poses(rig, true) if about is None or each.name in about]
         self._scanners = ScannerOnFloor.of(rig)
@@ -107,12 +110,10 @@ class FloorPanel:
         self,
         panel: NDArray[np.uint8],
         scans: Mapping[str, LaserScan],
-        layers: Mapping[str, RGB],
         tracks: Sequence[Track],
         tails: Mapping[int, Sequence[tuple[int, float, float]]],
         colours: IdentityColours,
         truth: TruePoses | None,
-        names: Mapping[int, str],
         floors: Mapping[str, FloorFrame] | None = None,
         silent: Collection[str] = (),
         maps: Sequence[ScoreMap | Hypotheses] = (),
@@ -125,13 +126,13 @@ class FloorPanel:
             self._view = self._paint(scans)
         view = self._view
         panel[:] = self._hidden_floor
-        self._draw_free_space(panel, view, scans, layers)
+        self._draw_free_space(panel, view, scans)
         for name, frame in (floors or {}).items():
             draw_pressure(panel, view, self._rig.floors()[name], frame)
         if truth is not None:
-            _draw_truth(panel, view, truth, names)
+            _draw_truth(panel, view, truth, self._names)
         for name, scan in scans.items():
-            _draw_points(panel, view.pixels(self._scanners[name].points(scan)), layers[name])
+            _draw_points(panel, view.pixels(self._scanners[name].points(scan)), self.layers[name])
         for name in self._rig.mounted().keys() & self._scanners.keys():
             centre = fixed_point(view.pixels(self._scanners[name].place)).tolist()
             cv2.circle(panel, centre, 5 << SHIFT, _VISIBLE_FLOOR.sensor, -1, cv2.LINE_AA, SHIFT)
@@ -139,7 +140,7 @@ class FloorPanel:
             tail = view.pixels(np.array(tails[track.id])[:, 1:])
             _draw_tail(panel, tail, colours[track.id])
         tags = [
-            draw_assumed_pose(panel, view, pose, layers, _VISIBLE_FLOOR.sensor, DARK_INK)
+            draw_assumed_pose(panel, view, pose, self.layers, _VISIBLE_FLOOR.sensor, DARK_INK)
             for pose in self._assumed_poses
         ]
         tags += [self._silent_tag(view, name) for name in sorted(silent)]
@@ -153,9 +154,7 @@ class FloorPanel:
         x, y = view.pixels(self._true.pose_at(name).translation[:2])
         return Tag(f"{name} silent", float(x), float(y) + 18, SILENT_FILL, INK)
 
-    def _draw_free_space(
-        self, panel: NDArray[np.uint8], view: FloorView, scans: Mapping[str, LaserScan], layers: Mapping[str, RGB]
-    ) -> None:
+    def _draw_free_space(self, panel: NDArray[np.uint8], view: FloorView, scans: Mapping[str, LaserScan]) -> None:
         """Lighten the floor that any scanner sees through, tinted by each scanner's colour."""
         fans = {
             name: fixed_point(view.pixels(self._scanners[name].free_space(scan, view.drawable_m)))
@@ -167,7 +166,9 @@ class FloorPanel:
         cv2.copyTo(self._visible_floor, self._mask, panel)
         for name, fan in fans.items():
             self._light[:] = 0
-            cv2.fillPoly(self._light, [fan], tuple(_FAN_LIGHT * value for value in layers[name]), cv2.LINE_8, SHIFT)
+            cv2.fillPoly(
+                self._light, [fan], tuple(_FAN_LIGHT * value for value in self.layers[name]), cv2.LINE_8, SHIFT
+            )
             cv2.add(panel, self._light, panel)
 
 

@@ -12,6 +12,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib.util import cache_from_source
+from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -40,6 +41,11 @@ IDENTITY_COLOURS: tuple[RGB, ...] = (
 )
 # One per scan layer, in the rig's order.
 LAYER_COLOURS: tuple[RGB, ...] = ((255, 196, 84), (92, 214, 214), (236, 138, 190), (160, 220, 110))
+
+
+def layer_colours(scanners: Iterable[str]) -> dict[str, RGB]:
+    """Choose the colour of each scan layer; after `len(LAYER_COLOURS)` they repeat."""
+    return dict(zip(scanners, cycle(LAYER_COLOURS), strict=False))
 
 
 class IdentityColours:

@@ -25,7 +25,7 @@ from twin.recording.atomic_file import partial_path, unwritable
 from twin.report.birdseye import SHIFT, Polygon, fixed_point, plan_width_px
 from twin.report.camera_panel import MOST_CAMERAS, CameraGrid, widest_aspect
 from twin.report.floor_panel import BACKDROP, INK, PRESSED, QUIET, FloorPanel, TruePoses
-from twin.report.palette import BOLD, LAYER_COLOURS, IdentityColours, encode_jpeg, text_width, write
+from twin.report.palette import BOLD, IdentityColours, encode_jpeg, text_width, write
 from twin.report.time_axis import format_time, time_origin_ns
 
 TIME_BASE = Fraction(1, 90_000)
@@ -33,9 +33,10 @@ TIME_BASE = Fraction(1, 90_000)
 
 
 class VideoFile:
-    """H.264 (yuv420p) in MP4, ready to stream; under a hidden name beside the target until `close`.
+    """H.264 (yuv420p) in MP4, ready to stream; a context manager.
 
-    Raises InputError where the file cannot be written, and later where the disk is full.
+    The file takes its name when the block ends normally; an exception or a kill leaves nothing under that name. Raises
+    InputError where it cannot be written, and later where the disk is full.
     """
 
     def __init__(self, path: Path, size: tuple[int, int], fps: float) -> None:
@@ -62,6 +63,17 @@ class VideoFile:
         codec.colorspace = 6  # BT.601, what cv2.COLOR_RGB2YUV computes
         codec.color_range = 1  # 16–235
 
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None and self._pictures:
+            self._close()
+        else:
+            self._discard()
+
     def encode(self, rgb: NDArray[np.uint8], pts: int) -> None:
         """Add a picture (height, width, 3), RGB, shown at `pts` in units of `TIME_BASE`."""
         planes = np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2YUV_I420), dtype=np.uint8)
@@ -78,11 +90,8 @@ class VideoFile:
         except OSError as error:
             raise unwritable(self._path, error) from error
 
-    def close(self) -> None:
-        """Finish the file and give it its name; without a picture there is no file."""
-        if self._pictures == 0:
-            self.discard()
-            return
+    def _close(self) -> None:
+        """Finish the file and give it its name."""
         try:
             self._mux(None)
             try:
@@ -91,10 +100,10 @@ class VideoFile:
             except OSError as error:
                 raise unwritable(self._path, error) from error
         except BaseException:
-            self.discard()
+            self._discard()
             raise
 
-    def discard(self) -> None:
+    def _discard(self) -> None:
         """Delete the unfinished file."""
         # A full disk prevents the trailer too; the file is deleted anyway.
         with contextlib.suppress(OSError):
@@ -123,13 +132,13 @@ def fitting_size(rig: Rig, outline: Sequence[Polygon], height_px: int) -> tuple[
 
 
 class PreviewWriter:
-    """Writer of `preview.mp4` (H.264, one picture per call of `frame`) in constant memory; a context manager.
+    """Writer of `preview.mp4` (one picture per call of `frame`) in constant memory; a context manager as `VideoFile`.
 
-    The video takes its name when the block ends normally; an exception or kill leaves nothing under that name. Each picture
-    is shown at its stamp, so the video plays in real time also where frames are missing; `fps`: usual frame rate. `outline`:
-    polygons (k, 2) [m] of walls and furniture; `person_names`: labels of true people in place of ids; `camera`: the one to
-    show (default: all of the rig's, up to nine; without one, the bird's-eye view fills the picture); `true_rig`: true poses,
-    where `rig`, the trackers', differs; `camera_width_px`: of the cameras' part (default: as wide as high).
+    Each picture is shown at its stamp, so the video plays in real time also where frames are missing; `fps`: usual frame
+    rate. `outline`: polygons (k, 2) [m] of walls and furniture; `person_names`: labels of true people in place of ids;
+    `camera`: the one to show (default: all of the rig's, up to nine; without one, the bird's-eye view fills the picture);
+    `true_rig`: true poses, where `rig`, the trackers', differs; `camera_width_px`: of the cameras' part (default: as wide as
+    high).
 
     Raises InputError where the file cannot be written.
     """
@@ -157,9 +166,7 @@ class PreviewWriter:
             raise ValueError(f"camera {camera!r} is not in the rig; it has {sorted(cameras)}")
         self._path = path
         self._rig = rig
-        self._names = dict(person_names or {})
         self._colours = IdentityColours()
-        self._layers = {name: LAYER_COLOURS[i % len(LAYER_COLOURS)] for i, name in enumerate(rig.lasers())}
         self._canvas = np.full((size[1], size[0], 3), BACKDROP, dtype=np.uint8)
         self._camera = None
         left = 0
@@ -167,7 +174,8 @@ class PreviewWriter:
             high = size[1] - _HEADER_PX
             left = camera_width_px if camera_width_px is not None else high
             self._camera = CameraGrid(cameras if camera is None else {camera: cameras[camera]}, (left, high))
-        self._floor = FloorPanel(rig, outline, size[0] - left, size[1] - _HEADER_PX - _FOOTER_PX, true_rig)
+        high = size[1] - _HEADER_PX - _FOOTER_PX
+        self._floor = FloorPanel(rig, outline, size[0] - left, high, dict(person_names or {}), true_rig)
         self._tails: dict[int, deque[tuple[int, float, float]]] = {}
         self._tail_ns = round(tail_s * NS_PER_S)
         self._first_ns: int | None = None
@@ -184,10 +192,7 @@ class PreviewWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if kind is None:
-            self.close()
-        else:
-            self.discard()
+        self._encoder.__exit__(kind, error, trace)
 
     def frame(
         self,
@@ -224,9 +229,7 @@ class PreviewWriter:
             panel = self._canvas[_HEADER_PX:, :left]
             self._camera.draw(panel, images, tracks, self._colours, silent, maps)
         panel = self._canvas[_HEADER_PX : height - _FOOTER_PX, left:]
-        self._floor.draw(
-            panel, scans, self._layers, tracks, self._tails, self._colours, truth, self._names, floors, silent, maps
-        )
+        self._floor.draw(panel, scans, tracks, self._tails, self._colours, truth, floors, silent, maps)
         clock = self._canvas[6 : _HEADER_PX - 6, width - 130 :]
         clock[:] = BACKDROP
         write(
@@ -252,14 +255,6 @@ class PreviewWriter:
             raise ValueError("no frame has been drawn yet")
         return encode_jpeg(self._canvas, quality)
 
-    def close(self) -> None:
-        """Finish the video and give it its name; raises InputError where the disk is full."""
-        self._encoder.close()
-
-    def discard(self) -> None:
-        """Delete the unfinished video."""
-        self._encoder.discard()
-
     def _extend_tails(self, stamp_ns: int, tracks: Sequence[Track]) -> None:
         alive = {track.id for track in tracks}
         for ended in [track_id for track_id in self._tails if track_id not in alive]:
@@ -273,7 +268,8 @@ class PreviewWriter:
     def _write_legend(self, with_truth: bool) -> None:
         height, width = self._canvas.shape[:2]
         x, y = width - self._floor.width_px + 14.0, height - 10
-        entries = [("dot", colour, name if "scan" in name else f"{name} scan") for name, colour in self._layers.items()]
+        layers = self._floor.layers.items()
+        entries = [("dot", colour, name if "scan" in name else f"{name} scan") for name, colour in layers]
         entries += [("square", PRESSED, name) for name in self._rig.floors()]
         entries += [("disc", INK, "track"), *([("ring", INK, "truth")] if with_truth else [])]
         for kind, colour, label in entries:

@@ -26,6 +26,15 @@ DARK_NOTE = ", dark: lit for this view"
 """Note on a picture of a room with less light than `ENOUGH_LIGHT`."""
 
 
+@dataclass(frozen=True, eq=False)
+class Standpoint:
+    """A camera: `eye` and `target` (3,) in the room frame [m], and the tangent of half its vertical field."""
+
+    eye: Array
+    target: Array
+    half_height: float
+
+
 def axes_towards(eye_m: Array, target_m: Array) -> tuple[Array, Array, Array]:
     """Compute unit vectors right, up and forward (3,) of an upright camera at `eye_m` (3,) that looks at `target_m`
     (3,) [m].
@@ -58,22 +67,20 @@ def fill_light(model: mujoco.MjModel) -> Iterator[None]:
 def render_picture(
     renderer: OffscreenRenderer,
     data: mujoco.MjData,
-    eye_m: Array,
-    target_m: Array,
-    half_height: float,
+    stand: Standpoint,
     size_px: tuple[int, int],
     *,
     finer: int = 1,
     marks: Sequence[Mark] = (),
 ) -> NDArray[np.uint8]:
-    """Render the scene from `eye_m` (3,) towards `target_m` (3,) [m], not straight up or down: RGB (height, width, 3).
+    """Render the scene from a standpoint that looks not straight up or down: RGB (height, width, 3).
 
-    `half_height`: tangent of half the vertical field; `size_px`: width and height; `finer`: factor of supersampling, which
-    smooths edges. `data` needs kinematics and light poses. A dark room is lit from the eye, unlike for sensors.
+    `size_px`: width and height; `finer`: factor of supersampling, which smooths edges. `data` needs kinematics and light
+    poses. A dark room is lit from the eye, unlike for sensors.
     """
-    _, up, forward = axes_towards(eye_m, target_m)
+    _, up, forward = axes_towards(stand.eye, stand.target)
     width, height = finer * size_px[0], finer * size_px[1]
-    half_width = half_height * width / height
+    half_height, half_width = stand.half_height, stand.half_height * width / height
     pixels = np.zeros((height, width, 4), dtype=np.uint8)
     view = RenderView(
         (float(forward[0]), float(forward[1]), float(forward[2])),
@@ -81,7 +88,7 @@ def render_picture(
         -half_width, half_width, -half_height, half_height, (0, 0, width, height),
     )  # fmt: skip
     with fill_light(renderer.model):
-        renderer.render(data, eye_m, [view], pixels, marks)
+        renderer.render(data, stand.eye, [view], pixels, marks)
     upright = np.ascontiguousarray(pixels[::-1, :, :3])
     return upright if finer == 1 else np.asarray(cv2.resize(upright, size_px, interpolation=cv2.INTER_AREA), np.uint8)
 
@@ -194,7 +201,6 @@ def _panel(
     coordinates[place] = portrait.pose()
     mujoco.mj_kinematics(model, data)
     mujoco.mj_camlight(model, data)
-    width, height = cell_px
     pelvis = coordinates[place, :3]
     w, x, y, z = coordinates[place, 3:7]
     heading = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
@@ -204,8 +210,8 @@ def _panel(
         angle = heading + np.deg2rad(turn_deg)
         eye = middle + _FAR_M * np.array([np.cos(angle), np.sin(angle), 0.0]) + np.array([0.0, 0.0, up])
         tall = 0.62 * max(portrait.appearance.height_m, 1.2) / _FAR_M
-        pictures.append(render_picture(renderer, data, eye, middle, tall, (width, height), finer=_FINER))
-    return np.vstack([label_strip(portrait.label, width * len(pictures)), np.hstack(pictures)])
+        pictures.append(render_picture(renderer, data, Standpoint(eye, middle, tall), cell_px, finer=_FINER))
+    return np.vstack([label_strip(portrait.label, cell_px[0] * len(pictures)), np.hstack(pictures)])
 
 
 def label_strip(label: str, width: int) -> NDArray[np.uint8]:

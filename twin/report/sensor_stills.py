@@ -16,7 +16,7 @@ from trackers.tracks import TrackFrame
 from twin.report.birdseye import Polygon, plan_width_px
 from twin.report.camera_panel import CameraPanel
 from twin.report.floor_panel import FloorPanel, TruePoses
-from twin.report.palette import LAYER_COLOURS, IdentityColours, encode_jpeg
+from twin.report.palette import IdentityColours, encode_jpeg
 
 _HIGH_PX = 360
 _QUALITY = 85
@@ -92,19 +92,17 @@ class SensorStills:
         return panel
 
     def _plan(self, name: str, seen: LaserScan | FloorFrame) -> NDArray[np.uint8]:
-        lasers = list(self._rig.lasers())
-        layers = {each: LAYER_COLOURS[place % len(LAYER_COLOURS)] for place, each in enumerate(lasers)}
         scans = {name: seen} if isinstance(seen, LaserScan) else {}
         floors = {name: seen} if isinstance(seen, FloorFrame) else {}
         wide = plan_width_px(self._true_rig or self._rig, self._outline, _HIGH_PX)
         panel = np.zeros((_HIGH_PX, wide, 3), dtype=np.uint8)
         tracks = self._frame.tracks
         tails = {track.id: [(self._frame.stamp_ns, track.x, track.y)] for track in tracks}
-        drawn = FloorPanel(self._rig, self._outline, wide, _HIGH_PX, self._true_rig, about=[name])
+        drawn = FloorPanel(self._rig, self._outline, wide, _HIGH_PX, self._names, self._true_rig, about=[name])
         for each in self._newest.values():
             if isinstance(each, Odometry):
                 drawn.move(each)
-        drawn.draw(panel, scans, layers, tracks, tails, self._colours, self._truth, self._names, floors)
+        drawn.draw(panel, scans, tracks, tails, self._colours, self._truth, floors)
         return panel
 
 

@@ -241,9 +241,7 @@ def _pictures(
                 _AZIMUTH_DEG.get(activity.verb, _AZIMUTH_ELSE_DEG),
                 near,
             )
-            pictures[activity] = render_picture(
-                renderer(), snapshot.data, stand.eye, stand.target, stand.half_height, _ACTIVITY_PX, finer=_FINER
-            )
+            pictures[activity] = render_picture(renderer(), snapshot.data, stand, _ACTIVITY_PX, finer=_FINER)
             on_progress("pictures", done, len(found))
     return pictures
 

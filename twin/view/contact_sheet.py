@@ -20,7 +20,6 @@ from twin.report.floor_panel import BACKDROP, INK, FloorPanel, TruePoses
 from twin.report.palette import (
     BOLD,
     IDENTITY_COLOURS,
-    LAYER_COLOURS,
     RGB,
     IdentityColours,
     Tag,
@@ -150,9 +149,7 @@ class Sheet:
             ] * 3
         stand = overview(self._snapshot, CameraSpace(self._snapshot, scene.floor), np.concatenate(points), aspect)
         with OffscreenRenderer(self._snapshot.model) as renderer:
-            shown = render_picture(
-                renderer, self._snapshot.data, stand.eye, stand.target, stand.half_height, self._tile_px, finer=_FINER
-            )
+            shown = render_picture(renderer, self._snapshot.data, stand, self._tile_px, finer=_FINER)
         write_tags(shown, name_tags(self._world, self._snapshot, stand, self._tile_px))
         return shown
 
@@ -176,12 +173,12 @@ class Sheet:
         floors = {name: look for name, look in looks.items() if isinstance(look, FloorFrame)}
         rig = self._simulation.rig
         panel = np.zeros((self._tile_px[1], self._tile_px[0], 3), dtype=np.uint8)
-        layers = {name: LAYER_COLOURS[place % len(LAYER_COLOURS)] for place, name in enumerate(rig.lasers())}
-        drawn = FloorPanel(rig, self._outline, *self._tile_px, true=self._simulation.true_rig, about=[*looks, *silent])
+        true, about = self._simulation.true_rig, [*looks, *silent]
+        drawn = FloorPanel(rig, self._outline, *self._tile_px, self._names, true, about)
         for name, pose in self._snapshot.bases.items():
             frame_from_room = np.linalg.inv(rig.sensors[name].room_from_sensor.matrix)
             drawn.move(Odometry(name, 0, frame_from_room @ pose))
-        drawn.draw(panel, scans, layers, [], {}, IdentityColours(), self._poses, self._names, floors, silent)
+        drawn.draw(panel, scans, [], {}, IdentityColours(), self._poses, floors, silent)
         return panel
 
     def camera(self, rgb: NDArray[np.uint8], boxes: Sequence[Box]) -> NDArray[np.uint8]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import exp
 
 import numpy as np
@@ -13,7 +12,7 @@ from trackers.arrays import Array
 from trackers.errors import InputError
 from twin.instant.snapshot import Snapshot
 from twin.report.palette import RGB, Tag
-from twin.report.scene_pictures import axes_towards
+from twin.report.scene_pictures import Standpoint, axes_towards
 from twin.room.building import check_mount
 from twin.sensors.rays import trace_rays
 from twin.world.world import World
@@ -30,15 +29,6 @@ _WIDEST = 1.15
 """Tangent of half the widest horizontal field: beyond it people at the edges look stretched."""
 _BODY_M = 0.06
 """Least radius of a body part [m], so that small parts count as much as large ones."""
-
-
-@dataclass(frozen=True, eq=False)
-class Standpoint:
-    """A camera: `eye` and `target` (3,) in the room frame [m], and the tangent of half its vertical field."""
-
-    eye: Array
-    target: Array
-    half_height: float
 
 
 class CameraSpace:

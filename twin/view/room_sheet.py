@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import models
-from twin.report.palette import LAYER_COLOURS
+from twin.report.palette import LAYER_COLOURS, hex_colour
 from twin.report.scene_pictures import check_picture_name, render_picture, tile_pictures, write_png
 from twin.room.building import room_outline
 from twin.room.furniture import Bed, furniture_of
@@ -71,9 +71,7 @@ def _picture(world: World) -> NDArray[np.uint8]:
     points = [np.column_stack([scene.walkable, np.full(len(scene.walkable), height)]) for height in (0.1, 1.0)]
     stand = overview(snapshot, CameraSpace(snapshot, scene.floor), np.concatenate(points), _TILE_PX[0] / _TILE_PX[1])
     with OffscreenRenderer(scene.model) as renderer:
-        return render_picture(
-            renderer, snapshot.data, stand.eye, stand.target, stand.half_height, _TILE_PX, finer=_FINER
-        )
+        return render_picture(renderer, snapshot.data, stand, _TILE_PX, finer=_FINER)
 
 
 def _plan(world: World, name: str) -> NDArray[np.uint8]:
@@ -91,14 +89,14 @@ def _plan(world: World, name: str) -> NDArray[np.uint8]:
         axes.fill(*outline.T, facecolor="#bfe3f2", edgecolor="#3b9fc4", linewidth=0.9)
     walked = np.vstack([scene.walkable, scene.walkable[:1]])
     axes.plot(*walked.T, color="#2e8b57", linestyle="--", linewidth=1.2, label="walkable area")
-    colour = "#{:02x}{:02x}{:02x}".format(*LAYER_COLOURS[0])
-    for each in furniture_of(model, name).values():
+    colour = hex_colour(LAYER_COLOURS[0])
+    used = furniture_of(model, name).values()
+    for each in used:
         x, y = each.place[:2]
         ahead = 0.35 * np.array([np.cos(each.yaw), np.sin(each.yaw)])
         axes.annotate("", (x + ahead[0], y + ahead[1]), (x, y), arrowprops={"arrowstyle": "-|>", "color": colour})
         kind = "bed" if isinstance(each, Bed) else "seat"
         axes.annotate(f"{kind} {each.name}", (x, y), (0, -11), textcoords="offset points", ha="center", fontsize=8)
-    used = furniture_of(model, name).values()
     seats = [(each.place[:2], len(f"seat {each.name}")) for each in used]
     _name_things(axes, model, data, seats, {each.furniture for each in used})
     size = np.ptp(scene.walkable, axis=0)

@@ -17,9 +17,9 @@ from twin.instant.snapshot import Snapshot
 from twin.messages import OnProgress, no_progress
 from twin.people.population import randomized
 from twin.report.floor_panel import PRESSED, FloorPanel
-from twin.report.palette import LAYER_COLOURS, IdentityColours, write, write_tags
+from twin.report.palette import IdentityColours, write, write_tags
 from twin.report.preview import TIME_BASE, VideoFile
-from twin.report.scene_pictures import DARK_NOTE, axes_towards, render_picture
+from twin.report.scene_pictures import DARK_NOTE, Standpoint, axes_towards, render_picture
 from twin.report.sensor_stills import SilenceMonitor
 from twin.room.building import room_outline
 from twin.room.mjcf import ENOUGH_LIGHT, light_of
@@ -28,13 +28,7 @@ from twin.scenario import Scenario
 from twin.sensors.render import RendererOnDemand
 from twin.sensors.render_scene import Mark
 from twin.view.activities import verb
-from twin.view.free_camera import (
-    CameraSpace,
-    FollowCamera,
-    Standpoint,
-    name_tags,
-    overview,
-)
+from twin.view.free_camera import CameraSpace, FollowCamera, name_tags, overview
 from twin.world.scene import Scene, populate
 from twin.world.simulation import Simulation
 from twin.world.world import World
@@ -44,7 +38,6 @@ _SIZE_PX = (1280, 720)
 _PLAN_PX = (300, 240)
 _STRIP_PX = 30
 _EDGE_PX = 12
-_FINER = 1
 _THICK_M = 0.002
 _SHOWN_SHARE = 0.92
 """Side of a drawn element over its pitch, so that the floor's joints stay visible."""
@@ -75,22 +68,16 @@ def write_video(
         world = reports.world
         elements = sum(floor.rows * floor.columns for floor in reports.rig.floors().values()) if reports.rig else 0
         renderer = stack.enter_context(RendererOnDemand(lambda: world.scene.model, most_marks=elements))
-        video = VideoFile(path, _SIZE_PX, FPS)
-        try:
-            film = _Film(scenario, reports, renderer, _whereabouts(scenario, world.scene, start_s, end_s), follow)
-            times = np.arange(round(start_s * FPS), round(end_s * FPS)) / FPS
-            for done, t in enumerate(times.tolist()):
-                shown = film.picture(t)
-                video.encode(shown, round(done / FPS / TIME_BASE))
-                on_progress("pictures", done + 1, len(times))
-            if follow is not None and not film.followed:
-                raise InputError(
-                    f"--follow {follow}: is not in the room from {start_s:g} to {end_s:g} s; another time is expected"
-                )
-        except BaseException:
-            video.discard()
-            raise
-        video.close()
+        video = stack.enter_context(VideoFile(path, _SIZE_PX, FPS))
+        film = _Film(scenario, reports, renderer, _whereabouts(scenario, world.scene, start_s, end_s), follow)
+        times = np.arange(round(start_s * FPS), round(end_s * FPS)) / FPS
+        for done, t in enumerate(times.tolist()):
+            video.encode(film.picture(t), round(done / FPS / TIME_BASE))
+            on_progress("pictures", done + 1, len(times))
+        if follow is not None and not film.followed:
+            raise InputError(
+                f"--follow {follow}: is not in the room from {start_s:g} to {end_s:g} s; another time is expected"
+            )
 
 
 def _check(scenario: Scenario, path: Path, start_s: float, end_s: float, follow: str | None) -> None:
@@ -176,7 +163,6 @@ class _Film:
     ) -> None:
         self._reports, self._renderer, self._world = reports, renderer, reports.world
         scene = self._world.scene
-        self._names = {number: name for name, number in scene.ids.items()}
         self._title = scenario.name
         snapshot = self._world.empty_snapshot(0.0)
         aspect = _SIZE_PX[0] / (_SIZE_PX[1] - _STRIP_PX)
@@ -189,7 +175,8 @@ class _Film:
         self._plan_left = follow is None and self._is_fuller_on_the_right(whereabouts)
         if reports.rig is not None:
             outline = room_outline(snapshot.model, snapshot.data)
-            self._plan = FloorPanel(reports.rig, outline, *_PLAN_PX, true=reports.true_rig)
+            names = {number: name for name, number in scene.ids.items()}
+            self._plan = FloorPanel(reports.rig, outline, *_PLAN_PX, names, reports.true_rig)
 
     def picture(self, t: float) -> NDArray[np.uint8]:
         """Draw the image at time t [s]; times must rise."""
@@ -198,9 +185,7 @@ class _Film:
         stand = self._stand_at(snapshot)
         size = _SIZE_PX[0], _SIZE_PX[1] - _STRIP_PX
         marks = self._marks()
-        shown = render_picture(
-            self._renderer(), snapshot.data, stand.eye, stand.target, stand.half_height, size, finer=_FINER, marks=marks
-        )
+        shown = render_picture(self._renderer(), snapshot.data, stand, size, marks=marks)
         write_tags(shown, name_tags(self._world, snapshot, stand, size))
         self._lay_plan(shown, t)
         return np.vstack([shown, self._strip(t, light_of(snapshot.model) < ENOUGH_LIGHT)])
@@ -239,11 +224,8 @@ class _Film:
         width, height = _PLAN_PX
         panel = np.zeros((height, width, 3), dtype=np.uint8)
         poses = true_poses(self._world.truth(round(t * NS_PER_S), {}))
-        layers = dict(zip(self._reports.rig.lasers(), LAYER_COLOURS * 4, strict=False))
         scans, floors = self._reports.scans(), self._reports.floors()
-        self._plan.draw(
-            panel, scans, layers, [], {}, IdentityColours(), poses, self._names, floors, self._reports.silent
-        )
+        self._plan.draw(panel, scans, [], {}, IdentityColours(), poses, floors, self._reports.silent)
         left = _EDGE_PX if self._plan_left else _SIZE_PX[0] - _EDGE_PX - width
         shown[_EDGE_PX : _EDGE_PX + height, left : left + width] = panel
 

@@ -44,9 +44,8 @@ def drawn(
     assumed: Rig, *scans: str, true: Rig | None = None, about: tuple[str, ...] | None = None
 ) -> NDArray[np.uint8]:
     panel = np.zeros((SIZE[1], SIZE[0], 3), dtype=np.uint8)
-    layers = dict(zip(assumed.lasers(), LAYER_COLOURS, strict=False))
-    floor = FloorPanel(assumed, [], *SIZE, true=true, about=about)
-    floor.draw(panel, {name: sector(name) for name in scans}, layers, [], {}, IdentityColours(), None, {})
+    floor = FloorPanel(assumed, [], *SIZE, {}, true=true, about=about)
+    floor.draw(panel, {name: sector(name) for name in scans}, [], {}, IdentityColours(), None)
     return panel
 
 

@@ -329,9 +329,8 @@ def draw_debug_state(
     CameraGrid(rig.cameras(), (_SIDE_PX, _SIDE_PX)).draw(left, images, frame.tracks, colours, maps=frame.maps)
     right = np.empty_like(left)
     tails = {track.id: [(frame.stamp_ns, track.x, track.y)] for track in frame.tracks}
-    FloorPanel(rig, (), _SIDE_PX, _SIDE_PX).draw(
-        right, {}, {}, frame.tracks, tails, colours, truth, {}, floors, maps=frame.maps
-    )
+    panel = FloorPanel(rig, (), _SIDE_PX, _SIDE_PX, {})
+    panel.draw(right, {}, frame.tracks, tails, colours, truth, floors, maps=frame.maps)
     return encode_jpeg(np.hstack([left, right]), _QUALITY)
 
 
