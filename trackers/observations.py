@@ -94,6 +94,13 @@ class LaserScan(_Stamped):
         """Bearing of each beam in the scanner's frame, (n_beam,)."""
         return self.angle_min_rad + self.angle_increment_rad * np.arange(self.ranges_m.size, dtype=np.float64)
 
+    @property
+    def points(self) -> NDArray[np.float64]:
+        """Returns in the scanner's frame, (n, 3) [m]."""
+        hit = np.isfinite(self.ranges_m)
+        ranges, angles = self.ranges_m[hit].astype(np.float64), self.angles_rad[hit]
+        return np.stack([ranges * np.cos(angles), ranges * np.sin(angles), np.zeros(len(ranges))], axis=-1)
+
 
 @dataclass(frozen=True, eq=False)
 class Image(_Stamped):

@@ -50,16 +50,14 @@ def export_foxglove(recordings: Sequence[Recorded], out: Path) -> None:
 
 
 def _track_frames(table: TrackTable) -> Iterator[TrackFrame]:
-    starts = np.searchsorted(table.stamps_ns, table.frame_stamps_ns)
-    ends = np.searchsorted(table.stamps_ns, table.frame_stamps_ns, side="right")
-    for stamp_ns, start, end in zip(table.frame_stamps_ns.tolist(), starts, ends, strict=True):
+    for stamp_ns, rows in table.frames():
         tracks = [
             Track(
                 int(table.id[row]),
                 **dict[str, Any]({name: float(getattr(table, name)[row]) for name in TRACK_NUMBERS}),
                 status="coasting" if table.status[row] == "coasting" else "confirmed",
             )
-            for row in range(start, end)
+            for row in rows
         ]
         yield TrackFrame(stamp_ns, tuple(tracks))
 
@@ -83,9 +81,7 @@ def _add_points(bag: McapFile, recording: Recording) -> None:
 
 def point_cloud(scan: LaserScan, frame: str, stamp_ns: int) -> memoryview:
     """Encode a scan's returns as a PointCloud2 (CDR) in the scanner's frame."""
-    hit = np.isfinite(scan.ranges_m)
-    ranges, angles = scan.ranges_m[hit], scan.angles_rad[hit]
-    points = np.stack([ranges * np.cos(angles), ranges * np.sin(angles), np.zeros_like(ranges)], axis=-1).astype("<f4")
+    points = scan.points.astype("<f4")
     message = PointCloud2(
         header=Header(time_message(stamp_ns), frame),
         height=1,

@@ -172,11 +172,8 @@ class _SequenceWriter:
         return np.concatenate(found)
 
     def _scan_points(self, scan: LaserScan) -> Singles:
-        hit = np.isfinite(scan.ranges_m)
-        ranges, angles = scan.ranges_m[hit].astype(float), scan.angles_rad[hit]
-        local = np.stack([ranges * np.cos(angles), ranges * np.sin(angles), np.zeros_like(ranges)], axis=-1)
         pose = self._recorded.recording.rig.sensors[scan.sensor].room_from_sensor
-        return self._velodyne(local @ pose.rotation.T + pose.translation)
+        return self._velodyne(scan.points @ pose.rotation.T + pose.translation)
 
     def _depth_points(self, image: DepthImage) -> Singles:
         sensor = cast("StereoSensor", self._recorded.recording.rig.sensors[image.sensor])

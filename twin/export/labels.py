@@ -41,6 +41,8 @@ _ELSEWHERE_M = 1e-3
 """Deviation of simulated people from the bag's truth beyond which their motion differs [m]."""
 _TRUTH_WITHIN_NS = NS_PER_S // 1000
 """Greatest distance to a stamp of the truth, which exists at every stamp of every sensor."""
+_TRUTH_WINDOW_NS = 3 * NS_PER_S
+"""Greatest delay of a picture's stamp behind the latest one."""
 _HEAD_TOP_M, _UPRIGHT_M, _WIDE_M = 0.12, 1.7, 0.5
 _SIDES = ("left", "right")
 KEYPOINTS = (
@@ -65,10 +67,8 @@ BAG_SKELETON = ((1, 2),)
 class Truth:
     """Truth of a recording at stamps nearly in order: one pass over the bag, with a window of it in memory."""
 
-    def __init__(self, frames: Iterator[TruthFrame], window_s: float = 3.0) -> None:
-        """`window_s`: greatest delay of a stamp behind the latest one [s]."""
+    def __init__(self, frames: Iterator[TruthFrame]) -> None:
         self._frames = frames
-        self._window_ns = round(window_s * NS_PER_S)
         self._held: deque[TruthFrame] = deque()
 
     def at(self, stamp_ns: int) -> TruthFrame | None:
@@ -78,7 +78,7 @@ class Truth:
             if frame is None:
                 break
             self._held.append(frame)
-            while self._held[0].stamp_ns < frame.stamp_ns - self._window_ns:
+            while self._held[0].stamp_ns < frame.stamp_ns - _TRUTH_WINDOW_NS:
                 self._held.popleft()
         nearest = min(self._held, key=lambda frame: abs(frame.stamp_ns - stamp_ns), default=None)
         return nearest if nearest is not None and abs(nearest.stamp_ns - stamp_ns) <= _TRUTH_WITHIN_NS else None
@@ -123,8 +123,7 @@ class Labeller(ABC):
         for picture in pictures(self._recorded, cameras):
             truth = self._truth.at(picture.stamp_ns)
             if self._is_labelled(picture, truth):
-                labels = tuple(self._labels(picture, truth))
-                yield LabelledPicture(picture, labels)
+                yield LabelledPicture(picture, tuple(self._labels(picture, truth)))
 
     @abstractmethod
     def _is_labelled(self, picture: ExportedPicture, truth: TruthFrame | None) -> bool:
@@ -177,14 +176,18 @@ class TableLabeller(Labeller):
                 yield _boxed(whole, person, picture.camera, camera)
 
 
+def upright_heights(head_z: Array) -> Array:
+    """Return the heights of upright people (n,) by those of their heads, NaN: unknown [m]."""
+    return np.where(np.isnan(head_z), _UPRIGHT_M, head_z + _HEAD_TOP_M)
+
+
 def upright_boxes(camera: CameraSensor, xy: Array, head_z: Array) -> tuple[Array, Mask, Mask]:
     """Return boxes left, top, width, height [px] of upright people in the image, pixel (0, 0) spanning 0 to 1, masks of those
     that it shows and of those that its edges cut.
 
     `xy` (n, 2): positions; `head_z` (n,): heights of the heads, NaN: unknown [m].
     """
-    height = np.where(np.isnan(head_z), _UPRIGHT_M, head_z + _HEAD_TOP_M)
-    corners, shown = placed_camera(camera).person_boxes(xy, height, _WIDE_M)
+    corners, shown = placed_camera(camera).person_boxes(xy, upright_heights(head_z), _WIDE_M)
     edges = np.array([camera.intrinsics.width, camera.intrinsics.height], dtype=float)
     low, high = np.clip(corners[:, :2] + 0.5, 0, edges), np.clip(corners[:, 2:] + 0.5, 0, edges)
     size = high - low
@@ -339,9 +342,7 @@ def open_labeller(stack: ExitStack, recorded: Recorded, *, simulate: bool, hz: f
     if simulate and recorded.scenario is not None:
         try:
             simulation = stack.enter_context(Simulation(recorded.scenario))
-            first = next(recorded.recording.truth(), None)
-            if first is not None:
-                check_same_people(recorded, simulation, first)
+            check_same_people(recorded, simulation, next(recorded.recording.truth(), None))
             return SimulatingLabeller(recorded, simulation, hz)
         except InputError as error:
             recorded.on_warning(f"labels are those of the bag, without masks, head and pelvis for keypoints: {error}")

@@ -188,20 +188,20 @@ def _ground(recorded: Recorded, out: Path, detections: PlaceRows) -> str:
             for frame in recorded.truth():
                 number = number_of.get(frame.stamp_ns, 0)
                 for person in frame.people if number else ():
-                    sequence.truth.write(_ground_row(number, person.id, int(person.in_area), person.x, person.y, 0.0))
+                    sequence.truth.write(_ground_row(number, person.id, int(person.in_area), person.x, person.y))
         files = {"": detections} | {tracker: _places(table) for tracker, table in recorded.tracks.items()}
         for tracker, places in files.items():
             stream = sequence.tracks[tracker] if tracker else sequence.detections
             for number, stamp_ns in enumerate(stamps.tolist(), start=1):
                 near = places.near(stamp_ns, within)
                 for id_, (x, y) in zip(near.id.tolist(), near.xy.tolist(), strict=True):
-                    stream.write(_ground_row(number, id_, 1, x, y, 0.0))
+                    stream.write(_ground_row(number, id_, 1, x, y))
         sequence.finish()
     return name
 
 
-def _ground_row(frame: int, id_: int, confidence: int, x: float, y: float, z: float) -> str:
-    return f"{frame},{id_},-1,-1,-1,-1,{confidence},{x:.4f},{y:.4f},{z:g}\n"
+def _ground_row(frame: int, id_: int, confidence: int, x: float, y: float) -> str:
+    return f"{frame},{id_},-1,-1,-1,-1,{confidence},{x:.4f},{y:.4f},0\n"
 
 
 def _places(table: TrackTable) -> PlaceRows:

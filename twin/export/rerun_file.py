@@ -19,7 +19,7 @@ from trackers.arrays import Array
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, FloorFrame, LaserScan
 from trackers.rig import CameraSensor, FloorSensor, PinholeSensor, Rig, StereoSensor
-from twin.export.labels import boxes_in
+from twin.export.labels import boxes_in, upright_heights
 from twin.export.pictures import ExportedPicture, Recorded, pictures
 from twin.geometry.geom_hull import hull_points
 from twin.recording.tables import TrackTable
@@ -28,7 +28,6 @@ from twin.world.world import World
 
 _TALL_M = 1.9
 """Height above which objects, which would hide the people, are drawn by their edges only [m]."""
-_UNKNOWN_HEIGHT_M, _HEAD_TOP_M = 1.7, 0.12
 _TRUTH_RADIUS_M, _TRACK_RADIUS_M = 0.22, 0.15
 _COLOURS = ((31, 119, 180), (255, 127, 14), (44, 160, 44), (214, 39, 40), (148, 103, 189))
 _SCAN_COLOURS = ((230, 90, 60), (240, 180, 40), (60, 180, 220), (160, 110, 220))
@@ -61,7 +60,7 @@ class _RerunFile:
         self._stream.set_log_time_enabled(False)
         self._stream.set_log_tick_enabled(False)
         self._stream.save(path, default_blueprint=self._blueprint())
-        self._log("room", self._rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        self._stream.log("room", self._rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         self._room()
         for name in self._rig.sensors:
             self._sensor(name)
@@ -84,9 +83,6 @@ class _RerunFile:
         self._stream.flush()
         self._stream.disconnect()
 
-    def _log(self, path: str, entity: Any, *, static: bool = False) -> None:
-        self._stream.log(path, entity, static=static)
-
     def _at(self, stamp_ns: int) -> None:
         self._stream.set_time("t", duration=stamp_ns / NS_PER_S)
 
@@ -106,7 +102,9 @@ class _RerunFile:
             corners = np.column_stack(
                 [np.array([*self._rig.area, self._rig.area[0]]), np.full(len(self._rig.area) + 1, 0.01)]
             )
-            self._log("room/area", self._rerun.LineStrips3D([corners], colors=[(90, 200, 90)], radii=0.01), static=True)
+            self._stream.log(
+                "room/area", self._rerun.LineStrips3D([corners], colors=[(90, 200, 90)], radii=0.01), static=True
+            )
         if self._recorded.scenario is None:
             return
         try:
@@ -132,13 +130,15 @@ class _RerunFile:
                 triangle_indices=hull.simplices,
                 vertex_colors=np.tile(colour, (len(corners), 1)),
             )
-            self._log(f"room/things/{geom}", mesh, static=True)
-        self._log("room/walls", self._rerun.LineStrips3D(edges, colors=[(150, 150, 150)], radii=0.008), static=True)
+            self._stream.log(f"room/things/{geom}", mesh, static=True)
+        self._stream.log(
+            "room/walls", self._rerun.LineStrips3D(edges, colors=[(150, 150, 150)], radii=0.008), static=True
+        )
 
     def _sensor(self, name: str) -> None:
         rerun, sensor = self._rerun, self._rig.sensors[name]
         pose = sensor.room_from_sensor
-        self._log(
+        self._stream.log(
             f"room/sensors/{name}", rerun.Transform3D(translation=pose.translation, mat3x3=pose.rotation), static=True
         )
         if isinstance(sensor, PinholeSensor | StereoSensor):
@@ -146,17 +146,17 @@ class _RerunFile:
             pinhole = rerun.Pinhole(
                 image_from_camera=lens.matrix, resolution=[lens.width, lens.height], image_plane_distance=0.3
             )
-            self._log(f"room/sensors/{name}/lens", pinhole, static=True)
+            self._stream.log(f"room/sensors/{name}/lens", pinhole, static=True)
 
     def _picture(self, picture: ExportedPicture, camera: CameraSensor) -> None:
         self._at(picture.stamp_ns)
         path = _picture_path(picture.camera, camera)
         if picture.is_depth:
             depth = self._rerun.EncodedDepthImage(blob=picture.data, media_type="image/png", meter=1000.0)
-            self._log(f"room/sensors/{picture.camera}/lens/depth", depth)
+            self._stream.log(f"room/sensors/{picture.camera}/lens/depth", depth)
             return
         media = "image/jpeg" if picture.suffix == ".jpg" else "image/png"
-        self._log(path, self._rerun.EncodedImage(contents=picture.data, media_type=media))
+        self._stream.log(path, self._rerun.EncodedImage(contents=picture.data, media_type=media))
         boxes = self._boxes.get((picture.camera, picture.stamp_ns))
         if boxes is not None:
             found = self._rerun.Boxes2D(
@@ -165,14 +165,13 @@ class _RerunFile:
                 labels=[self._recorded.person_names.get(each.id, str(each.id)) for each in boxes],
                 colors=[_COLOURS[each.id % len(_COLOURS)] for each in boxes],
             )
-            self._log(f"{path}/boxes", found)
+            self._stream.log(f"{path}/boxes", found)
 
     def _scan(self, scan: LaserScan) -> None:
-        hit = np.isfinite(scan.ranges_m)
-        ranges, angles = scan.ranges_m[hit], scan.angles_rad[hit]
-        points = np.stack([ranges * np.cos(angles), ranges * np.sin(angles), np.zeros_like(ranges)], axis=-1)
         colour = self._scan_colour[scan.sensor]
-        self._log(f"room/sensors/{scan.sensor}/scan", self._rerun.Points3D(points, colors=[colour], radii=0.015))
+        self._stream.log(
+            f"room/sensors/{scan.sensor}/scan", self._rerun.Points3D(scan.points, colors=[colour], radii=0.015)
+        )
 
     def _floor(self, frame: FloorFrame) -> None:
         sensor = self._rig.sensors[frame.sensor]
@@ -183,7 +182,7 @@ class _RerunFile:
         colours = np.column_stack([np.full_like(shades, 255), 220 - shades * 200 // 255, np.full_like(shades, 40)])
         half = np.tile([sensor.pitch_m / 2, sensor.pitch_m / 2, 0.005], (len(centres), 1))
         path = f"room/floors/{frame.sensor}"
-        self._log(path, self._rerun.Boxes3D(centers=centres, half_sizes=half, colors=colours, fill_mode="solid"))
+        self._stream.log(path, self._rerun.Boxes3D(centers=centres, half_sizes=half, colors=colours, fill_mode="solid"))
 
     def _truth(self, frame: TruthFrame) -> None:
         self._at(frame.stamp_ns)
@@ -193,27 +192,25 @@ class _RerunFile:
         self._upright("room/truth", rows, _TRUTH_RADIUS_M, labels, colours, "majorwireframe")
 
     def _tracks(self, tracker: str, table: TrackTable) -> None:
-        bounds = np.searchsorted(table.stamps_ns, table.frame_stamps_ns)
-        ends = np.searchsorted(table.stamps_ns, table.frame_stamps_ns, side="right")
-        for stamp_ns, start, end in zip(table.frame_stamps_ns.tolist(), bounds, ends, strict=True):
+        for stamp_ns, rows in table.frames():
             self._at(stamp_ns)
-            rows = np.column_stack([table.x[start:end], table.y[start:end], table.head_z[start:end]])
-            ids = table.id[start:end].tolist()
+            places = np.column_stack([table.x[rows], table.y[rows], table.head_z[rows]])
+            ids = table.id[rows].tolist()
             colours = [_COLOURS[each % len(_COLOURS)] for each in ids]
             self._upright(
-                f"room/tracks/{tracker}", rows, _TRACK_RADIUS_M, [f"#{each}" for each in ids], colours, "solid"
+                f"room/tracks/{tracker}", places, _TRACK_RADIUS_M, [f"#{each}" for each in ids], colours, "solid"
             )
 
     def _upright(
         self, path: str, rows: Array, radius_m: float, labels: list[str], colours: list[tuple[int, ...]], fill: str
     ) -> None:
         """Log cylinders from the floor to the crown; rows: x, y, height of the head (NaN: unknown)."""
-        height = np.where(np.isnan(rows[:, 2]), _UNKNOWN_HEIGHT_M, rows[:, 2] + _HEAD_TOP_M)
+        height = upright_heights(rows[:, 2])
         cylinders = self._rerun.Cylinders3D(
             lengths=height, radii=np.full(len(rows), radius_m), centers=np.column_stack([rows[:, :2], height / 2]),
             labels=labels, colors=colours, fill_mode=fill,
         )  # fmt: skip
-        self._log(path, cylinders)
+        self._stream.log(path, cylinders)
 
 
 def _picture_path(name: str, camera: CameraSensor) -> str:

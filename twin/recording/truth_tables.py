@@ -187,17 +187,15 @@ def _write_rows(stream: TextIO, head: str, rows: Sequence[Row], n_column: int) -
 
 def truth_frames(table: TruthTable) -> Iterator[TruthFrame]:
     """Yield a table's frames, in order of time."""
-    bounds = np.searchsorted(table.stamps_ns, table.frame_stamps_ns)
     columns = {name: getattr(table, name).tolist() for name in ("id", *TRUTH_NUMBERS, "in_area")}
     shown = {sensor: shares.tolist() for sensor, shares in table.visible.items()}
-    ends = np.append(bounds[1:], len(table.id)).tolist()
-    for stamp_ns, first, last in zip(table.frame_stamps_ns.tolist(), bounds.tolist(), ends, strict=True):
+    for stamp_ns, rows in table.frames():
         people = (
             PersonTruth(
                 **{name: values[row] for name, values in columns.items()},
                 visible={sensor: shares[row] for sensor, shares in shown.items()},
             )
-            for row in range(first, last)
+            for row in rows
         )
         yield TruthFrame(stamp_ns, tuple(people))
 

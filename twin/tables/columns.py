@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
+from itertools import chain
 from math import isfinite, nan
 from pathlib import Path
 from typing import NoReturn, TypeVar
@@ -88,7 +89,7 @@ def read_cells(path: Path, expected: str, most_bytes: int | None) -> Cells:
         return Cells(source.comments, None, 0, [], [])
     plain = _QUOTED.sub("", first).strip()
     separator = given[1] if given is not None else next((mark for mark in _SEPARATORS if mark in plain), " ")
-    if separator == "\t" and all(_is_number(cell) for cell in plain.split()):
+    if separator == "\t" and all(map(_is_localized_number, plain.split())):
         separator = " "  # numbers aligned with tabs and blanks
     comments = list(source.comments)
     first_line = source.number
@@ -101,7 +102,7 @@ def read_cells(path: Path, expected: str, most_bytes: int | None) -> Cells:
         else:
             rows = []
             numbers = []
-            for row in csv.reader(_chained(first, lines), delimiter=separator, strict=True, skipinitialspace=True):
+            for row in csv.reader(chain([first], lines), delimiter=separator, strict=True, skipinitialspace=True):
                 rows.append([cell.strip() for cell in row])
                 numbers.append(source.number)
     except csv.Error as error:
@@ -109,13 +110,13 @@ def read_cells(path: Path, expected: str, most_bytes: int | None) -> Cells:
             f"{path}: line {source.number}: is no row of a table ({error}); {expected} is expected"
         ) from error
     header, header_line = None, 0
-    if not any(_is_number(cell) for cell in rows[0]) and any(rows[0]):
+    if not any(map(_is_localized_number, rows[0])) and any(rows[0]):
         header, header_line = rows.pop(0), numbers.pop(0)
     elif comments:
         header = split_line(comments[-1][1], separator if separator in comments[-1][1] else " ")
         is_prose = any(not cell or cell.endswith((",", ":", ".")) for cell in header)
         header, header_line = (header, comments[-1][0]) if len(header) == len(rows[0]) and not is_prose else (None, 0)
-    if not any("." in cell and _is_number(cell) for row in rows for cell in row):
+    if not any("." in cell and _is_localized_number(cell) for row in rows for cell in row):
         rows = [[cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell for cell in row] for row in rows]
     _check_widths(path, header, rows, numbers)
     return Cells(source.comments, header, header_line, rows, numbers)
@@ -148,17 +149,18 @@ def split_line(line: str, separator: str) -> list[str]:
     return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
 
 
-def _chained(first: str, rest: Iterator[str]) -> Iterator[str]:
-    yield first
-    yield from rest
-
-
-def _is_number(text: str) -> bool:
+def is_number(text: str) -> bool:
+    """Return whether a cell holds a number."""
     try:
-        float(text.replace(",", "."))
+        float(text)
     except ValueError:
         return False
     return True
+
+
+def _is_localized_number(text: str) -> bool:
+    """Return whether a cell holds a number, with a point or a comma."""
+    return is_number(text.replace(",", "."))
 
 
 MAX_INT64 = int(np.iinfo(np.int64).max)
@@ -174,14 +176,21 @@ _Value = TypeVar("_Value")
 
 
 class StampedRows:
-    """Base of tables in columns: stamps in seconds."""
+    """Base of tables in columns, ordered by stamp: each frame once, also those without rows, and the stamp of each row."""
 
+    frame_stamps_ns: NDArray[np.int64]
     stamps_ns: NDArray[np.int64]
 
     @property
     def t(self) -> NDArray[np.float64]:
         """Stamps [s], (n,)."""
         return self.stamps_ns / NS_PER_S
+
+    def frames(self) -> Iterator[tuple[int, range]]:
+        """Yield the stamp of each frame [ns], and its rows."""
+        starts = np.searchsorted(self.stamps_ns, self.frame_stamps_ns).tolist()
+        ends = np.searchsorted(self.stamps_ns, self.frame_stamps_ns, side="right").tolist()
+        yield from zip(self.frame_stamps_ns.tolist(), map(range, starts, ends), strict=True)
 
 
 @dataclass(frozen=True)
@@ -338,7 +347,4 @@ def _plain(text: str) -> str:
 
 
 def _is_finite_number(text: str) -> bool:
-    try:
-        return isfinite(float(_plain(text)))
-    except ValueError:
-        return False
+    return is_number(_plain(text)) and isfinite(float(text))

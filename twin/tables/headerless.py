@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from trackers.text_file import read_text
-from twin.tables.columns import Cells, CsvColumns, columns_of
+from twin.tables.columns import Cells, CsvColumns, columns_of, is_number
 
 HEIGHT_SPREAD_M = 0.6
 """Range of heads, pelvises or floors: a column that varies less may be a height [m]."""
@@ -185,15 +185,6 @@ def _is_height_last(path: Path, people: NDArray[np.intp], last: NDArray[np.float
             "expected"
         )
     return bool(flat[1])
-
-
-def is_number(text: str) -> bool:
-    """Return whether a cell holds a number."""
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _is_whole(text: str) -> bool:

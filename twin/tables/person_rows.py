@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
-from twin.tables.columns import MAX_INT64, MISSING, Cells, CsvColumns, columns_of, read_cells, split_line
-from twin.tables.headerless import EXPECTED_COLUMNS, HEIGHT_SPREAD_M, is_number, mot_columns, name_columns
+from twin.tables.columns import MAX_INT64, MISSING, Cells, CsvColumns, columns_of, is_number, read_cells, split_line
+from twin.tables.headerless import EXPECTED_COLUMNS, HEIGHT_SPREAD_M, mot_columns, name_columns
 
 _NAMES = {
     "t": ("t", "time", "timestamp", "stamp", "seconds", "secs", "sec"),
