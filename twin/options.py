@@ -103,7 +103,14 @@ Resource = Annotated[
 ]
 
 
-def help_if_alone(context: typer.Context) -> None:
-    """Print the help of a group of commands that is called without one."""
-    if context.invoked_subcommand is None:
-        typer.echo(context.get_help())
+def command_group(help_: str) -> typer.Typer:
+    """Make a group of commands, which prints its help where it is called without one."""
+    options = {"help_option_names": ["-h", "--help"]}
+    group = typer.Typer(help=help_, invoke_without_command=True, rich_markup_mode=None, context_settings=options)
+
+    @group.callback()
+    def help_if_alone(context: typer.Context) -> None:
+        if context.invoked_subcommand is None:
+            typer.echo(context.get_help())
+
+    return group

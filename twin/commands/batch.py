@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from trackers.errors import InputError, valid_names
 from twin.commands.memory import EXIT_FELL_SHORT
 from twin.options import (
     Jobs,
@@ -17,21 +18,13 @@ from twin.options import (
     ScenarioName,
     Scheduler,
     SetOfScenario,
-    help_if_alone,
+    command_group,
     overrides,
 )
 from twin.reproduce.registry import REPRODUCTIONS, Request
 
-suite_app = typer.Typer(
-    name="suite",
-    help="Many scenarios, seeds and trackers at once; and whether anything got worse.",
-    invoke_without_command=True,
-    rich_markup_mode=None,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
-
-
-suite_app.callback()(help_if_alone)
+suite_app = command_group("Many scenarios, seeds and trackers at once; and whether anything got worse.")
+study_app = command_group("Where should the sensors go, how many, and what is lost with one fewer?")
 
 
 @suite_app.command("run", epilog="Example: twin suite run smoke --jobs 2 --baseline models/suites/baselines/smoke.json")
@@ -64,7 +57,6 @@ def run_suite(
     out: Annotated[Path | None, typer.Option(help="Folder for the results; default: out/suite-<name>.")] = None,
 ) -> None:
     """Run every case of a suite."""
-    from trackers.errors import InputError
     from twin.run.inputs import TrustedClasses, import_from_here, typed_classes, typed_schedulers
     from twin.suites.cluster import parse_workers
     from twin.suites.gate import run_gate
@@ -104,7 +96,6 @@ def show_suite(
     ] = None,
 ) -> None:
     """Show the table of a run, finished or not, and write its page; or the tables of several runs as of one."""
-    from trackers.errors import InputError
     from twin.suites.gate import show_markdown, show_pooled, show_results
 
     if len(folders) > 1 or reference is not None:
@@ -149,18 +140,7 @@ def cache_suite(
     )
 
 
-study_app = typer.Typer(
-    name="study",
-    help="Where should the sensors go, how many, and what is lost with one fewer?",
-    invoke_without_command=True,
-    rich_markup_mode=None,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
-
 Out = Annotated[Path | None, typer.Option(help="Folder for the results.")]
-
-
-study_app.callback()(help_if_alone)
 
 
 @study_app.command("run", epilog="Example: twin study run lab-scanner-place --jobs 2 --out out/place")
@@ -313,8 +293,6 @@ def reproduce(
 
 def _check_options(name: str, numbers: Mapping[str, int | None], own: Mapping[str, object]) -> None:
     """Raise InputError for an unknown reproduction, too few runs, or an option that it lacks."""
-    from trackers.errors import InputError, valid_names
-
     if name not in REPRODUCTIONS:
         raise InputError(f"reproduce: unknown reproduction {name!r}; {valid_names(name, REPRODUCTIONS)}")
     for option, number in numbers.items():

@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from trackers.errors import InputError, valid_names
 from twin import version_of
 from twin.commands.memory import EXIT_FELL_SHORT
 from twin.console import print_warnings
@@ -36,7 +37,6 @@ def list_(
     cite: Annotated[bool, typer.Option("--cite", help="Print BibTeX of the papers behind the trackers.")] = False,
 ) -> None:
     """List scenarios, rooms, trackers, sensors, suites, studies and faults."""
-    from trackers.errors import InputError, valid_names
     from trackers.paper_rules import rules_markdown
     from trackers.presets import available, bibtex, rules_of
 
@@ -98,8 +98,6 @@ def schema(
     """Print the JSON schema of a scenario, a suite, a study or a rig, for editors."""
     import json
 
-    from trackers.errors import InputError, valid_names
-
     if kind == "scenario":
         from twin.scenario.load import DrawableScenarioFile as Described
     elif kind == "suite":
@@ -138,7 +136,6 @@ def check(
     ] = False,
 ) -> None:
     """Check a file without running it, the contract of a tracker or a sensor, or that this machine renders."""
-    from trackers.errors import InputError
     from twin.run.inputs import import_from_here
 
     if sum(each is not None for each in (subject, tracker, sensor)) > 1:
@@ -184,7 +181,6 @@ def kind_of(subject: str) -> str:
     """
     from importlib import import_module
 
-    from trackers.errors import InputError
     from trackers.plain_data import parse_yaml
     from trackers.presets import available
     from trackers.rig import Rig
@@ -290,7 +286,6 @@ def check_own_sensor(name: str) -> list[str]:
     """List contract violations of the sensor made by `module:make` without arguments, before five people in the lab."""
     from importlib import import_module
 
-    from trackers.errors import InputError
     from twin.scenario import load_scenario
     from twin.sensors.check import check_sensor
     from twin.world.world import World

@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from twin.options import Seed, Set, help_if_alone
+from trackers.errors import InputError
+from twin.options import Seed, Set, command_group
 
 SCENARIO = """\
 # A scenario of your own; `twin schema > scenario.schema.json` gives editors completion. Run it: twin run {file}
@@ -154,15 +155,9 @@ class Mine:
 '''
 
 
-app = typer.Typer(
-    help="Write a commented start of your own: room, scenario, tracker, suite, study; a bag's rig; or a scene drawn at random.",
-    invoke_without_command=True,
-    add_completion=False,
-    rich_markup_mode=None,
+app = command_group(
+    "Write a commented start of your own: room, scenario, tracker, suite, study; a bag's rig; or a scene drawn at random."
 )
-
-
-app.callback()(help_if_alone)
 
 
 @app.command(epilog="Example: twin new scenario --drawn --seed 7 --out office; twin run office/scenario.yaml")
@@ -175,7 +170,6 @@ def scenario(
     ),
 ) -> None:
     """Write scenario.yaml into a folder: a commented start, or a drawn scene with its room, as plain files that run."""
-    from trackers.errors import InputError
     from twin.console import print_paths
     from twin.recording.atomic_file import open_atomic
     from twin.scenario import load_scenario
@@ -250,7 +244,6 @@ def _filled(template: str, path: Path) -> str:
 
 
 def _write(what: str, text: str, path: Path, suffix: str) -> None:
-    from trackers.errors import InputError
     from twin.console import print_paths
     from twin.recording.atomic_file import open_atomic
 

@@ -10,6 +10,7 @@ import typer
 
 from trackers.errors import InputError, valid_names
 from twin.commands.memory import exit_with_failures, loading
+from twin.messages import no_warning
 from twin.options import (
     AllowPlugins,
     Duration,
@@ -79,7 +80,7 @@ def run(
             on_progress=report,
             on_warning=print_warning,
             truth=_kept_truth(truth),
-            on_note=_print_note if verbose else _keep_silent,
+            on_note=_print_note if verbose else no_warning,
         )
     if result.metrics is not None:
         print_metrics(result.metrics)
@@ -118,7 +119,7 @@ def render(
             on_progress=report,
             on_warning=print_warning,
             truth=_kept_truth(truth),
-            on_note=_print_note if verbose else _keep_silent,
+            on_note=_print_note if verbose else no_warning,
         )
     print_paths(result.files)
 
@@ -131,10 +132,6 @@ def _kept_truth(name: str) -> TruthKept:
 
 def _print_note(note: str) -> None:
     sys.stderr.write(f"twin: {note}\n")
-
-
-def _keep_silent(note: str) -> None:
-    """Discard a note."""
 
 
 def _planned(scenario: Scenario, *, images: bool) -> str:
@@ -167,7 +164,6 @@ def environment(
 ) -> None:
     """Scan the empty room with a tilting scanner: walls, furniture and free space, in a file for trackers."""
     from trackers.environment import EnvironmentOptions
-    from trackers.errors import InputError
     from twin.console import print_paths, progress
     from twin.environment.run import write_environment
     from twin.scenario import load_scenario
@@ -193,8 +189,6 @@ def environment(
 
 def _point(text: str) -> tuple[float, ...]:
     """Parse 'X,Y' or 'X,Y,Z'; raise InputError for anything else."""
-    from trackers.errors import InputError
-
     try:
         numbers = tuple(float(part) for part in text.split(","))
     except ValueError:

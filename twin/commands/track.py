@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from trackers.errors import InputError
 from twin import models
 from twin.commands.memory import exit_with_failures, loading
 from twin.messages import OnWarning
@@ -137,12 +138,10 @@ def evaluate(
 ) -> None:
     """Compute metrics from two tables, as JSON."""
     import json
-    import sys
     from dataclasses import replace
 
     import numpy as np
 
-    from trackers.errors import InputError
     from trackers.observations import NS_PER_S
     from twin.console import print_warnings
     from twin.evaluate import evaluate_with_details
@@ -209,7 +208,6 @@ def export(
     no_limits: NoLimits = False,
 ) -> None:
     """Write recordings in other people's formats: MOTChallenge, KITTI tracking, COCO, pictures, rerun, Foxglove."""
-    from trackers.errors import InputError
     from twin.console import print_paths, print_warning
     from twin.export.coco import export_coco
     from twin.export.foxglove import export_foxglove
@@ -219,16 +217,7 @@ def export(
     from twin.export.rerun_file import export_rerun
     from twin.run.out_folder import whole_folder
 
-    if labels_hz is not None and not 0 < labels_hz < float("inf"):
-        raise InputError(f"--labels-hz {labels_hz}: is no rate; a number of pictures per second above 0 is expected")
-    if labels_hz is not None and (labels == "bag" or format_ not in ("mot", "coco")):
-        raise InputError("--labels-hz: has no effect here; --format mot or coco without --labels bag is expected")
-    if labels == "bag" and format_ != "coco":
-        raise InputError(f"--labels bag: has no effect on --format {format_}; --format coco is expected")
-    if labels == "bag" and truth is not None:
-        raise InputError("--labels bag: is the bag's truth, and --truth another; one of the two is expected")
-    if truth is not None and format_ == "images":
-        raise InputError("--truth: has no effect on --format images; another format is expected")
+    _check_labels(format_, labels, labels_hz, truth)
     with ExitStack() as stack:
         name, recordings = _recordings(stack, source, rig, truth, print_warning)
         folder = out if out is not None else Path("out") / f"{name}-{format_}"
@@ -249,11 +238,24 @@ def export(
     print_paths({format_: folder})
 
 
+def _check_labels(format_: Format, labels: str, labels_hz: float | None, truth: Path | None) -> None:
+    """Raise InputError for options of `twin export` about labels without effect on this format."""
+    if labels_hz is not None and not 0 < labels_hz < float("inf"):
+        raise InputError(f"--labels-hz {labels_hz}: is no rate; a number of pictures per second above 0 is expected")
+    if labels_hz is not None and (labels == "bag" or format_ not in ("mot", "coco")):
+        raise InputError("--labels-hz: has no effect here; --format mot or coco without --labels bag is expected")
+    if labels == "bag" and format_ != "coco":
+        raise InputError(f"--labels bag: has no effect on --format {format_}; --format coco is expected")
+    if labels == "bag" and truth is not None:
+        raise InputError("--labels bag: is the bag's truth, and --truth another; one of the two is expected")
+    if truth is not None and format_ == "images":
+        raise InputError("--truth: has no effect on --format images; another format is expected")
+
+
 def _recordings(
     stack: ExitStack, source: str, rig: Path | None, truth: Path | None, on_warning: OnWarning
 ) -> tuple[str, list[Recorded]]:
     """Open the recordings of the source and return its name; a suite's stay in the cache while `stack` is open."""
-    from trackers.errors import InputError
     from twin.export.pictures import open_recorded
 
     path = Path(source)
