@@ -20,6 +20,7 @@ from twin.options import Environment, NoLimits, NoVideo, Rig, Seed, Set, Tracker
 
 if TYPE_CHECKING:
     from twin.export.pictures import Recorded
+    from twin.suites.expansion import Case
 
 Format = Literal["mot", "kitti", "coco", "images", "rerun", "foxglove"]
 
@@ -257,6 +258,7 @@ def _recordings(
 ) -> tuple[str, list[Recorded]]:
     """Open the recordings of the source and return its name; a suite's stay in the cache while `stack` is open."""
     from twin.export.pictures import open_recorded
+    from twin.run.tracker_runner import file_name
 
     path = Path(source)
     is_results = (path / "results.sqlite").is_file()
@@ -269,13 +271,29 @@ def _recordings(
     from twin.suites.expansion import expand
     from twin.suites.spec import load_suite
     from twin.suites.store_files import read_store
-    from twin.suites.worker import suite_recordings
+    from twin.suites.worker import RECORDING, case_recording
 
-    facts = read_store(path).facts() if is_results else {"suite": source, "changes": []}
-    suite, file = load_suite(facts["suite"])
-    cases = expand(suite, file, facts["changes"], plug_ins=False)
+    suite_name, changes = source, ()
+    if is_results:
+        with read_store(path) as store:
+            suite_name, changes = store.facts()["suite"], store.facts()["changes"]
+    suite, file = load_suite(suite_name)
+    cases_of: dict[str, list[Case]] = {}
+    for case in expand(suite, file, changes, plug_ins=False):
+        cases_of.setdefault(case.resolved, []).append(case)
     cache = RecordingCache(models.cache_folder(), cache_limit_bytes())
-    recordings = suite_recordings(stack, cases, path if is_results else None, cache, on_warning)
-    return suite.name, [
-        open_recorded(each.bag, rig, on_warning, name=each.name, tables=each.tracks) for each in recordings
-    ]
+    recordings = []
+    for case, *others in cases_of.values():
+        if case.bag is not None:
+            name, bag = case.scenario, case.bag.path
+        else:
+            name = file_name("-".join(filter(None, (case.scenario, case.variant, str(case.seed)))))
+            bag = stack.enter_context(case_recording(case, cache, on_warning)) / RECORDING
+        tables = {
+            each.tracker: path / "cases" / each.id / "tracks" / f"{file_name(each.tracker)}.csv"
+            for each in (case, *others)
+            if is_results
+        }
+        tables = {tracker: table for tracker, table in tables.items() if table.is_file()}
+        recordings.append(open_recorded(bag, rig, on_warning, name=name, tables=tables))
+    return suite.name, recordings

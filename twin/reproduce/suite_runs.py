@@ -38,9 +38,8 @@ from twin.suites.cache import RecordingCache, cache_limit_bytes
 from twin.suites.cache_keys import recording_key
 from twin.suites.cluster import Workers
 from twin.suites.dask_runner import ProgressListener, open_workers
-from twin.suites.expansion import Case, expand
+from twin.suites.expansion import Case, expand, with_variant
 from twin.suites.filmstrip import FilmstripWork, draw_filmstrip
-from twin.suites.results import with_variant
 from twin.suites.run import run_suite
 from twin.suites.spec import Suite, load_suite
 from twin.suites.store import DONE

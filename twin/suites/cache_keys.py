@@ -8,7 +8,7 @@ import json
 import os
 import sys
 import sysconfig
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from functools import cache
 from importlib.machinery import PathFinder
@@ -132,7 +132,7 @@ def simulation_code(modules: tuple[str, ...] = _SIMULATING) -> str:
     Changes of trackers, metrics and reports leave recordings valid.
     """
     digest = hashlib.sha256()
-    for path in sorted([*_modules(modules), *_files(MODELS / "people"), *_files(MODELS / "rooms")]):
+    for path in sorted([*_with_imports(modules, _file_of), *_files(MODELS / "people"), *_files(MODELS / "rooms")]):
         _add(digest, path.name.encode())
         _add(digest, path.read_bytes())
     for library in _LIBRARIES:
@@ -175,30 +175,18 @@ def _own_sources(module: str) -> set[Path]:
 
     Of installed packages only its own.
     """
-    own = module.partition(".")[0]
     installed = [Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib", "purelib", "platlib")]
-    waiting, found = [module], set()
-    while waiting:
-        name = waiting.pop()
-        file = None if name.partition(".")[0] in _PACKAGES else _source_of(name)
+
+    def own_file(name: str) -> Path | None:
+        package = name.partition(".")[0]
+        file = None if package in _PACKAGES else _source_of(name)
         if file is None:
-            continue
+            return None
         path = Path(file).resolve()
-        is_installed = any(path.is_relative_to(folder) for folder in installed)
-        if path in found or path.suffix != ".py" or (is_installed and name.partition(".")[0] != own):
-            continue
-        found.add(path)
-        if "." in name:
-            waiting.append(name.rpartition(".")[0])
-        package = name if path.name == "__init__.py" else name.rpartition(".")[0]
-        for node in ast.walk(ast.parse(path.read_bytes())):
-            if isinstance(node, ast.Import):
-                waiting += [alias.name for alias in node.names]
-            elif isinstance(node, ast.ImportFrom):
-                base = package.rsplit(".", node.level - 1)[0] if node.level else ""
-                start = ".".join(part for part in (base, node.module) if part)
-                waiting += [start, *(f"{start}.{alias.name}" for alias in node.names)]
-    return found
+        is_others = package != module.partition(".")[0] and any(path.is_relative_to(folder) for folder in installed)
+        return path if path.suffix == ".py" and not is_others else None
+
+    return _with_imports([module], own_file)
 
 
 def _source_of(name: str) -> str | None:
@@ -214,12 +202,12 @@ def _source_of(name: str) -> str | None:
     return spec.origin if spec is not None else None
 
 
-def _modules(names: Iterable[str]) -> set[Path]:
-    """Find the files of these modules and of all that they import from the two packages, at any depth."""
+def _with_imports(names: Iterable[str], file_of: Callable[[str], Path | None]) -> set[Path]:
+    """Find the files of these modules and of all that they import, at any depth, of which `file_of` has a file."""
     waiting, found = list(names), set()
     while waiting:
         name = waiting.pop()
-        path = _file_of(name)
+        path = file_of(name)
         if path is None or path in found:
             continue
         found.add(path)
@@ -227,19 +215,21 @@ def _modules(names: Iterable[str]) -> set[Path]:
             waiting.append(name.rpartition(".")[0])  # a package is loaded before what is in it
         if path.parent in _PACKAGES.values() and path.name == "__init__.py":
             continue  # its names are loaded one by one, each imported from its own module
-        waiting += _imported(path)
+        waiting += _imported(path.read_bytes(), name if path.name == "__init__.py" else name.rpartition(".")[0])
     return found
 
 
 @cache
-def _imported(path: Path) -> list[str]:
-    """List what a module imports, at its start or in its functions: modules, and names that may be modules."""
+def _imported(source: bytes, package: str) -> list[str]:
+    """List what a module of a package imports, at its start or in its functions: modules, and names that may be modules."""
     imported: list[str] = []
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
             imported += [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
-            imported += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+        elif isinstance(node, ast.ImportFrom):
+            base = package.rsplit(".", node.level - 1)[0] if node.level else ""
+            start = ".".join(part for part in (base, node.module) if part)
+            imported += [start, *(f"{start}.{alias.name}" for alias in node.names)]
     return imported
 
 

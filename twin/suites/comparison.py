@@ -79,6 +79,11 @@ class Change:
         return float("nan") if self.now is None else self.now - self.before
 
     @property
+    def excess(self) -> float:
+        """Ratio of the change to its tolerance; inf where the metric is no longer measured."""
+        return float("inf") if self.now is None else abs(self.change) / max(self.allowed, 1e-12)
+
+    @property
     def worse(self) -> bool:
         """True where the mean got worse beyond tolerance and chance, one case collapsed, or the metric is no longer measured."""
         if self.now is None or self.fallen is not None:
@@ -131,30 +136,22 @@ def compare(
 
 
 def _change(pairs: Sequence[Pair], p: float, p_better: float, allowed: float) -> Change:
-    first = pairs[0]
-    if len(pairs) == 1:
-        worst = first.seeds[int(np.argmax(first.worsened))]
-        before, now = float(first.before.mean()), float(first.now.mean())
-        n_seed = len(first.seeds)
-        return Change(
-            first.key,
-            first.group.variant,
-            first.metric,
-            before,
-            now,
-            float(p),
-            float(p_better),
-            n_seed,
-            allowed,
-            worst,
-            first.fallen,
-        )
+    first, is_single = pairs[0], len(pairs) == 1
     trackers = {pair.key.tracker for pair in pairs}
-    key = GroupKey(EVERY_SCENARIO, "[]", first.key.tracker if len(trackers) == 1 else EVERY_TRACKER)
-    before = float(np.mean([pair.before.mean() for pair in pairs]))
-    now = float(np.mean([pair.now.mean() for pair in pairs]))
-    n_seed = sum(len(pair.seeds) for pair in pairs)
-    return Change(key, "", first.metric, before, now, float(p), float(p_better), n_seed, allowed)
+    pooled = GroupKey(EVERY_SCENARIO, "[]", first.key.tracker if len(trackers) == 1 else EVERY_TRACKER)
+    return Change(
+        key=first.key if is_single else pooled,
+        variant=first.group.variant if is_single else "",
+        metric=first.metric,
+        before=float(np.mean([pair.before.mean() for pair in pairs])),
+        now=float(np.mean([pair.now.mean() for pair in pairs])),
+        p=float(p),
+        p_better=float(p_better),
+        n_seed=sum(len(pair.seeds) for pair in pairs),
+        allowed=allowed,
+        worst_seed=first.seeds[int(np.argmax(first.worsened))] if is_single else None,
+        fallen=first.fallen if is_single else None,
+    )
 
 
 def _missing_groups(before: Results, now: Results) -> Iterator[Change]:
@@ -173,7 +170,7 @@ def _ordered(changes: Sequence[Change]) -> list[Change]:
     """Order changes by tracker, then by the metric's weight, then by decreasing ratio to the tolerance."""
     most: dict[str, float] = {}
     for each in changes:
-        most[each.key.tracker] = max(most.get(each.key.tracker, 0.0), _excess(each))
+        most[each.key.tracker] = max(most.get(each.key.tracker, 0.0), each.excess)
     weight = {metric: place for place, metric in enumerate(_NAMED_FIRST)}
     return sorted(
         changes,
@@ -181,16 +178,9 @@ def _ordered(changes: Sequence[Change]) -> list[Change]:
             -most[each.key.tracker],
             each.key.tracker,
             weight.get(each.metric, len(weight)),
-            -_excess(each),
+            -each.excess,
         ),
     )
-
-
-def _excess(change: Change) -> float:
-    """Compute the ratio of a change to its tolerance; inf where the metric is no longer measured."""
-    if change.now is None:
-        return float("inf")
-    return abs(change.change) / max(change.allowed, 1e-12)
 
 
 def notes_on(before: Results, now: Results, before_name: str, pairs: Sequence[Pair]) -> Iterator[str]:
@@ -220,7 +210,7 @@ def notes_on(before: Results, now: Results, before_name: str, pairs: Sequence[Pa
             "or renderer; seeds are pairs all the same"
         )
     if before.renderers and now.renderers and set(before.renderers) != set(now.renderers):
-        yield f"{before_name} was drawn by {_listed(before.renderers)}, here it is {_listed(now.renderers)}"
+        yield f"{before_name} was drawn by {' and '.join(before.renderers)}, here it is {' and '.join(now.renderers)}"
     old, new = before.versions.get("mujoco"), now.versions.get("mujoco")
     if old != new:
         yield f"{before_name} was made with MuJoCo {old}, here it is {new}: contacts and pictures may differ"
@@ -236,10 +226,6 @@ def notes_on(before: Results, now: Results, before_name: str, pairs: Sequence[Pa
         yield f"{before_name} has what this run has not: {_names(missing)}"
     if added:
         yield f"not in {before_name}: {_names(added)}"
-
-
-def _listed(names: Sequence[str]) -> str:
-    return " and ".join(names)
 
 
 def _names(keys: Sequence[GroupKey], most: int = 4) -> str:

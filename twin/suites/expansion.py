@@ -10,12 +10,10 @@ from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 
-from pydantic import JsonValue
-
 from trackers.errors import InputError, raise_faults
 from trackers.rig import NO_PRIOR, PriorFiles
 from trackers.text_file import refuse_unless_lifted
-from twin.models import is_kept_room
+from twin import models
 from twin.recording.reader import Recording
 from twin.recording.tables import read_truth
 from twin.run.inputs import NONE_TRUSTED, TrustedClasses
@@ -26,12 +24,14 @@ from twin.scenario.run_size import RunSize, check_size, size_of
 from twin.scenario.scenario import Scenario, TrackerChoice
 from twin.suites.cache_keys import Provenance, digest_of, people_key, provenance_of, recording_key, room_digest
 from twin.suites.preflight import TrackerCheck, Variant, format_overrides, variants
-from twin.suites.spec import Overrides, Suite, find_scenario
+from twin.suites.spec import Overrides, Suite
 
 MOST_CASES = 5000
 
-NO_CAMERA = ("laser", "floor")
-"""Kinds of sensor that need no renderer."""
+
+def with_variant(scenario: str, variant: str) -> str:
+    """Name a scenario with its variant, if any."""
+    return f"{scenario} ({variant})" if variant else scenario
 
 
 @dataclass(frozen=True)
@@ -83,6 +83,11 @@ class Case:
     prior: PriorFiles
     provenance: Provenance  # by content: other files make another case
     recipe: str  # key of its recording without the renderer
+    size: RunSize  # of its recording
+    people: str = ""
+    """Key of its people's motion: cases with the same key differ in their sensors alone."""
+    bag: RecordedInput | None = None
+    """Bag that is tracked as it is; None: the recording of `resolved`."""
 
     @property
     def tracking_changes(self) -> tuple[str, ...]:
@@ -109,12 +114,6 @@ class Case:
             raise InputError(
                 f"{self.id}: {described}: changed after the suite was started; --resume tracks with what it is now"
             )
-
-    size: RunSize  # of its recording
-    people: str = ""
-    """Key of its people's motion: cases with the same key differ in their sensors alone."""
-    bag: RecordedInput | None = None
-    """Bag that is tracked as it is; None: the recording of `resolved`."""
 
 
 def check_case_count(suite: Suite, path: Path) -> None:
@@ -174,7 +173,7 @@ def expand(
             again += [case] * (case.id in cases)
             cases[case.id] = case
         if again:
-            first = f"{_title(again[0].scenario, again[0].variant)}, seed {again[0].seed}, {again[0].tracker}"
+            first = f"{with_variant(again[0].scenario, again[0].variant)}, seed {again[0].seed}, {again[0].tracker}"
             more = f", as are {len(again) - 1} more of its cases" * (len(again) > 1)
             faults.append(
                 f"{path}: scenarios.{entry.number}: {first} is there twice{more}; a name of its own for each entry, or "
@@ -205,7 +204,7 @@ def _check_entry(
     suite: Suite, number: int, path: Path, changes: Sequence[str], check: TrackerCheck, *, limits: bool
 ) -> Iterator[_Checked]:
     entry = suite.scenarios[number]
-    scenario_path = find_scenario(entry, path, number)
+    scenario_path = models.find("scenarios", entry.scenario, path.parent, f"{path}: scenarios.{number}.scenario")
     for variant in variants(suite, number, changes):
         if "seed" in variant.overrides:
             raise InputError(f"{path}: {variant.written('seed')}: seed is set; `seeds:` beside it is expected")
@@ -215,7 +214,7 @@ def _check_entry(
             )
             if limits:
                 check_size(scenario)
-            title = _title(entry.name or scenario.name, _own_settings(variant))
+            title = with_variant(entry.name or scenario.name, _own_settings(variant))
             digest = check.check(variant, scenario, scenario_path, title)
         except InputError as error:
             lines = str(error).splitlines()
@@ -232,7 +231,7 @@ def _cases_of(suite: Suite, checked: _Checked, path: Path, changes: Sequence[str
     )
     for seed in entry.seeds or suite.seeds:
         of_seed = scenario
-        if is_kept_room(scenario.room):  # each seed draws a scene of its own
+        if models.is_kept_room(scenario.room):  # each seed draws a scene of its own
             of_seed = load_scenario(
                 checked.scenario_path, [*changes, f"seed={seed}"], suites=overrides, folder=path.parent
             )
@@ -261,7 +260,10 @@ def _cases_of(suite: Suite, checked: _Checked, path: Path, changes: Sequence[str
                 provenance=provenance_of(resolved, room, followed, checked.digest),
                 recipe=recipe,
                 tracker_changes=format_overrides(
-                    {f"trackers.{name}": _options(choice) for name, choice in scenario.trackers.items()}
+                    {
+                        f"trackers.{name}": choice.model_dump(mode="json", exclude_none=True)
+                        for name, choice in scenario.trackers.items()
+                    }
                 ),
             )
 
@@ -318,10 +320,6 @@ def _bytes_of(bag: Path) -> float:
     return float(sum(each.stat().st_size for each in ([bag] if bag.is_file() else bag.rglob("*"))))
 
 
-def _options(choice: TrackerChoice) -> JsonValue:
-    return choice.model_dump(mode="json", exclude_none=True)
-
-
 def _own_settings(variant: Variant) -> str:
     """Format the settings that distinguish this variant from the others of its entry, short."""
     return ", ".join(_short(text) for text in format_overrides(variant.own))
@@ -333,10 +331,6 @@ _LONGEST = 60
 def _short(text: str) -> str:
     text = text.replace('"', "")
     return text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
-
-
-def _title(label: str, variant: str) -> str:
-    return f"{label} ({variant})" if variant else label
 
 
 def _case_id(label: str, overrides: tuple[str, ...], seed: int, tracker: str) -> str:

@@ -20,7 +20,6 @@ from pydantic import BeforeValidator
 
 from trackers.errors import InputError
 from twin.report.metrics_table import (
-    HEADLINE_METRICS as HEADLINE_METRICS,
     METRICS as REPORT_METRICS,
     Metric,
     format_number,

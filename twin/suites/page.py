@@ -116,41 +116,41 @@ def _write(
     **content: Any,
 ) -> None:
     trackers = [(name, colour_of(slot), Markup(marker(slot, 11, 7))) for name, slot in _slots(results).items()]
-    rows = [] if reference is None else differences_from(results, reference)
-    strata = {} if reference is None else differences_by_scenario(results, reference)
-    detectable = comparison.detectable if comparison is not None else ()
+    rows = differences_from(results, reference) if reference is not None else []
+    strata = differences_by_scenario(results, reference) if reference is not None else {}
+    shown = comparison or Comparison((), ())
     page = page_template("twin.suites", "page.html.j2").render(
         results=results,
         trackers=trackers,
         slots=[hex_colour(colour) for colour in IDENTITY_COLOURS],
         failed=[(case, (case.error or "").splitlines()) for case in results.failed],
         compared=comparison is not None,
-        warnings=comparison.warnings if comparison is not None else (),
-        n_compared=len(comparison.changes) if comparison is not None else 0,
-        identical=comparison is not None and comparison.identical,
+        warnings=shown.warnings,
+        n_compared=len(shown.changes),
+        identical=shown.identical,
         alpha=ALPHA,
         detectable=[
             (
                 metric_named(each.metric),
                 *(format_metric(each.metric, loss) for loss in (each.everywhere, each.in_scenario, each.in_case)),
             )
-            for each in detectable
+            for each in shown.detectable
         ],
         detectable_trackers=sorted(
-            {tracker for each in detectable if each.metric in HEADLINE_METRICS for tracker in each.of_tracker}
+            {tracker for each in shown.detectable if each.metric in HEADLINE_METRICS for tracker in each.of_tracker}
         ),
         detectable_of=[
             (
                 metric_named(each.metric),
                 {name: format_metric(each.metric, loss) for name, loss in each.of_tracker.items()},
             )
-            for each in detectable
+            for each in shown.detectable
             if each.metric in HEADLINE_METRICS
         ],
         violated=[(each, METRICS[each.metric].name) for each in requirements if each.violated],
         n_requirement=len(requirements),
-        worse=[_change(each, links) for each in comparison.worse] if comparison is not None else [],
-        better=[_change(each, links) for each in comparison.better] if comparison is not None else [],
+        worse=[_change(each, links) for each in shown.worse],
+        better=[_change(each, links) for each in shown.better],
         reference=reference,
         reference_metrics=[METRICS[metric] for metric in REFERENCE_METRICS],
         behind_hota=BEHIND_HOTA,

@@ -5,7 +5,7 @@ Trackers are compared with a reference tracker by differences paired by case, pe
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -30,11 +30,6 @@ class GroupKey:
     scenario: str
     overrides: str
     tracker: str
-
-
-def with_variant(scenario: str, variant: str) -> str:
-    """Name a scenario with its variant, if any."""
-    return f"{scenario} ({variant})" if variant else scenario
 
 
 @dataclass(frozen=True)
@@ -220,17 +215,15 @@ class RequirementCheck:
 
 def check_requirements(facts: Mapping[str, Any], results: Results) -> list[RequirementCheck]:
     """Check the requirements among the facts of a run, for the groups that have been run."""
-    return list(_of(facts.get("requirements", ()), results))
-
-
-def _of(promised: Iterable[Mapping[str, str]], results: Results) -> Iterator[RequirementCheck]:
-    for each in promised:
+    checks = []
+    for each in facts.get("requirements", ()):
         key = GroupKey(each["scenario"], each["overrides"], each["tracker"])
         group = results.groups.get(key)
         if group is not None:
             values = group.values(each["metric"])
             mean = float(np.mean(values)) if values else None
-            yield RequirementCheck(key, group.variant, each["metric"], each["bound"], mean)
+            checks.append(RequirementCheck(key, group.variant, each["metric"], each["bound"], mean))
+    return checks
 
 
 BEHIND_HOTA = 0.01

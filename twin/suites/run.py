@@ -7,7 +7,7 @@ import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -176,7 +176,7 @@ def _run_cases(
     ]
 
     def state(now: State) -> None:
-        progress.state(State(now.waiting, now.running, now.done + len(done), now.failed, now.workers))
+        progress.state(replace(now, done=now.done + len(done)))
 
     run_tasks(tasks, function, TaskListener(lambda task, number: store.started(task.id, number), ended, state), logs)
 
@@ -193,25 +193,25 @@ def _draw_filmstrips(
 
     The worst scenarios come first, `_MAX_FILMSTRIPS` at most; one that cannot be drawn is left out.
     """
-    worst: dict[tuple[str, str], tuple[float, float, Case]] = {}
     by_id = {case.id: case for case in cases}
     worst_second: dict[str, Incident] = {}
+    worst: dict[tuple[str, str], str] = {}  # case of each scenario and variant
     for each in store.cases():
         case = by_id[each.id]
         for incident in store.incidents(each.id)[:1] if case.bag is None else ():  # a bag's room is not known
-            row = (case.scenario, case.variant)
             if incident.kind == WORST:
                 worst_second[each.id] = incident
-                if row not in worst or incident.severity > worst[row][0]:
-                    worst[row] = (incident.severity, incident.t_s, case)
-    ranked = sorted(worst.values(), key=lambda each: each[0], reverse=True)[:_MAX_FILMSTRIPS]
-    chosen = {case.id: t_s for _, t_s, case in ranked}
+                so_far = worst.setdefault((case.scenario, case.variant), each.id)
+                if incident.severity > worst_second[so_far].severity:
+                    worst[case.scenario, case.variant] = each.id
+    ranked = sorted(worst.values(), key=lambda case_id: worst_second[case_id].severity, reverse=True)
+    chosen = {case_id: worst_second[case_id].t_s for case_id in ranked[:_MAX_FILMSTRIPS]}
     reference = store.facts().get("reference")
     behind = worst_cases(collect_results(store), reference) if reference is not None else []
     of_reference = {
         case.case_id: worst_second[case.case_id].t_s
         for case in behind
-        if case.case_id is not None and case.case_id in worst_second and by_id[case.case_id].bag is None
+        if case.case_id is not None and case.case_id in worst_second
     }
     tasks = [
         Task(

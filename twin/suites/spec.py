@@ -343,8 +343,3 @@ def load_suite(name: str | Path) -> tuple[Suite, Path]:
     content = parse_yaml(read_text(path, expected), str(path), expected)
     models.check_kind(content, "suite", path)
     return validate(Suite, content, str(path)), path
-
-
-def find_scenario(entry: SuiteScenario, suite: Path, number: int) -> Path:
-    """Find the scenario's file. Raises InputError naming the suite's file and the entry by its `number`."""
-    return models.find("scenarios", entry.scenario, suite.parent, f"{suite}: scenarios.{number}.scenario")

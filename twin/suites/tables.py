@@ -10,6 +10,7 @@ from twin.console import PlainConsole, print_table
 from twin.messages import counted, printable
 from twin.report.metrics_table import HEADLINE_METRICS, format_number
 from twin.suites.comparison import Change, Comparison, incident_link, significance
+from twin.suites.expansion import with_variant
 from twin.suites.metrics import METRICS, format_metric, metric_named, pooled_shares
 from twin.suites.results import (
     BEHIND_HOTA,
@@ -24,7 +25,6 @@ from twin.suites.results import (
     differences_by_scenario,
     differences_from,
     mean_over_seeds,
-    with_variant,
 )
 from twin.suites.store import ResultStore
 
@@ -156,7 +156,7 @@ def _within_chance(comparison: Comparison) -> list[Change]:
         for each in comparison.changes
         if each.metric in HEADLINE_METRICS and each.change and not (each.worse or each.better)
     ]
-    return sorted(changed, key=lambda each: -abs(each.change) / max(each.allowed, 1e-9))
+    return sorted(changed, key=lambda each: -each.excess)
 
 
 def _print_detectable(comparison: Comparison) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from functools import cache, partial
 from itertools import pairwise
@@ -38,13 +38,16 @@ from twin.scenario.load import dump_scenario
 from twin.sensors.render import OffscreenRenderer
 from twin.suites.cache import RecordingCache, digests_of
 from twin.suites.cache_keys import people_key, recording_key, whole_code
-from twin.suites.expansion import NO_CAMERA, Case, RecordedInput
+from twin.suites.expansion import Case, RecordedInput
 from twin.world.world import PrecomputedScene, precompute_motion
 
 RECORDING, TRUTH = "recording.mcap", "truth.csv"
 
 NO_RENDERER = "none"
 """Renderer's name for recordings without images."""
+
+_WITHOUT_RENDERER = ("laser", "floor")
+"""Kinds of sensor that need no renderer."""
 
 WORST = "worst"
 """Kind of incident that every case has: its worst second."""
@@ -160,44 +163,6 @@ def run_case(work: CaseWork) -> CaseResult:
             )
 
 
-@dataclass(frozen=True)
-class RecordedCases:
-    """Recording of a suite: name, bag in the cache, and tables of tracks of its cases by tracker."""
-
-    name: str
-    bag: Path
-    tracks: Mapping[str, Path]
-
-
-def suite_recordings(
-    stack: ExitStack, cases: Sequence[Case], results: Path | None, cache: RecordingCache, on_warning: OnWarning
-) -> list[RecordedCases]:
-    """Return the recordings of cases, made where not cached; they stay at least until `stack` is closed.
-
-    `results`: folder of a run of the suite, for its tracks. Raises InputError as a simulation does.
-    """
-    found: dict[str, list[Case]] = {}
-    for case in cases:
-        found.setdefault(case.resolved, []).append(case)
-    recordings = []
-    for own in found.values():
-        if (bag := own[0].bag) is not None:
-            recordings.append(RecordedCases(own[0].scenario, bag.path, _tables(own, results)))
-            continue
-        entry = stack.enter_context(case_recording(own[0], cache, on_warning))
-        name = file_name("-".join(filter(None, (own[0].scenario, own[0].variant, str(own[0].seed)))))
-        recordings.append(RecordedCases(name, entry / RECORDING, _tables(own, results)))
-    return recordings
-
-
-def _tables(cases: Sequence[Case], results: Path | None) -> dict[str, Path]:
-    """Find the tables of tracks of cases, by tracker, in the folder of a suite's results."""
-    if results is None:
-        return {}
-    tables = {each.tracker: results / "cases" / each.id / "tracks" / f"{file_name(each.tracker)}.csv" for each in cases}
-    return {tracker: path for tracker, path in tables.items() if path.is_file()}
-
-
 def resolved_scenario(case: Case) -> Scenario:
     """Parse the case's scenario, seed included, without trackers."""
     return validate(Scenario, parse_yaml(case.resolved, case.id, "a resolved scenario"), case.id)
@@ -208,7 +173,7 @@ def renderer_of(scenario: Scenario) -> str:
 
     Raises InputError without OpenGL.
     """
-    if all(sensor.kind in NO_CAMERA for sensor in scenario.sensors.values()):
+    if all(sensor.kind in _WITHOUT_RENDERER for sensor in scenario.sensors.values()):
         return NO_RENDERER
     return f"{_renderer()}, with {scenario.rendering}" if str(scenario.rendering) else _renderer()
 

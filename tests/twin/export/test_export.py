@@ -462,3 +462,23 @@ def test_tracks_of_a_bag_have_the_stamps_that_they_state_however_late_they_were_
             writer.write(of[name], late_ns, TYPESTORE.serialize_cdr(message, kept[name]))
     tracks, late = open_recorded(source).tracks["sort"], open_recorded(tmp_path / "late").tracks["sort"]
     assert len(tracks.t) and late.stamps_ns.tolist() == tracks.stamps_ns.tolist()
+
+
+def test_a_folder_of_suite_results_is_exported_with_the_tracks_in_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("ROOMTWIN_CACHE", str(tmp_path / "cache"))
+    Path("short.yaml").write_text(_SCENARIO)
+    Path("brief").write_text(
+        "name: brief\nseeds: [1000]\ntrackers: [sort]\nscenarios: "
+        "[{scenario: short.yaml, set: {sensors.depth: null, sensors.low: null}}]\n"
+    )
+    done = CliRunner().invoke(app, ["suite", "run", "brief", "--jobs", "1", "--out", "results"])
+    assert done.exit_code == 0, (done.output, done.exception)
+    (table,) = Path("results/cases").glob("*/tracks/sort.csv")
+
+    out = _export(Path("results"), "mot", tmp_path / "mot")
+
+    (exported,) = out.glob("trackers/*/sort/data/*-ground.txt")
+    assert len(np.loadtxt(exported, delimiter=",")) == len(read_tracks(table).x) > 0

@@ -223,7 +223,7 @@ def test_the_code_that_records_is_all_that_is_loaded_to_record_and_no_tracker() 
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = {Path(line) for line in done.stdout.splitlines() if line}
-    found = cache_keys._modules(cache_keys._SIMULATING)
+    found = cache_keys._with_imports(cache_keys._SIMULATING, cache_keys._file_of)
     roots = {package / "__init__.py" for package in cache_keys._PACKAGES.values()}
     assert loaded - roots <= found
     assert {"fisheye.py", "laser.py", "render.py"} <= {path.name for path in found}  # loaded when a sensor is made
