@@ -128,9 +128,9 @@ def stage(duration_s: float, start_ns: int = 0, n_people: int = 5, seed: int = 1
         )
         tracks = []
         for person in range(n_people):
-            identity = person
+            identity = person + 1
             if person < 2 and t >= duration_s / 2:
-                identity = 1 - person
+                identity = 2 - person
             if person == 2 and t >= 0.6 * duration_s:
                 if t < 0.6 * duration_s + 2:
                     continue

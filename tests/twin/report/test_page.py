@@ -136,8 +136,8 @@ def test_every_tracker_figure_and_event_is_on_the_page(tmp_path: Path, synthetic
         if event.kind == "switch":
             person = NAMES[event.person_id]
             assert f"{person} goes on as #{event.track_id}, was #{event.previous_track_id}" in texts
-    assert "#1 goes on with white, was black" in texts
-    assert "#2 ends while pink stays" in texts
+    assert "#2 goes on with white, was black" in texts
+    assert "#3 ends while pink stays" in texts
     assert "Tracks without a person" in texts
     assert re.search(r"<title>#9 \(false positive\)", text)
     assert "4.25" in texts
@@ -182,7 +182,7 @@ def test_without_truth(tmp_path: Path, synthetic: SyntheticRun) -> None:
     checker = checked(tmp_path / "report.html")
     assert "Tracks" in checker.texts
     assert "Errors over time" not in checker.texts
-    assert {"#0", "#1", "#2", "#3", "#4", "#9", "#11"} <= set(checker.texts)
+    assert {"#1", "#2", "#3", "#4", "#5", "#9", "#11"} <= set(checker.texts)
 
 
 def test_without_any_track(tmp_path: Path, synthetic: SyntheticRun) -> None:
