@@ -60,6 +60,7 @@ def run(
             import_from_here,
             typed_classes,
             typed_schedulers,
+            unused_changes,
         )
         from twin.run.live import run_scenario
         from twin.scenario import load_scenario
@@ -68,6 +69,8 @@ def run(
     planned = _planned(loaded, images=not no_images)
     typed = typed_classes(set_ or [])
     import_from_here([*typed, *(tracker or [])], files_trusted=allow_plugins)
+    for warning in unused_changes(set_ or [], tracker) if tracker else ():
+        print_warning(warning)
     with progress(planned) as report:
         result = run_scenario(
             loaded,

@@ -51,14 +51,17 @@ def track(
     with loading():
         from twin.console import print_metrics, print_paths, print_warning, progress
         from twin.evaluate.judged_frames import describe_judged
-        from twin.run.inputs import environment_change, import_from_here, typed_classes
+        from twin.run.inputs import environment_change, import_from_here, typed_classes, unused_changes
         from twin.run.replay import track_recording
 
     import_from_here([*typed_classes(set_ or []), *(tracker or [])])
+    tracker = tracker or ["laser-fisheye-imm"]
+    for warning in unused_changes(set_ or [], tracker):
+        print_warning(warning)
     with progress() as report:
         result = track_recording(
             recording,
-            trackers=tracker or ["laser-fisheye-imm"],
+            trackers=tracker,
             rig_path=rig,
             truth_path=truth,
             changes=[*(set_ or []), *environment_change(environment)],
@@ -98,10 +101,12 @@ def detections(
     from functools import partial
 
     from twin.console import print_paths, print_warning
-    from twin.run.inputs import environment_change, import_from_here, typed_classes
+    from twin.run.inputs import environment_change, import_from_here, typed_classes, unused_changes
     from twin.run.tracker_runner import write_detections
 
     import_from_here([*typed_classes(set_ or []), tracker])
+    for warning in unused_changes(set_ or [], [tracker]):
+        print_warning(warning)
     write = partial(
         write_detections,
         recording,

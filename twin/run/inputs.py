@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -79,6 +79,15 @@ def changed_trackers(changes: Sequence[str]) -> dict[str, Any]:
     changed = apply_overrides({}, [change for change in changes if change.strip().startswith("trackers")])
     trackers = changed.get("trackers")
     return trackers if isinstance(trackers, dict) else {}
+
+
+def unused_changes(changes: Sequence[str], run: Collection[str]) -> list[str]:
+    """Return a sentence for each tracker that `--set` changes though it is not among those that are run."""
+    return [
+        f"--set trackers.{name}: changes nothing, as {name} is not run, but {', '.join(run) or 'no tracker'}"
+        for name in changed_trackers(changes)
+        if name not in run
+    ]
 
 
 def import_from_here(typed: Iterable[str], *, files_trusted: bool = False) -> None:

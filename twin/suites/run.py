@@ -13,7 +13,7 @@ from typing import Any
 
 from twin.messages import counted
 from twin.recording.atomic_file import atomic_path
-from twin.run.inputs import NONE_TRUSTED, TrustedClasses
+from twin.run.inputs import NONE_TRUSTED, TrustedClasses, unused_changes
 from twin.run.outcome import versions
 from twin.scenario.run_size import total
 from twin.suites.cache import RecordingCache
@@ -63,7 +63,7 @@ def run_suite(
     progress.planned(counted(suite.n_case, "case"))
     cases = expand(suite, path, changes, plug_ins=workers.scheduler is None, trusted=trusted, limits=limits)
     check(cases)
-    for warning in idle_changes(cases):
+    for warning in (*idle_changes(cases), *_idle_of_command(changes, cases)):
         progress.warned(warning)
     recordings = {case.resolved: case.size for case in cases}
     progress.planned(f"{counted(len(recordings), 'recording')}: {total(recordings.values())}")
@@ -80,6 +80,15 @@ def run_suite(
         _run_cases(store, folder, cases, cache, run_tasks, progress, logs, function or run_case)
         _draw_filmstrips(store, folder, cases, cache, run_tasks, progress)
         store.note(seconds=before_s + time.perf_counter() - start)
+
+
+def _idle_of_command(changes: Sequence[str], cases: Sequence[Case]) -> list[str]:
+    """Return a sentence for each `--set` that no case follows: of a tracker that is not run, of a scenario for bags alone."""
+    of_scenarios = [each for each in changes if each.strip().split(".")[0].split("=")[0] not in ("trackers", "prior")]
+    if any(case.bag is None for case in cases):
+        of_scenarios = []
+    bags = [f"--set {each}: changes nothing, as every case is a recording" for each in of_scenarios]
+    return [*unused_changes(changes, sorted({case.tracker for case in cases})), *bags]
 
 
 def idle_changes(cases: Sequence[Case]) -> list[str]:

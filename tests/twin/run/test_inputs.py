@@ -11,7 +11,7 @@ import pytest
 from command_line import twin
 
 from trackers.errors import InputError
-from twin.run.inputs import TrustedClasses, choose, typed_classes, typed_schedulers
+from twin.run.inputs import TrustedClasses, choose, typed_classes, typed_schedulers, unused_changes
 from twin.run.live import run_scenario
 from twin.run.replay import track_recording
 from twin.scenario import TrackerChoice, load_scenario
@@ -209,3 +209,29 @@ def test_the_current_folder_is_looked_at_for_a_typed_name_or_a_trusted_file(tmp_
     assert done.returncode == 2 and "--allow-plugins" in done.stderr and not (tmp_path / "ran").exists()
     done = in_folder("run", "own.yaml", "--set", "trackers.mine.preset=evil:X")
     assert done.returncode == 0 and (tmp_path / "ran").exists(), done.stderr
+
+
+def test_a_change_of_a_tracker_that_is_not_run_is_told() -> None:
+    said = "--set trackers.laser-imm: changes nothing, as laser-imm is not run, but sort"
+    assert unused_changes(["trackers.laser-imm.coast_s=1", "trackers.sort.gate=2", "duration_s=1"], ["sort"]) == [said]
+    assert unused_changes(["trackers.mine={preset: sort}"], ["mine", "sort"]) == []
+
+
+@pytest.mark.parametrize("command", ["run", "track"])
+def test_commands_warn_of_a_change_that_changes_nothing(command: str, tmp_path: Path) -> None:
+    run = twin("run", "lab-five-people", "--duration", "1", "--no-images", "--no-video", "--tracker", "sort",
+               "--set", "trackers.laser-imm.coast_s=1", "--out", tmp_path / "run")  # fmt: skip
+    bag = tmp_path / "run" / "recording.mcap"
+    track = [
+        "track",
+        bag,
+        "--no-video",
+        "--tracker",
+        "sort",
+        "--set",
+        "trackers.laser-imm.coast_s=1",
+        "--out",
+        tmp_path / "t",
+    ]
+    done = run if command == "run" else twin(*track)
+    assert done.returncode == 0 and "--set trackers.laser-imm: changes nothing" in done.stderr

@@ -6,6 +6,8 @@ import json
 import shutil
 import warnings
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -19,6 +21,7 @@ from twin.recording.reader import Recording
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
 from twin.suites.expansion import expand
+from twin.suites.run import _idle_of_command
 from twin.suites.spec import load_suite
 
 
@@ -127,3 +130,11 @@ def test_what_a_bag_has_lost_is_told_once_and_what_a_tracker_leaves_out_not_at_a
     assert done.exit_code == 0, done.output
     assert not [each for each in shown if each.category is UserWarning]
     assert done.stderr.count("does not use /waist/scan") == 1
+
+
+@pytest.mark.parametrize(("bag", "n"), [(True, 2), (False, 1)])
+def test_a_set_that_no_case_follows_is_told(bag: bool, n: int) -> None:
+    cases: Any = [SimpleNamespace(tracker="sort", bag=bag or None)]
+    said = _idle_of_command(["duration_s=1", "prior.environment=room.npz", "trackers.laser-imm.coast_s=1"], cases)
+    assert len(said) == n and "laser-imm is not run, but sort" in said[0]
+    assert said[1:] == ["--set duration_s=1: changes nothing, as every case is a recording"] * (n - 1)
