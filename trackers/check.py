@@ -51,7 +51,7 @@ def check_tracker(
             frames = [frame for observation in fed for frame in at_work.update(observation)] + at_work.finish()
             faults = [*_faults(frames), *_faults_of_seen(seen, rig), *misreported(tracker, rig)]
         except PLUG_IN_ERRORS as error:  # whatever a plug-in raises is what its author wants to read
-            violations.append(f"{what}: {_raised(error)}")
+            violations.append(f"{what}: {raised(error)}")
             return []
         violations.extend(f"{what}: {fault}" for fault in faults if f"{_PLAIN}: {fault}" not in violations)
         return frames
@@ -61,7 +61,7 @@ def check_tracker(
     except InputError:
         raise
     except PLUG_IN_ERRORS as error:
-        return [f"its constructor {_raised(error)}"]
+        return [f"its constructor {raised(error)}"]
     if not isinstance(tracker, Tracker):
         return [f"{type(tracker).__name__} has not both update(observation) and tracks()"]
     if faults := misreported(tracker, rig):
@@ -85,7 +85,7 @@ def check_tracker(
     return violations
 
 
-def _raised(error: BaseException) -> str:
+def raised(error: BaseException) -> str:
     """Return the error and the line of its author: the last outside of installed packages."""
     steps = traceback.extract_tb(error.__traceback__)
     own = [step for step in steps if "site-packages" not in step.filename] or steps

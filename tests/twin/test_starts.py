@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 import twin
-from trackers.errors import InputError
+from trackers.errors import InputError, PlugInError
 from trackers.presets import available, bibtex
 from twin.__main__ import other_trackers
 from twin.cli import app
@@ -191,3 +191,56 @@ def test_what_is_no_scenario_is_told_with_what_it_is(here: Path, name: str, said
     _twin("new", "scenario", "--out", "mine")
     error = CliRunner().invoke(app, ["run", name, "--tracker", "sort"]).exception
     assert isinstance(error, InputError) and str(error).startswith(said.format(here=Path.cwd()))
+
+
+BROKEN_SENSORS = """
+from trackers.rig import LaserSensor, Pose
+class NoObserve:
+    name, instants_s = "door", (0.0,)
+    def rig_sensor(self):
+        return LaserSensor(kind="laser", topic="/s", role="waist", room_from_sensor=Pose(xyz=(0, 0, 1), rpy=(0, 0, 0)))
+class Raises(NoObserve):
+    def observe(self, *given):
+        raise RuntimeError("dark")
+class Leaves(NoObserve):
+    def observe(self, *given):
+        raise SystemExit(3)
+class GivesNone(NoObserve):
+    def observe(self, *given):
+        return None
+class GivesPair(NoObserve):
+    def observe(self, *given):
+        return 1, 2
+def none():
+    return None
+def fails():
+    return 1 / 0
+"""
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        ("NoObserve", "NoObserve has no observe; a sensor has name, instants_s, observe, rig_sensor"),
+        ("Raises", "raised RuntimeError: dark (broken_sensors.py, line 9)"),
+        ("Leaves", "raised SystemExit: 3 (broken_sensors.py, line 12)"),
+        ("GivesNone", "observe() gave NoneType; a Reading and the state for the next call are expected"),
+        ("GivesPair", "observe() gave tuple of int, int; a Reading and the state"),
+        ("none", "NoneType has no name, instants_s, observe, rig_sensor; a sensor has"),
+        ("fails", "making it raised ZeroDivisionError: division by zero (broken_sensors.py, line 22)"),
+    ],
+)
+def test_check_names_what_is_broken_in_a_sensor(here: Path, make: str, said: str) -> None:
+    Path("broken_sensors.py").write_text(BROKEN_SENSORS)
+    assert f"broken_sensors:{make}: {said}" in _twin("check", "--sensor", f"broken_sensors:{make}", code=1)
+
+
+@pytest.mark.parametrize(("number", "code"), list(enumerate(["1 / 0", "class Mine(:", "import sys; sys.exit(4)"])))
+@pytest.mark.parametrize("option", [(), ("--sensor",)])
+def test_a_module_that_raises_when_imported_is_its_author_s_fault(
+    here: Path, number: int, code: str, option: tuple[str, ...]
+) -> None:
+    name = f"raising_{number}{len(option)}"  # no module twice
+    Path(f"{name}.py").write_text(code)
+    error = CliRunner().invoke(app, ["check", *option, f"{name}:Mine"]).exception
+    assert isinstance(error, PlugInError) and f"{name}:Mine: the import raised " in str(error)

@@ -6,11 +6,11 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from trackers.errors import InputError, valid_names
+from trackers.errors import PLUG_IN_ERRORS, InputError, PlugInError, valid_names
 from twin import version_of
 from twin.commands.memory import EXIT_FELL_SHORT
 from twin.console import print_warnings
@@ -179,8 +179,6 @@ def kind_of(subject: str) -> str:
 
     A YAML file is of the kind that knows most of its fields and misses fewest of its own. Raises InputError for none.
     """
-    from importlib import import_module
-
     from trackers.plain_data import parse_yaml
     from trackers.presets import available
     from trackers.rig import Rig
@@ -214,15 +212,26 @@ def kind_of(subject: str) -> str:
         if scores[best] <= 0:
             raise InputError(f"{subject}: is no scenario, suite, study or rig; `twin schema KIND` describes the fields")
         return best
-    module, colon, name = subject.partition(":")
-    if not colon:
+    if ":" not in subject:
         what = "no file that is known here" if Path(subject).exists() else "there is no such file or name"
         raise InputError(f"{subject}: {what}; {valid}")
-    try:
-        made = getattr(import_module(module), name)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise InputError(f"{subject}: {error}; {valid}") from error
+    made = _imported(subject, subject, valid)
     return "tracker" if isinstance(made, type) and hasattr(made, "update") else "sensor"
+
+
+def _imported(name: str, source: str, valid: str) -> Any:
+    """Return what `module:name` names. Raises InputError where there is none, PlugInError where its module raises."""
+    from importlib import import_module
+
+    from trackers.check import raised
+
+    module, _, attribute = name.partition(":")
+    try:
+        return getattr(import_module(module), attribute)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise InputError(f"{source}: {error}; {valid}") from error
+    except PLUG_IN_ERRORS as error:
+        raise PlugInError(f"{source}: the import {raised(error)}") from error
 
 
 def checked_file(kind: str, name: str, allow_plugins: bool = False) -> str:
@@ -284,25 +293,20 @@ def check_own_tracker(name: str) -> list[str]:
 
 def check_own_sensor(name: str) -> list[str]:
     """List contract violations of the sensor made by `module:make` without arguments, before five people in the lab."""
-    from importlib import import_module
-
+    from trackers.check import raised
     from twin.scenario import load_scenario
     from twin.sensors.check import check_sensor
     from twin.world.world import World
 
-    module, _, maker = name.partition(":")
-    try:
-        make = getattr(import_module(module), maker)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise InputError(
-            f"--sensor {name}: {error}; MODULE:MAKE, a callable that returns a sensor, is expected"
-        ) from error
+    make = _imported(name, f"--sensor {name}", "MODULE:MAKE, a callable that returns a sensor, is expected")
     try:
         made = make()
     except TypeError as error:
         raise InputError(
             f"--sensor {name}: {error}; a callable without arguments that returns a sensor is expected"
         ) from error
+    except PLUG_IN_ERRORS as error:
+        return [f"making it {raised(error)}"]
     return check_sensor(made, World(load_scenario("lab-five-people")))
 
 

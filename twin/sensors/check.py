@@ -7,6 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.check import raised
+from trackers.errors import PLUG_IN_ERRORS
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation, Odometry
 from trackers.rig import CameraSensor, FisheyeSensor, FloorSensor, LaserSensor, PinholeSensor, StereoSensor
 from twin.instant.snapshot import Snapshot, SnapshotSource
@@ -14,17 +16,27 @@ from twin.sensors.sensor import Reading, Sensor
 
 _STAMPS_NS = (0, 100_000_000, 200_000_000)
 _SEED = 20_240_601
+_PARTS = ("name", "instants_s", "observe", "rig_sensor")
 _SAME_LOAD_N = 1e-6
 
 
 def check_sensor(sensor: Sensor, world: SnapshotSource) -> list[str]:
     """List the violations of the contract of `twin.sensors.sensor.Sensor`, one sentence each; empty: none.
 
-    The world must give snapshots from 0 s to 0.2 s and the longest sweep after it, more than once.
+    The world must give snapshots from 0 s to 0.2 s and the longest sweep after it, more than once. What the sensor raises is
+    a violation too.
     """
-    faults = _declaration_faults(sensor)
-    if faults:
-        return faults
+    missing = [each for each in _PARTS if not hasattr(sensor, each)]
+    if missing:
+        return [f"{type(sensor).__name__} has no {', '.join(missing)}; a sensor has {', '.join(_PARTS)}"]
+    try:
+        return _declaration_faults(sensor) or _faults(sensor, world)
+    except PLUG_IN_ERRORS as error:  # whatever a plug-in raises is what its author wants to read
+        return [raised(error)]
+
+
+def _faults(sensor: Sensor, world: SnapshotSource) -> list[str]:
+    faults: list[str]
     before = _global_stream()
     first, copies, faults = _watch(sensor, world)
     second, _, _ = _watch(sensor, world)
@@ -69,7 +81,11 @@ def _watch(sensor: Sensor, world: SnapshotSource) -> tuple[list[Reading], list[d
     state, readings, copies, faults = None, [], [], []
     for stamp_ns in _STAMPS_NS:
         looks: list[tuple[Snapshot, dict[str, NDArray]]] = []  # each snapshot, and a copy of its initial state
-        reading, state = sensor.observe(stamp_ns, _hand_out(sensor, world, stamp_ns, looks, faults), state, rng)
+        given: object = sensor.observe(stamp_ns, _hand_out(sensor, world, stamp_ns, looks, faults), state, rng)
+        if not (isinstance(given, tuple) and len(given) == 2 and isinstance(given[0], Reading)):
+            faults.append(f"observe() gave {_kind(given)}; a Reading and the state for the next call are expected")
+            break
+        reading, state = given
         if looks:
             faults += _meddling_faults(*looks[-1])
         if len(looks) != len(sensor.instants_s):
@@ -81,6 +97,11 @@ def _watch(sensor: Sensor, world: SnapshotSource) -> tuple[list[Reading], list[d
         readings.append(reading)
         copies.append({key: value.copy() for key, value in _arrays(reading).items()})
     return readings, copies, faults
+
+
+def _kind(value: object) -> str:
+    inside = f" of {', '.join(type(each).__name__ for each in value)}" if isinstance(value, tuple) else ""
+    return f"{type(value).__name__}{inside}"
 
 
 def _hand_out(
