@@ -101,10 +101,18 @@ def import_from_here(typed: Iterable[str], *, files_trusted: bool = False) -> No
 
 
 def listed(trackers: Sequence[str]) -> list[str]:
-    """Return names of trackers as a list; raises InputError for a text, whose letters would be names."""
+    """Return names of trackers as a list; raises InputError for a text, whose letters would be names, and for no names."""
     if isinstance(trackers, str):
         raise InputError(f"trackers {trackers!r}: a list of names is expected, as [{trackers!r}]")
-    return list(trackers)
+    names = list(trackers)
+    for each in names:
+        if isinstance(each, type):
+            raise InputError(
+                f"trackers: {each!r} is a class; its name as '{each.__module__}:{each.__name__}' is expected"
+            )
+        if not isinstance(each, str):
+            raise InputError(f"trackers: {each!r} is no name; a text is expected, as 'sort' or 'module:Class'")
+    return names
 
 
 def choose(

@@ -6,12 +6,13 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from command_line import twin
 
 from trackers.errors import InputError
-from twin.run.inputs import TrustedClasses, choose, typed_classes, typed_schedulers, unused_changes
+from twin.run.inputs import TrustedClasses, choose, listed, typed_classes, typed_schedulers, unused_changes
 from twin.run.live import run_scenario
 from twin.run.replay import track_recording
 from twin.scenario import TrackerChoice, load_scenario
@@ -235,3 +236,17 @@ def test_commands_warn_of_a_change_that_changes_nothing(command: str, tmp_path: 
     ]
     done = run if command == "run" else twin(*track)
     assert done.returncode == 0 and "--set trackers.laser-imm: changes nothing" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("sort", "a list of names is expected, as ['sort']"),
+        ([Path], "is a class; its name as 'pathlib:Path' is expected"),
+        (["sort", None], "None is no name; a text is expected, as 'sort' or 'module:Class'"),
+    ],
+)
+def test_trackers_are_given_by_name(given: Any, said: str) -> None:
+    with pytest.raises(InputError) as told:
+        listed(given)
+    assert said in str(told.value)
