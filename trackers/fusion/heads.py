@@ -18,7 +18,6 @@ from typing import Self
 
 import numpy as np
 
-from trackers.area import Area
 from trackers.arrays import Array, Bool, Float, Index, Int, Mask, Singles
 from trackers.filters.gating import distances
 from trackers.filters.rows import Rows, written
@@ -38,8 +37,6 @@ _ALONG_M = 1.0
 """Standard deviation, along the sight, of a head that one camera without distances shows: how large it is is not known [m]."""
 _KNOWS_NOTHING = 0.1
 """Information of a place from which on a picture tells something of it [1/m²]."""
-_OUTSIDE = 20.0
-"""Log-likelihood that a head outside the area loses."""
 _PASSES, _LEAST_ESS = 3, 12.0
 """A likelihood is taken in at most so many parts, such that as many points count in each."""
 _LEAST_SHOWN = 0.4
@@ -83,10 +80,10 @@ class Heads(Rows):
 
 
 class HeadWeighing:
-    """Weighs heads by pictures of one stamp. model: of heads; area: where people are (None: everywhere)."""
+    """Weighs heads by pictures of one stamp. model: of heads."""
 
-    def __init__(self, model: HeadModel, options: HeadEvidenceOptions, area: Area | None) -> None:
-        self._area, self._model = area, model
+    def __init__(self, model: HeadModel, options: HeadEvidenceOptions) -> None:
+        self._model = model
         self._z = unit_points(options.samples)
         self._by_cameras: dict[tuple[int, ...], StereoHeads] = {}
 
@@ -117,12 +114,12 @@ class HeadWeighing:
         for number in range(_PASSES):
             root = np.linalg.cholesky(C + 1e-10 * np.eye(3))
             places = mean[:, None] + self._z @ root.transpose(0, 2, 1)
-            log, outside, sees = self._weighed(places, some.direction[0], tables, views)
+            log, sees = self._weighed(places, some.direction[0], tables, views)
             if number == 0:
                 showing = showing & sees
             log = (log * showing[..., None]).sum(axis=0)
-            power = 1.0 if number == _PASSES - 1 else _tempered(log * left[:, None] - outside)
-            weight = _normalized(log * (left * power)[:, None] - outside)
+            power = 1.0 if number == _PASSES - 1 else _tempered(log * left[:, None])
+            weight = _normalized(log * (left * power)[:, None])
             left = left * (1 - power)
             off = weight @ self._z
             second = np.einsum("kp,pa,pb->kab", weight, self._z, self._z) - off[:, :, None] * off[:, None, :]
@@ -145,11 +142,8 @@ class HeadWeighing:
         direction: Float[Array, "k"],
         tables: Float[Singles, "k entries"],
         views: Sequence[Camera],
-    ) -> tuple[Float[Array, "c k p"], Float[Array, "k p"], Bool[Mask, "c k"]]:
-        """Weigh places of each head [m] by each picture.
-
-        Return log-likelihoods, what places outside the area lose, and which pictures show which head.
-        """
+    ) -> tuple[Float[Array, "c k p"], Bool[Mask, "c k"]]:
+        """Weigh places of each head [m] by each picture: log-likelihoods, and which pictures show which head."""
         asked = np.empty((4, len(views), *places.shape[:2]), np.float32)
         asked[:3], asked[3] = places.transpose(2, 0, 1)[:, None], direction[:, None]
         found = self._heads(views).log_likelihood([each.picture for each in views], asked, tables)
@@ -158,11 +152,8 @@ class HeadWeighing:
             for name in ("colour", "depth", "p_detect", "seen")
         )
         log: Array = (colour + depth).astype(np.float64)
-        outside: Array = np.zeros(places.shape[:2])
-        if self._area is not None:
-            outside[~self._area.contains(places[..., :2].reshape(-1, 2)).reshape(outside.shape)] = _OUTSIDE
-        sees = (_normalized(log - outside) * p_detect).sum(axis=2) >= _LEAST_SHOWN
-        return log, outside, sees & seen.all(axis=2)
+        sees = (_normalized(log) * p_detect).sum(axis=2) >= _LEAST_SHOWN
+        return log, sees & seen.all(axis=2)
 
     def _heads(self, views: Sequence[Camera]) -> StereoHeads:
         """Return the likelihood by these cameras' pictures."""

@@ -49,11 +49,11 @@ class ColourIdentityOptions(Strict):
     """Options of identities: what is remembered of people, and who comes out of hiding."""
 
     memory: float = Field(default=0.8, ge=0, lt=1, description="share of the old colours that is kept by a look")
-    same_below: float = Field(
-        default=0.35, ge=0, le=1, description="distance of colours (χ²) up to which a track is known again"
-    )
-    reach_m_s: float = Field(
-        default=1.5, ge=0, description="speed at which people who are out of sight are looked for [m/s]; 0: never"
+    gate: float = Field(
+        default=4.0,
+        ge=0,
+        description="Mahalanobis distance of a new track from a hidden one up to which it is that one's person, if their clothes "
+        "tell nothing; 0: never",
     )
 
 

@@ -28,8 +28,8 @@ FLOOR_SHOWN: Shares = (1.0, 0.83, 0.05)
 OFF_BODY: Shares = (1.0, 16.0, 320.0)
 """Variance of heads from over the pelvis, on each axis, in that of a standing person's (2.5 cm); measured in the twin."""
 
-LENGTH_M, LAIN_M = 1.2, 1.6
-"""Trunk and legs of a person who sits are this near to the place [m], and those of one who lies or gets up."""
+LENGTH_M = 1.2
+"""Trunk and legs of a person who sits, lies or gets up are this near to the place [m]."""
 _RISES_S, _LIES_DOWN_S = 20.0, 12.0
 """Mean times for which people sit or lie before they rise, and sit before they lie down [s]."""
 _FALLS = 0.1
@@ -155,13 +155,12 @@ class Posture(Rows):
         speed_m_s: Float[Array, "k"],
         share: Float[Array, "k"],
     ) -> Self:
-        """Weigh those at `row` by how far from their seats they are measured [m], and by their speed [m/s]."""
+        """Weigh those at `row` by their speed [m/s], and by how far from their seats they are measured [m]."""
         off_m = np.nan_to_num(np.hypot(*(measured - self.seat[row]).T))
         moves = (speed_m_s / _REST_M_S) ** 2 + (off_m / _SEAT_M) ** 2
-        log = np.zeros((row.size, 3))  # who stands may rest there as well
-        log[:, 1:] = -0.5 * (share * np.maximum(moves - _UP, 0.0))[:, None]
-        log[off_m > LENGTH_M] = 0.0, -9.0, -9.0
-        return self.weighed(row, log)
+        # who stays may stand there as well
+        moves = share * np.maximum(moves - _UP, 0.0)
+        return self.weighed(row, -0.5 * moves[:, None] * np.array([0.0, 1.0, 1.0]))
 
     def settled(self, place: Float[Array, "n 2"], legs: Float[Array, "n 2"], since_s: Float[Array, "n"]) -> Self:
         """Learn the seats of people who sit at places [m], and where their feet are; who lies has none on the floor.

@@ -23,7 +23,7 @@ from trackers.fusion.association import EXPLAINED, LEAST_EXISTENCE, explained
 from trackers.fusion.look import Look, round_covariance
 from trackers.fusion.options import ColourIdentityOptions, FusionOptions
 from trackers.fusion.people import People
-from trackers.fusion.posture import LAIN_M, LENGTH_M
+from trackers.fusion.posture import LENGTH_M
 from trackers.observations import NS_PER_S
 from trackers.tracking.track_manager import TrackManager, clear_of, nanoseconds
 
@@ -39,8 +39,6 @@ _SAME_M, _SAME_S = 0.25, 0.7
 """Two tracks nearer than this for so long are one person's [m, s]."""
 _APART_M = 0.3
 """A person is not where another is measured [m]."""
-_PLACE_M, _AT_REST = 0.35, 0.01
-"""Standard deviation of where a lying person comes up again [m], and variance of their speed [m²/s²]."""
 _SEAT_M = 0.2
 """Standard deviation of a sitting person's pelvis from the seat, in each step [m]; half as much of a lying one's."""
 _STAYS = 20.0
@@ -180,11 +178,6 @@ class FusionTrackManager(TrackManager):
         by_posture = np.where(alone[:, None], 1 - np.array(look.by_posture) * (1 - chance[:, None]), chance[:, None])
         whole = (some.posture.probability * by_posture).sum(axis=1)
         posture = people.posture.weighed(row, np.log(by_posture))
-        lies = posture.lies[row] & (ns - some.roster.measured_ns > nanoseconds(_FRESH_S))
-        place = np.where(np.isnan(some.posture.seat), some.place, some.posture.seat)
-        rest = self._imm.start(place, None, _PLACE_M**2, _AT_REST)
-        rest.mean[4:], rest.covariance[4:, 4:] = state.mean[4:], state.covariance[4:, 4:]
-        state = state.replaced(lies, rest.select(lies))
         # who may have gone unseen may have gone: where nothing would show them as likely as elsewhere
         stays_s = self._rules.survival_s * np.where(posture.rests[row], _STAYS, 1.0)
         existence = existence_after_miss(some.existence, whole, elapsed_s / people.seen_ns.shape[1], stays_s)
@@ -194,13 +187,11 @@ class FusionTrackManager(TrackManager):
     def clear_of_seats(self, people: People, position: Float[Array, "k 2"]) -> Bool[Mask, "k"]:
         """Mark places that are not within the reach of a person who sits or lies."""
         rests = people.confirmed & people.posture.rests & (people.existence > 0.5) & self.inside(people.place)
-        lain = rests & people.posture.lain
-        return clear_of(position, people.place[rests], LENGTH_M) & clear_of(position, people.place[lain], LAIN_M)
+        return clear_of(position, people.place[rests], LENGTH_M)
 
     def confirmed(self, people: People, ns: int, elapsed_s: float) -> People:
         """Confirm tracks that were measured long and often enough, and that exist."""
         new = self.to_confirm(people.roster, ns, round(elapsed_s * NS_PER_S)) & (people.existence > _SURE)
-        new &= self.clear_of_seats(people, people.positions)  # who gets up is nobody new
         people, new = reidentified(people, new, ns, self._identity)
         return people.changed(roster=self.confirm(people.roster, new))
 
@@ -236,9 +227,7 @@ class FusionTrackManager(TrackManager):
         exists = people.existence > np.where(people.confirmed, 0.2, 0.05)
         if self.area is not None:
             lasting |= people.confirmed & (people.existence > 0.5)
-        # limbs of a resting person are no track
-        apart = people.confirmed | self.clear_of_seats(people, people.positions)
-        return people.select(inside & lasting & exists & apart)
+        return people.select(inside & lasting & exists)
 
 
 _HIDDEN_S = 0.2
@@ -260,30 +249,24 @@ def reidentified(
 ) -> tuple[People, Bool[Mask, "n"]]:
     """Let tracks that are about to be confirmed go on with the identities of hidden ones whose people they can be.
 
-    Each takes that of the likeliest, by colours and by how far it is from where that was expected; the hidden track ends. Returns
-    the tracks, and which of them are still to be confirmed.
+    Each takes that of the likeliest, by colours and by how far they are apart for both covariances: that of a hidden track is how
+    far its person may have gone where nobody looks. The hidden track ends. Returns the tracks, and which of them are still to be
+    confirmed.
     """
     gap_s = (ns - people.roster.measured_ns) / NS_PER_S
     hidden = np.flatnonzero(people.confirmed & (gap_s > _HIDDEN_S) & (people.existence > 0.5))
     fresh = np.flatnonzero(new)
-    if not fresh.size or not hidden.size or not options.reach_m_s:
+    if not fresh.size or not hidden.size or not options.gate:
         return people, new
     before, after = people.select(hidden), people.select(fresh)
-    walked_m = options.reach_m_s * gap_s[hidden]
-    # who rests gets up before they walk
-    reach_m = np.where(before.posture.rests, np.minimum(LAIN_M, walked_m), walked_m)[:, None]
-    away = distances(before.place, after.positions)
-    colour = colour_distance(before, after)
-    worth = np.where(
-        (away <= reach_m) & (colour <= options.same_below), 1.0 + _COLOUR * (1 - colour) - away / reach_m, 0.0
-    )
-    old, now = max_weight_assignment(worth)
+    off = after.positions - before.positions[:, None]
+    square = np.einsum("nka,nkab,nkb->nk", off, np.linalg.inv(before.covariance[:, None] + after.covariance), off)
+    log_ratio = _COLOUR * (_EVEN - colour_distance(before, after)) - 0.5 * square
+    old, now = max_weight_assignment(0.5 * options.gate**2 + log_ratio)
     if not old.size:
         return people, new
     old, now = hidden[old], fresh[now]
     new = written(new, now, False)
-    met = people.roster.born_ns[now] < ns  # one look tells not who it is
-    old, now = old[met], now[met]
     before, after = people.select(old), people.select(now)
     known = before.clothes.known
     after = after.changed(

@@ -24,7 +24,7 @@ from trackers.filters.imm import Imm
 from trackers.filters.negative_information import radius_containing
 from trackers.filters.rows import written
 from trackers.fusion.agreement import Agreement
-from trackers.fusion.association import Pairs, legs_elsewhere, pairs
+from trackers.fusion.association import Pairs, pair
 from trackers.fusion.cameras import Camera, cameras_of
 from trackers.fusion.floors import FusedFloor
 from trackers.fusion.heads import HeadWeighing, own
@@ -93,7 +93,7 @@ class Fusion(SynchronizedTracker):
         self._groups = [*([k] for k in range(alone)), list(range(alone, alone + len(cameras)))]
         self._groups += [[k] for k in range(alone + len(cameras), len(self._sources))]
         """Numbers of the sources that are associated at once, in the order in which they are looked at."""
-        self._weighing = HeadWeighing(load_head_model(prior.learned.get("heads", SHIPPED)), self.options.head, area)
+        self._weighing = HeadWeighing(load_head_model(prior.learned.get("heads", SHIPPED)), self.options.head)
         self.background_learned_causally = any(each.learns_background for each in self._sources)
         super().__init__(
             SyncPolicy(tuple(rig.sensors), main=self._main, within_s=0.0, max_wait_s=self.options.max_wait_s)
@@ -205,32 +205,32 @@ class Fusion(SynchronizedTracker):
             self._looked_ns[number], elapsed_s[number] = ns, since_s
             share[number] = min(since_s / look.kind.lasts_s, 1.0)
         missed = [self._manager.missed(people, look) for look in looks.values()]
-        paired = pairs(people, list(looks.values()), missed, self._by_trunk(people, ns))
+        by_trunk = self._by_trunk(people, ns)
+        paired = [pair(people, *each, by_trunk) for each in zip(looks.values(), missed, strict=True)]
         self._agreement.age(ns)
-        for number, chance, (row, column, _) in zip(numbers, missed, paired, strict=True):
-            self._compare(people, looks[number], row, column, chance, share[number], number, ns)
+        for number, chance, pairs in zip(numbers, missed, paired, strict=True):
+            self._compare(people, looks[number], pairs, chance, share[number], number, ns)
         people = self._measured(people, paired, looks, ns)
         cameras = [each for k in numbers if isinstance(each := self._sources[k], Camera) and not doubted[k]]
         people = self._by_pictures(people, cameras, ns)
         for number, look in looks.items():
             if not doubted[number]:
                 people = self._manager.updated_missed(people, look, share[number], elapsed_s[number], ns)
-        people = self._manager.initiated(people, looks, [column for _, column, _ in paired], ns)
+        people = self._manager.initiated(people, looks, [each.column for each in paired], ns)
         self._people = self._manager.confirmed(people, ns, max(elapsed_s.values()))
 
     def _compare(
         self,
         people: People,
         look: Look,
-        row: Int[Index, "p"],
-        column: Int[Index, "p"],
+        pairs: Pairs,
         missed: Float[Array, "n"],
         share: float,
         number: int,
         ns: int,
     ) -> None:
         """Compare what a source measured with what the others did, and say once what contradicts them."""
-        agreement = self._agreement
+        agreement, row, column = self._agreement, pairs.row, pairs.column
         sigma_m = np.sqrt(look.covariance[column].trace(axis1=1, axis2=2) / 2)
         agreement.take(number, people, row, look.position[column], sigma_m, ns)
         others_ns = np.delete(people.seen_ns, number, axis=1).max(axis=1, initial=NEVER_NS)
@@ -247,14 +247,14 @@ class Fusion(SynchronizedTracker):
 
     def _measured(self, people: People, paired: list[Pairs], looks: dict[int, Look], ns: int) -> People:
         """Update tracks by their measurements; those of one source that follow soon tell together what one tells."""
-        row, _, ratio = (np.concatenate(each) for each in zip(*paired, strict=True))
+        row, ratio = (np.concatenate([getattr(each, of) for each in paired]) for of in ("row", "log_ratio"))
         if not row.size:
             return people
-        number = np.repeat(list(looks), [len(each[0]) for each in paired])
+        number = np.repeat(list(looks), [each.row.size for each in paired])
         kind = {k: np.array([getattr(looks[n].kind, k) for n in number]) for k in ("lasts_s", "offset_m", "p_detect")}
         place, covariance = (
-            np.concatenate([getattr(look, name)[each[1]] for look, each in zip(looks.values(), paired, strict=True)])
-            for name in ("position", "covariance")
+            np.concatenate([getattr(look, of)[each.column] for look, each in zip(looks.values(), paired, strict=True)])
+            for of in ("position", "covariance")
         )
         since_s = np.minimum((ns - people.seen_ns[row, number]) / NS_PER_S, 1.0)
         share = np.clip(since_s / kind["lasts_s"], _LEAST_SHARE, 1.0)
@@ -267,13 +267,12 @@ class Fusion(SynchronizedTracker):
         lean_m = np.where(posture.rests[row] & ~of_legs & ~of_heads, _LEAN_M, 0.0)
         R = (covariance / share[:, None, None] + (lean_m**2)[:, None, None] * np.eye(2)) / upright[:, None, None]
         state = people.state
-        for (source, look), (rows, columns, _) in zip(looks.items(), paired, strict=True):
+        for (source, look), each in zip(looks.items(), paired, strict=True):
             of = number == source
             if look.of_legs:
-                posture = self._by_legs(people, posture, rows, place[of], covariance[of, 0, 0], since_s[of], ns)
-                elsewhere = legs_elsewhere(people, look)[rows, columns] * self._by_trunk(people, ns)[rows]
-                state = with_legs_free(state, rows, elsewhere * LEGS_REST_M**2)
-            state = self._imm.update(state, rows, place[of], R[of], look.observes)
+                posture = self._by_legs(people, posture, each.row, place[of], covariance[of, 0, 0], since_s[of], ns)
+                state = with_legs_free(state, each.row, each.legs_moved * LEGS_REST_M**2)
+            state = self._imm.update(state, each.row, place[of], R[of], look.observes)
         people, each = people.changed(posture=posture), np.unique(row)
         people = people.changed(roster=people.roster.measured(each, ns, state))
         people = self._manager.detected(people, row, ratio, share * upright, kind["p_detect"])
@@ -282,9 +281,9 @@ class Fusion(SynchronizedTracker):
         seen_ns, seen_at = people.seen_ns.copy(), people.seen_at.copy()
         seen_ns[row, number], seen_at[row, number] = ns, pelvis
         seat = people.positions
-        for look, (rows, *_) in zip(looks.values(), paired, strict=True):
+        for look, pairs in zip(looks.values(), paired, strict=True):
             if look.of_heads:  # a pelvis is about under a sitting head
-                seat = written(seat, rows, people.head[rows, :2])
+                seat = written(seat, pairs.row, people.head[pairs.row, :2])
         still = np.exp(-0.5 * (np.hypot(*people.velocity.T) / _STILL_M_S) ** 2)
         return people.changed(
             place=written(people.place, each, people.positions[each]),

@@ -19,7 +19,7 @@ from trackers.configuration import leaves_of
 from trackers.errors import InputError
 from trackers.feeding import track_frames
 from trackers.filters.imm import Imm
-from trackers.fusion.association import pairs
+from trackers.fusion.association import pair
 from trackers.fusion.heads import sights_of_one, unit_points
 from trackers.fusion.look import Look
 from trackers.fusion.motion import HEAD, LEGS, PersonMotion
@@ -133,8 +133,7 @@ def test_points_of_the_unit_gaussian_have_its_mean_and_covariance() -> None:
 
 SEEN_ELSEWHERE = {
     "max_wait_s": "tests/trackers/tracking/test_synced_frames.py: a sensor that is late",
-    "identity.reach_m_s": "a person who comes out of hiding",
-    "identity.same_below": "a person who comes out of hiding",
+    "identity.gate": "a person who comes out of hiding",
     "track_management.area_margin_m": "a person who leaves the area",
     "track_management.tentative_coast_s": "a person who flickers",
     "track_management.coast_s": "a person whom nothing shows for seconds",
@@ -196,7 +195,7 @@ def test_a_late_stamp_is_worked_at_its_own_time() -> None:
 
 
 def test_the_order_of_cameras_does_not_matter() -> None:
-    """All cameras of one stamp are associated at once: tracks differ by rounding alone, here below 1 µm and 1 µrad."""
+    """All cameras of one stamp are associated with the same predictions: tracks differ by rounding, here below 1 µm."""
     on, empty, seen = subset("home", "camera+floor")
     names = [*sorted(on.cameras(), reverse=True), *on.floors()]
     turned = on.model_copy(update={"sensors": {name: on.sensors[name] for name in names}})
@@ -208,22 +207,13 @@ def test_the_order_of_cameras_does_not_matter() -> None:
             np.testing.assert_allclose(x, y, atol=1e-6)
 
 
-def looks_of(*positions: list[tuple[float, float]]) -> list[Look]:
-    """Return looks that show people at these places."""
-    kind = FusionOptions().camera
-    return [
-        Look(
-            (f"camera_{k}",),
-            kind,
-            np.reshape(each, (-1, 2)),
-            np.tile(0.1**2 * np.eye(2), (len(each), 1, 1)),
-            np.zeros(len(each), np.bool_),
-            np.full(len(each), -1),
-            lambda points: np.full(points.shape[1:], 0.2),
-            SILHOUETTE_SHOWN,
-        )
-        for k, each in enumerate(positions)
-    ]
+def look_of(positions: list[tuple[float, float]]) -> Look:
+    """Return a look that shows people at these places."""
+    n = len(positions)
+    return Look(
+        ("camera",), FusionOptions().camera, np.array(positions), np.tile(0.1**2 * np.eye(2), (n, 1, 1)),
+        np.zeros(n, np.intp), np.full(n, -1), lambda points: np.full(points.shape[1:], 0.2), SILHOUETTE_SHOWN,
+    )  # fmt: skip
 
 
 def people_at(places: list[tuple[float, float]]) -> People:
@@ -232,23 +222,16 @@ def people_at(places: list[tuple[float, float]]) -> People:
     return people.changed(existence=np.full(len(at), 0.999))
 
 
-@pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 2, 0)])
-def test_a_camera_that_shows_two_people_as_one_follows_what_the_others_show(order: tuple[int, ...]) -> None:
-    """Two of three cameras tell the two people apart; the third shows one silhouette, nearer to whom it is not of."""
+def test_measurements_go_to_tracks_in_one_assignment_and_none_is_shared() -> None:
+    """Each of two people has the measurement that leaves the other one theirs, though one is nearest to both."""
     people = people_at([(0.0, 0.0), (0.8, 0.0)])
-    looks = looks_of([(0.2, 0.0), (1.0, 0.0)], [(0.2, 0.02), (1.0, 0.02)], [(0.4, 0.0)])
-    found = pairs(people, [looks[k] for k in order], [np.full(2, 0.2)] * 3, np.zeros(2, np.bool_))
-    paired = {order[k]: dict(zip(each[0].tolist(), each[1].tolist(), strict=True)) for k, each in enumerate(found)}
-    assert paired == {0: {0: 0, 1: 1}, 1: {0: 0, 1: 1}, 2: {0: 0}}
-
-
-def test_no_measurement_is_shared() -> None:
-    people = people_at([(0.0, 0.0), (0.1, 0.0), (0.2, 0.0)])
-    found = pairs(
-        people, looks_of([(0.1, 0.0)], [(0.0, 0.1), (0.1, 0.1)]), [np.full(3, 0.2)] * 2, np.zeros(3, np.bool_)
-    )
-    assert all(len(set(each[1].tolist())) == len(each[1]) for each in found)
-    assert [len(each[0]) for each in found] == [1, 2]
+    for positions, paired in (
+        ([(0.5, 0.0), (1.3, 0.0)], {0: 0, 1: 1}),
+        ([(0.7, 0.0)], {1: 0}),
+        ([(0.0, 3.0)], {}),
+    ):
+        found = pair(people, look_of(positions), np.full(2, 0.2), np.zeros(2, np.bool_))
+        assert dict(zip(found.row.tolist(), found.column.tolist(), strict=True)) == paired
 
 
 def test_a_head_moves_its_body_in_the_share_of_their_variances() -> None:

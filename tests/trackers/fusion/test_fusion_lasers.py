@@ -10,7 +10,7 @@ from synthetic_room import Walk, empty_room, observe, rig, straight_walk
 
 from trackers.arrays import Array
 from trackers.filters.imm import Imm
-from trackers.fusion.association import legs_elsewhere, pairs
+from trackers.fusion.association import pair
 from trackers.fusion.lasers import scanners_of
 from trackers.fusion.look import Expected, Look
 from trackers.fusion.motion import LEGS, PersonMotion, with_legs_free
@@ -20,6 +20,7 @@ from trackers.fusion.posture import LEGS_SHOWN
 from trackers.fusion.track_manager import FusionTrackManager, reidentified
 from trackers.observations import NS_PER_S, LaserScan
 from trackers.presets import make_tracker
+from trackers.vision.histogram import Appearance
 
 WALK = straight_walk([(-1.2, 1.2), (1.2, 2.2), (0.0, 2.8)], [(0.5, 0.0), (-0.5, 0.0), (0.0, -0.2)], 24)
 EMPTY = list(empty_room(np.random.default_rng(1)))
@@ -69,25 +70,6 @@ def people_at(*places: tuple[float, float]) -> People:
     return people.changed(existence=np.full(len(at), 0.99))
 
 
-def test_one_look_tells_not_whether_somebody_new_is_a_hidden_person() -> None:
-    """Whoever comes up where a hidden person may be stays tentative for a look, and then goes on with that identity."""
-    now, options = NS_PER_S, FusionOptions().identity
-    people = people_at((0.0, 0.0), (0.8, 0.0))
-    roster = people.roster.changed(
-        id=np.array([7, 0]),
-        confirmed=np.array([True, False]),
-        born_ns=np.array([0, now]),
-        measured_ns=np.array([0, now]),
-    )
-    people, new = people.changed(roster=roster), np.array([False, True])
-    first, to_confirm = reidentified(people, new, now, options)
-    assert len(first) == 2 and not to_confirm.any() and first.roster.id.tolist() == [7, 0]
-    later = people.changed(roster=roster.changed(born_ns=np.array([0, now - NS_PER_S // 10])))
-    second, to_confirm = reidentified(later, new, now, options)
-    assert second.roster.id.tolist() == [7] and not to_confirm.any()
-    np.testing.assert_allclose(second.positions, [(0.8, 0.0)])
-
-
 def test_nobody_is_outside_the_area() -> None:
     """A look that would show nobody, wherever they are, says nothing of a person inside and ends a track outside."""
     options, imm = FusionOptions(), Imm(PersonMotion())
@@ -112,7 +94,7 @@ def legs_at(x_m: float) -> Look:
 
 def test_legs_of_who_sits_down_are_theirs_while_the_trunk_is_seen() -> None:
     """Within a second they are half a metre before the trunk; they may be another's where no trunk tells where the person is."""
-    people, missed = people_at((0.0, 0.0)), [np.full(1, 0.5)]
+    people, missed = people_at((0.0, 0.0)), np.full(1, 0.5)
     people = people.in_state(replace(people.state, covariance=people.state.covariance * 0.1))
     for x_m, by_trunk, are_theirs in (
         (0.05, False, True),
@@ -120,12 +102,13 @@ def test_legs_of_who_sits_down_are_theirs_while_the_trunk_is_seen() -> None:
         (0.45, False, False),
         (2.0, True, False),
     ):
-        ((row, *_),) = pairs(people, [legs_at(x_m)], missed, np.array([by_trunk]))
-        assert row.size == are_theirs
-    assert legs_elsewhere(people, legs_at(0.05))[0, 0] < 0.02 < 0.9 < legs_elsewhere(people, legs_at(0.45))[0, 0]
+        found = pair(people, legs_at(x_m), missed, np.array([by_trunk]))
+        assert found.row.size == are_theirs
+        if are_theirs:
+            assert found.legs_moved[0] > 0.9 if x_m > 0.4 else found.legs_moved[0] < 0.02
     stands = replace(people.posture, probability=np.array([[0.999, 0.0009, 0.0001]]))
-    ((row, *_),) = pairs(people.changed(posture=stands), [legs_at(0.8)], [np.full(1, 0.9)], np.ones(1, np.bool_))
-    assert not row.size, "legs beside a person who stands, and whose own may be hidden, are another's"
+    found = pair(people.changed(posture=stands), legs_at(0.8), np.full(1, 0.9), np.ones(1, np.bool_))
+    assert not found.row.size, "legs beside a person who stands, and whose own may be hidden, are another's"
     moved = with_legs_free(people.state, np.zeros(1, np.intp), np.full(1, 0.3**2))
     assert (moved.covariance[7, 7] - people.state.covariance[7, 7] > 0.08).all()
     np.testing.assert_array_equal(moved.covariance[:7, :7], people.state.covariance[:7, :7])
@@ -143,15 +126,31 @@ def test_two_hidden_people_who_may_be_at_one_place_stay_two() -> None:
         assert len(known) == left
 
 
-def test_a_person_hidden_for_a_moment_comes_not_up_a_metre_away() -> None:
-    now, options = NS_PER_S, FusionOptions().identity
-    people = people_at((0.0, 0.0), (0.8, 0.0))
-    for hidden_s, goes_on in ((0.3, False), (0.7, True)):
-        roster = people.roster.changed(
-            id=np.array([7, 0]),
-            confirmed=np.array([True, False]),
-            born_ns=np.array([0, now - NS_PER_S // 10]),
-            measured_ns=np.array([now - round(hidden_s * NS_PER_S), now]),
-        )
-        after, _ = reidentified(people.changed(roster=roster), np.array([False, True]), now, options)
-        assert (len(after) == 1) == goes_on
+@pytest.mark.parametrize(
+    ("sigma_m", "clothes", "goes_on"),
+    [
+        (0.1, None, False),
+        (0.3, None, True),
+        (0.1, (0, 0), True),
+        (0.3, (0, 1), False),
+    ],
+)
+def test_a_new_track_is_a_hidden_person_who_may_have_come_there_and_looks_so(
+    sigma_m: float, clothes: tuple[int, int] | None, goes_on: bool
+) -> None:
+    """0.6 m from where a person is hidden, known to 0.1 m or 0.3 m: the clothes tell whom another person comes up as."""
+    now, people = NS_PER_S, people_at((0.0, 0.0), (0.6, 0.0))
+    state = people.state
+    known = replace(state, covariance=state.covariance * np.array([(sigma_m / 0.1) ** 2, 1.0]))
+    roster = people.roster.changed(
+        state=known,
+        id=np.array([7, 0]),
+        confirmed=np.array([True, False]),
+        measured_ns=np.array([now - NS_PER_S, now]),
+    )
+    people = people.changed(roster=roster)
+    if clothes is not None:
+        people = people.changed(clothes=Appearance.started(np.eye(2)[list(clothes)], np.ones(2, np.int64)))
+    after, to_confirm = reidentified(people, np.array([False, True]), now, FusionOptions().identity)
+    assert after.roster.id.tolist() == ([7] if goes_on else [7, 0])
+    assert to_confirm.any() != goes_on

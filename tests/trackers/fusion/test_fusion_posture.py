@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackers.fusion.posture import LENGTH_M, SILHOUETTE_SHOWN, TRUNK_SHOWN, Posture
+from trackers.fusion.posture import SILHOUETTE_SHOWN, TRUNK_SHOWN, Posture
 
 ROW, ONE = np.array([0]), np.ones(1)
 
@@ -32,16 +32,20 @@ def test_probabilities_stay_so_and_a_lying_person_who_is_shown_as_standing_gets_
     np.testing.assert_allclose([each.probability.sum() for each in (lying, up)], 1)
 
 
-def test_legs_far_before_the_trunk_are_a_sitting_persons_and_a_seat_ends_out_of_its_reach() -> None:
+def test_legs_far_before_the_trunk_are_a_sitting_persons_and_a_seat_ends_with_who_leaves_it() -> None:
     sitting = Posture.upright(1)
     for _ in range(30):
         sitting = sitting.later(0.1, 60.0).by_legs(ROW, np.array([[0.5, 0.0]]), 0.1**2 * ONE, 0.1 * ONE)
     assert sitting.probability[0, 1] > 0.5
     sitting = sitting.settled(np.zeros((1, 2)), np.zeros((1, 2)), ONE)
     np.testing.assert_array_equal(sitting.seat, 0)
-    near, far = (sitting.by_place(ROW, np.array([[away, 0.0]]), np.zeros(1), ONE) for away in (0.1, 1.1 * LENGTH_M))
-    assert near.rests[0] and not far.rests[0]
-    assert np.isnan(far.settled(np.zeros((1, 2)), np.zeros((1, 2)), ONE).seat).all()
+    stays, walks, away = sitting, sitting, sitting
+    for _ in range(3):
+        stays = stays.by_place(ROW, np.array([[0.1, 0.0]]), 0.1 * ONE, ONE)
+        walks = walks.by_place(ROW, np.array([[0.1, 0.0]]), 1.0 * ONE, ONE)
+        away = away.by_place(ROW, np.array([[1.5, 0.0]]), 0.1 * ONE, ONE)
+    assert stays.rests[0] and not walks.rests[0] and not away.rests[0]
+    assert np.isnan(walks.settled(np.zeros((1, 2)), np.zeros((1, 2)), ONE).seat).all()
 
 
 def test_nobody_seen_for_long_is_not_taken_to_lie_but_from_a_seat() -> None:
