@@ -268,7 +268,7 @@ def _method(steps: list[tuple[FrameType, int]], tracker: Any, module: str) -> st
 
 
 def _is_theirs(frame: FrameType) -> bool:
-    return _module(frame) not in ("trackers.feeding", "twin.run.tracker_runner", "twin.run.tracker_runner")
+    return _module(frame) not in ("trackers.feeding", "twin.run.tracker_runner", "twin.studies.worker")
 
 
 def _module(frame: FrameType) -> str:

@@ -203,7 +203,10 @@ def _area_warning(results: StudyResults, floor: FloorResolution) -> str:
 
 
 def _error_map(results: StudyResults, scenario: Scenario, sensors: list[PlanSensor]) -> list[tuple[str, str]]:
-    """Draw the mean distance of tracks from people by place, with caption, for the validated tracker if there is one."""
+    """Draw the mean distance of tracks from people by place, with caption, for the validated tracker if there is one.
+
+    None where too few tracks are near people anywhere.
+    """
     prepared, study = results.prepared, results.prepared.study
     tracker, area = study.validated[0].tracker if study.validated else None, prepared.scene.area
     if tracker is None:
@@ -222,6 +225,8 @@ def _error_map(results: StudyResults, scenario: Scenario, sensors: list[PlanSens
     places, group, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
     mean = np.bincount(group.ravel(), rows[:, 2]) / count
     often = count >= _FEWEST
+    if not often.any():
+        return []
     caption = f"Mean distance of {tracker}'s tracks from people, by place, over {len(seeds)} seeds."
     middles = low + (places[often] + 0.5) * _ERROR_CELL_M
     most = float(np.quantile(mean[often], 0.98))

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.errors import InputError
+from trackers.errors import PLUG_IN_ERRORS, InputError, PlugInError
 from trackers.feeding import track_frames
-from trackers.presets import make_tracker
+from trackers.presets import PRESETS, make_tracker
 from trackers.prior import Prior
 from trackers.tracks import unused_sensors
 from twin.evaluate import evaluate_with_details
@@ -18,6 +18,7 @@ from twin.evaluate.summary import Evaluation
 from twin.recording.situation_table import situation_table
 from twin.recording.tables import TruthTable, track_table, truth_table
 from twin.run.inputs import ChosenTracker
+from twin.run.tracker_runner import plug_in_fault
 from twin.scenario import Scenario
 from twin.streams import stream
 from twin.suites.cache import RecordingCache
@@ -82,7 +83,10 @@ def _timing(scenario: Scenario) -> str:
 
 
 def evaluate_placement(work: EvaluationTask) -> dict[str, Evaluation]:
-    """Evaluate each tracker, by name. Raises InputError where the placement cannot be simulated or tracked."""
+    """Evaluate each tracker, by name.
+
+    Raises InputError where the placement cannot be simulated or tracked, PlugInError where a tracker of the user's raises.
+    """
     cached, scenario = _cached_scene(work.cache, work.scenario), work.scenario
     timing = _timing(scenario)
     frames: list[TruthFrame] = []
@@ -116,8 +120,14 @@ def evaluate_placement(work: EvaluationTask) -> dict[str, Evaluation]:
     found = {}
     for each in work.trackers:
         rng = stream(scenario.seed, "tracker", each.name)
-        tracker = make_tracker(each.target, rig, prior, rng, each.options)
-        tracks = track_table(track_frames(tracker, rig, observations))
+        tracker = None
+        try:
+            tracker = make_tracker(each.target, rig, prior, rng, each.options)
+            tracks = track_table(track_frames(tracker, rig, observations))
+        except PLUG_IN_ERRORS as error:
+            if each.target in PRESETS or (tracker is None and isinstance(error, InputError)):
+                raise
+            raise PlugInError(plug_in_fault(each, tracker, error)) from error
         found[each.name] = evaluate_with_details(truth, tracks, situations=pairs, unused=unused_sensors(tracker))
     return found
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from command_line import twin
 from small_study import written as written_small
 
 from trackers.errors import InputError
@@ -320,3 +321,44 @@ def test_a_disk_that_is_full_while_the_file_is_mended_leaves_the_old_one(
         with pytest.raises(InputError, match=r"evaluations\.jsonl: cannot be written \(No space"):
             run(path, out, resume=True)
     assert (out / store.FILE).read_text() == text
+
+
+PLUG_INS = """
+from trackers.tracks import Track
+class Silent:
+    def __init__(self, rig, background, rng): ...
+    def update(self, observation): ...
+    def tracks(self):
+        return []
+class Raises(Silent):
+    def update(self, observation):
+        raise ValueError("no such person")
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "code", "said"),
+    [
+        ("Silent", 0, "displaced by"),
+        (
+            "Raises",
+            1,
+            "twin: study_plug_in:Raises: update() raised ValueError: no such person (study_plug_in.py, line 10) at",
+        ),
+    ],
+)
+def test_a_plug_in_that_reports_nobody_or_raises_ends_no_study_as_a_fault_of_ours(
+    name: str, code: int, said: str, tmp_path: Path
+) -> None:
+    (tmp_path / "study_plug_in.py").write_text(PLUG_INS)
+    places = [{"xyz": [0, 0, 0.95], "yaw_deg": 90}, {"xyz": [-2, 1, 0.95], "yaw_deg": 0}]
+    file = written(
+        tmp_path,
+        trackers=[f"study_plug_in:{name}"],
+        devices={"waist": {"sensors": ["waist"], "places": places}},
+        search={"method": "exhaustive", "replicates": [1]},
+        held_out=None,
+    )
+    done = twin("study", "run", file.name, "--jobs", "1", "--allow-plugins", "--out", "out", cwd=tmp_path)
+    assert done.returncode == code, done.stderr
+    assert said in done.stdout + done.stderr and "Traceback" not in done.stderr
