@@ -169,7 +169,7 @@ def test_a_second_run_leaves_nothing_of_the_first(tmp_path: Path) -> None:
         (["run", "lab-five-people", "--set", "sensors.knee.mount.xyz=[0, 4.5, 1]"], ["sensors.knee", "inside"]),
         (["run", "lab-five-people", "--duration", "-1"], ["duration_s"]),
         (["run", "lab-five-people", "--sed", "1"], ["--sed"]),
-        (["run", "lab-five-people", "--seed", "one"], ["--seed", "integer"]),
+        (["run", "lab-five-people", "--seed", "one"], ["--seed", "whole number"]),
         (["run"], ["scenario"]),
         (["rum"], ["rum"]),
         (["view", "lab-five-people", "--at", "99"], ["--at 99", "26.2"]),
@@ -381,3 +381,23 @@ def test_an_error_of_the_interpreter_itself_is_lack_of_memory_under_a_limit_alon
     assert describe_lack(error) is None
     monkeypatch.setattr(resource, "getrlimit", lambda _: (2**30,) * 2)
     assert "1024 MiB (ulimit -v)" in str(describe_lack(error))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("run", "pair", "--duration", "ten"), "'--duration': a number is expected"),
+        (("suite", "run", "smoke", "--jobs", "x"), "'--jobs': a whole number is expected"),
+        (("suite", "run", "smoke", "--jobs", "0"), "'--jobs': a number greater than or equal to 1 is expected"),
+        (("export", "x", "--format", "xyz"), "'--format': 'xyz' is not one of 'mot', 'kitti'"),
+    ],
+)
+def test_a_wrong_value_of_an_option_is_told_as_that_of_a_field(arguments: tuple[str, ...], said: str) -> None:
+    done = twin(*arguments)
+    assert done.returncode == 2 and done.stderr.startswith(f"twin: Invalid value for {said}")
+
+
+def test_a_source_that_is_not_there_is_told_with_all_that_can_be_exported() -> None:
+    done = twin("export", "nothing", "--format", "mot")
+    assert done.returncode == 2
+    assert "twin: nothing: is not there; the folder of a run, a bag, or a suite is expected; suites are " in done.stderr

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from trackers.errors import InputError
+from trackers.errors import InputError, valid_names
 from twin import models
 from twin.commands.memory import exit_with_failures, loading
 from twin.messages import OnWarning
@@ -270,6 +270,9 @@ def _recordings(
     if path.exists() and path.suffix not in (".yaml", ".yml") and not is_results:
         found = open_recorded(path, rig, on_warning, truth=truth)
         return found.name, [found]
+    if not path.exists() and source not in models.names("suites"):
+        suites = valid_names(source, models.names("suites"), start="suites are")
+        raise InputError(f"{source}: is not there; the folder of a run, a bag, or a suite is expected; {suites}")
     if truth is not None:
         raise InputError(f"--truth {truth}: is of one recording; a run or a bag is expected, and {source} is neither")
     from twin.suites.cache import RecordingCache, cache_limit_bytes
