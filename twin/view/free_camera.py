@@ -235,7 +235,7 @@ class FollowCamera:
 
 
 _ABOVE_HEAD_M = 0.22
-_NEAREST_M = 0.3
+_NEAREST_NAMED_M = 0.3
 _INK: RGB = (232, 236, 242)
 _FILL: RGB = (45, 52, 64)
 
@@ -250,7 +250,7 @@ def name_tags(world: World, snapshot: Snapshot, stand: Standpoint, size_px: tupl
     tags = []
     for place, name in enumerate(world.population.names):
         depth = float(heads[place] @ forward)
-        if not present[place] or depth < _NEAREST_M:
+        if not present[place] or depth < _NEAREST_NAMED_M:
             continue
         x = 0.5 * width + scale * float(heads[place] @ right) / depth
         y = 0.5 * height - scale * float(heads[place] @ up) / depth

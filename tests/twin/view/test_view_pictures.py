@@ -16,7 +16,7 @@ from twin.room.building import check_mount
 from twin.scenario import Scenario, load_scenario
 from twin.view import write_people, write_video, write_view
 from twin.view.contact_sheet import drawn_view
-from twin.view.free_camera import CameraSpace, body_parts, overview, seen_share, standpoint_for
+from twin.view.free_camera import CameraSpace, FollowCamera, body_parts, overview, seen_share, standpoint_for
 from twin.view.video import FPS
 from twin.world.world import World
 
@@ -150,6 +150,18 @@ def test_a_video_follows_somebody(tmp_path):
     path = tmp_path / "follow.mp4"
     write_video(small(), path, start_s=1.2, end_s=1.4, follow="ben")
     assert len(pictures(path)) == round(0.2 * FPS)
+
+
+def test_who_walks_up_to_the_following_camera_is_seen_from_elsewhere():
+    walk = {"kind": "walk", "waypoints": [[0.2, 0.2], [0.6, 0.9]]}
+    world = World(small(people={"anna": {"start": [-1.6, 0.0], "script": walk}}, duration_s=3.0))
+    camera = FollowCamera(CameraSpace(world.empty_snapshot(0.0), world.scene.floor), 1, 1.5)
+    away = []
+    for t in np.arange(0.0, 3.0, 0.1):
+        snapshot = world.snapshot(t)
+        eye = camera.at(snapshot, facing_rad=0.0).eye
+        away.append(np.linalg.norm(body_parts(snapshot, 1)[0].mean(axis=0) - eye))
+    assert min(away) < 1.2 < away[-1]
 
 
 @pytest.mark.parametrize(
