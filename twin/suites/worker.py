@@ -7,7 +7,7 @@ import tempfile
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from itertools import pairwise
 from pathlib import Path
@@ -119,7 +119,7 @@ def run_case(work: CaseWork) -> CaseResult:
     case = work.case
     case.check_files()
     if case.bag is not None:
-        return _run_recorded(case, case.bag)
+        return _track(case, case.bag.path, {}, case.bag)
     scenario = resolved_scenario(case)
     start = time.perf_counter()
     renderer = renderer_of(scenario)
@@ -130,37 +130,17 @@ def run_case(work: CaseWork) -> CaseResult:
 
     with work.cache.recording(key, make, warnings.append) as (entry, found):
         record_s = time.perf_counter() - start
-        with tempfile.TemporaryDirectory(prefix="roomtwin-case-") as temporary:
-            folder = Path(temporary)
-            result = track_recording(
-                entry / RECORDING,
-                trackers=[case.tracker],
-                changes=case.tracking_changes,
-                seed=case.seed,
-                out=folder,
-                video=False,
-                report=case.report,
-                on_warning=no_warning,
-            )
-            if result.metrics is None:
-                raise RuntimeError(f"{entry / RECORDING} holds no truth")
-            table = f"tracks/{file_name(case.tracker)}.csv"
-            names = [*(["report.html"] if case.report else []), "metrics.json", table]
-            return CaseResult(
-                metrics=result.metrics["trackers"][case.tracker],
-                incidents=tuple(
-                    _incidents(result.evaluations[case.tracker], dict(enumerate(scenario.people, start=1)))
-                ),
-                files={name: (folder / name).read_bytes() for name in names},
-                renderer=renderer,
-                recorded=not found,
-                record_s=record_s,
-                recording=digests_of(entry)[RECORDING][:_DIGEST],
-                people=people_digest(entry / TRUTH),
-                scatter_m=range_scatter_m(entry / RECORDING, scenario),
-                warnings=tuple(warnings),
-                tracker_warnings=result.tracker_warnings,
-            )
+        tracked = _track(case, entry / RECORDING, dict(enumerate(scenario.people, start=1)))
+        return replace(
+            tracked,
+            renderer=renderer,
+            recorded=not found,
+            record_s=record_s,
+            recording=digests_of(entry)[RECORDING][:_DIGEST],
+            people=people_digest(entry / TRUTH),
+            scatter_m=range_scatter_m(entry / RECORDING, scenario),
+            warnings=tuple(warnings),
+        )
 
 
 def resolved_scenario(case: Case) -> Scenario:
@@ -207,31 +187,46 @@ def scenario_recording(
         yield entry
 
 
-def _run_recorded(case: Case, bag: RecordedInput) -> CaseResult:
-    """Track a bag as it is; evaluate against its table of truth, else the truth in it, else count tracks alone."""
+def _track(case: Case, recording: Path, names: Mapping[int, str], bag: RecordedInput | None = None) -> CaseResult:
+    """Track and evaluate a recording, people by `names`.
+
+    A suite's own `bag` is evaluated against its table of truth, else the truth in it, else its tracks are counted alone.
+    """
     with tempfile.TemporaryDirectory(prefix="roomtwin-case-") as temporary:
         folder = Path(temporary)
         result = track_recording(
-            bag.path, trackers=[case.tracker], rig_path=bag.rig, truth_path=bag.truth, changes=case.tracking_changes,
-            seed=case.seed, out=folder, video=False, report=case.report, on_warning=no_warning,
-        )  # fmt: skip
-        name = f"tracks/{file_name(case.tracker)}.csv"
-        counts = track_counts(read_tracks(folder / name))
-        metrics: dict[str, Any] = {key: counts[key] for key in ("track_count", "tracks_per_frame")}
-        evaluation = result.evaluations.get(case.tracker)
+            recording,
+            trackers=[case.tracker],
+            rig_path=None if bag is None else bag.rig,
+            truth_path=None if bag is None else bag.truth,
+            changes=case.tracking_changes,
+            seed=case.seed,
+            out=folder,
+            video=False,
+            report=case.report,
+            on_warning=no_warning,
+        )
+        table = f"tracks/{file_name(case.tracker)}.csv"
+        metrics: dict[str, Any] = {}
+        if bag is not None:
+            counts = track_counts(read_tracks(folder / table))
+            metrics = {key: counts[key] for key in ("track_count", "tracks_per_frame")}
+        elif result.metrics is None:
+            raise RuntimeError(f"{recording} holds no truth")
         if result.metrics is not None:
             metrics = result.metrics["trackers"][case.tracker] | metrics
+        evaluation = result.evaluations.get(case.tracker)
         own = result.tracker_warnings
-        files = [name, *(each for each in ("report.html", "metrics.json") if (folder / each).is_file())]
+        files = [table, *(each for each in ("report.html", "metrics.json") if (folder / each).is_file())]
         return CaseResult(
             metrics=metrics,
-            incidents=tuple(_incidents(evaluation, {})) if evaluation is not None else (),
+            incidents=tuple(_incidents(evaluation, names)) if evaluation is not None else (),
             files={each: (folder / each).read_bytes() for each in files},
             renderer=NO_RENDERER,
             recorded=False,
             record_s=0.0,
-            recording=bag.digest[:_DIGEST],
-            warnings=tuple(f"{bag.path.name}: {each}" for each in result.warnings if each not in own),
+            recording="" if bag is None else bag.digest[:_DIGEST],
+            warnings=tuple(f"{recording.name}: {each}" for each in result.warnings if each not in own),
             tracker_warnings=own,
         )
 
