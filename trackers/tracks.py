@@ -120,6 +120,11 @@ class TrackFrame:
     tracks: tuple[Track, ...]
     maps: tuple[ScoreMap | Hypotheses, ...] = field(default=(), compare=False)
 
+    def __post_init__(self) -> None:
+        """Make a stamp of numpy's integers a plain one, as `Track` does with its id."""
+        if isinstance(self.stamp_ns, np.integer):
+            object.__setattr__(self, "stamp_ns", int(self.stamp_ns))
+
 
 @runtime_checkable
 class Tracker(Protocol):

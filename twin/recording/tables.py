@@ -11,7 +11,7 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from math import isfinite, isnan, nan
+from math import inf, isfinite, isnan, nan
 from numbers import Integral
 from pathlib import Path
 from typing import Any, TextIO
@@ -272,12 +272,12 @@ class _RowWriter:
     def __init__(self, stream: TextIO, columns: Sequence[str]) -> None:
         self._stream = stream
         self._empty_cells = "," * (len(columns) - 1)
-        self._last_stamp_ns: int | None = None
+        self._last_stamp_ns: float = -inf
         stream.write(",".join(columns) + "\n")
 
     def write(self, stamp_ns: int, entries: Sequence, cells_of) -> None:
-        if self._last_stamp_ns is not None and stamp_ns <= self._last_stamp_ns:
-            raise ValueError(f"frame at {stamp_ns} ns comes after that at {self._last_stamp_ns} ns; stamps must grow")
+        if not isinstance(stamp_ns, Integral) or stamp_ns <= self._last_stamp_ns:
+            raise ValueError(f"frame at {stamp_ns} ns after {self._last_stamp_ns} ns; whole stamps must grow")
         ids = [_id(stamp_ns, entry.id) for entry in entries]
         if len(set(ids)) < len(ids):
             raise ValueError(f"frame at {stamp_ns} ns: an id is repeated in {ids}")

@@ -57,6 +57,10 @@ class NoCircle(Fine):
     def tracks(self):
         return [Track(id=1, x=0.0, y=1.5, radius95_m=-1.0)]
 
+class InSeconds(Fine):
+    def update(self, observation):
+        return [TrackFrame(observation.t, ())]
+
 class InTracks(Fine):
     def tracks(self):
         return [Track(id=1, x=1 / (self.n - self.n), y=1.5)]
@@ -76,6 +80,14 @@ class Far(Fine):
 class Numpy(Fine):
     def tracks(self):
         return (Track(id=np.uint8(1), x=np.float32(0), y=np.array(1.5), z=np.int16(1)) for _ in range(1))
+
+class NumpyStamps(Fine):
+    def __init__(self, rig, background, rng):
+        super().__init__(rig, background, rng)
+        self.main = rig.main_sensor
+    def update(self, observation):
+        if observation.sensor == self.main:
+            return [TrackFrame(np.int64(observation.stamp_ns), (Track(id=1, x=0.0, y=1.5),))]
 
 class NoFrames(Fine):
     def update(self, observation):
@@ -115,6 +127,7 @@ FAULTS = {
     "plug_lab:NoTracks": r"what it gave raised TypeError: .* at the LaserScan of ",
     "plug_lab:BadTrack": r"what it gave raised ValueError: track 1: status 'lost' .* in the frame stamped 0.\d+ s",
     "plug_lab:Far": r"what it gave raised ValueError: 1e\+300 in a table; finite, .* in the frame stamped 0.\d+ s",
+    "plug_lab:InSeconds": r"what it gave raised ValueError: frame at 0.\d+ ns after -inf ns; whole stamps must grow",
     "plug_lab:NoFrames": r"what it gave raised TypeError: .* at the LaserScan of ",
     "plug_lab:InFinish": r"finish\(\) raised KeyError: 'rest' \(plug_lab.py, line \d+\) after the last observation",
     "plug_lab:InConstructor": r"__init__\(\) raised RuntimeError: no network \(plug_lab.py, line \d+\) before the first "
@@ -163,11 +176,13 @@ def test_a_script_is_warned_of_each_plug_in_that_failed(tmp_path: Path) -> None:
 
 
 def test_numbers_of_numpy_are_numbers(tmp_path: Path) -> None:
-    result = run(tmp_path / "out", "plug_lab:Numpy", "plug_lab:Fine")
+    names = ("Fine", "Numpy", "NumpyStamps")
+    result = run(tmp_path / "out", *(f"plug_lab:{name}" for name in names))
     assert result.failures == () and result.metrics is not None
-    own, fine = (read_tracks(tmp_path / "out" / "tracks" / f"plug_lab-{name}.csv") for name in ("Numpy", "Fine"))
-    for column in ("frame_stamps_ns", "stamps_ns", "id", "x", "y"):
-        np.testing.assert_array_equal(getattr(own, column), getattr(fine, column))
+    fine, *others = (read_tracks(tmp_path / "out" / "tracks" / f"plug_lab-{name}.csv") for name in names)
+    for own in others:
+        for column in ("frame_stamps_ns", "stamps_ns", "id", "x", "y"):
+            np.testing.assert_array_equal(getattr(own, column), getattr(fine, column))
 
 
 def test_the_command_says_it_in_a_sentence_with_exit_code_1(tmp_path: Path) -> None:
