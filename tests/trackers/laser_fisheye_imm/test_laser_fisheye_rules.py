@@ -65,12 +65,18 @@ def test_every_rule_of_a_paper_says_of_which_kind_it_is_and_where(rules):
     assert all(f"`{path}`" in text for rule in rules for path in option_paths(rule.options))
 
 
-def test_the_ablation_starts_from_the_paper_and_adds_each_rule():
+def test_the_ablations_add_each_rule_to_the_paper_and_take_each_from_the_full_system():
     suite, _ = load_suite("ablation")
     rows = {name.removeprefix("trackers."): options for name, options in suite.set.items()}
     paper = "laser-fisheye-imm-paper"
     assert rows == {f"with-{rule}": {"preset": paper, **at_paths(DEFAULTS, paths)} for rule, paths in RULES.items()}
     assert suite.trackers == (paper, *rows, "laser-fisheye-imm", "sort")
+    one_out, _ = load_suite("leave-one-out")
+    assert {name.removeprefix("trackers."): options for name, options in one_out.set.items()} == {
+        f"without-{rule}": {"preset": "laser-fisheye-imm", **without(rule)} for rule in RULES
+    }
+    assert one_out.trackers == ("laser-fisheye-imm", *(f"without-{rule}" for rule in RULES))
+    assert one_out.scenarios == suite.scenarios
     baseline, _ = load_suite("baseline")
     shared = [each.model_dump() | {"seeds": None, "trackers": None} for each in baseline.scenarios]
     assert all(each.model_dump() | {"seeds": None, "trackers": None} in shared for each in suite.scenarios)  # one cache
