@@ -50,9 +50,7 @@ class Pairs:
     row: Int[Index, "p"]  # of the track
     column: Int[Index, "p"]  # of the measurement
     log_ratio: Float[Array, "p"]  # against clutter
-    legs_moved: Float[
-        Array, "p"
-    ]  # probability that legs are not where the track's were: of who sits down, lies or gets up
+    legs_moved: Float[Array, "p"]  # probability that legs are elsewhere than before: of who sits down, lies or gets up
 
 
 def pair(people: People, look: Look, missed: Float[Array, "n"], by_trunk: Bool[Mask, "n"]) -> Pairs:
