@@ -41,6 +41,11 @@ def test_no_room_without_a_name_of_its_own() -> None:
     assert not [path for path in PYTHON_FILES if path.stem in nameless or nameless & set(path.parts)]
 
 
+def test_no_module_is_longer_than_350_lines() -> None:
+    lengths = {path.relative_to(ROOT).as_posix(): len(path.read_text("utf-8").splitlines()) for path in PYTHON_FILES}
+    assert {name: lines for name, lines in lengths.items() if lines > 350} == {}
+
+
 def test_errors_name_what_is_valid_by_one_function() -> None:
     """With the nearest of the valid names: `trackers.errors.valid_names`."""
     own = [path for path in PYTHON_FILES if path.name != "errors.py"]

@@ -220,14 +220,7 @@ class Fusion(SynchronizedTracker):
         self._people = self._manager.confirmed(people, ns, max(elapsed_s.values()))
 
     def _compare(
-        self,
-        people: People,
-        look: Look,
-        pairs: Pairs,
-        missed: Float[Array, "n"],
-        share: float,
-        number: int,
-        ns: int,
+        self, people: People, look: Look, pairs: Pairs, missed: Float[Array, "n"], share: float, number: int, ns: int
     ) -> None:
         """Compare what a source measured with what the others did, and say once what contradicts them."""
         agreement, row, column = self._agreement, pairs.row, pairs.column

@@ -338,10 +338,8 @@ def _called(chosen: ChosenTracker, tracker: Any, call: Callable[[], object]) -> 
     try:
         with at_work(chosen.name):
             call()
-    except OSError:  # of the file, not the tracker
-        raise
     except Exception as error:
-        if chosen.target in PRESETS:
+        if chosen.target in PRESETS or isinstance(error, OSError):  # that is of the file
             raise
         raise PlugInError(plug_in_fault(chosen, tracker, error)) from error
 
