@@ -37,7 +37,7 @@ def find(folder: str, name: str, relative_to: Path | None = None, asked_by: str 
     if is_file(path):
         return path
     start, kind = f"{asked_by}: " if asked_by else "", _kind(folder)
-    if path.is_dir():
+    if os.path.isdir(path):  # False too for a path that cannot be, too long or with a NUL in it
         inside = sorted(str(Path(name) / each.name) for each in path.glob(f"*{suffix}"))
         raise InputError(
             f"{start}{name!r} is a folder; the path of a {suffix} file is expected{', as ' * bool(inside)}{', '.join(inside[:3])}"
