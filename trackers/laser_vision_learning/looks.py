@@ -22,10 +22,10 @@ from trackers.filters.particle import LogLikelihood
 from trackers.filters.rows import Rows, written
 from trackers.laser_vision_learning.score_maps import ScoreMapOptions, ScoreMaps
 from trackers.learning.boosting import BoostingOptions, OnlineBoosting, StrongClassifiers
+from trackers.tracking.roster import NEVER_NS
 from trackers.vision.patches import Feature, FeatureOptions, PatchDescriber, Patches, PatchOptions, PatchSampler
 
 Picture = UInt8[Bytes, "height width 3"]
-_NEVER_NS = int(np.iinfo(np.int64).min)
 COLOUR_LEVELS, HEIGHTS = 10, 4
 """Levels of each of L*, a*, b*, and parts of a body's height, that `colours` tells apart."""
 COLOURS = HEIGHTS * COLOUR_LEVELS**3
@@ -86,7 +86,7 @@ class Looks(Rows):
     """Appearance of n tracks."""
 
     strong: StrongClassifiers
-    learned_ns: Int[Index, "n"]  # stamp of the last picture learned from, the least integer before any
+    learned_ns: Int[Index, "n"]  # stamp of the last picture learned from; before any: `NEVER_NS`
     n_learned: Int[Index, "n"]  # number of these pictures
     reference: Float[Array, "n bins"]  # shares of colours (`colours`); of the classifier without bins
 
@@ -95,12 +95,12 @@ class Looks(Rows):
         """Make the appearance of new tracks."""
         bins, trees = (COLOURS, 0) if options.by == "colours" else (0, options.boosting.trees)
         strong = StrongClassifiers.untrained(n, trees)
-        return cls(strong, np.full(n, _NEVER_NS), np.zeros(n, np.int64), np.zeros((n, bins)))
+        return cls(strong, np.full(n, NEVER_NS), np.zeros(n, np.int64), np.zeros((n, bins)))
 
     @property
     def known(self) -> Bool[Mask, "n"]:
         """Mask (n,) of tracks whose classifier has learned."""
-        return self.learned_ns != _NEVER_NS
+        return self.learned_ns != NEVER_NS
 
 
 @dataclass(frozen=True, eq=False)

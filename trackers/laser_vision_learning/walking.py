@@ -24,7 +24,7 @@ from trackers.arrays import Array, Float, Index, Int
 from trackers.configuration import Strict
 from trackers.filters.particle import Cloud
 from trackers.filters.rows import Rows, written
-from trackers.tracking.roster import Roster
+from trackers.tracking.roster import NEVER_NS, Roster
 
 STATE_SIZE = 5
 X, Y, HEADING, SPEED, PHASE = range(STATE_SIZE)
@@ -154,13 +154,13 @@ class WalkerTracks(Rows):
     missing_s: Float[
         Array, "n"
     ]  # time in which they should have been detected and were not, less that of detections since
-    pictured_ns: Int[Index, "n"]  # stamp at which a camera's detection measured them last, before that of their start
+    pictured_ns: Int[Index, "n"]  # stamp of the last measurement by a camera's detection; before any: `NEVER_NS`
 
     @classmethod
     def started(cls, state: Cloud, ns: int, first: int) -> Self:
         """Make tentative tracks in `state`, first measured at stamp ns, numbered from `first` on."""
         n = len(state)
-        return cls(first + np.arange(n), Roster.started(state, ns), np.zeros(n), np.full(n, ns))
+        return cls(first + np.arange(n), Roster.started(state, ns), np.zeros(n), np.full(n, NEVER_NS))
 
     @property
     def cloud(self) -> Cloud:
