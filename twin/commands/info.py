@@ -271,6 +271,7 @@ def checked_file(kind: str, name: str, allow_plugins: bool = False) -> str:
             about = f"cases: {len(cases)}"
         case "study":
             study = prepare(name, trusted=trusted)
+            print_warnings(study.warnings)
             about = f"devices: {', '.join(study.study.devices)}"
         case _:
             about = f"sensors: {', '.join(Rig.load(name).sensors)}"

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from trackers.configuration import Strict
 from trackers.errors import InputError, raise_faults, valid_names
 from trackers.presets import make_tracker
 from trackers.prior import Prior
@@ -19,13 +20,17 @@ from twin.streams import stream
 from twin.studies.apply_placement import apply_placement
 from twin.studies.candidate_set import CandidateSet
 from twin.studies.spec import Study, StudyScenario, load_study, scenario_key
+from twin.studies.visibility import is_scanner, looking_sensors
 from twin.suites.preflight import format_overrides, is_known_tracker, unknown_tracker, warnings_silenced
 from twin.world.scene import Scene, build_scene
 
 
 @dataclass(frozen=True, eq=False)
 class PreparedStudy:
-    """A study with all that its file names: scenarios by key, held-out ones too, trackers, and the candidate set."""
+    """A study with all that its file names: scenarios by key, held-out ones too, trackers, and the candidate set.
+
+    warnings: one per field that has no effect.
+    """
 
     study: Study
     path: Path
@@ -35,6 +40,7 @@ class PreparedStudy:
     trackers: tuple[ChosenTracker, ...]
     scene: Scene
     candidate_set: CandidateSet
+    warnings: tuple[str, ...]
 
     @property
     def scenario(self) -> Scenario:
@@ -47,8 +53,8 @@ def prepare(name: str | Path, *, seed_offset: int = 0, trusted: TrustedClasses =
 
     seed_offset: added to every seed of the study; trusted: classes that it and its scenarios may name.
     """
-    study, path = load_study(name)
-    study = _with_offset(study, seed_offset)
+    written, path = load_study(name)
+    study = _with_offset(written, seed_offset)
     scenarios, files = _loaded(study.scenarios, path, "scenarios")
     others, _ = _loaded(study.held_out.scenarios if study.held_out else (), path, "held_out.scenarios")
     first = next(iter(scenarios.values()))
@@ -60,7 +66,8 @@ def prepare(name: str | Path, *, seed_offset: int = 0, trusted: TrustedClasses =
     candidate_set = CandidateSet.of(study, first, scene, str(path))
     raise_faults(_kind_faults(study, candidate_set, path))
     raise_faults(_unused_sensor_faults(study, candidate_set, chosen, scene, path))
-    return PreparedStudy(study, path, scenarios, files, scenarios | others, chosen, scene, candidate_set)
+    warnings = tuple(f"{path}: {each}" for each in _idle_fields(written, candidate_set))
+    return PreparedStudy(study, path, scenarios, files, scenarios | others, chosen, scene, candidate_set, warnings)
 
 
 def _with_offset(study: Study, offset: int) -> Study:
@@ -195,6 +202,45 @@ def _unused_sensor_faults(
                         "tracker that uses what is placed, or other sensors under devices, is expected"
                     )
     return faults
+
+
+def _idle_fields(study: Study, candidate_set: CandidateSet) -> Iterator[str]:
+    """Yield a clause for each tracker that no objective uses, each price of nothing, and each field without effect here."""
+    used = {objective.tracker for objective in study.validated}
+    for name in study.trackers:
+        if name not in used:
+            yield f"trackers: no objective uses {name}; it is run for the table of candidates alone"
+    if not candidate_set.prices.any():
+        priced = [f"objectives.{place}" for place, each in enumerate(study.objectives) if each.kind == "price"]
+        priced += ["cheapest_within"] * bool(study.cheapest_within) + ["constraints.budget"] * bool(
+            study.constraints.budget
+        )
+        for field in priced:
+            yield f"{field}: decides nothing, as every placement costs nothing; a price of a device is expected"
+    search, coverage, scenario = study.search, study.coverage, candidate_set.scenario
+    scanners = {is_scanner(scenario, name) for name in looking_sensors(scenario)}
+    fields: list[tuple[str, Strict, str, bool, str]] = [
+        ("search", search, "candidates, generation, seed", search.method == "optuna", "search.method optuna"),
+        ("search", search, "limit_s", search.method == "exact", "search.method exact"),
+        ("search", search, "replicates", bool(study.trackers), "trackers"),
+        ("", study, "seeds", bool(study.trackers), "trackers"),
+        ("coverage", coverage, "cell_m, heights_m", coverage.of == "floor", "coverage.of floor"),
+        ("coverage", coverage, "px_per_m, target", False in scanners, "cameras"),
+        ("coverage", coverage, "beams", True in scanners, "scanners"),
+    ]
+    for place, each in enumerate(study.objectives):
+        here = f"objectives.{place}"
+        fields.append((here, each, "over", each.kind == "metric", "kind metric"))
+        fields.append((here, each, "quantile", each.over == "quantile", "over quantile"))
+        fields.append((here, each, "form", each.kind == "coverage", "kind coverage"))
+    for name, each in study.devices.items():
+        here = f"devices.{name}"
+        fields.append((here, each, "yaw_every_deg", each.yaw_deg is not None, "yaw_deg"))
+        fields.append((here, each, "tilt_every_deg", each.tilt_deg is not None, "tilt_deg"))
+    for where, model, names, has_effect, owner in fields:
+        for name in names.split(", "):
+            if not has_effect and getattr(model, name) != type(model).model_fields[name].default:
+                yield f"{'.'.join(filter(None, (where, name)))}: has no effect without {owner}"
 
 
 def _examples(study: Study, candidate_set: CandidateSet) -> Iterator[tuple[int, ...]]:

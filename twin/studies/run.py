@@ -72,6 +72,7 @@ def run_study(
     start = time.perf_counter()
     prepared = prepare(name, seed_offset=seed_offset, trusted=trusted)
     study = prepared.study
+    print_warnings(prepared.warnings)
     folder = out if out is not None else Path("out") / f"study-{study.name}"
     cache = RecordingCache(cache_folder(), cache_limit_bytes())
     check_search_size(study, prepared.candidate_set, str(prepared.path))
@@ -98,7 +99,7 @@ def _results(run: TrialRunner, coverage: PoseCoverage, result: Result, start_s: 
     study, candidate_set = run.study, run.candidate_set
     objective, baseline = study.objectives[0], result.trials[BASELINE]
     tried = [each for each in result.trials.values() if not each.failure]
-    whole = [each for each in tried if not run.prepared.trackers or len(each.seeds) >= study.search.replicates[-1]]
+    whole = [each for each in tried if not study.validated or len(each.seeds) >= study.search.replicates[-1]]
     budget = study.constraints.budget
     mine = [each for each in whole if each is not baseline or budget is None or baseline.price <= budget]
     if not mine or all(each is baseline for each in whole):

@@ -13,7 +13,7 @@ import operator
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import inf
+from math import inf, isfinite
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator
@@ -100,16 +100,21 @@ def flatten_metrics(metrics: Mapping[str, Any]) -> dict[str, float | None]:
     return {key: value for key, value in _leaves(metrics, "") if key != "gate_m"}
 
 
-def check_ranges(figures: Mapping[str, float | None], source: str) -> None:
-    """Raise InputError, naming `source` and the metric, for a value outside the metric's range.
+def metric_range(key: str) -> tuple[float, float]:
+    """Return the least and the greatest value of a metric.
 
     Metrics for which more is better are shares or 1 less something; all others are counts, lengths or angles.
     """
+    least = -inf if key.rpartition(".")[2] in ("mota", "accuracy") else 0.0
+    return least, 1.0 if METRICS[key].better == "more" else inf
+
+
+def check_ranges(figures: Mapping[str, float | None], source: str) -> None:
+    """Raise InputError, naming `source` and the metric, for a value outside the metric's range."""
     for key, value in figures.items():
         if value is None or key not in METRICS:
             continue
-        most = 1.0 if METRICS[key].better == "more" else inf
-        least = -inf if key.rpartition(".")[2] in ("mota", "accuracy") else 0.0
+        least, most = metric_range(key)
         if not least <= value <= most + 1e-9:
             raise InputError(f"{source}: {key} is {value:g}; a number from {least:g} to {most:g} is expected")
 
@@ -185,6 +190,16 @@ def _bound(value: str | float) -> str:
 
 
 Bound = Annotated[str, BeforeValidator(_bound, json_schema_input_type=str | float)]
+
+
+def within_range(bounds: dict[str, str]) -> dict[str, str]:
+    """Return bounds by metric. Raises ValueError for one whose limit is no value of its metric, or that no value meets."""
+    for key, bound in bounds.items():
+        sign, _, text = bound.partition(" ")
+        (least, most), limit = metric_range(key), float(text)
+        if not (isfinite(limit) and least <= limit <= most) or (sign, limit) in ((">", most), ("<", least)):
+            raise ValueError(f"{key}: {bound!r} is outside its range; a bound within {least:g} to {most:g} is expected")
+    return bounds
 
 
 def holds(mean: float, bound: str) -> bool:

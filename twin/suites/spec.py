@@ -26,7 +26,7 @@ from trackers.plain_data import parse_yaml
 from trackers.rig import Name
 from trackers.text_file import read_text
 from twin import models
-from twin.suites.metrics import GATED, GATED_SENSOR_METRICS, METRICS, Bound
+from twin.suites.metrics import GATED, GATED_SENSOR_METRICS, METRICS, Bound, within_range
 
 
 def list_of(what: str, *, or_empty: bool = False) -> BeforeValidator:
@@ -95,6 +95,7 @@ def _metric_name(name: str) -> str:
 
 MetricBounds = Annotated[
     dict[Annotated[str, AfterValidator(_metric_name)], Bound],
+    AfterValidator(within_range),
     mapping_of('a mapping of metrics, as in {mota: ">= 0.97"},'),
 ]
 

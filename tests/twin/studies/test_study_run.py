@@ -237,6 +237,23 @@ def test_coverage_alone_is_searched_exactly(tmp_path: Path) -> None:
     assert summary["best"]["coverage"] >= summary["baseline"]["coverage"]
 
 
+def test_a_tracker_that_no_objective_uses_is_run_beside_the_search(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = written(
+        tmp_path,
+        objectives=[{"kind": "coverage"}],
+        held_out=None,
+        search={"method": "exact", "replicates": [1, 2]},
+        coverage={"samples": 20, "seeds": [1950]},
+    )
+    summary = run(path, tmp_path / "out")
+    assert summary["best"]["coverage"] >= summary["baseline"]["coverage"]
+    assert "trackers: no objective uses sort; it is run for the table of candidates alone" in capsys.readouterr().err
+    rows = list(csv.DictReader((tmp_path / "out" / "candidates.csv").open()))
+    assert all(row["sort: hota"] for row in rows)
+
+
 def test_what_coverage_finds_is_tracked_and_judged_by_every_figure(tmp_path: Path) -> None:
     metrics = [{"kind": "metric", "metric": "motp_m"}, {"kind": "metric", "metric": "idf1"}]
     path = written(

@@ -31,6 +31,33 @@ def test_shipped_studies_are_ready_to_run(name: str) -> None:
     prepared = prepare(name)
     assert prepared.study.name == name and prepared.study.description
     assert all(prepared.candidate_set.by_device.values())
+    assert not prepared.warnings
+
+
+IDLE = [
+    ({"objectives": [{"kind": "coverage"}], "held_out": None}, "trackers: no objective uses laser-imm; it is run for"),
+    ({"trackers": ["laser-imm", "sort"], "objectives.0.tracker": "sort"}, "trackers: no objective uses laser-imm; it"),
+    ({"devices.rig.price": 0, "cheapest_within": 0.1}, "cheapest_within: decides nothing, as every placement costs"),
+    ({"devices.rig.price": 0, "constraints.budget": 10}, "constraints.budget: decides nothing, as every placement"),
+    (
+        {"devices.rig.price": 0, "objectives": [{"kind": "metric", "metric": "hota"}, {"kind": "price"}]},
+        "objectives.1: decides nothing, as every placement costs nothing; a price of a device is expected",
+    ),
+    ({"search.method": "exhaustive"}, "search.candidates: has no effect without search.method optuna"),
+    ({"search.limit_s": 5}, "search.limit_s: has no effect without search.method exact"),
+    ({"coverage.cell_m": 0.2}, "coverage.cell_m: has no effect without coverage.of floor"),
+    ({"coverage.target": "head"}, "coverage.target: has no effect without cameras"),
+    ({"objectives.0.quantile": 0.2}, "objectives.0.quantile: has no effect without over quantile"),
+    ({"objectives.0.form": "worst"}, "objectives.0.form: has no effect without kind coverage"),
+    ({"devices.rig.yaw_every_deg": 5}, "devices.rig.yaw_every_deg: has no effect without yaw_deg"),
+]
+
+
+@pytest.mark.parametrize(("changes", "said"), IDLE, ids=[said[:30] for _, said in IDLE])
+def test_what_has_no_effect_is_told(changes: dict[str, Any], said: str, tmp_path: Path) -> None:
+    path = written(tmp_path, **{field.replace(".", "__"): value for field, value in changes.items()})
+    assert [each for each in prepare(path, seed_offset=3).warnings if each.startswith(f"{path}: {said}")]
+    assert not prepare(written(tmp_path), seed_offset=3).warnings
 
 
 def test_the_schema_describes_every_field() -> None:
