@@ -103,6 +103,15 @@ def test_starts_are_apart_and_inside(wanderers):
         assert (place < AREA.max(axis=0)).all()
 
 
+def test_a_crowd_that_fits_is_placed_with_every_seed():
+    """Places drawn first may leave none for the last; ten people fit into the area, whatever comes first."""
+    for seed in range(20):
+        truth = make_population({f"p{number}": Person() for number in range(10)}, seed).truth(0.0)
+        place = np.stack([truth.x, truth.y], axis=-1)
+        apart = np.linalg.norm(place[:, None] - place, axis=-1) + 9 * np.eye(10)
+        assert apart.min() >= 0.7 - 0.05
+
+
 def test_a_start_is_where_it_was_asked_for():
     people = {
         "anna": Person(start=(1.0, 1.0), heading_deg=90.0),

@@ -160,6 +160,8 @@ Point = tuple[float, float]
 _CANDIDATES = 200
 _APART_M = 0.75
 """Least distance between the middles of two people at the start."""
+_ROUNDS = 100
+"""Draws of all places: those drawn first may leave no room for the last, though there is room for all."""
 
 
 def known_start(person: Person) -> Point | None:
@@ -186,25 +188,33 @@ def start_places(
 
     Raises InputError where the area has no room left.
     """
-    places = {
+    known = {
         number: np.array(start) for number, person in enumerate(people) if (start := known_start(person)) is not None
     }
-    for number, name in enumerate(names):
-        if number in places:
-            continue
-        candidates = ground.free_places(_CANDIDATES, random[number])
-        # people on recorded paths and later arrivals are avoided when they come
-        taken = [place for other, place in places.items() if comes_at(people[other]) <= comes_at(people[number])]
-        if taken:
-            clear = np.linalg.norm(candidates[:, None] - np.array(taken), axis=-1).min(axis=1) >= _APART_M
-            candidates = candidates[clear]
-        if not len(candidates):
-            raise InputError(
-                f"{source}: people.{name}: no place in the area is {_APART_M} m from everybody else; "
-                f"fewer people than {len(people)}, or a larger area, are expected"
-            )
-        places[number] = candidates[0]
-    return np.array([places[number] for number in range(len(people))], dtype=float).reshape(-1, 2)
+    stuck = ""
+    for _ in range(_ROUNDS):
+        places = dict(known)
+        for number in range(len(people)):
+            if number in places:
+                continue
+            candidates = ground.free_places(_CANDIDATES, random[number])
+            # people on recorded paths and later arrivals are avoided when they come
+            taken = [place for other, place in places.items() if comes_at(people[other]) <= comes_at(people[number])]
+            if taken:
+                clear = np.linalg.norm(candidates[:, None] - np.array(taken), axis=-1).min(axis=1) >= _APART_M
+                candidates = candidates[clear]
+            if not len(candidates):
+                stuck = names[number]
+                break
+            places[number] = candidates[0]
+        else:
+            return np.array([places[number] for number in range(len(people))], dtype=float).reshape(-1, 2)
+        if not set(places) - set(known):  # nobody drawn stands in the way
+            break
+    raise InputError(
+        f"{source}: people.{stuck}: no place in the area is {_APART_M} m from everybody else; "
+        f"fewer people than {len(people)}, or a larger area, are expected"
+    )
 
 
 def comes_at(person: Person) -> float:
