@@ -117,7 +117,7 @@ class RunFacts:
 
 _FAR_M = (3.0, 6.0)
 
-DISTANCES = (f"up to {_FAR_M[0]:g} m", f"to {_FAR_M[1]:g} m", "farther")
+DISTANCES = (f"up to {_FAR_M[0]:g}\u00a0m", f"to {_FAR_M[1]:g}\u00a0m", "farther")
 """Headings of the last columns of the table, by distance from the nearest sensor."""
 
 

@@ -116,6 +116,8 @@ __all__ = ["PreviewWriter", "TruePoses"]
 _HEADER_PX = 44
 _FOOTER_PX = 28
 _LEGEND_PX = 460
+_MARK_PX = 16  # of the legend: from a mark to its name
+_GAP_PX = 20
 """Least width of the plan, for what is written below it."""
 
 
@@ -269,15 +271,21 @@ class PreviewWriter:
         height, width = self._canvas.shape[:2]
         x, y = width - self._floor.width_px + 14.0, height - 10
         layers = self._floor.layers.items()
-        entries = [("dot", colour, name if "scan" in name else f"{name} scan") for name, colour in layers]
-        entries += [("square", PRESSED, name) for name in self._rig.floors()]
-        entries += [("disc", INK, "track"), *([("ring", INK, "truth")] if with_truth else [])]
+        sensors = [("dot", colour, name if "scan" in name else f"{name} scan") for name, colour in layers]
+        sensors += [("square", PRESSED, name) for name in self._rig.floors()]
+        marks = [("disc", INK, "track"), *([("ring", INK, "truth")] if with_truth else [])]
+        entries = [*sensors, *marks]
+        while (
+            sensors and sum(_MARK_PX + text_width(label, 14) + _GAP_PX for *_, label in entries) - _GAP_PX > width - x
+        ):
+            sensors.pop()  # too many for the width: dots say that there are more
+            entries = [*sensors, ("", QUIET, "…"), *marks]
         for kind, colour, label in entries:
             centre = fixed_point(np.array([x + 5, y - 5.0])).tolist()
             radius = (3 if kind == "dot" else 6) << SHIFT
             if kind == "square":
                 cv2.rectangle(self._canvas, (round(x) - 1, y - 11), (round(x) + 11, y + 1), colour, -1)
-            else:
+            elif kind:
                 cv2.circle(self._canvas, centre, radius, colour, 1 if kind == "ring" else -1, cv2.LINE_AA, SHIFT)
-            write(self._canvas, label, x + 16, y, QUIET, 14)
-            x += 16 + text_width(label, 14) + 20
+            write(self._canvas, label, x + _MARK_PX, y, QUIET, 14)
+            x += _MARK_PX + text_width(label, 14) + _GAP_PX

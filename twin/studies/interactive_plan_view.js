@@ -85,14 +85,17 @@
     for (const pane of plan.glass) { outline(pen, pane); pen.fill(); pen.stroke(); }
     pen.setLineDash([6 * ratio, 4 * ratio]); pen.strokeStyle = "#11151a"; pen.lineWidth = ratio;
     outline(pen, plan.area); pen.stroke(); pen.setLineDash([]);
-    const order = [...sensors.filter((each) => each !== chosen), chosen]; // the chosen one over those at the same place
-    for (const sensor of order) drawSensor(pen, sensor, sensors.indexOf(sensor) + 1, ratio);
+    for (const sensor of drawn()) {
+      const together = sensors.filter((each) => Math.hypot(...[0, 1].map((axis) => each.xyz[axis] - sensor.xyz[axis])) * scale < 8 * ratio);
+      drawSensor(pen, sensor, together.map((each) => sensors.indexOf(each) + 1).join(","), ratio);
+    }
   }
+  const drawn = () => [...sensors.filter((each) => each !== chosen), chosen]; // the chosen one over those at the same place
   function tipOf(sensor) { // of the arrow, which turns the sensor
     const [u, v] = toPixel(sensor.xyz), angle = sensor.yaw_deg * RoomPlan.rad, length = 34 * (window.devicePixelRatio || 1);
     return [u + length * Math.cos(angle), v - length * Math.sin(angle)];
   }
-  function drawSensor(pen, sensor, number, ratio) {
+  function drawSensor(pen, sensor, numbers, ratio) {
     const [u, v] = toPixel(sensor.xyz), [tu, tv] = tipOf(sensor), wrong = solidAt(sensor.xyz);
     const ink = wrong ? "#c2330f" : sensor === chosen ? "#0b57d0" : "#11151a";
     for (const [shade, wider] of [["#fff", 1.5 * ratio], [ink, 0]]) { // a white edge: the map is light, the page may be dark
@@ -102,7 +105,7 @@
       pen.beginPath(); pen.arc(u, v, 10 * ratio + wider, 0, 7); pen.fill();
     }
     pen.fillStyle = "#fff"; pen.font = `${11 * ratio}px system-ui, sans-serif`;
-    pen.textAlign = "center"; pen.textBaseline = "middle"; pen.fillText(number, u, v);
+    pen.textAlign = "center"; pen.textBaseline = "middle"; pen.fillText(numbers, u, v, 17 * ratio);
   }
 
   // ---- text --------------------------------------------------------------------------------------------------------
@@ -149,7 +152,7 @@
     const reach = (isFinger ? 24 : 14) * (window.devicePixelRatio || 1);
     const near = (point) => Math.hypot(point[0] - u, point[1] - v) < reach;
     if (near(tipOf(chosen))) return { sensor: chosen, turns: true };
-    const held = [...sensors].reverse().find((each) => near(toPixel(each.xyz)));
+    const held = drawn().reverse().find((each) => near(toPixel(each.xyz)));
     return held ? { sensor: held, turns: false } : null;
   };
   canvas.addEventListener("touchstart", (event) => { // a finger beside the sensors scrolls the page

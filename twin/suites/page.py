@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from twin.evaluate.accuracy import WITHIN, calibration_curve
 from twin.recording.atomic_file import open_atomic
-from twin.report.metrics_table import HEADLINE_METRICS
+from twin.report.metrics_table import HEADLINE_METRICS, format_number
 from twin.report.page import calibration_chart
 from twin.report.palette import IDENTITY_COLOURS, data_uri, hex_colour, page_template
 from twin.suites.comparison import Change, Comparison, SuiteOutcome, case_page, incident_link
@@ -251,18 +251,17 @@ def _reference_row(row: ReferenceDifference) -> tuple[str, int, list[tuple[str, 
 
 
 def _differences(row: ReferenceDifference) -> list[tuple[str, str, str]]:
-    """Format mean difference, interval and verdict of each metric of a tracker against the reference."""
+    """Format mean difference, interval and verdict of each metric of a tracker against the reference, without unit."""
     cells = []
     for metric, found in row.differences.items():
         if found is None:
             cells.append(("–", "", ""))
             continue
-        interval = (
-            ""
-            if found.low is None
-            else f"{format_metric(metric, found.low, True)} to {format_metric(metric, found.high, True)}"
+        mean, low, high = (
+            format_number(value, METRICS[metric].decimals or 1, sign=True)
+            for value in (found.mean, found.low, found.high)
         )
-        cells.append((format_metric(metric, found.mean, True), interval, row.verdict(metric)))
+        cells.append((mean, "" if found.low is None else f"{low} to {high}", row.verdict(metric)))
     return cells
 
 

@@ -1,0 +1,109 @@
+"""The interactive plan in a browser: a reader drags and turns sensors, and the page says of them what the twin says."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+from html import unescape
+from pathlib import Path
+from typing import Any
+
+import pytest
+from command_line import twin
+
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
+"""Path of a browser that prints a page after its scripts have run; None: none is on this machine."""
+
+pytestmark = pytest.mark.skipif(BROWSER is None, reason="no Chromium or Chrome is on this machine")
+
+READER = """<script>
+HTMLElement.prototype.setPointerCapture = () => {};  // the pointer of a script cannot be captured
+const plan = document.getElementById("interactive-plan"), drawing = plan.querySelector("canvas");
+const part = (name) => plan.querySelector(`[data-part="${name}"]`), field = (name) => part(name).valueAsNumber;
+const point = (kind, x, y) => {
+  const box = drawing.getBoundingClientRect();
+  drawing.dispatchEvent(new PointerEvent(kind, { clientX: box.left + x, clientY: box.top + y, bubbles: true }));
+};
+const drag = (from, to) => { point("pointerdown", ...from); point("pointermove", ...to); point("pointerup", ...to); };
+const choose = (row) => part("rows").querySelectorAll("tr")[row].click();
+const placed = () => ({ name: part("name").textContent, x: field("x"), y: field("y"), yaw: field("yaw") });
+const find = (row) => {  // the pixel by which the sensor of this row is taken hold of: one that turns nothing when dragged
+  choose(row);
+  const before = placed();
+  for (let y = 2; y < drawing.clientHeight; y += 4) for (let x = 2; x < drawing.clientWidth; x += 4) {
+    point("pointerdown", x, y); point("pointermove", x + 1, y); point("pointerup", x + 1, y);
+    const { name, yaw, x: now } = placed();
+    if (name === before.name && yaw === before.yaw && now !== before.x) return [x + 1, y];
+    if (name !== before.name || yaw !== before.yaw) { part("reset").click(); choose(row); }
+  }
+};
+const said = {};
+%s
+document.title = JSON.stringify({ ...said, yaml: part("yaml").value, shares: JSON.parse(plan.dataset.floorShares) });
+</script>"""
+
+
+def read(page: Path, does: str) -> dict[str, Any]:
+    """Return what the page says after a reader has done this, a script that may use the functions of `READER`."""
+    assert BROWSER is not None
+    changed = page.with_name("read.html")
+    changed.write_text(page.read_text("utf-8").replace("</body>", READER % does + "</body>"), "utf-8")
+    command = [BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--window-size=1280,900"]
+    command += [
+        "--disable-background-networking",
+        f"--user-data-dir={page.parent / 'browser'}",
+        "--dump-dom",
+        changed.as_uri(),
+    ]
+    shown = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120).stdout
+    found = re.search(r"<title>(\{.*?\})</title>", shown, re.DOTALL)
+    assert found, shown[-2000:]
+    return json.loads(unescape(found[1]))
+
+
+def coverage(scenario: str, *options: str, folder: Path) -> dict[str, float]:
+    """Return the shares of the empty room's floor by sensor that the command says, whose page lies in the folder."""
+    ended = twin("study", "coverage", scenario, *options, "--samples", "1", "--out", folder)
+    assert ended.returncode == 0, ended.stderr
+    found = json.loads((folder / "coverage.json").read_text("utf-8"))["sensors"]
+    return {name: each["floor"] for name, each in found.items()}
+
+
+def test_sensors_that_are_dragged_and_turned_see_what_the_twin_says(tmp_path: Path) -> None:
+    coverage("drawn", "--seed", "1004", folder=tmp_path)
+    said = read(
+        tmp_path / "coverage.html",
+        """
+        const at = find(1); said.before = placed();
+        drag(at, [at[0] + 60, at[1] - 40]); said.after = placed();
+        const tip = [at[0] + 60 + 34 * Math.cos(said.after.yaw * Math.PI / 180), at[1] - 40 - 34 * Math.sin(said.after.yaw * Math.PI / 180)];
+        drag(tip, [tip[0] + 200, tip[1] + 90]); said.turned = placed();
+        """,
+    )
+    before, after, turned = said["before"], said["after"], said["turned"]
+    assert (after["x"] - before["x"]) / 60 == pytest.approx((after["y"] - before["y"]) / 40, abs=0.001)
+    assert after["x"] > before["x"]
+    assert after["yaw"] == before["yaw"]
+    assert (turned["x"], turned["y"]) == (after["x"], after["y"])
+    assert turned["yaw"] != after["yaw"]
+    (tmp_path / "plan.yaml").write_text(said["yaml"], "utf-8")
+    expected = coverage(str(tmp_path / "plan.yaml"), folder=tmp_path / "again")
+    for name, share in said["shares"].items():
+        assert share == pytest.approx(expected[name], abs=0.01)
+
+
+def test_of_sensors_at_one_place_the_chosen_one_is_dragged(tmp_path: Path) -> None:
+    coverage("lab-five-people", folder=tmp_path)
+    said = read(
+        tmp_path / "coverage.html",
+        """
+        const at = find(0); said.before = placed();
+        choose(1); said.other = placed();
+        drag(at, [at[0] + 30, at[1]]); said.moved = placed();
+        """,
+    )
+    assert said["before"]["name"] == "waist"
+    assert (said["moved"]["name"], said["other"]["name"]) == ("knee", "knee")
+    assert said["moved"]["x"] > said["other"]["x"]
