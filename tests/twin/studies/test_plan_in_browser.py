@@ -78,7 +78,8 @@ def test_sensors_that_are_dragged_and_turned_see_what_the_twin_says(tmp_path: Pa
         """
         const at = find(1); said.before = placed();
         drag(at, [at[0] + 60, at[1] - 40]); said.after = placed();
-        const tip = [at[0] + 60 + 34 * Math.cos(said.after.yaw * Math.PI / 180), at[1] - 40 - 34 * Math.sin(said.after.yaw * Math.PI / 180)];
+        const angle = said.after.yaw * Math.PI / 180;
+        const tip = [at[0] + 60 + 34 * Math.cos(angle), at[1] - 40 - 34 * Math.sin(angle)];
         drag(tip, [tip[0] + 200, tip[1] + 90]); said.turned = placed();
         """,
     )
