@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from trackers.laser.reach import ScannerReach
 from trackers.observations import DepthImage, FloorFrame, Image, LaserScan, Observation, Odometry
 from trackers.prior import Prior
 from trackers.rig import Rig
-from trackers.tracks import TrackFrame
+from trackers.tracks import TrackFrame, unused_sensors
 from twin.recording.losses import Loss, ObservationLog, dropped_by
 from twin.report.birdseye import Polygon
 from twin.report.floor_panel import TruePoses
@@ -153,8 +154,9 @@ _SLOWEST_HZ, _FASTEST_HZ = 1.0, 60.0
 class Feed:
     """Feeds each observation to every tracker, and the first tracker's frames to the preview."""
 
-    def __init__(self, runners: Sequence[TrackerRunner], preview: Preview | None) -> None:
+    def __init__(self, runners: Sequence[TrackerRunner], preview: Preview | None, rig: Rig) -> None:
         self.runners = runners
+        self._reach = ScannerReach(rig)
         self.preview = preview
         self.on_frame: Callable[[str, TrackFrame], object] | None = None
         """Called with each tracker's name and frame, if set."""
@@ -168,6 +170,8 @@ class Feed:
     def observe(self, observation: Observation) -> None:
         """Feed one observation; raises PlugInError when the last remaining tracker has failed."""
         self.log.add(observation)
+        if isinstance(observation, LaserScan):
+            self._reach.add(observation)
         if self.preview is not None:
             self.preview.observe(observation)
             if not self.runners or self.runners[0].failure:
@@ -189,6 +193,11 @@ class Feed:
         counts = self.log.counts
         dropped = [dropped_by(each.name, each.losses, counts, ahead_s) for each in self.runners if not each.failure]
         return [*self.log.blind(), *(loss for losses in dropped for loss in losses)]
+
+    def unfit_scanners(self) -> list[str]:
+        """Return a sentence per scanner, of those that a tracker uses, that cannot show people in most of what it sees."""
+        unused = [set(unused_sensors(each.tracker)) for each in self.runners if not each.failure]
+        return self._reach.warnings(set.intersection(*unused)) if unused else []
 
     def _show(self, place: int, frames: list[TrackFrame]) -> None:
         if self.on_frame is not None:
@@ -235,4 +244,4 @@ def open_feed(
             film = PreviewWriter(folder / "preview.mp4", rig, fps=fps, tracker=tracker, title=title, **place)
             writer = stack.enter_context(film)
         kept = SensorStills(rig, **place) if stills else None
-        yield Feed(runners, Preview(writer, rig, kept) if writer is not None or kept is not None else None)
+        yield Feed(runners, Preview(writer, rig, kept) if writer is not None or kept is not None else None, rig)

@@ -165,7 +165,7 @@ class _LiveRun:
         self._feed.finish()
         self._tracker_warnings = tracker_warnings(self._feed.runners, bool(request.scenario.people))
         self._losses = [*self._feed.log.missing(), *self._feed.losses()]
-        self._late = self._simulation.late()
+        self._late = (*self._simulation.late(), *self._feed.unfit_scanners())
         found = (*self._late, *lines(self._losses), *self._tracker_warnings)
         self._new = [each for each in found if each not in self._early]
         for each in self._new:

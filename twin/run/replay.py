@@ -211,7 +211,9 @@ class _Replay:
         anybody = None if self._truth is None else bool(self._truth.id.size)
         self._tracker_warnings = tracker_warnings(fed.runners, anybody)
         self._losses = [*bag.losses, *fed.losses(bag.ahead_s)]
-        self._new = [each for each in (*lines(self._losses), *self._tracker_warnings) if each not in self._early]
+        self._unfit = fed.unfit_scanners()
+        found = (*lines(self._losses), *self._unfit, *self._tracker_warnings)
+        self._new = [each for each in found if each not in self._early]
         for each in self._new:
             request.on_warning(each)
         self._spent_s = time.perf_counter() - start
@@ -260,7 +262,7 @@ class _Replay:
             start_stamp_ns=bag.start_ns,
             notes=(
                 *prior_notes(request.prior_files),
-                *(f"{each}." for each in (*lines(self._losses), *bag.moving)),
+                *(f"{each}." for each in (*lines(self._losses), *bag.moving, *self._unfit)),
                 *tracker_notes(fed.runners, self._faults),
                 *(simplifications(scenario) if bag.is_twin else ()),
             ),

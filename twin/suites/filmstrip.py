@@ -81,7 +81,7 @@ def draw_filmstrip(work: FilmstripWork) -> bytes:
         writer.wanted_s = deque(work.t_s + offset for offset in _OFFSETS_S)
         prior = Prior.read(bag.background, case.prior, bag.rig)
         with writer, tracker_runners(chosen, bag.rig, prior, case.seed, folder) as runners:
-            _show(Feed(runners, preview := Preview(writer, bag.rig)), preview, writer, bag)
+            _show(Feed(runners, preview := Preview(writer, bag.rig), bag.rig), preview, writer, bag)
         return _side_by_side(writer.stills)
 
 

@@ -104,3 +104,26 @@ def test_a_camera_that_hangs_otherwise_than_believed_is_named_where_the_room_is_
     assert [each for each in told.told if "stereo_" in each] == [
         f"rgbd-head: the empty room that stereo_2 {said}; its pictures are not used any more"
     ]
+
+
+def test_a_coarse_and_a_tilted_scanner_are_told_live_and_again_but_not_where_no_tracker_uses_them(
+    tmp_path: Path,
+) -> None:
+    changes = ["duration_s=0.4", "background_frames=2", "sensors.fisheye=null", "sensors.waist.resolution_deg=6"]
+    scenario = load_scenario("lab-five-people", [*changes, "sensors.knee.mount.pitch_deg=30"])
+    said = ("waist: shows people in", "knee: shows people in")
+    live, again, unused = Told(), Told(), Told()
+    result = run_scenario(scenario, trackers=["laser-imm"], **live.keywords(tmp_path / "a"))
+    bag = tmp_path / "a" / "recording.mcap"
+    track_recording(bag, trackers=["laser-imm"], **again.keywords(tmp_path / "b"))
+    track_recording(bag, trackers=["waist-fisheye-imm"], changes=WAIST_ONLY, **unused.keywords(tmp_path / "c"))
+    for told in (live, again):
+        warned = [each for each in told.told if each.startswith(said)]
+        assert ["its beams are 6° apart" in each for each in warned] == [True, False]
+        assert ["it is tilted by 30°" in each for each in warned] == [False, True]
+    assert set(warned) <= set(result.warnings)
+    assert all(f"{each}." in (tmp_path / "a" / "report.html").read_text() for each in warned)
+    assert [each for each in unused.told if each.startswith(said)] == warned[:1]
+
+
+WAIST_ONLY = ["trackers.waist-fisheye-imm.camera=false"]

@@ -1,0 +1,244 @@
+"""Reach of a rig's scanners: places where their scans can show people, by the spacing and the height of the beams.
+
+A scanner shows a body where the smallest cluster of its layer is more likely than not (`bearings.DetectionModel`), and where
+its beams are neither in the floor nor over the heads, as those of a tilted scanner are. Places are those of the tracked area.
+Without one, beams are to be above the floor at the returns, and close enough together where something has moved; on a moving
+base only the former can be told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, field
+from math import asin, degrees, floor, hypot, log10, sin
+
+import numpy as np
+
+from trackers.area import Area
+from trackers.arrays import Array, Bool, Float, Mask
+from trackers.laser.layer import KneeOptions, WaistOptions
+from trackers.observations import NS_PER_S, LaserScan
+from trackers.rig import LaserSensor, Rig
+from trackers.rig_sensors import MOST_TILT_DEG, Role
+
+_SHOWN = 0.5
+"""Share of the places below which a warning is made."""
+_PLACES = 4000
+"""Places in the rectangle about a tracked area."""
+_LOOKS_NS = NS_PER_S
+"""Time between two scans that are examined; people and things move meanwhile."""
+_HEIGHTS_M = 0.05, 1.5
+"""Heights at which a beam meets an adult: above the soles, below the top of the head [m]."""
+_BEARINGS = 720
+"""Bearings whose farthest return is kept."""
+
+
+@dataclass(frozen=True)
+class _Body:
+    """Part of people that a layer shows: its word, its width [m], and the samples of its smallest cluster."""
+
+    word: str
+    width_m: float
+    least: int
+
+    @property
+    def widest_gap_m(self) -> float:
+        """Spacing of beams at which the smallest cluster is as likely as not."""
+        return self.width_m / (self.least - 0.5)
+
+
+def _bodies() -> dict[Role, _Body]:
+    waist, knee = WaistOptions(), KneeOptions()
+    assert waist.body_width_m is not None
+    assert knee.free_space.width_m is not None
+    return {
+        "waist": _Body("trunk", waist.body_width_m, waist.cluster.min_samples),
+        "knee": _Body("leg", knee.free_space.width_m, knee.cluster.min_samples),
+    }
+
+
+@dataclass
+class _Tally:
+    """Counts of places, and of those at which no scanner shows people; median distances of the places, one per scan [m]."""
+
+    n_place: int = 0
+    n_lost: int = 0
+    far_m: list[float] = field(default_factory=list)
+
+    def add(self, distance_m: Float[Array, "n"], lost: Bool[Mask, "n"]) -> None:
+        """Count the places of one scan."""
+        if len(lost):
+            self.n_place += len(lost)
+            self.n_lost += int(lost.sum())
+            self.far_m.append(float(np.median(distance_m)))
+
+    @property
+    def is_short(self) -> bool:
+        """True where people are shown at less than half of the places."""
+        return self.n_lost > (1 - _SHOWN) * self.n_place
+
+    def shown(self) -> str:
+        """Return the share of the places at which people are shown, as a clause."""
+        return f"shows people in {100 * (1 - self.n_lost / self.n_place):.0f} % of what it sees"
+
+
+class _Scanner:
+    """One scanner: its latest scan, and tallies of the places where its beams are too sparse, and too low or too high."""
+
+    def __init__(self, sensor: LaserSensor, body: _Body) -> None:
+        pose = sensor.room_from_sensor
+        self.base = sensor.mounted_on
+        self.body = body
+        self.scan: LaserScan | None = None
+        self.examined_ns: int | None = None
+        self.spacing, self.height, self.n_below = _Tally(), _Tally(), 0
+        self._height_m = pose.xyz[2]
+        self._up = pose.rotation[2, :2]
+        self._tilt_rad = asin(min(1.0, hypot(*self._up)))
+        low, high = _HEIGHTS_M
+        self._heights_m = min(low, self._height_m), max(high, self._height_m)  # a level one is as high as meant
+        self._origin_m, self._room_from_scan = pose.translation[:2], pose.rotation[:2, :2]
+        self._scan_from_room = np.linalg.pinv(self._room_from_scan)
+        self._farthest_m = np.zeros(_BEARINGS)
+
+    def returns(self) -> tuple[Float[Array, "n 2"], Bool[Mask, "n"]]:
+        """Return the places of the latest scan's returns [m], and a mask of those nearer than an earlier one behind them."""
+        assert self.scan is not None
+        ranges, angles = self.scan.ranges_m, self.scan.angles_rad
+        hit = np.isfinite(ranges) & (ranges <= self.scan.range_max_m)
+        ranges, angles = ranges[hit], angles[hit]
+        bearing = np.floor(angles / (2 * np.pi) * _BEARINGS).astype(np.intp) % _BEARINGS
+        moved = ranges < self._farthest_m[bearing] - self.body.width_m
+        np.maximum.at(self._farthest_m, bearing, ranges)
+        local = ranges * np.stack([np.cos(angles), np.sin(angles)])
+        return (self._room_from_scan @ local).T + self._origin_m, moved
+
+    def look(
+        self, places: Float[Array, "n 2"]
+    ) -> tuple[Float[Array, "n"], Bool[Mask, "n"], Bool[Mask, "n"], Bool[Mask, "n"]]:
+        """Return distances along the beams [m], and masks of places: seen freely, beams in the floor there, over the heads.
+
+        What is behind the point where a tilted beam meets floor or ceiling would be seen by a level one, for all that is known.
+        """
+        assert self.scan is not None
+        scan, count = self.scan, self.scan.ranges_m.size
+        x, y = self._scan_from_room @ (places - self._origin_m).T
+        distance = np.hypot(x, y)
+        middle_rad = scan.angle_min_rad + 0.5 * (count - 1) * scan.angle_increment_rad
+        bearing = np.arctan2(y, x) - middle_rad
+        bearing -= 2 * np.pi * np.rint(bearing / (2 * np.pi))
+        beam = np.rint(bearing / scan.angle_increment_rad + 0.5 * (count - 1)).astype(np.intp)
+        inside = (beam >= 0) & (beam < count) & (distance <= scan.range_max_m)
+        reach_m = np.nan_to_num(np.minimum(scan.ranges_m, scan.range_max_m), nan=0.0)
+        free = inside & (reach_m[np.where(inside, beam, 0)] >= distance - self.body.width_m)
+        height_m = self._height_m + self._up @ np.stack([x, y])
+        below, above = inside & (height_m < self._heights_m[0]), inside & (height_m > self._heights_m[1])
+        return distance, free & ~below & ~above, below, above
+
+    def is_sparse(self, distance_m: Float[Array, "n"]) -> Bool[Mask, "n"]:
+        """Return a mask of the distances at which too few beams meet a body."""
+        return distance_m * self._spacing_rad > self.body.widest_gap_m
+
+    @property
+    def _spacing_rad(self) -> float:
+        assert self.scan is not None
+        return abs(self.scan.angle_increment_rad)
+
+    def sentences(self) -> list[str]:
+        """Describe what is too coarse or tilted, with what would be valid."""
+        tilt_deg = degrees(self._tilt_rad)
+        if tilt_deg > MOST_TILT_DEG and self.scan is not None:
+            return [
+                f"scans no layer of people: it is tilted by {tilt_deg:.3g}°; {MOST_TILT_DEG:g}° or less is expected"
+            ]
+        found, body = [], self.body
+        if self.spacing.is_short:
+            gap_m, far_m = body.widest_gap_m, float(np.median(self.spacing.far_m))
+            found.append(
+                f"{self.spacing.shown()}: its beams are {degrees(self._spacing_rad):.3g}° apart, and beyond "
+                f"{gap_m / self._spacing_rad:.2g} m fewer than {body.least} meet a {body.word} of {body.width_m:g} m; "
+                f"{_rounded_down(degrees(gap_m / max(far_m, gap_m))):g}° or less is expected here"
+            )
+        if self.height.is_short:
+            low, high = self._heights_m
+            is_below = self.n_below > 0.5 * self.height.n_lost
+            spare_m, far_m = (
+                self._height_m - low if is_below else high - self._height_m,
+                float(np.median(self.height.far_m)),
+            )
+            found.append(
+                f"{self.height.shown()}: it is tilted by {tilt_deg:.3g}°, and its beams "
+                f"{'meet the floor' if is_below else 'pass over heads'} from {spare_m / sin(self._tilt_rad):.2g} m on; "
+                f"{_rounded_down(degrees(asin(min(1.0, spare_m / max(far_m, 1e-9))))):g}° or less is expected here"
+            )
+        return found
+
+
+class ScannerReach:
+    """Examines the scans of a run for places that the scanners see but at which they cannot show people."""
+
+    def __init__(self, rig: Rig) -> None:
+        bodies = _bodies()
+        self._scanners = {name: _Scanner(sensor, bodies[sensor.layer]) for name, sensor in rig.lasers().items()}
+        self._places = None if rig.area is None else _places_in(np.array(rig.area, float))
+
+    def add(self, scan: LaserScan) -> None:
+        """Take the next scan; one per second and scanner is examined, by the latest of the others on its base."""
+        mine = self._scanners.get(scan.sensor)
+        if mine is None or scan.ranges_m.size < 2 or not scan.angle_increment_rad:
+            return
+        mine.scan = scan
+        if mine.examined_ns is not None and 0 <= scan.stamp_ns - mine.examined_ns < _LOOKS_NS:
+            return
+        mine.examined_ns = scan.stamp_ns
+        if mine.base is None and self._places is not None:
+            self._examine(mine, self._places, spacing=True, height=True)
+            return
+        places, moved = mine.returns()
+        self._examine(mine, places, height=True)
+        if mine.base is None:
+            self._examine(mine, places[moved], spacing=True)
+
+    def _examine(
+        self, mine: _Scanner, places: Float[Array, "n 2"], *, spacing: bool = False, height: bool = False
+    ) -> None:
+        """Count the places that a scanner sees and none on its base shows."""
+        distance, free, below, above = mine.look(places)
+        seen = free | below | above
+        places, distance, below, above = places[seen], distance[seen], below[seen], above[seen]
+        shown = np.zeros(len(places), np.bool_)
+        for other in self._scanners.values():
+            if other is not mine and other.scan is not None and other.base == mine.base:
+                far, free, _, _ = other.look(places)
+                shown |= free & ~other.is_sparse(far)
+        if spacing:
+            mine.spacing.add(distance, mine.is_sparse(distance) & ~shown)
+        if height:
+            mine.height.add(distance, (below | above) & ~shown)
+            mine.n_below += int((below & ~shown).sum())
+
+    def warnings(self, unused: Collection[str] = ()) -> list[str]:
+        """Return sentences on scanners that show people in less than half of what they see; `unused`: scanners left out."""
+        return [
+            f"{name}: {sentence}"
+            for name, each in self._scanners.items()
+            if name not in unused
+            for sentence in each.sentences()
+        ]
+
+
+def _rounded_down(number: float) -> float:
+    """Return the number with two significant digits, rounded down."""
+    if number <= 0:
+        return 0.0
+    digits = 1 - floor(log10(number))
+    return round(floor(number * 10.0**digits) / 10.0**digits, digits)
+
+
+def _places_in(corners: Float[Array, "c 2"]) -> Float[Array, "n 2"]:
+    """Return places on a grid in a polygon (c, 2) [m]."""
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    step_m = float(np.sqrt(np.prod(np.maximum(high - low, 1e-3)) / _PLACES))
+    axes = [np.arange(start + step_m / 2, end, step_m) for start, end in zip(low, high, strict=True)]
+    places = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+    return places[Area(corners).contains(places)]
