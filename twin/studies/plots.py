@@ -172,7 +172,8 @@ def _dimensions(axes: Axes, sensor: PlanSensor, building: Building, scale: int) 
             continue
         share = (0.35, 0.5, 0.65)[sensor.number % 3]  # numbers of coinciding lines stay apart
         at = here[:2] + share * (foot - here[:2]) + 0.0012 * scale * along
-        _write(axes, at, f"{gap_m:.2f}", color=_ACCENT)
+        turn = 90 - (90 - np.rad2deg(np.arctan2(*(foot - here[:2])[::-1]))) % 180  # along the line, never upside down
+        _write(axes, at, f"{gap_m:.2f}", color=_ACCENT, rotation=turn)
 
 
 def _names(axes: Axes, sensors: Sequence[PlanSensor], reach_m: float) -> None:
