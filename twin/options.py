@@ -7,6 +7,19 @@ from typing import Annotated
 
 import typer
 
+from trackers.errors import InputError
+
+
+def _each_path_once(changes: list[str] | None) -> list[str] | None:
+    """Raise InputError where two of the changes, 'path=value' texts, are of one field: the first would have no effect."""
+    first: dict[str, str] = {}
+    for change in changes or ():
+        path = change.partition("=")[0].strip()
+        if path in first:
+            raise InputError(f"--set {first[path]}, --set {change}: are of one field; each field once is expected")
+        first[path] = change
+    return changes
+
 
 def _lift_limits(is_asked: bool) -> bool:
     """Lift the limits of this process and its workers for --no-limits."""
@@ -31,10 +44,27 @@ ScenarioName = Annotated[
 ]
 Set = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="PATH=VALUE", help="Change a field, e.g. sensors.waist.rate_hz=20. May be repeated."),
+    typer.Option(
+        "--set",
+        metavar="PATH=VALUE",
+        callback=_each_path_once,
+        help="Change a field, e.g. sensors.waist.rate_hz=20. May be repeated.",
+    ),
 ]
 SetOfScenario = Annotated[
-    list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="Change a field of the scenario. Repeatable.")
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="PATH=VALUE", callback=_each_path_once, help="Change a field of the scenario. Repeatable."
+    ),
+]
+SetOfCases = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="PATH=VALUE",
+        callback=_each_path_once,
+        help="Change a field in every case, e.g. a tracker's. Repeatable.",
+    ),
 ]
 Seed = Annotated[int | None, typer.Option(min=0, help="Seed of all randomness; default: the scenario's.")]
 Out = Annotated[Path | None, typer.Option(help="Folder for the results; default: out/<scenario>-<seed>.")]
@@ -82,12 +112,25 @@ Verbose = Annotated[
 ]
 
 
-def overrides(changes: list[str] | None, seed: int | None, duration_s: float | None = None) -> list[str]:
-    """Collect `--set`, `--seed` and `--duration` as changes of a scenario, 'path=value' texts."""
-    extra = [] if seed is None else [f"seed={seed}"]
-    if duration_s is not None:
-        extra.append(f"duration_s={duration_s}")
-    return [*(changes or []), *extra]
+def overrides(
+    changes: list[str] | None,
+    seed: int | None = None,
+    duration_s: float | None = None,
+    environment: Path | None = None,
+) -> list[str]:
+    """Collect `--set`, `--seed`, `--duration` and `--environment` as changes of a scenario, 'path=value' texts.
+
+    Raises InputError where `--set` sets what another option does, and for a missing environment.
+    """
+    from twin.run.inputs import environment_change
+
+    options = [("--seed", "seed", seed), ("--duration", "duration_s", duration_s)]
+    for option, path, value in (*options, ("--environment", "prior.environment", environment)):
+        for change in changes or ():
+            if value is not None and change.partition("=")[0].strip() == path:
+                raise InputError(f"{option} {value}, --set {change}: are of one field; one of the two is expected")
+    extra = [f"{path}={value}" for _, path, value in options if value is not None]
+    return [*(changes or []), *extra, *environment_change(environment)]
 
 
 Jobs = Annotated[

@@ -401,3 +401,42 @@ def test_a_source_that_is_not_there_is_told_with_all_that_can_be_exported() -> N
     done = twin("export", "nothing", "--format", "mot")
     assert done.returncode == 2
     assert "twin: nothing: is not there; the folder of a run, a bag, or a suite is expected; suites are " in done.stderr
+
+
+LAB = "lab-five-people"
+SEED = ("--seed 1, --set seed=2: are of one field; one of the two is expected", ("--seed", "1", "--set", "seed=2"))
+ROOM = (
+    "--environment e.npz, --set prior.environment=f.npz: are of one field",
+    ("--environment", "e.npz", "--set", "prior.environment=f.npz"),
+)
+TWICE = ("--set a=1, --set a = 2: are of one field; each field once is expected", ("--set", "a=1", "--set", "a = 2"))
+
+
+@pytest.mark.parametrize(
+    ("said", "arguments"),
+    [
+        *((SEED[0], (*each.split(), *SEED[1])) for each in (f"run {LAB}", f"render {LAB}", f"environment {LAB}")),
+        *((SEED[0], (*each.split(), *SEED[1])) for each in (f"view {LAB}", "view --drawn 2", f"study coverage {LAB}")),
+        (SEED[0], ("new", "scenario", "--drawn", *SEED[1])),
+        *((ROOM[0], (command, "x.mcap", *ROOM[1])) for command in ("track", "detections")),
+        (ROOM[0], ("run", LAB, *ROOM[1])),
+        *((TWICE[0], (*each.split(), *TWICE[1])) for each in (f"run {LAB}", "track x.mcap", "suite run smoke")),
+        ("--duration 1.0, --set duration_s=2: are", ("run", LAB, "--duration", "1", "--set", "duration_s=2")),
+        ("--follow white: is about a video", ("view", LAB, "--drawn", "2", "--follow", "white")),
+        ("--from 3.0: is about a video", ("view", LAB, "--drawn", "2", "--from", "3")),
+        ("--rules x: is a table of its own beside --cite", ("list", "--rules", "x", "--cite")),
+        ("--resource GPU=1: is of a scheduler's workers", ("suite", "run", "smoke", "--resource", "GPU=1")),
+        (
+            "--px-per-m 99: has no effect",
+            ("study", "coverage", LAB, "--set", "sensors.fisheye=null", "--px-per-m", "99"),
+        ),
+        ("--beams 9: has no effect on movements-turning", ("study", "coverage", "movements-turning", "--beams", "9")),
+        ("--moments 3, --samples 4: are one option", ("study", "coverage", LAB, "--moments", "3", "--samples", "4")),
+    ],
+)
+def test_an_option_that_another_leaves_without_effect_is_refused(
+    said: str, arguments: tuple[str, ...], tmp_path: Path
+) -> None:
+    done = twin(*arguments, cwd=tmp_path)
+    assert done.returncode == 2 and said in done.stderr and "Traceback" not in done.stderr
+    assert not list(tmp_path.iterdir())

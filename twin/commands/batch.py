@@ -17,6 +17,7 @@ from twin.options import (
     RoomRoot,
     ScenarioName,
     Scheduler,
+    SetOfCases,
     SetOfScenario,
     command_group,
     overrides,
@@ -42,10 +43,7 @@ def run_suite(
     update_baseline: Annotated[
         bool, typer.Option("--update-baseline", help="Write the results to the --baseline file instead.")
     ] = False,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="PATH=VALUE", help="Change a field in every case, e.g. a tracker's. Repeatable."),
-    ] = None,
+    set_: SetOfCases = None,
     seed: Annotated[
         int | None, typer.Option(min=0, help="Add this to every seed of the suite: other people, other noise.")
     ] = None,
@@ -187,11 +185,14 @@ def coverage_study(
     seed: Annotated[
         int | None, typer.Option(min=0, help="Seed of the people's motion; default: the scenario's.")
     ] = None,
-    beams: Annotated[int, typer.Option(min=1, help="A scanner sees a body that so many beams meet.")] = 6,
+    beams: Annotated[
+        int | None, typer.Option(min=1, help="A scanner sees a body that so many beams meet; default: 6.")
+    ] = None,
     px_per_m: Annotated[
-        float, typer.Option(min=1, help="A camera sees at so many pixels per metre (EN 62676-4).")
-    ] = 125.0,
-    samples: Annotated[int, typer.Option(min=1, help="Time samples of the run.")] = 100,
+        float | None,
+        typer.Option(min=1, help="A camera sees at so many pixels per metre (EN 62676-4); default: 125."),
+    ] = None,
+    samples: Annotated[int | None, typer.Option(min=1, help="Time samples of the run; default: 100.")] = None,
     former_samples: Annotated[
         int | None, typer.Option("--moments", min=1, hidden=True, help="Former name of --samples.")
     ] = None,
@@ -204,13 +205,18 @@ def coverage_study(
     from twin.console import print_paths
     from twin.scenario import load_scenario
     from twin.studies.run import print_coverage, write_coverage
+    from twin.studies.spec import Coverage
 
     if former_samples is not None:
         warn_of_former_name("", "--moments", "--samples")
+        if samples is not None:
+            raise InputError(f"--moments {former_samples}, --samples {samples}: are one option; --samples is expected")
         samples = former_samples
     loaded = load_scenario(scenario, overrides(set_, seed))
     folder = out or Path("out") / f"coverage-{loaded.name}"
-    found = write_coverage(loaded, folder, beams=beams, px_per_m=px_per_m, samples=samples)
+    given = {"beams": beams, "px_per_m": px_per_m, "samples": samples}
+    asked = Coverage(**{name: value for name, value in given.items() if value is not None})
+    found = write_coverage(loaded, folder, asked)
     print_coverage(found)
     print_paths({"coverage": folder / "coverage.json", "page": folder / "coverage.html"})
 

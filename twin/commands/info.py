@@ -45,6 +45,8 @@ def list_(
     for option, is_given in (("--rules", rules is not None), ("--cite", cite)):
         if is_given and part not in (None, "trackers"):
             raise InputError(f"{option}: is of trackers, not of {part}")
+    if rules is not None and cite:
+        raise InputError(f"--rules {rules}: is a table of its own beside --cite; one of the two is expected")
     if rules is not None:
         typer.echo(rules_markdown(rules, rules_of(rules)), nl=False)
         return

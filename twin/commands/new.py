@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from trackers.errors import InputError
-from twin.options import Seed, Set, command_group
+from twin.options import Seed, Set, command_group, overrides
 
 SCENARIO = """\
 # A scenario of your own; `twin schema > scenario.schema.json` gives editors completion. Run it: twin run {file}
@@ -187,7 +187,7 @@ def scenario(
             stream.write(SCENARIO.format(name=_name(out), file=path))
         print_paths({"scenario": path})
         return
-    loaded = load_scenario("drawn", [*(set_ or []), *([] if seed is None else [f"seed={seed}"])])
+    loaded = load_scenario("drawn", overrides(set_, seed))
     with open_atomic(room) as stream:
         stream.write(Path(loaded.room).read_text(encoding="utf-8"))
     about = f"Drawn with seed {loaded.seed}."

@@ -56,7 +56,6 @@ def run(
         from twin.console import print_metrics, print_paths, print_warning, progress
         from twin.run.inputs import (
             TrustedClasses,
-            environment_change,
             import_from_here,
             typed_classes,
             typed_schedulers,
@@ -65,7 +64,7 @@ def run(
         from twin.run.live import run_scenario
         from twin.scenario import load_scenario
 
-    loaded = load_scenario(scenario, [*overrides(set_, seed, duration), *environment_change(environment)])
+    loaded = load_scenario(scenario, overrides(set_, seed, duration, environment))
     planned = _planned(loaded, images=not no_images)
     typed = typed_classes(set_ or [])
     import_from_here([*typed, *(tracker or [])], files_trusted=allow_plugins)

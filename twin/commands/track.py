@@ -16,7 +16,7 @@ from trackers.errors import InputError, valid_names
 from twin import models
 from twin.commands.memory import exit_with_failures, loading
 from twin.messages import OnWarning
-from twin.options import Environment, NoLimits, NoVideo, Rig, Seed, Set, Trackers
+from twin.options import Environment, NoLimits, NoVideo, Rig, Seed, Set, Trackers, overrides
 
 if TYPE_CHECKING:
     from twin.export.pictures import Recorded
@@ -51,7 +51,7 @@ def track(
     with loading():
         from twin.console import print_metrics, print_paths, print_warning, progress
         from twin.evaluate.judged_frames import describe_judged
-        from twin.run.inputs import environment_change, import_from_here, typed_classes, unused_changes
+        from twin.run.inputs import import_from_here, typed_classes, unused_changes
         from twin.run.replay import track_recording
 
     import_from_here([*typed_classes(set_ or []), *(tracker or [])])
@@ -64,7 +64,7 @@ def track(
             trackers=tracker,
             rig_path=rig,
             truth_path=truth,
-            changes=[*(set_ or []), *environment_change(environment)],
+            changes=overrides(set_, environment=environment),
             seed=seed,
             out=out,
             video=not no_video,
@@ -101,7 +101,7 @@ def detections(
     from functools import partial
 
     from twin.console import print_paths, print_warning
-    from twin.run.inputs import environment_change, import_from_here, typed_classes, unused_changes
+    from twin.run.inputs import import_from_here, typed_classes, unused_changes
     from twin.run.tracker_runner import write_detections
 
     import_from_here([*typed_classes(set_ or []), tracker])
@@ -112,7 +112,7 @@ def detections(
         recording,
         tracker=tracker,
         rig_path=rig,
-        changes=[*(set_ or []), *environment_change(environment)],
+        changes=overrides(set_, environment=environment),
         seed=seed,
         on_warning=print_warning,
     )

@@ -37,7 +37,8 @@ def view(
     room_root: RoomRoot = None,
     no_limits: NoLimits = False,
     drawn: Annotated[
-        int | None, typer.Option(min=1, max=200, metavar="N", help="N seeds side by side, from --seed on.")
+        int | None,
+        typer.Option(min=1, max=200, metavar="N", help="N seeds of the scenario side by side, from --seed on."),
     ] = None,
     set_: Set = None,
     seed: Seed = None,
@@ -61,6 +62,8 @@ def view(
     if drawn is not None:
         if people or video is not None:
             raise InputError(f"--drawn {drawn}: is a picture of its own beside --people and --video; one is expected")
+        check_options(at=at, people=people, video=video, start_s=from_, end_s=to, follow=follow, out=out)
+        overrides(set_, seed or 0)
         _view_drawn(scenario, set_ or [], range(seed or 0, (seed or 0) + drawn), at, out or Path("drawn.png"))
         return
     check_options(at=at, people=people, video=video, start_s=from_, end_s=to, follow=follow, out=out)

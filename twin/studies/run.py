@@ -160,16 +160,24 @@ _CELLS = 10_000
 _SCENARIO = "scenario.yaml"
 
 
-def write_coverage(scenario: Scenario, folder: Path, *, beams: int, px_per_m: float, samples: int) -> dict[str, Any]:
+def write_coverage(scenario: Scenario, folder: Path, asked: Coverage) -> dict[str, Any]:
     """Write coverage.json, coverage.html and the resolved scenario; return the metrics.
 
-    Raises InputError without scanners and cameras.
+    asked: beams, px_per_m and samples count. Raises InputError without scanners and cameras, and where a field given is of
+    sensors that are not there.
     """
     if not (names := looking_sensors(scenario)):
         raise InputError(
             f"scenario {scenario.name!r}: sensors: none is a scanner or a camera; one that looks is expected"
         )
-    asked = Coverage(beams=beams, px_per_m=px_per_m, samples=samples)
+    kinds = {is_scanner(scenario, name) for name in names}
+    for field, scanners, what in (("beams", True, "scanner"), ("px_per_m", False, "camera")):
+        if field in asked.model_fields_set and scanners not in kinds:
+            raise InputError(
+                f"--{field.replace('_', '-')} {getattr(asked, field):g}: has no effect on {scenario.name}, which has no {what}; "
+                f"one that has a {what} is expected"
+            )
+    samples = asked.samples
     precomputed = PrecomputedScene.of(scenario, precompute_motion(scenario))
     times = ((np.arange(samples) + 0.5) / samples * scenario.duration_s).tolist()
     sampled = SampledWorld(scenario, precomputed, times)
@@ -184,8 +192,8 @@ def write_coverage(scenario: Scenario, folder: Path, *, beams: int, px_per_m: fl
     found: dict[str, Any] = {
         "scenario": scenario.name,
         "seed": scenario.seed,
-        "beams": beams,
-        "px_per_m": px_per_m,
+        "beams": asked.beams,
+        "px_per_m": asked.px_per_m,
         "person_frames": sampled.n_person_frame,
         "area_visited": float(visited.mean()),
         "area_unseen": float((~seen).mean()),

@@ -178,9 +178,16 @@ class Workers:
 
 
 def parse_workers(jobs: int | None, scheduler: str | None, resource: list[str] | None) -> Workers:
-    """Make the workers chosen by the command's options. Raises InputError where both kinds are given, or for a bad resource."""
+    """Make the workers chosen by the command's options.
+
+    Raises InputError where both kinds are given, for a bad resource, and for one without a scheduler.
+    """
     if scheduler is not None and jobs is not None:
         raise InputError(
             f"--jobs {jobs} --scheduler {scheduler}: a scheduler has its own workers; one of them is expected"
+        )
+    if resource and scheduler is None:
+        raise InputError(
+            f"--resource {' --resource '.join(resource)}: is of a scheduler's workers; --scheduler ADDRESS beside it is expected"
         )
     return Workers(jobs, scheduler, read_resources(resource or []))
