@@ -80,6 +80,15 @@ class OdometryTrack:
         near = self._up[max(place - 1, 0) : place + 1]
         return float(np.arccos(min([1.0, *(abs(float(up @ axis)) for up in near)])))
 
+    def motion(self, first_ns: int, last_ns: int) -> Float[Array, "3"] | None:
+        """Return the mean motion (3,) a second from one stamp to a later one [ns], at the first; None where a pose is missing
+        or the last does not follow from the first.
+        """
+        first, last = self.at(first_ns), self.at(last_ns)
+        if first is None or last is None or last_ns <= first_ns or not self.follows(first_ns, last_ns):
+            return None
+        return between(first, last) / ((last_ns - first_ns) / NS_PER_S)
+
     def follows(self, before_ns: int, ns: int) -> bool:
         """Tell whether poses at two stamps [ns] follow from each other: no jump and no gap lies between."""
         return not any(before_ns < each <= ns for each in self._breaks)
@@ -140,10 +149,12 @@ class RigFrames:
             if frame.n_untrusted > 0.02 * frame.n_scan
         ]  # fmt: skip
 
-    def add(self, odometry: Odometry) -> None:
-        """Keep a pose of a base until scans ask for it; other bases are left out."""
-        if odometry.sensor in self.bases:
+    def add(self, odometry: Odometry) -> bool:
+        """Keep a pose of a base until scans ask for it; other bases are left out. Tell whether it was kept."""
+        is_ours = odometry.sensor in self.bases
+        if is_ours:
             self.bases[odometry.sensor][1].add(odometry.stamp_ns, odometry.frame_from_base)
+        return is_ours
 
     def upright(self, scan: LaserScan) -> LaserScan:
         """Return a scan as a scanner that stands upright at the same place would report it, counter-clockwise."""
@@ -171,10 +182,19 @@ class RigFrames:
             self._leaders[base] = leader = name
             frame = self.of[name] = SensorFrame(pose, self._options)
         if leader in (None, name) or pose is None:
-            frame.locate(
-                scan, still, pose, follows=track.follows(self._located_ns.get(name, scan.stamp_ns), scan.stamp_ns)
-            )
+            follows = track.follows(self._located_ns.get(name, scan.stamp_ns), scan.stamp_ns)
+            frame.locate(scan, still, pose, self._sweeping(scan), follows=follows)
         else:
             frame.follow(scan, self.of[leader], pose)
         self._located_ns[name] = scan.stamp_ns
         return frame
+
+    def _sweeping(self, scan: LaserScan) -> Float[Array, "3"] | None:
+        """Return the motion (3,) of a scanner on a base during a sweep by odometry, a second in its frame; None where unknown."""
+        _, track = self.bases[self._base_of[scan.sensor]]
+        mount, duration_ns = self._mounts[scan.sensor], round(abs(scan.sweep_time_s) * NS_PER_S)
+        motion = track.motion(scan.stamp_ns, scan.stamp_ns + duration_ns)
+        if motion is None:
+            return None
+        step_s = duration_ns / NS_PER_S
+        return between(mount, compose(motion * step_s, mount)) / step_s

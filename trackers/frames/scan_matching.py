@@ -6,6 +6,9 @@ it would be had it gone on as before. Points of what moves fit badly and weigh l
 the time at which they were taken: the motion during the sweep is found together with the pose, and held against the motion since
 the scan before (Dellenbach et al., "CT-ICP", ICRA 2022). By odometry alone, a wheel that slips would bend the scan too.
 
+The first scan of a scanner that drives already is placed by odometry's motion during its sweep; without odometry, anew by the
+motion that the second scan finds.
+
 The curvature of the fit says in which directions the scan holds the scanner: a corridor leaves it free along. There the prior
 decides. `trust` is the share of the points that are near a line, 0 where the scan or the last ones show too little. A pose
 without trust is odometry's; without odometry, the last one: the scanner is taken to stand.
@@ -87,6 +90,12 @@ _BY_ODOMETRY = 0.3
 """Share of these that is left where odometry says how the scanner moved."""
 _ACCELERATION = np.array([1.5, 1.5, 3.0])
 """Standard deviations of the change of motion from the last interval to the sweep, in a second [m/s, rad/s]."""
+_AGAIN = 3
+"""Times that the first two scans are matched: each finds more of the motion that bends the first."""
+_FASTEST_RAD_S, _MOST_TURN_RAD, _TURN_RAD = 3.0, 1.5, 0.1
+"""Without odometry a scanner may have turned by so much: as fast as this, at most so far, tried in such steps."""
+_COARSE = 90
+"""Points that tell which of these turns it was."""
 _SPAN = 2
 """A line goes through so many points to either side."""
 
@@ -116,6 +125,7 @@ class ScanMatcher:
         self._pose, self._motion = np.array(start, float), np.zeros(3)
         self._t: float | None = None
         self._kept: deque[tuple[Array, Array, Array]] = deque(maxlen=self._options.scans)  # pose, points, normals
+        self._first: tuple[Array, Array, Array] | None = None  # as measured: points, their times, normals
         self._tree: cKDTree | None = None
         self._lines = np.empty((0, 4))
 
@@ -126,15 +136,19 @@ class ScanMatcher:
         times_s: Float[Array, "n"],
         still: Bool[Mask, "n"],
         moved: Float[Array, "3"] | None = None,
+        sweeping: Float[Array, "3"] | None = None,
     ) -> Match:
         """Match the points of a scan in the scanner's frame [m], in order of their beams, `times_s` after its stamp t [s].
 
-        still: those that may be the room's; moved: by odometry, since the scan before, in that one's frame.
+        still: those that may be the room's; moved: by odometry, since the scan before, in that one's frame; sweeping: by
+        odometry, the motion (3,) a second during the sweep.
         """
         options = self._options
         is_first = self._t is None
         elapsed = 0.0 if self._t is None else max(t - self._t, 0.0)
         self._t = t
+        if is_first and sweeping is not None:
+            self._motion = sweeping
         motion = self._motion if moved is None or elapsed == 0 else moved / elapsed
         expected = compose(self._pose, motion * elapsed)
         straight = deskewed(points, times_s, motion)
@@ -142,21 +156,39 @@ class ScanMatcher:
         useful = has_line & still
         pose, swept, trust = expected, motion, 0.0
         if self._tree is not None and useful.sum() >= _FEW:
-            prior = self._prior(expected, max(elapsed, 1e-3), has_odometry=moved is not None)
-            found, trust = self._fit(points[useful], times_s[useful], np.concatenate([expected, motion]), prior)
+            prior = self._prior(max(elapsed, 1e-3), has_odometry=moved is not None)
+            began = np.concatenate([expected, motion])
+            scan = points[useful], times_s[useful]
+            found, trust = self._fit(*scan, began, prior)
+            if trust < options.least_trust and moved is None and elapsed > 0:
+                found, trust = self._fit(*scan, began, prior, self._turned_start(*scan, began, elapsed))
+            for _ in range(_AGAIN):
+                if self._first is None or elapsed == 0:
+                    break
+                self._place_first(between(self._pose, found[:3]) / elapsed)
+                found, trust = self._fit(*scan, began, prior, found)
             pose, swept = found[:3], found[3:]
         if trust >= options.least_trust:
             self._motion = between(self._pose, pose) / elapsed if elapsed > 0 else self._motion
-        elif moved is not None:
+        elif moved is not None or is_first:
             pose, swept, self._motion = expected, motion, motion
         else:
             pose, swept, self._motion = self._pose, HERE, HERE
         self._pose = pose
         if useful.sum() >= _FEW:
             self._keep(pose, deskewed(points[useful], times_s[useful], swept), normal[useful], trust)
+            is_bent = is_first and sweeping is None
+            self._first = (points[useful], times_s[useful], normal[useful]) if is_bent else None
         return Match(pose, swept, 1.0 if is_first else trust)
 
-    def _prior(self, expected: Array, elapsed_s: float, *, has_odometry: bool) -> Array:
+    def _place_first(self, motion: Float[Array, "3"]) -> None:
+        """Place the first scan anew, by the motion (3,) a second during its sweep."""
+        assert self._first is not None
+        points, times_s, normal = self._first
+        self._kept.clear()
+        self._keep(self._pose, deskewed(points, times_s, motion), normal, 1.0)
+
+    def _prior(self, elapsed_s: float, *, has_odometry: bool) -> Array:
         """Return the inverse covariance (6, 6) of the pose that is expected and the motion during the sweep."""
         spread = np.maximum(_SPREAD * elapsed_s * (_BY_ODOMETRY if has_odometry else 1.0), 1e-3)
         # the change of motion, `motion - between(last pose, pose) / elapsed_s`, linear in both
@@ -167,9 +199,24 @@ class ScanMatcher:
         prior[:3, :3] += np.diag(1 / spread**2)
         return prior
 
-    def _fit(self, points: Array, times_s: Array, expected: Array, prior: Array) -> tuple[Array, float]:
+    def _turned_start(self, points: Array, times_s: Array, expected: Array, elapsed_s: float) -> Array:
+        """Return the pose and motion (6,) turned from the expected ones by whatever brings most points near those kept."""
+        assert self._tree is not None
+        most = min(_FASTEST_RAD_S * elapsed_s, _MOST_TURN_RAD)
+        turns = np.linspace(-most, most, 2 * int(np.ceil(most / _TURN_RAD)) + 1)
+        starts = np.tile(expected, (len(turns), 1))
+        starts[:, 2] += turns
+        starts[:, 5] += turns / elapsed_s
+        some = slice(None, None, max(len(points) // _COARSE, 1))
+        there = np.stack([placed(each[:3], deskewed(points[some], times_s[some], each[3:])) for each in starts])
+        gap, _ = self._tree.query(there, distance_upper_bound=_REACH_M)
+        return starts[np.maximum(_NEAR_M, gap).clip(max=_REACH_M).mean(axis=1).argmin()]
+
+    def _fit(
+        self, points: Array, times_s: Array, expected: Array, prior: Array, start: Array | None = None
+    ) -> tuple[Array, float]:
         """Gauss and Newton's steps over pose and motion (6,) together; the prior is a Gaussian about what is expected."""
-        state = expected.copy()
+        state = (expected if start is None else start).copy()
         reach, noise, error = _REACH_M, _SCALE_M, np.empty(0)
         assert self._tree is not None
         for _ in range(_ROUNDS):

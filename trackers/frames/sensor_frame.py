@@ -114,6 +114,8 @@ class ScanMemory:
 
 _STANDS_M, _STANDS_RAD = 0.05, 0.03
 """A scanner that was never matched farther from its start than this stands there."""
+_WHEELS_STAND = 2e-3
+"""Odometry that moves by no more from scan to scan is that of wheels that stand [m, rad]."""
 _LONG_AGO_S = 1e6
 _SURE = 10.0
 """Scans of the empty room are looks before everything else, and each counts for so many."""
@@ -151,13 +153,14 @@ class SensorFrame:
         scan: LaserScan,
         still: Bool[Mask, "n_beam"],
         odometry: Float[Array, "3"] | None,
+        sweeping: Float[Array, "3"] | None = None,
         *,
         follows: bool = True,
     ) -> None:
         """Find the pose of a scan by matching it. still: beams that may have met the room.
 
-        odometry: the scanner's pose in the rig's frame by odometry at the stamp, None without any; follows: it goes on from that
-        of the scan before, without a jump.
+        odometry: the scanner's pose in the rig's frame by odometry at the stamp, None without any; sweeping: its motion (3,) a
+        second during the sweep, likewise; follows: odometry goes on from that of the scan before, without a jump.
         """
         ranges, hit, _ = returns(scan)
         beams = (hit & ~self.own_parts(scan)).nonzero()[0]
@@ -167,7 +170,7 @@ class SensorFrame:
             moved = between(self._odometry, odometry)
         self._odometry = odometry
         before = self.pose
-        match = self._matcher.match(scan.t, points, self._times_s(scan, beams), still[beams], moved)
+        match = self._matcher.match(scan.t, points, self._times_s(scan, beams), still[beams], moved, sweeping)
         self.n_scan += 1
         if match.trust < self._options.least_trust:
             self.n_untrusted += 1
@@ -175,6 +178,7 @@ class SensorFrame:
                 self._memory = ScanMemory()
         off = between(self._start, match.pose)
         self.has_moved |= bool(np.hypot(*off[:2]) > _STANDS_M or abs(off[2]) > _STANDS_RAD)
+        self.has_moved |= moved is not None and bool(np.abs(moved).max() > _WHEELS_STAND)
         self._match = match if self.has_moved else Match(self._start, np.zeros(3), match.trust)
         self.pose = self._match.pose
         if odometry is not None:

@@ -40,8 +40,6 @@ class LaserLegsOptions(Strict):
     )
     matching: MatchingOptions = Field(default=MatchingOptions(), description="how scans are matched with the last ones")
     track_management: TrackManagementOptions = Field(
-        default=TrackManagementOptions(
-            confirm_hits=1, coast_s=1.5, tentative_coast_s=1.5, report_s=0.3, start_apart_m=0.5
-        ),
+        default=TrackManagementOptions(confirm_hits=1, coast_s=1.5, tentative_coast_s=1.5, start_apart_m=0.5),
         description="when tracks are initiated, confirmed, reported and deleted",
     )

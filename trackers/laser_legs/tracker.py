@@ -24,13 +24,15 @@ from trackers.frames.sensor_frame import SensorFrame
 from trackers.laser.bearings import DetectionModel, DetectionOptions, beams_of_turn
 from trackers.laser.clusters import Clusters, pushed_back
 from trackers.laser.group import scanners_by_role
-from trackers.laser.grouping import PAIR_M, STRIDE_M, pair_off
+from trackers.laser.grouping import PAIR_M, pair_off
 from trackers.laser.legs.classifier import read_forest, shipped
 from trackers.laser.legs.features import leg_clusters, own_samples
+from trackers.laser_legs.association import assigned, measured_places
 from trackers.laser_legs.evidence import TRACK_FEATURES, LegTracks, shown_by
 from trackers.laser_legs.options import LaserLegsOptions
 from trackers.observations import NS_PER_S, LaserScan, Observation, Odometry
 from trackers.rig import LaserSensor, Rig
+from trackers.tracking.frame_clock import FrameClock
 from trackers.tracking.roster import Roster
 from trackers.tracking.synced_frames import SyncedFrame, SynchronizedTracker, SyncPolicy
 from trackers.tracking.track_manager import TrackManager
@@ -51,12 +53,6 @@ _WIDEST_M = 0.7
 _OTHER_LEG_M2 = 0.01
 """Variance of a person's place about a single leg [m²]."""
 _REACH_GROWS_TO_M = 1.2
-_LEG_M = 0.2
-"""Standard deviation of a leg about its person, on each axis [m]."""
-_OTHERS_PER_M2 = 0.1
-"""Density of clusters that are not this person's legs."""
-_MOST = 2.0
-"""More evidence says nothing about whose leg it is: another person's leg has it as well [nat]."""
 
 
 class LaserLegs(SynchronizedTracker):
@@ -89,6 +85,7 @@ class LaserLegs(SynchronizedTracker):
         self._scanned_ns: dict[str, int] = {}
         self._frame_ns = self._since_ns = 0  # of the last frame, and of the first of its scans
         self._seen: list[Detection] = []
+        self._clock = FrameClock(self.options.track_management.coast_s)
         self.features = np.empty((0, len(TRACK_FEATURES)))
         """Evidence of the tracks after the last scan."""
 
@@ -130,15 +127,24 @@ class LaserLegs(SynchronizedTracker):
         return self.manager.reported(roster, ns) & (roster.state.log_odds > _nats(self.options.least_existence))
 
     def update(self, observation: Observation) -> list[TrackFrame]:
-        """Take one observation; poses of bases are kept until scans ask for them."""
-        if isinstance(observation, Odometry):
-            self.scanners.add(observation)
+        """Take one observation; poses of bases are kept until scans ask for them, and tell where a scan is lost."""
+        if not isinstance(observation, Odometry):
+            return super().update(observation)
+        if not self.scanners.add(observation):
             return []
-        return super().update(observation)
+        self._seen = []
+        return [self._stood_in(ns) for ns in self._clock.owed(observation.stamp_ns)]
 
     def _work_all(self, synced_frames: list[SyncedFrame]) -> list[TrackFrame]:
         self._seen = []
-        return super()._work_all(synced_frames)
+        return [frame for frame in super()._work_all(synced_frames) if self._clock.take(frame.stamp_ns)]
+
+    def _stood_in(self, ns: int) -> TrackFrame:
+        """Return the frame of a lost scan: the tracks predicted to its stamp."""
+        self.ns = self._frame_ns = self._since_ns = ns
+        self._predict(ns)
+        self._keep_lasting(ns)
+        return TrackFrame(ns, tuple(self.tracks()))
 
     def _work(self, synced: SyncedFrame) -> None:
         self.ns = self._frame_ns = synced.ns
@@ -148,7 +154,10 @@ class LaserLegs(SynchronizedTracker):
             if scan.ranges_m.size and not self.scanners.is_tilted(scan):
                 self._take(self.scanners.upright(scan))
         self._predict(synced.ns)
-        kept = self.manager.lasting(self.roster, synced.ns)
+        self._keep_lasting(synced.ns)
+
+    def _keep_lasting(self, ns: int) -> None:
+        kept = self.manager.lasting(self.roster, ns)
         self.features = self.features[kept[: len(self.features)]]
         self.roster = self.roster.select(kept)
 
@@ -233,7 +242,7 @@ class LaserLegs(SynchronizedTracker):
             self.features = self.features[:0]
             return
         mean, _ = self._imm.estimate(state.filter)
-        track, position, first, second, both = _measured(owner, places, evidence)
+        track, position, first, second, both = measured_places(owner, places, evidence)
         shown = shown_by(legs, places, evidence, first, second, both, np.hypot(*(position - mean[track, :2]).T))
         variance = options.measurement_m**2 + np.where(both, 0.0, _OTHER_LEG_M2)
         known = track < n_known
@@ -293,32 +302,6 @@ class LaserLegs(SynchronizedTracker):
         self._seen += [Detection(self._frame_ns, (name,), "knee", x, y, variance) for x, y in places.tolist()]
 
 
-def assigned(
-    expected: Float[Array, "n 2"], spread_m: Float[Array, "n"], reach_m: Float[Array, "n"], legs: Float[Array, "k 2"],
-    evidence: Float[Array, "k"],
-) -> Int[Index, "k"]:  # fmt: skip
-    """Assign legs to people by likelihood, two to each; return the person of each leg, −1: nobody's.
-
-    A leg is worth ln p(place | this person's) / p(place | anything else's), and its evidence. spread_m: standard deviation of the
-    expected places, on each axis: who was not seen for a while takes no leg from one who is known to stand there. Worth nothing,
-    or out of reach, a leg is nobody's. Of two legs farther apart than a stride the one worth less is set free.
-    """
-    n, owner = len(expected), np.full(len(legs), -1)
-    if n == 0 or len(legs) == 0:
-        return owner
-    away = distances(expected, legs)
-    variance = _LEG_M**2 + spread_m[:, None] ** 2
-    worth = -0.5 * away**2 / variance - np.log(2 * np.pi * variance * _OTHERS_PER_M2) + np.minimum(evidence, _MOST)
-    worth = np.where(away < reach_m[:, None], np.maximum(worth, 0.0), 0.0)
-    slot, leg = max_weight_assignment(np.tile(worth, (2, 1)))
-    owner[leg] = slot % n
-    for person in np.flatnonzero(np.bincount(owner[leg], minlength=n) == 2):
-        one, other = np.flatnonzero(owner == person)
-        if np.hypot(*(legs[one] - legs[other])) > STRIDE_M:
-            owner[one if worth[person, one] < worth[person, other] else other] = -1
-    return owner
-
-
 def likeliest(places: Float[Array, "n 2"], log_odds: Float[Array, "n"], apart_m: float) -> Bool[Mask, "n"]:
     """Select the tracks without a likelier one nearer than `apart_m`, which has a leg of the same person."""
     order = np.argsort(-log_odds, kind="stable")
@@ -326,22 +309,6 @@ def likeliest(places: Float[Array, "n 2"], log_odds: Float[Array, "n"], apart_m:
     kept = np.ones(len(places), np.bool_)
     kept[order] = ~near.any(axis=1)
     return kept
-
-
-def _measured(
-    owner: Int[Index, "k"], places: Float[Array, "k 2"], evidence: Float[Array, "k"]
-) -> tuple[Int[Index, "p"], Float[Array, "p 2"], Int[Index, "p"], Int[Index, "p"], Bool[Mask, "p"]]:
-    """Return the people with legs, their places by evidence, the better leg of each, the other one, and who has both."""
-    legs = np.flatnonzero(owner >= 0)
-    legs = legs[np.lexsort((-evidence[legs], owner[legs]))]
-    track, index, count = np.unique(owner[legs], return_index=True, return_counts=True)
-    both = count == 2
-    first = legs[index]
-    other = legs[np.minimum(index + both, len(legs) - 1)] if len(legs) else legs
-    weight = 1 / (1 + np.exp(-evidence))
-    share = np.where(both, weight[other] / (weight[first] + weight[other]), 0.0)[:, None]
-    position = (1 - share) * places[first] + share * places[other]
-    return track, position, first, other, both
 
 
 def _nats(probability: float) -> float:

@@ -38,6 +38,42 @@ def test_scan_matching_follows_a_scanner_that_drives_and_turns_while_it_sweeps()
     assert frame.has_moved and frame.n_untrusted == 0
 
 
+@pytest.mark.parametrize("with_odometry", [True, False])
+@pytest.mark.parametrize("turn", [-1.0, 0.5, 1.2])
+def test_the_first_scan_of_a_scanner_that_drives_already_is_not_bent(turn: float, with_odometry: bool):
+    path, motions = drive(8, turn=turn)
+    frame = SensorFrame(path[0], MatchingOptions())
+    for k, (pose, motion) in enumerate(zip(path, motions, strict=True)):
+        known = (pose, motion) if with_odometry else (None, None)
+        frame.locate(scan_at(pose, 0.1 * k, 0.09, motion), np.ones(BEAMS, np.bool_), *known)
+        error = between(pose, frame.pose)
+        assert np.hypot(*error[:2]) < 0.01
+        assert abs(error[2]) < 0.006
+
+
+@pytest.mark.parametrize("turn", [-1.2, 1.0])
+def test_a_slow_scanner_that_turns_is_followed_without_odometry(turn: float):
+    period = 0.3
+    motion = np.array([0.4, 0.0, turn])
+    path = [np.array([-1.0, -1.0, 0.3])]
+    for _ in range(9):
+        path.append(compose(path[-1], _driven(motion, period)))
+    frame = SensorFrame(path[0], MatchingOptions())
+    for k, pose in enumerate(path):
+        frame.locate(scan_at(pose, period * k, 0.25, motion), np.ones(BEAMS, np.bool_), None)
+        error = between(pose, frame.pose)
+        assert np.hypot(*error[:2]) < 0.05
+        assert abs(error[2]) < 0.02
+    assert frame.n_untrusted == 0
+
+
+def _driven(motion, seconds: float):
+    step = np.zeros(3)
+    for _ in range(20):
+        step = compose(step, motion * seconds / 20)
+    return step
+
+
 def test_a_scanner_that_stands_stays_exactly_where_the_rig_says():
     path = np.tile([0.5, 0.5, 1.0], (20, 1))
     found, frame = located(path, np.zeros((20, 3)))

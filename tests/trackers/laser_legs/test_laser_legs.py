@@ -11,8 +11,9 @@ from trackers.configuration import leaves_of
 from trackers.errors import InputError
 from trackers.feeding import track_frames
 from trackers.frames.scan_matching import between, compose, inverse, placed
+from trackers.laser_legs.association import assigned
 from trackers.laser_legs.options import LaserLegsOptions
-from trackers.laser_legs.tracker import assigned, likeliest
+from trackers.laser_legs.tracker import likeliest
 from trackers.observations import NS_PER_S, Odometry
 from trackers.presets import make_tracker
 from trackers.rig import LaserSensor, OdometrySensor, Pose, Rig
@@ -179,8 +180,11 @@ def test_of_two_clusters_a_person_has_the_one_that_looks_more_like_a_leg():
     np.testing.assert_array_equal(owner, [-1, 0, 0])
 
 
-def with_odometry(path, motions, people, slip: float = 1.0):
-    """Frames of a scanner on a base, with odometry twice as often as scans, in a frame that begins somewhere else."""
+def with_odometry(path, motions, people, slip: float = 1.0, lost=()):
+    """Frames of a scanner on a base, with odometry twice as often as scans, in a frame that begins somewhere else.
+
+    lost: numbers of scans that do not come.
+    """
     mount, start = np.array([0.2, 0.1, 0.5]), np.array([3.0, -1.0, 1.2])
     bases = compose(path, inverse(mount))
     moved = between(bases[0], bases) * (slip, slip, 1.0)
@@ -199,7 +203,9 @@ def with_odometry(path, motions, people, slip: float = 1.0):
         matrix = np.eye(4)
         matrix[:2, :2] = [[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]
         matrix[:2, 3] = x, y
-        fed += [Odometry("base", round(t * NS_PER_S), matrix), scan_at(pose, t, 0.05, motion, [*POSTS, *legs])]
+        fed.append(Odometry("base", round(t * NS_PER_S), matrix))
+        if k not in lost:
+            fed.append(scan_at(pose, t, 0.05, motion, [*POSTS, *legs]))
     tracker = make_tracker("laser-legs", rig, (), np.random.default_rng(0))
     odometry_from_room = [compose(odometry[k], inverse(bases[k])) for k in range(len(path))]
     return list(track_frames(tracker, rig, fed)), tracker, odometry_from_room
@@ -223,6 +229,16 @@ def test_a_scanner_on_a_base_is_reported_in_the_frame_of_its_odometry(slip):
     frames, tracker, odometry_from_room = with_odometry(*drive(), [WALKER], slip)
     assert misses(frames, WALKER, lambda k, place: placed(odometry_from_room[k], place)) <= 3
     assert tracker.unused_sensors == []
+
+
+def test_a_lost_scan_leaves_no_hole_where_odometry_tells_the_time():
+    lost = {20, 27, 28}
+    frames, _, odometry_from_room = with_odometry(*drive(), [WALKER], lost=lost)
+    assert [frame.stamp_ns for frame in frames] == [k * NS_PER_S // 10 for k in range(len(odometry_from_room))]
+    for k in lost:
+        (x, y) = placed(odometry_from_room[k], np.array(legs_of(WALKER, 0.1 * k))[:, :2].mean(axis=0))
+        assert min(np.hypot(track.x - x, track.y - y) for track in frames[k].tracks) < 0.3
+        assert {track.status for track in frames[k].tracks} == {"coasting"}
 
 
 def matrix_of(pose, pitch: float = 0.0) -> np.ndarray:
