@@ -70,7 +70,7 @@ def _is_one_by_one(tracks: TrackTable) -> bool:
     return bool(is_alone and 2 * np.count_nonzero(np.diff(tracks.id)) > tracks.id.size)
 
 
-def align(truth: TruthTable, tracks: TrackTable, *, interpolate: bool = True) -> Alignment:
+def align(truth: TruthTable, tracks: TrackTable) -> Alignment:
     """Find the judged frames, and the people and tracks in each.
 
     Judged is every stamp of the tracks at which the truth is known: one of the truth's own stamps, or one between two of
@@ -79,20 +79,20 @@ def align(truth: TruthTable, tracks: TrackTable, *, interpolate: bool = True) ->
     one between two if the truth's rows are rarer than the tracker's frames. An isolated stamp of the truth is not judged.
     Without any frame of tracks, every stamp of the truth is judged. A person is at their row's position at that stamp, else
     interpolated linearly between their neighbouring rows within that interval (inside the area as in the nearer row), else
-    absent. Without `interpolate` a person is present only in their rows: for tables that count frames.
+    absent.
 
     Raises InputError where the truth has no row, or the tracks no stamp at which the truth is known.
     """
     if truth.frame_stamps_ns.size == 0:
         raise InputError(f"{truth.source}: holds no rows; at least one row of truth is expected")
     usual_ns = _usual_interval_ns(truth)
-    gap_ns = _longest_gap_ns(truth) if interpolate else 0
+    gap_ns = _longest_gap_ns(truth)
     reported = tracks.frame_stamps_ns[_is_covered(truth.frame_stamps_ns, tracks.frame_stamps_ns, gap_ns)]
     if tracks.frame_stamps_ns.size and reported.size == 0:
         raise _nothing_shared(truth, tracks, gap_ns)
-    near = _drop_isolated_stamps(truth.frame_stamps_ns, gap_ns) if interpolate else truth.frame_stamps_ns
+    near = _drop_isolated_stamps(truth.frame_stamps_ns, gap_ns)
     clock = report_clock(tracks.frame_stamps_ns, near)
-    if interpolate and clock is not None:
+    if clock is not None:
         # Truth as frequent as the tracker's frames has holes where a sensor failed: no frame was owed there.
         as_often = usual_ns <= (1 + JITTER_SHARE) * clock.period_ns
         longest_ns = min(gap_ns, clock.silence_ns) if as_often else gap_ns
@@ -102,7 +102,7 @@ def align(truth: TruthTable, tracks: TrackTable, *, interpolate: bool = True) ->
     frames = _frames_at(truth, tracks, stamps, gap_ns)
     n_total = int(tracks.frame_stamps_ns.size + silent.size)
     notes = []
-    if interpolate and gap_ns > MAX_TRUTH_GAP_NS and not np.isin(reported, truth.frame_stamps_ns).all():
+    if gap_ns > MAX_TRUTH_GAP_NS and not np.isin(reported, truth.frame_stamps_ns).all():
         notes.append(
             f"{truth.source}: a person's rows come every {usual_ns / NS_PER_S:.3g} s; between rows at most "
             f"{gap_ns / NS_PER_S:.3g} s apart people are taken to walk straight on{_finer_unit(truth, tracks)}"

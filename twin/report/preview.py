@@ -116,9 +116,11 @@ __all__ = ["PreviewWriter", "TruePoses"]
 _HEADER_PX = 44
 _FOOTER_PX = 28
 _LEGEND_PX = 460
-_MARK_PX = 16  # of the legend: from a mark to its name
-_GAP_PX = 20
 """Least width of the plan, for what is written below it."""
+TAIL_S = 2
+"""Length of the tail behind each track."""
+_MARK_PX, _GAP_PX = 16, 20
+"""Of the legend: from a mark to its name, and from a name to the next mark."""
 
 
 def fitting_size(rig: Rig, outline: Sequence[Polygon], height_px: int) -> tuple[tuple[int, int], int]:
@@ -137,10 +139,9 @@ class PreviewWriter:
     """Writer of `preview.mp4` (one picture per call of `frame`) in constant memory; a context manager as `VideoFile`.
 
     Each picture is shown at its stamp, so the video plays in real time also where frames are missing; `fps`: usual frame
-    rate. `outline`: polygons (k, 2) [m] of walls and furniture; `person_names`: labels of true people in place of ids;
-    `camera`: the one to show (default: all of the rig's, up to nine; without one, the bird's-eye view fills the picture);
-    `true_rig`: true poses, where `rig`, the trackers', differs; `camera_width_px`: of the cameras' part (default: as wide as
-    high).
+    rate. Up to nine cameras are shown; without one the bird's-eye view fills the picture. `outline`: polygons (k, 2) [m] of
+    walls and furniture; `person_names`: labels of true people in place of ids; `true_rig`: true poses, where `rig`, the
+    trackers', differs; `camera_width_px`: of the cameras' part (default: as wide as high).
 
     Raises InputError where the file cannot be written.
     """
@@ -155,17 +156,13 @@ class PreviewWriter:
         title: str = "",
         outline: Sequence[Polygon] = (),
         person_names: Mapping[int, str] | None = None,
-        camera: str | None = None,
         true_rig: Rig | None = None,
         size: tuple[int, int] = (1280, 640),
         camera_width_px: int | None = None,
-        tail_s: float = 2.0,
     ) -> None:
         if size[0] % 2 or size[1] % 2:
             raise ValueError(f"size {size}: H.264 needs an even width and height")
         cameras = rig.cameras()
-        if camera is not None and camera not in cameras:
-            raise ValueError(f"camera {camera!r} is not in the rig; it has {sorted(cameras)}")
         self._path = path
         self._rig = rig
         self._colours = IdentityColours()
@@ -175,11 +172,11 @@ class PreviewWriter:
         if cameras:
             high = size[1] - _HEADER_PX
             left = camera_width_px if camera_width_px is not None else high
-            self._camera = CameraGrid(cameras if camera is None else {camera: cameras[camera]}, (left, high))
+            self._camera = CameraGrid(cameras, (left, high))
         high = size[1] - _HEADER_PX - _FOOTER_PX
         self._floor = FloorPanel(rig, outline, size[0] - left, high, dict(person_names or {}), true_rig)
         self._tails: dict[int, deque[tuple[int, float, float]]] = {}
-        self._tail_ns = round(tail_s * NS_PER_S)
+        self._tail_ns = TAIL_S * NS_PER_S
         self._first_ns: int | None = None
         self._pts = -1
         self.n_frames = 0

@@ -19,7 +19,7 @@ from trackers.prior import Prior
 from twin.recording.reader import Recording
 from twin.report.metrics_table import format_number
 from twin.report.palette import IDENTITY_COLOURS, encode_jpeg
-from twin.report.preview import PreviewWriter, fitting_size
+from twin.report.preview import TAIL_S, PreviewWriter, fitting_size
 from twin.room.building import room_outline
 from twin.run.feed import Feed, Preview
 from twin.run.inputs import TrustedClasses, choose
@@ -33,8 +33,6 @@ from twin.suites.worker import RECORDING, case_recording, resolved_scenario
 from twin.world.world import World
 
 _OFFSETS_S = (-0.8, 0.0, 0.8)
-
-_TAIL_S = 2.0
 
 _HIGH_PX, _STILL_HIGH_PX = 640, 360
 
@@ -97,7 +95,7 @@ class _FilmstripWriter(PreviewWriter):
     def frame(self, stamp_ns: int, *arguments: Any, **options: Any) -> None:
         """Draw a frame if it is wanted or near enough before one to appear in its tails."""
         t = stamp_ns / NS_PER_S
-        if not self.wanted_s or t < self.wanted_s[0] - _TAIL_S:
+        if not self.wanted_s or t < self.wanted_s[0] - TAIL_S:
             return
         super().frame(stamp_ns, *arguments, **options)
         if t >= self.wanted_s[0]:

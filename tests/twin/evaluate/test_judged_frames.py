@@ -163,13 +163,6 @@ def test_truth_that_overlaps_but_covers_no_stamp_is_refused_for_that_reason() ->
     assert "same clock" not in str(refused.value)
 
 
-def test_without_interpolation_only_rows_count() -> None:
-    truth = truth_at([0, 2, 3, 5])
-    aligned = align(truth, tracks_at([0, 1, 2, 3, 4, 5]), interpolate=False)
-    assert [frame.stamp_ns // NS_PER_S for frame in aligned.frames] == [0, 2, 3, 5]
-    assert aligned.n_total == 6
-
-
 def test_work_goes_with_the_rows_where_all_people_come_once() -> None:
     n = 3000  # people x stamps in an array of their poses would be half a gigabyte
     frames = [TruthFrame(k * NS_PER_S // 10, (PersonTruth(k + 1, 0, 0),)) for k in range(n)]
