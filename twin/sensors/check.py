@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Iterator
 
 import numpy as np
@@ -10,7 +11,15 @@ from numpy.typing import NDArray
 from trackers.check import raised
 from trackers.errors import PLUG_IN_ERRORS
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation, Odometry
-from trackers.rig import CameraSensor, FisheyeSensor, FloorSensor, LaserSensor, PinholeSensor, StereoSensor
+from trackers.rig import (
+    CameraSensor,
+    FisheyeSensor,
+    FloorSensor,
+    LaserSensor,
+    OdometrySensor,
+    PinholeSensor,
+    StereoSensor,
+)
 from twin.instant.snapshot import Snapshot, SnapshotSource
 from twin.sensors.sensor import Reading, Sensor
 
@@ -56,7 +65,7 @@ def _faults(sensor: Sensor, world: SnapshotSource) -> list[str]:
 
 def _global_stream() -> bytes:
     """Return numpy's global random state, which no sensor may touch."""
-    return np.random.get_state(legacy=False)["state"]["key"].tobytes()  # noqa: NPY002
+    return pickle.dumps(np.random.get_state())  # noqa: NPY002
 
 
 def _declaration_faults(sensor: Sensor) -> list[str]:
@@ -68,7 +77,7 @@ def _declaration_faults(sensor: Sensor) -> list[str]:
         faults.append(f"instants_s is {sensor.instants_s!r}; at least one finite offset from 0 s on is expected")
     elif np.any(np.diff(instants) < 0):
         faults.append(f"instants_s is {sensor.instants_s!r}; ascending offsets are expected")
-    if not isinstance(sensor.rig_sensor(), LaserSensor | CameraSensor | FloorSensor):
+    if not isinstance(sensor.rig_sensor(), LaserSensor | CameraSensor | FloorSensor | OdometrySensor):
         faults.append(f"rig_sensor() is {type(sensor.rig_sensor()).__name__}; a trackers.rig.RigSensor is expected")
     elif sensor.rig_sensor() != sensor.rig_sensor():
         faults.append("rig_sensor() differs from call to call; a sensor on the rig does not change")
@@ -175,6 +184,8 @@ def _reading_faults(sensor: Sensor, reading: Reading) -> list[str]:
             return _picture_faults(image.rgb, rig) + _depth_faults(image.depth_m)
         case FloorFrame() as frame, FloorSensor() as rig:
             return _floor_faults(frame, reading.truth, rig)
+        case Odometry(), OdometrySensor():
+            return _odometry_faults(reading.truth)
         case observation, rig:
             return [f"reports {type(observation).__name__}, which does not go with {type(rig).__name__} on the rig"]
 
@@ -214,6 +225,13 @@ def _scan_faults(scan: LaserScan, truth: dict[str, NDArray]) -> list[str]:
             f"person_of_ray is {person.dtype} {person.shape}; int16 {ranges.shape} of ids, 0 for no person, is expected"
         )
     return faults
+
+
+def _odometry_faults(truth: dict[str, NDArray]) -> list[str]:
+    true = truth.get("frame_from_base")  # the observation has checked its own pose
+    if true is None or true.dtype != np.float64 or true.shape != (4, 4) or not np.isfinite(true).all():
+        return [f"truth frame_from_base is {true!r}; a transform, finite float64 (4, 4), is expected"]
+    return []
 
 
 def _floor_faults(frame: FloorFrame, truth: dict[str, NDArray], rig: FloorSensor) -> list[str]:

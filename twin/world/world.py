@@ -118,7 +118,7 @@ class World:
         self._ids = np.array([self.scene.ids[name] for name in self.scene.names], dtype=np.int16)
         self._pose_time: float | None = None
         self.pose_cache: PoseCache | None = None
-        """Cached poses for rays, for worlds with scanners only."""
+        """Cached poses for rays, for worlds with scanners only; unused where bases drive, which it does not hold."""
         self._feet: Feet | None = None
         self._bases: dict[str, Array] = {}
 
@@ -131,8 +131,9 @@ class World:
     def snapshot(self, t: float) -> Snapshot:
         """Pose the world at time t [s] since the start; valid until the next snapshot is taken."""
         self._embody(t)
-        if t != self._pose_time and self.pose_cache is not None and t in self.pose_cache.places:
-            self.pose_cache.restore(t, self.data)
+        cache = None if driven(self._scenario) else self.pose_cache
+        if t != self._pose_time and cache is not None and t in cache.places:
+            cache.restore(t, self.data)
             self._pose_time, self._feet = t, None
         if t != self._pose_time:
             self.people.advance(t)
@@ -145,8 +146,8 @@ class World:
             self._lighting.apply(t)
             self._pose_time = t
             self._feet = self.people.feet(t)
-            if self.pose_cache is not None:
-                self.pose_cache.store(t, self.data)
+            if cache is not None:
+                cache.store(t, self.data)
         return Snapshot(t, self.scene.model, self.data, self.scene.person_of_geom, self._feet, self._bases)
 
     def empty_snapshot(self, t: float) -> Snapshot:

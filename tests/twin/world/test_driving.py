@@ -18,6 +18,7 @@ from twin.scenario import Scenario
 from twin.sensors.odometry import OdometryDescription
 from twin.truth.frames import TruthFrame
 from twin.world.simulation import Simulation
+from twin.world.world import PoseCache, World
 
 EXACT: dict[str, Any] = {"drift": 0.0, "noise": 0.0}
 STANDS = {"kind": "path", "waypoints": [[0.3, 1.0]]}
@@ -213,3 +214,27 @@ def test_a_robot_does_not_start_in_a_person():
 
 def test_odometry_is_described_exact_or_not():
     assert not OdometryDescription().is_exact and OdometryDescription(drift=0, noise=0).is_exact
+
+
+def test_bases_have_places_in_the_time_that_is_kept_and_no_other():
+    bases = World(driving(AROUND)).population.bases
+    assert bases is not None
+    for t in (-0.1, 0.1):
+        with pytest.raises(ValueError, match=r"not between 0.00 and 0.00 s"):
+            bases.at(t)
+    assert list(bases.at(0.0)) == ["robot"]
+
+
+def test_poses_shared_by_scanners_leave_a_base_where_it_drives():
+    """As placements of one study share them: the second world is asked for what the first has been asked."""
+    scenario = driving(AROUND, {"body": {"radius_m": 0.2}})
+    shared, seen = None, []
+    for _ in range(2):
+        world = World(scenario)
+        world.pose_cache = shared = shared or PoseCache(world.scene.person_of_geom)
+        for t in (0.0, 1.0, 2.0):
+            snapshot = world.snapshot(t)
+            seen.append((snapshot.bases["robot"].copy(), snapshot.data.mocap_pos.copy()))
+    for (pose, body), (again, body_again) in zip(seen[:3], seen[3:], strict=True):
+        assert np.array_equal(pose, again) and np.array_equal(body, body_again)
+    assert np.hypot(*(seen[2][0] - seen[0][0])[:2, 3]) > 0.3

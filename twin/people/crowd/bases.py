@@ -77,8 +77,12 @@ class MovingBases:
         """Return the pose (4, 4) of each base in the room at time t [s], by name; raises ValueError for a time not kept."""
         place = t / self._tick_s
         before = min(int(place + 1e-9), self._tick)
-        if not max(0, self._tick - self._size + 2) <= before:
-            raise ValueError(f"t = {t} s is too long ago: the bases were at {self._tick * self._tick_s:.2f} s")
+        oldest = max(0, self._tick - self._size + 2)
+        if not oldest <= place + 1e-9 <= self._tick + 1e-6:
+            raise ValueError(
+                f"t = {t} s is not between {oldest * self._tick_s:.2f} and {self._tick * self._tick_s:.2f} s, for which "
+                "the places of bases are kept"
+            )
         share = max(place - before, 0.0)
         early, late = self._rows[before % self._size], self._rows[min(before + 1, self._tick) % self._size]
         x, y, yaw = early + share * (late - early)
