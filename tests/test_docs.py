@@ -170,6 +170,20 @@ def test_links_and_anchors_lead_somewhere(pages: dict[str, str]) -> None:
     assert not faults, "\n".join(faults)
 
 
+NAMED = re.compile(r"`((?:twin|trackers|scripts|models|tests|docs)/[\w/.-]+|(?:twin|trackers)\.\w+\.[\w.]+)`")
+
+
+def test_files_and_modules_that_pages_name_are_there(pages: dict[str, str]) -> None:
+    faults = []
+    for page, text in pages.items():
+        for name in NAMED.findall(text):
+            module = Path(*name.split(".")) if "/" not in name else Path(name)
+            places = [module, module.with_suffix(".py"), module.parent.with_suffix(".py")]
+            if not any((ROOT / place).exists() for place in places):
+                faults.append(f"{page}: {name}: is not there")
+    assert not faults, "\n".join(faults)
+
+
 def test_every_page_is_in_the_menu(pages: dict[str, str]) -> None:
     menu = (ROOT / "scripts" / "documentation" / "site.yml").read_text(encoding="utf-8")
     listed = {f"docs/{path}" for path in re.findall(r"(\S+\.md)$", menu, re.MULTILINE)}

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import re
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 Schema = Mapping[str, Any]
@@ -145,9 +147,20 @@ def listed(kind: str) -> str:
     return "\n".join(["| name | |", "|---|---|", *(f"| `{name}` | {_text(text)} |" for name, text in entries.items())])
 
 
-_LISTED = re.compile(r"\{\{ (list|metrics)\b ?(\w*) \}\}")
+def packages(name: str) -> str:
+    """Format the packages within `twin` or `trackers`, by what each says of itself."""
+    root = Path(__file__).parents[2]
+    lines = ["| package | holds |", "|---|---|"]
+    for file in sorted((root / name).glob("*/__init__.py")):
+        says = ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) or ""
+        lines.append(f"| `{name}/{file.parent.name}/` | {_text(' '.join(says.partition(chr(10) * 2)[0].split()))} |")
+    return "\n".join(lines)
+
+
+_TABLES = {"list": listed, "packages": packages, "metrics": lambda _: metrics_table()}
+_LISTED = re.compile(r"\{\{ (" + "|".join(_TABLES) + r")\b ?(\w*) \}\}")
 
 
 def fill(text: str) -> str:
-    """Replace `{{ list KIND }}` and `{{ metrics }}` of a page."""
-    return _LISTED.sub(lambda found: metrics_table() if found[1] == "metrics" else listed(found[2]), text)
+    """Replace `{{ list KIND }}`, `{{ packages NAME }}` and `{{ metrics }}` of a page."""
+    return _LISTED.sub(lambda found: _TABLES[found[1]](found[2]), text)
