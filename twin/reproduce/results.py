@@ -221,14 +221,15 @@ def format_rows(results: Sequence[ResultRow]) -> list[Row]:
 
 def pivot_rows(results: Sequence[ResultRow], intervals: bool = True) -> Mapping[str, object] | None:
     """Pivot results: one row per condition and tracker, one column per metric; of rows named "CONDITION, METRIC", or of
-    choices.
+    choices. The other systems are told in the cells of ours where they have no rows.
     """
+    have_rows = len({each.column for each in results if ", " in each.row}) > 1
     found: dict[str, dict[str, tuple[str, str, str, list[str]]]] = {}
     for result, paper, ours, spread in format_rows(results):
         condition, _, metric = result.row.partition(", ")
         row, column = (f"{condition}: {result.column}", metric) if metric else (result.row, result.column)
         systems = zip(("the paper’s system here", "baseline"), result.system_texts, strict=True)
-        others = [f"{name} {text}" for name, (text, interval) in systems if interval]
+        others = [] if have_rows else [f"{name} {text}" for name, (text, interval) in systems if interval]
         cell = ours, spread if intervals else "", "" if result.paper is None else paper, others
         found.setdefault(row, {})[column] = cell
     columns = list(dict.fromkeys(column for row in found.values() for column in row))
@@ -273,17 +274,22 @@ def format_ranges(scans: NDArray[np.intp]) -> str:
     return ", ".join(f"{run[0]}" if len(run) == 1 else f"{run[0]}–{run[-1]}" for run in runs)
 
 
+_NAMES = {"where": "where", "row": "row", "metric": "column"}
+
+
 def print_results(title: str, results: Sequence[ResultRow]) -> None:
     """Print a table on stdout: values of the paper, its system here, ours, and the baseline if run."""
     has_systems = any(each.paper_system or each.baseline for each in results)
-    heads = ["where", "row", "metric", "paper", *(["paper's system here"] if has_systems else []), "ours", "95 %"]
+    names = {name: [getattr(each, field) for each in results] for name, field in _NAMES.items()}
+    shown = [name for name, texts in names.items() if name == "row" or len(set(texts)) > 1]  # one for all says nothing
+    heads = [*shown, "paper", *(["paper's system here"] if has_systems else []), "ours", "95 %"]
     rows = []
-    for result in results:
+    for number, result in enumerate(results):
         paper, ours, interval = format_result(result)
         (papers_system, _), (baseline, _) = result.system_texts
         values = (paper, papers_system, ours, interval, baseline) if has_systems else (paper, ours, interval)
-        rows.append([result.where, result.row, result.column, *values])
-    print_table([*heads, *(["baseline"] if has_systems else [])], rows, names=3, title=title)
+        rows.append([*(names[name][number] for name in shown), *values])
+    print_table([*heads, *(["baseline"] if has_systems else [])], rows, names=len(shown), title=title)
 
 
 def write_reproduction(
