@@ -172,7 +172,6 @@ class StereoMatcher:
     """Matches rectified pictures up to a largest disparity; the disparity of a left pixel at column u is u − u′."""
 
     def __init__(self, matching: Matching, largest_px: float) -> None:
-
         # SGBM needs a multiple of 16, and cannot find a disparity between its last two.
         self._count = 16 * max(1, int(np.ceil((largest_px + 2) / 16)))
         block = matching.block_px**2
@@ -193,7 +192,6 @@ class StereoMatcher:
 
     def disparity_px(self, left: NDArray[np.uint8], right: NDArray[np.uint8]) -> NDArray[np.float32]:
         """Match each pixel of the left image (height, width, 3) RGB; return its disparity [px], 0 where there is no match."""
-
         # SGBM skips its leftmost columns, whose far points are in both pictures: additional columns are given for that.
         grey = [
             cv2.copyMakeBorder(
@@ -270,8 +268,6 @@ class CameraNoise(Strict):
         self, rgb: NDArray[np.uint8], state: NoiseBank | None, rng: np.random.Generator
     ) -> tuple[NDArray[np.uint8], NoiseBank | None]:
         """Apply exposure and noise to ideal pixels (height, width, 3); return a new array if anything changes."""
-        import cv2
-
         if self.exposure_gain != 1:
             rgb = np.asarray(cv2.convertScaleAbs(rgb, alpha=self.exposure_gain), dtype=np.uint8)
         if self._is_noisy:
@@ -290,8 +286,6 @@ class CameraNoise(Strict):
 
 
 def _with_noise(rgb: NDArray[np.uint8], bank: NoiseBank, rng: np.random.Generator) -> NDArray[np.uint8]:
-    import cv2
-
     start, negative = int(rng.integers(_SPARE)), bool(rng.integers(2))
     noise = cv2.LUT(rgb, bank.sigma)  # (height, width, 3) int16
     np.multiply(noise, bank.unit_noise[start : start + rgb.size].reshape(rgb.shape), out=noise)

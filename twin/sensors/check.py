@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Iterator
+from dataclasses import fields
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trackers.check import raised
 from trackers.errors import PLUG_IN_ERRORS
-from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation, Odometry
+from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Odometry
 from trackers.rig import (
     CameraSensor,
     FisheyeSensor,
@@ -146,22 +147,10 @@ def _world_state(snapshot: Snapshot) -> dict[str, NDArray]:
 
 
 def _arrays(reading: Reading) -> dict[str, NDArray]:
+    """Return the arrays of a reading by name, those of its observation and of its truth."""
+    observed = {each.name: getattr(reading.observation, each.name) for each in fields(reading.observation)}
     truth = {f"truth {name}": array for name, array in reading.truth.items()}
-    return _values(reading.observation) | truth
-
-
-def _values(observation: Observation) -> dict[str, NDArray]:
-    match observation:
-        case LaserScan():
-            return {"observation": observation.ranges_m}
-        case Image():
-            return {"observation": observation.rgb}
-        case DepthImage():
-            return {"observation": observation.rgb, "depth": observation.depth_m}
-        case FloorFrame():
-            return {"observation": observation.values}
-        case Odometry():
-            return {"observation": observation.frame_from_base}
+    return {name: array for name, array in observed.items() if isinstance(array, np.ndarray)} | truth
 
 
 def _same(one: dict[str, NDArray], other: dict[str, NDArray]) -> bool:

@@ -16,12 +16,10 @@ from trackers.observations import Image
 from trackers.rig import FisheyeSensor
 from twin.instant.snapshot import Snapshot
 from twin.sensors.camera import check_fisheye
+from twin.sensors.pinhole import checked_renderer
 from twin.sensors.render import OffscreenRenderer
-from twin.sensors.render_scene import PersonPixels, RenderView
+from twin.sensors.render_scene import PersonPixels, RenderView, drawn_span, triple
 from twin.sensors.sensor import Reading, State
-
-MARGIN_PX = 2.0
-"""Margin of each face beyond its pixels, so that bilinear taps stay inside it."""
 
 # Face axes in the camera's frame (x right, y down, z ahead): forward, up. The sides have the lens axis as their up, so
 # that their needed strip lies along the rows of the buffer.
@@ -74,15 +72,15 @@ def build_face_table(lens: FisheyeIntrinsics, room_from_camera: NDArray[np.float
         axes = np.stack([np.cross(forward, up), up, forward])  # right, up, forward in the camera frame
         right, upward, ahead = axes @ directions[pixels].T
         across, rise = right / ahead, upward / ahead
-        left, width = _span(across, density)
-        bottom, height = _span(rise, density)
+        left, width = drawn_span(across, density)
+        bottom, height = drawn_span(rise, density)
         column[pixels] = (across - left) * density - 0.5
         row[pixels] = (rise - bottom) * density - 0.5 + buffer_height
         in_room = room_from_camera @ axes.T  # columns: right, up, forward in the room frame
         views.append(
             RenderView(
-                forward=_triple(in_room[:, 2]),
-                up=_triple(in_room[:, 1]),
+                forward=triple(in_room[:, 2]),
+                up=triple(in_room[:, 1]),
                 left=left,
                 right=left + width / density,
                 bottom=bottom,
@@ -109,17 +107,6 @@ def _nearest_face(directions: NDArray[np.float64]) -> NDArray[np.intp]:
     x, y, z = np.moveaxis(np.where(seen[..., None], directions, 0.0), -1, 0)
     towards = np.stack([z, x, -x, y, -y])
     return np.where(seen, towards.argmax(axis=0), -1)
-
-
-def _span(values: NDArray[np.float64], density: float) -> tuple[float, int]:
-    """Return a face's lower edge (tangent) and the number of pixels that contain these positions with a margin."""
-    pixels = int(np.ceil((values.max() - values.min()) * density + 2 * MARGIN_PX))
-    middle = (values.max() + values.min()) / 2
-    return float(middle - pixels / density / 2), pixels
-
-
-def _triple(vector: NDArray[np.float64]) -> tuple[float, float, float]:
-    return float(vector[0]), float(vector[1]), float(vector[2])
 
 
 OVERSAMPLING = 1.0
@@ -178,16 +165,13 @@ class Fisheye:
 
     def draw_faces(self, snapshot: Snapshot) -> None:
         """Draw and read the faces, the minimum cost of a picture."""
-        renderer = self._renderer()
-        if snapshot.model is not renderer.model:
-            raise ValueError(f"camera {self.name!r} was given a renderer of another model than the snapshot's")
+        renderer = checked_renderer(self._renderer(), snapshot, self.name)
         renderer.render(snapshot.data, self._eye_m, self._faces.views, self._faces.drawn)
 
     def person_image(self, snapshot: Snapshot) -> NDArray[np.int16]:
         """Return the id of the person at each pixel's centre, 0 for the room, -1 outside the field, (height, width)."""
-        drawn = self._faces.drawn
-        views = self._faces.views
-        geom_of_number = self._renderer().render(snapshot.data, self._eye_m, views, None, numbers=drawn)
+        drawn, renderer = self._faces.drawn, checked_renderer(self._renderer(), snapshot, self.name)
+        geom_of_number = renderer.render(snapshot.data, self._eye_m, self._faces.views, None, numbers=drawn)
         return self._faces.pixels.people(drawn, geom_of_number, snapshot.person_of_geom)
 
     def rig_sensor(self) -> FisheyeSensor:

@@ -327,17 +327,12 @@ class Floor:
         return [(tuple(left), tuple(right)) for left, right in cells]
 
     def _press(self, feet: Feet | None) -> FloorLoad:
-        if feet is None:
-            return self._pressed(None)
-        # truth and sensor use the same stamp, one after the other
-        if self._last is None or self._last[0] is not feet:
-            self._last = feet, self._pressed(feet)
-        return self._last[1]
-
-    def _pressed(self, feet: Feet | None) -> FloorLoad:
         if feet is None or not (feet.present[:, None] & (feet.load_n != 0)).any():
             return FloorLoad.nothing(self._rig.rows, self._rig.columns, 0 if feet is None else len(feet.present))
-        return self._plate.press(self._in_plate_frame(feet))
+        # truth and sensor use the same feet, one after the other
+        if self._last is None or self._last[0] is not feet:
+            self._last = feet, self._plate.press(self._in_plate_frame(feet))
+        return self._last[1]
 
     def _in_plate_frame(self, feet: Feet) -> Feet:
         return replace(feet, place=(feet.place - self._origin) @ self._rotation, yaw=feet.yaw - self._yaw)

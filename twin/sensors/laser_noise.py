@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
@@ -73,17 +75,7 @@ class LaserNoise(Strict):
         np.putmask(ranges, ranges > scan.range_max_m, np.inf)
         if self.dropout > 0:
             np.putmask(ranges, rng.random(ranges.size, dtype=np.float32) < self.dropout, np.inf)
-        noisy = LaserScan(
-            sensor=scan.sensor,
-            stamp_ns=scan.stamp_ns,
-            ranges_m=ranges,
-            angle_min_rad=scan.angle_min_rad,
-            angle_increment_rad=scan.angle_increment_rad,
-            range_min_m=scan.range_min_m,
-            range_max_m=scan.range_max_m,
-            sweep_time_s=scan.sweep_time_s,
-        )
-        return noisy, None
+        return replace(scan, ranges_m=ranges), None
 
     def _sigma_m(self, ranges: NDArray[np.float32]) -> float | NDArray[np.float32]:
         """Return the standard deviation [m] at each range; finite where there is no return, which noise leaves as it is."""

@@ -18,35 +18,46 @@ from twin.sensors.sensor import Noise, Reading, Sensor, State
 from twin.streams import stream
 
 
-@dataclass(frozen=True, eq=False)
-class Noisy:
-    """A sensor with a layer of noise around its ideal readings; the truth stays that of the ideal reading."""
+class Layer:
+    """A sensor around another, the `inner` one, whose name, instants and rig entry it has."""
 
-    ideal: Sensor
-    noise: Noise
+    inner: Sensor
 
     @property
     def name(self) -> str:
         """Name on the rig."""
-        return self.ideal.name
+        return self.inner.name
 
     @property
     def instants_s(self) -> tuple[float, ...]:
-        """Instants of the ideal sensor, as offsets from the stamp [s]."""
-        return self.ideal.instants_s
+        """Instants of the inner sensor, as offsets from the stamp [s]."""
+        return self.inner.instants_s
+
+    @property
+    def ideal(self) -> Sensor:
+        """The sensor without any layer, so without noise and faults."""
+        return self.inner.ideal if isinstance(self.inner, Layer) else self.inner
+
+    def rig_sensor(self) -> RigSensor:
+        """Return the tracker's view of the inner sensor: noise, faults and cost do not show in it."""
+        return self.inner.rig_sensor()
+
+
+@dataclass(frozen=True, eq=False)
+class Noisy(Layer):
+    """A sensor with a layer of noise around its ideal readings; the truth stays that of the ideal reading."""
+
+    inner: Sensor
+    noise: Noise
 
     def observe(
         self, stamp_ns: int, snapshots: Iterable[Snapshot], state: State, rng: np.random.Generator
     ) -> tuple[Reading, State]:
         """Return the ideal reading with noise on its observation; the state is the sensor's and the noise's."""
         sensor_state, noise_state = state if state is not None else (None, None)
-        reading, sensor_state = self.ideal.observe(stamp_ns, snapshots, sensor_state, rng)
+        reading, sensor_state = self.inner.observe(stamp_ns, snapshots, sensor_state, rng)
         observation, noise_state = self.noise.corrupt(reading.observation, noise_state, rng)
         return Reading(observation, reading.truth), (sensor_state, noise_state)
-
-    def rig_sensor(self) -> RigSensor:
-        """Return the tracker's view of the sensor, without its noise."""
-        return self.ideal.rig_sensor()
 
 
 class Effect(Protocol):
@@ -73,7 +84,7 @@ class _FaultyState:
     held: Observation | None = None
 
 
-class Faulty:
+class Faulty(Layer):
     """Sensor with faults; its truth, its rig entry and its behaviour outside their times are the healthy one's.
 
     An obstruction (a cover on the lens, an obstacle before the scanner) comes before the noise, a defect after it, and
@@ -83,7 +94,7 @@ class Faulty:
 
     def __init__(self, healthy: Sensor, faults: Mapping[str, Fault], seed: int) -> None:
         """Prepare the effects; `faults`: by name, those of this sensor; those of its messages are left to the schedule."""
-        self.healthy = healthy
+        self.inner = healthy
         self._seed = seed
         self._before: list[_TimedEffect] = []
         self._within: list[_TimedEffect] = []
@@ -102,25 +113,6 @@ class Faulty:
                 case _:
                     pass
 
-    @property
-    def name(self) -> str:
-        """Name on the rig."""
-        return self.healthy.name
-
-    @property
-    def ideal(self) -> Sensor:
-        """The sensor without faults and noise."""
-        return self.healthy.ideal if isinstance(self.healthy, Noisy) else self.healthy
-
-    @property
-    def instants_s(self) -> tuple[float, ...]:
-        """Instants of the healthy sensor, as offsets from the stamp [s]."""
-        return self.healthy.instants_s
-
-    def rig_sensor(self) -> RigSensor:
-        """Return the tracker's view of the sensor, without its faults."""
-        return self.healthy.rig_sensor()
-
     def observe(
         self, stamp_ns: int, snapshots: Iterable[Snapshot], state: State, rng: np.random.Generator
     ) -> tuple[Reading, State]:
@@ -130,7 +122,7 @@ class Faulty:
         if before:
             reading, inner = self._obstructed(before, stamp_ns, snapshots, carried.inner, rng)
         else:
-            reading, inner = self.healthy.observe(stamp_ns, snapshots, carried.inner, rng)
+            reading, inner = self.inner.observe(stamp_ns, snapshots, carried.inner, rng)
         observation = reading.observation
         for each in self._within:
             if each.fault.holds(stamp_ns):
@@ -152,12 +144,12 @@ class Faulty:
         rng: np.random.Generator,
     ) -> tuple[Reading, State]:
         """Return the reading with an obstruction before the sensor: under its noise where it has some."""
-        if not isinstance(self.healthy, Noisy):
-            reading, state = self.healthy.observe(stamp_ns, snapshots, state, rng)
+        if not isinstance(self.inner, Noisy):
+            reading, state = self.inner.observe(stamp_ns, snapshots, state, rng)
             return Reading(_applied(effects, reading.observation), reading.truth), state
         sensor_state, noise_state = state if state is not None else (None, None)
-        reading, sensor_state = self.healthy.ideal.observe(stamp_ns, snapshots, sensor_state, rng)
-        noise = self.healthy.noise
+        reading, sensor_state = self.inner.inner.observe(stamp_ns, snapshots, sensor_state, rng)
+        noise = self.inner.noise
         # Drawn as without the fault: noise may draw by its input.
         _, noise_state = noise.corrupt(reading.observation, noise_state, rng)
         own = stream(self._seed, "fault noise", f"{self.name}/{stamp_ns}")
@@ -180,40 +172,25 @@ def _applied(effects: list[Effect], observation: Observation) -> Observation:
 
 
 @dataclass(eq=False)
-class TimedSensor:
+class TimedSensor(Layer):
     """A sensor and the measured cost of its observations."""
 
-    sensor: Sensor
+    inner: Sensor
     frames: int = 0
     spent_s: float = 0.0
     on_reading: Callable[[str, int, Reading], object] = lambda sensor, stamp_ns, reading: None
 
     @property
-    def name(self) -> str:
-        """Name on the rig."""
-        return self.sensor.name
-
-    @property
-    def ideal(self) -> Sensor:
-        """The sensor without its noise and faults."""
-        return self.sensor.ideal if isinstance(self.sensor, Noisy | Faulty) else self.sensor
-
-    @property
     def healthy(self) -> Sensor:
         """The sensor without its faults."""
-        return self.sensor.healthy if isinstance(self.sensor, Faulty) else self.sensor
-
-    @property
-    def instants_s(self) -> tuple[float, ...]:
-        """Instants of the sensor, as offsets from the stamp [s]."""
-        return self.sensor.instants_s
+        return self.inner.inner if isinstance(self.inner, Faulty) else self.inner
 
     def observe(
         self, stamp_ns: int, snapshots: Iterable[Snapshot], state: State, rng: np.random.Generator
     ) -> tuple[Reading, State]:
         """Return the sensor's reading, and measure its time."""
         start = time.perf_counter()
-        result = self.sensor.observe(stamp_ns, self._without_the_world(snapshots), state, rng)
+        result = self.inner.observe(stamp_ns, self._without_the_world(snapshots), state, rng)
         self.spent_s += time.perf_counter() - start
         self.frames += 1
         self.on_reading(self.name, stamp_ns, result[0])
@@ -227,7 +204,3 @@ class TimedSensor:
             yield snapshot
             start = time.perf_counter()
         self.spent_s -= time.perf_counter() - start
-
-    def rig_sensor(self) -> RigSensor:
-        """Return the sensor's true pose and projection."""
-        return self.sensor.rig_sensor()

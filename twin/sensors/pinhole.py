@@ -21,11 +21,8 @@ from trackers.rig import PinholeSensor, Pose, StereoSensor
 from twin.instant.snapshot import Snapshot
 from twin.sensors.camera import Matching, NoiseBank, StereoMatcher, StereoNoise
 from twin.sensors.render import OffscreenRenderer
-from twin.sensors.render_scene import PersonPixels, RenderView
+from twin.sensors.render_scene import PersonPixels, RenderView, drawn_span, triple
 from twin.sensors.sensor import Reading, State
-
-MARGIN_PX = 2.0
-"""Margin of a distorted picture's drawing, so that bilinear taps stay inside."""
 
 LARGEST_BUFFER_PX = 16_384
 
@@ -77,8 +74,8 @@ def pinhole_view(lens: PinholeIntrinsics, pose: Pose, eye_offset_m: float = 0.0)
             f"distortion {list(lens.distortion)} (k1, k2, p1, p2, k3) leaves pixels without light; "
             "one that grows up to the picture's edge is valid"
         )
-    left, width, density_x = _span(across, np.diff(across, axis=1))
-    bottom, height, density_y = _span(rise, -np.diff(rise, axis=0))
+    density_x, density_y = _density(np.diff(across, axis=1)), _density(-np.diff(rise, axis=0))
+    (left, width), (bottom, height) = drawn_span(across, density_x), drawn_span(rise, density_y)
     if max(width, height) > LARGEST_BUFFER_PX:
         raise InputError(
             f"distortion {list(lens.distortion)} (k1, k2, p1, p2, k3) needs a picture of {width} x {height} to be bent "
@@ -91,34 +88,30 @@ def pinhole_view(lens: PinholeIntrinsics, pose: Pose, eye_offset_m: float = 0.0)
     return PinholeView(_view(pose, eye_offset_m, edges, (width, height)), width, height, maps)
 
 
-def _span(tangents: NDArray[np.float64], steps: NDArray[np.float64]) -> tuple[float, int, float]:
-    """Return a buffer's lower edge (tangent), its number of pixels, and its pixels per unit of tangent."""
-    finest = steps.min()
+def _density(steps: NDArray[np.float64]) -> float:
+    """Return the pixels of a drawing per unit of tangent, one for the smallest of these steps between the picture's pixels."""
+    finest = float(steps.min())
     if finest <= 0:
         raise InputError(
             "distortion folds the picture over itself; coefficients under which neighbours stay neighbours are valid"
         )
-    density = 1.0 / float(finest)
-    pixels = int(np.ceil((tangents.max() - tangents.min()) * density + 2 * MARGIN_PX))
-    middle = (tangents.max() + tangents.min()) / 2
-    return float(middle - pixels / density / 2), pixels, density
+    return 1.0 / finest
 
 
 def _view(
     pose: Pose, eye_offset_m: float, edges: tuple[float, float, float, float], size: tuple[int, int]
 ) -> RenderView:
     right, down, ahead = pose.rotation.T
-    offset = eye_offset_m * right
     left_edge, right_edge, bottom, top = edges
     return RenderView(
-        forward=(float(ahead[0]), float(ahead[1]), float(ahead[2])),
-        up=(float(-down[0]), float(-down[1]), float(-down[2])),
+        forward=triple(ahead),
+        up=triple(-down),
         left=left_edge,
         right=right_edge,
         bottom=bottom,
         top=top,
         viewport=(0, 0, *size),
-        offset_m=(float(offset[0]), float(offset[1]), float(offset[2])),
+        offset_m=triple(eye_offset_m * right),
     )
 
 

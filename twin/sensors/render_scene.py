@@ -67,6 +67,23 @@ class RenderView:
         return normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
 
+MARGIN_PX = 2.0
+"""Margin of a drawing from which a picture is remapped, so that bilinear taps stay inside."""
+
+
+def drawn_span(tangents: NDArray[np.float64], density: float) -> tuple[float, int]:
+    """Return the lower edge (tangent) of a drawing, and its pixels at `density` per unit of tangent, that hold these places."""
+    pixels = int(np.ceil((tangents.max() - tangents.min()) * density + 2 * MARGIN_PX))
+    middle = (tangents.max() + tangents.min()) / 2
+    return float(middle - pixels / density / 2), pixels
+
+
+def triple(vector: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Return a vector (3,) as floats, of which views are made."""
+    x, y, z = vector.tolist()
+    return x, y, z
+
+
 @dataclass(frozen=True)
 class Mark:
     """Level box drawn into one picture, not part of the scene.

@@ -139,15 +139,6 @@ class Delivery:
     reading: Reading
 
 
-@dataclass(order=True)
-class _Waiting:
-    """A reading before its arrival; readings that arrive together are ordered by their measurement."""
-
-    arrival_ns: int
-    number: int
-    delivery: Delivery = field(compare=False)
-
-
 class Schedule:
     """Observations of all sensors of a world over `duration_s`, and their readings in order of arrival.
 
@@ -175,11 +166,11 @@ class Schedule:
         """
         noise = [np.random.default_rng(noise_seed) for _, noise_seed in self._seeds]
         states: list[State] = [None] * len(self._sensors)
-        waiting: list[_Waiting] = []
+        waiting: list[tuple[int, int, Delivery]] = []  # by arrival, those that arrive together by their measurement
         for number, (_, place, event, made) in enumerate(self._ordered()):
             # Whatever is measured from here on arrives no earlier than its stamp.
-            while waiting and waiting[0].arrival_ns <= event.stamp_ns:
-                yield heapq.heappop(waiting).delivery
+            while waiting and waiting[0][0] <= event.stamp_ns:
+                yield heapq.heappop(waiting)[2]
             if not made:
                 continue
             sensor = self._sensors[place].sensor
@@ -192,9 +183,9 @@ class Schedule:
             if reported_ns != event.stamp_ns:
                 reading = replace(reading, observation=replace(reading.observation, stamp_ns=reported_ns))
             delivery = Delivery(event.stamp_ns, event.arrival_ns, reading)
-            heapq.heappush(waiting, _Waiting(event.arrival_ns, number, delivery))
+            heapq.heappush(waiting, (event.arrival_ns, number, delivery))
         while waiting:
-            yield heapq.heappop(waiting).delivery
+            yield heapq.heappop(waiting)[2]
 
     def _ordered(self) -> Iterator[tuple[int, int, SensorEvent, bool]]:
         """Yield stamp [ns], index of the sensor, event, and is_made (the observation is made), in order of stamps."""

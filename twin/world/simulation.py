@@ -235,7 +235,7 @@ class Simulation:
                 continue
             rng = stream(self.scenario.seed, "look", name)
             snapshots = (self.world.snapshot(stamp_ns / NS_PER_S + offset) for offset in timed.instants_s)
-            reading, _ = timed.sensor.observe(stamp_ns, snapshots, None, rng)
+            reading, _ = timed.inner.observe(stamp_ns, snapshots, None, rng)
             looks[name] = encode(reading.observation).observation
         return looks
 

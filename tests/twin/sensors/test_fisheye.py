@@ -11,8 +11,9 @@ from silhouettes import description, picture, silhouette_displacements, unlit
 from trackers.cameras import FisheyeIntrinsics
 from trackers.errors import InputError
 from twin.sensors.camera import LENSES, Lens, check_fisheye
-from twin.sensors.fisheye import MARGIN_PX, Fisheye, build_face_table
+from twin.sensors.fisheye import Fisheye, build_face_table
 from twin.sensors.render import RendererOnDemand
+from twin.sensors.render_scene import MARGIN_PX
 
 
 @pytest.mark.parametrize(
