@@ -185,6 +185,10 @@ def _lines(error: ValidationError, model: type[BaseModel], content: Any, source:
             message = _expected(fault["type"], message, fault.get("ctx", {}))
             if not isinstance(fault["input"], dict | BaseModel):
                 message += f" (got {_shown(fault['input'])})"
+        if fault["loc"][-1:] == ("[key]",):  # of a mapping: pydantic's path goes through it as if it were a field
+            path = ".".join(_path(fault["loc"][:-2], content))
+            message = message.replace(f" (got {_shown(fault['input'])})", "")
+            message = f"the name {_shown(fault['input'])}: {message}"
         lines.append(": ".join(part for part in (source, path, message) if part))
     distinct = list(dict.fromkeys(lines))
     more = [f"{source}: and {len(distinct) - _MOST_LINES} faults more"] if len(distinct) > _MOST_LINES else []

@@ -11,6 +11,7 @@ import codecs
 import os
 import reprlib
 import stat
+from contextlib import suppress
 from pathlib import Path
 
 from trackers.errors import InputError
@@ -53,7 +54,10 @@ AnyPath = str | os.PathLike[str]
 
 
 def as_path(given: AnyPath, name: str) -> Path:
-    """Return a caller's path. Raises InputError for anything but a text or an `os.PathLike`; `name`: of the argument."""
+    """Return a caller's path, with the home folder for a leading `~`, as a shell has it.
+
+    Raises InputError for anything but a text or an `os.PathLike`; `name`: of the argument.
+    """
     try:
         text = os.fspath(given)
     except TypeError:
@@ -62,7 +66,10 @@ def as_path(given: AnyPath, name: str) -> Path:
         raise InputError(f"{name}: {reprlib.repr(given)} is no path; a text or an os.PathLike is expected")
     if not text or "\0" in text:
         raise InputError(f"{name}: {reprlib.repr(text)} is no path; a text that is not empty, without NUL, is expected")
-    return Path(text)
+    path = Path(text)
+    with suppress(RuntimeError):  # no home is known
+        return path.expanduser() if path.parts[:1] == ("~",) else path
+    return path
 
 
 MOST_TEXT_BYTES = 64 * 1024 * 1024

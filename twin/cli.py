@@ -108,6 +108,8 @@ def _code_of_run() -> int:
     try:
         check_memory()
         _check_none_is_empty(sys.argv[1:])
+        # a shell expands `--out ~/x`, and leaves `--out=~/x` and what is quoted
+        sys.argv[1:] = [re.sub(r"^(--[a-z-]+=)?~(?=/|$)", _home, each) for each in sys.argv[1:]]
         code = _app_of(sys.argv[1:])(standalone_mode=False)
         if code == EXIT_INTERRUPTED:  # typer's code for Ctrl-C
             sys.stderr.write("twin: interrupted; no file was left half-written under its final name\n")
@@ -183,6 +185,11 @@ def _check_none_is_empty(arguments: Sequence[str]) -> None:
         if argument == "" or re.fullmatch("--[a-z-]+=", argument):
             named = argument.removesuffix("=") or (before if before.startswith("-") else f"after {before or 'twin'!r}")
             raise InputError(f"{named}: an argument is empty; a name, path or value is expected")
+
+
+def _home(start: re.Match[str]) -> str:
+    """Return the start of an argument that is a path, with the home folder for `~`."""
+    return (start[1] or "") + os.path.expanduser("~")
 
 
 def _end_with(message: str, code: int = EXIT_BAD_INPUT) -> int:

@@ -48,27 +48,27 @@ def at_work(tracker: str) -> Iterator[None]:
 
 
 class TrackerLog(logging.Handler):
-    """Handler of what trackers log while they work: printed on stderr as a warning of the command line.
+    """Handler of what trackers, and the twin, log while they work: printed on stderr as a warning of the command line.
 
-    A warning begins with the tracker at work (`at_work`), else with the package that logs.
+    A warning of a tracker begins with the one at work (`at_work`), else with the package that logs.
     """
 
     printed: ClassVar[set[str]] = set()
 
     @classmethod
     def install(cls) -> None:
-        """Print what trackers log from now on, each once however often a process calls the command line."""
-        trackers = logging.getLogger("trackers")
-        for handler in trackers.handlers[:]:
-            if isinstance(handler, cls):
-                trackers.removeHandler(handler)
-        trackers.addHandler(cls(logging.WARNING))
+        """Print what is logged from now on, each once however often a process calls the command line."""
+        for package in map(logging.getLogger, ("trackers", "twin")):
+            for handler in package.handlers[:]:
+                if isinstance(handler, cls):
+                    package.removeHandler(handler)
+            package.addHandler(cls(logging.WARNING))
         cls.printed.clear()
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print the message."""
-        _, system, *inside = record.name.split(".")
-        name = f"{_AT_WORK.get(system.replace('_', '-'))}: " if inside else ""
+        package, system, *inside = record.name.split(".")
+        name = f"{_AT_WORK.get(system.replace('_', '-'))}: " if inside and package == "trackers" else ""
         self.printed.add(sentence(f"{name}{record.getMessage()}"))
         sys.stderr.write(f"twin: warning: {sentence(f'{name}{record.getMessage()}')}\n")
 

@@ -7,7 +7,6 @@ numbers are the shortest decimals that read back to the same float. Room frame, 
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -180,9 +179,8 @@ def read_truth(
     Columns visible_<sensor> are kept by sensor, others ignored. `mot`: MOT text with places on the ground. Raises InputError
     naming file, line, column and value.
     """
-    found = read_person_rows(
-        as_path(path, "a truth table"), "a truth table", most_bytes, frame_rate_hz, rate_field, "truth" if mot else None
-    )
+    path, own = as_path(path, "a truth table"), "truth" if mot else None
+    found = read_person_rows(path, "a truth table", most_bytes, frame_rate_hz, rate_field, own)
     rows = found.rows
     visible = {}
     for name in rows.cells:
@@ -196,9 +194,9 @@ def read_truth(
     in_area = rows.flags("in_area") if "in_area" in rows.cells else within
     notes = found.notes if set(TRUTH_COLUMNS) <= set(rows.cells) else (*found.notes, *check_plausibility(found))
     if "status" in rows.cells:
-        notes += (f"{os.fspath(path)}: has a column status, as tables of tracks have; the table of truth comes first",)
+        notes += (f"{path}: has a column status, as tables of tracks have; the table of truth comes first",)
     return TruthTable(
-        os.fspath(path),
+        str(path),
         found.frame_stamps_ns,
         found.stamps_ns,
         found.ids(),
@@ -224,7 +222,8 @@ def read_tracks(
     contract does not name are passed over. `mot` as in `read_truth`. Raises InputError naming file, line, column and value.
     """
     what, own = "a tracks table", "tracks" if mot else None
-    found = read_person_rows(as_path(path, what), what, most_bytes, frame_rate_hz, rate_field, own)
+    path = as_path(path, what)
+    found = read_person_rows(path, what, most_bytes, frame_rate_hz, rate_field, own)
     rows = found.rows
     numbers = {name: _numbers(rows, name) for name in _TRACK_NUMBERS}
     status = rows.words("status", STATUSES) if "status" in rows.cells else np.zeros(len(rows), dtype="<U9")
@@ -232,7 +231,7 @@ def read_tracks(
     for row in np.flatnonzero(radius <= 0)[:1]:
         rows.refuse(int(row), "radius95_m", "a radius above 0 [m] or an empty cell")
     index = found.frame_stamps_ns, found.stamps_ns, found.ids()
-    return TrackTable(os.fspath(path), *index, **numbers, status=status, radius95_m=radius, notes=found.notes)
+    return TrackTable(str(path), *index, **numbers, status=status, radius95_m=radius, notes=found.notes)
 
 
 def truth_table(frames: Iterable[TruthFrame], source: str = "truth") -> TruthTable:

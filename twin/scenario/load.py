@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from copy import deepcopy
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +24,8 @@ from twin.scenario.pedestrians import Pedestrians, people_from
 from twin.scenario.person import Person
 from twin.scenario.scenario import Scenario
 from twin.scenario.sensors import SensorDescription
+
+logger = logging.getLogger(__name__)
 
 _LONGEST_CHAIN = 20
 """Greatest number of scenarios that extend each other in turn."""
@@ -210,7 +214,33 @@ def _apply(content: dict[str, Any], override: str) -> None:
         raise _valued(override, parts[:-1], parts[-1])
     else:
         check_removals(ScenarioFile, here, {parts[-1]: value}, _said(override), tuple(parts[:-1]))
+        _check_replaced(here.get(parts[-1]), value, tuple(parts), _said(override))
         here[parts[-1]] = value
+
+
+def _check_replaced(held: Any, value: Any, at: tuple[str, ...], source: str) -> None:
+    """Raise InputError where a mapping replaces another that has a `kind`, and has none: it cannot be meant to.
+
+    Warn where a mapping of names holds some of those there and drops the others. at: the path of both; source: as for
+    `check_removals`.
+    """
+    if not (isinstance(held, Mapping) and isinstance(value, Mapping) and value):
+        return
+    for key in held.keys() & value.keys():
+        _check_replaced(held[key], value[key], (*at, str(key)), source)
+    path, first = ".".join(at), next(iter(value))
+    one = f"{path}.{first}" + (".FIELD=VALUE" if isinstance(value[first], Mapping) else "=VALUE")
+    if "kind" in held and "kind" not in value:
+        raise InputError(f"{source}: {path}: is replaced as a whole, and has no kind; --set {one} changes one field")
+    dropped = [str(key) for key in held if key not in value]
+    if dropped and held.keys() & value.keys() and keys_of(ScenarioFile, at) is None:
+        _warn(f"{source}: replaces all of {path}, without {', '.join(dropped)}; --set {one} changes one of them")
+
+
+@cache
+def _warn(sentence: str) -> None:
+    """Warn, once: a suite loads a scenario for each of its cases."""
+    logger.warning("%s", sentence)
 
 
 def _valued(override: str, path: list[str], part: str) -> InputError:

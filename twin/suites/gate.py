@@ -83,6 +83,10 @@ class _Baseline(Strict):
 def read_baseline(path: Path) -> Results:
     """Read the results in a baseline. Raises InputError for any other file."""
     content = parse_json(read_text(path, _EXPECTED), str(path), _EXPECTED)
+    if not isinstance(content, dict) or "groups" not in content:
+        raise InputError(f"{path}: is no baseline, as it has no groups; {_EXPECTED} is expected")
+    if "cases" in content:
+        raise InputError(f"{path}: is the summary of a run, and no baseline; {_EXPECTED} is expected")
     held = validate(_Baseline, content, str(path))
     return Results(
         suite=held.suite,

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from command_line import twin as command
 from pydantic import BaseModel
 
 import trackers
@@ -33,7 +34,11 @@ class Mine:
         return str(self.path)
 
 
-KINDS: dict[str, Callable[[Path], Any]] = {"text": str, "Path": Path, "PathLike": Mine}
+def at_home(path: Path) -> str:
+    return f"~/{path.relative_to(os.environ['HOME'])}"
+
+
+KINDS: dict[str, Callable[[Path], Any]] = {"text": str, "Path": Path, "PathLike": Mine, "~": at_home}
 
 
 def public() -> Iterator[tuple[str, Any]]:
@@ -100,6 +105,7 @@ def test_a_path_too_long_for_any_folder_is_refused_in_a_sentence() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_run_track_and_read_by_any_path(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
     of, folder = KINDS[kind], tmp_path / "run"
     source = tmp_path / "mine.yaml"
     source.write_text("name: mine\nextends: lab-five-people\nduration_s: 1\nbackground_frames: 2\n")
@@ -124,7 +130,18 @@ def test_run_track_and_read_by_any_path(kind: str, tmp_path: Path, monkeypatch: 
     assert truth.source == os.fspath(folder / "truth.csv") and len(tracks.t)
 
 
-def test_environment_by_any_path(tmp_path: Path) -> None:
+def test_the_command_takes_a_home_that_no_shell_has_expanded(tmp_path: Path) -> None:
+    given = {"cwd": tmp_path, "HOME": str(tmp_path / "me")}
+    (tmp_path / "me").mkdir()
+    assert command("new", "suite", "--out=~/mine.yaml", **given).returncode == 0
+    assert command("new", "study", "--out", "~/mine2.yaml", **given).returncode == 0
+    assert command("check", "~/mine.yaml", **given).stdout.startswith(f"{tmp_path}/me/mine.yaml: a valid suite")
+    assert not (tmp_path / "~").exists() and (tmp_path / "me" / "mine2.yaml").exists()
+    assert "~nobody" in command("check", "~nobody.yaml", **given).stderr
+
+
+def test_environment_by_any_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
     cloud, _ = scan_scenario(twin.load_scenario("pair"), scanner=TiltingScanner(beams=91, tilt_step_deg=2.0))
     environment = build_environment(cloud)
     for kind, of in KINDS.items():

@@ -99,3 +99,43 @@ def test_a_name_that_no_file_can_have_is_refused(base: Path, field: str) -> None
 def test_a_path_into_an_item_that_is_a_value_is_refused():
     with pytest.raises(InputError, match=r"--set area.0.1.x=2: area.0.1 is a value, not a mapping; it has no 'x'"):
         load_scenario("lab-five-people", ["area.0.1.x=2"])
+
+
+@pytest.mark.parametrize(
+    ("override", "said"),
+    [
+        (
+            "sensors.knee={rate_hz: 5}",
+            "sensors.knee: is replaced as a whole, and has no kind; --set sensors.knee.rate_hz=",
+        ),
+        (
+            "sensors={knee: {rate_hz: 5}}",
+            "sensors.knee: is replaced as a whole, and has no kind; --set sensors.knee.rate",
+        ),
+        (
+            "people.ann.script={after_s: 5}",
+            "people.ann.script: is replaced as a whole, and has no kind; --set people.ann.",
+        ),
+    ],
+)
+def test_a_mapping_that_lacks_the_kind_of_what_it_replaces_is_refused(base: Path, override: str, said: str) -> None:
+    with pytest.raises(InputError) as caught:
+        load_scenario(base, [override])
+    assert str(caught.value).startswith(f"--set {override}: {said}")
+
+
+def test_a_mapping_that_drops_others_beside_it_is_told_and_one_of_new_names_is_not(
+    base: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert list(load_scenario(base, ["people={ann: {height_m: 1.9}}"]).people) == ["ann"]
+    said = "replaces all of people, without ben; --set people.ann.FIELD=VALUE changes one of them"
+    assert [each.getMessage() for each in caplog.records] == [f"--set people={{ann: {{height_m: 1.9}}}}: {said}"]
+    caplog.clear()
+    for whole in (
+        "people={eve: {}}",
+        "people={}",
+        "people={ann: {}, ben: {height_m: 1.8}}",
+        "people.ann={height_m: 2}",
+    ):
+        load_scenario(base, [whole])
+    assert not caplog.records

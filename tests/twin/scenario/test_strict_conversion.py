@@ -186,3 +186,30 @@ def test_a_bare_colour_is_a_comment_in_a_file_and_a_text_on_the_command_line(tmp
     assert parse_yaml_value(colour, "--set hair") == colour
     in_list = parse_yaml_value(f"[{colour}, 'room #101', \"x, #fff\", {{hair: {colour}}}, {colour}]", "--set hair")
     assert in_list == [colour, "room #101", "x, #fff", {"hair": colour}, colour]
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("true", "the name True: a text is expected; in quotes it is one"),
+        ("3", "the name 3: a text is expected; in quotes it is one"),
+        ("a.b", "the name 'a.b': a name of letters a to z, digits, '-' and '_', a letter first, is expected"),
+        ("'true'", ""),
+        ("on", ""),
+    ],
+)
+@pytest.mark.parametrize("field", ["people", "sensors"])
+def test_a_name_that_yaml_reads_as_no_text_is_told_where_it_stands(
+    field: str, name: str, said: str, tmp_path: Path
+) -> None:
+    laser = "{kind: laser, rate_hz: 10, mount: {xyz: [0, 0, 0.95]}}"
+    names = {"people": "ann", "sensors": "low"} | {field: name}
+    path = tmp_path / "odd.yaml"
+    people, sensors = f"{{{names['people']}: {{}}}}", f"{{{names['sensors']}: {laser}}}"
+    path.write_text(f"name: odd\nroom: lab\nduration_s: 1\npeople: {people}\nsensors: {sensors}\n")
+    if said:
+        with pytest.raises(InputError) as caught:
+            load_scenario(path)
+        assert str(caught.value) == f"{path}: {field}: {said}"
+    else:
+        assert list(getattr(load_scenario(path), field)) == [name.strip("'")]

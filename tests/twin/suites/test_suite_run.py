@@ -455,7 +455,15 @@ def test_files_that_are_no_baseline_and_no_results_are_told(tmp_path: Path, monk
     bad = tmp_path / "bad.json"
     for text, said in (
         ("{", r"bad.json, line 1: is not JSON"),
-        ('{"suite": 1}', r"bad.json: suite: .*\n.*bad.json: versions"),
+        *(
+            (junk, r"^\S+bad.json: is no baseline, as it has no groups; [^\n]+$")
+            for junk in ("{}", "[]", "3", '{"a": 1}')
+        ),
+        (
+            '{"suite": "a", "cases": {}, "groups": []}',
+            r"^\S+bad.json: is the summary of a run, and no baseline; [^\n]+$",
+        ),
+        ('{"suite": 1, "groups": []}', r"bad.json: suite: .*\n.*bad.json: versions"),
         (
             '{"suite": "a", "versions": {}, "groups": [{"scenario": "b", "variant": "", "tracker": "sort", "seeds": {}, '
             '"overrides": "[x"}]}',
