@@ -5,6 +5,7 @@ They run trackers or their detectors, compare two tables, and write other format
 
 from __future__ import annotations
 
+import os
 import sys
 from contextlib import ExitStack
 from pathlib import Path
@@ -149,7 +150,7 @@ def evaluate(
     import numpy as np
 
     from trackers.observations import NS_PER_S
-    from twin.console import print_warnings
+    from twin.console import print_warning, print_warnings
     from twin.evaluate import evaluate_with_details
     from twin.evaluate.judged_frames import describe_judged
     from twin.recording.situation_table import read_situations
@@ -170,6 +171,8 @@ def evaluate(
         if n_frame and frame_rate is not None:
             stamps = np.union1d(stamps, [round(NS_PER_S * number / frame_rate) for number in range(1, n_frame + 1)])
         tables = replace(tables[0], frame_stamps_ns=stamps), replace(tables[1], frame_stamps_ns=stamps)
+    if os.path.samefile(truth, tracks):
+        print_warning(f"{truth}: is given as truth and as tracks, and is compared with itself")
     tables = on_clock_of_tracks(tables[0], tables[1], tracks), tables[1]
     pairs = read_situations(situations) if situations is not None else None
     evaluation = evaluate_with_details(*tables, gate_m=gate, situations=pairs)

@@ -169,7 +169,7 @@ def describe_judged(judged_ns: NDArray[np.int64], n_total: int) -> str:
     if not len(judged_ns):
         return "no frame was judged"
     first_s, last_s = judged_ns.min() / NS_PER_S, judged_ns.max() / NS_PER_S
-    return f"{len(judged_ns)} frames judged, {first_s:g} to {last_s:g} s; the tracks have {n_total}"
+    return f"{len(judged_ns)} frames judged, {first_s:.12g} to {last_s:.12g} s; the tracks have {n_total}"
 
 
 def match_all_people(frames: Sequence[Frame], gate_m: float) -> list[FrameMatches]:
@@ -245,10 +245,14 @@ def _other_clock(truth: TruthTable, tracks: TrackTable, gap_ns: int) -> str:
     changes = {
         "t of the tracks in ms": theirs // 1000,
         "t of the tracks in µs": theirs // 1_000_000,
+        "t of the tracks in ns": theirs // 1_000_000_000,
         "t of the truth in ms": np.clip(theirs, -_MOST_NS, _MOST_NS) * 1000,
         "t of both from their first rows on": theirs - theirs[0] + ours[0],
     }
-    share = {how: float(_is_covered(ours, stamps, gap_ns).mean()) for how, stamps in changes.items()}
+    share = {
+        how: float(_is_covered(ours, stamps, gap_ns).mean()) * np.unique(stamps).size / stamps.size
+        for how, stamps in changes.items()
+    }
     best = max(share, key=lambda how: share[how])
     is_better = share[best] >= max(LEAST_SHARE, 2 * float(_is_covered(ours, theirs, gap_ns).mean()))
     return f"; {best} would cover {share[best]:.0%} of the frames" if is_better else ""

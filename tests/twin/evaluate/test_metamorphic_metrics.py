@@ -112,6 +112,9 @@ ELSEWHERE = {
     "x the other way round": lambda x, y: (-x, y),
     "y the other way round": lambda x, y: (x, -y),
     "both axes the other way round": lambda x, y: (-x, -y),
+    "a quarter turn to the left": lambda x, y: (y, -x),
+    "a quarter turn to the right": lambda x, y: (-y, x),
+    "-y for x and -x for y": lambda x, y: (-y, -x),
     "an origin 50 m away": lambda x, y: (x + 30, y - 40),
 }
 
@@ -123,6 +126,24 @@ def test_tracks_in_another_unit_or_frame_are_told_with_what_would_bring_them_bac
     x, y = ELSEWHERE[how](tracks.x, tracks.y)
     (note,) = evaluate_with_details(truth, replace(tracks, x=x, y=y)).notes
     assert how in note and note.startswith("tracks: ") and "would bring" in note
+
+
+def circling(table, number):
+    """People, by number, who walk about the origin at 1 m/s, each on a circle of their own."""
+    radius_m, t_s = number + 0.5, table.stamps_ns / 1e9
+    return replace(table, x=radius_m * np.cos(t_s / radius_m + number), y=radius_m * np.sin(t_s / radius_m + number))
+
+
+@pytest.mark.parametrize("late", [-12, -6, 6, 12])
+def test_tracks_on_another_clock_are_told_with_its_offset(late: int) -> None:
+    truth, tracks = tables(n_person=3)
+    truth, tracks = circling(truth, truth.id), circling(tracks, tracks.id - 10)
+    assert not any("would bring" in note for note in evaluate_with_details(truth, tracks).notes)
+    offset_ns = late * int(np.median(np.diff(truth.frame_stamps_ns)))
+    moved = {name: getattr(tracks, name) + offset_ns for name in ("stamps_ns", "frame_stamps_ns")}
+    notes = evaluate_with_details(truth, replace(tracks, **moved)).notes
+    said = f"t of the tracks {abs(offset_ns) / 1e9:.3g} s {'earlier' if late > 0 else 'later'} would bring"
+    assert any(said in note and note.endswith("t on the clock of the truth is expected") for note in notes), notes
 
 
 @pytest.mark.parametrize("seed", range(6))
