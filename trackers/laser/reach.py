@@ -1,7 +1,8 @@
 """Reach of a rig's scanners: places where their scans can show people, by the spacing and the height of the beams.
 
 A scanner shows a body where the smallest cluster of its layer is more likely than not (`bearings.DetectionModel`), and where
-its beams are neither in the floor nor over the heads, as those of a tilted scanner are. Places are those of the tracked area.
+its beams are neither in the floor nor over the heads, as those of a tilted scanner are. Places are those of the tracked area;
+a rig by hand may have a scanner that sees none of it.
 Without one, beams are to be above the floor at the returns, and close enough together where something has moved; on a moving
 base only the former can be told.
 """
@@ -29,6 +30,8 @@ _LOOKS_NS = NS_PER_S
 """Time between two scans that are examined; people and things move meanwhile."""
 _HEIGHTS_M = 0.05, 1.5
 """Heights at which a beam meets an adult: above the soles, below the top of the head [m]."""
+_TALLEST_M = 2.2
+"""Height above which a level beam meets nobody [m]."""
 _BEARINGS = 720
 """Bearings whose farthest return is kept."""
 
@@ -92,11 +95,13 @@ class _Scanner:
         self.scan: LaserScan | None = None
         self.examined_ns: int | None = None
         self.spacing, self.height, self.n_below = _Tally(), _Tally(), 0
+        self.n_for_area = 0  # scans with returns that were examined for places of the tracked area
         self._height_m = pose.xyz[2]
         self._up = pose.rotation[2, :2]
         self._tilt_rad = asin(min(1.0, hypot(*self._up)))
         low, high = _HEIGHTS_M
-        self._heights_m = min(low, self._height_m), max(high, self._height_m)  # a level one is as high as meant
+        # a level scanner at the height of a head, or in the floor, is as high as meant
+        self._heights_m = min(low, self._height_m), max(high, self._height_m) if self._height_m < _TALLEST_M else high
         self._origin_m, self._room_from_scan = pose.translation[:2], pose.rotation[:2, :2]
         self._scan_from_room = np.linalg.pinv(self._room_from_scan)
         self._farthest_m = np.zeros(_BEARINGS)
@@ -151,7 +156,13 @@ class _Scanner:
             return [
                 f"scans no layer of people: it is tilted by {tilt_deg:.3g}°; {MOST_TILT_DEG:g}° or less is expected"
             ]
+        if self.n_for_area and not self.spacing.n_place:
+            return ["sees nothing of the tracked area; another pose, or another area, is expected"]
         found, body = [], self.body
+        if self._height_m >= _TALLEST_M and self.height.is_short and not self.n_below:
+            return [
+                f"hangs {self._height_m:.3g} m high, over all heads; a height up to {_HEIGHTS_M[1]:g} m is expected"
+            ]
         if self.spacing.is_short:
             gap_m, far_m = body.widest_gap_m, float(np.median(self.spacing.far_m))
             found.append(
@@ -193,6 +204,7 @@ class ScannerReach:
         mine.examined_ns = scan.stamp_ns
         if mine.base is None and self._places is not None:
             self._examine(mine, self._places, spacing=True, height=True)
+            mine.n_for_area += bool(np.isfinite(scan.ranges_m).any())
             return
         places, moved = mine.returns()
         self._examine(mine, places, height=True)

@@ -32,7 +32,7 @@ def scan(
     with np.errstate(divide="ignore"):
         walls = (HALF_M / np.abs(ahead[:2])).min(axis=0)
         height_m = of.room_from_sensor.xyz[2]
-        ends = np.where(ahead[2] < 0, height_m, HIGH_M - height_m) / np.abs(ahead[2])
+        ends = np.where(ahead[2] < 0, height_m, max(HIGH_M - height_m, 0.5)) / np.abs(ahead[2])
     ranges = np.minimum(walls, ends)
     if person_m is not None:
         ranges[np.abs(angles) <= 0.15 / person_m] = person_m
@@ -97,8 +97,28 @@ def test_another_scanner_that_is_coarse_too_or_on_another_base_does_not() -> Non
         assert any(said.startswith("low: ") for said in reach.warnings())
 
 
-def test_a_level_scanner_above_all_heads_is_another_matter() -> None:
-    assert told(0.5, height_m=2.2) == []
+def test_a_level_scanner_above_all_heads_is_told_and_one_at_their_height_is_not() -> None:
+    for area in (AREA, None):
+        assert told(0.5, height_m=1.7, area=area) == []
+        (said,) = told(0.5, height_m=300.0, area=area)
+        assert said == "low: hangs 300 m high, over all heads; a height up to 1.5 m is expected"
+
+
+def test_a_scanner_under_the_ceiling_that_looks_down_at_people_is_not_told() -> None:
+    assert (
+        told(0.5, height_m=2.4, tilt_deg=40.0) == []
+        or "over all heads" not in told(0.5, height_m=2.4, tilt_deg=40.0)[0]
+    )
+
+
+def test_an_area_that_is_elsewhere_is_told() -> None:
+    said = "low: sees nothing of the tracked area; another pose, or another area, is expected"
+    assert told(0.5, area=((50.0, 50.0), (60.0, 50.0), (60.0, 60.0))) == [said]
+    assert told(0.5, area=tuple((1e3 * x + 2e3, 1e3 * y) for x, y in AREA)) == [said]  # in millimetres
+    nothing = replace(scan(sensor(), 5.0), ranges_m=np.full(72, np.nan))
+    reach = ScannerReach(Rig(sensors={"low": sensor()}, area=AREA))
+    reach.add(nothing)
+    assert reach.warnings() == []  # that is told as a loss
 
 
 def test_places_are_those_of_the_area_alone() -> None:
