@@ -120,8 +120,10 @@ def conditions_table(source: str, metric: str) -> str:
 
 
 def _reproduction_table(figures: Sequence[Figure]) -> str:
-    """Format a reproduction: the paper's value, its system here, ours and the plain baseline."""
-    lines = ["| | | printed | its system here | ours | 95 % | baseline | n |", "|---|---|--:|--:|--:|--:|--:|--:|"]
+    """Format what a reproduction has printed values for: these, the paper's system here, ours and the plain baseline."""
+    figures = [each for each in figures if each.get("paper") is not None]
+    lines = ["| | printed | its system here | ours | 95 % | baseline | n |", "|---|--:|--:|--:|--:|--:|--:|"]
+    told = [key for key in ("where", "row", "column") if len({each[key] for each in figures}) > 1]
     for each in figures:
         unit = "" if each["unit"] in ("", "1") else f" [{each['unit']}]"
         printed, published, ours, low, high, plain = (
@@ -129,8 +131,7 @@ def _reproduction_table(figures: Sequence[Figure]) -> str:
             for key in ("paper", "paper_system", "value", "low", "high", "baseline")
         )
         cells = (
-            f"{each['where']}: {each['row']}",
-            f"{each['column']}{unit}",
+            ": ".join(each[key] for key in told) + unit,
             printed,
             published,
             ours,
