@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,6 +33,11 @@ def _in_radians(angle_rad: float) -> float:
             f"{angle_rad:g} rad is more than two turns; in degrees it would be {np.radians(angle_rad):.4g} rad"
         )
     return angle_rad
+
+
+def wrap_angle(angle_rad: Any) -> Any:
+    """Return angles [rad], a number or an array, within half a turn: in [−π, π)."""
+    return (angle_rad + np.pi) % (2 * np.pi) - np.pi
 
 
 AngleRad = Annotated[Coordinate, AfterValidator(_in_radians)]

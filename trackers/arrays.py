@@ -42,5 +42,7 @@ Bytes = np.ndarray[Any, np.dtype[np.uint8]]
 Floats = np.ndarray[Any, np.dtype[np.floating]]
 """Single or double precision."""
 Complexes = np.ndarray[Any, np.dtype[np.complex128]]
+Planar = Complexes
+"""Places or directions on the floor, x + iy."""
 AnyArray = np.ndarray[Any, np.dtype[Any]]
 Nanoseconds = np.ndarray[Any, np.dtype[np.int64]]

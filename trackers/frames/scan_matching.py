@@ -25,6 +25,7 @@ import numpy as np
 from pydantic import Field, PositiveInt
 from scipy.spatial import cKDTree
 
+from trackers.area import wrap_angle
 from trackers.arrays import Array, Bool, Float, Mask
 from trackers.configuration import Strict
 
@@ -51,7 +52,7 @@ def inverse(pose: Float[Array, "*n 3"]) -> Float[Array, "*n 3"]:
 def between(first: Float[Array, "*n 3"], second: Float[Array, "*n 3"]) -> Float[Array, "*n 3"]:
     """Return the pose `second` in the frame of `first`, its yaw within half a turn."""
     moved = compose(inverse(first), second)
-    moved[..., 2] = (moved[..., 2] + np.pi) % (2 * np.pi) - np.pi
+    moved[..., 2] = wrap_angle(moved[..., 2])
     return moved
 
 

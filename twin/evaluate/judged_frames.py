@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.area import wrap_angle
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from twin.evaluate.clear import FrameMatches, PairMatrix, match_frames
@@ -331,11 +332,6 @@ def _people_at(truth: TruthTable, stamps: NDArray[np.int64], gap_ns: int) -> Tru
         in_area=truth.in_area[near],
         visible={sensor: shown[near] for sensor, shown in truth.visible.items()},
     )
-
-
-def wrap_angle(angle_rad: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Wrap angles to [−π, π) [rad]."""
-    return (angle_rad + np.pi) % (2 * np.pi) - np.pi
 
 
 def _span(stamps: NDArray[np.int64]) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.area import wrap_angle
 from trackers.errors import InputError
 from trackers.scipy_functions import linear_sum_assignment
 from twin.evaluate.accuracy import PersonFrames, disposal, misplaced, person_frames, within_radius
@@ -18,7 +19,7 @@ from twin.evaluate.causes import Errors, errors_by_cause
 from twin.evaluate.clear import ClearScores, FrameMatches, PairMatrix, clear, find_switches, identity, match_frames
 from twin.evaluate.continuity import TrackEvent, continuity, right_at_end, switch_events
 from twin.evaluate.hota import hota, hota_cap
-from twin.evaluate.judged_frames import Frame, align, match_all_people, restrict_to_area, wrap_angle
+from twin.evaluate.judged_frames import Frame, align, match_all_people, restrict_to_area
 from twin.recording.situation_table import SituationTable
 from twin.recording.tables import TrackTable, TruthTable
 

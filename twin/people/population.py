@@ -69,7 +69,7 @@ class Population(Poses):
         position = start_places(self.names, described, ground, random, source)
         heading = np.array([first_heading(*each) for each in zip(described, position, random, strict=True)], float)
         areas = [_kept_in(person, ground) for person in described]
-        self._crowd = Crowd(planar(position), heading, areas, np.zeros(count, dtype=bool), ground.obstacles)
+        self._crowd = Crowd(planar(position), heading, areas, ground.obstacles)
         self.bases = self._crowd.bases = bases
         super().__init__(self.names, appearances, measures)
         self._gait = Gait(self._skeleton, self._crowd)

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.arrays import Array, Mask
+from trackers.area import wrap_angle
+from trackers.arrays import Array, Mask, Planar
 from twin.instant.snapshot import Feet, on_the_floor
 from twin.people.body.appearance import BodyAppearance
 from twin.people.body.proportions import Skeleton
@@ -166,14 +167,14 @@ class Poses(ABC):
         state, posture = self._history.at(t)
         qpos = self.qpos(t)
         velocity = state.pelvis_velocity + self._posture_velocity(t)
-        yaw = (faced(state.rows[HEADING], posture) + np.pi) % (2 * np.pi) - np.pi
+        yaw = wrap_angle(faced(state.rows[HEADING], posture))
         x, y, z = qpos[:, :3].T.copy()
         return PopulationTruth(self.present(t), x, y, z, yaw, velocity.real, velocity.imag)
 
     def _coordinates(self, state: GaitState, posture: Array) -> Array:
         return overlay_postures(joint_coordinates(state, self._skeleton), posture, self._measures)
 
-    def _posture_velocity(self, t: float) -> NDArray[np.complex128]:
+    def _posture_velocity(self, t: float) -> Planar:
         """Return the velocity of the ground point under the pelvis due to sitting down, bending and the like, (n,) [m/s]."""
         around = self._history.ticks_around(t)
         if not any(len(active(posture)) for _, posture in around):
@@ -189,7 +190,7 @@ class Poses(ABC):
 class PopulationMotion:
     """Motion of n people: the rows of a `PoseHistory` at every tick t from the start on."""
 
-    floor: NDArray[np.complex128]  # (t, FLOOR_ROWS, n)
+    floor: Planar  # (t, FLOOR_ROWS, n)
     rows: NDArray[np.float64]  # (t, ROWS, n)
     posture: NDArray[np.float64]  # (t, POSTURE_ROWS, n), most of it 0
     present: NDArray[np.bool_]  # (t, n)

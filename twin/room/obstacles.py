@@ -14,13 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.area import TOLERANCE_M, Area
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Mask, Planar
 from trackers.errors import InputError
 from trackers.text_file import check_limit
 from twin.geometry.geom_hull import hull_points
 from twin.geometry.polygon import ConvexHull, gap_between, polygon_area
-
-Planar = NDArray[np.complex128]
 
 LOW_M, HIGH_M = 0.05, 2.0
 """Heights between which a geom is in a walking body's way [m]: excludes rugs, floor marks and lamps."""

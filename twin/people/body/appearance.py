@@ -1,11 +1,4 @@
-"""Appearance of one person: features named by the scenario, all others drawn; loose clothes and bags.
-
-Skirts, coat tails, sleeves, backpacks and handbags each move rigidly with one segment. A skirt, or a coat below the hips, is
-two bells, one per thigh, which overlap in the middle. Standing it looks closed, walking it opens like a tent, sitting it lies
-on the lap. At its height a scanner sees one object, half a metre broad. A skirt ends over the knee and a coat at the middle
-of the thigh, so a scanner at shin height sees two legs. No skirt is long enough to hide the legs from a scanner at knee
-height.
-"""
+"""Appearance of one person: features named by the scenario, all others drawn; bags and patterns of cloth."""
 
 from __future__ import annotations
 
@@ -17,32 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from trackers.arrays import Array
 from trackers.errors import valid_names
 from twin.people.body.proportions import CHILD_BELOW_M, Proportions, proportions_of
-from twin.people.body.surfaces import Surface, cord, limb, loft, rings
+from twin.people.body.surfaces import Surface, cord, loft, rings
 from twin.scenario.person import NONE, Choice, Extra, Garment, Person, Wardrobe, wardrobe
-
-SKIRT_HEM = 0.97
-"""End of a skirt, as a share of the thigh from the hip."""
-COAT_HEM = 0.74
-"""End of a coat, as a share of the thigh from the hip."""
-
-
-def bell(
-    sign: int, thigh: float, hip_lateral: float, breadth: float, depth: float, hem: float, flare: float
-) -> Surface:
-    """Make half of a skirt around the left (sign 1) or right (-1) thigh, in the thigh's frame.
-
-    `thigh`: its length; `hip_lateral`: from the middle of the body to the hip joint; `breadth`, `depth`: half breadth and
-    half depth of the hips with the cloth on [m]; `hem`: its end as a share of the thigh; `flare`: relative widening at the
-    hem.
-    """
-    rows = []
-    for share in (-0.09, 0.03, 0.35, 0.65, 0.94, 1.0):
-        grow = 1 + flare * max(share, 0.0)
-        outer = breadth * grow * (0.84 if share < 0 else 1.0)
-        inner = -0.075 * breadth / 0.16 * (1 + 0.4 * max(share, 0.0))
-        middle, half = 0.5 * (outer + inner) - hip_lateral, 0.5 * (outer - inner)
-        rows.append((-0.004, sign * middle, -share * hem * thigh, depth * grow * (0.82 if share < 0 else 1.0), half))
-    return loft(rings(np.array(rows[::-1]), 14, square=2.3))
 
 
 def backpack(trunk: float, depth: float, k: float) -> Surface:
@@ -61,11 +30,6 @@ def backpack(trunk: float, depth: float, k: float) -> Surface:
         (-depth - 0.140 * k, 0, 0.50 * trunk, 0.020 * k, 0.085 * k),
     ]
     return loft(rings(rows, 14, square=3.5)) + loft(rings(pocket, 12, square=3.5))
-
-
-def over_the_shoulder(front: np.ndarray, k: float, sign: int) -> Surface:
-    """Make one strap of a backpack; `front` (m, 3): points of the chest's surface from the top down, left side [m]."""
-    return cord(front * (1, sign, 1), 0.013 * k)
 
 
 def shoulder_bag(k: float) -> Surface:
@@ -92,13 +56,6 @@ def handbag(k: float) -> Surface:
     handle = np.column_stack([0.065 * k * np.cos(turn), 0 * turn, -0.125 * k + 0.120 * k * np.sin(turn)])
     apart = np.array([0, 0.010 * k, 0])
     return bag + cord(handle + apart, 0.006 * k) + cord(handle - apart, 0.006 * k)
-
-
-def sleeve(length: float, top: float, end: float) -> Surface:
-    """Make a short sleeve around the upper arm, its open end cut level [m]."""
-    return limb(
-        [(-length, end, end), (-0.5 * length, 0.5 * (top + end), 0.5 * (top + end)), (0.0, top, top)], 10, False
-    )
 
 
 Picture = NDArray[np.uint8]

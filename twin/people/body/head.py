@@ -23,13 +23,13 @@ _WHITE = np.array([0.93, 0.92, 0.90])
 _DARK = np.array([0.12, 0.09, 0.08])
 
 
-def head_picture(looks: BodyAppearance, rises: Array) -> NDArray[np.uint8]:
-    """Paint the texture of the head (rows, columns, 3), rows from the crown down.
-
-    `rises`: height of each row, v = 0 ... 1, as a share of the head's height, both ends included.
-    """
+def picture(shape: HeadShape, looks: BodyAppearance) -> NDArray[np.uint8]:
+    """Paint the texture that is wrapped around the head (rows, columns, 3), rows from the crown down."""
     rows, columns = HEAD_PX
     turn = (np.arange(columns) + 0.5) / columns * 2 * np.pi - np.pi
+    steps = np.linalg.norm(np.diff(shape.ring(), axis=0), axis=-1).mean(axis=1)
+    along = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
+    rises = np.interp(np.linspace(0, 1, 64), along, _SECTIONS[:, 0])
     v = 1 - (np.arange(rows) + 0.5) / rows
     rise = np.interp(v, np.linspace(0, 1, len(rises)), rises)
     x, z = np.meshgrid(turn, rise)  # x: left of the nose [rad]
@@ -202,14 +202,6 @@ def skull(shape: HeadShape, looks: BodyAppearance) -> Surface:
         at = (-0.010 * k, side * (0.5 * shape.breadth + 0.001 * k), eyes - 0.014 * k)
         surface = surface + ear.moved(at).painted(0.5 + side * 0.33, 0.36)
     return surface
-
-
-def picture(shape: HeadShape, looks: BodyAppearance) -> NDArray[np.uint8]:
-    """Paint the texture that is wrapped around the head."""
-    steps = np.linalg.norm(np.diff(shape.ring(), axis=0), axis=-1).mean(axis=1)
-    along = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
-    rises = np.interp(np.linspace(0, 1, 64), along, _SECTIONS[:, 0])
-    return head_picture(looks, rises)
 
 
 def hair(shape: HeadShape, style: str, capped: bool, shoulder: float) -> Surface | None:

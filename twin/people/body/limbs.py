@@ -9,7 +9,6 @@ from __future__ import annotations
 import numpy as np
 
 from trackers.arrays import Array
-from twin.people.body import appearance
 from twin.people.body.proportions import Proportions
 from twin.people.body.surfaces import Surface, cord, ellipsoid, limb, loft, rings
 
@@ -160,8 +159,10 @@ class Girths:
         return limb([(share * length, r * g + grow, r * g * 0.95 + grow) for share, r in rows], 10)
 
     def short_sleeve(self) -> Surface:
-        """Make a short sleeve; in the upper arm's frame."""
-        return appearance.sleeve(0.58 * self.lengths.upper_arm, 0.054 * self.girth, 0.055 * self.girth)
+        """Make a short sleeve, its open end cut level; in the upper arm's frame."""
+        length, top, end = 0.58 * self.lengths.upper_arm, 0.054 * self.girth, 0.055 * self.girth
+        middle = 0.5 * (top + end)
+        return limb([(-length, end, end), (-0.5 * length, middle, middle), (0.0, top, top)], 10, False)
 
     def bare_upper_arm(self) -> Surface:
         """Make the bare part of the upper arm below a short sleeve; in the upper arm's frame."""
@@ -211,16 +212,21 @@ class Girths:
         return limb([(s * length, a * g, b * g, x * g) for s, a, b, x in rows], 12, round_low=False)
 
     def bell(self, sign: int, hem: float, flare: float, grow: float) -> Surface:
-        """Make half of a skirt or of a coat's tail; in the frame of the left (sign 1) or right (-1) thigh."""
-        return appearance.bell(
-            sign,
-            self.lengths.thigh,
-            self.lengths.hip_joint_width / 2,
-            0.170 * self.girth + grow,
-            0.117 * self.girth + grow,
-            hem,
-            flare,
-        )
+        """Make half of a skirt or of a coat's tail; in the frame of the left (sign 1) or right (-1) thigh.
+
+        `hem`: its end as a share of the thigh; `flare`: relative widening there; `grow`: how far it is off the hips [m]. The
+        halves overlap in the middle: standing it looks closed, walking it opens like a tent, sitting it lies on the lap.
+        """
+        breadth, depth = 0.170 * self.girth + grow, 0.117 * self.girth + grow
+        rows = []
+        for share in (-0.09, 0.03, 0.35, 0.65, 0.94, 1.0):
+            widened = 1 + flare * max(share, 0.0)
+            outer = breadth * widened * (0.84 if share < 0 else 1.0)
+            inner = -0.075 * breadth / 0.16 * (1 + 0.4 * max(share, 0.0))
+            middle, half = 0.5 * (outer + inner) - self.lengths.hip_joint_width / 2, 0.5 * (outer - inner)
+            height = -share * hem * self.lengths.thigh
+            rows.append((-0.004, sign * middle, height, depth * widened * (0.82 if share < 0 else 1.0), half))
+        return loft(rings(np.array(rows[::-1]), 14, square=2.3))
 
 
 def hand(lengths: Proportions, k: float) -> Surface:

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from twin.people.body import appearance, head, limbs
 from twin.people.body.appearance import TILE_M, BodyAppearance, coat_front, printed, tile
 from twin.people.body.proportions import Proportions
-from twin.people.body.surfaces import Surface
+from twin.people.body.surfaces import Surface, cord
 
 SPINE = ("spine_yaw", "spine_pitch", "spine_roll")
 NECK = ("neck_yaw", "neck_pitch")
@@ -63,6 +63,11 @@ _AXES = {
 }
 _DRAWN_AT_M = 1.75
 _COAT_ADDS_M = 0.014
+_SKIRT_HEM, _COAT_HEM = 0.97, 0.74
+"""Ends of a skirt and of a coat, as shares of the thigh from the hip.
+
+A scanner at their height sees one object, half a metre broad; one at the height of shins, or of knees, sees two legs.
+"""
 
 
 def person_spec(
@@ -283,11 +288,9 @@ class _Body:
         cloth = "skin" if bare else "trousers"
         self._geom(thigh, f"{side}_thigh", cloth, lambda: self._of_both("thigh", lambda: shape.thigh(slim)))
         if looks.skirt is not None:
-            self._geom(thigh, f"{side}_skirt", "skirt", lambda: shape.bell(sign, appearance.SKIRT_HEM, 0.16, 0.004))
+            self._geom(thigh, f"{side}_skirt", "skirt", lambda: shape.bell(sign, _SKIRT_HEM, 0.16, 0.004))
         if looks.coat is not None:
-            self._geom(
-                thigh, f"{side}_tail", "coat", lambda: shape.bell(sign, appearance.COAT_HEM, 0.20, self.outside + 0.006)
-            )
+            self._geom(thigh, f"{side}_tail", "coat", lambda: shape.bell(sign, _COAT_HEM, 0.20, self.outside + 0.006))
         self._point(thigh, (0, 0, -0.35 * lengths.thigh), (0, 0, -0.7 * lengths.thigh))
         shank = self._segment(thigh, f"{side}_shank", (0, 0, -lengths.thigh), joints[3:4])
         self._geom(shank, f"{side}_shank", cloth, lambda: self._of_both("shank", lambda: shape.shank(slim)))
@@ -308,7 +311,7 @@ class _Body:
             case "backpack":
                 back = shape.back(self.outside)
                 self._geom(trunk, "bag", "bag", lambda: appearance.backpack(shape.trunk_length, back, k))
-                strap = appearance.over_the_shoulder(shape.strap_path(self.outside), k, 1)
+                strap = cord(shape.strap_path(self.outside), 0.013 * k)
                 self._geom(trunk, "straps", "bag", lambda: strap + strap.mirrored(), TRIM_GROUP)
             case "shoulder":
                 behind = shape.hip_depth(self.outside) + 0.045 * k

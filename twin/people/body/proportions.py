@@ -8,9 +8,8 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from trackers.arrays import Array
+from trackers.arrays import Array, Planar
 from twin.models import load_yaml
 
 CHILD_BELOW_M = 1.40
@@ -182,9 +181,6 @@ def hip_angles(rotation: Array) -> tuple[Array, Array, Array]:
 def direction(yaw: Array, pitch: Array) -> Array:
     """Return unit vectors (..., 3) along x turned by Rz(yaw) Ry(pitch): a positive pitch points down."""
     return np.stack([np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)], axis=-1)
-
-
-Planar = NDArray[np.complex128]
 
 
 def leg_angles(

@@ -11,15 +11,12 @@ from collections.abc import Mapping, Sequence
 from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Mask, Planar
 from twin.people.crowd.ground import Ground
 from twin.people.crowd.motion_command import SeenBases
 from twin.room.obstacles import Footprints
 from twin.scenario.housings import FollowDrive, Housing, PathDrive
-
-Planar = NDArray[np.complex128]
 
 _ACCELERATION_M_S2, _BRAKING_M_S2, _TURN_ACCELERATION = 0.8, 1.5, 4.0
 _TURNS_PER_S = 2.5

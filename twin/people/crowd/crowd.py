@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Mask, Planar
 from twin.people.crowd.motion_command import (
     KEEP_APART_M,
     Bases,
@@ -39,8 +39,6 @@ from twin.people.crowd.motion_command import (
     room_made,
 )
 from twin.room.obstacles import KEEP_FROM_FURNITURE_M, Footprints, Obstacle, edges_of
-
-Planar = NDArray[np.complex128]
 
 RELAXATION_S = 0.22
 """Relaxation time to the desired velocity [s] (Helbing and Molnár: 0.5; ours is shorter, for sudden stops and starts)."""
@@ -93,12 +91,9 @@ class Crowd:
         place: Planar,
         heading: Array,
         areas: Sequence[Array | None],
-        fixed: Mask,
         obstacles: Sequence[Obstacle] = (),
     ) -> None:
-        """areas: polygon (k, 2) [m] per person, None: everywhere; fixed (n,): people who never give way; obstacles: all
-        within reach (see `obstacles.within_reach`).
-        """
+        """areas: polygon (k, 2) [m] per person, None: everywhere; obstacles: all within reach (`obstacles.within_reach`)."""
         count = len(place)
         self.place = place.copy()
         self.velocity = np.zeros(count, dtype=complex)
@@ -110,8 +105,7 @@ class Crowd:
         self.driven = np.zeros(count, dtype=bool)
         self._path_place = place.copy()
         self._path_velocity = np.zeros(count, dtype=complex)
-        self._fixed = fixed.copy()
-        self._may_move = np.where(fixed, 0.0, 1.0)
+        self._may_move = np.ones(count)
         self._goal = place.copy()
         self._speed = np.zeros(count)
         self._braking = np.full(count, BRAKING_M_S2)
@@ -149,7 +143,7 @@ class Crowd:
         self._distance[person] = np.inf
         self._holds[person] = command.heading is not None
         self._hold[person] = 0.0 if command.heading is None else command.heading
-        self._may_move[person] = 0.0 if command.immovable or self._fixed[person] else 1.0
+        self._may_move[person] = 0.0 if command.immovable else 1.0
         self._heeds_walls[person] = 1.0 / HALTING_M if command.halt else _PASSES
         self._companions[person] = False
         self._companions[person, list(command.companions)] = True

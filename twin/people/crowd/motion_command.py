@@ -14,9 +14,8 @@ from math import inf
 from typing import Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Mask, Planar
 
 End = Literal["arrived", "time", "done", "taken", "blocked"]
 """Reason for which a command ended: goal reached, time over, its own condition met, goal occupied by another, or way
@@ -54,20 +53,18 @@ class MotionCommand:
 class SeenBases:
     """Influence of m bases on n people: push (n,) [m/s²] and directions (n, m), complex; limits of approach (n, m) [m/s]."""
 
-    push: NDArray[np.complex128]
-    towards: NDArray[np.complex128]
+    push: Planar
+    towards: Planar
     limit: Array
 
 
 class Bases(Protocol):
     """Bases that drive among people (`twin.people.crowd.bases.MovingBases`)."""
 
-    def seen_from(self, place: NDArray[np.complex128], braking: Array) -> SeenBases:
+    def seen_from(self, place: Planar, braking: Array) -> SeenBases:
         """Return the influence of the bases on people at these places (n,), who brake at most by `braking` (n,) [m/s²]."""
         ...
 
-
-Planar = NDArray[np.complex128]
 
 REPULSION_M_S2 = 5.0
 """Repulsion between two people at the least distance [m/s²]."""

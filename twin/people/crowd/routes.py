@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from trackers.area import TOLERANCE_M, Area
+from trackers.area import TOLERANCE_M, Area, cross
 from trackers.arrays import Array, Index, Mask
 from trackers.errors import InputError
 from twin.geometry.polygon import inset
@@ -25,8 +25,6 @@ CLOSE_M = 0.12
 _EDGE_M = KEEP_FROM_EDGE_M + 0.03
 _CLEAR_M = 1e-6
 _CUTS_FROM = 1e-4
-
-
 _MOST_NODES = 100
 """Number of nodes beyond which SciPy is worth its import."""
 
@@ -200,7 +198,7 @@ class _Convex:
 def _is_convex(corners: Array) -> bool:
     """Return whether a simple polygon (k, 2) turns the same way at all corners."""
     way = np.roll(corners, -1, axis=0) - corners
-    turn = _cross(way, np.roll(way, -1, axis=0))
+    turn = cross(way, np.roll(way, -1, axis=0))
     return bool((turn >= 0).all() or (turn <= 0).all())
 
 
@@ -212,9 +210,9 @@ def _shares(area: Array, start: Array, end: Array) -> tuple[Array, Array]:
     edge = np.roll(area, -1, axis=0) - area
     way = end - start
     offset = area - start[:, None]  # (n, k, 2)
-    turn = _cross(way[:, None], edge)
+    turn = cross(way[:, None], edge)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # ways of almost no length
-        return _cross(offset, edge) / turn, _cross(offset, way[:, None]) / turn
+        return cross(offset, edge) / turn, cross(offset, way[:, None]) / turn
 
 
 def _cut(area: Array, start: Array, end: Array) -> Mask:
@@ -252,9 +250,9 @@ def _stays_within_piecewise(area: Array, start: Array, end: Array) -> Mask:
     way = end - start
     edge = np.roll(area, -1, axis=0) - area
     offset = area - start[:, None]  # (n, k, 2)
-    turn = _cross(way[:, None], edge)
+    turn = cross(way[:, None], edge)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        met = np.where(turn != 0, _cross(offset, edge) / turn, 0.0)
+        met = np.where(turn != 0, cross(offset, edge) / turn, 0.0)
     adjacent = np.einsum("nkc,nc->nk", offset, way) / np.maximum((way**2).sum(axis=1), TOLERANCE_M**2)[:, None]
     ends = np.zeros((len(start), 1))
     cuts = np.sort(np.clip(np.concatenate([ends, met, adjacent, ends + 1.0], axis=1), 0.0, 1.0), axis=1)
@@ -270,10 +268,6 @@ def _gap_square(start: Array, end: Array, places: Array) -> Array:
     length_square = np.maximum((way**2).sum(axis=1), TOLERANCE_M**2)[:, None]
     along = np.clip((x * way[:, :1] + y * way[:, 1:]) / length_square, 0.0, 1.0)
     return (x - along * way[:, :1]) ** 2 + (y - along * way[:, 1:]) ** 2
-
-
-def _cross(first: Array, second: Array) -> Array:
-    return first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
 
 
 def _shortest_ways(lengths: Array) -> tuple[Array, Index]:

@@ -14,13 +14,10 @@ from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Mask, Planar
 from twin.people.body.proportions import Skeleton
 from twin.people.gait.gait_table import GaitStyle
-
-Planar = NDArray[np.complex128]
 
 ARRIVES_AT = 0.35
 """Landing speed of a foot over the floor, as a share of its swing's mean speed."""

@@ -6,13 +6,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from trackers.arrays import Array
+from trackers.arrays import Array, Planar
 from twin.people.body.person_spec import JOINT_PLACE, LEG, NQ_PERSON, SIDES
 from twin.people.body.proportions import Skeleton, leg_angles
-
-Planar = NDArray[np.complex128]
 
 PLACE, VELOCITY = 0, 1
 """Rows of `GaitState.floor`, complex x + iy: ground point of the body [m], its velocity [m/s]."""

@@ -8,7 +8,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.arrays import Array
+from trackers.arrays import Array, Planar
 from twin.people.body.proportions import about_y, about_z, direction, turned
 from twin.people.posture.body_measures import BodyMeasures
 from twin.people.posture.posture_rows import (
@@ -27,8 +27,6 @@ from twin.people.posture.posture_rows import (
     hips_up,
     minimum_jerk,
 )
-
-Planar = NDArray[np.complex128]
 
 NECK_YAW_MOST_RAD = 1.396
 """Greatest turn of the head on the trunk, to either side (80 degrees)."""

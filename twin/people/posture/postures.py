@@ -12,7 +12,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.arrays import Array
+from trackers.area import wrap_angle
+from trackers.arrays import Array, Planar
 from twin.people.body.proportions import about_z, turned
 from twin.people.posture.body_measures import BodyMeasures
 from twin.people.posture.gaze import GazeControl, heads_of
@@ -48,7 +49,6 @@ from twin.people.posture.resting import (
 from twin.people.posture.side_seating import TurnsOnSeats
 from twin.room.furniture import Bed, Seat
 
-Planar = NDArray[np.complex128]
 Hand = Literal["left", "right", "auto"]
 Part = Literal["body", "bend", "reach", "look"]
 
@@ -322,18 +322,17 @@ class Postures:
 
     def stands_near(self, person: int, place: complex, yaw: float) -> bool:
         """Return whether a person stands near enough to a place x + iy [m], facing yaw [rad], to sit down from there."""
-        turn = (yaw - float(self._heading[person]) + np.pi) % (2 * np.pi) - np.pi
+        turn = wrap_angle(yaw - float(self._heading[person]))
         return bool(abs(complex(self._place[person]) - place) <= _NEAR_M and abs(turn) <= _NEAR_RAD)
 
     def _take(self, person: int, seated: SeatedPose) -> None:
         here, faces = complex(self._place[person]), float(self._heading[person])
-        turn = (seated.yaw - faces + np.pi) % (2 * np.pi) - np.pi
         near = self.stands_near(person, seated.standing_place, seated.yaw)
         self._must(
             person, near, f"sit down from {here:.2f} m facing {faces:.2f} rad",
             f"stands near {seated.standing_place:.2f} m facing {seated.yaw:.2f} rad",
         )  # fmt: skip
-        self._seated[:, person] = *seated.hips, faces + turn
+        self._seated[:, person] = *seated.hips, faces + wrap_angle(seated.yaw - faces)
         self._hang[person] = float(seated.feet_hang)
 
     def _must(self, person: int, holds: bool, what: str, who: str) -> None:

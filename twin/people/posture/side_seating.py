@@ -12,14 +12,13 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.arrays import Array, Mask
+from trackers.area import wrap_angle
+from trackers.arrays import Array, Mask, Planar
 from twin.geometry.polygon import ConvexHull, gap_between
 from twin.people.posture.body_measures import BodyMeasures
 from twin.people.posture.posture_rows import minimum_jerk
 from twin.people.posture.resting import BEFORE_M, SeatedPose, seated_pose
 from twin.room.furniture import Seat
-
-Planar = NDArray[np.complex128]
 
 TURN_S = 2.4
 """Duration of the turn on the seat, of four small steps [s] (ours)."""
@@ -130,7 +129,7 @@ class TurnsOnSeats:
         self._by[:, person] = 0.0
         if side is None:
             return
-        turn = (front.yaw - side.yaw + np.pi) % (2 * np.pi) - np.pi
+        turn = wrap_angle(front.yaw - side.yaw)
         self._side[:, person] = *side.hips, yaw, side.feet_ahead_m
         self._by[:, person] = *np.subtract(front.hips, side.hips), turn, front.feet_ahead_m - side.feet_ahead_m
         self._off[person] = here - side.standing_place

@@ -6,11 +6,12 @@ An action is a generator: it yields a command and is sent the reason for which t
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import cos, pi, radians, sin
+from math import cos, radians, sin
 from typing import Any
 
 import numpy as np
 
+from trackers.area import wrap_angle
 from twin.people.crowd.ground import standing_place
 from twin.people.crowd.motion_command import MotionCommand
 from twin.people.posture.postures import Part
@@ -99,8 +100,7 @@ def _upright(actor: Actor) -> Commands:
 
 def _turn_to(actor: Actor, heading: float) -> Commands:
     def faces() -> bool:
-        off = (heading - actor.heading + pi) % (2 * pi) - pi
-        return abs(off) < _FACING_RAD
+        return abs(wrap_angle(heading - actor.heading)) < _FACING_RAD
 
     yield MotionCommand(None, heading=heading, done=faces)
 

@@ -109,11 +109,10 @@ class WalkingGroup:
 class ScriptContext:
     """State shared by all actors: clock, positions and postures of all people, the room.
 
-    `waiting`: what each waits for, and since when [s]; `missed`: sentences on goals that were given up.
-
-    `doing`: kind of action of each; `taken`: user of each seat or bed; `leaving`: people about to leave, `gone`: people who
-    have left; `looks_until`: time at which a turned head is free again [s]; `going`: walks under way; `groups`: people who
-    walk together, by the index of their leader.
+    `doing`: kind of action of each; `taken`: user of each seat or bed; `leaving`: people about to leave, `departed`: people
+    who have left; `looks_until`: time at which a turned head is free again [s]; `going`: walks under way; `groups`: people who
+    walk together, by the index of their leader; `waiting`: what each waits for, and since when [s]; `missed`: sentences on
+    goals that were given up.
     """
 
     names: tuple[str, ...]

@@ -8,6 +8,7 @@ by side at low density, as a V whose middle lags in denser crowds, at about 0.8 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import pi
 
 import numpy as np
@@ -16,14 +17,21 @@ from trackers.area import Area
 from trackers.scipy_functions import linear_sum_assignment
 from twin.people.crowd.motion_command import MotionCommand
 from twin.people.script.actor import Actor, WalkingGroup
-from twin.people.script.walking import FOR_A_WAY, Commands, for_a_way_to, has_room, shoulders_m
+from twin.people.script.walking import (
+    FOR_A_WAY,
+    HALT_M,
+    IN_PLACE_M,
+    LOOKS_AGAIN_S,
+    STANDS_M_S,
+    Commands,
+    has_room,
+    keep_up,
+    shoulders_m,
+)
 from twin.scenario.behaviour import Join, Lead, TurnHead
 
-_COMMANDS_EVERY_S = 0.1
 _DRAWS_LEVEL_S = 0.35
 """Time constant for closing the gap to one's place [s]."""
-_STANDS_M_S = 0.2
-_IN_PLACE_M = 0.12
 _FILE_M = 0.85
 """Distance between members in file, or behind for want of room [m]."""
 _V_BACK = 0.35
@@ -43,6 +51,8 @@ _WAITS_FROM_M, _WAITS_AT_M = 0.5, 2.5
 """Lags of the last member at which the leader begins to slow down, and waits [m]."""
 _CHANGES_AFTER = 0.35
 """Share of the time near each other after which a member changes sides."""
+_TO_THE_RING_M_S = 1.2
+"""Greatest speed on the way to the ring [m/s]."""
 _CANDIDATES = 8
 _STRAIGHT_ON_M = 4.0
 """Additional distance at which a goal ahead is still preferred to one behind [m]: groups turn seldom."""
@@ -76,10 +86,10 @@ def _lead_on(actor: Actor, action: Lead, group: WalkingGroup, until: float) -> C
         else:
             actor.waits(FOR_A_WAY)
         speed = max(speed_m_s - action.slowdown_m_s * len(group.others), _LEAST_SPEED_M_S) * _waits(actor, group)
-        if not way or speed < _STANDS_M_S:
-            yield MotionCommand(None, until=min(actor.t + 3 * _COMMANDS_EVERY_S, until))
+        if not way or speed < STANDS_M_S:
+            yield MotionCommand(None, until=min(actor.t + 3 * LOOKS_AGAIN_S, until))
             continue
-        end = yield MotionCommand(way[0], speed, min(actor.t + 3 * _COMMANDS_EVERY_S, until))
+        end = yield MotionCommand(way[0], speed, min(actor.t + 3 * LOOKS_AGAIN_S, until))
         if end in ("blocked", "taken") or (end == "arrived" and len(way) == 1):
             return
 
@@ -147,9 +157,7 @@ def _talk(actor: Actor, action: Lead, group: WalkingGroup, ends_at: float) -> Co
     actor.look(TurnHead(at=actor.context.names[others[int(actor.rng.integers(len(others)))]]))
     heading = float(np.angle(middle - here))
     while actor.t < until:
-        yield MotionCommand(
-            None, until=min(actor.t + _COMMANDS_EVERY_S, until), heading=heading, companions=tuple(others)
-        )
+        yield MotionCommand(None, until=min(actor.t + LOOKS_AGAIN_S, until), heading=heading, companions=tuple(others))
     group.ring = None
     actor.look(TurnHead())
 
@@ -164,15 +172,15 @@ def join(actor: Actor, action: Join) -> Commands:
             if group is not None:
                 break
             actor.waits(f"for {action.person} to lead")
-            yield MotionCommand(None, until=actor.t + _COMMANDS_EVERY_S)
+            yield MotionCommand(None, until=actor.t + LOOKS_AGAIN_S)
             continue
         if group is None:
             actor.goes_on()
             group = found
             group.order.insert(int(actor.rng.integers(len(group.order) + 1)), actor.number)
-        until = min(actor.t + _COMMANDS_EVERY_S, ends_at)
+        until = min(actor.t + LOOKS_AGAIN_S, ends_at)
         if group.ring is not None and actor.number in group.ring:
-            yield _ring_place(actor, action, group, group.ring, until)
+            yield _ring_place(actor, group, group.ring, until)
             continue
         crowd = context.crowd
         place, facing = crowd.place[leader], crowd.facing[leader]
@@ -184,7 +192,8 @@ def join(actor: Actor, action: Join) -> Commands:
             behind_until = actor.t + _STAYS_BEHIND_S
         if actor.t < behind_until:
             goal = place - _FILE_M * (1 + group.others.index(actor.number)) * facing
-        yield _keep_place(actor, action, group, _around(actor, place, facing, goal), until)
+        stay = replace(_stay(actor, group, until), keeps_step=True)
+        yield keep_up(actor, leader, _around(actor, place, facing, goal), stay, action.speed_m_s, _DRAWS_LEVEL_S)
     if group is not None and actor.number in group.order:
         group.order.remove(actor.number)
 
@@ -232,50 +241,23 @@ def _around(actor: Actor, place: complex, facing: complex, goal: complex) -> com
     return goal + wide_m * 1j * np.sign(wanted.imag) * facing
 
 
-def _keep_place(actor: Actor, action: Join, group: WalkingGroup, goal: complex, until: float) -> MotionCommand:
-    """Return the next command: be at one's future place, or stand there facing as the leader does."""
-    crowd, here = actor.context.crowd, actor.context.crowd.place[actor.number]
-    velocity = crowd.velocity[group.leader]
-    stands = abs(velocity) < _STANDS_M_S
-    others, least_m = _company(actor, group)
-    if stands and abs(goal - here) < _IN_PLACE_M:
-        heading = float(crowd.heading[group.leader])
-        return MotionCommand(
-            None, until=until, heading=heading, companions=others, companion_m=least_m, keeps_step=True
-        )
-    soon = goal if stands else goal + velocity * _DRAWS_LEVEL_S
-    speed = min(max(abs(soon - here) / _DRAWS_LEVEL_S, _STANDS_M_S), action.speed_m_s)
-    way = actor.way_to((soon.real, soon.imag)) or actor.way_to(actor.place_of(group.leader))
-    if not way:
-        actor.waits(for_a_way_to(action.person))
-        return MotionCommand(None, until=until, companions=others, companion_m=least_m, keeps_step=True)
-    actor.goes_on()
-    return MotionCommand(
-        way[0],
-        speed,
-        until,
-        0.05,
-        halt=stands and len(way) == 1,
-        companions=others,
-        companion_m=least_m,
-        keeps_step=True,
-    )
+def _stay(actor: Actor, group: WalkingGroup, until: float) -> MotionCommand:
+    """Return the command to stand among the other members, as near abreast as shoulders allow."""
+    others = tuple(number for number in group.order if number != actor.number)
+    least_m = max(shoulders_m(actor, actor.number, other) for other in others)
+    return MotionCommand(None, until=until, companions=others, companion_m=least_m)
 
 
-def _ring_place(
-    actor: Actor, action: Join, group: WalkingGroup, ring: dict[int, complex], until: float
-) -> MotionCommand:
+def _ring_place(actor: Actor, group: WalkingGroup, ring: dict[int, complex], until: float) -> MotionCommand:
     """Return the next command of a talk: go to one's place in the ring, and stand there facing its middle."""
     goal, here = ring[actor.number], actor.context.crowd.place[actor.number]
-    others, least_m = _company(actor, group)
-    middle = sum(ring.values()) / len(ring)
+    stay = _stay(actor, group, until)
     aim = _past(here, goal, complex(actor.context.crowd.place[group.leader]))
-    way = [] if abs(goal - here) < _IN_PLACE_M else actor.way_to((aim.real, aim.imag))
+    way = [] if abs(goal - here) < IN_PLACE_M else actor.way_to((aim.real, aim.imag))
     if not way:
-        heading = float(np.angle(middle - here))
-        return MotionCommand(None, until=until, heading=heading, companions=others, companion_m=least_m)
-    speed = min(max(abs(goal - here) / _DRAWS_LEVEL_S, _STANDS_M_S), 1.2)
-    return MotionCommand(way[0], speed, until, 0.05, halt=len(way) == 1, companions=others, companion_m=least_m)
+        return replace(stay, heading=float(np.angle(sum(ring.values()) / len(ring) - here)))
+    speed = min(max(abs(goal - here) / _DRAWS_LEVEL_S, STANDS_M_S), _TO_THE_RING_M_S)
+    return replace(stay, goal=way[0], speed_m_s=speed, arrive_m=HALT_M, halt=len(way) == 1)
 
 
 def _past(here: complex, goal: complex, leader: complex) -> complex:
@@ -285,9 +267,3 @@ def _past(here: complex, goal: complex, leader: complex) -> complex:
     if not (0 < seen.real < abs(goal - here) and abs(seen.imag) < _IN_THE_WAY_M):
         return goal
     return leader + ahead * complex(0.0, -_PASSES_BY_M if seen.imag > 0 else _PASSES_BY_M)
-
-
-def _company(actor: Actor, group: WalkingGroup) -> tuple[tuple[int, ...], float]:
-    """Return the other members, and the person's least distance to them abreast [m]."""
-    others = tuple(number for number in group.order if number != actor.number)
-    return others, max(shoulders_m(actor, actor.number, other) for other in others)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.arrays import Array
+from trackers.arrays import Array, Planar
 from trackers.errors import InputError
 from twin.people.crowd.ground import Ground
 from twin.scenario.action import RecordedPath
@@ -21,7 +21,6 @@ from twin.tables.person_rows import WALKING_M_S, WALKING_WARNING, speed_along
 if TYPE_CHECKING:
     from scipy.interpolate import PchipInterpolator
 
-Planar = NDArray[np.complex128]
 
 BODIES_NEED_M = 0.75
 """Distance between middles below which two bodies overlap at some phases of their steps: hands, shoes [m]."""

@@ -6,6 +6,7 @@ Companions walk behind or abreast of another person, or walk up to them and stan
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
+from dataclasses import replace
 from math import cos, inf, sin
 from typing import Any
 
@@ -149,26 +150,19 @@ def _towards(actor: Actor, command: MotionCommand, face: Any) -> Commands:
     if face is None:
         return (yield command)
     while True:
-        end = yield MotionCommand(
-            command.goal,
-            command.speed_m_s,
-            actor.t + LOOKS_AGAIN_S,
-            command.arrive_m,
-            command.halt,
-            actor.bearing_of(face),
-            command.near,
-        )
+        end = yield replace(command, until=actor.t + LOOKS_AGAIN_S, heading=actor.bearing_of(face))
         if end != "time":
             return end
 
 
 _WALKS_ON_M_S = 0.2
 """Speed below which the other is about to stand."""
-_COMMANDS_EVERY_S = 0.1
 _DRAWS_LEVEL_S = 0.5
 """Time constant for closing the gap to the place beside the other [s]."""
-_STANDS_M_S = 0.2
-_IN_PLACE_M = 0.12
+STANDS_M_S = 0.2
+"""Speed below which others stand, and one is placed beside them where they are [m/s]."""
+IN_PLACE_M = 0.12
+"""Distance from one's place among others that is close enough while they stand [m]."""
 _SEES_AHEAD_S = 1.5
 """Horizon for obstacles in the way of the person beside [s]."""
 _BEHIND_M = 0.9
@@ -246,7 +240,7 @@ def _walk_abreast(actor: Actor, action: Follow) -> Commands:
     keeps_m = max(action.keeps_m, shoulders_m(actor, actor.number, other))
     lateral = keeps_m * (1j if action.beside == "left" else -1j)
     while actor.t < ends_at and not actor.has_left(action.person):
-        until = min(actor.t + _COMMANDS_EVERY_S, ends_at)
+        until = min(actor.t + LOOKS_AGAIN_S, ends_at)
         if not crowd.present[other]:
             yield MotionCommand(None, until=until)
             continue
@@ -259,7 +253,8 @@ def _walk_abreast(actor: Actor, action: Follow) -> Commands:
             goal = adjacent + _SWINGS_OUT * np.clip(lags_m, 0.0, 1.0) * lateral / keeps_m * facing
         else:
             goal = place - _BEHIND_M * facing
-        yield _keep_up(actor, action, other, goal, until, keeps_m)
+        stay = MotionCommand(None, until=until, companions=(other,), companion_m=keeps_m)
+        yield keep_up(actor, other, goal, stay, action.speed_m_s, _DRAWS_LEVEL_S)
 
 
 def shoulders_m(actor: Actor, first: int, second: int) -> float:
@@ -267,25 +262,27 @@ def shoulders_m(actor: Actor, first: int, second: int) -> float:
     return float(actor.context.postures.measures.shoulder_lateral[[first, second]].sum()) * _BREADTH
 
 
-def _keep_up(actor: Actor, action: Follow, other: int, goal: complex, until: float, keeps_m: float) -> MotionCommand:
-    """Return the next command: be at the future place beside the other, or stand there facing as they do."""
+def keep_up(
+    actor: Actor, other: int, goal: complex, stay: MotionCommand, speed_m_s: float, draws_level_s: float
+) -> MotionCommand:
+    """Return the next command: be at one's future place `goal` beside another, or stand there facing as they do.
+
+    other: index of the person beside; stay: the command to stand among one's companions; speed_m_s: greatest speed;
+    draws_level_s: time constant for closing the gap to one's place [s].
+    """
     crowd, here = actor.context.crowd, actor.context.crowd.place[actor.number]
     velocity = crowd.velocity[other]
-    stands = abs(velocity) < _STANDS_M_S
-    if stands and abs(goal - here) < _IN_PLACE_M:
-        return MotionCommand(
-            None, until=until, heading=float(crowd.heading[other]), companions=(other,), companion_m=keeps_m
-        )
-    soon = goal if stands else goal + velocity * _DRAWS_LEVEL_S
-    speed = min(max(abs(soon - here) / _DRAWS_LEVEL_S, _STANDS_M_S), action.speed_m_s)
-    way = actor.way_to((soon.real, soon.imag)) or actor.way_to(actor.target(action.person))
+    stands = abs(velocity) < STANDS_M_S
+    if stands and abs(goal - here) < IN_PLACE_M:
+        return replace(stay, heading=float(crowd.heading[other]))
+    soon = goal if stands else goal + velocity * draws_level_s
+    speed = min(max(abs(soon - here) / draws_level_s, STANDS_M_S), speed_m_s)
+    way = actor.way_to((soon.real, soon.imag)) or actor.way_to(actor.place_of(other))
     if not way:
-        actor.waits(for_a_way_to(action.person))
-        return MotionCommand(None, until=until, companions=(other,), companion_m=keeps_m)
+        actor.waits(for_a_way_to(actor.context.names[other]))
+        return stay
     actor.goes_on()
-    return MotionCommand(
-        way[0], speed, until, 0.05, halt=stands and len(way) == 1, companions=(other,), companion_m=keeps_m
-    )
+    return replace(stay, goal=way[0], speed_m_s=speed, arrive_m=HALT_M, halt=stands and len(way) == 1)
 
 
 def has_room(

@@ -16,11 +16,13 @@ TABLE = Obstacle("table", np.array([[-0.6, -0.4], [0.6, -0.4], [0.6, 0.4], [-0.6
 POST = Obstacle("post", np.array([[1.5, 1.5], [1.7, 1.5], [1.6, 1.7]]))
 
 
-def make_crowd(places, headings=None, area=SQUARE, obstacles=(), fixed=None):
+def make_crowd(places, headings=None, area=SQUARE, obstacles=(), immovable=()):
     count = len(places)
     headings = np.zeros(count) if headings is None else np.array(headings, dtype=float)
-    fixed = np.zeros(count, dtype=bool) if fixed is None else np.array(fixed)
-    return Crowd(np.array(places, dtype=complex), headings, [area] * count, fixed, obstacles)
+    crowd = Crowd(np.array(places, dtype=complex), headings, [area] * count, obstacles)
+    for person in immovable:
+        crowd.command(person, MotionCommand(None, immovable=True))
+    return crowd
 
 
 def walk(crowd, seconds):
@@ -67,7 +69,7 @@ def test_runners_run_and_come_to_a_halt_at_their_goal():
 
 
 def test_runners_stop_before_a_wall_and_before_somebody():
-    crowd = make_crowd([-2.5, 0.0], fixed=[False, True])
+    crowd = make_crowd([-2.5, 0.0], immovable=[1])
     crowd.command(0, MotionCommand((0.0, 0.0), 4.0))
     places, _ = walk(crowd, 5.0)
     assert np.abs(places[:, 1] - places[:, 0]).min() > KEEP_APART_M - 0.01
@@ -143,7 +145,7 @@ def test_firm_people_do_not_give_way():
 
 
 def test_a_goal_is_taken_while_somebody_stands_there():
-    crowd = make_crowd([-0.9, 0.3j, 2.0], fixed=[False, True, False])
+    crowd = make_crowd([-0.9, 0.3j, 2.0], immovable=[1])
     crowd.command(0, MotionCommand((0.0, 0.0), 1.0, halt=True))
     crowd.command(2, MotionCommand((2.0, 2.0), 1.0, halt=True))
     crowd.step(TICK_S)
