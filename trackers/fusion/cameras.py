@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from trackers.area import Area
-from trackers.arrays import Array, Bool, Float, Mask
+from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.cameras.placed import PlacedCamera, through_people
 from trackers.environment import Environment
 from trackers.filters.gating import distances
@@ -15,7 +15,6 @@ from trackers.fusion.look import Expected, Look, detections_of, round_covariance
 from trackers.fusion.motion import HEAD_PLACE, OUTLINE
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.posture import DEPTH_SHOWN, SILHOUETTE_SHOWN
-from trackers.fusion.shown_places import ShownPlaces
 from trackers.likelihood.stereo_head import RangeOptions
 from trackers.observations import DepthImage, Image, Observation
 from trackers.rig import CameraSensor, Rig, StereoSensor
@@ -24,6 +23,7 @@ from trackers.vision.foreground import Foreground
 from trackers.vision.front_end import CameraFrontEnd, FrontEndOptions, PreparedPicture
 from trackers.vision.histogram import ColourHistogram
 from trackers.vision.person_detector import ROOMS, SILHOUETTES, PersonDetector, PersonModel
+from trackers.vision.person_windows import ground_axes
 from trackers.vision.stereo_picture import StereoCamera, head_of, heads_in_plan, packed_without_depth
 
 _CHEST_M, _CROWN_M, _SHADOW_M = 1.1, 1.65, 0.25
@@ -47,6 +47,46 @@ _TORSO = np.stack(np.meshgrid(np.linspace(-0.12, 0.12, 8), np.linspace(0.54, 0.8
 _LEAST_SAMPLES = 12
 _HARDLY = 0.3
 """Share of the people shown at a place below which a wall hides it that nobody has told."""
+
+_CELL_M, _CELLS = 0.5, 128
+"""Pitch [m] and number of cells on each side; the lattice repeats beyond them, so that its size is fixed."""
+_TRUSTED = 1.0
+"""Number of looks that the belief weighs that a camera shows everybody in its picture."""
+
+
+class ShownPlaces:
+    """Share of the people at each place of the floor whom a camera shows: the mean of a Beta distribution for each cell.
+
+    Learned from those whom other sensors measure: nobody tells which walls are where.
+
+    The lattice lies along the camera's view, and is read and learned linearly between its cells.
+    """
+
+    def __init__(self, camera: PlacedCamera) -> None:
+        self._eye, self._axes = camera.eye_m[:2], ground_axes(camera)
+        self._asked, self._shown = np.zeros((_CELLS, _CELLS)), np.zeros((_CELLS, _CELLS))
+
+    def share(self, place: Float[Array, "n 2"]) -> Float[Array, "n"]:
+        """Return the share at places [m], 1 where nobody has been."""
+        column, row, weight = self._cells(place)
+        asked, shown = ((each[column, row] * weight).sum(axis=0) for each in (self._asked, self._shown))
+        return (_TRUSTED + shown) / (_TRUSTED + asked)
+
+    def learn(self, place: Float[Array, "n 2"], asked: Float[Array, "n"], shown: Bool[Mask, "n"]) -> None:
+        """Learn of people at places [m] who were shown or not. asked: number of looks that each counts."""
+        column, row, weight = self._cells(place)
+        np.add.at(self._asked, (column, row), asked * weight)
+        np.add.at(self._shown, (column, row), asked * shown * weight)
+
+    def _cells(self, place: Float[Array, "n 2"]) -> tuple[Int[Index, "4 n"], Int[Index, "4 n"], Float[Array, "4 n"]]:
+        """Return columns and rows of the four cells about each place [m], and their weights."""
+        at = ((place - self._eye) @ self._axes / _CELL_M).T
+        low = np.floor(at)
+        x, y = at - low
+        column, row = low.astype(np.intp)
+        columns = np.stack([column, column + 1, column, column + 1]) % _CELLS
+        rows = np.stack([row, row, row + 1, row + 1]) % _CELLS
+        return columns, rows, np.stack([(1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y])
 
 
 class Camera:

@@ -5,7 +5,7 @@ import pytest
 from synthetic_view import rig
 
 from trackers.cameras import PlacedCamera
-from trackers.fusion.shown_places import ShownPlaces
+from trackers.fusion.cameras import ShownPlaces
 from trackers.rig import placed_camera
 
 BEHIND_A_WALL, IN_VIEW = np.array([[4.0, 1.3]]), np.array([[1.0, -2.2]])
