@@ -25,7 +25,7 @@ TRACK_FEATURES = (
     "legs", "second_leg", "best_leg", "both", "looks_s", "missed", "farthest", "speed", "age", "range",
     "driven", "free_share", "free", "hit", "spread", "beside",
     "varies", "samples", "width", "width_varies", "around", "surprise", "gap", "last", "driving", "spacing", "near", "rival",
-    "gap_varies", "period", "stay", "free_here", "hit_here",
+    "gap_varies", "period", "stay", "free_here", "hit_here", "others", "people", "leglike",
 )  # fmt: skip
 """Names of what the forest is shown of a track, in their order."""
 SHOWN = ("look", "leg", "second_leg", "both", "leg²", "samples", "width", "width²", "around", "surprise", "gap", "gap²")
@@ -37,6 +37,10 @@ NO_LEG = -4.0
 _NO_RIVAL = -6.0
 _PLACE_M = 0.4
 """A track farther than this from the place that it came to has left it [m]."""
+_KNOWN_S = 0.5
+"""Age of a track by which its existence says what the scene is like [s]."""
+_PRIOR = (0.3, 2.0)
+"""People, of so many tracks, in a scene of which nothing is known."""
 _BEFORE_S = 0.3
 """Looks until so long before a track was there do not see it yet [s]."""
 _BESIDE_M, _NEAR_M, _RIVAL_M, _AROUND_M = 2.0, 1.5, 1.0, 1.5
@@ -130,15 +134,23 @@ class LegTracks(Rows):
             hit_here=np.where(known_here, here.hit, np.where(came, 0.0, self.hit_here)),
         )
 
+    def _scene(self, age: Float[Array, "n"]) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
+        """Return how many of all other tracks are people, by their existence so far, and the share of them."""
+        weight = np.minimum(age / _KNOWN_S, 1.0)
+        exists = weight / (1 + np.exp(-np.clip(self.log_odds, -30, 30)))
+        people, known = exists.sum() - exists, weight.sum() - weight
+        return people, (people + _PRIOR[0]) / (known + _PRIOR[1])
+
     def features(
         self, places: Float[Array, "n 2"], speed: Float[Array, "n"], spread: Float[Array, "n"], age: Float[Array, "n"],
         stay: Float[Array, "n"], scanner: int, scanners: Float[Array, "s 2"], driving: float, step_rad: float, period_s: float,
+        n_leglike: int,
     ) -> Float[Array, "n features"]:  # fmt: skip
         """Return `TRACK_FEATURES` of the tracks at these places [m], as one scanner sees them.
 
         stay: time in the place that it came to last [s]; scanners: where all of them are [m]; driving: its speed [m/s] and turn
         rate [rad/s] together; step_rad: between its beams; period_s: since its scan before, for a slow scanner says as much about
-        a track in one look as a fast one in many.
+        a track in one look as a fast one in many; n_leglike: clusters of its scan that look like legs.
         """
         look, *others = self.sums.T
         leg, second, both, square, samples, width, width_square, around, surprise, *_ = (
@@ -153,6 +165,8 @@ class LegTracks(Rows):
         beside = np.where(better, apart, _BESIDE_M).min(axis=1, initial=_BESIDE_M)
         rival = np.where(better & (apart < _RIVAL_M), self.log_odds, _NO_RIVAL).max(axis=1, initial=_NO_RIVAL)
         away = np.hypot(*(places - scanners[scanner]).T)
+        # in a room full of posts a post is likelier, among people a person
+        people, others = self._scene(age)
         driven = np.hypot(*(self.seen_from - scanners[self.born_by]).T)
         return np.column_stack([
             leg, second, self.best, both, look, self.missed, self.farthest, speed, np.minimum(age, 10.0), away,
@@ -162,6 +176,7 @@ class LegTracks(Rows):
             np.full(len(self), driving), away * step_rad, (apart < _NEAR_M).sum(axis=1) - 1.0, rival,
             np.sqrt(np.maximum(gap_square - gap**2, 0)), np.full(len(self), min(period_s, MEMORY_S)),
             np.minimum(stay, 10.0), np.log1p(self.free_here), np.log1p(self.hit_here),
+            others, people, np.full(len(self), np.log1p(n_leglike)),
         ])  # fmt: skip
 
 

@@ -253,10 +253,12 @@ class LaserLegs(SynchronizedTracker):
         state = state.changed(filter=filter_).looked(
             track, shown, p_detect, max(elapsed, 1e-3), self._names.index(scan.sensor)
         )
-        self.roster = self._evaluated(self.roster.measured(track[known], scan.stamp_ns, state), scan, frame, elapsed)
+        n_leglike = int((evidence > options.start_evidence).sum())
+        roster = self.roster.measured(track[known], scan.stamp_ns, state)
+        self.roster = self._evaluated(roster, scan, frame, elapsed, n_leglike)
 
     def _evaluated(
-        self, roster: Roster[LegTracks], scan: LaserScan, frame: SensorFrame, elapsed: float
+        self, roster: Roster[LegTracks], scan: LaserScan, frame: SensorFrame, elapsed: float, n_leglike: int
     ) -> Roster[LegTracks]:
         """Find the existence of the tracks that this scanner measured last, and confirm those that exist."""
         state, scanner = roster.state, self._names.index(scan.sensor)
@@ -269,7 +271,7 @@ class LaserLegs(SynchronizedTracker):
         scanners = np.array([self.scanners.of[name].pose[:2] for name in self._names])
         self.features = state.features(
             places, np.hypot(mean[:, 2], mean[:, 3]), spread, scan.t - born_s, scan.t - state.came_s, scanner, scanners,
-            frame.driving, scan.angle_increment_rad, elapsed,
+            frame.driving, scan.angle_increment_rad, elapsed, n_leglike,
         )  # fmt: skip
         verdict = self._existence.score(self.features[own])
         follow = 1 - np.exp(-max(elapsed, 1e-3) / _EXISTENCE_S)
@@ -283,8 +285,11 @@ class LaserLegs(SynchronizedTracker):
     def _resumed(
         self, roster: Roster[LegTracks], places: Float[Array, "n 2"], new: Bool[Mask, "n"], ns: int
     ) -> tuple[Roster[LegTracks], Bool[Mask, "n"]]:
-        """Give tracks that are to be confirmed the ids of people who were lost within reach; return the others of them too."""
-        rows, lost = new.nonzero()[0], (roster.confirmed & ~self._is_there(roster, ns)).nonzero()[0]
+        """Give tracks that are to be confirmed the ids of people lost within reach, who by now are rather not where they were
+        expected; return the others of them too.
+        """
+        is_lost = ~self._is_there(roster, ns) | (roster.state.log_odds < _nats(self.options.existence))
+        rows, lost = new.nonzero()[0], (roster.confirmed & is_lost).nonzero()[0]
         hidden_s = np.maximum(roster.born_ns[rows] - roster.measured_ns[lost, None], 0) / NS_PER_S
         reach_m = self.options.reach_m + _WALKS_M_S * hidden_s
         old, again = max_weight_assignment(reach_m - distances(places[lost], places[rows]))

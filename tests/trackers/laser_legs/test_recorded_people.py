@@ -1,0 +1,40 @@
+"""`laser-legs` on recorded scans: a walk of three people, and labelled legs at the recorded rate and at a part of it."""
+
+import numpy as np
+import pytest
+from recorded_scans import labelled, needs_data, on_furniture, walkers_in_the_robots_bag
+
+from trackers.feeding import track_frames
+from trackers.filters.gating import distances, max_weight_assignment
+from trackers.laser.grouping import pair_off
+from trackers.presets import make_tracker
+from trackers.rig import LaserSensor, Pose, Rig
+
+RIG = Rig(sensors={"scan": LaserSensor(topic="/scan", room_from_sensor=Pose(xyz=(0, 0, 0.3)))})
+
+
+@needs_data
+def test_three_people_who_walk_past_a_robot_are_three_tracks():
+    """One of them turns about behind another at 67 s, and comes out where no track of theirs was expected."""
+    scans = walkers_in_the_robots_bag()[500:760]
+    tracker = make_tracker("laser-legs", RIG, (), np.random.default_rng(0))
+    frames = list(track_frames(tracker, RIG, scans))
+    assert len({track.id for frame in frames for track in frame.tracks}) == 3
+
+
+@needs_data
+@pytest.mark.parametrize("every", [1, 2, 3])
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_people_by_their_labelled_legs_are_found_at_any_rate(number: int, every: int):
+    scans, legs = labelled(number)
+    legs = legs[~on_furniture(scans, legs)]
+    tracker = make_tracker("laser-legs", RIG, (), np.random.default_rng(0))
+    frames = list(track_frames(tracker, RIG, scans[::every]))
+    found = there = 0
+    for k, frame in enumerate(frames):
+        people = pair_off(legs[legs[:, 0] == k * every, 1:], 0.7)[0]
+        places = np.array([[track.x, track.y] for track in frame.tracks]).reshape(-1, 2)
+        away = distances(people, places)
+        found += len(max_weight_assignment(np.where(away < 0.5, 0.5 - away, 0.0))[0])
+        there += len(people)
+    assert found / there > 0.8
