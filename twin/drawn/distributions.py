@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from annotated_types import Ge, Le
 from pydantic import AfterValidator, Field, FiniteFloat, model_validator
 
@@ -23,6 +24,16 @@ def _ordered(bounds: tuple[float, float]) -> tuple[float, float]:
 Range = Annotated[tuple[FiniteFloat, FiniteFloat], AfterValidator(_ordered)]
 Size = tuple[Annotated[int, Ge(16), Le(4096)], Annotated[int, Ge(16), Le(4096)]]
 Count = Annotated[tuple[int, int], AfterValidator(_ordered)]
+
+
+def draw_from(bounds: tuple[float, float], rng: np.random.Generator, digits: int) -> float:
+    """Draw a number from a range, rounded to so many digits after the point."""
+    return round(float(rng.uniform(*bounds)), digits)
+
+
+def draw_count(bounds: tuple[int, int], rng: np.random.Generator) -> int:
+    """Draw a whole number from a range, both ends included."""
+    return int(rng.integers(bounds[0], bounds[1] + 1))
 
 
 class DrawnRoom(Strict):

@@ -190,7 +190,7 @@ def _on_wall(
 ) -> Iterator[str]:
     """Add a flat box on the inner face of a wall."""
     x, y = wall.at(along_m, thick_m / 2)
-    yaw = np.degrees(np.arctan2(wall.along[1], wall.along[0]))
+    yaw = np.degrees(wall.yaw)
     yield (
         f'      <geom name="{name}" type="box" pos="{x:.4f} {y:.4f} {(low_m + high_m) / 2:.4f}" '
         f'size="{width_m / 2:.4f} {thick_m / 2:.4f} {(high_m - low_m) / 2:.4f}" euler="0 0 {yaw:.6g}" material="{material}"/>'
@@ -207,7 +207,7 @@ def _partitions(plan: FloorPlan) -> Iterator[str]:
             if end - start < 0.01:
                 continue
             x, y = wall.at((start + end) / 2)
-            yaw = np.degrees(np.arctan2(wall.along[1], wall.along[0]))
+            yaw = np.degrees(wall.yaw)
             seen = 'material="glass" group="4"' if partition.is_glass else 'material="partition"'
             pos = f"{x:.4f} {y:.4f} {(foot + plan.height_m) / 2:.4f}"
             size = f"{(end - start) / 2:.4f} {PARTITION_M / 2:.4f} {(plan.height_m - foot) / 2:.4f}"

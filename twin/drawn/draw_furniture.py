@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from trackers.arrays import Array
-from twin.drawn.distributions import DrawnRoom
+from twin.drawn.distributions import DrawnRoom, draw_count
 from twin.drawn.floor_plan import CELL_M, DOOR_M, KEEP_M, PARTITION_M, FloorPlan, FreeSpace, Wall
 
 _TRIES = 30
@@ -184,7 +184,7 @@ _DRAWN: dict[str, Callable[[np.random.Generator], Piece]] = {
 def draw_pillars(plan: FloorPlan, options: DrawnRoom, space: FreeSpace, rng: np.random.Generator) -> list[Piece]:
     """Draw pillars to the ceiling, each taken from `space`, none blocking an only way."""
     pillars: list[Piece] = []
-    for _ in range(int(rng.integers(options.pillars[0], options.pillars[1] + 1))):
+    for _ in range(draw_count(options.pillars, rng)):
         width, is_round = float(rng.uniform(*options.pillar_m)), rng.random() < 0.5
         half = plan.height_m / 2
         solid = (
@@ -236,7 +236,7 @@ def _against_a_wall(
             continue
         along = 0.05 + piece.width_m / 2 + rng.uniform(0, room_for)
         x, y = wall.at(along, thick_m + _OFF_WALL_M)
-        yaw = float(np.arctan2(wall.inwards[1], wall.inwards[0]) - np.pi / 2)
+        yaw = wall.faces - np.pi / 2
         placed = replace(piece, place=(float(x), float(y)), yaw=yaw)
         if _put(placed, plan, space, others):
             return placed

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from trackers.arrays import Array
-from twin.drawn.distributions import DrawnPeople
+from twin.drawn.distributions import DrawnPeople, draw_count, draw_from
 from twin.drawn.draw_building import DrawnBuilding
 from twin.streams import stream
 
@@ -31,7 +31,7 @@ def draw_people(
     """Draw people by name, each as a scenario's entry; fewer if the floor is short of space."""
     seed = options.seed if options.seed is not None else seed
     rng = stream(seed, "drawn people", "")
-    count = int(rng.integers(options.count[0], options.count[1] + 1))
+    count = draw_count(options.count, rng)
     count = max(1, min(count, int(building.space.area_m2 / options.least_floor_m2)))
     groups = _groups(count, options, rng)
     draws = _PeopleDraws(options, building, duration_s, rng)
@@ -77,7 +77,7 @@ class _PeopleDraws:
         options, rng = self._options, self._rng
         arrives = bool(self._building.plan.doors) and rng.random() < options.arriving
         leaves = bool(self._building.plan.doors) and rng.random() < options.leaving
-        arrive_s = round(float(rng.uniform(0.5, 0.6 * self._duration_s)), 1) if arrives else 0.0
+        arrive_s = draw_from((0.5, 0.6 * self._duration_s), rng, 1) if arrives else 0.0
         first = self._person(arrive_s, None, arrives)
         if first is None:
             return [None] * len(names)
@@ -85,8 +85,8 @@ class _PeopleDraws:
         alone = len(names) == 1
         script = self._leading(len(names)) if led else self._script(others) if alone else self._walking(len(names))
         members: list[dict[str, Any] | None] = [first]
+        near = None if arrives else self._starts[-1]
         for place, _ in enumerate(names[1:], start=1):
-            near = None if arrives else self._starts[-place]
             member = self._person(round(arrive_s + 1.3 * place, 1) if arrives else 0.0, near, arrives)
             members.append(member)
             if member is not None:
@@ -105,7 +105,7 @@ class _PeopleDraws:
         if by_door:
             door = building.plan.doors[int(rng.integers(len(building.plan.doors)))]
             place = door.before(0.6)
-            inwards = np.degrees(np.arctan2(door.wall.inwards[1], door.wall.inwards[0]) + building.placement.turn)
+            inwards = np.degrees(door.wall.faces + building.placement.turn)
             person |= {"arrive_s": arrive_s, "heading_deg": round(float(inwards), 1)}
         else:
             place = self._start(near)
@@ -138,31 +138,27 @@ class _PeopleDraws:
     def _activity(self, kind: str, others: list[str]) -> Script:
         """Draw the actions of one activity; none if its object is missing."""
         rng = self._rng
-        lasts_s = round(float(rng.uniform(2, max(0.4 * self._duration_s, 3))), 1)
+        lasts_s = draw_from((2, max(0.4 * self._duration_s, 3)), rng, 1)
         match kind:
             case "wander":
                 return [self._wandering(lasts_s)]
             case "walk":
                 return self._walking()[:1]
             case "run":
-                return [
-                    {"kind": "run", "waypoints": self._places(2), "speed_m_s": round(float(rng.uniform(2.2, 3.2)), 1)}
-                ]
+                return [{"kind": "run", "waypoints": self._places(2), "speed_m_s": draw_from((2.2, 3.2), rng, 1)}]
             case "stand":
                 return [{"kind": "stand", "for_s": lasts_s}]
             case "look":
-                return [{"kind": "look", "yaw_deg": round(float(rng.uniform(-70, 70)), 0), "for_s": lasts_s}]
+                return [{"kind": "look", "yaw_deg": draw_from((-70, 70), rng, 0), "for_s": lasts_s}]
             case "bend":
-                return [
-                    {"kind": "bend", "angle_deg": round(float(rng.uniform(40, 90)), 0), "for_s": round(lasts_s / 3, 1)}
-                ]
+                return [{"kind": "bend", "angle_deg": draw_from((40, 90), rng, 0), "for_s": round(lasts_s / 3, 1)}]
             case "reach":
                 x, y = self._places(1)[0]
                 return [
                     {"kind": "walk", "waypoints": [[x, y]]},
                     {
                         "kind": "reach",
-                        "point": [round(x + 0.4, 3), y, round(float(rng.uniform(0.8, 1.5)), 2)],
+                        "point": [round(x + 0.4, 3), y, draw_from((0.8, 1.5), rng, 2)],
                         "for_s": 1.5,
                     },
                 ]
@@ -186,7 +182,7 @@ class _PeopleDraws:
         slower = self._options.group_slowdown_m_s * (size - 1)
         speed = round(max(low, float(self._rng.uniform(low, high)) - slower), 2)
         walk = {"kind": "walk", "waypoints": self._places(int(self._rng.integers(2, 6))), "speed_m_s": speed}
-        return [walk, {"kind": "stand", "for_s": round(float(self._rng.uniform(1, 6)), 1)}, self._wandering(None)]
+        return [walk, {"kind": "stand", "for_s": draw_from((1, 6), self._rng, 1)}, self._wandering(None)]
 
     def _leading(self, size: int) -> Script:
         """Lead a group for most of the run, then wander."""
@@ -195,7 +191,7 @@ class _PeopleDraws:
         lead = {
             "kind": "lead",
             "formation": "v" if size == 3 else "file" if rng.random() > self._options.abreast else "abreast",
-            "spacing_m": [round(float(rng.uniform(*near_m)), 2), round(float(rng.uniform(*_FAR_M)), 2)],
+            "spacing_m": [draw_from(near_m, rng, 2), draw_from(_FAR_M, rng, 2)],
             "speed_m_s": [round(float(low), 2), round(float(high), 2)],
             "for_s": round(float(rng.uniform(0.5, 0.9)) * self._duration_s, 1),
         }
@@ -213,10 +209,10 @@ class _PeopleDraws:
             distance_m = _SHOULDERS_M if share > 0 and rng.random() < share else _ABREAST_M
             action |= {
                 "beside": "left" if place == 1 else "right",
-                "distance_m": round(float(rng.uniform(*distance_m)), 2),
+                "distance_m": draw_from(distance_m, rng, 2),
             }
         else:
-            action |= {"distance_m": round(float(rng.uniform(*_BEHIND_M)), 2)}
+            action |= {"distance_m": draw_from(_BEHIND_M, rng, 2)}
         if leaves:
             action["for_s"] = round(float(rng.uniform(0.4, 0.8)) * self._duration_s, 1)
         return action

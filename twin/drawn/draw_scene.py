@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from trackers.arrays import Array
 from trackers.configuration import validate
 from trackers.errors import InputError
-from twin.drawn.distributions import DrawnPeople, DrawnRoom, DrawnSensors, drawn_fields
+from twin.drawn.distributions import DrawnPeople, DrawnRoom, DrawnSensors, draw_count, draw_from, drawn_fields
 from twin.drawn.draw_building import DrawnBuilding, draw_building
 from twin.drawn.draw_people import draw_people
 from twin.drawn.floor_plan import DOOR_M
@@ -43,13 +43,13 @@ def draw_sensors(
         ("camera", options.cameras, draws.camera),
         ("stereo", options.stereos, draws.stereo),
     ):
-        for number in range(1, int(rng.integers(bounds[0], bounds[1] + 1)) + 1):
+        for number in range(1, draw_count(bounds, rng) + 1):
             sensors[f"{kind}_{number}"] = draw()
     if rng.random() < options.floor:
         sensors["floor"] = draws.floor()
     housings = {}
     own = stream(seed, "drawn robots", "")
-    for number in range(1, int(own.integers(options.robots[0], options.robots[1] + 1)) + 1):
+    for number in range(1, draw_count(options.robots, own) + 1):
         housing = _robot(options, building, own, starts)
         if housing is None:
             break  # no floor is free
@@ -68,7 +68,7 @@ def draw_sensors(
             faults[f"{name}_drops"] = {
                 "sensor": name,
                 "kind": "dropout",
-                "probability": round(float(rng.uniform(0.1, 1.0)), 2),
+                "probability": draw_from((0.1, 1.0), rng, 2),
                 "from_s": round(float(start), 1),
                 "to_s": round(float(start + rng.uniform(0.1, 0.3) * duration_s), 1),
             }
@@ -87,16 +87,16 @@ def _robot(
     else:
         return None
     return {
-        "mount": {"xyz": [*place, 0.0], "yaw_deg": round(float(rng.uniform(-180, 180)), 1)},
+        "mount": {"xyz": [*place, 0.0], "yaw_deg": draw_from((-180, 180), rng, 1)},
         "drive": {
             "kind": "wander",
-            "speed_m_s": round(float(rng.uniform(0.3, 1.0)), 2),
-            "turn_rate": round(float(rng.uniform(0.6, 1.5)), 2),
+            "speed_m_s": draw_from((0.3, 1.0), rng, 2),
+            "turn_rate": draw_from((0.6, 1.5), rng, 2),
         },
-        "body": {"radius_m": round(radius, 2), "height_m": round(float(rng.uniform(0.12, 0.3)), 2)},
+        "body": {"radius_m": round(radius, 2), "height_m": draw_from((0.12, 0.3), rng, 2)},
         "odometry": {
-            "drift": round(float(rng.uniform(0.0, 0.03)), 3),
-            "noise": round(float(rng.uniform(0.0, 0.02)), 3),
+            "drift": draw_from((0.0, 0.03), rng, 3),
+            "noise": draw_from((0.0, 0.02), rng, 3),
             "slip": round(float(rng.choice([0.0, 0.02])), 2),
         },
     }
@@ -104,18 +104,18 @@ def _robot(
 
 def _robot_scanner(options: DrawnSensors, rng: np.random.Generator) -> dict[str, Any]:
     """Draw the scanner of a robot, at knee height or below, that sweeps for most of its period."""
-    rate = round(float(rng.uniform(*options.scanner_hz)), 1)
+    rate = draw_from(options.scanner_hz, rng, 1)
     return {
         "kind": "laser",
         "role": "knee",
         "rate_hz": rate,
         "field_of_view_deg": float(rng.choice(options.field_of_view_deg)),
         "resolution_deg": float(rng.choice(options.resolution_deg)),
-        "range_max_m": round(float(rng.uniform(*options.range_m)), 1),
+        "range_max_m": draw_from(options.range_m, rng, 1),
         "sweep_time_s": round(float(rng.uniform(0.5, 0.9)) / rate, 4),
         "mount": {
-            "xyz": [round(float(rng.uniform(0.0, 0.1)), 2), 0.0, round(float(rng.uniform(0.2, 0.45)), 2)],
-            "yaw_deg": round(float(rng.uniform(-10, 10)), 1),
+            "xyz": [draw_from((0.0, 0.1), rng, 2), 0.0, draw_from((0.2, 0.45), rng, 2)],
+            "yaw_deg": draw_from((-10, 10), rng, 1),
         },
         "noise": str(rng.choice(list(options.noise))),
     }
@@ -138,11 +138,11 @@ class _RigDraws:
         return {
             "kind": "laser",
             "role": "waist" if is_waist else "knee",
-            "rate_hz": round(float(rng.uniform(*options.scanner_hz)), 1),
-            "phase_s": round(float(rng.uniform(0, 0.03)), 3),
+            "rate_hz": draw_from(options.scanner_hz, rng, 1),
+            "phase_s": draw_from((0, 0.03), rng, 3),
             "field_of_view_deg": fov,
             "resolution_deg": float(rng.choice(options.resolution_deg)),
-            "range_max_m": round(float(rng.uniform(*options.range_m)), 1),
+            "range_max_m": draw_from(options.range_m, rng, 1),
             "mount": self._mount(place, height, yaw + rng.uniform(-10, 10)),
             "noise": self._noise(),
         }
@@ -184,7 +184,7 @@ class _RigDraws:
         return str(self._rng.choice(list(self._options.noise)))
 
     def _rate(self) -> float:
-        return round(float(self._rng.uniform(*self._options.camera_hz)), 1)
+        return draw_from(self._options.camera_hz, self._rng, 1)
 
     def _mount(self, place: Array, height_m: float, yaw_deg: float, pitch_deg: float = 0.0) -> dict[str, Any]:
         """Return a mount at a place and yaw of the plan."""
@@ -210,7 +210,7 @@ class _RigDraws:
             if in_door or not self._is_clear(place, wall.inwards):
                 continue
             apart = min((float(np.hypot(*(place - other))) for other in self._hung), default=np.inf)
-            found = (apart, place, float(np.degrees(np.arctan2(wall.inwards[1], wall.inwards[0]))))
+            found = (apart, place, float(np.degrees(wall.faces)))
             if best is None or apart > best[0]:
                 best = found
             if apart > 2.5:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from trackers.area import meets_itself_at
 from trackers.arrays import Array, Index, Mask
-from twin.drawn.distributions import DrawnRoom
+from twin.drawn.distributions import DrawnRoom, draw_count
 from twin.geometry.polygon import inset
 
 PARTITION_M = 0.1
@@ -67,6 +67,16 @@ class Wall:
     def inwards(self) -> Array:
         """Unit vector (2,) from the wall into the room."""
         return np.array([-self.along[1], self.along[0]])
+
+    @property
+    def yaw(self) -> float:
+        """Direction from start to end [rad]."""
+        return float(np.arctan2(self.along[1], self.along[0]))
+
+    @property
+    def faces(self) -> float:
+        """Direction into the room [rad]."""
+        return float(np.arctan2(self.inwards[1], self.inwards[0]))
 
     def at(self, along_m: float, off_m: float = 0.0) -> Array:
         """Return the place (2,) at a distance along the wall and off it, into the room [m]."""
@@ -148,7 +158,7 @@ def draw_floor_plan(options: DrawnRoom, rng: np.random.Generator) -> FloorPlan:
         x, y = max(length - cut_x, least), max(width - cut_y, least)
         outline = np.array([[0.0, 0.0], [length, 0.0], [length, y], [x, y], [x, width], [0.0, width]])
         parts = [Rectangle(0.0, 0.0, length, y), Rectangle(0.0, y, x, width)]
-    n_room = int(rng.integers(options.rooms[0], options.rooms[1] + 1))
+    n_room = draw_count(options.rooms, rng)
     joined = parts  # two of them are one room where nothing divides an L
     if len(parts) == 2 and n_room > 1 and rng.random() < 0.5:
         partitions.append(_partition((0.0, parts[0].y1), (parts[1].x1, parts[0].y1), partitions, options, rng))
@@ -162,7 +172,7 @@ def draw_floor_plan(options: DrawnRoom, rng: np.random.Generator) -> FloorPlan:
         for corner, following in zip(outline, np.roll(outline, -1, axis=0), strict=True)
     )
     height_m = round(rng.uniform(*options.height_m), 2)
-    doors = _doors(walls, partitions, int(rng.integers(options.doors[0], options.doors[1] + 1)), rng)
+    doors = _doors(walls, partitions, draw_count(options.doors, rng), rng)
     return FloorPlan(outline, tuple(joined), walls, tuple(partitions), doors, height_m)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from trackers.arrays import Array
+from trackers.arrays import Array, Mask
 from trackers.errors import InputError
 
 PLANE_M = 0.05
@@ -46,6 +46,11 @@ def hull_points(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Array 
         case _:
             return None
     return local @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+
+
+def stands_still(model: mujoco.MjModel) -> Mask:
+    """Return a mask (n_geom,) of the geoms of the room itself: visible (alpha above 0), and of bodies that do not move."""
+    return (model.body_weldid[model.geom_bodyid] == 0) & (model.geom_rgba[:, 3] != 0)
 
 
 def check_extent(model: mujoco.MjModel, data: mujoco.MjData, source: str) -> None:

@@ -47,6 +47,12 @@ def polygon_area(corners: Array) -> float:
     return 0.5 * abs(float(cross(corners, np.roll(corners, -1, axis=0)).sum()))
 
 
+def counter_clockwise(corners: Array) -> Array:
+    """Return the corners (k, 2) of a simple polygon in the order that has the inside on the left."""
+    turns_left = cross(corners, np.roll(corners, -1, axis=0)).sum() > 0
+    return corners if turns_left else corners[::-1].copy()
+
+
 def gap_between(first: Array, second: Array) -> float:
     """Return the least distance between two simple polygons (k, 2) and (l, 2) [m], 0 for an overlap."""
     if Area(first).contains(second).any() or Area(second).contains(first).any():

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from trackers.area import Area
 from trackers.arrays import Array, Mask
 from trackers.errors import InputError
-from twin.geometry.geom_hull import PLANE_M, hull_points
-from twin.geometry.polygon import ConvexHull, Delaunay
+from twin.geometry.geom_hull import PLANE_M, hull_points, stands_still
+from twin.geometry.polygon import ConvexHull, Delaunay, counter_clockwise
 from twin.instant.snapshot import RAY_GROUPS
 from twin.room.obstacles import OBSTACLE_REACH_M, Footprints
 from twin.room.walkable import ENCLOSED_M2, Plan, common_direction, outdoors_of, standing_footprints
@@ -57,20 +57,8 @@ class Building:
             indoors = ground | plan.within(wall)
         outlines, _ = cv2.findContours(indoors & ~wall & 1, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
         widest = max(outlines, key=cv2.contourArea)
-        corners = plan.places(
-            cv2.approxPolyDP(widest, max(_ROUGH_M / plan.cell_m, 1.0), closed=True)[:, 0].astype(float)
-        )
-        following = np.roll(corners, -1, axis=0)
-        turns_left = np.sum(corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]) > 0
-        return cls(
-            model,
-            data,
-            plan,
-            indoors.astype(np.uint8),
-            corners if turns_left else corners[::-1],
-            Area(walkable),
-            furniture,
-        )
+        outline = counter_clockwise(plan.corners(widest, _ROUGH_M))
+        return cls(model, data, plan, indoors.astype(np.uint8), outline, Area(walkable), furniture)
 
     def is_indoors(self, places_m: Array) -> Mask:
         """Return a mask of the places (n, 2 or 3) [m] above the building's floor, or in its walls."""
@@ -85,9 +73,7 @@ class Building:
         """Return a mask of the places (n, 3) [m] inside a wall or object; a mesh counts as its convex hull."""
         model, data = self.model, self.data
         solid = np.zeros(len(places_m), dtype=bool)
-        for geom in range(model.ngeom):
-            if model.body_weldid[model.geom_bodyid[geom]] != 0 or model.geom_rgba[geom, 3] == 0:
-                continue
+        for geom in np.flatnonzero(stands_still(model)).tolist():
             if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
                 corners = hull_points(model, data, geom)
                 if corners is not None:
@@ -223,7 +209,7 @@ def check_mount(model: mujoco.MjModel, data: mujoco.MjData, field: str, xyz: NDA
     """Raise InputError naming the field and the geom if the point (3,) [m] lies inside a static geom of the room, or outside
     its walls.
     """
-    is_there = (model.body_weldid[model.geom_bodyid] == 0) & (model.geom_rgba[:, 3] != 0)
+    is_there = stands_still(model)
     near = is_there & (((data.geom_xpos - xyz) ** 2).sum(axis=1) <= _reach_m(model) ** 2)
     within = (geom for geom in np.flatnonzero(near).tolist() if is_within(model, data, geom, xyz[None]).any())
     geom, where = next(within, None), "inside {} of the room"
@@ -332,9 +318,7 @@ _LOW_M, _HIGH_M = 0.1, 1.8
 def room_outline(model: mujoco.MjModel, data: mujoco.MjData, *, glass_only: bool = False) -> list[NDArray[np.float64]]:
     """Return convex outlines (k, 2) [m] of the room's static geoms, or of those that rays pass; `data` needs kinematics."""
     outlines = []
-    for geom in range(model.ngeom):
-        if model.body_weldid[model.geom_bodyid[geom]] != 0 or model.geom_rgba[geom, 3] == 0:
-            continue
+    for geom in np.flatnonzero(stands_still(model)).tolist():
         if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE and not model.geom_size[geom, :2].all():
             continue
         if glass_only and RAY_GROUPS[model.geom_group[geom]]:

@@ -11,7 +11,7 @@ import numpy as np
 from trackers.area import Area
 from trackers.arrays import Array
 from trackers.errors import InputError
-from twin.geometry.geom_hull import hull_points
+from twin.geometry.geom_hull import hull_points, stands_still
 from twin.geometry.polygon import ConvexHull
 
 AT_FLOOR_M = 0.01
@@ -35,9 +35,7 @@ def level_surfaces(model: mujoco.MjModel, data: mujoco.MjData) -> list[LevelSurf
     Infinite planes extend as far as `hull_points` does. `data` needs kinematics.
     """
     found = []
-    for geom in range(model.ngeom):
-        if model.body_weldid[model.geom_bodyid[geom]] != 0 or model.geom_rgba[geom, 3] == 0:
-            continue
+    for geom in np.flatnonzero(stands_still(model)).tolist():
         name = model.geom(geom).name or f"geom {geom}"
         if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
             found += _of_mesh(model, data, geom, name)

@@ -11,13 +11,12 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from trackers.area import TOLERANCE_M, Area
 from trackers.arrays import Array, Mask, Planar
 from trackers.errors import InputError
 from trackers.text_file import check_limit
-from twin.geometry.geom_hull import hull_points
+from twin.geometry.geom_hull import hull_points, stands_still
 from twin.geometry.polygon import ConvexHull, gap_between, polygon_area
 
 LOW_M, HIGH_M = 0.05, 2.0
@@ -69,7 +68,7 @@ class Solid:
 def solids_of(model: mujoco.MjModel, data: mujoco.MjData) -> list[Solid]:
     """Return the geoms of a room that are in people's way, without attached people; `data` needs kinematics."""
     found = []
-    for geom in _standing(model):
+    for geom in np.flatnonzero(stands_still(model)).tolist():
         points = hull_points(model, data, geom)
         if points is not None and is_in_the_way(model, data, geom, points):
             corners = _few_corners(_hull(points[:, :2]))
@@ -81,11 +80,6 @@ def furniture_name(model: mujoco.MjModel, geom: int) -> str:
     """Return the name of the body of a geom, or the geom's own directly in the worldbody."""
     body = int(model.geom_bodyid[geom])
     return (model.body(body).name or f"body {body}") if body else model.geom(geom).name or f"geom {geom}"
-
-
-def _standing(model: mujoco.MjModel) -> NDArray[np.intp]:
-    """Return the visible geoms that stand still."""
-    return np.flatnonzero((model.body_weldid[model.geom_bodyid] == 0) & (model.geom_rgba[:, 3] != 0))
 
 
 def obstacles_of(model: mujoco.MjModel, source: str = "room") -> list[Obstacle]:
@@ -100,7 +94,7 @@ def obstacles_of(model: mujoco.MjModel, source: str = "room") -> list[Obstacle]:
     mujoco.mj_kinematics(model, data)
     found: dict[str, list[Array]] = {}
     loose: set[str] = set()
-    for geom in map(int, _standing(model)):
+    for geom in np.flatnonzero(stands_still(model)).tolist():
         points = hull_points(model, data, geom)
         name = model.geom(geom).name or f"geom {geom}"
         if points is None:

@@ -31,8 +31,8 @@ from numpy.typing import NDArray
 from trackers.area import meets_itself_at
 from trackers.arrays import Array
 from trackers.errors import InputError
-from twin.geometry.geom_hull import ENDLESS_M, hull_points
-from twin.geometry.polygon import ConvexHull, QhullError, inset, polygon_area
+from twin.geometry.geom_hull import ENDLESS_M, hull_points, stands_still
+from twin.geometry.polygon import ConvexHull, QhullError, counter_clockwise, inset, polygon_area
 from twin.room.obstacles import KEEP_FROM_EDGE_M, OBSTACLE_REACH_M, is_in_the_way
 
 Mask = NDArray[np.uint8]
@@ -130,13 +130,16 @@ class Plan:
         """Return the places (n, 2) [m] of cells (n, 2), in the room frame."""
         return _turned(cells * self.cell_m + self.low, self.turn)
 
+    def corners(self, outline: NDArray, rough_m: float) -> Array:
+        """Return the corners (k, 2) [m] of an outline of cells as OpenCV finds it, simplified by at most `rough_m`, or a cell."""
+        cells = cv2.approxPolyDP(outline, max(rough_m / self.cell_m, 1.0), closed=True)
+        return self.places(cells[:, 0].astype(float))
+
 
 def standing_footprints(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[list[Array], list[Array]]:
     """Return the footprints (k, 2) [m] of the walls, and of all obstacles, walls included."""
     walls, standing = [], []
-    for geom in range(model.ngeom):
-        if model.body_weldid[model.geom_bodyid[geom]] != 0 or model.geom_rgba[geom, 3] == 0:
-            continue
+    for geom in np.flatnonzero(stands_still(model)).tolist():
         points = hull_points(model, data, geom)
         if points is None or not is_in_the_way(model, data, geom, points):
             continue
@@ -217,14 +220,11 @@ def _polygon(area: Mask, plan: Plan, source: str) -> Array:
     outlines, _ = cv2.findContours(area, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     outline = max(outlines, key=cv2.contourArea)
     for rough_m in _ROUGH_M:
-        cells = cv2.approxPolyDP(outline, max(rough_m / plan.cell_m, 1.0), closed=True)[:, 0].astype(float)
-        corners = np.round(plan.places(cells), 3)
+        corners = np.round(plan.corners(outline, rough_m), 3)
         if len(corners) < 3 or meets_itself_at(corners) is not None:
             continue
         if all(inset(corners, margin_m) is not None for margin_m in _MARGINS_M):
-            way = np.roll(corners, -1, axis=0)
-            turns_left = np.sum(corners[:, 0] * way[:, 1] - corners[:, 1] * way[:, 0]) > 0
-            return corners if turns_left else corners[::-1].copy()
+            return counter_clockwise(corners)
     raise InputError(
         f"{source}: its walkable area, of {polygon_area(plan.places(outline[:, 0].astype(float))):.1f} m², is too ragged to "
         "walk in; a numeric walkable_area under <custom>, x1 y1 x2 y2 ... [m], is expected"

@@ -24,7 +24,7 @@ from twin.scenario.person import Person
 class Bodies:
     """A compiled model and the maps from its elements to people.
 
-    Arrays over people are in the order of `everybody`, with -1 for people without a body, who are not in `names`.
+    Arrays over people are in the order of `all_names`, with -1 for people without a body, who are not in `names`.
     """
 
     all_names: tuple[str, ...]
@@ -46,7 +46,7 @@ class Bodies:
         *,
         pictures: bool = True,
     ) -> Bodies:
-        """Compile a copy of a room with the bodies of people in `looks`, in the order of `everybody`.
+        """Compile a copy of a room with the bodies of people in `looks`, in the order of `all_names`.
 
         `pictures`: False for a model that is never drawn. Raises InputError naming the room's file, `path`, if it does not
         compile.

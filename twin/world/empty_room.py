@@ -81,7 +81,7 @@ class EmptyRoom:
 
     @cached_property
     def routes(self) -> Routes:
-        """Shortest ways around the obstacles. Raises ValueError for an area that has none."""
+        """Shortest ways around the obstacles. Raises InputError for an area too narrow to walk in."""
         return Routes(self.walkable, self.obstacles)
 
 

@@ -157,7 +157,7 @@ class World:
         """
         bodies = self.scene.bodies
         self.data.qpos[bodies.qpos_address[bodies.there, 2]] = _OUT_OF_THE_ROOM_M
-        self.data.mocap_pos[self._mocap_of_bases(), 2] = _OUT_OF_THE_ROOM_M
+        self.data.mocap_pos[list(self._mocap_of_bases().values()), 2] = _OUT_OF_THE_ROOM_M
         self._update_poses()
         self._lighting.apply(t, until_s=0.0)
         self._pose_time = None
@@ -169,20 +169,19 @@ class World:
         if bases is None:
             return
         self._bases = bases.at(t)
-        for name, pose in self._bases.items():
-            body = mujoco.mj_name2id(self.scene.model, mujoco.mjtObj.mjOBJ_BODY, base_body(name))
-            if body >= 0:
-                mocap = self.scene.model.body_mocapid[body]
-                self.data.mocap_pos[mocap] = pose[:3, 3]
-                half = 0.5 * np.arctan2(pose[1, 0], pose[0, 0])
-                self.data.mocap_quat[mocap] = np.cos(half), 0.0, 0.0, np.sin(half)
+        for name, mocap in self._mocap_of_bases().items():
+            pose = self._bases[name]
+            self.data.mocap_pos[mocap] = pose[:3, 3]
+            half = 0.5 * np.arctan2(pose[1, 0], pose[0, 0])
+            self.data.mocap_quat[mocap] = np.cos(half), 0.0, 0.0, np.sin(half)
 
-    def _mocap_of_bases(self) -> list[int]:
-        """Return the numbers of the bases' bodies among those that are moved."""
+    def _mocap_of_bases(self) -> dict[str, int]:
+        """Return the number of each base's body among the bodies that are placed, by name; bases without one are left out."""
         model = self.scene.model
-        names = driven(self._scenario)
-        bodies = (mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, base_body(name)) for name in names)
-        return [int(model.body_mocapid[body]) for body in bodies if body >= 0]
+        bodies = {
+            name: mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, base_body(name)) for name in driven(self._scenario)
+        }
+        return {name: int(model.body_mocapid[body]) for name, body in bodies.items() if body >= 0}
 
     def _embody(self, t: float) -> None:
         """Give bodies to the people in the room at time t [s], in a new model if some have none."""
