@@ -160,7 +160,7 @@ def _counter(rng: np.random.Generator) -> Piece:
     return Piece("counter", width, depth, solids, at_wall=False)
 
 
-def _chair(rng: np.random.Generator) -> Piece:
+def _chair() -> Piece:
     solids = (
         Geom("box", (0.22, 0.22, 0.025), (0, 0.23, 0.435), "cloth"),
         Geom("box", (0.22, 0.02, 0.2), (0, 0.02, 0.7), "cloth"),
@@ -270,7 +270,7 @@ def _chairs(
         for place in range(n_chair):
             x = (place + 0.5 - n_chair / 2) * 0.75
             y = table.depth_m / 2 + side * (table.depth_m / 2 + rng.uniform(0.5, 0.6))
-            chair = _chair(rng)
+            chair = _chair()
             yaw = table.yaw + rng.choice([-1.0, 1.0]) * np.deg2rad(rng.uniform(70, 110))
             middle = table.placed(np.array([[x, y]]))[0]
             turned = replace(chair, yaw=float(yaw))

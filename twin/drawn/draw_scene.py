@@ -50,7 +50,7 @@ def draw_sensors(
     housings = {}
     own = stream(seed, "drawn robots", "")
     for number in range(1, draw_count(options.robots, own) + 1):
-        housing = _robot(options, building, own, starts)
+        housing = _robot(building, own, starts)
         if housing is None:
             break  # no floor is free
         housings[f"robot_{number}"] = housing
@@ -76,9 +76,7 @@ def draw_sensors(
     return {"sensors": sensors} | {name: entries for name, entries in others.items() if entries}
 
 
-def _robot(
-    options: DrawnSensors, building: DrawnBuilding, rng: np.random.Generator, starts: Array
-) -> dict[str, Any] | None:
+def _robot(building: DrawnBuilding, rng: np.random.Generator, starts: Array) -> dict[str, Any] | None:
     """Draw a round robot that wanders, on free floor away from all starts (n, 2) [m]; None where there is none."""
     radius = float(rng.uniform(0.15, 0.25))
     for place in building.to_room(building.space.draw(_TRIES, rng)):

@@ -161,7 +161,7 @@ def draw_floor_plan(options: DrawnRoom, rng: np.random.Generator) -> FloorPlan:
     n_room = draw_count(options.rooms, rng)
     joined = parts  # two of them are one room where nothing divides an L
     if len(parts) == 2 and n_room > 1 and rng.random() < 0.5:
-        partitions.append(_partition((0.0, parts[0].y1), (parts[1].x1, parts[0].y1), partitions, options, rng))
+        partitions.append(_partition((0.0, parts[0].y1), (parts[1].x1, parts[0].y1), options, rng))
     while 1 + len(partitions) < n_room:
         divided = _divided(joined, partitions, options, rng)
         if divided is None:
@@ -197,7 +197,7 @@ def _divided(
                 break
         else:
             continue
-        partitions.append(_partition(start, end, partitions, options, rng))
+        partitions.append(_partition(start, end, options, rng))
         one = Rectangle(room.x0, room.y0, *((cut, room.y1) if axis == 0 else (room.x1, cut)))
         other = Rectangle(*((cut, room.y0) if axis == 0 else (room.x0, cut)), room.x1, room.y1)
         return [each for each in rooms if each is not room] + [one, other]
@@ -218,7 +218,6 @@ def _meets_a_doorway(start: tuple[float, float], end: tuple[float, float], parti
 def _partition(
     start: tuple[float, float],
     end: tuple[float, float],
-    others: list[Partition],
     options: DrawnRoom,
     rng: np.random.Generator,
 ) -> Partition:

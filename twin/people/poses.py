@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -212,10 +212,6 @@ class PopulationMotion:
                 "posture"
             ]
             return cls(held["floor"], held["rows"], posture, held["present"])
-
-    def same(self, other: PopulationMotion) -> bool:
-        """Return whether both are equal to the bit."""
-        return all(getattr(self, each.name).tobytes() == getattr(other, each.name).tobytes() for each in fields(self))
 
 
 class PrecomputedPoses(Poses):

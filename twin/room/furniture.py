@@ -53,10 +53,6 @@ class Seat:
         """Height of the seat above the floor [m]."""
         return float(self.place[2])
 
-    def before(self, gap_m: float) -> Array:
-        """Return the place on the floor (2,) that is `gap_m` [m] ahead of the front edge."""
-        return self.place[:2] + (self.to_front_m + gap_m) * _direction(self.yaw)
-
 
 @dataclass(frozen=True, eq=False)
 class Bed:
@@ -72,16 +68,10 @@ class Bed:
     geoms: frozenset[int]
     to_edge_m: Array
 
-    @property
-    def height(self) -> float:
-        """Height of the mattress' top above the floor [m]."""
-        return float(self.place[2])
-
-    def bedside(self, gap_m: float) -> Array:
-        """Return places on the floor (2, 2), left and right of the bed's middle, `gap_m` [m] off its edges."""
-        left = _direction(self.yaw + np.pi / 2)
-        off = (self.to_edge_m + gap_m) * [1.0, -1.0]
-        return self.place[:2] + off[:, None] * left
+    def sides(self) -> Array:
+        """Return the places on the floor (2, 2) at its edges, left and right of its middle [m]."""
+        left = np.array([np.cos(self.yaw + np.pi / 2), np.sin(self.yaw + np.pi / 2)])
+        return self.place[:2] + (self.to_edge_m * [1.0, -1.0])[:, None] * left
 
 
 def furniture_of(model: mujoco.MjModel, source: str = "room") -> dict[str, Seat | Bed]:
@@ -147,7 +137,3 @@ def _is_near(solid: Solid, place: Array) -> bool:
     """Return whether the bounding box of a solid is within `_AROUND_M` of a place."""
     low, high = solid.corners.min(axis=0), solid.corners.max(axis=0)
     return bool((low < place[:2] + _AROUND_M).all() and (high > place[:2] - _AROUND_M).all())
-
-
-def _direction(yaw: float) -> Array:
-    return np.array([np.cos(yaw), np.sin(yaw)])

@@ -47,14 +47,14 @@ class FaceTable:
     row: NDArray[np.float32]
 
 
-def build_face_table(lens: FisheyeIntrinsics, room_from_camera: NDArray[np.float64], oversampling: float) -> FaceTable:
+def build_face_table(lens: FisheyeIntrinsics, room_from_camera: NDArray[np.float64]) -> FaceTable:
     """Return the faces for a camera with this rotation (3, 3), and the position of each pixel in them.
 
-    A face has `oversampling` pixels per radian at its middle for each of the image's finest along its radius. Needs a lens
+    A face has as many pixels per radian at its middle as the image has at its finest along its radius. Needs a lens
     that `check_fisheye` accepts; raises InputError where no pixel lies in its field.
     """
     directions = lens.pixel_rays()
-    density = oversampling * _pixels_per_radian(lens)  # [px] per unit of tangent
+    density = _pixels_per_radian(lens)  # [px] per unit of tangent
     face_of_pixel = _nearest_face(directions)
     if (face_of_pixel < 0).all():
         raise InputError(
@@ -109,10 +109,6 @@ def _nearest_face(directions: NDArray[np.float64]) -> NDArray[np.intp]:
     return np.where(seen, towards.argmax(axis=0), -1)
 
 
-OVERSAMPLING = 1.0
-"""Pixels per radian at the middle of a face, relative to the picture's."""
-
-
 class Fisheye:
     """Ideal Kannala–Brandt camera: sharp at every distance, instantaneous shutter, no vignetting, no scatter.
 
@@ -130,19 +126,16 @@ class Fisheye:
         name: str,
         rig: FisheyeSensor,
         renderer: Callable[[], OffscreenRenderer],
-        *,
-        oversampling: float = OVERSAMPLING,
     ) -> None:
         check_fisheye(rig.intrinsics)
         self.name = name
         self._rig = rig
         self._renderer = renderer
-        self._oversampling = oversampling
         self._eye_m = rig.room_from_sensor.translation
 
     @cached_property
     def _faces(self) -> _Faces:
-        return _Faces(self._rig, self._oversampling)
+        return _Faces(self._rig)
 
     @property
     def views(self) -> tuple[RenderView, ...]:
@@ -182,8 +175,8 @@ class Fisheye:
 class _Faces:
     """Buffers of one camera, filled for each image."""
 
-    def __init__(self, rig: FisheyeSensor, oversampling: float) -> None:
-        table = build_face_table(rig.intrinsics, rig.room_from_sensor.rotation, oversampling)
+    def __init__(self, rig: FisheyeSensor) -> None:
+        table = build_face_table(rig.intrinsics, rig.room_from_sensor.rotation)
         self.views = table.views
         self.drawn = np.zeros((table.height, table.width, 4), dtype=np.uint8)
         self._bent = np.empty((*table.column.shape, 4), dtype=np.uint8)

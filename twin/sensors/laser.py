@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from trackers.arrays import Array, Mask
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor
-from twin.instant.snapshot import Snapshot, base_body
+from twin.instant.snapshot import Snapshot
 from twin.sensors.rays import Hits, RayFan, trace_rays
 from twin.sensors.sensor import Reading, State
 
@@ -142,8 +142,6 @@ class Laser:
         directions = np.ascontiguousarray(self.directions[sector] @ turn.T)
         geom, distance_m = np.empty(len(directions), dtype=np.int32), np.empty(len(directions))
         faces = None if self._range_10_percent_m is None else np.zeros((len(directions), 3))
-        # -1 too for a base without a body
-        own_body = -1 if base is None else mujoco.mj_name2id(snapshot.model, mujoco.mjtObj.mjOBJ_BODY, base_body(base))
         trace_rays(
             snapshot,
             turn @ self.origin_m + room_from_base[:3, 3],
@@ -152,7 +150,7 @@ class Laser:
             distance_m,
             normal=turn @ pose.rotation[:, 2],
             range_max_m=self._range_max_m,
-            body_left_out=own_body,
+            base=base,
             faces=faces,
         )
         if faces is not None and self._range_10_percent_m is not None:
@@ -163,11 +161,6 @@ class Laser:
     def rig_sensor(self) -> LaserSensor:
         """Return the tracker's view of the sensor: pose, topic and role."""
         return self._rig
-
-    @property
-    def field_of_view_rad(self) -> float:
-        """Angle between the first beam and the last [rad]."""
-        return self._angle_increment_rad * (self._distance.size - 1)
 
     @property
     def range_max_m(self) -> float:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array, Mask
-from twin.instant.snapshot import RAY_GROUPS, Snapshot
+from twin.instant.snapshot import RAY_GROUPS, Snapshot, base_body
 
 _HIDDEN_GROUP = 5  # neither drawn nor met by rays
 _MARGIN_M = 1e-6
@@ -24,21 +24,24 @@ def trace_rays(
     normal: Array | None = None,
     left_out: Mask | None = None,
     range_max_m: float = mujoco.mjMAXVAL,
-    body_left_out: int = -1,
+    base: str | None = None,
     faces: Array | None = None,
 ) -> None:
     """Fill in the geom (n,) and the distance (n,) [m] of each ray's first hit; -1 for none.
 
     `origin_m` (3,) and the unit `directions` (n, 3) are in the room frame. For rays in one plane, its `normal` (3,) saves more
     than half of the cost: geoms whose bounding sphere does not meet the plane are skipped. Rays pass through the geoms of
-    `left_out` (n_geom,) and of the body `body_left_out`. `faces` (n, 3) is filled with the unit normals of the surfaces hit.
+    `left_out` (n_geom,) and through the body, if any, of the housing `base` that the sensor drives on. `faces` (n, 3) is
+    filled with the unit normals of the surfaces hit.
     """
     model, data = snapshot.model, snapshot.data
+    # -1, of no body, for a housing without one too
+    own_body = -1 if base is None else mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, base_body(base))
     arguments = (
         directions.reshape(-1),
         RAY_GROUPS,
         True,
-        body_left_out,
+        own_body,
         geom,
         distance_m,
         None if faces is None else faces.reshape(-1),

@@ -10,14 +10,13 @@ from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 import cv2
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from trackers.area import Area
 from trackers.cameras import Intrinsics
 from trackers.rig import RigSensor
-from twin.instant.snapshot import Snapshot, base_body
+from twin.instant.snapshot import Snapshot
 from twin.scenario.cameras import PinholeDescription, StereoDescription
 from twin.scenario.sensors import FisheyeDescription, FloorDescription, LaserDescription, SensorDescription
 from twin.sensors.rays import bounding_radius, passes_spheres, trace_rays
@@ -148,14 +147,11 @@ class _Rays:
     def _hits(self, left_out: NDArray[np.bool_] | None = None) -> tuple[NDArray[np.int16], NDArray[np.float64]]:
         """Return the person each ray meets first, without the geoms left out, (n,), and the distance (n,) [m], -1 for none."""
         geom, hit_m = np.empty(self.ids.size, dtype=np.int32), np.empty(self.ids.size)
-        base, own = self.view.own_base, -1
-        if base is not None:  # -1 of a housing without a body
-            own = mujoco.mj_name2id(self.snapshot.model, mujoco.mjtObj.mjOBJ_BODY, base_body(base))
         if self.ids.size:
             trace_rays(
                 self.snapshot, self.view.room_from_sensor_xyz, self.directions, geom, hit_m, normal=self.view.normal,
                 left_out=left_out, range_max_m=float(self.distance_m.max()),  # nothing beyond all points hides any
-                body_left_out=own,
+                base=self.view.own_base,
             )  # fmt: skip
         nothing_before = (hit_m < 0) | (hit_m >= self.distance_m)
         return np.where(nothing_before, self.ids, self.snapshot.person_of_geom[geom]), hit_m

@@ -34,7 +34,6 @@ def test_a_seat():
     assert seat.yaw == pytest.approx(np.pi / 2)
     assert seat.height == pytest.approx(0.45)
     assert seat.to_front_m == pytest.approx(0.2)
-    np.testing.assert_allclose(seat.before(0.35), [1.0, 2.55])
 
 
 def test_a_bed():
@@ -44,7 +43,7 @@ def test_a_bed():
     assert isinstance(bed, Bed)
     assert abs(bed.yaw) == pytest.approx(np.pi)
     np.testing.assert_allclose(bed.to_edge_m, [0.5, 0.4])
-    np.testing.assert_allclose(bed.bedside(0.3), [[-1.0, -0.75], [-1.0, 0.75]], atol=1e-9)
+    np.testing.assert_allclose(bed.sides(), [[-1.0, -0.45], [-1.0, 0.45]], atol=1e-9)
 
 
 def test_a_lamp_over_the_seat_is_not_its_front():

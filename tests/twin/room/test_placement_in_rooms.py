@@ -77,9 +77,9 @@ def test_a_seat_that_faces_something(routes):
     def seat(yaw):
         return Seat("chair", np.array([-2.0, 0.0, 0.45]), yaw, "chair", frozenset(), 0.2)
 
-    check_approach(seat(0.0), [seat(0.0).before(0.15)], routes, "sit")
+    check_approach(seat(0.0), [np.array([-1.65, 0.0])], routes, "sit")
     blocked = Routes(ROOM, [CHAIR, Obstacle("desk", TABLE.corners - np.array([1.1, 0.0]))])
     with pytest.raises(
         InputError, match="sit: nobody of this size can come to .* the seat 'chair', 'desk' is in the way"
     ):
-        check_approach(seat(0.0), [seat(0.0).before(0.25)], blocked, "sit")
+        check_approach(seat(0.0), [np.array([-1.55, 0.0])], blocked, "sit")

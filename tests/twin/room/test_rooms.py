@@ -157,7 +157,7 @@ def test_the_place_before_every_seat_is_free_and_can_be_reached(room):
     seats = furniture_of(model)
     assert len(seats) >= 6
     for name, seat in seats.items():
-        place = seat.before(KEEP_M)
+        place = seat.place[:2] + (seat.to_front_m + KEEP_M) * np.array([np.cos(seat.yaw), np.sin(seat.yaw)])
         others = Footprints([each for each in obstacles if each.furniture != seat.furniture])
         assert others.gaps(place @ [1, 1j] * np.ones(1))[1].min() > KEEP_M, name
         assert Area(corners).contains(place[None])[0], name

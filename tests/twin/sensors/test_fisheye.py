@@ -231,7 +231,7 @@ def test_too_wide_a_lens_is_refused():
 def test_a_picture_outside_the_field_is_refused():
     aside = FisheyeIntrinsics(width=9, height=9, fx=9, fy=9, cx=900, cy=4, field_of_view_rad=1.0)
     with pytest.raises(InputError, match="no pixel"):
-        build_face_table(aside, np.eye(3), 1.0)
+        build_face_table(aside, np.eye(3))
 
 
 def test_radius_is_inverted_to_the_last_digits():
@@ -241,7 +241,7 @@ def test_radius_is_inverted_to_the_last_digits():
 
 
 def test_bilinear_taps_stay_inside_their_face(lens: FisheyeIntrinsics):
-    table = build_face_table(lens, np.eye(3), 1.0)
+    table = build_face_table(lens, np.eye(3))
     seen = table.column > -2
     inside_any = np.zeros(seen.shape, dtype=bool)
     for view in table.views:
@@ -256,11 +256,11 @@ def test_bilinear_taps_stay_inside_their_face(lens: FisheyeIntrinsics):
 
 
 def test_only_the_needed_part_of_the_sides_is_drawn():
-    table = build_face_table(LENSES["equidistant_185"].intrinsics(), np.eye(3), 1.0)
+    table = build_face_table(LENSES["equidistant_185"].intrinsics(), np.eye(3))
     front, *sides = table.views
     assert len(sides) == 4
     for side in sides:
         assert side.viewport[3] < 0.56 * front.viewport[3]
         assert side.bottom == pytest.approx(-np.tan(np.deg2rad(2.5)) * np.sqrt(2), abs=0.03)
-    narrow = build_face_table(CAMERAS["narrow"], np.eye(3), 1.0)
+    narrow = build_face_table(CAMERAS["narrow"], np.eye(3))
     assert len(narrow.views) == 1

@@ -30,7 +30,7 @@ ROOM_FROM_CAMERA = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]
 
 
 def faces() -> FaceTable:
-    return build_face_table(LENS, ROOM_FROM_CAMERA, 1.0)
+    return build_face_table(LENS, ROOM_FROM_CAMERA)
 
 
 def draw(renderer: OffscreenRenderer, world: CapsuleWorld) -> NDArray[np.uint8]:

@@ -51,7 +51,7 @@ class MovingBases:
     ) -> None:
         """housings: those that drive; people: names in the order of the crowd; rngs: a generator per base."""
         self.names = tuple(housings)
-        self._drives = [housing.drive for housing in housings.values()]
+        self._drives = [housing.drive for housing in housings.values() if housing.drive is not None]
         mounts = [housing.mount for housing in housings.values()]
         self.place = np.array([complex(each.xyz[0], each.xyz[1]) for each in mounts], dtype=complex)
         self.heading = np.radians([each.yaw_deg for each in mounts])
@@ -108,10 +108,9 @@ class MovingBases:
 
     def step(self, t: float, place: Planar, velocity: Planar, present: Mask) -> None:
         """Drive all bases on by a tick; place, velocity, present (n,): of the people, in the order of `people`."""
-        dt = self._tick_s
         for number in range(len(self.names)):
             goal, speed = self._goal(number, t, place, velocity, present)
-            self._drive(number, goal, speed, place[present], velocity[present], dt)
+            self._drive(number, goal, speed, place[present], velocity[present])
         self._tick += 1
         self._keep()
 
@@ -121,7 +120,6 @@ class MovingBases:
     def _goal(self, number: int, t: float, place: Planar, velocity: Planar, present: Mask) -> tuple[complex, float]:
         """Return where a base heads for next [m], and at which speed at most [m/s]."""
         drive, here = self._drives[number], self.place[number]
-        assert drive is not None
         if isinstance(drive, FollowDrive):
             person = self._number.get(drive.person)
             if person is None or not present[person]:
@@ -171,23 +169,22 @@ class MovingBases:
         while way and abs(way[0] - self.place[number]) < _ARRIVES_M:
             way.pop(0)
 
-    def _drive(self, number: int, goal: complex, speed: float, place: Planar, velocity: Planar, dt: float) -> None:
+    def _drive(self, number: int, goal: complex, speed: float, place: Planar, velocity: Planar) -> None:
         """Turn and go towards a goal by one tick, aside of people and things, and slower than it could still brake."""
+        drive, dt = self._drives[number], self._tick_s
         here, facing = self.place[number], np.exp(1j * self.heading[number])
         way = goal - here
         wanted = way / max(abs(way), 1e-9) if speed > 0 else facing
         others = place - here
         distance = np.maximum(np.abs(others), 1e-9)
         towards, room = others / distance, distance - self.reach_m[number] - _CLEAR_M
-        things, gap = self._things.gaps(np.array([here])) if len(self._things) else (np.zeros((1, 0)), np.zeros((1, 0)))
+        things, gap = self._things.gaps(np.array([here]))
         gap = gap[0] - self.reach_m[number] - _OFF_THINGS_M
         aside = (np.exp(np.maximum(room, 0) / -_SHY_M) * towards).sum() * _PASS_ON_THE_RIGHT
         aside = aside + (np.exp(np.maximum(gap, 0) / -_SHY_OF_THINGS_M) * things[0]).sum()
-        if isinstance(self._drives[number], FollowDrive):
+        if isinstance(drive, FollowDrive):
             aside = 0.3 * aside  # the one who is followed is ahead
         error = float(np.angle((wanted - 0.8 * aside * (speed > 0)) / facing))
-        drive = self._drives[number]
-        assert drive is not None
         turn = float(np.clip(_TURNS_PER_S * error, -drive.turn_rate, drive.turn_rate))
         change = np.clip(turn - self._turn_rate[number], -_TURN_ACCELERATION * dt, _TURN_ACCELERATION * dt)
         self._turn_rate[number] += change

@@ -86,7 +86,7 @@ class GazeControl:
         """Look where the way goes again."""
         if self._aim[person] != _Aim.AHEAD:
             self._aim[person] = _Aim.AHEAD
-            self.share.go(person, 0.0, max(_SHORTEST_S, PEAK_RATE * self._size(person) / HEAD_RATE_RAD_S))
+            self.share.go(person, 0.0, _duration_s(self._turned[person]))
 
     def done(self, person: int) -> bool:
         """Return whether the head is at its goal, or as far as it turns."""
@@ -145,19 +145,19 @@ class GazeControl:
                 self._turned[person] = self._from[person] = angles
                 self._progress[person] = 1.0
                 # the gait's own gaze may be turned the other way
-                self.share.go(person, 1.0, max(_SHORTEST_S, PEAK_RATE * (self._size(person) + 0.5) / HEAD_RATE_RAD_S))
+                self.share.go(person, 1.0, _duration_s(self._turned[person], 0.5))
             else:
                 self._from[person] = self._turned[person]
                 self._progress[person] = 0.0
-                size = float(np.abs(angles - self._turned[person]).max())
-                duration_s = max(_SHORTEST_S, PEAK_RATE * size / HEAD_RATE_RAD_S)
-                self._duration[person] = duration_s
+                self._duration[person] = duration_s = _duration_s(angles - self._turned[person])
                 if self.share.goal(person)[0] < 1.0:
                     self.share.go(person, 1.0, duration_s)
             self._fresh[person] = False
 
-    def _size(self, person: int) -> float:
-        return float(np.abs(self._turned[person]).max())
+
+def _duration_s(angles: Array, more_rad: float = 0.0) -> float:
+    """Return the duration [s] of a turn of the head by yaw and pitch (2,), and `more_rad` beyond [rad]."""
+    return max(_SHORTEST_S, PEAK_RATE * (float(np.abs(angles).max()) + more_rad) / HEAD_RATE_RAD_S)
 
 
 _SPREAD_RAD = 0.3

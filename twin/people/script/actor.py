@@ -53,7 +53,7 @@ def approaches(
         yield _approach(seated_pose(furniture, measures, person))
         yield from (_approach(pose, pose) for pose, fault in side_poses(furniture, measures, person) if not fault)
         return
-    sides = [complex(x, y) for x, y in furniture.bedside(0.0)]
+    sides = [complex(x, y) for x, y in furniture.sides()]
     if adjacent is not None:
         sides.sort(key=lambda side: abs(side - adjacent))
         sides[0] = adjacent
