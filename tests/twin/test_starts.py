@@ -84,6 +84,30 @@ def test_check_refuses_what_a_run_would_refuse(here: Path, room: str, xyz: str, 
         assert "sensors.high.mount.xyz" in str(error)
 
 
+@pytest.mark.parametrize(
+    ("trackers", "said"),
+    [
+        ("{mine: {preset: srot}}", r"trackers.mine: there is no tracker 'srot'; did you mean 'sort'\?"),
+        ("{sort: {coast: 3}}", "s.yaml: tracker sort: coast: unknown key"),
+        ("{rgbd-head: {}}", "s.yaml: tracker rgbd-head: none of the rig's sensors"),
+    ],
+)
+def test_check_refuses_a_tracker_that_a_run_would_refuse(here: Path, trackers: str, said: str) -> None:
+    sensors = "sensors: {low: {kind: laser, rate_hz: 5, mount: {xyz: [0, 0, 0.9]}}}"
+    scenario = f"name: s\nroom: lab\nduration_s: 1\npeople: {{}}\n{sensors}\n"
+    Path("s.yaml").write_text(scenario + f"trackers: {trackers}\n")
+    with pytest.raises(InputError, match=said):
+        CliRunner().invoke(app, ["check", "s.yaml"], catch_exceptions=False)
+    Path("s.yaml").write_text(scenario + "trackers: {mine: {preset: sort}, own: {preset: 'no_such:Class'}}\n")
+    assert _twin("check", "s.yaml").startswith("s.yaml: a valid scenario; ")
+
+
+def test_check_takes_half_a_scenario_for_one(here: Path) -> None:
+    Path("s.yaml").write_text("name: s\nroom: lab\n")
+    with pytest.raises(InputError, match="s.yaml: duration_s: is missing"):
+        CliRunner().invoke(app, ["check", "s.yaml"], catch_exceptions=False)
+
+
 @pytest.mark.parametrize("above_m", [1.0, 1.5])
 def test_check_refuses_a_room_in_which_nobody_can_stand(here: Path, above_m: float) -> None:
     slab = '<geom name="{}" type="box" pos="0 0 {}" size="3 3 .05"/>'

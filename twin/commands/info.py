@@ -209,9 +209,9 @@ def kind_of(subject: str) -> str:
         for kind, described in (("scenario", ScenarioFile), ("suite", Suite), ("study", Study), ("rig", Rig)):
             required = {name for name, field in described.model_fields.items() if field.is_required()}
             missing = set() if kind == "scenario" and "extends" in content else required - set(content)
-            scores[kind] = len(set(content) & set(described.model_fields)) - len(missing)
+            scores[kind] = len(set(content) & set(described.model_fields)), -len(missing)
         best = max(scores, key=lambda kind: scores[kind])
-        if scores[best] <= 0:
+        if not scores[best][0]:
             raise InputError(f"{subject}: is no scenario, suite, study or rig; `twin schema KIND` describes the fields")
         return best
     if ":" not in subject:
@@ -248,6 +248,7 @@ def checked_file(kind: str, name: str, allow_plugins: bool = False) -> str:
     from twin.scenario.run_size import check_size
     from twin.studies.preflight import prepare
     from twin.suites.expansion import expand
+    from twin.suites.preflight import check_trackers
     from twin.suites.run import idle_changes
     from twin.suites.spec import load_suite
     from twin.view.room_sheet import empty_world
@@ -260,12 +261,14 @@ def checked_file(kind: str, name: str, allow_plugins: bool = False) -> str:
             check_size(scenario)
             with Simulation(scenario) as simulation:
                 print_warnings(simulation.warnings)
+                check_trackers(scenario, simulation.rig, name)
             about = f"people: {len(scenario.people)}, sensors: {', '.join(scenario.sensors)}, {scenario.duration_s:g} s"
         case "room":
             scene = empty_world(name).scene
             replace(scene.ground, source=name).free_places(_PLACES, np.random.default_rng(0))
             seats = ", ".join(scene.ground.furniture) or "none"
-            about = f"seats and beds: {seats}"
+            wide_m, deep_m = np.ptp(np.array(scene.walkable, float), axis=0)
+            about = f"{wide_m:.3g} m x {deep_m:.3g} m to walk; seats and beds: {seats}"
         case "suite":
             suite, path = load_suite(name)
             cases = expand(suite, path, trusted=trusted, limits=True)

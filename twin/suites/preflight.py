@@ -25,6 +25,7 @@ from twin.run.inputs import (
     SCHEDULER,
     SUITE,
     TrustedClasses,
+    choose,
     is_untrusted_scheduler,
     not_asked,
     not_trusted,
@@ -229,6 +230,20 @@ class TrackerCheck:
         if scenario.room not in self._walkable:
             self._walkable[scenario.room] = tuple((float(x), float(y)) for x, y in empty_room(scenario).walkable)
         return assumed_rig(scenario, scenario.area or self._walkable[scenario.room])
+
+
+def check_trackers(scenario: Scenario, rig: Rig, source: str) -> None:
+    """Raise InputError for a tracker that a scenario defines and that cannot be made for its rig with these options.
+
+    Classes of the user's own are left to a run.
+    """
+    defined = {name: each for name, each in scenario.trackers.items() if ":" not in (each.preset or name)}
+    for each in choose([name for name in defined if (defined[name].preset or name) in PRESETS], defined, source):
+        try:
+            with warnings_silenced():
+                make_tracker(each.target, rig, _EmptyRoom(), stream(scenario.seed, "tracker", each.name), each.options)
+        except InputError as error:
+            raise InputError("\n".join(f"{source}: {line}" for line in str(error).splitlines())) from error
 
 
 def is_known_tracker(target: str) -> bool:
