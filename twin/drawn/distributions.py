@@ -185,7 +185,9 @@ class DrawnSensors(Strict):
     stereo_px: Size = Field(
         default=(320, 240), description="width and height of a stereo camera's pictures, 16 to 4096 [px]"
     )
-    camera_hz: Range = Field(default=(5.0, 15.0), description="rate of a camera [Hz], 1 to 60")
+    camera_hz: Range = Field(
+        default=(5.0, 15.0), description="rate of a camera [Hz], 1 to 60; of a stereo camera 8 at most"
+    )
     floor: Share = Field(default=0.0, description="share of rigs with a pressure floor under the largest room")
     noise: tuple[Literal["off", "default", "worse"], ...] = Field(
         default=("default",), min_length=1, description="noise of sensors"

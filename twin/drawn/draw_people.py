@@ -218,7 +218,7 @@ class _PeopleDraws:
         return action
 
     def _parting(self, leaves: bool) -> Script:
-        """Leave by a door."""
+        """Draw the action of leaving by a door; none for people who stay."""
         if not leaves:
             return []
         doors = self._building.plan.doors

@@ -6,6 +6,7 @@ Their starts, times and speeds are randomized by the scenario's seed.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from math import dist
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,7 @@ from twin.people.script.actor import Actor, Approach, ScriptContext, approaches,
 from twin.people.script.recorded import RecordedPaths, first_heading, start_places
 from twin.room.furniture import Seat
 from twin.scenario import Scenario
-from twin.scenario.action import TOP_WALK_M_S, RecordedPath
+from twin.scenario.action import TOP_RUN_M_S, TOP_WALK_M_S, RecordedPath
 from twin.scenario.behaviour import Join, Lead, Sit, Walk, Wander
 from twin.scenario.person import STEADY, Person, Randomize
 from twin.streams import stream
@@ -36,6 +37,8 @@ from twin.streams import stream
 _ENTER_APART_M, _THROUGH_S = 0.7, 1.0
 _BLOCKED_FOR_S = 0.8
 _NEAR_ENOUGH_M, _HALTS_FOR_S = 0.2, 1.5
+_STANDS_AT_LEAST_S = 0.1
+"""Duration to which the first stretch of a recorded path may shrink where its person stands [s]."""
 
 
 class Population(Poses):
@@ -304,14 +307,18 @@ def _drawn(person: Person, randomize: Randomize, seed: int, name: str) -> Person
 
 
 def _action(action: Any, moved: tuple[float, float], later_s: float, factor: float) -> Any:
-    """Return an action delayed by `later_s` [s] (never before the start), at `factor` times the speed; a path is moved whole
-    [m].
+    """Return an action delayed by `later_s` [s], at `factor` times the speed; a path is moved whole [m].
+
+    It begins no earlier than the start of the run. A path's first stretch, of which a delay changes the duration, is passed no
+    faster than people run, or than it is without the delay.
     """
     changes: dict[str, Any] = {}
     if action.at_s is not None:
         changes["at_s"] = max(0.0, action.at_s + later_s)
     if isinstance(action, RecordedPath):
-        started = action.points[0][0]
+        (started, *here), (then, *there) = action.points[:2]
+        first_s = (then - started) / factor
+        later_s = max(later_s, min(first_s, max(dist(here, there) / TOP_RUN_M_S, _STANDS_AT_LEAST_S)) - first_s)
         changes["points"] = tuple(  # changes only how long the person stands at first
             (started + (t - started) / factor + (later_s if t > started else 0.0), x + moved[0], y + moved[1])
             for t, x, y in action.points

@@ -69,14 +69,6 @@ class Effect(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class _TimedEffect:
-    """Effect, and the fault with its times."""
-
-    fault: Fault
-    effect: Effect
-
-
-@dataclass(frozen=True, eq=False)
 class _FaultyState:
     """State of a faulty sensor: the sensor's own, and its last observation if it may freeze."""
 
@@ -96,20 +88,20 @@ class Faulty(Layer):
         """Prepare the effects; `faults`: by name, those of this sensor; those of its messages are left to the schedule."""
         self.inner = healthy
         self._seed = seed
-        self._before: list[_TimedEffect] = []
-        self._within: list[_TimedEffect] = []
+        self._before: list[tuple[Fault, Effect]] = []
+        self._within: list[tuple[Fault, Effect]] = []
         self._freezes = [fault for fault in faults.values() if isinstance(fault, Freeze)]
         for name, fault in faults.items():
             rng = stream(seed, "fault", f"{name}/{healthy.name}")
             match fault:
                 case LensOcclusion():
-                    self._before.append(_TimedEffect(fault, LensCover(fault, healthy.rig_sensor(), rng)))
+                    self._before.append((fault, LensCover(fault, healthy.rig_sensor(), rng)))
                 case BlockedSector():
-                    self._before.append(_TimedEffect(fault, SectorBlock(fault)))
+                    self._before.append((fault, SectorBlock(fault)))
                 case DeadBeams():
-                    self._within.append(_TimedEffect(fault, DeadBeamMask(fault, rng)))
+                    self._within.append((fault, DeadBeamMask(fault, rng)))
                 case DeadCells():
-                    self._within.append(_TimedEffect(fault, DeadCellMask(fault, rng)))
+                    self._within.append((fault, DeadCellMask(fault, rng)))
                 case _:
                     pass
 
@@ -118,15 +110,13 @@ class Faulty(Layer):
     ) -> tuple[Reading, State]:
         """Return the reading with the faults of this stamp in it; the state is the healthy sensor's and the last observation."""
         carried: _FaultyState = state if state is not None else _FaultyState()
-        before = [each.effect for each in self._before if each.fault.holds(stamp_ns)]
+        before = [effect for fault, effect in self._before if fault.holds(stamp_ns)]
         if before:
             reading, inner = self._obstructed(before, stamp_ns, snapshots, carried.inner, rng)
         else:
             reading, inner = self.inner.observe(stamp_ns, snapshots, carried.inner, rng)
-        observation = reading.observation
-        for each in self._within:
-            if each.fault.holds(stamp_ns):
-                observation = each.effect.apply(observation)
+        within = [effect for fault, effect in self._within if fault.holds(stamp_ns)]
+        observation = _applied(within, reading.observation)
         held = None
         if self._freezes:
             held = carried.held

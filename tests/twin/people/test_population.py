@@ -168,6 +168,23 @@ def test_a_path_is_moved_as_a_whole_and_walked_at_another_pace():
     assert np.ptp(pace) < 1e-9 and 0.9 <= 1 / pace[0] <= 1.1
 
 
+def test_a_path_comes_earlier_only_as_far_as_its_first_stretch_allows():
+    points = ((0.5, 0.0, 1.0), (1.0, 0.5, 1.0), (3.0, 1.5, 1.0))
+    scenario = load_scenario("lab-five-people", ["randomize.onset_s=10", "duration_s=1"])
+    person = Person(script=(RecordedPath(points=points),))
+    delays = []
+    for seed in range(1000, 1020):
+        (path,) = (
+            randomized(scenario.model_copy(update={"people": {"anna": person}, "seed": seed})).people["anna"].script
+        )
+        assert isinstance(path, RecordedPath)
+        RecordedPath(points=path.points)  # what a user could have written: times that grow, at no more than people run
+        delays.append(path.points[1][0] - points[1][0])
+        assert path.points[2][0] - path.points[1][0] == pytest.approx(2.0)
+    assert min(delays) == pytest.approx(-0.4)  # half a metre at 5 m/s
+    assert max(delays) > 5
+
+
 @pytest.mark.parametrize("name", [*MOVEMENTS, "pair", "straight-course"])
 def test_the_shipped_movements_are_walked_from_the_drawn_start_without_a_collision(name):
     scenario = load_scenario(name, ["seed=2101"])
