@@ -19,7 +19,7 @@ from trackers.errors import InputError
 from trackers.observations import DepthImage, Image
 from trackers.rig import PinholeSensor, Pose, StereoSensor
 from twin.instant.snapshot import Snapshot
-from twin.sensors.camera import Matching, NoiseBank, StereoMatcher, StereoNoise
+from twin.sensors.camera import Matching, StereoMatcher, StereoNoise
 from twin.sensors.render import OffscreenRenderer
 from twin.sensors.render_scene import PersonPixels, RenderView, drawn_span, triple
 from twin.sensors.sensor import Reading, State
@@ -199,14 +199,6 @@ def checked_renderer(renderer: OffscreenRenderer, snapshot: Snapshot, camera: st
     return renderer
 
 
-@dataclass(frozen=True, eq=False)
-class StereoState:
-    """The noise of each view's image sensor."""
-
-    left: NoiseBank | None = None
-    right: NoiseBank | None = None
-
-
 class Stereo:
     """A rectified pair of global-shutter cameras without distortion, and the depth computed from its two images.
 
@@ -270,24 +262,22 @@ class Stereo:
     def observe(
         self, stamp_ns: int, snapshots: Iterable[Snapshot], state: State, rng: np.random.Generator
     ) -> tuple[Reading, State]:
-        """Return colour with noise, and depth; the state is the noise of the image sensors."""
+        """Return colour with noise, and depth; the state is the noise of the left and of the right image sensor."""
         (snapshot,) = snapshots
-        state = state if state is not None else StereoState()
+        left, right = state if state is not None else (None, None)
         renderer = checked_renderer(self._renderer(), snapshot, self.name)
         lens = self._rig.intrinsics
         views = tuple(each.view for each in self._views)
         depth_m = None if self._rig.mode == "matched" else np.empty((lens.height, lens.width), dtype=np.float32)
         renderer.render(snapshot.data, self._eye_m, views, self._drawn, depth=depth_m)
-        rgb, left = self._noise.expose(self._views[0].picture(self._drawn[: lens.height]), state.left, rng)
+        rgb, left = self._noise.expose(self._views[0].picture(self._drawn[: lens.height]), left, rng)
         if depth_m is None:
             ideal = self._views[1].picture(self._drawn[lens.height :])
-            right_rgb, right = self._noise.expose(ideal, state.right, rng)
+            right_rgb, right = self._noise.expose(ideal, right, rng)
             depth_m = self._depth(self._matcher.disparity_px(rgb, right_rgb))
-            state = StereoState(left, right)
         else:
             depth_m = self._measured(depth_m[::-1], rng)
-            state = StereoState(left)
-        return Reading(DepthImage(self.name, stamp_ns, rgb, self._within_range(depth_m))), state
+        return Reading(DepthImage(self.name, stamp_ns, rgb, self._within_range(depth_m))), (left, right)
 
     def person_image(self, snapshot: Snapshot) -> NDArray[np.int16]:
         """Return the id of the person at each pixel's centre, 0 for the room, (height, width)."""

@@ -68,34 +68,34 @@ class Girths:
         g, length = self.girth, self.trunk_length
         return [(x * g, 0.0, share * length, a * g + grow, b * g + grow) for share, x, a, b in self._sections]
 
-    def _front(self, share: Array, grow: float, sign: int = 1) -> Array:
+    def _front(self, share: Array | float, grow: float, sign: int = 1) -> Array:
         """Return x of the trunk's front (sign 1) or back (-1) at shares of waist to shoulder [m]."""
         s = self._sections
         x, a = np.interp(share, s[:, 0], s[:, 1]), np.interp(share, s[:, 0], s[:, 2])
         return np.asarray((x + sign * a) * self.girth + sign * grow)
 
-    def _lateral(self, share: Array, grow: float) -> Array:
+    def _lateral(self, share: Array | float, grow: float) -> Array:
         return np.asarray(np.interp(share, self._sections[:, 0], self._sections[:, 3]) * self.girth + grow)
 
     def back(self, grow: float) -> float:
         """Return the distance of the back behind the trunk's middle [m]."""
-        return -float(self._front(np.array(0.7), grow, -1))
+        return -float(self._front(0.7, grow, -1))
 
     def strap_path(self, grow: float) -> Array:
         """Return the path of a backpack's left strap over the shoulder, (m, 3) [m], from the back to below the arm."""
         length, g = self.trunk_length, self.girth
         top = 1.02 * length + grow
         over = [
-            (float(self._front(np.array(0.85), grow, -1)) - 0.004, 0.085 * g, 0.86 * length),
+            (float(self._front(0.85, grow, -1)) - 0.004, 0.085 * g, 0.86 * length),
             (-0.060 * g, 0.092 * g, top - 0.012 * g),
             (-0.012 * g, 0.096 * g, top + 0.022 * g),
             (0.040 * g, 0.100 * g, top - 0.012 * g),
         ]
         down = [
-            (float(self._front(np.array(share), grow)) * lean, y * g, share * length)
+            (float(self._front(share, grow)) * lean, y * g, share * length)
             for share, lean, y in ((0.86, 0.93, 0.105), (0.72, 0.94, 0.112), (0.55, 0.89, 0.125), (0.42, 0.76, 0.140))
         ]
-        under = [(0.02 * g, float(self._lateral(np.array(0.33), grow)) + 0.004, 0.33 * length)]
+        under = [(0.02 * g, float(self._lateral(0.33, grow)) + 0.004, 0.33 * length)]
         return np.array(over + down + under)
 
     def sash(self, grow: float) -> Surface:
@@ -109,9 +109,7 @@ class Girths:
             curve = (1 - np.minimum(np.abs(y) / self._lateral(share, grow), 0.97) ** 2.35) ** (1 / 2.35)
             halves.append(np.column_stack([middle + sign * (reach * curve + 0.004), y, share * self.trunk_length]))
         top = np.array([[-0.012 * self.girth, 0.108 * self.girth, 1.045 * self.trunk_length + grow]])
-        side = np.array(
-            [[-0.06 * self.girth, -float(self._lateral(np.array(-0.15), grow)) + 0.01, -0.20 * self.trunk_length]]
-        )
+        side = np.array([[-0.06 * self.girth, -float(self._lateral(-0.15, grow)) + 0.01, -0.20 * self.trunk_length]])
         path = np.vstack([side, halves[0], top, halves[1][::-1], side])
         return cord(path, 0.012 * self.girth)
 

@@ -187,6 +187,10 @@ class _Body:
             conaffinity=0,
         )  # fmt: skip
 
+    def _side_geom(self, body: Any, side: str, part: str, material: str, make: Callable[[], Surface]) -> None:
+        """Add a geom of one side, from a surface that serves both and is made once."""
+        self._geom(body, f"{side}_{part}", material, lambda: self._of_both(part, make))
+
     def _of_both(self, part: str, make: Callable[[], Surface]) -> Surface:
         """Return the surface of a part that is the same on the left and on the right, made once."""
         if part not in self._both_sides:
@@ -254,25 +258,15 @@ class _Body:
         )
         covered = looks.long_sleeves or looks.coat is not None
         if covered:
-            self._geom(
-                upper,
-                f"{side}_sleeve",
-                self.cloth,
-                lambda: self._of_both("sleeve", lambda: shape.upper_arm(self.outside + 0.004)),
-            )
+            self._side_geom(upper, side, "sleeve", self.cloth, lambda: shape.upper_arm(self.outside + 0.004))
         else:
-            self._geom(upper, f"{side}_sleeve", self.cloth, lambda: self._of_both("sleeve", shape.short_sleeve))
-            self._geom(upper, f"{side}_upper_arm", "skin", lambda: self._of_both("upper_arm", shape.bare_upper_arm))
+            self._side_geom(upper, side, "sleeve", self.cloth, shape.short_sleeve)
+            self._side_geom(upper, side, "upper_arm", "skin", shape.bare_upper_arm)
         self._point(upper, (0, 0, -0.5 * lengths.upper_arm), (0, 0, -0.95 * lengths.upper_arm))
         lower = self._segment(upper, f"{side}_forearm", (0, 0, -lengths.upper_arm), (f"{side}_elbow",))
         cloth = self.cloth if covered else "skin"
         outside = self.outside + 0.004 if covered else 0.0
-        self._geom(
-            lower,
-            f"{side}_forearm",
-            cloth,
-            lambda: self._of_both("forearm", lambda: shape.forearm(outside, covered)),
-        )
+        self._side_geom(lower, side, "forearm", cloth, lambda: shape.forearm(outside, covered))
         hand = -(lengths.forearm + 0.42 * lengths.hand)
         surface = self._of_both("hand", lambda: limbs.hand(lengths, self.scale))
         self._geom(lower, f"{side}_hand", "skin", lambda: surface if sign > 0 else surface.mirrored())
@@ -286,24 +280,20 @@ class _Body:
         bare = looks.skirt is not None and not looks.leggings
         slim = looks.skirt is not None
         cloth = "skin" if bare else "trousers"
-        self._geom(thigh, f"{side}_thigh", cloth, lambda: self._of_both("thigh", lambda: shape.thigh(slim)))
+        self._side_geom(thigh, side, "thigh", cloth, lambda: shape.thigh(slim))
         if looks.skirt is not None:
             self._geom(thigh, f"{side}_skirt", "skirt", lambda: shape.bell(sign, _SKIRT_HEM, 0.16, 0.004))
         if looks.coat is not None:
             self._geom(thigh, f"{side}_tail", "coat", lambda: shape.bell(sign, _COAT_HEM, 0.20, self.outside + 0.006))
         self._point(thigh, (0, 0, -0.35 * lengths.thigh), (0, 0, -0.7 * lengths.thigh))
         shank = self._segment(thigh, f"{side}_shank", (0, 0, -lengths.thigh), joints[3:4])
-        self._geom(shank, f"{side}_shank", cloth, lambda: self._of_both("shank", lambda: shape.shank(slim)))
+        self._side_geom(shank, side, "shank", cloth, lambda: shape.shank(slim))
         self._point(shank, *((0, 0, -share * lengths.shank) for share in (0.0, 0.35, 0.75)))
         foot = self._segment(shank, f"{side}_foot", (0, 0, -lengths.shank), joints[4:6])
-        self._geom(
-            foot, f"{side}_shoe", "shoes", lambda: self._of_both("shoe", lambda: limbs.shoe(lengths, self.scale))
-        )
+        self._side_geom(foot, side, "shoe", "shoes", lambda: limbs.shoe(lengths, self.scale))
         self._point(foot, (0.03 * self.scale, 0, -0.5 * lengths.ankle_height))
         toes = self._segment(foot, f"{side}_toes", (lengths.ball_before_ankle, 0, -lengths.ankle_height), joints[6:])
-        self._geom(
-            toes, f"{side}_toes", "shoes", lambda: self._of_both("toes", lambda: limbs.toe_cap(lengths, self.scale))
-        )
+        self._side_geom(toes, side, "toes", "shoes", lambda: limbs.toe_cap(lengths, self.scale))
 
     def _add_bag(self, pelvis: Any, trunk: Any) -> None:
         looks, shape, k = self.looks, self.shape, self.scale
