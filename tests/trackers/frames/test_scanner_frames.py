@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from driving_room import BEAMS, drive, scan_at
 
-from trackers.frames.rig_frames import OdometryTrack
+from trackers.area import Pose
+from trackers.frames.rig_frames import OdometryTrack, RigFrames
 from trackers.frames.scan_matching import MatchingOptions, between, compose, inverse, placed
 from trackers.frames.sensor_frame import ScanMemory, SensorFrame
-from trackers.observations import NS_PER_S, LaserScan
+from trackers.observations import NS_PER_S, LaserScan, Odometry
+from trackers.rig import LaserSensor, OdometrySensor, Rig
 
 
 def test_poses_compose_and_come_back():
@@ -49,6 +51,37 @@ def test_the_first_scan_of_a_scanner_that_drives_already_is_not_bent(turn: float
         error = between(pose, frame.pose)
         assert np.hypot(*error[:2]) < 0.01
         assert abs(error[2]) < 0.006
+
+
+def test_wheels_that_begin_to_turn_are_believed_from_the_first_scan_on():
+    frame = SensorFrame(np.zeros(3), MatchingOptions())
+    for k, yaw in enumerate([0.0, 0.01, 0.02]):
+        pose = np.array([0.0, 0.0, yaw])
+        frame.locate(scan_at(pose, 0.1 * k), np.ones(BEAMS, np.bool_), pose)
+        assert abs(between(pose, frame.pose)[2]) < 0.004
+
+
+@pytest.mark.parametrize("mount_yaw", [0.0, 2.0])
+def test_a_scanner_on_a_base_that_drives_already_is_placed_by_the_bases_odometry(mount_yaw: float):
+    mount = np.array([0.2, 0.1, mount_yaw])
+    path, motions = drive(3, turn=1.2)
+    scanner = Pose(xyz=(0.2, 0.1, 0.3), rpy=(0, 0, mount_yaw))
+    rig = Rig(
+        sensors={
+            "base": OdometrySensor(topic="/odom"),
+            "scan": LaserSensor(topic="/scan", mounted_on="base", room_from_sensor=scanner),
+        }
+    )
+    frames = RigFrames(rig, ["scan"], MatchingOptions())
+    for k, (pose, motion) in enumerate(zip(path, motions, strict=True)):
+        for late_s in (0.0, 0.045, 0.09):
+            x, y, yaw = compose(compose(pose, _driven(motion, late_s)), inverse(mount)).tolist()
+            stamp_ns = round((0.1 * k + late_s) * NS_PER_S)
+            assert frames.add(Odometry("base", stamp_ns, Pose(xyz=(x, y, 0), rpy=(0, 0, yaw)).matrix))
+        frame = frames.located(scan_at(pose, 0.1 * k, 0.09, motion), np.ones(BEAMS, np.bool_))
+        error = between(pose, frame.pose)
+        assert np.hypot(*error[:2]) < 0.005
+        assert abs(error[2]) < 0.003
 
 
 @pytest.mark.parametrize("turn", [-1.2, 1.0])
