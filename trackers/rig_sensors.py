@@ -47,7 +47,7 @@ def check_height(pose: Pose) -> None:
 def check_layer(role: Role, room_from_sensor: Pose) -> None:
     """Raise ValueError for a scanner that is tilted too far to scan the layer of its role."""
     tilt_deg = float(np.degrees(np.arccos(min(1.0, abs(room_from_sensor.rotation[2, 2])))))
-    if tilt_deg > MOST_TILT_DEG:
+    if round(tilt_deg, 6) > MOST_TILT_DEG:
         raise ValueError(
             f"role: a {role} scanner scans level, and this one is tilted by {tilt_deg:.4g}°; at most {MOST_TILT_DEG:g}°, "
             "or no role, is valid"

@@ -152,7 +152,7 @@ class _Scanner:
     def sentences(self) -> list[str]:
         """Describe what is too coarse or tilted, with what would be valid."""
         tilt_deg = degrees(self._tilt_rad)
-        if tilt_deg > MOST_TILT_DEG and self.scan is not None:
+        if round(tilt_deg, 6) > MOST_TILT_DEG and self.scan is not None:
             return [
                 f"scans no layer of people: it is tilted by {tilt_deg:.3g}°; {MOST_TILT_DEG:g}° or less is expected"
             ]

@@ -10,11 +10,12 @@ import numpy as np
 from trackers.area import Area
 from trackers.arrays import Array, Mask
 from trackers.errors import InputError
+from trackers.rig_sensors import Role, check_layer
 from twin.room.building import Building
 from twin.scenario import Scenario
 from twin.scenario.housings import in_the_room
 from twin.scenario.mount import Mount, mount_of
-from twin.scenario.sensors import CAMERA_KINDS, FloorDescription, check_floor
+from twin.scenario.sensors import CAMERA_KINDS, FloorDescription, LaserDescription, check_floor
 from twin.studies.devices import Device, steps
 from twin.studies.spec import Study
 from twin.world.scene import Scene
@@ -139,6 +140,9 @@ def rejection_reasons(
             building.is_walked(places, constraints.walked_below_m)
         ),
     }
+    role = first.role if isinstance(first, LaserDescription) and device.housing is None else None
+    if role is not None and not any("role" in kind.set for kind in device.kinds):
+        reasons[f"tilted too far for a {role} scanner"] = np.array([_is_steep(role, each) for each in mounts])
     for zone in constraints.keep_free:
         inside = Area(np.array(zone.polygon)).contains(places[:, :2])
         reasons[f"in the zone {zone.name!r}"] = any_of(
@@ -161,6 +165,16 @@ def cable_lengths_m(study: Study, building: Building, held: list[Array]) -> Arra
     each = np.linalg.norm(places - start, axis=1) if straight else building.way_along_walls_m(start, places)
     per = len(held[0])
     return each.reshape(len(held), per).max(axis=1)
+
+
+def _is_steep(role: Role, mounts: tuple[Mount, ...]) -> bool:
+    """Return True where a scanner is tilted too far to scan the layer of its role."""
+    try:
+        for mount in mounts:
+            check_layer(role, mount.room_from_housing())
+    except ValueError:
+        return True
+    return False
 
 
 def _lies(floor: FloorDescription, scene: Scene, mounts: tuple[Mount, ...]) -> bool:

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from trackers.configuration import Strict
 from trackers.errors import InputError, raise_faults, valid_names
 from trackers.presets import make_tracker
@@ -20,7 +22,7 @@ from twin.streams import stream
 from twin.studies.apply_placement import apply_placement
 from twin.studies.candidate_set import CandidateSet
 from twin.studies.spec import Study, StudyScenario, load_study, scenario_key
-from twin.studies.visibility import is_scanner, looking_sensors
+from twin.studies.visibility import floor_cells, is_scanner, looking_sensors
 from twin.suites.preflight import format_overrides, is_known_tracker, unknown_tracker, warnings_silenced
 from twin.world.scene import Scene, build_scene
 
@@ -64,7 +66,7 @@ def prepare(name: str | Path, *, seed_offset: int = 0, trusted: TrustedClasses =
     chosen = tuple(choose(study.trackers, first.trackers, str(path), trusted, STUDY)) if study.trackers else ()
     scene = build_scene(first, pictures=False)
     candidate_set = CandidateSet.of(study, first, scene, str(path))
-    raise_faults(_kind_faults(study, candidate_set, path))
+    raise_faults([*_kind_faults(study, candidate_set, path), *_cell_faults(study, scene, path)])
     raise_faults(_unused_sensor_faults(study, candidate_set, chosen, scene, path))
     warnings = tuple(f"{path}: {each}" for each in _idle_fields(written, candidate_set))
     return PreparedStudy(study, path, scenarios, files, scenarios | others, chosen, scene, candidate_set, warnings)
@@ -164,6 +166,17 @@ def _kind_faults(study: Study, candidate_set: CandidateSet, path: Path) -> Itera
             else:
                 reason = faults[0].splitlines()[0] if faults else "has no place"
                 yield f"{path}: devices.{name}.kinds.{number}.set: {reason}"
+
+
+def _cell_faults(study: Study, scene: Scene, path: Path) -> Iterator[str]:
+    """Report cells of the floor too large for the tracked area."""
+    area, cell_m = np.array(scene.area, float), study.coverage.cell_m
+    if study.coverage.of == "floor" and not len(floor_cells(area, cell_m)):
+        wide_m, deep_m = np.ptp(area, axis=0)
+        yield (
+            f"{path}: coverage.cell_m: a cell of {cell_m:g} m has no place in the tracked area of {wide_m:.3g} m x "
+            f"{deep_m:.3g} m; a smaller one is expected"
+        )
 
 
 def _unused_sensor_faults(

@@ -92,6 +92,11 @@ def run_study(
         for trial in results.front:
             if trial.coverage is None:
                 trial.measure_coverage(coverage)
+        if any(each.kind == "coverage" for each in study.objectives) and not results.best.coverage:
+            print_warning(
+                f"{prepared.path}: coverage: no placement shows anything as it asks: by at least {study.coverage.at_least}, with "
+                f"{study.coverage.beams} beams or {study.coverage.px_per_m:g} px/m; the recommended one is as good as any"
+            )
         yield results, folder
 
 

@@ -208,9 +208,11 @@ def test_a_candidate_that_fails_is_a_row_with_a_reason(tmp_path: Path) -> None:
     )  # the knee scanner of the second would be below the floor
     summary = run(path, tmp_path / "out")
     assert summary["rejected"]["rig"] == {"below the floor": 1}
+    level = [{"name": "level", "set": {"role": "waist"}}]  # poses are rejected by the role of the scenario's own
+    tilted = {"tilt_deg": [0, 60], "tilt_every_deg": 60, "kinds": level}
     path = written(
         tmp_path,
-        devices={"waist": {"sensors": ["waist"], "places": places[:1], "tilt_deg": [0, 60], "tilt_every_deg": 60}},
+        devices={"waist": {"sensors": ["waist"], "places": places[:1], **tilted}},
         search__method="exhaustive",
         held_out=None,
     )
@@ -252,6 +254,19 @@ def test_a_tracker_that_no_objective_uses_is_run_beside_the_search(
     assert "trackers: no objective uses sort; it is run for the table of candidates alone" in capsys.readouterr().err
     rows = list(csv.DictReader((tmp_path / "out" / "candidates.csv").open()))
     assert all(row["sort: hota"] for row in rows)
+
+
+def test_coverage_that_no_placement_reaches_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = written(
+        tmp_path,
+        trackers=[],
+        objectives=[{"kind": "coverage"}],
+        held_out=None,
+        search={"method": "greedy"},
+        coverage={"samples": 4, "seeds": [1950], "at_least": 8},
+    )
+    assert run(path, tmp_path / "out")["best"]["coverage"] == 0
+    assert "coverage: no placement shows anything as it asks: by at least 8" in capsys.readouterr().err
 
 
 def test_what_coverage_finds_is_tracked_and_judged_by_every_figure(tmp_path: Path) -> None:

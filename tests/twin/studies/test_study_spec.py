@@ -162,6 +162,21 @@ def test_a_tracker_that_ignores_what_is_moved_is_refused(tmp_path: Path) -> None
         prepare(path)
 
 
+def test_a_cell_larger_than_the_tracked_area_is_refused(tmp_path: Path) -> None:
+    path = written(tmp_path, coverage={"of": "floor", "samples": 0, "cell_m": 50})
+    with pytest.raises(InputError, match=r"coverage.cell_m: a cell of 50 m has no place in the tracked area of 4 m x"):
+        prepare(path)
+
+
+def test_a_scanner_is_not_tilted_further_than_its_role_allows(tmp_path: Path) -> None:
+    rig = {"sensors": ["waist"], "places": [{"xyz": [0, 3.6, 2.3], "yaw_deg": -90}], "tilt_deg": [0, 60]}
+    candidate_set = prepare(written(tmp_path, devices={"rig": rig})).candidate_set
+    assert candidate_set.rejected["rig"] == {"tilted too far for a waist scanner": 1}
+    assert max(pose.mounts[0].pitch_deg for pose in candidate_set.poses) == 45
+    free = rig | {"kinds": [{"name": "free", "set": {"role": None}}]}
+    assert not prepare(written(tmp_path, devices={"rig": free})).candidate_set.rejected["rig"]
+
+
 def test_a_floor_lies_on_the_floor(tmp_path: Path) -> None:
     devices = {"floor": {"sensors": ["floor"], "walls": {"height_m": [1, 1]}}}
     path = written(tmp_path, devices=devices, scenarios=[{"scenario": "home-three-people"}], trackers=["floor-kalman"])
