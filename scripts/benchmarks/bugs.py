@@ -230,7 +230,7 @@ _BY_FILE = {
         ),
         ("a long gap ends nobody", "ImmTrackManager._kept", "_A - _B <= nanoseconds(_C)", "True"),
     ],
-    "trackers/tracking/stale_frames.py": [
+    "trackers/tracking/missing_frames.py": [
         ("a hung sensor is believed", "StaleFrameDetector.repeats", "_A == 0", "False"),
         (
             "noise is never forgotten",

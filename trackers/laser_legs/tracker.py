@@ -27,12 +27,11 @@ from trackers.laser.group import scanners_by_role
 from trackers.laser.grouping import PAIR_M, pair_off
 from trackers.laser.legs.classifier import read_forest, shipped
 from trackers.laser.legs.features import leg_clusters, own_samples
-from trackers.laser_legs.association import assigned, measured_places
-from trackers.laser_legs.evidence import TRACK_FEATURES, LegTracks, shown_by
+from trackers.laser_legs.evidence import TRACK_FEATURES, LegTracks, assigned, measured_places, shown_by
 from trackers.laser_legs.options import LaserLegsOptions
 from trackers.observations import NS_PER_S, LaserScan, Observation, Odometry
 from trackers.rig import LaserSensor, Rig
-from trackers.tracking.frame_clock import FrameClock
+from trackers.tracking.missing_frames import FrameClock
 from trackers.tracking.roster import Roster
 from trackers.tracking.synced_frames import SyncedFrame, SynchronizedTracker, SyncPolicy
 from trackers.tracking.track_manager import TrackManager

@@ -21,7 +21,7 @@ from statistics import median_low
 
 from trackers.feeding import LATE, TWICE
 from trackers.observations import NS_PER_S, Observation
-from trackers.tracking.stale_frames import StaleFrameDetector
+from trackers.tracking.missing_frames import StaleFrameDetector
 from trackers.tracks import Hypotheses, ScoreMap, Track, TrackFrame
 
 _GAPS = 9

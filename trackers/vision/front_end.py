@@ -2,7 +2,7 @@
 
 Exposure is normalized to that of the empty room, the foreground is masked, and blind pictures are rejected: those of a
 covered lens or of changed light, which are foreground almost everywhere. Repeated pictures are dropped earlier, by
-`trackers.tracking.stale_frames`.
+`trackers.tracking.missing_frames`.
 
 The monitor (ours) detects a camera whose silhouettes disagree with those of the other cameras. Each camera's silhouette is
 searched for the top nearest to an estimated head. The tops of three or more cameras fix the crown by least squares, so that

@@ -11,7 +11,7 @@ from trackers.configuration import leaves_of
 from trackers.errors import InputError
 from trackers.feeding import track_frames
 from trackers.frames.scan_matching import between, compose, inverse, placed
-from trackers.laser_legs.association import assigned
+from trackers.laser_legs.evidence import assigned
 from trackers.laser_legs.options import LaserLegsOptions
 from trackers.laser_legs.tracker import likeliest
 from trackers.observations import NS_PER_S, Odometry

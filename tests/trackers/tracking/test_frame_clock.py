@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from trackers.observations import NS_PER_S
-from trackers.tracking.frame_clock import FrameClock
+from trackers.tracking.missing_frames import FrameClock
 
 
 def ns(seconds: float) -> int:

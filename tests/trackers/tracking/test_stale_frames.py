@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from trackers.observations import NS_PER_S, DepthImage, Image, LaserScan
-from trackers.tracking.stale_frames import StaleFrameDetector
+from trackers.tracking.missing_frames import StaleFrameDetector
 from trackers.tracking.synced_frames import BLANK, FrameSynchronizer, SyncPolicy
 
 RNG = np.random.default_rng(3)
