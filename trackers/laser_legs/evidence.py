@@ -1,4 +1,4 @@
-"""Whose legs are whose, and the evidence that a track is a person: of its legs, of the map, of its motion, of its misses.
+"""Evidence that a track is a person, of the legs that are shared out to it, of the map, of its motion and of its misses.
 
 Each track carries fading sums of what its scans showed. Of these a forest (`trackers.laser.legs.classifier.Forest`) makes the
 logarithm of the odds that a person is there [nat]. It was taught on tracks in drawn rooms, by scanners that stand and that drive
