@@ -25,6 +25,7 @@ from trackers.fusion.options import ColourIdentityOptions, FusionOptions
 from trackers.fusion.people import People
 from trackers.fusion.posture import LENGTH_M
 from trackers.observations import NS_PER_S
+from trackers.tracking.roster import NEVER_NS
 from trackers.tracking.track_manager import TrackManager, clear_of, nanoseconds
 
 _START_SPEED_M_S, _UNKNOWN_M = 1.0, 3.0
@@ -52,6 +53,7 @@ class FusionTrackManager(TrackManager):
         super().__init__(options.track_management, corners)
         self._rules, self._step_s, self._imm = options.track_management, options.step_s, imm
         self._identity = options.identity
+        self._scanned_ns: dict[str, int] = {}
 
     def initiated(self, people: People, looks: dict[int, Look], paired: list[Int[Index, "p"]], ns: int) -> People:
         """Return the tracks and those that begin at measurements that no track explains, one of each person."""
@@ -183,6 +185,27 @@ class FusionTrackManager(TrackManager):
         existence = existence_after_miss(some.existence, whole, elapsed_s / people.seen_ns.shape[1], stays_s)
         people = people.changed(existence=written(people.existence, row, existence), posture=posture)
         return people.in_state(people.state.replaced(row, state))
+
+    def without_noise(self, people: People, looks: dict[int, Look], ns: int) -> People:
+        """Delete tentative tracks that scanners alone have shown, once each has scanned again and not shown them.
+
+        Beams that are split between an edge and what is behind it make clusters of few samples: behind people, where a miss
+        is no evidence, but not twice at one place. One waits for slower scanners where these rather would not show it.
+        """
+        for look in looks.values():
+            if look.is_sharp:
+                self._scanned_ns |= dict.fromkeys(look.sensors, ns)
+        tentative = ~people.confirmed & (people.roster.measured_ns < ns)
+        if not tentative.any():
+            return people
+        by = people.seen_ns > NEVER_NS
+        due_ns = [each for each in self._scanned_ns.values() if ns - each <= nanoseconds(self._rules.coast_s)]
+        noise = np.zeros(len(people), np.bool_)
+        for number, look in looks.items():
+            if look.is_sharp:
+                waits = (people.roster.measured_ns >= min(due_ns)) & (look.missed(people.positions.T) > 0.5)
+                noise |= tentative & by[:, number] & (by.sum(axis=1) == 1) & ~waits
+        return people.select(~noise)
 
     def clear_of_seats(self, people: People, position: Float[Array, "k 2"]) -> Bool[Mask, "k"]:
         """Mark places that are not within the reach of a person who sits or lies."""

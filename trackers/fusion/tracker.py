@@ -216,6 +216,7 @@ class Fusion(SynchronizedTracker):
         for number, look in looks.items():
             if not doubted[number]:
                 people = self._manager.updated_missed(people, look, share[number], elapsed_s[number], ns)
+        people = self._manager.without_noise(people, looks, ns)
         people = self._manager.initiated(people, looks, [each.column for each in paired], ns)
         self._people = self._manager.confirmed(people, ns, max(elapsed_s.values()))
 

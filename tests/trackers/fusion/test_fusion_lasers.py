@@ -20,6 +20,7 @@ from trackers.fusion.posture import LEGS_SHOWN
 from trackers.fusion.track_manager import FusionTrackManager, reidentified
 from trackers.observations import NS_PER_S, LaserScan
 from trackers.presets import make_tracker
+from trackers.tracking.roster import NEVER_NS
 from trackers.vision.histogram import Appearance
 
 WALK = straight_walk([(-1.2, 1.2), (1.2, 2.2), (0.0, 2.8)], [(0.5, 0.0), (-0.5, 0.0), (0.0, -0.2)], 24)
@@ -83,6 +84,40 @@ def test_nobody_is_outside_the_area() -> None:
     )  # fmt: skip
     after = manager.updated_missed(people, look, 1.0, 0.1, NS_PER_S)
     assert after.existence[0] > 0.98 and after.existence[1] < 0.2
+
+
+def scan_of(scanner: str, missed: float) -> Look:
+    """Return a look of one scanner that shows nobody; missed: how probably it would not show a person, wherever."""
+    return Look(
+        (scanner,), FusionOptions().legs, np.empty((0, 2)), np.empty((0, 2, 2)), np.empty(0, np.intp), np.empty(0, np.intp),
+        lambda points: np.full(points.shape[1:], missed), LEGS_SHOWN, is_sharp=True,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("scans", "lasts"),
+    [
+        ([("slow", 0.1)], False),
+        ([("slow", 0.9)], False),  # hidden or not: split beams do not come twice
+        ([("fast", 0.1)], False),
+        ([("fast", 0.9)], True),  # the slow one may still show it
+        ([("fast", 0.9), ("slow", 0.9)], False),
+    ],
+)
+def test_a_tentative_track_that_its_scanners_do_not_show_again_ends(
+    scans: list[tuple[str, float]], lasts: bool
+) -> None:
+    manager = FusionTrackManager(FusionOptions(), None, Imm(PersonMotion()))
+    people = people_at((0.0, 0.0), (1.0, 0.0), (2.0, 0.0))  # tentative, confirmed, and one that a camera has shown too
+    people = people.changed(
+        roster=people.roster.changed(confirmed=np.array([False, True, False])),
+        seen_ns=np.array([[0, NEVER_NS], [0, NEVER_NS], [0, 0]]),
+        seen_at=np.zeros((3, 2, 2)),
+    )
+    assert len(manager.without_noise(people, {0: scan_of("slow", 0.1)}, 0)) == 3
+    for number, (scanner, missed) in enumerate(scans, start=1):
+        people = manager.without_noise(people, {0: scan_of(scanner, missed)}, number * NS_PER_S // 25)
+    assert people.place[:, 0].tolist() == ([0.0] if lasts else []) + [1.0, 2.0]
 
 
 def legs_at(x_m: float) -> Look:
