@@ -249,7 +249,9 @@ def test_a_scenario_whose_file_is_not_there_records_but_does_not_track(house: Ho
 
 
 def test_environment_on_the_command_line(house: House) -> None:
-    scenario = [str(house.scenario), "--set", "prior.environment=null", "--tracker", TRACKER, "--no-video"]
+    bare = house.scenario.with_name("bare.yaml")
+    bare.write_text(f"extends: {house.scenario.name}\nname: bare\nprior: {{environment: null}}\n")
+    scenario = [str(bare), "--tracker", TRACKER, "--no-video"]
     done = house.twin("run", *scenario, "--environment", "lab.npz", "--out", "run")
     assert done.returncode == 0, done.stderr
     assert house.handed() == [house.expected]

@@ -90,11 +90,11 @@ def test_the_scenarios_own_devices_cost_what_the_kind_costs_that_they_are(tmp_pa
 
 
 def test_impossible_candidates_are_refused(tmp_path: Path) -> None:
-    scenarios = [{"scenario": "lab-faults"}]
-    devices = {
-        "waist": {"sensors": ["waist"], "places": [{"xyz": [0, 3.6, 0.9]}], "tilt_deg": [0, 60], "tilt_every_deg": 60}
-    }
-    ready = prepared(tmp_path, devices=devices, scenarios=scenarios, trackers=["laser-imm"])
+    (tmp_path / "free.yaml").write_text("extends: lab-faults\nname: free\nsensors: {waist: {role: null}}\n")
+    level = [{"name": "level", "set": {"role": "waist"}}]  # poses are rejected by the role of the scenario's own
+    tilts = {"places": [{"xyz": [0, 3.6, 0.9]}], "tilt_deg": [0, 60], "tilt_every_deg": 60}
+    devices = {"waist": {"sensors": ["waist"], "kinds": level, **tilts}}
+    ready = prepared(tmp_path, devices=devices, scenarios=[{"scenario": "free.yaml"}], trackers=["laser-imm"])
     with pytest.raises(
         InputError, match=r"sensors.waist.role: a waist scanner scans level, and this one is tilted by 60°"
     ):
