@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -42,30 +42,15 @@ def _allow_room_root(folder: Path | None) -> Path | None:
 ScenarioName = Annotated[
     str, typer.Argument(help="Name of a shipped scenario (see `twin list`) or path of a YAML file.")
 ]
-Set = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="PATH=VALUE",
-        callback=_each_path_once,
-        help="Change a field, e.g. sensors.waist.rate_hz=20. May be repeated.",
-    ),
-]
-SetOfScenario = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set", metavar="PATH=VALUE", callback=_each_path_once, help="Change a field of the scenario. Repeatable."
-    ),
-]
-SetOfCases = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="PATH=VALUE",
-        callback=_each_path_once,
-        help="Change a field in every case, e.g. a tracker's. Repeatable.",
-    ),
-]
+
+
+def _set(what: str) -> Any:
+    return typer.Option("--set", metavar="PATH=VALUE", callback=_each_path_once, help=what)
+
+
+Set = Annotated[list[str] | None, _set("Change a field, e.g. sensors.waist.rate_hz=20. May be repeated.")]
+SetOfScenario = Annotated[list[str] | None, _set("Change a field of the scenario. Repeatable.")]
+SetOfCases = Annotated[list[str] | None, _set("Change a field in every case, e.g. a tracker's. Repeatable.")]
 Seed = Annotated[int | None, typer.Option(min=0, help="Seed of all randomness; default: the scenario's.")]
 Out = Annotated[Path | None, typer.Option(help="Folder for the results; default: out/<scenario>-<seed>.")]
 Duration = Annotated[float | None, typer.Option(metavar="S", help="Seconds to simulate; default: the scenario's.")]
