@@ -244,12 +244,13 @@ def _other_clock(truth: TruthTable, tracks: TrackTable, gap_ns: int) -> str:
     """Return a clause on the unit of t, or the start of the clock, by which most frames of the tracks would be covered."""
     theirs, ours = tracks.frame_stamps_ns, truth.frame_stamps_ns
     changes = {
-        "t of the tracks in ms": theirs // 1000,
-        "t of the tracks in µs": theirs // 1_000_000,
-        "t of the tracks in ns": theirs // 1_000_000_000,
-        "t of the truth in ms": np.clip(theirs, -_MOST_NS, _MOST_NS) * 1000,
-        "t of both from their first rows on": theirs - theirs[0] + ours[0],
+        f"t of the tracks in {unit}": theirs // per_s
+        for unit, per_s in _UNITS.items()
+        if _usual(theirs) > per_s * _LEAST_NS
     }
+    if _usual(ours) > 1000 * _LEAST_NS:
+        changes["t of the truth in ms"] = np.clip(theirs, -_MOST_NS, _MOST_NS) * 1000
+    changes["t of both from their first rows on"] = theirs - theirs[0] + ours[0]
     share = {
         how: float(_is_covered(ours, stamps, gap_ns).mean()) * np.unique(stamps).size / stamps.size
         for how, stamps in changes.items()
@@ -260,7 +261,14 @@ def _other_clock(truth: TruthTable, tracks: TrackTable, gap_ns: int) -> str:
 
 
 _MOST_NS = np.iinfo(np.int64).max // 1000
-_UNITS = {"ms": 1000, "µs": 1_000_000}
+_LEAST_NS = NS_PER_S // 1000
+"""Least time between two frames [ns]: a unit by which they come faster is not that of t."""
+_UNITS = {"ms": 1000, "µs": 1_000_000, "ns": 1_000_000_000}
+
+
+def _usual(stamps: NDArray[np.int64]) -> float:
+    """Return the usual time between two stamps (n,) [ns]; infinite without two."""
+    return float(np.median(np.diff(stamps))) if stamps.size > 1 else np.inf
 
 
 def _finer_unit(truth: TruthTable, tracks: TrackTable) -> str:

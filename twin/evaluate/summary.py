@@ -52,6 +52,7 @@ class Evaluation:
     situations: SituationTable | None  # of pairs of people, for the disposal
     errors: Errors  # every miss and false positive, by cause
     notes: tuple[str, ...] = ()  # what a reader must know about the judged frames
+    is_misplaced: bool = False  # the tracks are near nobody
 
 
 def evaluate_tracks(
@@ -121,7 +122,14 @@ def evaluate_with_details(
         people=people,
         situations=situations,
         errors=errors,
-        notes=(*truth.notes, *tracks.notes, *aligned.notes, *([apart] if apart else [])),
+        notes=(
+            *truth.notes,
+            *tracks.notes,
+            *_without_identity(truth, tracks),
+            *aligned.notes,
+            *([apart] if apart else []),
+        ),
+        is_misplaced=bool(apart),
     )
 
 
@@ -150,6 +158,19 @@ def _check_gate(gate_m: float) -> None:
     is_number = isinstance(gate_m, Real) and not isinstance(gate_m, bool | np.bool_)
     if not (is_number and isfinite(gate_m) and gate_m > 0):
         raise InputError(f"gate is {gate_m!r} m; a positive number of metres is expected")
+
+
+_MANY_ROWS = 20
+
+
+def _without_identity(*tables: TruthTable | TrackTable) -> list[str]:
+    """Return a note per table in which no id occurs twice, in many rows."""
+    return [
+        f"{each.source}: no id is in two of {each.id.size} rows, as of detections; the same id from frame to frame, for a "
+        "person or a track, is expected"
+        for each in tables
+        if each.id.size >= _MANY_ROWS and np.unique(each.id).size == each.id.size
+    ]
 
 
 def _matched_pairs(judged: Sequence[Frame], matches: Sequence[FrameMatches]) -> dict[str, NDArray[Any]]:

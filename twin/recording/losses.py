@@ -24,6 +24,8 @@ _GAP = 1.75
 """Ratio of a gap to the usual one from which messages are missing."""
 _NEARLY_WHOLE = 0.2
 _MOSTLY = 0.8
+_MOST_PERIODS = 4.5
+"""Length of the third quartile of the gaps, in periods, of messages that are lost one by one."""
 _IRREGULAR_GAP = 4.0
 """The same in third quartiles of the gaps, for a sensor without a period."""
 _CROWD = 6
@@ -104,13 +106,14 @@ def missing(sensor: str, stamps_ns: Nanoseconds, from_ns: int, to_ns: int) -> Lo
 def _rhythm(gaps: Nanoseconds) -> tuple[float, float]:
     """Return the usual gap, and the least gap (of n gaps [ns]) that holds missing messages [ns].
 
-    If most gaps are multiples of the short ones, these are the period, however many messages are missing.
+    If most gaps are multiples of the short ones, these are the period, though half of the messages be missing: then 94 % of
+    the gaps are of one to four periods. Where fewer are, the short ones lie within bursts.
     """
     short = gaps[gaps < _GAP * np.quantile(gaps, 0.1)]
     period = float(np.median(short))
     times = gaps / period
     is_whole = np.abs(times - np.rint(times)) < _NEARLY_WHOLE
-    if 2 * short.size >= gaps.size and np.mean(is_whole) > _MOSTLY:
+    if 2 * short.size >= gaps.size and np.mean(is_whole) > _MOSTLY and np.quantile(times, 0.75) < _MOST_PERIODS:
         return period, _GAP * period
     return float(np.median(gaps)), _IRREGULAR_GAP * float(np.quantile(gaps, 0.75))
 

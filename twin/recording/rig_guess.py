@@ -120,8 +120,9 @@ def describe_rig(path: AnyPath, standing: str | None = None) -> tuple[str, list[
     """Describe all sensors of a bag as the text of a commented `rig.yaml`, and list what is left to fill in.
 
     Scanners, cameras with the lens of their CameraInfo, depth beside colour of one frame, and bases that move are found by
-    types of topics; poses by the bag's transforms, in the frame `standing` (None: the highest above each sensor). A bag of
-    the twin has a rig of its own. Raises InputError for a bag without scans and pictures, and for an unknown frame.
+    types of topics; poses by the bag's transforms, in the frame `standing` (None: the highest above each sensor, or that of
+    the odometry). A bag of the twin has a rig of its own. Raises InputError for a bag without scans and pictures, and for an
+    unknown frame.
     """
     path = Path(path)
     with open_bag(path) as bag:
@@ -225,6 +226,8 @@ class _SensorsOfBag:
     def _where(self, topic: str, frame: str) -> list[str]:
         """Return the lines that tell a sensor's pose, on its base if it has one that moves."""
         base, pose, assumed = _guess_base(frame, self._tree, self._poses)
+        if base is not None and self._standing is not None:
+            base = self._standing_in(self._standing, frame, base)
         if base is not None:
             name = next((name for name, each in self._bases.items() if each == base), None)
             name = name or f"odometry_{len(self._bases) + 1}"
@@ -245,6 +248,18 @@ class _SensorsOfBag:
             return [f"    {_yaml(Pose())}  # {_UNDECIDED}: no transform of the bag tells where it is"]
         stands = self._standing or edges[-1].parent
         return [f"    {_yaml(_pose_on(self._tree, frame, stands))}  # of {_plain(frame)} in {_plain(stands)}"]
+
+    def _standing_in(self, standing: str, frame: str, base: OdometrySensor) -> OdometrySensor | None:
+        """Return the base's odometry in the frame that is to stand; None where the sensor's frame does not move in it.
+
+        Raises InputError where no transform leads there.
+        """
+        up, down = self._tree.path(standing, frame)
+        if not any(edge.moves for edge in (*up, *down)):
+            return None
+        moves = base.base_frame or self._poses[base.topic].child
+        edge, _ = self._tree.poses(standing, moves)
+        return OdometrySensor(topic=edge.topic, frame=standing, base_frame=moves)
 
     def _chain(self, frame: str) -> list[Edge]:
         try:

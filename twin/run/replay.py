@@ -30,7 +30,7 @@ from twin.recording.tables import TruthTable, truth_table
 from twin.recording.track_topics import check_copy, copy_with_tracks
 from twin.recording.truth_tables import ABOUT, DETAIL_FILES, read_own_truth, truth_frames
 from twin.report.birdseye import Polygon
-from twin.report.page import RunFacts
+from twin.report.page import RunFacts, TrackerResult
 from twin.report.path_map import ScanDensity
 from twin.run.feed import Feed, open_feed
 from twin.run.inputs import (
@@ -227,6 +227,7 @@ class _Replay:
         result = write_results(
             folder, facts, results, fed, self._truth, self._place, losses=self._losses, report=request.report
         )
+        result = replace(result, warnings=(*result.warnings, *self._of_other_frame(results)))
         for note in result.warnings:
             request.on_warning(note)
         left = result.files | {"about": folder / ABOUT}
@@ -240,6 +241,20 @@ class _Replay:
             left = left | {"bag": request.bag_copy}
         warnings = (*self._early, *self._new, *result.warnings)
         return replace(result, files=left, warnings=warnings, tracker_warnings=tuple(self._tracker_warnings))
+
+    def _of_other_frame(self, results: Sequence[TrackerResult]) -> list[str]:
+        """Return a warning where tracks that leave in the frame of an odometry are near nobody of the user's truth."""
+        bases = self._request.bag.rig.odometry()
+        if self._request.truth is None or not any(each.evaluation and each.evaluation.is_misplaced for each in results):
+            return []
+        frames = {
+            name: each.frame or "its odometry" for name, each in bases.items() if not any(each.room_from_sensor.xyz)
+        }
+        return [
+            f"{name}: tracks leave in the frame of {frame}; for a truth in another frame, as map, `frame: map` of {name} in "
+            "rig.yaml, or the pose of its odometry frame there (room_from_sensor), is expected"
+            for name, frame in frames.items()
+        ]
 
     def _own_truth(self) -> TruthTable | None:
         """Return the user's truth at the stamps of the sensors, as a twin's bag has it; None without."""

@@ -16,6 +16,7 @@ from twin.room.floor import floor_of
 from twin.room.mjcf import compiled
 from twin.room.obstacles import Footprints, obstacles_of
 from twin.scenario import Scenario
+from twin.scenario.housings import in_the_room
 from twin.scenario.mount import Mount
 from twin.scenario.sensors import AnyDescription
 from twin.studies.candidate_poses import cable_lengths_m, candidate_mounts, rejection_reasons, sensor_positions
@@ -138,17 +139,25 @@ class CandidateSet:
         return self.apart_m(one, other) < max(self.study.constraints.apart_m, 1e-6) - 1e-9
 
     def price(self, placement: Placement) -> float:
-        """Return the price of a placement's devices and cables; of the baseline, that of its devices.
+        """Return the price of a placement's devices and cables.
 
         A device of the scenario's own counts as the first kind that changes nothing of it, else as the first.
         """
         if placement != BASELINE:
             return float(self.prices[list(placement)].sum())
         return sum(
-            self.device_price(device, self.scenario.sensors[name] if name else None)
+            self.device_price(device, self.scenario.sensors[name] if name else None) + self._own_cable(device, name)
             for device in self.study.devices.values()
             for name in device.sensors or ("",)
         )
+
+    def _own_cable(self, device: Device, name: str) -> float:
+        """Return the price of the cable to a device of the scenario's own: of this sensor; "": of several sensors."""
+        if (cable := self.study.constraints.cable) is None:
+            return 0.0
+        sensors = [name] if name else device.sensors_in(self.scenario)
+        held = np.array([in_the_room(self.scenario, each).mount.xyz for each in sensors])
+        return cable.price_per_m * float(cable_lengths_m(self.study, self.building, [held])[0])
 
     def device_price(self, device: Device, sensor: AnyDescription | None) -> float:
         """Return the price of a device that stands for a sensor: of the first matching kind; None: of several sensors."""

@@ -219,7 +219,8 @@ class CsvColumns:
     def stamps_ns(self, name: str) -> NDArray[np.int64]:
         """Convert decimal seconds to integer nanoseconds, to the nearest, (n,); exact, unlike via a float."""
         unit = Decimal(repr(self.units.get(name, 1.0)))
-        valid = "a time in seconds" if unit == 1 else "a time"
+        other = ", or a header with the unit, as t_ms," if "".join(self.cells[name][:1]).strip().isdecimal() else ""
+        valid = f"a time in seconds{other}" if unit == 1 else "a time"
         return np.array(self._convert(name, lambda text: _stamp_ns(text, unit), valid), dtype=np.int64)
 
     def labels(self, name: str) -> list[str]:
@@ -334,9 +335,7 @@ def columns_of(source: str, names: Sequence[str], found: Cells, units: Mapping[s
 
 
 def _stamp_ns(text: str, unit: Decimal) -> int:
-    seconds = Decimal(_plain(text.strip()))
-    if unit != 1:
-        seconds /= unit
+    seconds = Decimal(_plain(text.strip())) if unit == 1 else Decimal(_plain(text.strip())) / unit
     if not seconds.is_finite() or abs(seconds) > _MAX_STAMP_S:
         raise ValueError
     return int((seconds * NS_PER_S).to_integral_value())

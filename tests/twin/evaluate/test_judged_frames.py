@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import example, given, settings, strategies as st
@@ -142,6 +144,7 @@ def test_frames_that_are_not_judged_are_noted(outside: int, noted: bool, little:
         (lambda t: t, lambda t: 1e3 * t, "t of the truth in ms"),
         (lambda t: 1.7e9 + t, lambda t: t, "t of both from their first rows on"),
         (lambda t: t, lambda t: 1.7e9 + t, "t of both from their first rows on"),
+        (lambda t: t, lambda t: 0.1 * t, ""),  # another frame rate: at 10 kHz nobody reports
         (lambda t: 40 + t if t < 10 else 1e5 + t * t, lambda t: t, ""),
     ],
 )
@@ -154,6 +157,16 @@ def test_another_unit_or_start_of_t_is_named(of_tracks, of_truth, how, start) ->
     except InputError as error:
         said = str(error)
     assert f"; {how} would cover " in said if how else "would cover" not in said
+
+
+@pytest.mark.parametrize("which", [0, 1])
+@pytest.mark.parametrize("n_rows", [10, 40])
+def test_rows_without_the_identity_of_anybody_are_told(which: int, n_rows: int) -> None:
+    stamps = np.arange(n_rows // 2) / 10
+    tables = [truth_at(stamps), tracks_at(stamps)]
+    tables[which] = replace(tables[which], id=np.arange(1, 1 + n_rows))
+    said = f"{tables[which].source}: no id is in two of {n_rows} rows"
+    assert any(each.startswith(said) for each in evaluate_with_details(*tables).notes) == (n_rows > 20)
 
 
 def test_truth_that_overlaps_but_covers_no_stamp_is_refused_for_that_reason() -> None:

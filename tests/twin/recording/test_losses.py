@@ -126,6 +126,12 @@ def test_messages_that_are_missing_are_counted_by_the_rhythm_of_the_rest(lost, r
     assert missing("waist", stamps, int(stamps[0]), int(stamps[-1])) is None
 
 
+@pytest.mark.parametrize("n", [2, 3])
+def test_messages_in_bursts_are_not_taken_to_lack_those_between(n: int) -> None:
+    stamps = (np.arange(60)[:, None] * 10**8 + np.arange(n) * 10**6).ravel()
+    assert missing("waist", stamps, 0, int(stamps[-1])) is None
+
+
 def test_scans_that_see_less_than_usual_are_told():
     heard = ObservationLog()
     for k, stamp_ns in enumerate(STAMPS):

@@ -89,6 +89,7 @@ def test_sensors_of_a_robot_are_mounted_on_its_base(tmp_path: Path) -> None:
     messages = [*_scans("/scan", "knee"), *_scans("/high", "waist")]
     for number, stamp in enumerate(STAMPS_NS):
         messages.append(("/tf", TF, stamp, _transform("odom", "base", Pose(xyz=(0.05 * number, 0, 0)), stamp)))
+    messages.append(("/tf_static", TF, STAMPS_NS[0], _transform("map", "odom", Pose(xyz=(3, 0, 0)), STAMPS_NS[0])))
     for frame, pose in on_base.items():
         messages.append(("/tf_static", TF, STAMPS_NS[0], _transform("base", frame, pose, STAMPS_NS[0])))
     write_ros2_bag(tmp_path / "bag", sorted(messages, key=lambda each: each[2]))
@@ -101,6 +102,15 @@ def test_sensors_of_a_robot_are_mounted_on_its_base(tmp_path: Path) -> None:
     assert rig.mounted() == {"scan": base, "high": base}
     assert _is_near(rig.sensors["scan"].room_from_sensor, on_base["knee"])
     assert _is_near(rig.sensors["high"].room_from_sensor, on_base["waist"])
+
+    in_map = Rig.parse(describe_rig(tmp_path / "bag", "map")[0], "text")
+    assert in_map.sensors[base] == OdometrySensor(topic="/tf", frame="map", base_frame="base")
+    assert in_map.mounted() == rig.mounted()
+    with pytest.raises(InputError, match="no transform names a frame 'attic'.*map"):
+        describe_rig(tmp_path / "bag", "attic")
+    on_robot = Rig.parse(describe_rig(tmp_path / "bag", "base")[0], "text").sensors  # a base that stands
+    assert set(on_robot) == {"scan", "high"}
+    assert _is_near(on_robot["high"].room_from_sensor, on_base["waist"])
 
 
 def test_what_the_bag_does_not_tell_is_marked(tmp_path: Path) -> None:

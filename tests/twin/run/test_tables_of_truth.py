@@ -5,19 +5,22 @@ from __future__ import annotations
 import csv
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 from command_line import twin
 
-from trackers.area import Area
+from trackers.area import Area, Pose
 from trackers.errors import InputError
 from trackers.tracks import Track, TrackFrame
 from twin.evaluate.continuity import track_counts
+from twin.recording.reader import Recording
 from twin.recording.tables import read_truth, track_table
 from twin.recording.truth_tables import on_clock_of, truth_frames
 from twin.run.live import run_scenario
+from twin.run.replay import track_recording
 from twin.scenario import load_scenario
 
 
@@ -114,3 +117,20 @@ def test_tracks_in_the_place_of_truth_are_told(tmp_path: Path) -> None:
     table = tmp_path / "tracks.csv"
     table.write_text("t,id,x,y,status\n0.0,1,0.5,0.5,confirmed\n0.1,1,0.6,0.5,coasting\n")
     assert any("the table of truth comes first" in note for note in read_truth(table).notes)
+
+
+def test_tracks_of_a_robot_near_nobody_of_the_truth_are_told_with_the_frame_in_which_they_leave(tmp_path: Path) -> None:
+    scenario = load_scenario("robot-follows-outdoors", ["duration_s=2"])
+    run_scenario(scenario, trackers=[], out=tmp_path, images=False, video=False, truth="positions")
+    bag, labels = tmp_path / "recording.mcap", tmp_path / "truth.csv"
+    own = Recording(bag).rig
+    (base,) = own.odometry()
+    moved = own.sensors[base].model_copy(update={"room_from_sensor": Pose()})
+    (tmp_path / "rig.yaml").write_text(own.model_copy(update={"sensors": own.sensors | {base: moved}}).dump_yaml())
+    tracked = partial(track_recording, bag, trackers=["laser-legs"], truth_path=labels, video=False, report=False)
+    told, well = [], []
+    tracked(rig_path=tmp_path / "rig.yaml", out=tmp_path / "out", on_warning=told.append)
+    tracked(out=tmp_path / "well", on_warning=well.append)
+    said = f"{base}: tracks leave in the frame of its odometry; "
+    assert [each.startswith(said) for each in told].count(True) == 1
+    assert not any(each.startswith(said) for each in well)

@@ -87,6 +87,12 @@ def test_the_scenarios_own_devices_cost_what_the_kind_costs_that_they_are(tmp_pa
     assert prepared(tmp_path, devices={"waist": waist}, scenarios=near).candidate_set.price(BASELINE) == 100
     pair = {**waist, "sensors": ["waist", "knee"], "kinds": kinds[:1]}
     assert prepared(tmp_path, devices={"waist": pair}).candidate_set.price(BASELINE) == 200
+    cable = {
+        "cable": {"from": [0, 0, 1.95], "along": "straight", "price_per_m": 3}
+    }  # 1 m above one, 1.5 m above the other
+    assert prepared(tmp_path, devices={"waist": pair}, constraints=cable).candidate_set.price(BASELINE) == 207.5
+    together = {**pair, "sensors": [], "together": ["waist", "knee"]}
+    assert prepared(tmp_path, devices={"waist": together}, constraints=cable).candidate_set.price(BASELINE) == 104.5
 
 
 def test_impossible_candidates_are_refused(tmp_path: Path) -> None:

@@ -182,7 +182,14 @@ def read_truth_of(text: str, folder: Path):
         (BASE.encode() + b"1," * 60_000, f"line {len(ROWS) + 2}: has 120000 characters; at most 100000"),
         ("# Größe\nt,id,x,y\n".encode("latin-1"), "is not a text file in UTF-8 (line 1)"),
         (BASE.encode() + bytes(99), f"line {len(ROWS) + 2}: holds NUL characters"),
-        (b"t,id,x,y\n1e999999999,1,2,3\n", "line 2: t is '1e999999999'; a time in seconds is expected"),
+        (
+            b"t,id,x,y\n1713883987987,1,2,3\n",
+            "line 2: t is '1713883987987'; a time in seconds, or a header with the unit, as t_ms, is expected",
+        ),
+        (
+            b"t,id,x,y\n1e999999999,1,2,3\n",
+            "line 2: t is '1e999999999'; a time in seconds is expected",
+        ),
         (b"t,id,x,y\n0,1,1e300,3\n", "line 2: x is '1e300'; a number of at most 1e+12 is"),
         (b"", "is empty"),
         (b"# nothing\n", "is empty"),
