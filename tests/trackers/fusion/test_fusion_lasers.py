@@ -65,6 +65,15 @@ def test_knees_are_before_the_feet_on_the_way_of_a_walker() -> None:
     assert 0 < (knees - stands)[0, 0] < 0.05
 
 
+def test_the_leg_that_a_single_one_hides_is_behind_it() -> None:
+    """Two legs in line with the scanner: it shows the nearer one alone, and the middle of both is farther away than its axis."""
+    hides = replace(straight_walk([(0.0, 1.5)], [(1.0, 0.0)], 2), phase=np.zeros((2, 1)))
+    shown = look_at_legs(hides, np.zeros(2), 0.0)
+    (x, y), (near,) = shown.position[0], shown.shown
+    assert len(shown.position) == 1 and near.y < 1.45
+    assert np.hypot(x, y) - np.hypot(near.x, near.y) == pytest.approx(0.045, abs=0.005)
+
+
 def people_at(*places: tuple[float, float]) -> People:
     at = np.array(places)
     people = People.started(Imm(PersonMotion()).start(at, None, 0.1**2), at, 0, 1, 1)
