@@ -1,6 +1,7 @@
 """`fusion`: one tracker on any subset of any rig.
 
-Each observation is worked at its own stamp: predict every person to it; let the sensor say what it measures, and what it would
+Each observation is worked at its own stamp, but scans that follow within half a period are one look: one scanner shows the leg,
+or the side of a trunk, that another does not. Predict every person to it; let the sensor say what it measures, and what it would
 have shown; associate; update bodies, heads, existence and attributes; initiate, confirm and delete. Frames carry the stamps of
 the rig's main sensor, and those of the others while it is silent.
 
@@ -94,9 +95,10 @@ class Fusion(SynchronizedTracker):
         self._groups += [[k] for k in range(alone + len(cameras), len(self._sources))]
         """Numbers of the sources that are associated at once, in the order in which they are looked at."""
         self._weighing = HeadWeighing(load_head_model(prior.learned.get("heads", SHIPPED)), self.options.head)
+        scanners = tuple(name for each in self._scanners for name in each.names)
         self.background_learned_causally = any(each.learns_background for each in self._sources)
         super().__init__(
-            SyncPolicy(tuple(rig.sensors), main=self._main, within_s=0.0, max_wait_s=self.options.max_wait_s)
+            SyncPolicy(tuple(rig.sensors), main=self._main, joined=scanners, max_wait_s=self.options.max_wait_s)
         )
         self._sees_waists = bool(self._scanners) and self._scanners[0].role == "waist"
         no_track, n_colour = self._imm.start(np.empty((0, 2))), cameras[0].n_colour if cameras else 1

@@ -3,7 +3,7 @@
 A tracker declares (`SyncPolicy`) which sensors trigger a frame, which are attached to the nearest one, of which the latest
 value is used, and which are awaited for how long. Two scanners and a camera: the scanners trigger, the camera is attached.
 Cameras and a slower pressure floor: the cameras trigger, with the floor's latest value. Cameras alone, or a floor alone:
-they trigger. Cameras that trigger in turn, each picture at its own stamp: all trigger, `within_s=0`.
+they trigger. Scanners and cameras that trigger in turn, each picture at its own stamp: all trigger, the scanners are `joined`.
 
 A frame is complete when every awaited sensor has reported, or when an observation at least `max_wait_s` newer has arrived;
 frames leave in order of time. So a silent sensor delays a tracker by little more than `max_wait_s`. Observations that arrive
@@ -43,8 +43,8 @@ class SyncPolicy:
     frame and never start one. latest: those whose newest value not after the frame is used, repeatedly if they are slower.
     main: the sensor whose stamp a frame takes, else that of the first of `triggers` in it (None: that one). awaited: the
     sensors waited for (None: all of `triggers` and `attached`); one of `latest` is awaited until its value is of the frame
-    or newer. within_s: greatest distance of an observation from a frame it joins (None: half of `period_s`, or of the
-    observed period of the fastest trigger if shorter).
+    or newer. joined: sensors whose observations join one frame up to half of `period_s` apart, or half of the observed period
+    of the fastest of them if shorter; others join frames of their own stamp alone (None: all but `latest`).
 
     Raises ValueError without triggers, for a sensor named twice, and for an unnamed main or awaited one.
     """
@@ -55,7 +55,7 @@ class SyncPolicy:
     main: str | None = None
     awaited: tuple[str, ...] | None = None
     period_s: float = 0.1
-    within_s: float | None = None
+    joined: tuple[str, ...] | None = None
     max_wait_s: float = 0.15
 
     def __post_init__(self) -> None:
@@ -100,7 +100,8 @@ class FrameSynchronizer:
         self._awaited = (*rules.triggers, *rules.attached) if rules.awaited is None else rules.awaited
         self._stamped_by = rules.triggers if rules.main is None else (rules.main, *rules.triggers)
         self._max_wait_ns = round(rules.max_wait_s * NS_PER_S)
-        self._within_ns = round((0.5 * rules.period_s if rules.within_s is None else rules.within_s) * NS_PER_S)
+        self._within_ns = round(0.5 * rules.period_s * NS_PER_S)
+        self._joined = {*rules.triggers, *rules.attached} if rules.joined is None else set(rules.joined)
         self._last_ns: dict[str, int] = {}
         self._gaps_ns: dict[str, deque[int]] = {name: deque(maxlen=_GAPS) for name in rules.triggers}
         self._pending: list[SyncedFrame] = []
@@ -134,10 +135,7 @@ class FrameSynchronizer:
             return []
         elif sensor in rules.triggers:
             self._learn_period(sensor, ns)
-            frame = self._nearest(ns, without=sensor)
-            if frame is None:
-                frame = self._started(ns)
-            self._put(frame, observation)
+            self._put(self._nearest(ns, without=sensor) or self._started(observation), observation)
         else:
             self._waiting.append(observation)
         self._join()
@@ -156,23 +154,22 @@ class FrameSynchronizer:
 
     def _learn_period(self, sensor: str, ns: int) -> None:
         """Update the period of frames [s], shorter than declared if sensors report faster."""
-        if self._rules.within_s is not None:
+        if sensor not in self._joined:
             return
         gap_ns = ns - self._last_ns.get(sensor, ns)
         self._last_ns[sensor] = ns
         if gap_ns > 0:
             self._gaps_ns[sensor].append(gap_ns)
-            seen_ns = [median_low(gaps) for gaps in self._gaps_ns.values() if gaps]
+            seen_ns = (median_low(gaps) for gaps in self._gaps_ns.values() if gaps)
             self._within_ns = min(round(self._rules.period_s * NS_PER_S), *seen_ns) // 2
 
     def _came_too_late(self, sensor: str, ns: int) -> bool:
-        if self._left is None:
-            return False
-        if ns <= self._left.ns:
-            return True
-        # its frame has left without it
         left = self._left
-        return sensor not in left.observations and sensor not in left.repeated and ns - left.ns <= self._within_ns
+        if left is None:
+            return False
+        # or its frame has left without it
+        lacks = sensor not in {*left.observations, *left.repeated}
+        return ns <= left.ns or (lacks and ns - left.ns <= self._reach_ns(sensor, left))
 
     def _has(self, sensor: str, ns: int) -> bool:
         """Return whether an observation of that sensor and stamp is already waiting."""
@@ -185,20 +182,25 @@ class FrameSynchronizer:
         near = [
             (abs(frame.ns - ns), frame.ns, place)
             for place, frame in enumerate(self._pending)
-            if without not in frame.observations and abs(frame.ns - ns) <= self._within_ns
+            if without not in frame.observations and abs(frame.ns - ns) <= self._reach_ns(without, frame)
         ]
         return self._pending[min(near)[2]] if near else None
 
-    def _started(self, ns: int) -> SyncedFrame:
+    def _reach_ns(self, sensor: str, frame: SyncedFrame) -> int:
+        """Return how far from a frame an observation of the sensor may be to join it [ns]."""
+        return self._within_ns if {sensor, *frame.observations, *frame.repeated} <= self._joined else 0
+
+    def _started(self, by: Observation) -> SyncedFrame:
         """Start a frame; move to it the observations of another frame that are nearer to it.
 
         Before a sensor's period is known, or if one reports late, an earlier frame may hold them.
         """
-        opened = SyncedFrame(ns)
+        opened, ns = SyncedFrame(by.stamp_ns), by.stamp_ns
         for other in self._pending:
             for sensor, each in list(other.observations.items()):
                 beside = [abs(each.stamp_ns - it.stamp_ns) for it in other.observations.values() if it is not each]
-                if sensor not in opened.observations and beside and abs(each.stamp_ns - ns) < min(beside):
+                joins = sensor not in opened.observations and {by.sensor, sensor} <= self._joined
+                if joins and beside and abs(each.stamp_ns - ns) < min(beside):
                     opened.observations[sensor] = other.observations.pop(sensor)
             self._stamp(other)
         self._pending.append(opened)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import two_scanners
 from synthetic_room import Walk, empty_room, observe, rig, straight_walk
 
 from trackers.arrays import Array
@@ -40,6 +41,19 @@ def test_a_first_look_shows_people_where_the_empty_room_is_known_alone(role: str
             detected_ns += [each.stamp_ns for each in tracker.detections()]
         waited_ns[knows] = next(each.stamp_ns for each in frames if each.tracks) - detected_ns[0]
     assert waited_ns["knows"] == 0 < waited_ns["learns"]
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.03, 0.05])
+def test_scans_up_to_half_a_period_apart_are_one_look(late_s: float) -> None:
+    """Two scanners that face each other show the legs of a person from both sides: each leg is one measurement, by both."""
+    tracker = make_tracker("fusion", two_scanners.RIG, two_scanners.EMPTY)
+    scans = two_scanners.observed(straight_walk([(0.3, 1.2)], [(0.0, 0.5)], 12), late_s)
+    shown = []
+    for scan in scans:
+        tracker.update(scan)
+        shown += tracker.detections()
+    later = [each for each in shown if each.stamp_ns > 1.4 * NS_PER_S]
+    assert later and all(len(each.sensors) == 2 for each in later)
 
 
 def look_at_legs(walk: Walk, facing: Array, speed_m_s: float) -> Look:

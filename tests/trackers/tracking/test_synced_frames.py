@@ -190,7 +190,7 @@ def test_pictures_taken_one_after_another_join_the_nearest_moment_with_their_own
 
 
 def test_pictures_may_each_be_a_moment_of_their_own_those_of_one_stamp_together():
-    rules = SyncPolicy(triggers=CAMERAS, within_s=0.0, max_wait_s=0.06)
+    rules = SyncPolicy(triggers=CAMERAS, joined=(), max_wait_s=0.06)
     gather = FrameSynchronizer(rules)
     moments = [*left(gather, *((name, t) for t, name in STAGGERED)), *gather.finish()]
     assert [(moment.t, *moment.observations) for moment in moments] == [
@@ -280,3 +280,29 @@ def test_values_are_held_in_bounded_memory_while_no_moment_opens():
 def test_a_declaration_that_makes_no_sense_is_refused(rules, complaint):
     with pytest.raises(ValueError, match=complaint):
         SyncPolicy(**rules)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_joined_scanners_make_one_moment_and_pictures_keep_their_own_stamps(order):
+    """Scans 20 ms apart are of one moment, though a picture is stamped between them, which a load of its stamp joins."""
+    rules = SyncPolicy(("east", "west", "camera_1", "floor"), main="west", joined=("east", "west"))
+    arrivals = [
+        (name, round(0.1 * k + phase, 3))
+        for k in range(12)
+        for name, phase in (("east", 0.0), ("camera_1", 0.01), ("west", 0.02), ("floor", 0.01))[::order]
+    ]
+    gather = FrameSynchronizer(rules)
+    moments = [told(each) for each in [*left(gather, *arrivals), *gather.finish()]]
+    assert moments == [(round(0.1 * k + t, 3), who) for k in range(12) for t, who in ((0.01, "cf"), (0.02, "ew"))]
+    assert gather.discarded == 0
+
+
+def test_the_period_of_joined_sensors_is_their_own():
+    """A fast camera leaves scanners at 10 Hz half of their period to join."""
+    gather = FrameSynchronizer(SyncPolicy(("east", "west", "camera_1"), main="west", joined=("east", "west")))
+    arrivals = sorted(
+        [(round(0.1 * k + late, 3), name) for k in range(12) for name, late in (("west", 0.0), ("east", 0.04))]
+        + [(round(0.02 * k + 0.005, 3), "camera_1") for k in range(60)]
+    )
+    moments = [told(each) for each in [*left(gather, *((name, t) for t, name in arrivals)), *gather.finish()]]
+    assert [each for each in moments if each[1] != "c"] == [(round(0.1 * k, 3), "ew") for k in range(12)]
