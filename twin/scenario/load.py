@@ -221,8 +221,8 @@ def _apply(content: dict[str, Any], override: str) -> None:
 def _check_replaced(held: Any, value: Any, at: tuple[str, ...], source: str) -> None:
     """Raise InputError where a mapping replaces another that has a `kind`, and has none: it cannot be meant to.
 
-    Warn where a mapping of names holds some of those there and drops the others. at: the path of both; source: as for
-    `check_removals`.
+    Warn where a mapping of names changes some of those there and drops the others; empty ones change nothing, so that only a
+    replacement can be meant. at: the path of both; source: as for `check_removals`.
     """
     if not (isinstance(held, Mapping) and isinstance(value, Mapping) and value):
         return
@@ -233,7 +233,8 @@ def _check_replaced(held: Any, value: Any, at: tuple[str, ...], source: str) -> 
     if "kind" in held and "kind" not in value:
         raise InputError(f"{source}: {path}: is replaced as a whole, and has no kind; --set {one} changes one field")
     dropped = [str(key) for key in held if key not in value]
-    if dropped and held.keys() & value.keys() and keys_of(ScenarioFile, at) is None:
+    changed = [key for key in held.keys() & value.keys() if value[key] != {}]
+    if dropped and changed and keys_of(ScenarioFile, at) is None:
         _warn(f"{source}: replaces all of {path}, without {', '.join(dropped)}; --set {one} changes one of them")
 
 

@@ -134,6 +134,7 @@ def test_a_mapping_that_drops_others_beside_it_is_told_and_one_of_new_names_is_n
     for whole in (
         "people={eve: {}}",
         "people={}",
+        "people={ann: {}}",  # nothing of Ann is changed: only a replacement can be meant
         "people={ann: {}, ben: {height_m: 1.8}}",
         "people.ann={height_m: 2}",
     ):
