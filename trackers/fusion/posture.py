@@ -152,12 +152,13 @@ class Posture(Rows):
         self,
         row: Int[Index, "k"],
         measured: Float[Array, "k 2"],
+        of_legs: Bool[Mask, "k"],
         speed_m_s: Float[Array, "k"],
         share: Float[Array, "k"],
     ) -> Self:
-        """Weigh those at `row` by their speed [m/s], and by how far from their seats they are measured [m]."""
+        """Weigh those at `row` by their speed [m/s], and by how far from their seats they, or their legs, are measured [m]."""
         off_m = np.nan_to_num(np.hypot(*(measured - self.seat[row]).T))
-        moves = (speed_m_s / _REST_M_S) ** 2 + (off_m / _SEAT_M) ** 2
+        moves = (speed_m_s / _REST_M_S) ** 2 + (off_m / np.where(of_legs, LEGS_REST_M, _SEAT_M)) ** 2
         # who stays may stand there as well
         moves = share * np.maximum(moves - _UP, 0.0)
         return self.weighed(row, -0.5 * moves[:, None] * np.array([0.0, 1.0, 1.0]))

@@ -257,7 +257,7 @@ class Fusion(SynchronizedTracker):
         posture = people.posture.detected(row, np.array([looks[n].by_posture[2] for n in number]), share)
         of_legs = np.array([looks[n].of_legs for n in number])
         pelvis = np.where(of_legs[:, None], place - people.legs[row], place)
-        posture = posture.by_place(row, pelvis, np.hypot(*people.velocity[row].T), share)
+        posture = posture.by_place(row, place, of_legs, np.hypot(*people.velocity[row].T), share)
         upright = np.maximum(1 - posture.low[row], _LEAST_SHARE)  # a lying person is not where a standing one would be
         of_heads = np.array([looks[n].of_heads for n in number])
         lean_m = np.where(posture.rests[row] & ~of_legs & ~of_heads, _LEAN_M, 0.0)
