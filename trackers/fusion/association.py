@@ -27,7 +27,7 @@ _GATE, EXPLAINED = 4.0, 3.0
 
 
 def log_density(state: ImmState, look: Look, wider_m2: float = 0.0) -> tuple[Float[Array, "n k"], Float[Array, "n k"]]:
-    """Return ln p(z) [ln 1/m²] of measurements about the likeliest mode of each track, and its Mahalanobis distance.
+    """Return ln p(z) [ln 1/m²] of measurements over the modes of each track, and the least Mahalanobis distance from one.
 
     wider_m2: variance to add on each axis.
     """
@@ -40,7 +40,8 @@ def log_density(state: ImmState, look: Look, wider_m2: float = 0.0) -> tuple[Flo
     x, y = off[..., 0], off[..., 1]
     square = (s_yy * x * x - 2 * s_xy * x * y + s_xx * y * y) / determinant
     log = -0.5 * (square + np.log(determinant)) - np.log(2 * np.pi)
-    return log.max(axis=1), np.sqrt(np.maximum(square.min(axis=1), 0.0))
+    log += np.log(np.maximum(state.probability, 1e-9)).T[:, :, None]
+    return np.logaddexp.reduce(log, axis=1), np.sqrt(np.maximum(square.min(axis=1), 0.0))
 
 
 @dataclass(frozen=True, eq=False)
