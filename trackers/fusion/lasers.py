@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from trackers.area import Area
+from trackers.arrays import Array, Bool, Float, Mask
 from trackers.fusion.look import Expected, Look, round_covariance
 from trackers.fusion.motion import LEGS, PLACE
 from trackers.fusion.options import FusionOptions, KindOptions
@@ -22,7 +23,7 @@ _SURE_SAMPLES = 4
 
 
 class Scanners:
-    """All scanners of one height. sees_waists: whether the rig has others at waist height, so that a leg alone is no person."""
+    """All scanners of one height. waists: the rig's others at waist height: where they would show a trunk, a leg is no person."""
 
     def __init__(
         self,
@@ -31,12 +32,12 @@ class Scanners:
         height_m: float,
         kind: KindOptions,
         area: Area | None,
-        sees_waists: bool,
+        waists: Scanners | None = None,
     ) -> None:
         self.role: Role = role
         self._height_m = height_m
         self._group, self._kind, self._area = group, kind, area
-        self._sees_waists = sees_waists
+        self._waists, self._scans = waists, dict[str, LaserScan]()
         self._legs = LegOptions(variance_m2=kind.sigma_m**2)
 
     @property
@@ -49,18 +50,23 @@ class Scanners:
         """True where a scanner came without scans of the empty room."""
         return self._group.learns_background
 
+    def would_show(self, points: Float[Array, "k 2"]) -> Bool[Mask, "k"]:
+        """Mark the points [m] at which the last scans would rather show a person than not."""
+        return self._group.missed(self._scans, points.T) < 0.5
+
     def look(self, observations: Mapping[str, Observation], expected: Expected, ns: int) -> Look | None:
         """Return the trunks, or people by their legs, in the scans of one stamp."""
         scans = {name: each for name in self.names if isinstance(each := observations.get(name), LaserScan)}
         if not scans:
             return None
+        self._scans |= scans
         found = self._group.detect(scans, weak=True)
         if self._area is not None and len(found):
             found = found.select(self._area.contains(found.position))
         position, variance = found.position, self._kind.sigma_m**2 + found.variance_m2
         starts, n_sample = self._group.sufficient(found), found.n_sample
         if self.role == "knee":
-            gate_m = self._legs.gate_m if self._sees_waists else self._legs.gate_alone_m
+            gate_m = self._legs.gate_m if self._waists else self._legs.gate_alone_m
             no_trunk = np.empty((0, 2))
             # shanks lean forward: knees are before the feet
             ahead_m = legs_ahead_m(expected.speed_m_s, self._height_m, self._legs)
@@ -71,7 +77,8 @@ class Scanners:
             position[known] += expected.legs[walkers.owner[known]]
             variance = walkers.likelihood(self._legs, gate_m).variance_m2
             n_sample = walkers.n_sample
-            starts = (walkers.n_leg > 1) | (not self._sees_waists)
+            starts = walkers.n_leg > 1
+            starts |= ~self._waists.would_show(position) if self._waists else True
             bodies = np.concatenate([expected.place, expected.place + expected.legs, position[known]])
             starts = may_be_new(position, walkers.n_leg == 1, starts & ~known, bodies, self._legs.start_apart_m)
         sure = (n_sample >= _SURE_SAMPLES) & (not self._group.is_learning)
@@ -101,12 +108,12 @@ def scanners_of(
         "waist": (WaistOptions(outlines=True, weak_samples=1), options.trunk),
         "knee": (KneeOptions(), options.legs),
     }
-    found = []
+    found: dict[Role, Scanners] = {}
     for role, of_role in names.items():
         layer, kind = layers[role]
         seen = layer.free_space.model_copy(update={"detected": kind.p_detect})
         layer = layer.model_copy(update={"free_space": seen})
         group = ScannerGroup({name: lasers[name] for name in of_role}, empty_room, layer)
         height_m = float(np.mean([lasers[name].room_from_sensor.translation[2] for name in of_role]))
-        found.append(Scanners(group, role, height_m, kind, area, "waist" in names))
-    return found
+        found[role] = Scanners(group, role, height_m, kind, area, found.get("waist"))
+    return list(found.values())
