@@ -7,14 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import two_scanners
+from scipy.stats import multivariate_normal
 from synthetic_room import Walk, empty_room, observe, rig, straight_walk
 
 from trackers.arrays import Array
 from trackers.filters.imm import Imm
-from trackers.fusion.association import pair
+from trackers.fusion.association import log_density, pair
 from trackers.fusion.lasers import scanners_of
 from trackers.fusion.look import Expected, Look
-from trackers.fusion.motion import LEGS, PersonMotion, with_legs_free
+from trackers.fusion.motion import LEGS, PersonMotion, seen, with_legs_free
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.people import People
 from trackers.fusion.posture import LEGS_SHOWN
@@ -170,6 +171,46 @@ def test_legs_of_who_sits_down_are_theirs_while_the_trunk_is_seen() -> None:
     moved = with_legs_free(people.state, np.zeros(1, np.intp), np.full(1, 0.3**2))
     assert (moved.covariance[7, 7] - people.state.covariance[7, 7] > 0.08).all()
     np.testing.assert_array_equal(moved.covariance[:7, :7], people.state.covariance[:7, :7])
+
+
+def test_a_density_is_that_of_the_mixture_over_the_modes() -> None:
+    """A mode in which a person hardly is lends its width to no measurement: SciPy's densities, each by its probability."""
+    people = people_at((0.0, 0.0), (1.0, 0.5))
+    rng = np.random.default_rng(3)
+    probability = rng.dirichlet(np.ones(len(people.state.probability)), len(people)).T
+    covariance = people.state.covariance * (1 + 9 * rng.random(probability.shape))
+    state = replace(people.state, probability=probability, covariance=covariance)
+    look = legs_at(0.3)
+    density, _ = log_density(state, look)
+    mean, S = seen(state, look.observes)
+    expected = [
+        np.log(sum(
+            of * multivariate_normal(mean[row, mode], S[row, mode] + look.covariance[0]).pdf(look.position[0])
+            for mode, of in enumerate(probability[:, row])
+        ))
+        for row in range(len(people))
+    ]  # fmt: skip
+    np.testing.assert_allclose(density[:, 0], expected, rtol=1e-9)
+
+
+def ahead(scan: LaserScan, range_m: float, half_width_m: float) -> LaserScan:
+    """Return a scan with a thing straight ahead."""
+    near = np.abs(scan.angles_rad) < half_width_m / range_m
+    return replace(scan, ranges_m=np.where(near, range_m, scan.ranges_m))
+
+
+@pytest.mark.parametrize("hidden", [True, False])
+def test_a_single_leg_begins_a_track_where_no_scanner_at_waist_height_would_show_a_trunk(hidden: bool) -> None:
+    waists, knees = scanners_of(rig(camera=False), EMPTY, FusionOptions(), None)
+    scan = {each.sensor: each for each in EMPTY if isinstance(each, LaserScan)}
+    nobody = Expected(np.empty((0, 2)), np.empty((0, 3)), np.empty((0, 2)), np.empty(0), np.empty((0, 2)))
+    waist, knee = scan["waist"], ahead(scan["knee"], 1.5, 0.05)
+    if hidden:
+        waist = ahead(waist, 0.7, 0.3)
+    waists.look({"waist": waist}, nobody, waist.stamp_ns)
+    look = knees.look({"knee": knee}, nobody, knee.stamp_ns)
+    assert look is not None and len(look.position) == 1
+    assert (look.starts[0] > 0) == hidden
 
 
 def test_two_hidden_people_who_may_be_at_one_place_stay_two() -> None:

@@ -39,12 +39,20 @@ def test_legs_far_before_the_trunk_are_a_sitting_persons_and_a_seat_ends_with_wh
     assert sitting.probability[0, 1] > 0.5
     sitting = sitting.settled(np.zeros((1, 2)), np.zeros((1, 2)), ONE)
     np.testing.assert_array_equal(sitting.seat, 0)
-    stays, walks, away = sitting, sitting, sitting
-    for _ in range(3):
-        stays = stays.by_place(ROW, np.array([[0.1, 0.0]]), 0.1 * ONE, ONE)
-        walks = walks.by_place(ROW, np.array([[0.1, 0.0]]), 1.0 * ONE, ONE)
-        away = away.by_place(ROW, np.array([[1.5, 0.0]]), 0.1 * ONE, ONE)
-    assert stays.rests[0] and not walks.rests[0] and not away.rests[0]
+    body, legs = np.zeros(1, np.bool_), np.ones(1, np.bool_)
+    for off_m, of_legs, speed_m_s, rests in (
+        (0.1, body, 0.1, True),
+        (0.1, body, 1.0, False),
+        (0.8, body, 0.1, True),
+        (1.5, body, 0.1, False),
+        (0.5, legs, 0.1, True),  # before the seat
+        (1.0, legs, 0.1, False),  # farther than legs reach: they walk
+    ):
+        later = sitting
+        for _ in range(3):
+            later = later.by_place(ROW, np.array([[off_m, 0.0]]), of_legs, speed_m_s * ONE, ONE)
+        assert later.rests[0] == rests
+    walks = sitting.by_place(ROW, np.zeros((1, 2)), body, 2.0 * ONE, ONE)
     assert np.isnan(walks.settled(np.zeros((1, 2)), np.zeros((1, 2)), ONE).seat).all()
 
 
