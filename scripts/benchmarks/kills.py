@@ -302,6 +302,8 @@ def _try(
     family = process.family()
     alive = process.popen.poll() is None
     workers = process.workers()
+    if not workers:  # none has begun: the parent is hit
+        target = "parent"
     for pid in rng.sample(workers, 1) if target == "worker" and workers else family[:1]:
         try:
             os.kill(pid, number)
