@@ -5,6 +5,9 @@ its beams are neither in the floor nor over the heads, as those of a tilted scan
 a rig by hand may have a scanner that sees none of it.
 Without one, beams are to be above the floor at the returns, and close enough together where something has moved; on a moving
 base only the former can be told.
+
+Scanners that stand contradict each other where one sees past what the other shows of somebody who moves: a pose in the rig is
+wrong, or a scan mirrored.
 """
 
 from __future__ import annotations
@@ -16,7 +19,7 @@ from math import asin, degrees, floor, hypot, log10, sin
 import numpy as np
 
 from trackers.area import Area
-from trackers.arrays import Array, Bool, Float, Mask
+from trackers.arrays import Array, Bool, Float, Index, Mask
 from trackers.laser.layer import KneeOptions, WaistOptions
 from trackers.observations import NS_PER_S, LaserScan
 from trackers.rig import LaserSensor, Rig
@@ -32,8 +35,22 @@ _HEIGHTS_M = 0.05, 1.5
 """Heights at which a beam meets an adult: above the soles, below the top of the head [m]."""
 _TALLEST_M = 2.2
 """Height above which a level beam meets nobody [m]."""
+_CONTRADICTED = 1 / 3
+"""Share of the places of moving bodies past which another scanner sees, above which a warning is made."""
+_FEWEST, _MOST_PLACES = 40, 100
+"""Places seen past, in all, for a warning; and those compared in one scan."""
+_TOLERANCE_M = 0.5
+"""Distance within which two scanners show the same body, its motion between the scans included [m]."""
+_BESIDE_M = 0.1
+"""Distance of two returns side by side that are of one surface [m]: a beam alone may be mixed of two."""
+_TOGETHER_NS = NS_PER_S // 6
+"""Time between scans that are compared [ns]."""
 _BEARINGS = 720
 """Bearings whose farthest return is kept."""
+_BIN_M, _BINS = 0.5, 100
+"""Size [m] and number of the steps of distance in which returns are counted."""
+_STANDS = 2
+"""Looks at a return of about the same bearing and distance after which it is of a thing: an edge now met, now missed."""
 
 
 @dataclass(frozen=True)
@@ -105,18 +122,49 @@ class _Scanner:
         self._origin_m, self._room_from_scan = pose.translation[:2], pose.rotation[:2, :2]
         self._scan_from_room = np.linalg.pinv(self._room_from_scan)
         self._farthest_m = np.zeros(_BEARINGS)
+        self._n_look = np.zeros((_BEARINGS, _BINS + 2), np.int32)  # with a return there, or a step nearer or farther
 
     def returns(self) -> tuple[Float[Array, "n 2"], Bool[Mask, "n"]]:
         """Return the places of the latest scan's returns [m], and a mask of those nearer than an earlier one behind them."""
         assert self.scan is not None
-        ranges, angles = self.scan.ranges_m, self.scan.angles_rad
-        hit = np.isfinite(ranges) & (ranges <= self.scan.range_max_m)
-        ranges, angles = ranges[hit], angles[hit]
-        bearing = np.floor(angles / (2 * np.pi) * _BEARINGS).astype(np.intp) % _BEARINGS
+        ranges, angles, bearing = self._polar()
         moved = ranges < self._farthest_m[bearing] - self.body.width_m
-        np.maximum.at(self._farthest_m, bearing, ranges)
+        moved &= self._n_look[bearing, _bins(ranges)] < _STANDS
         local = ranges * np.stack([np.cos(angles), np.sin(angles)])
         return (self._room_from_scan @ local).T + self._origin_m, moved
+
+    def _polar(self) -> tuple[Float[Array, "n"], Float[Array, "n"], Index]:
+        """Return ranges [m], bearings [rad] and their numbers of the latest scan's returns."""
+        assert self.scan is not None
+        hit = np.isfinite(self.scan.ranges_m) & (self.scan.ranges_m <= self.scan.range_max_m)
+        angles = self.scan.angles_rad[hit]
+        return (
+            np.asarray(self.scan.ranges_m[hit], np.float64),
+            angles,
+            np.floor(angles / (2 * np.pi) * _BEARINGS).astype(np.intp) % _BEARINGS,
+        )
+
+    def learn(self) -> None:
+        """Keep the farthest return of each bearing, of the latest scan too."""
+        ranges, _, bearing = self._polar()
+        np.maximum.at(self._farthest_m, bearing, ranges)
+        met = np.zeros(self._n_look.shape, np.bool_)
+        for aside in (-1, 0, 1):
+            met[bearing, _bins(ranges) + aside] = True
+        self._n_look += met
+
+    def witness(self, places: Float[Array, "n 2"]) -> tuple[Bool[Mask, "n"], Bool[Mask, "n"]]:
+        """Return masks of places of moving bodies [m]: shown as moving here too, and seen past, with a return behind."""
+        assert self.scan is not None
+        own, moved = self.returns()
+        gap_m = np.hypot(*(places[:, None] - own[moved]).transpose(2, 0, 1))
+        distance, free, _, _ = self.look(places)
+        beyond = np.zeros(len(places), np.bool_)
+        if free.any():
+            ranges = np.where(np.isfinite(self.scan.ranges_m), self.scan.ranges_m, 0.0)
+            beyond[free] = ranges[self._beams(places[free])[0]] > distance[free] + _TOLERANCE_M
+        shown = gap_m.min(axis=1, initial=np.inf) <= _TOLERANCE_M
+        return shown, beyond & ~shown & ~self.is_sparse(distance)
 
     def look(
         self, places: Float[Array, "n 2"]
@@ -127,18 +175,24 @@ class _Scanner:
         """
         assert self.scan is not None
         scan, count = self.scan, self.scan.ranges_m.size
-        x, y = self._scan_from_room @ (places - self._origin_m).T
+        beam, x, y = self._beams(places)
         distance = np.hypot(x, y)
-        middle_rad = scan.angle_min_rad + 0.5 * (count - 1) * scan.angle_increment_rad
-        bearing = np.arctan2(y, x) - middle_rad
-        bearing -= 2 * np.pi * np.rint(bearing / (2 * np.pi))
-        beam = np.rint(bearing / scan.angle_increment_rad + 0.5 * (count - 1)).astype(np.intp)
         inside = (beam >= 0) & (beam < count) & (distance <= scan.range_max_m)
         reach_m = np.nan_to_num(np.minimum(scan.ranges_m, scan.range_max_m), nan=0.0)
         free = inside & (reach_m[np.where(inside, beam, 0)] >= distance - self.body.width_m)
         height_m = self._height_m + self._up @ np.stack([x, y])
         below, above = inside & (height_m < self._heights_m[0]), inside & (height_m > self._heights_m[1])
         return distance, free & ~below & ~above, below, above
+
+    def _beams(self, places: Float[Array, "n 2"]) -> tuple[Index, Float[Array, "n"], Float[Array, "n"]]:
+        """Return the number of the beam nearest to each place, outside of the scan too, and the places along x and y [m]."""
+        assert self.scan is not None
+        scan, count = self.scan, self.scan.ranges_m.size
+        x, y = self._scan_from_room @ (places - self._origin_m).T
+        middle_rad = scan.angle_min_rad + 0.5 * (count - 1) * scan.angle_increment_rad
+        bearing = np.arctan2(y, x) - middle_rad
+        bearing -= 2 * np.pi * np.rint(bearing / (2 * np.pi))
+        return np.rint(bearing / scan.angle_increment_rad + 0.5 * (count - 1)).astype(np.intp), x, y
 
     def is_sparse(self, distance_m: Float[Array, "n"]) -> Bool[Mask, "n"]:
         """Return a mask of the distances at which too few beams meet a body."""
@@ -192,6 +246,7 @@ class ScannerReach:
         bodies = _bodies()
         self._scanners = {name: _Scanner(sensor, bodies[sensor.layer]) for name, sensor in rig.lasers().items()}
         self._places = None if rig.area is None else _places_in(np.array(rig.area, float))
+        self._pairs: dict[tuple[str, str], _Tally] = {}  # places that one of two shows, and past which the other sees
 
     def add(self, scan: LaserScan) -> None:
         """Take the next scan; one per second and scanner is examined, by the latest of the others on its base."""
@@ -202,14 +257,35 @@ class ScannerReach:
         if mine.examined_ns is not None and 0 <= scan.stamp_ns - mine.examined_ns < _LOOKS_NS:
             return
         mine.examined_ns = scan.stamp_ns
+        places, moved = mine.returns()
+        mine.learn()
+        if mine.base is None:
+            self._compare(mine, places[moved])
         if mine.base is None and self._places is not None:
             self._examine(mine, self._places, spacing=True, height=True)
             mine.n_for_area += bool(np.isfinite(scan.ranges_m).any())
             return
-        places, moved = mine.returns()
         self._examine(mine, places, height=True)
         if mine.base is None:
             self._examine(mine, places[moved], spacing=True)
+
+    def _compare(self, mine: _Scanner, places: Float[Array, "n 2"]) -> None:
+        """Count the places of moving bodies, in order of the beams, that others show too, and past which they see."""
+        assert mine.scan is not None
+        if len(places) < 2:
+            return
+        beside = np.linalg.norm(np.diff(places, axis=0), axis=1) <= _BESIDE_M
+        places = places[np.append(beside, False) | np.insert(beside, 0, False)]
+        places = places[:: -(-len(places) // _MOST_PLACES) or 1]
+        for name, other in self._scanners.items():
+            if other is mine or other.base is not None or other.scan is None:
+                continue
+            if abs(other.scan.stamp_ns - mine.scan.stamp_ns) <= _TOGETHER_NS:
+                shown, past = other.witness(places)
+                first, second = sorted((mine.scan.sensor, name))
+                tally = self._pairs.setdefault((first, second), _Tally())
+                tally.n_place += int((shown | past).sum())
+                tally.n_lost += int(past.sum())
 
     def _examine(
         self, mine: _Scanner, places: Float[Array, "n 2"], *, spacing: bool = False, height: bool = False
@@ -230,13 +306,30 @@ class ScannerReach:
             mine.n_below += int((below & ~shown).sum())
 
     def warnings(self, unused: Collection[str] = ()) -> list[str]:
-        """Return sentences on scanners that show people in less than half of what they see; `unused`: scanners left out."""
-        return [
+        """Return sentences on scanners that show people in less than half of what they see, or contradict each other.
+
+        unused: scanners left out.
+        """
+        found = [
             f"{name}: {sentence}"
             for name, each in self._scanners.items()
             if name not in unused
             for sentence in each.sentences()
         ]
+        for (first, second), tally in self._pairs.items():
+            is_far = tally.n_lost >= _FEWEST and tally.n_lost > _CONTRADICTED * tally.n_place
+            if is_far and first not in unused and second not in unused:
+                found.append(
+                    f"{first}: contradicts {second}: of {tally.n_place} places where one shows somebody who moves, the other "
+                    f"sees past {100 * tally.n_lost / tally.n_place:.0f} %; poses in the rig that fit both (metres, radians, "
+                    "upside down or not), and scans that are not mirrored, are expected"
+                )
+        return found
+
+
+def _bins(ranges_m: Float[Array, "n"]) -> Index:
+    """Return the steps of distance of ranges [m], from 1 on."""
+    return 1 + np.minimum(ranges_m / _BIN_M, _BINS - 1).astype(np.intp)
 
 
 def _rounded_down(number: float) -> float:

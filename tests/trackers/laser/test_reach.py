@@ -179,3 +179,56 @@ def test_scans_of_nothing_are_no_reason(ranges: list[float], area: tuple | None)
 
 def test_a_vertical_scanner_is_told() -> None:
     assert told(0.5, tilt_deg=90.0) == ["low: scans no layer of people: it is tilted by 90°; 45° or less is expected"]
+
+
+def pair_of(
+    off_m: float = 0.0, yaw_deg: float = 0.0, *, mirrored: bool = False, walls: bool = True, late: bool = False
+) -> list[str]:
+    """What is said of two scanners after ten looks at a person on a circle; the rig has the second off by this."""
+    places = {"low": (0.0, -3.0), "high": (-3.0, 0.0)}
+    reach = ScannerReach(
+        Rig(
+            sensors={
+                name: LaserSensor(
+                    topic=f"/{name}/scan",
+                    room_from_sensor=Pose(
+                        xyz=(x + off_m * (name == "high"), y, 0.3),
+                        rpy=(0.0, 0.0, np.radians(yaw_deg) * (name == "high")),
+                    ),
+                )
+                for name, (x, y) in places.items()
+            },
+            area=AREA,
+        )
+    )
+    angles = np.radians(np.arange(-180.0, 180.0, 0.5))
+    ways = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    for second in range(24):
+        person = 1.5 * np.array([np.cos(second), np.sin(second)]) * (not late)
+        for name, place in places.items():
+            with np.errstate(divide="ignore"):
+                ranges = ((HALF_M - np.sign(ways) * place) / np.abs(ways)).min(axis=1)
+            along = ways @ (person - place)
+            aside = np.abs(ways @ [[0, 1], [-1, 0]] @ (person - place))
+            if second:  # nobody at first
+                ranges[(aside < 0.15) & (along > 0)] = np.hypot(*(person - place)) - 0.1
+            if late and not second and name == "high":
+                continue
+            if not walls and name == "high":
+                ranges[ranges > 3.5] = np.inf
+            ranges = ranges[::-1] if mirrored and name == "high" else ranges
+            stamp_ns = second * NS_PER_S + 10**7 * (name == "high")
+            reach.add(LaserScan(name, stamp_ns, ranges, float(angles[0]), np.radians(0.5), 0.05, 30.0, 0.0))
+    return [each for each in reach.warnings() if "contradicts" in each]
+
+
+def test_two_scanners_that_agree_are_not_told_and_a_wrong_pose_or_a_mirrored_scan_is() -> None:
+    assert pair_of() == [] and pair_of(0.2) == [] and pair_of(yaw_deg=7.5) == []
+    for said in (pair_of(1.0), pair_of(yaw_deg=25), pair_of(yaw_deg=-40), pair_of(mirrored=True)):
+        (line,) = said
+        assert line.startswith("high: contradicts low: of ") and "metres, radians, upside down" in line
+
+
+def test_a_scanner_that_sees_nothing_behind_or_knows_nothing_behind_contradicts_nobody() -> None:
+    assert pair_of(yaw_deg=25, walls=False) == []
+    assert pair_of(late=True) == []
