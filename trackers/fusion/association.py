@@ -16,7 +16,7 @@ import numpy as np
 from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.filters.gating import max_weight_assignment
 from trackers.filters.imm import ImmState
-from trackers.fusion.look import Look
+from trackers.fusion.look import NEW, Look
 from trackers.fusion.motion import seen
 from trackers.fusion.people import People
 from trackers.fusion.posture import LEGS_REST_M
@@ -64,7 +64,7 @@ def pair(people: People, look: Look, missed: Float[Array, "n"], by_trunk: Bool[M
         return Pairs(np.empty(0, np.intp), np.empty(0, np.intp), np.empty(0), np.empty(0))
     density, away, legs_moved = _density(people, look, by_trunk)
     ratio = density - np.log(look.kind.clutter_m2) + _log_shown(people, look, missed)[:, None]
-    allowed = away <= _GATE
+    allowed = (away <= _GATE) & (look.owner != NEW)
     given = np.flatnonzero(look.owner >= 0)
     fits = allowed[look.owner[given], given]
     allowed[:, given] = False

@@ -8,7 +8,7 @@ import numpy as np
 
 from trackers.area import Area
 from trackers.arrays import Array, Bool, Float, Mask
-from trackers.fusion.look import Expected, Look, round_covariance
+from trackers.fusion.look import NEW, Expected, Look, round_covariance
 from trackers.fusion.motion import LEGS, PLACE
 from trackers.fusion.options import FusionOptions, KindOptions
 from trackers.fusion.posture import LEGS_SHOWN, TRUNK_SHOWN
@@ -65,6 +65,7 @@ class Scanners:
             found = found.select(self._area.contains(found.position))
         position, variance = found.position, self._kind.sigma_m**2 + found.variance_m2
         starts, n_sample = self._group.sufficient(found), found.n_sample
+        owner = np.full(len(position), -1)
         if self.role == "knee":
             gate_m = self._legs.gate_m if self._waists else self._legs.gate_alone_m
             no_trunk = np.empty((0, 2))
@@ -80,7 +81,10 @@ class Scanners:
             starts = walkers.n_leg > 1
             starts |= ~self._waists.would_show(position) if self._waists else True
             bodies = np.concatenate([expected.place, expected.place + expected.legs, position[known]])
-            starts = may_be_new(position, walkers.n_leg == 1, starts & ~known, bodies, self._legs.start_apart_m)
+            single = walkers.n_leg == 1
+            starts = may_be_new(position, single, starts & ~known, bodies, self._legs.start_apart_m)
+            # split beams at an edge look like a leg, but not twice: a hidden person is not moved to one
+            owner = np.where(single & starts, NEW, -1)
         sure = (n_sample >= _SURE_SAMPLES) & (not self._group.is_learning)
         return Look(
             tuple(scans),
@@ -88,7 +92,7 @@ class Scanners:
             position,
             round_covariance(variance),
             np.where(starts, np.where(sure, 2, 1), 0),
-            np.full(len(position), -1),
+            owner,
             lambda points: self._group.missed(scans, points),
             TRUNK_SHOWN if self.role == "waist" else LEGS_SHOWN,
             is_sharp=True,

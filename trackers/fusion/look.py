@@ -15,6 +15,9 @@ from trackers.fusion.posture import Shares
 from trackers.observations import Observation
 from trackers.tracks import Detection
 
+NEW = -2
+"""Owner of a measurement that is nobody's who is known: it initiates a track, which may prove to be a hidden person's."""
+
 
 @dataclass(frozen=True, eq=False)
 class Expected:
@@ -31,11 +34,11 @@ class Expected:
 class Look:
     """k measurements of one kind at one stamp.
 
-    owner: the track that a measurement is of, −1 where it is to be associated; starts: the hits with which a track begins
-    that a measurement initiates, 0 where it may not: one that can be nobody but a person counts as several; missed: the
-    probability that the look would not show a standing person at room points (2, ...) [m], (...); by_posture: the
-    detection probability of who stands, sits and lies, in that of who stands; is_sharp: whether `missed` tells one place from
-    another near by; observes: H of the measurements.
+    owner: the track that a measurement is of, −1 where it is to be associated, `NEW` where it is nobody's who is known; starts:
+    the hits with which a track begins that a measurement initiates, 0 where it may not: one that can be nobody but a person
+    counts as several; missed: the probability that the look would not show a standing person at room points (2, ...) [m], (...);
+    by_posture: the detection probability of who stands, sits and lies, in that of who stands; is_sharp: whether `missed` tells
+    one place from another near by; observes: H of the measurements.
     """
 
     sensors: tuple[str, ...]

@@ -20,7 +20,7 @@ from trackers.filters.negative_information import (
 )
 from trackers.filters.rows import written
 from trackers.fusion.association import EXPLAINED, LEAST_EXISTENCE, explained
-from trackers.fusion.look import Look, round_covariance
+from trackers.fusion.look import NEW, Look, round_covariance
 from trackers.fusion.options import ColourIdentityOptions, FusionOptions
 from trackers.fusion.people import People
 from trackers.fusion.posture import LENGTH_M
@@ -59,7 +59,8 @@ class FusionTrackManager(TrackManager):
         """Return the tracks and those that begin at measurements that no track explains, one of each person."""
         place, number, R, hits, near = [], [], [], [], [people.positions]
         for (source, look), column in zip(looks.items(), paired, strict=True):
-            start = (look.starts > 0) & ~explained(people, look) & self.clear_of_seats(people, look.position)
+            start = (look.starts > 0) & (~explained(people, look) | (look.owner == NEW))
+            start &= self.clear_of_seats(people, look.position)
             start[column] = False
             near.append(look.position[column])
             place.append(look.position[start])

@@ -14,7 +14,7 @@ from trackers.arrays import Array
 from trackers.filters.imm import Imm
 from trackers.fusion.association import log_density, pair
 from trackers.fusion.lasers import scanners_of
-from trackers.fusion.look import Expected, Look
+from trackers.fusion.look import NEW, Expected, Look
 from trackers.fusion.motion import LEGS, PersonMotion, seen, with_legs_free
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.people import People
@@ -57,10 +57,10 @@ def test_scans_up_to_half_a_period_apart_are_one_look(late_s: float) -> None:
     assert later and all(len(each.sensors) == 2 for each in later)
 
 
-def look_at_legs(walk: Walk, facing: Array, speed_m_s: float) -> Look:
+def look_at_legs(walk: Walk, facing: Array, speed_m_s: float, expected_at: Array | None = None) -> Look:
     on, scans = rig(waist=False, camera=False), observe(walk, 5, images=False)
     scanners = scanners_of(on, EMPTY, FusionOptions(), None)[0]
-    place = walk.position[0]
+    place = walk.position[0] if expected_at is None else expected_at
     n = len(place)
     head = np.column_stack([place, np.full(n, 1.55)])
     expected = Expected(place, head, np.zeros((n, 2)), np.full(n, speed_m_s), np.tile(facing, (n, 1)))
@@ -149,6 +149,24 @@ def legs_at(x_m: float) -> Look:
         ("knee",), FusionOptions().legs, np.array([[x_m, 0.0]]), np.eye(2)[None] * 0.05**2, np.zeros(1, np.intp),
         np.full(1, -1), lambda points: np.ones(points.shape[1:]), LEGS_SHOWN, is_sharp=True, observes=LEGS,
     )  # fmt: skip
+
+
+@pytest.mark.parametrize(("x_m", "phase", "is_new"), [(1.0, 0.0, True), (0.75, 0.0, False), (1.0, np.pi / 2, False)])
+def test_a_single_leg_out_of_reach_is_nobodys_who_is_known(x_m: float, phase: float, is_new: bool) -> None:
+    """Two legs are a person, who may be the hidden one; so may be a leg within a stride of where that one is expected."""
+    walk = replace(straight_walk([(0.0, 1.5)], [(1.0, 0.0)], 2), phase=np.full((2, 1), phase))
+    look = look_at_legs(walk, np.zeros(2), 0.0, np.array([[x_m, 1.5]]))
+    assert (look.owner == NEW).tolist() == [is_new]
+
+
+def test_what_is_nobodys_who_is_known_begins_a_track_and_moves_no_hidden_one() -> None:
+    manager, people = FusionTrackManager(FusionOptions(), None, Imm(PersonMotion())), people_at((0.0, 0.0))
+    hidden = people.in_state(replace(people.state, covariance=people.state.covariance * 25))
+    for owner, is_hidden_one in ((-1, True), (NEW, False)):
+        look = replace(legs_at(0.9), owner=np.full(1, owner), starts=np.ones(1, np.intp))
+        found = pair(hidden, look, np.full(1, 0.9), np.zeros(1, np.bool_))
+        assert found.row.size == is_hidden_one
+        assert len(manager.initiated(hidden, {0: look}, [np.empty(0, np.intp)], NS_PER_S)) == 2 - is_hidden_one
 
 
 def test_legs_of_who_sits_down_are_theirs_while_the_trunk_is_seen() -> None:
