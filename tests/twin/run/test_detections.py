@@ -13,8 +13,8 @@ from command_line import twin
 
 from trackers.errors import InputError, PlugInError
 from twin.recording.tables import read_truth
-from twin.run.feed import write_detections
 from twin.run.live import run_scenario
+from twin.run.tracker_runner import write_detections
 from twin.scenario import load_scenario
 
 
@@ -80,6 +80,12 @@ class Breaks(EachScan):
 
 class Counts(EachScan):
     discarded = "many"
+
+class LacksFile(EachScan):
+    def update(self, observation): open("no-such-model.npz")
+
+class Leaves(EachScan):
+    def update(self, observation): raise SystemExit(0)
 """
 
 
@@ -101,6 +107,13 @@ def test_a_detector_of_ones_own_that_raises_is_told_by_its_method(folder: Path) 
     said = r"own_detector:Breaks: detections\(\) raised TypeError: .* \(own_detector.py, line 12\) at the LaserScan of"
     with pytest.raises(PlugInError, match=said):
         rows_of(folder / "recording.mcap", "own_detector:Breaks")
+
+
+@pytest.mark.usefixtures("of_ones_own")
+@pytest.mark.parametrize(("name", "error"), [("LacksFile", "FileNotFoundError: .*"), ("Leaves", "SystemExit: 0")])
+def test_whatever_a_tracker_of_ones_own_raises_is_its_fault(folder: Path, name: str, error: str) -> None:
+    with pytest.raises(PlugInError, match=rf"own_detector:{name}: update\(\) raised {error} \(own_detector.py, line"):
+        rows_of(folder / "recording.mcap", f"own_detector:{name}")
 
 
 @pytest.mark.usefixtures("of_ones_own")
