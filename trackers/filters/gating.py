@@ -84,11 +84,14 @@ def max_weight_assignment(worth: Float[Array, "n k"]) -> tuple[Int[Index, "pairs
 def global_nearest_neighbour(
     distance: Float[Array, "n k"], allowed: Bool[Mask, "n k"]
 ) -> tuple[Int[Index, "pairs"], Int[Index, "pairs"]]:
-    """Return the one-to-one pairs (tracks, ascending; measurements) of least total distance among the most allowed ones."""
+    """Return the one-to-one pairs (tracks, ascending; measurements) of least total distance among the most allowed ones.
+
+    Distances may be any costs, negative ones too.
+    """
     if not allowed.any():
         return np.empty(0, np.intp), np.empty(0, np.intp)
-    # a forbidden pair costs more than all allowed pairs together, so it is taken only if none is left
-    forbidden = (np.abs(distance).max(where=allowed, initial=0.0) + 1.0) * (min(distance.shape) + 1)
+    # one more forbidden pair costs more than any set of allowed pairs saves
+    forbidden = 2 * min(distance.shape) * (float(np.abs(distance[allowed]).max()) + 1) + 1
     rows, columns = linear_sum_assignment(np.where(allowed, distance, forbidden))
     kept = allowed[rows, columns]
     return rows[kept], columns[kept]

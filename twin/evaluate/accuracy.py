@@ -31,8 +31,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.filters.gating import global_nearest_neighbour
 from trackers.observations import NS_PER_S
-from twin.evaluate.clear import FrameMatches, assign
+from twin.evaluate.clear import FrameMatches
 from twin.evaluate.judged_frames import Frame
 from twin.recording.situation_table import SituationTable
 
@@ -76,9 +77,7 @@ class PersonFrames:
 
 
 def person_frames(frames: Sequence[Frame], matches: Sequence[FrameMatches], gate_m: float) -> PersonFrames:
-    """Judge every person in every frame. `frames` hold people inside the area and outside; `matches`: their correspondence
-    at the same gate.
-    """
+    """Judge every person in every frame; `matches`: correspondence at the same gate of people inside the area and outside."""
     person_id, there = _padded([frame.person_ids for frame in frames], NO_ID)  # (f, n): n slots per frame
     track_id, _ = _padded([frame.track_ids for frame in frames], NO_ID)  # (f, m)
     person_xy, _ = _padded([frame.person_xy for frame in frames], np.nan)
@@ -247,7 +246,7 @@ def claimed_at_person(judged: Sequence[Frame], matches: Sequence[FrameMatches]) 
         gap[pairs.columns] = pairs.distances
         left = np.ones((frame.person_ids.size, frame.track_ids.size), np.bool_)
         left[pairs.rows] = left[:, pairs.columns] = False
-        rows, columns = assign(frame.distances_m, left)
+        rows, columns = global_nearest_neighbour(frame.distances_m, left)
         gap[columns] = frame.distances_m[rows, columns]
         distance.append(gap[states])
         radius.append(frame.radius95_m[states])

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.filters.gating import global_nearest_neighbour
 from trackers.scipy_functions import linear_sum_assignment
 
 MOSTLY_TRACKED_SHARE = 0.8
@@ -113,7 +114,7 @@ def match_frames(frames: Sequence[PairMatrix], gate: float) -> list[FrameMatches
         if len(rows) < min(allowed.shape):  # else nothing is left to assign
             allowed[rows, :] = False
             allowed[:, columns] = False
-            new_rows, new_columns = assign(frame.values, allowed)
+            new_rows, new_columns = global_nearest_neighbour(frame.values, allowed)
             rows, columns = rows + new_rows.tolist(), columns + new_columns.tolist()
         all_rows, all_columns = np.array(rows, dtype=np.intp), np.array(columns, dtype=np.intp)
         for person, track in zip(
@@ -125,18 +126,6 @@ def match_frames(frames: Sequence[PairMatrix], gate: float) -> list[FrameMatches
         all_rows, all_columns = all_rows[order], all_columns[order]
         matches.append(FrameMatches(all_rows, all_columns, frame.values[all_rows, all_columns]))
     return matches
-
-
-def assign(costs: NDArray[np.float64], allowed: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Assign as many allowed pairs as possible, of these the smallest summed cost (n, m); return rows and columns."""
-    if not allowed.any():
-        empty = np.zeros(0, dtype=np.intp)
-        return empty, empty
-    # One more forbidden pair must cost more than any set of allowed pairs.
-    forbidden = 2 * min(costs.shape) * (float(np.abs(costs[allowed]).max()) + 1) + 1
-    rows, columns = linear_sum_assignment(np.where(allowed, costs, forbidden))
-    real = allowed[rows, columns]
-    return rows[real], columns[real]
 
 
 def find_switches(frames: Sequence[PairMatrix], matches: Sequence[FrameMatches]) -> list[IdSwitch]:

@@ -55,6 +55,13 @@ def test_global_not_greedy():
     assert dict(zip(tracks, taken, strict=True)) == {0: 1, 1: 0}
 
 
+def test_a_pair_more_is_taken_whatever_it_costs():
+    cost, forbidden = np.full((4, 4), 50.0), ~np.eye(4, dtype=bool)
+    cost[[0, 1, 2], [1, 2, 3]], forbidden[[0, 1, 2], [1, 2, 3]] = -50.0, False
+    tracks, taken = global_nearest_neighbour(cost, ~forbidden)
+    assert tracks.tolist() == taken.tolist() == [0, 1, 2, 3]
+
+
 def test_forbidden_pairs_are_left_alone_even_if_cheap():
     distance = np.array([[0.0, 5.0], [0.0, 0.1]])
     tracks, taken = global_nearest_neighbour(distance, np.array([[False, True], [False, False]]))
@@ -67,7 +74,7 @@ def test_as_many_pairs_as_can_be_at_least_cost(n, k, seed):
     from itertools import permutations
 
     rng = np.random.default_rng(seed)
-    distance, allowed = rng.random((n, k)) * 10, rng.random((n, k)) < 0.6
+    distance, allowed = rng.uniform(-10, 10, (n, k)), rng.random((n, k)) < 0.6
     best = (0, 0.0)
     padded = list(range(k)) + [-1] * n
     for choice in set(permutations(padded, n)):
