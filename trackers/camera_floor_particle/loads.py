@@ -81,7 +81,7 @@ class FloorFrontEnd:
             self._last = frame, None if self._is_broken else Loads(clusters, self._floor, likelihood)
         return self._last[1]
 
-    def is_new(self, frame: FloorFrame | None, ns: int) -> bool:
+    def is_new(self, frame: FloorFrame | None) -> bool:
         """Return whether the frame has not been processed before."""
         return frame is not None and (self._last is None or self._last[0] is not frame)
 

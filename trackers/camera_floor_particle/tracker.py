@@ -98,8 +98,6 @@ class FloorTrackManager(TrackManager):
 
 _OFF_M = 0.04
 """Median residual above which a camera is displaced."""
-_FEWEST = 16
-"""Residuals of a camera needed for a warning: fewer are off by chance."""
 _WALKS_M_S = 0.3
 _BENT_M = 0.1
 """Drop of a head below upright from which it is left out: its top may not be the head."""
@@ -109,13 +107,8 @@ _APART_M = 0.7
 """Distance of heads in a camera's view within which both are left out."""
 
 
-def monitor(n_camera: int) -> CalibrationMonitor:
-    """Make the monitor of this number of cameras, with offsets in metres."""
-    return CalibrationMonitor(n_camera, _OFF_M, _FEWEST)
-
-
 def take(calibration: CalibrationMonitor, people: BodyTracks, views: Views) -> None:
-    """Add the offsets of one frame. Not with two cameras, as it is unknown which is wrong."""
+    """Add the offsets of one frame [m]. Not with two cameras, as it is unknown which is wrong."""
     upright = people.head_place[:, 2] > people.height_m - CROWN_M - _BENT_M
     walking = upright & (np.hypot(*people.velocity[:, :2].T) > _WALKS_M_S) & ~people.lost
     if len(views) < 3 or not walking.any():
@@ -182,7 +175,7 @@ class CameraFloorParticle(SynchronizedTracker):
         self._loads = FloorFrontEnd(rig.floors()[self._floor], empty_floor, self.options)
         self._bodies, self._heads = BodyFilter(self.options, area), HeadFilter(self.options, area)
         self._initiation = Initiation(self.options, self._manager, len(cameras))
-        self._cameras, self._calibration = tuple(cameras), monitor(len(cameras))
+        self._cameras, self._calibration = tuple(cameras), CalibrationMonitor(len(cameras), _OFF_M)
         self.background_learned_causally = self._views.learns_background
         triggers, latest = (tuple(cameras), (self._floor,)) if cameras else ((self._floor,), ())
         main = rig.main_sensor if rig.main_sensor in triggers else None
@@ -242,7 +235,7 @@ class CameraFloorParticle(SynchronizedTracker):
         self._ns, self._began = synced.ns, True
         frame = {**synced.latest, **synced.observations}.get(self._floor)
         frame = frame if isinstance(frame, FloorFrame) else None
-        is_new = self._loads.is_new(frame, synced.ns)
+        is_new = self._loads.is_new(frame)
         loads = self._loads.loads(frame, synced.ns)
         views = self._views.views(synced.observations)
         self._last = views, loads

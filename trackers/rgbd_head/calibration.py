@@ -31,8 +31,6 @@ _OFF_RAD = np.radians(1.75)
 """Median residual above which a camera is displaced. Of four cameras, one turned by 2° keeps about .028 rad (a camera's mean
 leverage is 3/8), one 20 cm aside .03 to .04; all correct ones less than .002.
 """
-_FEWEST = 16
-"""Residuals of a camera needed for a warning: fewer are off by chance."""
 _SEARCHED_RAD = np.radians(10)
 """Search radius for a silhouette's top about a crown; heads with another within it in the picture are left out."""
 
@@ -96,7 +94,7 @@ class CalibrationCheck:
         return [names[number] for number in self._looks.doubted]
 
     def _none_yet(self) -> CalibrationMonitor:
-        return CalibrationMonitor(len(self._numbers), _OFF_RAD, _FEWEST)
+        return CalibrationMonitor(len(self._numbers), _OFF_RAD)
 
 
 def turned(cameras: Mapping[str, StereoCamera], environment: Environment | None) -> list[str]:

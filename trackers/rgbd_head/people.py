@@ -145,7 +145,6 @@ class HeadTrackManager(TrackManager):
         super().__init__(options.track_management, corners)
         self._options, self._n_camera, self._rng = options, n_camera, rng
         self._pending = sorted(options.start, key=lambda start: start.at_s)
-        self._last_ns = 0  # of the frame before
 
     def no_tracks(self) -> HeadTracks:
         """Return an empty set of tracks."""
@@ -162,11 +161,13 @@ class HeadTrackManager(TrackManager):
         roster = self.confirm(started.roster, np.ones(len(due), np.bool_))
         return people.joined(started.changed(roster=roster))
 
-    def updated(self, people: HeadTracks, is_shown: Bool[Mask, "n"], ns: int) -> HeadTracks:
-        """Update the tracks shown by a frame: confirm those shown often, delete those not shown for long."""
+    def updated(self, people: HeadTracks, is_shown: Bool[Mask, "n"], ns: int, frame_ns: int) -> HeadTracks:
+        """Update the tracks shown by a frame: confirm those shown often, delete those not shown for long.
+
+        frame_ns: since the frame before.
+        """
         roster = people.roster.measured(np.flatnonzero(is_shown), ns, people.roster.state)
-        before_ns, self._last_ns = self._last_ns, ns
-        roster = self.confirm(roster, self.to_confirm(roster, ns, ns - before_ns))
+        roster = self.confirm(roster, self.to_confirm(roster, ns, frame_ns))
         people = people.changed(roster=roster)
         return people.select(self._staying(people, ns))
 

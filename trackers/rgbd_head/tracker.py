@@ -11,7 +11,7 @@ A track's x and y are the ground under the head, not under the pelvis; its z is 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from math import nan
 from typing import Any, NamedTuple
@@ -28,7 +28,7 @@ from trackers.likelihood.stereo_head import HeadLikelihoods
 from trackers.observations import NS_PER_S, DepthImage, Observation
 from trackers.prior import Prior
 from trackers.rgbd_head.calibration import CalibrationCheck, turned
-from trackers.rgbd_head.evaluators import Evaluator, Evaluators
+from trackers.rgbd_head.evaluators import Evaluator, Evaluators, ScheduledEvaluators
 from trackers.rgbd_head.likelihoods import Likelihoods
 from trackers.rgbd_head.options import RgbdHeadOptions
 from trackers.rgbd_head.people import HeadTrackManager, HeadTracks, Motion
@@ -36,7 +36,7 @@ from trackers.rig import Rig, StereoSensor
 from trackers.tracking.synced_frames import SyncedFrame, SynchronizedTracker, SyncPolicy
 from trackers.tracks import Hypotheses, Track, TrackFrame
 from trackers.vision.front_end import front_ends
-from trackers.vision.head_colours import SHIPPED, HeadModel, load_head_model
+from trackers.vision.head_colours import SHIPPED, load_head_model
 from trackers.vision.stereo_picture import StereoCamera, heads_in_plan
 
 LEARNED = "heads"
@@ -86,11 +86,14 @@ class RgbdHead(SynchronizedTracker):
         known = None if self.options.environment is None else prior.environment
         self._lacks_environment = known is None and self.options.environment is not None
         self._calibration = CalibrationCheck(list(sensors), turned(cameras, known), self.options.leave_out)
-        self._ns, self._turn, self._began = 0, 0, False
+        self._ns, self._frame_ns, self._turn, self._began = 0, 0, 0, False
         self._found: dict[str, HeadLikelihoods] = {}
-        weighed_by = self.options.stereo_head
+        weighed_by, address = self.options.stereo_head, self.options.scheduler
         here = {name: Evaluator(each, model, weighed_by) for name, each in cameras.items()}
-        self._evaluators = _evaluators_of(here, model, self.options)
+        if address is None:
+            self._evaluators = Evaluators(here, model, weighed_by)
+        else:
+            self._evaluators = ScheduledEvaluators(here, model, weighed_by, address)
         self._room = EnvironmentLikelihood(known, self.options.environment or EnvironmentLikelihoodOptions())
         self._likelihoods = Likelihoods(self._evaluators, self._room, model.common, self.options)
         self._filter = ParticleFilter(threshold=self.options.motion.resample_below)
@@ -133,11 +136,11 @@ class RgbdHead(SynchronizedTracker):
         )
 
     def _work(self, synced: SyncedFrame) -> None:
-        dt = min((synced.ns - self._ns) / NS_PER_S, _LONGEST_S) if self._began else 0.0
+        self._frame_ns = synced.ns - self._ns if self._began else 0
         self._ns, self._began = synced.ns, True
         later_s = self._taken(synced)
         if len(self._people):
-            self._follow(dt, later_s)
+            self._follow(min(self._frame_ns / NS_PER_S, _LONGEST_S), later_s)
         self._people = self._manager.with_known_starts(self._people, self._ns)
         if not self.options.start and later_s:
             self._initiate(later_s)
@@ -191,7 +194,7 @@ class RgbdHead(SynchronizedTracker):
                 self._calibration.take(self._evaluators.head_offsets(heads), shown)
             if self._likelihoods.learns_colours:
                 people = people.changed(colours=self._likelihoods.colours(people, is_shown, name, later_s[name]))
-        self._people = self._manager.updated(people, is_shown, self._ns)
+        self._people = self._manager.updated(people, is_shown, self._ns, self._frame_ns)
 
     def _initiate(self, later_s: dict[str, float]) -> None:
         """Initiate heads at foreground of a person without a track."""
@@ -202,15 +205,6 @@ class RgbdHead(SynchronizedTracker):
         if len(found):
             found = found[np.isfinite(self._room.log_likelihood(found))]
             self._people = self._manager.initiated(people, found, self._ns)
-
-
-def _evaluators_of(here: Mapping[str, Evaluator], model: HeadModel, options: RgbdHeadOptions) -> Evaluators:
-    """Make the evaluators: in this process, or on the workers of a Dask scheduler, which is imported only then."""
-    if options.scheduler is None:
-        return Evaluators(here, model, options.stereo_head)
-    from trackers.rgbd_head.evaluators import ScheduledEvaluators
-
-    return ScheduledEvaluators(here, model, options.stereo_head, options.scheduler)
 
 
 def _stereo_cameras(rig: Rig, chosen: Sequence[str]) -> dict[str, StereoSensor]:

@@ -135,6 +135,8 @@ def _brightness(rgb: UInt8[Bytes, "height width 3"]) -> UInt8[Bytes, "rows colum
 
 _REMEMBERED = 160
 """Number of offsets per camera in the median: furniture, or a bent person, may be beside a head for a while."""
+_FEWEST = 16
+"""Number of offsets of a camera needed for a warning: fewer are off by chance."""
 _CHECKED_EVERY = 4
 """Number of offsets between two medians."""
 _TOP_M = 0.12
@@ -147,14 +149,14 @@ _LEAST_FREE = 1e-6
 class CalibrationMonitor:
     """Median residual `off` of each camera's heads (`residual_offsets`), in the unit of the offsets given.
 
-    off_from: greatest median of a correct camera. fewest: offsets needed for a warning.
+    off_from: greatest median of a correct camera.
     """
 
-    def __init__(self, n_camera: int, off_from: float, fewest: int) -> None:
+    def __init__(self, n_camera: int, off_from: float) -> None:
         self.n_camera = n_camera
         self.off: Float[Array, "cameras 2"] = np.zeros((n_camera, 2))
         self._explained = np.zeros(n_camera)
-        self._off_from, self._fewest = off_from, fewest
+        self._off_from = off_from
         self._looks = np.zeros((n_camera, _REMEMBERED, 3))
         self._n_look = np.zeros(n_camera, np.intp)
 
@@ -164,7 +166,7 @@ class CalibrationMonitor:
 
         None before all cameras that show heads about as often as the others have enough offsets to be compared.
         """
-        if ((self._n_look < self._fewest) & (2 * self._n_look > self._n_look.max(initial=0))).any():
+        if ((self._n_look < _FEWEST) & (2 * self._n_look > self._n_look.max(initial=0))).any():
             return []
         off = np.linalg.norm(self.off, axis=1)
         far = np.flatnonzero(off > self._off_from).tolist()
@@ -180,7 +182,7 @@ class CalibrationMonitor:
         """Add the residual of a head in a camera. explained: share of the sum of squares that falls without it."""
         self._looks[number, self._n_look[number] % _REMEMBERED] = *off, explained
         count = self._n_look[number] = self._n_look[number] + 1
-        if count >= self._fewest and (count - self._fewest) % _CHECKED_EVERY == 0:
+        if count >= _FEWEST and (count - _FEWEST) % _CHECKED_EVERY == 0:
             *self.off[number], self._explained[number] = np.median(self._looks[number, :count], axis=0)
 
 

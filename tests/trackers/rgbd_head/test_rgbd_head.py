@@ -336,6 +336,13 @@ def test_nobody_is_nobody_and_who_leaves_is_gone_after_coasting():
     assert statuses == {"coasting"} and not frames[-1].tracks
 
 
+def test_when_a_clock_began_confirms_nobody_earlier():
+    limits = {"track_management": {"confirm_hits": 2, "confirm_s": 0.6}}
+    later = [replace(each, stamp_ns=each.stamp_ns + 100 * NS_PER_S) for each in SEEN[:80]]
+    counts = [[len(frame.tracks) for frame in follow(seen, **limits)] for seen in (SEEN[:80], later)]
+    assert counts[0] == counts[1] and counts[0][2] == 0 < counts[0][-1]
+
+
 def test_without_pictures_of_the_empty_room_the_background_is_learned():
     tracker = make_tracker("rgbd-head", RIG, (), np.random.default_rng(0), {})
     assert tracker.background_learned_causally

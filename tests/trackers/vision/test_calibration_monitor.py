@@ -49,7 +49,7 @@ def test_errors_of_estimates_count_for_no_camera_and_a_displaced_one_is_told(tur
     wrong = int(rng.integers(4))
     believed = [camera(each) for each in CORNERS]
     true = [camera(each, *((turn_deg, moved_m) if k == wrong else ())) for k, each in enumerate(CORNERS)]
-    monitor = CalibrationMonitor(4, 0.04, 16)
+    monitor = CalibrationMonitor(4, 0.04)
     bias = rng.normal(0, 0.08, 3)  # the estimates are off in the same way all the time
     for _ in range(60):
         crowns = rng.uniform([1.0, 1.0, 1.4], [3.0, 3.0, 1.9], (3, 3))
