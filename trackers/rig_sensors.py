@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 from functools import lru_cache
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Any, Literal, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,9 +88,29 @@ MountedOn = Annotated[
     ),
 ]
 Topic = Annotated[str, StringConstraints(pattern=r"^/*[^/\s][^\s]*$")]
+Lens = TypeVar("Lens", FisheyeIntrinsics, PinholeIntrinsics)
+
+
+def _seeing(lens: Lens) -> Lens:
+    """Return the lens; raises InputError for an impossible one."""
+    lens.check_view()
+    return lens
+
+
+FisheyeLens = Annotated[FisheyeIntrinsics, AfterValidator(_seeing)]
+PinholeLens = Annotated[PinholeIntrinsics, AfterValidator(_seeing)]
 HungPose = Annotated[Pose, AfterValidator(_above_the_floor)]
 FloorPose = Annotated[Pose, AfterValidator(_in_the_floor)]
-TimeOffset = Annotated[float, Field(ge=-_FARTHEST_CLOCK_S, le=_FARTHEST_CLOCK_S, allow_inf_nan=False)]
+OpticalPose = Annotated[HungPose, Field(description="pose in the room of its optical frame: x right, y down, z ahead")]
+TimeOffset = Annotated[
+    float,
+    Field(
+        ge=-_FARTHEST_CLOCK_S,
+        le=_FARTHEST_CLOCK_S,
+        allow_inf_nan=False,
+        description="what is added to its stamps to bring them on the rig's clock [s]",
+    ),
+]
 Baseline = Annotated[float, Field(gt=0, le=WIDEST_BASELINE_M, allow_inf_nan=False)]
 Pitch = Annotated[float, Field(ge=0.01, le=2, allow_inf_nan=False)]
 
@@ -111,9 +131,7 @@ class LaserSensor(Strict):
         default=None,
         description="the layer that trackers use it for; none: waist from a height of 0.7 m on, knee below",
     )
-    time_offset_s: TimeOffset = Field(
-        default=0.0, description="what is added to its stamps to bring them on the rig's clock [s]"
-    )
+    time_offset_s: TimeOffset = 0.0
 
     @model_validator(mode="after")
     def _layer_is_level(self) -> LaserSensor:
@@ -133,20 +151,11 @@ class FisheyeSensor(Strict):
     kind: Literal["fisheye"] = Field(default="fisheye", description="the kind of sensor: a fisheye camera")
     topic: Topic = Field(description="topic of its pictures (CompressedImage)")
     mounted_on: MountedOn = None
-    room_from_sensor: HungPose = Field(
-        default=Pose(), description="pose in the room of its optical frame: x right, y down, z ahead"
-    )
-    intrinsics: FisheyeIntrinsics = Field(
+    room_from_sensor: OpticalPose = Pose()
+    intrinsics: FisheyeLens = Field(
         description="how its lens projects; may be left out for a bag that has its CameraInfo"
     )
-    time_offset_s: TimeOffset = Field(
-        default=0.0, description="what is added to its stamps to bring them on the rig's clock [s]"
-    )
-
-    @model_validator(mode="after")
-    def _lens_sees(self) -> FisheyeSensor:
-        self.intrinsics.check_view()
-        return self
+    time_offset_s: TimeOffset = 0.0
 
 
 class PinholeSensor(Strict):
@@ -155,20 +164,9 @@ class PinholeSensor(Strict):
     kind: Literal["camera"] = Field(default="camera", description="the kind of sensor: a pinhole camera")
     topic: Topic = Field(description="topic of its pictures (CompressedImage)")
     mounted_on: MountedOn = None
-    room_from_sensor: HungPose = Field(
-        default=Pose(), description="pose in the room of its optical frame: x right, y down, z ahead"
-    )
-    intrinsics: PinholeIntrinsics = Field(
-        description="how it projects; may be left out for a bag that has its CameraInfo"
-    )
-    time_offset_s: TimeOffset = Field(
-        default=0.0, description="what is added to its stamps to bring them on the rig's clock [s]"
-    )
-
-    @model_validator(mode="after")
-    def _lens_sees(self) -> PinholeSensor:
-        self.intrinsics.check_view()
-        return self
+    room_from_sensor: OpticalPose = Pose()
+    intrinsics: PinholeLens = Field(description="how it projects; may be left out for a bag that has its CameraInfo")
+    time_offset_s: TimeOffset = 0.0
 
 
 class StereoSensor(Strict):
@@ -192,14 +190,12 @@ class StereoSensor(Strict):
     room_from_sensor: HungPose = Field(
         default=Pose(), description="pose in the room of the left view's optical frame: x right, y down, z ahead"
     )
-    intrinsics: PinholeIntrinsics = Field(
+    intrinsics: PinholeLens = Field(
         description="how it projects, colour and depth alike; may be left out for a bag that has its CameraInfo"
     )
     baseline_m: Baseline | None = Field(default=None, description="how far apart the two views are [m]; none: unknown")
     mode: DepthMode | None = Field(default=None, description="how the twin made depth; none: a real device's own way")
-    time_offset_s: TimeOffset = Field(
-        default=0.0, description="what is added to its stamps to bring them on the rig's clock [s]"
-    )
+    time_offset_s: TimeOffset = 0.0
 
     @model_validator(mode="before")
     @classmethod
@@ -212,11 +208,6 @@ class StereoSensor(Strict):
                 "the topic of the depth pictures is expected"
             )
         return content | {"depth_topic": content["topic"].removesuffix(_IMAGE) + _DEPTH}
-
-    @model_validator(mode="after")
-    def _lens_sees(self) -> StereoSensor:
-        self.intrinsics.check_view()
-        return self
 
     def eyes_m(self) -> list[NDArray[np.float64]]:
         """Return the places of the views in the room: the left one (3,), and the right one where the baseline is known [m]."""
@@ -256,9 +247,7 @@ class FloorSensor(Strict):
     columns: PositiveInt = Field(description="number of elements in a row, along the grid's x")
     pitch_m: Pitch = Field(description="side of an element [m]")
     curve: ForceCurve = Field(default=ForceCurve(), description="what an element reads under a load")
-    time_offset_s: TimeOffset = Field(
-        default=0.0, description="what is added to its stamps to bring them on the rig's clock [s]"
-    )
+    time_offset_s: TimeOffset = 0.0
 
     @model_validator(mode="after")
     def _cells_are_few(self) -> FloorSensor:
@@ -303,9 +292,7 @@ class OdometrySensor(Strict):
     room_from_sensor: Pose = Field(
         default=Pose(), description="pose in the room of its odometry frame; the origin: tracks leave in that frame"
     )
-    time_offset_s: TimeOffset = Field(
-        default=0.0, description="what is added to its stamps to bring them on the rig's clock [s]"
-    )
+    time_offset_s: TimeOffset = 0.0
 
     @model_validator(mode="after")
     def _both_frames(self) -> OdometrySensor:

@@ -75,5 +75,5 @@ def test_a_rational_lens_is_refused_by_name(count):
 def test_a_lens_that_folds_inside_its_picture_is_refused(kind):
     lens = {"k": [-0.3, 0, 0, 0], "field_of_view_rad": 3.2} if kind == "fisheye" else {"distortion": [-5, 0, 0, 0, 0]}
     sensor = {"kind": kind, "topic": "/c/image/compressed", "intrinsics": SIZE | lens}
-    with pytest.raises(InputError, match=r"rig.yaml: sensors.c: .*folds back"):
+    with pytest.raises(InputError, match=r"rig.yaml: sensors\.c\.intrinsics: .*folds back"):
         Rig.parse(str({"sensors": {"c": sensor}}), "rig.yaml")

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from pydantic import AfterValidator, BeforeValidator, Field, FiniteFloat, PositiveInt
+from pydantic import AfterValidator, BeforeValidator, Field, FiniteFloat
 
 from trackers.arrays import Array, ArrayOrNumber, Bool, Float, Mask
 from trackers.configuration import Strict
@@ -17,6 +17,8 @@ from trackers.errors import InputError
 
 LARGEST_SIDE_PX = 8192
 """Greatest width and height of a picture."""
+Side = Annotated[int, Field(gt=0, le=LARGEST_SIDE_PX)]
+"""Width or height of a picture [px]."""
 _NOTHING = 1e-15
 """Leading coefficient that is negligible, and whose roots would overflow a float."""
 
@@ -28,8 +30,8 @@ class Intrinsics(Strict):
     to width − ½ and v from −½ to height − ½. `project` and `rays` have the same meaning for every lens.
     """
 
-    width: PositiveInt = Field(le=LARGEST_SIDE_PX, description="width of the picture [px]")
-    height: PositiveInt = Field(le=LARGEST_SIDE_PX, description="height of the picture [px]")
+    width: Side = Field(description="width of the picture [px]")
+    height: Side = Field(description="height of the picture [px]")
     fx: float = Field(gt=0, allow_inf_nan=False, description="focal length along a row [px]")
     fy: float = Field(gt=0, allow_inf_nan=False, description="focal length along a column [px]")
     cx: FiniteFloat = Field(description="column of the principal point, pixel centres are integers [px]")

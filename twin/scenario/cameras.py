@@ -6,10 +6,10 @@ from math import ceil, radians, tan
 from typing import Annotated, Literal, TypeVar
 
 import numpy as np
-from pydantic import BeforeValidator, Field, FiniteFloat, PositiveInt, model_validator
+from pydantic import BeforeValidator, Field, FiniteFloat, model_validator
 
 from trackers.cameras import PinholeIntrinsics
-from trackers.cameras.intrinsics import LARGEST_SIDE_PX
+from trackers.cameras.intrinsics import Side
 from trackers.configuration import Strict
 from trackers.rig import DepthMode, PinholeSensor, StereoSensor
 from trackers.rig_sensors import Baseline
@@ -80,9 +80,7 @@ class PerspectiveDescription(Mounted):
     of the noise.
     """
 
-    size: tuple[PositiveInt, PositiveInt] = Field(
-        default=(640, 480), description="width and height of the picture [px]"
-    )
+    size: tuple[Side, Side] = Field(default=(640, 480), description="width and height of the picture [px]")
     field_of_view_deg: float | None = Field(
         default=None,
         gt=0,
@@ -110,10 +108,6 @@ class PerspectiveDescription(Mounted):
 
     @model_validator(mode="after")
     def _one_focal_length(self) -> PerspectiveDescription:
-        if max(self.size) > LARGEST_SIDE_PX:
-            raise ValueError(
-                f"size {list(self.size)} is too large; at most [{LARGEST_SIDE_PX}, {LARGEST_SIDE_PX}] is valid"
-            )
         given = [name for name in ("field_of_view_deg", "vertical_field_of_view_deg", "fx") if getattr(self, name)]
         if len(given) != 1:
             what = "none is given" if not given else f"{' and '.join(given)} are given"
@@ -195,9 +189,7 @@ class StereoDescription(PerspectiveDescription):
     """
 
     kind: Literal["stereo"] = Field(description="the kind of sensor: a stereo camera, colour and depth")
-    size: tuple[PositiveInt, PositiveInt] = Field(
-        default=(320, 240), description="width and height of the picture [px]"
-    )
+    size: tuple[Side, Side] = Field(default=(320, 240), description="width and height of the picture [px]")
     baseline_m: Baseline = Field(default=0.12, description="how far the right view is to the right of the left one [m]")
     mode: DepthMode = Field(
         default="matched",

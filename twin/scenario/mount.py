@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import asin, atan2, cos, degrees, radians
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, FiniteFloat, model_validator
+from pydantic import Field, FiniteFloat
 
 from trackers.area import AngleDeg, Point3, Pose
 from trackers.configuration import Strict
@@ -18,8 +18,8 @@ from twin.sensors.schedule import Timing
 _HOUSING_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """A camera's optical frame (x right, y down, z ahead) in that of its housing (x ahead, y left, z up)."""
 
-_MOST_OFF_M = 1000.0
-"""Greatest assumed displacement of a sensor [m]."""
+_Displacement = Annotated[float, Field(ge=-1000, le=1000)]
+"""Assumed displacement of a sensor along one axis [m]."""
 
 _UPRIGHT = 1e-9
 """Cosine of the pitch below which yaw and roll turn about the same axis: all of it is taken as yaw."""
@@ -80,7 +80,7 @@ class CalibrationError(Strict):
     carries holds what is assumed. The error of a pressure floor is level: no z, no roll, no pitch.
     """
 
-    xyz: Point3 = Field(
+    xyz: tuple[_Displacement, _Displacement, _Displacement] = Field(
         default=(0.0, 0.0, 0.0),
         description="how far off the sensor is assumed to be, assumed minus true, along the room's x, y, z [m]",
     )
@@ -88,22 +88,16 @@ class CalibrationError(Strict):
         default=(0.0, 0.0, 0.0),
         description="how it is assumed to be turned: roll, pitch, yaw about its own x, y, z, assumed minus true [deg]",
     )
-    focal_scale: FiniteFloat = Field(default=1.0, description="assumed focal length over the true one, of cameras only")
+    focal_scale: float = Field(
+        default=1.0, ge=0.1, le=10, description="assumed focal length over the true one, of cameras only"
+    )
     principal_px: tuple[FiniteFloat, FiniteFloat] = Field(
         default=(0.0, 0.0),
         description="assumed principal point off the true one, right and down, of cameras only [px]",
     )
-    time_offset_s: FiniteFloat = Field(default=0.0, description="what the rig adds to the sensor's stamps [s]")
-
-    @model_validator(mode="after")
-    def _consistent(self) -> CalibrationError:
-        if not 0.1 <= self.focal_scale <= 10:
-            raise ValueError(f"focal_scale {self.focal_scale:g} is no scale of a focal length; 0.1 to 10 is valid")
-        if max(map(abs, self.xyz)) > _MOST_OFF_M:
-            raise ValueError(f"xyz {list(self.xyz)} is too far off; -{_MOST_OFF_M:g} to {_MOST_OFF_M:g} m is valid")
-        if abs(self.time_offset_s) > 3600:
-            raise ValueError(f"time_offset_s {self.time_offset_s:g} is too large; -3600 to 3600 s is valid")
-        return self
+    time_offset_s: float = Field(
+        default=0.0, ge=-3600, le=3600, description="what the rig adds to the sensor's stamps [s]"
+    )
 
     @property
     def changes_lens(self) -> bool:

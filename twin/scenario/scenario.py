@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import PurePath
 from typing import ClassVar, Literal
 
-from pydantic import ConfigDict, Field, FiniteFloat, JsonValue, field_validator, model_serializer, model_validator
+from pydantic import ConfigDict, Field, JsonValue, model_serializer, model_validator
 
 from trackers.area import Polygon
 from trackers.configuration import Strict, Typed
@@ -47,7 +47,7 @@ class LightChange(Strict):
     screen, the glow of a lamp itself) stays.
     """
 
-    at_s: FiniteFloat = Field(description="time since the start at which the light begins to change [s]")
+    at_s: float = Field(ge=0, description="time since the start at which the light begins to change [s]")
     name: str = Field(
         default=EVERY_LIGHT,
         min_length=1,
@@ -60,13 +60,6 @@ class LightChange(Strict):
     flicker: Flicker | None = Field(
         default=None, description="how the light flickers from then on, until its next change; none: it does not"
     )
-
-    @field_validator("at_s")
-    @classmethod
-    def _after_the_start(cls, at_s: float) -> float:
-        if at_s < 0:
-            raise ValueError(f"{at_s:g} s is before the start of the scenario; 0 or later is valid")
-        return at_s
 
 
 class Rendering(Strict):

@@ -15,7 +15,7 @@ from pydantic import BeforeValidator, Field, PositiveInt, model_validator
 
 from trackers.area import AngleDeg, Point3, Pose
 from trackers.cameras import FisheyeIntrinsics
-from trackers.cameras.intrinsics import LARGEST_SIDE_PX
+from trackers.cameras.intrinsics import Side
 from trackers.configuration import Strict
 from trackers.errors import InputError
 from trackers.observations import ForceCurve
@@ -218,7 +218,7 @@ class FisheyeDescription(Mounted):
 
     kind: Literal["fisheye"] = Field(description="the kind of sensor: a fisheye camera")
     lens: _Lens = Field(default=LENSES["equidistant_185"], description="the lens: a name, or a calibration")
-    size: tuple[PositiveInt, PositiveInt] | None = Field(
+    size: tuple[Side, Side] | None = Field(
         default=None, description="width and height of the picture [px]; none: the lens's own"
     )
     noise: CameraNoiseByName = Field(
@@ -227,8 +227,6 @@ class FisheyeDescription(Mounted):
 
     @model_validator(mode="after")
     def _consistent(self) -> FisheyeDescription:
-        if self.size is not None and max(self.size) > LARGEST_SIDE_PX:
-            raise ValueError(f"size {list(self.size)} is too large; at most {[LARGEST_SIDE_PX] * 2} is valid")
         self.intrinsics()  # raises for a lens that folds back
         return self
 

@@ -12,10 +12,10 @@ from typing import Annotated, Any, Literal
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, FiniteFloat, PositiveInt, model_validator
+from pydantic import Field, FiniteFloat, model_validator
 
 from trackers.cameras import FisheyeIntrinsics
-from trackers.cameras.intrinsics import LARGEST_SIDE_PX
+from trackers.cameras.intrinsics import Side
 from trackers.configuration import Strict
 from trackers.errors import InputError
 from trackers.observations import Image
@@ -47,8 +47,8 @@ class Lens(Strict):
     Outside `field_of_view_deg`, the full angle, pixels are black.
     """
 
-    width: PositiveInt = Field(le=LARGEST_SIDE_PX, description="width of the picture that was calibrated [px]")
-    height: PositiveInt = Field(le=LARGEST_SIDE_PX, description="height of the picture that was calibrated [px]")
+    width: Side = Field(description="width of the picture that was calibrated [px]")
+    height: Side = Field(description="height of the picture that was calibrated [px]")
     fx: float = Field(gt=0, allow_inf_nan=False, description="focal length along a row [px]")
     fy: FocalLengthOfRows = None
     cx: PrincipalColumn = None

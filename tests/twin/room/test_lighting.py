@@ -89,7 +89,9 @@ def test_a_light_that_is_not_there_is_named():
 
 
 def test_a_change_before_the_start_is_refused():
-    with pytest.raises(InputError, match=r"lights\.0\.at_s: -1 s is before the start of the scenario; 0 or later"):
+    with pytest.raises(
+        InputError, match=r"lights\.0\.at_s: a number greater than or equal to 0 is expected \(got -1\)"
+    ):
         load_scenario("lab-five-people", ["lights=[{at_s: -1, brightness: 0}]"])
 
 

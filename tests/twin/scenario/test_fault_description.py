@@ -100,7 +100,10 @@ def test_every_kind_is_listed_and_in_the_schema() -> None:
             "sensors.waist.calibration_error.focal_scale=1.1",
             "sensors.waist.calibration_error: focal_scale and principal_px are of cameras",
         ),
-        ("sensors.fisheye.calibration_error.focal_scale=0", "focal_scale 0 is no scale"),
+        (
+            "sensors.fisheye.calibration_error.focal_scale=0",
+            r"focal_scale: a number greater than or equal to 0\.1 is expected",
+        ),
         ("sensors.waist.calibration_error.xzy=[1, 0, 0]", "calibration_error.xzy: unknown key; did you mean 'xyz'"),
         ("sensors.waist.calibration_error.xyz=[.inf, 0, 0]", "calibration_error.xyz.0: .*finite"),
         ("housings.rig.mount.yaw_deg=3", r"housings.rig.mount.xyz: is missing \(place"),
