@@ -174,7 +174,7 @@ class HeadingMotion:
     mode's, so that modes a full turn apart mix as equals. Headings are not wrapped otherwise.
 
     Limitation: the heading of a person at rest cannot be measured, and to first order only a step along it is expected
-    (`trackers.filters.motion` has no heading).
+    (`VelocityMotion` has no heading).
     """
 
     models: tuple[MotionModel, ...] = IMM_MODELS

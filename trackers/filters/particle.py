@@ -220,7 +220,7 @@ class ParticleFilter:
         log_likelihood: LogLikelihood | None,
         rng: np.random.Generator,
     ) -> Cloud:
-        """Step with particles drawn from a proposal (`trackers.filters.particle`) that corrects their weights."""
+        """Step with particles drawn from a proposal that corrects their weights, such as `MixtureProposal`."""
         cloud = self.resampled(cloud, rng)
         state, correction = propose(cloud, rng)
         if state.shape != cloud.state.shape:

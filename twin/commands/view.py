@@ -59,14 +59,14 @@ def view(
         print_warnings(write_room(scenario, path))
         print_paths({"view": path})
         return
-    if drawn is not None:
-        if people or video is not None:
-            raise InputError(f"--drawn {drawn}: is a picture of its own beside --people and --video; one is expected")
-        check_options(at=at, people=people, video=video, start_s=from_, end_s=to, follow=follow, out=out)
-        overrides(set_, seed or 0)
-        _view_drawn(scenario, set_ or [], range(seed or 0, (seed or 0) + drawn), at, out or Path("drawn.png"))
-        return
+    if drawn is not None and (people or video is not None):
+        raise InputError(f"--drawn {drawn}: is a picture of its own beside --people and --video; one is expected")
     check_options(at=at, people=people, video=video, start_s=from_, end_s=to, follow=follow, out=out)
+    if drawn is not None:
+        first = seed or 0
+        overrides(set_, first)  # refuses --set seed beside --seed
+        _view_drawn(scenario, set_ or [], range(first, first + drawn), at, out or Path("drawn.png"))
+        return
     loaded = load_scenario(scenario, overrides(set_, seed))
     check_size(loaded)
     if video is not None:

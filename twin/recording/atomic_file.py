@@ -61,10 +61,10 @@ def open_atomic(path: Path) -> Iterator[TextIO]:
 
 
 def partial_path(path: Path) -> Path:
-    """Return the hidden path beside a file for writing it until complete."""
+    """Return the hidden path beside a file or folder for writing it until complete."""
     return path.with_name(f".{path.name}.{os.getpid()}.partial")
 
 
-def unwritable(path: Path, error: OSError) -> InputError:
-    """Describe why a file cannot be written."""
+def unwritable(path: Path | str, error: OSError) -> InputError:
+    """Describe why a file or folder, called so, cannot be written."""
     return InputError(f"{path}: cannot be written ({error.strerror}); a writable place with free space is needed")

@@ -135,8 +135,8 @@ class Bag:
             return  # rosbags would yield all
         is_ros1 = {connection.id: self.is_ros1_encoded(connection) for connection in connections}
         with _bag_errors(self._path):
-            read = as_written if in_file_order else messages_by_time
-            for connection, log_time_ns, data in read(self._reader, connections):
+            read = _as_written(self._reader, connections) if in_file_order else self._reader.messages(connections)
+            for connection, log_time_ns, data in read:
                 yield normal_topic(connection.topic), log_time_ns, data, is_ros1[connection.id]
 
     def messages(self, topics: Collection[str]) -> Iterator[tuple[str, int, Any]]:
@@ -232,21 +232,11 @@ def _first_line(error: BaseException) -> str:
     return (str(error) or type(error).__name__).splitlines()[0].rstrip(".")
 
 
-if sys.version_info >= (3, 14):
-    from compression import zstd
-else:
-    from backports import zstd
-
 Message = tuple[Connection, int, bytes]
 """Connection, log time [ns], encoded message."""
 
 
-def messages_by_time(reader: rosbag1.Reader | rosbag2.Reader, connections: Sequence[Connection]) -> Iterator[Message]:
-    """Yield the messages of these connections in order of log time."""
-    return reader.messages(connections)
-
-
-def as_written(reader: rosbag1.Reader | rosbag2.Reader, connections: Sequence[Connection]) -> Iterator[Message]:
+def _as_written(reader: rosbag1.Reader | rosbag2.Reader, connections: Sequence[Connection]) -> Iterator[Message]:
     """Yield the messages of these connections in file order."""
     if isinstance(reader, rosbag1.Reader):
         yield from _ros1(reader, connections)

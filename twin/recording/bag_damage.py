@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from pathlib import Path
 
-_MCAP_MAGIC = b"\x89MCAP0\r\n"
+MCAP_MAGIC = b"\x89MCAP0\r\n"
 _SQLITE_MAGIC = b"SQLite format 3\0"
 _ROS1_MAGIC = b"#ROSBAG V"
 _STORAGES = (".mcap", ".db3")
@@ -25,7 +25,7 @@ def reason_unreadable(path: Path) -> str:
         return "is empty, 0 bytes: its recorder wrote nothing, or it was copied in part"
     kinds = {
         ".bag": (_ROS1_MAGIC, "ROS 1 bag"),
-        ".mcap": (_MCAP_MAGIC, "MCAP file"),
+        ".mcap": (MCAP_MAGIC, "MCAP file"),
         ".db3": (_SQLITE_MAGIC, "SQLite file"),
     }
     magic, kind = kinds[path.suffix]
@@ -42,8 +42,8 @@ def _unfinished(path: Path, head: bytes) -> str:
     size = path.stat().st_size
     if path.suffix == ".mcap":
         with path.open("rb") as stream:
-            stream.seek(max(size - len(_MCAP_MAGIC), 0))
-            ends_well = size > len(_MCAP_MAGIC) and stream.read() == _MCAP_MAGIC
+            stream.seek(max(size - len(MCAP_MAGIC), 0))
+            ends_well = size > len(MCAP_MAGIC) and stream.read() == MCAP_MAGIC
         if not ends_well:
             return (
                 "is an MCAP file without its end: the recorder was stopped while it wrote, or the copy is not whole; "

@@ -22,6 +22,8 @@ from rosbags.interfaces import Connection, ConnectionExtRosbag1, Qos
 from rosbags.rosbag2 import StoragePlugin, Writer, metadata, writer
 
 from trackers.errors import InputError
+from twin.recording.atomic_file import unwritable
+from twin.recording.bag_damage import MCAP_MAGIC
 from twin.recording.message_types import typestore
 
 _NO_HASH = "RIHS00_" + 64 * "0"
@@ -138,9 +140,7 @@ class McapFile:
         try:
             yield
         except OSError as error:
-            raise InputError(
-                f"{self._path}: cannot be written ({error.strerror}); a writable place with free space is needed"
-            ) from error
+            raise unwritable(self._path, error) from error
 
     def discard(self) -> None:
         """Remove the temporary folder."""
@@ -160,7 +160,6 @@ def _type_hash(msgtype: str) -> str:
     return store.hash_rihs01(msgtype) if msgtype in store.types else _NO_HASH
 
 
-_MAGIC = b"\x89MCAP0\r\n"
 _HEADER, _FOOTER, _SCHEMA, _DATA_END = 0x01, 0x02, 0x03, 0x0F
 _PROFILE = struct.pack("<I", 4) + b"ros2"
 _FOOTER_BYTES = 37  # with the magic at the end
@@ -207,7 +206,7 @@ class _McapShown(io.BufferedReader):
     def _exchanged(self) -> list[tuple[int, bytes]]:
         """Return the replacement bytes by offset in the file; none for an incomplete or other file."""
         self._patches = []
-        if self.read(8) != _MAGIC:
+        if self.read(len(MCAP_MAGIC)) != MCAP_MAGIC:
             return []
         patches = []
         op, size = self._record()
@@ -246,11 +245,10 @@ def _schema_shown(content: bytes) -> bytes | None:
     except struct.error:
         return None
     start = 6 + name_bytes
-    if (
-        content[start + 4 : start + 4 + encoding_bytes] == _ROS1
-    ):  # the texts are equally readable, and the names equally long
+    encoding = content[start + 4 : start + 4 + encoding_bytes]
+    if encoding == _ROS1:  # the texts are equally readable, and the names equally long
         return content[: start + 4] + _ROS2 + content[start + 4 + encoding_bytes :]
-    if content[start + 4 : start + 4 + encoding_bytes] in _KNOWN_ENCODINGS or len(content) < start + 8:
+    if encoding in _KNOWN_ENCODINGS or len(content) < start + 8:
         return None
     left = len(content) - start - 8
     return content[:start] + struct.pack("<II", 0, left) + bytes(left)

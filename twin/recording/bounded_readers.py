@@ -32,6 +32,7 @@ from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from trackers.errors import InputError
 from trackers.text_file import are_limits_lifted, check_limit, refuse_unless_lifted
+from twin.recording.bag_damage import MCAP_MAGIC
 
 if sys.version_info >= (3, 14):
     from compression import zstd
@@ -50,7 +51,6 @@ _MOST_AGAIN = 20
 """Total number of repeated decompressions: a ROS 1 bag unpacks a chunk again wherever it overlaps another."""
 
 _MIB = 2**20
-_MCAP_MAGIC_BYTES = 8
 _CHUNK = 0x06
 _ZSTD_MAGIC, _SKIPPABLE_MAGIC = 0xFD2FB528, 0x184D2A5  # the second without its last four bits (RFC 8878, 3.1)
 _ZSTD_BLOCK_BYTES = 2**17
@@ -283,7 +283,7 @@ def zstd_bound(stream: BinaryIO) -> int:
 
 def _claimed_on_the_way(stream: BinaryIO, end: int) -> Iterator[int]:
     """Yield the claimed sizes [bytes] of the compressed chunks of an MCAP file, record by record up to `end`."""
-    stream.seek(_MCAP_MAGIC_BYTES)
+    stream.seek(len(MCAP_MAGIC))
     while stream.tell() < end and len(head := stream.read(9)) == 9:
         op, size = head[0], struct.unpack("<Q", head[1:])[0]
         next_record = stream.tell() + size

@@ -12,11 +12,11 @@ between sensors are corrected, so a faultless recording keeps each stamp to the 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from trackers.arrays import Array, Index, Mask, Nanoseconds
+from trackers.arrays import Array, Index, Nanoseconds
 from trackers.feeding import MAX_WAIT_S, NOTED_LOSS
 from trackers.observations import NS_PER_S
 from twin.recording.losses import Loss
@@ -268,29 +268,19 @@ def _levelled(
         own = common
     level = own if clock.tells else common
     by_log = np.rint(clock.log - level - slope * (clock.log - since_ns)).astype(np.int64)
-    _replace(clock.unset, stamp, by_log)
+    stamp[clock.unset] = by_log[clock.unset]
     if clock.unset.any():
         what = "have no stamp of their own (0, unreadable, that of another message, or in no rhythm)"
         found.append(Loss(clock.name, int(clock.unset.sum()), n, what, _BY_LOG, always=True))
     alone = (clock.part < 0) & ~clock.unset
     if alone.any():
         far_s = float(np.abs(age[alone] - own).max()) / NS_PER_S
-        loss = Loss(
-            clock.name,
-            int(alone.sum()),
-            n,
-            f"have a stamp up to {far_s:.6g} s from those about it",
-            _BY_LOG,
-            always=True,
-        )
+        what = f"have a stamp up to {far_s:.6g} s from those about it"
+        loss = Loss(clock.name, int(alone.sum()), n, what, _BY_LOG, always=True)
         found.append(loss if moves else _kept(loss))
         if moves:
-            _replace(alone, stamp, by_log)
+            stamp[alone] = by_log[alone]
     return found, stamp
-
-
-def _replace(rows: Mask, stamp: Nanoseconds, by_log: Nanoseconds) -> None:
-    stamp[rows] = by_log[rows]
 
 
 _BY_LOG = "the times at which they were logged are used for them"
@@ -298,4 +288,4 @@ _KEPT = "a twin's recording keeps its stamps, as its scenario may have asked for
 
 
 def _kept(loss: Loss) -> Loss:
-    return Loss(loss.sensor, loss.count, loss.total, loss.what, _KEPT, loss.always)
+    return replace(loss, remedy=_KEPT)

@@ -22,10 +22,9 @@ from twin.recording.decoding import ObservationReader
 from twin.recording.losses import Loss, crowded
 from twin.recording.rig_checks import compare_lenses, motion_warnings, with_intrinsics
 from twin.recording.rig_guess import guess_rig
-from twin.recording.ros_messages import STRING
+from twin.recording.ros_messages import MSGTYPES, STRING
 from twin.recording.sensor_clock import MessageTimes, all_pause, first_frame, read_times, read_times_as_written
 from twin.recording.sensor_topics import (
-    MSGTYPES,
     LeftOut,
     SensorTopics,
     absent_messages,

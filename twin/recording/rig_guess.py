@@ -16,9 +16,9 @@ from twin.recording import topics as names
 from twin.recording.bag import Bag, Topic, decoded, open_bag
 from twin.recording.losses import Loss
 from twin.recording.rig_checks import kind_of_lens, with_intrinsics
-from twin.recording.ros_messages import LASER_SCAN, ODOMETRY, RAW_IMAGE
+from twin.recording.ros_messages import LASER_SCAN, ODOMETRY, PICTURES, RAW_IMAGE
 from twin.recording.sensor_clock import first_frame
-from twin.recording.sensor_topics import PICTURES, absent, conversion, topics_of
+from twin.recording.sensor_topics import absent, conversion, topics_of
 from twin.recording.transforms import Edge, PoseTopic, TransformTree, read_poses
 
 

@@ -45,6 +45,17 @@ RAW_IMAGE = "sensor_msgs/msg/Image"
 ODOMETRY = "nav_msgs/msg/Odometry"
 STRING = "std_msgs/msg/String"
 
+PICTURES = (COMPRESSED_IMAGE, RAW_IMAGE)
+MSGTYPES = {
+    "laser": (LASER_SCAN,),
+    "fisheye": PICTURES,
+    "camera": PICTURES,
+    "stereo": PICTURES,
+    "floor": (RAW_IMAGE,),
+    "odometry": (ODOMETRY,),
+}
+"""Types of the messages of a sensor, by its kind on the rig, the twin's own first."""
+
 _FLOOR_ENCODINGS = ("mono8", "8UC1")
 _FARTHEST_M = 500.0
 """Range of no scanner: half of a scan beyond it says another unit."""

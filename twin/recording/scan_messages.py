@@ -17,7 +17,8 @@ import numpy as np
 from trackers.arrays import Array, Index, Mask, Nanoseconds
 from trackers.observations import NS_PER_S, LaserScan
 
-_CDR_BYTES = 4
+CDR_BYTES = 4
+"""Head of a message encoded as CDR."""
 _TURN_RAD = 1.1 * 2 * pi
 """Largest span of a turn: scanners that turn all around may go on a little."""
 _NEXT = 1.5
@@ -33,7 +34,7 @@ _PAUSE = 3.0
 def beams_of(data: bytes, is_ros1: bool, header_ends: int) -> tuple[float, float, int]:
     """Read angle_min [rad], angle_increment [rad] and the number of beams of an encoded LaserScan; NaN, NaN, 0 where cut."""
     order = "<" if is_ros1 or data[1] & 1 else ">"
-    start = header_ends if is_ros1 else header_ends + (_CDR_BYTES - header_ends) % 4
+    start = header_ends if is_ros1 else header_ends + (CDR_BYTES - header_ends) % 4
     try:
         angle_min, _, increment, _, _, _, _, count = struct.unpack_from(f"{order}7fI", data, start)
     except struct.error:

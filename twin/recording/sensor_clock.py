@@ -15,9 +15,8 @@ from trackers.feeding import MAX_WAIT_S
 from trackers.observations import NS_PER_S
 from twin.recording.bag import Bag
 from twin.recording.ros_messages import LASER_SCAN
-from twin.recording.scan_messages import beams_of, turns
+from twin.recording.scan_messages import CDR_BYTES, beams_of, turns
 
-_CDR_BYTES = 4
 _FEW = 3
 _MOST_FRAMES = 20
 """Largest number of frame_ids counted per topic."""
@@ -160,8 +159,8 @@ def header_of(data: bytes, is_ros1: bool) -> tuple[int, str, int] | None:
             start = 16
         else:
             order = "<" if data[1] & 1 else ">"
-            seconds, nanoseconds, length = struct.unpack_from(f"{order}iII", data, _CDR_BYTES)
-            start = _CDR_BYTES + 12
+            seconds, nanoseconds, length = struct.unpack_from(f"{order}iII", data, CDR_BYTES)
+            start = CDR_BYTES + 12
     except (struct.error, IndexError):
         return None
     if nanoseconds >= NS_PER_S or start + length > len(data):

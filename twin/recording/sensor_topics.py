@@ -16,19 +16,10 @@ from trackers.rig import OdometrySensor, Rig, RigSensor, StereoSensor, normal_to
 from twin.recording.bag import Topic
 from twin.recording.depth_images import DepthPairs, tolerance_ns
 from twin.recording.losses import Loss, crowded, missing
-from twin.recording.ros_messages import COMPRESSED_IMAGE, LASER_SCAN, ODOMETRY, RAW_IMAGE
+from twin.recording.ros_messages import LASER_SCAN, MSGTYPES, PICTURES
 from twin.recording.sensor_clock import MessageTimes
 from twin.recording.transforms import Edge, Poses, PoseTopic, TransformTree, jumps
 
-PICTURES = (COMPRESSED_IMAGE, RAW_IMAGE)
-MSGTYPES = {
-    "laser": (LASER_SCAN,),
-    "fisheye": PICTURES,
-    "camera": PICTURES,
-    "stereo": PICTURES,
-    "floor": (RAW_IMAGE,),
-    "odometry": (ODOMETRY,),
-}
 _BACKGROUND = "/background/"
 _FEW = 3
 """Fewer messages have no usual gap; sensors that follow people send one a second or more."""

@@ -9,19 +9,17 @@ is not separated; `least_m` is the least distance, or gap (correlated), during i
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields
 from math import nan
 from pathlib import Path
-from typing import TextIO, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
-from twin.recording.atomic_file import open_atomic
 from twin.recording.ros_messages import string_message
 from twin.recording.tables import Row, cell, plain, seconds_cell
 from twin.tables.columns import read_csv_columns
@@ -76,26 +74,9 @@ class SituationTable:
         return int(np.count_nonzero(self.frames(stamps_ns)))
 
 
-class SituationWriter:
-    """Writer of situations as they end; made by `situation_writer`."""
-
-    def __init__(self, stream: TextIO) -> None:
-        self._stream = stream
-        stream.write(",".join(SITUATION_COLUMNS) + "\n")
-
-    def write(self, situation: Situation) -> None:
-        """Write one situation; raises ValueError for a number that is infinite."""
-        self._stream.write(",".join(map(cell, _row(situation, seconds_cell).values())) + "\n")
-
-
-@contextmanager
-def situation_writer(path: Path) -> Iterator[SituationWriter]:
-    """Open a writer of `truth_situations.csv`; the file appears when the block ends normally.
-
-    Raises InputError where the file cannot be written.
-    """
-    with open_atomic(path) as stream:
-        yield SituationWriter(stream)
+def situation_line(situation: Situation) -> str:
+    """Format the line of a situation in `truth_situations.csv`; raises ValueError for a number that is infinite."""
+    return ",".join(map(cell, _row(situation, seconds_cell).values())) + "\n"
 
 
 def read_situations(path: Path) -> SituationTable:

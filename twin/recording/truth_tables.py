@@ -37,7 +37,7 @@ from trackers.text_file import read_text
 from twin.recording import topics
 from twin.recording.atomic_file import open_atomic
 from twin.recording.ros_messages import string_message
-from twin.recording.situation_table import encode_situation, situation_writer
+from twin.recording.situation_table import SITUATION_COLUMNS, encode_situation, situation_line
 from twin.recording.tables import (
     TRUTH_NUMBERS,
     Row,
@@ -117,11 +117,9 @@ def detail_writer(folder: Path) -> Iterator[Callable[[TruthDetail], None]]:
     The files appear when the block ends well. Raises InputError where a file cannot be written.
     """
     with ExitStack() as stack:
-        box_file, ray_file, situation_file = (folder / name for name in DETAIL_FILES)
-        boxes, rays = (stack.enter_context(open_atomic(path)) for path in (box_file, ray_file))
-        boxes.write(",".join(BOX_COLUMNS) + "\n")
-        rays.write(",".join(RAY_COLUMNS) + "\n")
-        situations = stack.enter_context(situation_writer(situation_file))
+        boxes, rays, situations = (stack.enter_context(open_atomic(folder / name)) for name in DETAIL_FILES)
+        for stream, columns in ((boxes, BOX_COLUMNS), (rays, RAY_COLUMNS), (situations, SITUATION_COLUMNS)):
+            stream.write(",".join(columns) + "\n")
 
         def write(detail: TruthDetail) -> None:
             match detail:
@@ -130,7 +128,7 @@ def detail_writer(folder: Path) -> Iterator[Callable[[TruthDetail], None]]:
                 case RayFrame():
                     _write_frame(rays, detail, RAY_COLUMNS)
                 case Situation():
-                    situations.write(detail)
+                    situations.write(situation_line(detail))
 
         yield write
 

@@ -9,14 +9,7 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.interfaces import (
-    Qos,
-    QosDurability,
-    QosHistory,
-    QosLiveliness,
-    QosReliability,
-    QosTime,
-)
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
 from trackers.area import quaternion_of
 from trackers.cameras import FisheyeIntrinsics, PinholeIntrinsics
@@ -36,15 +29,7 @@ from twin.recording.message_types import (
     TransformStamped,
     Vector3,
 )
-from twin.recording.ros_messages import (
-    COMPRESSED_IMAGE,
-    LASER_SCAN,
-    ODOMETRY,
-    RAW_IMAGE,
-    STRING,
-    Encoded,
-    time_message,
-)
+from twin.recording.ros_messages import COMPRESSED_IMAGE, MSGTYPES, STRING, Encoded, time_message
 from twin.recording.truth_messages import MARKER_ARRAY, PeopleMarkers, encode_outline, encode_people
 from twin.recording.truth_tables import DETAIL_TOPICS, encode_detail, encode_feet
 from twin.truth.frames import TruthDetail, TruthFrame
@@ -52,14 +37,6 @@ from twin.truth.frames import TruthDetail, TruthFrame
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 TF_MESSAGE = "tf2_msgs/msg/TFMessage"
 
-_MSGTYPES = {
-    "laser": LASER_SCAN,
-    "fisheye": COMPRESSED_IMAGE,
-    "camera": COMPRESSED_IMAGE,
-    "stereo": COMPRESSED_IMAGE,
-    "floor": RAW_IMAGE,
-    "odometry": ODOMETRY,
-}
 _FOREVER = QosTime(9223372036, 854775807)  # ROS's RMW_DURATION_INFINITE
 
 
@@ -155,7 +132,7 @@ class BagWriter(McapFile):
         for topic, msgtype in held:
             self.connect(topic, msgtype, latched(depth=1))
         for name, sensor in self._rig.sensors.items():
-            msgtype = _MSGTYPES[sensor.kind]
+            msgtype = MSGTYPES[sensor.kind][0]
             self.connect(sensor.topic, msgtype)
             if isinstance(sensor, OdometrySensor):
                 self.connect(topics.TF, TF_MESSAGE)

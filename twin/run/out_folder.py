@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
 
 from trackers.errors import InputError
-from twin.recording.atomic_file import open_atomic
+from twin.recording.atomic_file import open_atomic, partial_path, unwritable
 
 LOCK = ".twin.lock"
 MADE = ".made-by-twin.json"
@@ -172,7 +172,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
         raise InputError(
             f"--out {path}: exists and was not made by `twin export`; the name of a new folder is expected"
         )
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    partial = partial_path(path)
     replaced = path.with_name(f".{path.name}.{os.getpid()}.replaced")
     try:
         partial.mkdir(parents=True)
@@ -182,9 +182,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
             os.replace(path, replaced)
         os.replace(partial, path)
     except OSError as error:
-        raise InputError(
-            f"--out {path}: cannot be written ({error.strerror}); a writable place with free space is needed"
-        ) from error
+        raise unwritable(f"--out {path}", error) from error
     finally:
         shutil.rmtree(partial, ignore_errors=True)
         shutil.rmtree(replaced, ignore_errors=True)
