@@ -70,7 +70,11 @@ def _picture(name: str, path: Path, rig: Rig) -> Image:
         valid = [each for each, sensor in cameras.items() if not isinstance(sensor, StereoSensor)]
         expected = valid_names(name, valid, none="none, as this rig has none")
         raise InputError(f"{field}: {name!r} is no camera of the rig that takes a picture alone; {expected}")
-    pixels = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_COLOR)
+    try:  # as recorded pictures are read: what is calibrated are the sensor's rows and columns, whatever EXIF says
+        content = np.frombuffer(path.read_bytes(), np.uint8)
+        pixels = cv2.imdecode(content, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+    except cv2.error:  # of an empty file, or one of more pixels than OpenCV reads
+        pixels = None
     lens = cameras[name].intrinsics
     if pixels is None or pixels.shape[:2] != (lens.height, lens.width):
         found = "no picture" if pixels is None else f"{pixels.shape[1]} x {pixels.shape[0]} pixels"

@@ -136,10 +136,23 @@ def test_a_picture_of_the_empty_room_comes_with_the_rig(tmp_path: Path) -> None:
     assert loaded.prior.digest() != "" and loaded.prior.without(["background.cam"]) == NO_PRIOR
 
 
+def test_a_picture_of_the_empty_room_is_not_turned_by_what_its_camera_says_of_itself(tmp_path: Path) -> None:
+    grey = np.repeat(np.arange(6, dtype=np.uint8)[:, None] * 40, 8, axis=1)
+    jpeg = cv2.imencode(".jpg", np.dstack([grey] * 3))[1].tobytes()
+    # EXIF of one entry: orientation 3, upside down
+    exif = b"Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x03\0\0\0\0\0\0"
+    turned = jpeg[:2] + b"\xff\xe1" + (len(exif) + 2).to_bytes(2) + exif + jpeg[2:]
+    (tmp_path / "empty.jpg").write_bytes(turned)
+    files = PriorFiles(background={"cam": str(tmp_path / "empty.jpg")})
+    (picture,) = Prior.read((), files, Rig.parse(PINHOLE, "rig.yaml"))
+    assert isinstance(picture, Image) and picture.rgb[-1].mean() > picture.rgb[0].mean()
+
+
 @pytest.mark.parametrize(
     ("name", "content", "expected"),
     [
         ("low", b"", r"prior\.background\.low: 'low' is no camera .* valid are cam"),
+        ("cam", b"", r"empty\.png is no picture; a PNG or JPEG of 8 x 6 pixels"),
         ("cam", b"none", r"empty\.png is no picture; a PNG or JPEG of 8 x 6 pixels"),
         ("cam", cv2.imencode(".png", np.zeros((3, 4, 3), np.uint8))[1].tobytes(), r"is 4 x 3 pixels; .* of 8 x 6"),
     ],

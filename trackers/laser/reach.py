@@ -33,8 +33,8 @@ _LOOKS_NS = NS_PER_S
 """Time between two scans that are examined; people and things move meanwhile."""
 _HEIGHTS_M = 0.05, 1.5
 """Heights at which a beam meets an adult: above the soles, below the top of the head [m]."""
-_TALLEST_M = 2.2
-"""Height above which a level beam meets nobody [m]."""
+_TALLEST_M, _LEVEL_M = 2.2, 0.01
+"""Height above which a level beam meets nobody [m]; rise of one by the rounding of its pose's angles, as of one upside down."""
 _CONTRADICTED = 1 / 3
 """Share of the places of moving bodies past which another scanner sees, above which a warning is made."""
 _FEWEST, _MOST_PLACES = 40, 100
@@ -118,7 +118,8 @@ class _Scanner:
         self._tilt_rad = asin(min(1.0, hypot(*self._up)))
         low, high = _HEIGHTS_M
         # a level scanner at the height of a head, or in the floor, is as high as meant
-        self._heights_m = min(low, self._height_m), max(high, self._height_m) if self._height_m < _TALLEST_M else high
+        highest_m = max(high, self._height_m + _LEVEL_M) if self._height_m < _TALLEST_M else high
+        self._heights_m = min(low, self._height_m - _LEVEL_M), highest_m
         self._origin_m, self._room_from_scan = pose.translation[:2], pose.rotation[:2, :2]
         self._scan_from_room = np.linalg.pinv(self._room_from_scan)
         self._farthest_m = np.zeros(_BEARINGS)

@@ -48,25 +48,22 @@ def view(
     from twin.console import print_paths, print_warnings, progress
     from twin.scenario import load_scenario
     from twin.scenario.run_size import check_size
-    from twin.view import write_room, write_video, write_view
+    from twin.view import write_video, write_view
 
     if scenario is None and drawn is None:
         raise InputError("scenario: is missing; a name of `twin list`, or the path of a YAML or MJCF file, is expected")
     scenario, path = scenario or "drawn", out or Path("view.png")
     if _is_room(scenario):
         given: dict[str, object] = {"--at": at, "--people": people, "--video": video, "--from": from_, "--to": to}
-        _check_of_room(scenario, given | {"--follow": follow, "--drawn": drawn, "--set": set_, "--seed": seed})
-        print_warnings(write_room(scenario, path))
-        print_paths({"view": path})
-        return
+        given |= {"--follow": follow, "--drawn": drawn, "--set": set_, "--seed": seed}
+        return _view_room(scenario, path, given)
     if drawn is not None and (people or video is not None):
         raise InputError(f"--drawn {drawn}: is a picture of its own beside --people and --video; one is expected")
     check_options(at=at, people=people, video=video, start_s=from_, end_s=to, follow=follow, out=out)
     if drawn is not None:
-        first = seed or 0
-        overrides(set_, first)  # refuses --set seed beside --seed
-        _view_drawn(scenario, set_ or [], range(first, first + drawn), at, out or Path("drawn.png"))
-        return
+        overrides(set_, seed or 0)  # refuses --set seed beside --seed
+        seeds = range(seed or 0, (seed or 0) + drawn)
+        return _view_drawn(scenario, set_ or [], seeds, at, out or Path("drawn.png"))
     loaded = load_scenario(scenario, overrides(set_, seed))
     check_size(loaded)
     if video is not None:
@@ -103,11 +100,17 @@ def _view_drawn(scenario: str, changes: list[str], seeds: range, at: float, path
     print_paths({"drawn": path})
 
 
-def _check_of_room(room: str, given: Mapping[str, object]) -> None:
-    """Raise InputError where an option about a scenario is given with a room."""
+def _view_room(room: str, path: Path, given: Mapping[str, object]) -> None:
+    """Draw a room's plan. Raises InputError where an option about a scenario is given, by its value in `given`."""
+    from twin.console import print_paths, print_warnings
+    from twin.view import write_room
+
+    not_given = {"--at": 0.0, "--from": 0.0, "--people": False}
     for option, value in given.items():
-        if value not in (None, False, 0.0, []) or (option == "--seed" and value == 0):
+        if value not in (None, [], not_given.get(option)):
             raise InputError(f"{option} {value}: is about a scenario, and {room} is a room; --out alone is expected")
+    print_warnings(write_room(room, path))
+    print_paths({"view": path})
 
 
 def _is_room(name: str) -> bool:

@@ -52,6 +52,14 @@ def test_a_fine_level_scanner_is_not_warned_of() -> None:
     assert told(0.5) == [] and told(0.5, height_m=0.95) == []
 
 
+@pytest.mark.parametrize("roll", [np.pi, -np.pi, 3.1416])
+@pytest.mark.parametrize("height_m", [0.03, 1.8])
+def test_a_level_scanner_upside_down_is_not_called_tilted(height_m: float, roll: float) -> None:
+    for side in (-1, 1):
+        area = ((1.0, side * 1.0), (HALF_M, side * 1.0), (HALF_M, side * HALF_M), (1.0, side * HALF_M))
+        assert told(0.5, height_m=height_m, roll=roll, area=area) == []
+
+
 @pytest.mark.parametrize(("height_m", "body"), [(0.3, "fewer than 2 meet a leg"), (0.95, "fewer than 3 meet a trunk")])
 def test_a_coarse_scanner_is_named_with_a_step_that_would_do(height_m: float, body: str) -> None:
     (said,) = told(5.0, height_m=height_m)
