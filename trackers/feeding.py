@@ -37,13 +37,12 @@ TWICE = "twice under one stamp"
 class StampOrder:
     """Sorter of observations from order of arrival to order of stamps.
 
-    An observation leaves when another at least `max_wait_s` newer has arrived; equal stamps leave in order of arrival. One
+    An observation leaves when another at least `MAX_WAIT_S` newer has arrived; equal stamps leave in order of arrival. One
     that arrives after a newer one has left, or twice, is dropped and counted in `losses`, by sensor and reason. Stamps are
     on one clock: the decoder of messages adds the rig's time offsets.
     """
 
-    def __init__(self, max_wait_s: float = MAX_WAIT_S) -> None:
-        self._max_wait_ns = round(max_wait_s * NS_PER_S)
+    def __init__(self) -> None:
         self._held: list[tuple[int, int, Observation]] = []  # a heap by stamp, then arrival
         self._arrived = 0
         self._newest_ns: int | None = None
@@ -67,7 +66,7 @@ class StampOrder:
         heapq.heappush(self._held, (ns, self._arrived, observation))
         self._arrived += 1
         self._newest_ns = ns if self._newest_ns is None else max(ns, self._newest_ns)
-        return self._leave(self._newest_ns - self._max_wait_ns)
+        return self._leave(self._newest_ns - round(MAX_WAIT_S * NS_PER_S))
 
     def finish(self) -> list[Observation]:
         """Return the waiting observations at the end, oldest first."""

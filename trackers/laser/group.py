@@ -193,14 +193,13 @@ def fused(
     return averaged.joined(second.select(alone))
 
 
-def scanner_groups(
-    rig: Rig, empty_room: Sequence[Observation], layers: Mapping[Role, LayerOptions] | None = None
-) -> dict[Role, ScannerGroup]:
-    """Return the scanners of a rig by role, waist first, with the options of each layer (None: the defaults of both).
+def scanner_groups(rig: Rig, empty_room: Sequence[Observation]) -> dict[Role, ScannerGroup]:
+    """Return the scanners of a rig by role, waist first, with the default options of each layer.
 
     Raises InputError for a rig without a scanner of these roles.
     """
-    layers, lasers = layers or {"waist": WaistOptions(), "knee": KneeOptions()}, rig.lasers()
+    lasers = rig.lasers()
+    layers: dict[Role, LayerOptions] = {"waist": WaistOptions(), "knee": KneeOptions()}
     return {
         role: ScannerGroup({name: lasers[name] for name in names}, empty_room, layers[role])
         for role, names in scanners_by_role(rig, tuple(layers)).items()

@@ -89,18 +89,13 @@ class ScoreMaps:
 
 
 def in_levels(
-    cloud: Cloud,
-    log_likelihood: LogLikelihood,
-    levels: int,
-    spread: Move,
-    rng: np.random.Generator,
-    scheme: str = "systematic",
+    cloud: Cloud, log_likelihood: LogLikelihood, levels: int, spread: Move, rng: np.random.Generator
 ) -> Cloud:
     """Weight and resample a cloud by a likelihood, level by level, then weight once more: it concentrates at high values.
 
     spread: separates particles that resampling has duplicated. Without levels particles are only weighted.
     """
-    crowd = ParticleFilter(scheme, threshold=1.0)
+    crowd = ParticleFilter("systematic", threshold=1.0)
     for _ in range(levels):
         cloud = Cloud(cloud.state, cloud.weights.updated(log_likelihood(cloud.state)))
         cloud = crowd.resampled(cloud, rng)

@@ -28,8 +28,8 @@ _LEAST = 20
 
 Likewise for returns, each equally likely to be lost or not.
 """
-_GAPS = 9
-"""Number of the last frames whose gaps and delays tell the next ones."""
+GAPS = 9
+"""Number of the last frames, or of a sensor's readings, whose gaps and delays tell the next ones."""
 _FEWEST = 3
 _MARGIN = 0.25
 """Share of a period by which a frame may come later than any of the last ones."""
@@ -95,8 +95,8 @@ class FrameClock:
     def __init__(self, longest_s: float) -> None:
         """longest_s: time after the last frame for which others are owed [s]."""
         self._longest_ns = round(longest_s * NS_PER_S)
-        self._gaps_ns: deque[int] = deque(maxlen=_GAPS)
-        self._late_ns: deque[int] = deque(maxlen=_GAPS)
+        self._gaps_ns: deque[int] = deque(maxlen=GAPS)
+        self._late_ns: deque[int] = deque(maxlen=GAPS)
         self._frame_ns: int | None = None  # of the last frame
         self._owed_ns: int | None = None  # of the last one that was owed, after that frame
         self._newest_ns: int | None = None

@@ -21,11 +21,9 @@ from statistics import median_low
 
 from trackers.feeding import LATE, TWICE
 from trackers.observations import NS_PER_S, Observation
-from trackers.tracking.missing_frames import StaleFrameDetector
+from trackers.tracking.missing_frames import GAPS, StaleFrameDetector
 from trackers.tracks import Hypotheses, ScoreMap, Track, TrackFrame
 
-_GAPS = 9
-"""Number of a sensor's last gaps between observations that determine its period."""
 _DUE = 0.75
 """Share of a sensor's period after which a new reading is due."""
 
@@ -103,7 +101,7 @@ class FrameSynchronizer:
         self._within_ns = round(0.5 * rules.period_s * NS_PER_S)
         self._joined = {*rules.triggers, *rules.attached} if rules.joined is None else set(rules.joined)
         self._last_ns: dict[str, int] = {}
-        self._gaps_ns: dict[str, deque[int]] = {name: deque(maxlen=_GAPS) for name in rules.triggers}
+        self._gaps_ns: dict[str, deque[int]] = {name: deque(maxlen=GAPS) for name in rules.triggers}
         self._pending: list[SyncedFrame] = []
         self._waiting: list[Observation] = []  # those to attach, without a frame yet
         self._latest: dict[str, list[Observation]] = {name: [] for name in rules.latest}  # by stamp
@@ -289,7 +287,7 @@ class FrameSynchronizer:
 
     def _learn_renewal(self, sensor: str, ns: int) -> None:
         if sensor in self._read_ns:
-            self._renewed_ns.setdefault(sensor, deque(maxlen=_GAPS)).append(ns - self._read_ns[sensor])
+            self._renewed_ns.setdefault(sensor, deque(maxlen=GAPS)).append(ns - self._read_ns[sensor])
         self._read_ns[sensor] = ns
 
     def _is_due(self, sensor: str, ns: int) -> bool:

@@ -218,12 +218,6 @@ def export(
 ) -> None:
     """Write recordings in other people's formats: MOTChallenge, KITTI tracking, COCO, pictures, rerun, Foxglove."""
     from twin.console import print_paths, print_warning
-    from twin.export.coco import export_coco
-    from twin.export.foxglove import export_foxglove
-    from twin.export.kitti import export_kitti
-    from twin.export.mot import export_mot
-    from twin.export.pictures import export_images
-    from twin.export.rerun_file import export_rerun
     from twin.run.out_folder import whole_folder
 
     _check_labels(format_, labels, labels_hz, truth)
@@ -231,20 +225,32 @@ def export(
         name, recordings = _recordings(stack, source, rig, truth, print_warning)
         folder = out if out is not None else Path("out") / f"{name}-{format_}"
         with whole_folder(folder) as partial:
-            match format_:
-                case "mot":
-                    export_mot(recordings, partial, hz=labels_hz)
-                case "kitti":
-                    export_kitti(recordings, partial)
-                case "coco":
-                    export_coco(recordings, partial, simulate=labels == "simulation", hz=labels_hz)
-                case "images":
-                    export_images(recordings, partial)
-                case "rerun":
-                    export_rerun(recordings, partial)
-                case "foxglove":
-                    export_foxglove(recordings, partial)
+            _write_as(format_, recordings, partial, simulate=labels == "simulation", hz=labels_hz)
     print_paths({format_: folder})
+
+
+def _write_as(format_: Format, recordings: list[Recorded], folder: Path, *, simulate: bool, hz: float | None) -> None:
+    """Write recordings in a format; simulate, hz: see --labels and --labels-hz."""
+    from twin.export.coco import export_coco
+    from twin.export.foxglove import export_foxglove
+    from twin.export.kitti import export_kitti
+    from twin.export.mot import export_mot
+    from twin.export.pictures import export_images
+    from twin.export.rerun_file import export_rerun
+
+    match format_:
+        case "mot":
+            export_mot(recordings, folder, hz=hz)
+        case "kitti":
+            export_kitti(recordings, folder)
+        case "coco":
+            export_coco(recordings, folder, simulate=simulate, hz=hz)
+        case "images":
+            export_images(recordings, folder)
+        case "rerun":
+            export_rerun(recordings, folder)
+        case "foxglove":
+            export_foxglove(recordings, folder)
 
 
 def _check_labels(format_: Format, labels: str, labels_hz: float | None, truth: Path | None) -> None:

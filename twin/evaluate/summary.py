@@ -75,8 +75,8 @@ def evaluate_with_details(
     """Evaluate one tracker; return its metrics and their details. Raises as `evaluate_tracks`.
 
     `situations` of the run: disposal (`twin.evaluate.accuracy`) is None without. `unused`: sensors that the tracker does not
-    use; causes of misses depend on it (`twin.evaluate.causes`). Errors of heads
-    and of the pelvis's height are means of absolute differences over the matches in which truth and track both have a value.
+    use; causes of misses depend on it (`twin.evaluate.causes`). Errors of heads and of the pelvis's height are means of
+    absolute differences over the matches in which truth and track both have a value.
     OSPA (c = 1 m, p = 1) and GOSPA (c = 1 m, p = 2, α = 2) are means over frames. `judged` holds the n of the metrics.
     """
     _check_gate(gate_m)
@@ -122,13 +122,7 @@ def evaluate_with_details(
         people=people,
         situations=situations,
         errors=errors,
-        notes=(
-            *truth.notes,
-            *tracks.notes,
-            *_without_identity(truth, tracks),
-            *aligned.notes,
-            *([apart] if apart else []),
-        ),
+        notes=(*truth.notes, *tracks.notes, *_without_identity(truth, tracks), *aligned.notes, *[apart] * bool(apart)),
         is_misplaced=bool(apart),
     )
 

@@ -207,15 +207,6 @@ class ExportedPicture:
         (folder / name).write_bytes(self.data)
         return name
 
-    def rgb(self) -> np.ndarray:
-        """Decode the picture, (height, width, 3) RGB."""
-        image = cv2.imdecode(np.frombuffer(self.data, dtype=np.uint8), cv2.IMREAD_COLOR)
-        if image is None:
-            raise InputError(
-                f"image of {self.camera!r}: {len(self.data)} bytes that are no image; a JPEG or PNG is expected"
-            )
-        return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
-
 
 def pictures(recorded: Recorded, cameras: Collection[str], *, depth: bool = False) -> Iterator[ExportedPicture]:
     """Yield the pictures of these cameras in order of arrival, read one at a time; with `depth` those of depth too.

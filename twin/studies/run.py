@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -171,18 +171,8 @@ def write_coverage(scenario: Scenario, folder: Path, asked: Coverage) -> dict[st
     asked: beams, px_per_m and samples count. Raises InputError without scanners and cameras, and where a field given is of
     sensors that are not there.
     """
-    if not (names := looking_sensors(scenario)):
-        raise InputError(
-            f"scenario {scenario.name!r}: sensors: none is a scanner or a camera; one that looks is expected"
-        )
-    kinds = {is_scanner(scenario, name) for name in names}
-    for field, scanners, what in (("beams", True, "scanner"), ("px_per_m", False, "camera")):
-        if field in asked.model_fields_set and scanners not in kinds:
-            raise InputError(
-                f"--{field.replace('_', '-')} {getattr(asked, field):g}: has no effect on {scenario.name}, which has no {what}; "
-                f"one that has a {what} is expected"
-            )
-    samples = asked.samples
+    names, samples = looking_sensors(scenario), asked.samples
+    _check_sensors(scenario, names, asked)
     precomputed = PrecomputedScene.of(scenario, precompute_motion(scenario))
     times = ((np.arange(samples) + 0.5) / samples * scenario.duration_s).tolist()
     sampled = SampledWorld(scenario, precomputed, times)
@@ -231,6 +221,21 @@ def write_coverage(scenario: Scenario, folder: Path, asked: Coverage) -> dict[st
     text = json.dumps(found, indent=2) + "\n"
     _write_texts(folder, {"coverage.json": text, _SCENARIO: dump_scenario(scenario), "coverage.html": page})
     return found
+
+
+def _check_sensors(scenario: Scenario, names: Sequence[str], asked: Coverage) -> None:
+    """Raise InputError without sensors that look, and where a field given is of sensors that are not there."""
+    if not names:
+        raise InputError(
+            f"scenario {scenario.name!r}: sensors: none is a scanner or a camera; one that looks is expected"
+        )
+    kinds = {is_scanner(scenario, name) for name in names}
+    for field, scanners, what in (("beams", True, "scanner"), ("px_per_m", False, "camera")):
+        if field in asked.model_fields_set and scanners not in kinds:
+            raise InputError(
+                f"--{field.replace('_', '-')} {getattr(asked, field):g}: has no effect on {scenario.name}, which has no {what}; "
+                f"one that has a {what} is expected"
+            )
 
 
 def _write_texts(folder: Path, texts: Mapping[str, str]) -> None:

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from twin.suites.metrics import GATED, allowed_by_default, format_metric, metric_named, worsening
+from twin.suites.metrics import GATED, Tolerance, allowed_by_default, format_metric, metric_named, worsening
 from twin.suites.permutation_test import (
     ALPHA,
     MinimumDetectableChange,
@@ -41,7 +41,6 @@ from twin.suites.results import (
     check_requirements,
     collect_results,
 )
-from twin.suites.spec import Tolerance
 from twin.suites.store import ResultStore
 
 EVERY_SCENARIO, EVERY_TRACKER = "every scenario", "every tracker"

@@ -173,12 +173,7 @@ def expand(
             again += [case] * (case.id in cases)
             cases[case.id] = case
         if again:
-            first = f"{with_variant(again[0].scenario, again[0].variant)}, seed {again[0].seed}, {again[0].tracker}"
-            more = f", as are {len(again) - 1} more of its cases" * (len(again) > 1)
-            faults.append(
-                f"{path}: scenarios.{entry.number}: {first} is there twice{more}; a name of its own for each entry, or "
-                "variants that differ, is expected"
-            )
+            faults.append(f"{path}: scenarios.{entry.number}: {_twice(again)}")
     for case in recorded:
         if case.id in cases:
             faults.append(
@@ -187,6 +182,13 @@ def expand(
         cases[case.id] = case
     raise_faults(faults)
     return list(cases.values())
+
+
+def _twice(again: Sequence[Case]) -> str:
+    """Say which cases of an entry are there already."""
+    first = f"{with_variant(again[0].scenario, again[0].variant)}, seed {again[0].seed}, {again[0].tracker}"
+    more = f", as are {len(again) - 1} more of its cases" * (len(again) > 1)
+    return f"{first} is there twice{more}; a name of its own for each entry, or variants that differ, is expected"
 
 
 @dataclass(frozen=True)

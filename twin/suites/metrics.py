@@ -12,12 +12,12 @@ from __future__ import annotations
 import operator
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from math import inf, isfinite
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator
+from pydantic import BeforeValidator, Field
 
+from trackers.configuration import Strict
 from trackers.errors import InputError
 from twin.report.metrics_table import (
     METRICS as REPORT_METRICS,
@@ -37,32 +37,35 @@ RECORDING_METRICS: Mapping[str, Metric] = {
 METRICS: Mapping[str, Metric] = {**REPORT_METRICS, **RECORDING_METRICS}
 
 
-@dataclass(frozen=True)
-class Allowance:
-    """Tolerated worsening of a metric: absolute, in its unit, + relative × |baseline|."""
+class Tolerance(Strict):
+    """Tolerated worsening of a metric's mean over a scenario's seeds: absolute + relative × |baseline|."""
 
-    absolute: float = 0.0
-    relative: float = 0.0
+    absolute: float = Field(default=0.0, ge=0, description="how much worse the figure may get, in its own unit")
+    relative: float = Field(default=0.0, ge=0, description="what is added to that, as a share of the baseline's figure")
+
+    def allowed(self, baseline: float) -> float:
+        """Compute the tolerated change, in the metric's unit."""
+        return self.absolute + self.relative * abs(baseline)
 
 
-GATED: Mapping[str, Allowance] = {
-    "mota": Allowance(0.005),
-    "motp_m": Allowance(0.0005, 0.01),
-    "idf1": Allowance(0.01),
-    "hota": Allowance(0.008),
-    "deta": Allowance(0.003),
-    "assa": Allowance(0.01),
-    "gospa_m": Allowance(0.003, 0.02),
-    "ospa_m": Allowance(0.001, 0.02),
-    "misidentifications": Allowance(0.5),
-    "lost_tracks": Allowance(0.5),
-    "id_switches": Allowance(0.5),
-    "misses": Allowance(2.0, 0.1),
-    "false_positives": Allowance(2.0, 0.1),
-    "head_error_m.x": Allowance(0.002, 0.02),
-    "head_error_m.y": Allowance(0.002, 0.02),
-    "head_error_m.z": Allowance(0.002, 0.02),
-    "head_yaw_error_rad": Allowance(0.01, 0.02),
+GATED: Mapping[str, Tolerance] = {
+    "mota": Tolerance(absolute=0.005),
+    "motp_m": Tolerance(absolute=0.0005, relative=0.01),
+    "idf1": Tolerance(absolute=0.01),
+    "hota": Tolerance(absolute=0.008),
+    "deta": Tolerance(absolute=0.003),
+    "assa": Tolerance(absolute=0.01),
+    "gospa_m": Tolerance(absolute=0.003, relative=0.02),
+    "ospa_m": Tolerance(absolute=0.001, relative=0.02),
+    "misidentifications": Tolerance(absolute=0.5),
+    "lost_tracks": Tolerance(absolute=0.5),
+    "id_switches": Tolerance(absolute=0.5),
+    "misses": Tolerance(absolute=2.0, relative=0.1),
+    "false_positives": Tolerance(absolute=2.0, relative=0.1),
+    "head_error_m.x": Tolerance(absolute=0.002, relative=0.02),
+    "head_error_m.y": Tolerance(absolute=0.002, relative=0.02),
+    "head_error_m.z": Tolerance(absolute=0.002, relative=0.02),
+    "head_yaw_error_rad": Tolerance(absolute=0.01, relative=0.02),
 }
 """Compared metrics in the order shown. Those at the wider gate add little, and the time per frame depends on the machine's
 load.
@@ -78,7 +81,7 @@ SENSOR_METRICS: Mapping[str, Metric] = {
 }
 """Metrics of a sensor's own reports, independent of trackers."""
 
-GATED_SENSOR_METRICS: Mapping[str, Allowance] = {"range_scatter_m": Allowance(0.0, 0.05)}
+GATED_SENSOR_METRICS: Mapping[str, Tolerance] = {"range_scatter_m": Tolerance(relative=0.05)}
 """Compared sensor metrics. Another draw of the same noise moves less, and doubled noise more than twice as much, even with
 people walking through (tests/twin/suites/test_suite_contents.py).
 """
@@ -86,8 +89,7 @@ people walking through (tests/twin/suites/test_suite_contents.py).
 
 def allowed_by_default(metric: str, baseline: float) -> float:
     """Compute the default tolerance of a metric, in its unit."""
-    allowance = GATED[metric] if metric in GATED else GATED_SENSOR_METRICS[metric]
-    return allowance.absolute + allowance.relative * abs(baseline)
+    return (GATED[metric] if metric in GATED else GATED_SENSOR_METRICS[metric]).allowed(baseline)
 
 
 def metric_named(key: str) -> Metric:

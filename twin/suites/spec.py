@@ -26,7 +26,7 @@ from trackers.plain_data import parse_yaml
 from trackers.rig import Name
 from trackers.text_file import read_text
 from twin import models
-from twin.suites.metrics import GATED, GATED_SENSOR_METRICS, METRICS, Bound, within_range
+from twin.suites.metrics import GATED, GATED_SENSOR_METRICS, METRICS, Bound, Tolerance, within_range
 
 
 def list_of(what: str, *, or_empty: bool = False) -> BeforeValidator:
@@ -163,20 +163,7 @@ TrackerName = Annotated[str, single("the name of a tracker, as laser-imm, or mod
 
 _TRACKERS = "a list of trackers' names, as in [laser-imm],"
 
-Amount = Annotated[float, Field(ge=0), single("a number from 0 up")]
-
 Values = Annotated[list[JsonValue], Field(min_length=1), list_of("a list of values to try, as in [5, 10],"), EachOnce]
-
-
-class Tolerance(Strict):
-    """Tolerated worsening of a metric's mean over a scenario's seeds: absolute + relative × |baseline|."""
-
-    absolute: Amount = Field(default=0.0, description="how much worse the figure may get, in its own unit")
-    relative: Amount = Field(default=0.0, description="what is added to that, as a share of the baseline's figure")
-
-    def allowed(self, baseline: float) -> float:
-        """Compute the tolerated change, in the metric's unit."""
-        return self.absolute + self.relative * abs(baseline)
 
 
 class SuiteScenario(Strict):

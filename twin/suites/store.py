@@ -22,8 +22,7 @@ from trackers.errors import InputError
 from trackers.plain_data import parse_json
 from twin.suites.cache_keys import Provenance
 from twin.suites.expansion import Case
-from twin.suites.metrics import check_ranges
-from twin.suites.spec import Bound, Tolerance
+from twin.suites.metrics import Bound, Tolerance, check_ranges
 from twin.suites.worker import Incident
 
 WAITING, RUNNING, DONE, FAILED = "waiting", "running", "done", "failed"

@@ -87,13 +87,13 @@ class _OpenSplit:
 class SplitTrial:
     """One choice of options, fed with the images of a recording."""
 
-    def __init__(self, learner: Learner, truth: SplitTruth, identity: IdentityOptions, seed: int) -> None:
+    def __init__(self, learner: Learner, truth: SplitTruth) -> None:
         self.decisions: list[SplitDecision] = []
-        self._learner, self._truth, self._identity = learner, truth, identity
+        self._learner, self._truth, self._pictures = learner, truth, IdentityOptions().pictures
         self._looks = Looks.unknown(len(truth.ids), learner.options)
         self._met: dict[tuple[int, int, int, int], Looks] = {}
         self._open: list[_OpenSplit] = []
-        self._rng, self._last = stream(seed, "reproduce", "splits"), -1
+        self._rng, self._last = stream(0, "reproduce", "splits"), -1
 
     def add_picture(self, picture: Image) -> None:
         """Take the next picture."""
@@ -113,7 +113,7 @@ class SplitTrial:
             two = position[each.columns]
             scores = self._learner.scores(each.looks, rgb, two, each.columns, self._rng, None, position)
             each.scores.append(scores)
-        self._close([each for each in self._open if len(each.scores) >= self._identity.pictures])
+        self._close([each for each in self._open if len(each.scores) >= self._pictures])
         distance = np.linalg.norm(position[:, None] - position, axis=2)
         near = (distance < NEAR_M) & ~np.eye(len(here), dtype=bool) & here
         apart = truth.apart[place] & here
@@ -131,11 +131,7 @@ class SplitTrial:
 
 
 def decide(
-    recording: Path,
-    variants: Mapping[str, LooksOptions],
-    kind: SituationKind,
-    identity: IdentityOptions | None = None,
-    seed: int = 0,
+    recording: Path, variants: Mapping[str, LooksOptions], kind: SituationKind
 ) -> dict[str, list[SplitDecision]]:
     """Let the classifiers of every variant decide when two people joined by this kind of situation part again.
 
@@ -144,10 +140,7 @@ def decide(
     bag = Recording(recording)
     name, camera = next((n, s) for n, s in bag.rig.sensors.items() if isinstance(s, PinholeSensor | FisheyeSensor))
     placed, truth = placed_camera(camera), split_truth(bag, kind)
-    identity = identity or IdentityOptions()
-    trials = {
-        variant: SplitTrial(learner_of(placed, options), truth, identity, seed) for variant, options in variants.items()
-    }
+    trials = {variant: SplitTrial(learner_of(placed, options), truth) for variant, options in variants.items()}
     for picture in bag.observations():
         if isinstance(picture, Image) and picture.sensor == name:
             for trial in trials.values():
