@@ -265,8 +265,8 @@ EXEMPT = {
             "test_recognition.py: somebody correlated whom no scanner sees",
         ),
         **dict.fromkeys(
-            ("recognition.remember_s", "identities.pictures", "identities.margin", "identities.unnoticed"),
-            "test_recognition.py: people who look alike, a track that passes to another, somebody who comes back",
+            ("recognition.remember_s", "identities.pictures", "identities.margin"),
+            "test_recognition.py: people who look alike, people who are exchanged in a merge, somebody who comes back",
         ),
         "pictures.detections": "test_camera_people.py: people whom no scanner shows",
         "looks.by": "takes colours and outlines that disagree",

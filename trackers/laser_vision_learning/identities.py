@@ -14,6 +14,7 @@ scores, in pictures before they were learned from, of tracks whose identity is c
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
@@ -31,6 +32,8 @@ _IMPOSSIBLE = -1e6
 class IdentityOptions(Strict):
     """Options of the decision on identities."""
 
+    fixed_values: ClassVar[Mapping[str, Any]] = {"unnoticed": None, "unknown_log_odds": 5.0}
+
     pictures: PositiveInt = Field(
         default=2, description="pictures over which a body's scores are averaged before they count (ours)"
     )
@@ -39,14 +42,6 @@ class IdentityOptions(Strict):
         ge=0,
         description="log-odds that the next best assignment must lose for looks to decide; else motion does (ours)",
     )
-    unnoticed: float | None = Field(
-        default=7.0,
-        gt=0,
-        description="log-odds against a track's passing to another person without ever having been near another track; null: "
-        "never (ours)",
-    )
-    unknown_log_odds: ClassVar[float] = 5.0
-    """Log-odds against a doubtful track's being nobody known (ours)."""
     memory: ClassVar[int] = 25
     """Largest number of pictures that a mean score stands for: older ones fade (ours)."""
 
@@ -152,13 +147,6 @@ class Beliefs:
         possible[:, own[certain]] = False
         possible[np.arange(own.size), own] = True
         return replace(self, possible=possible)
-
-    def renewed(self, moved: Bool[Mask, "n"], free: Bool[Mask, "m"]) -> Beliefs:
-        """Return the beliefs with the scores of `moved` tracks void, which mix two people, and `free` identities possible."""
-        stays = ~moved[:, None]
-        return replace(
-            self, possible=self.possible | moved[:, None] & free, total=self.total * stays, count=self.count * stays
-        )
 
     def scored(self, score: Float[Array, "n m"], memory: int) -> Beliefs:
         """Return the beliefs with the scores in one more picture, NaN without effect."""

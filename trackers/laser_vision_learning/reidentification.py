@@ -38,6 +38,8 @@ from trackers.vision.foreground import Foreground
 
 _NEVER = -1e4
 """Log-odds of the impossible."""
+_LEAVES_S = 0.5
+"""A person whose velocity leads out of the area within this time has left it [s]: no later track is that person."""
 
 
 class RecognitionOptions(Strict):
@@ -85,8 +87,8 @@ class _Shown:
 class Recognition:
     """Appearance, by one camera, of the scanners' tracks.
 
-    empty_room: pictures of the room without people; without any, everything counts as foreground. new_ids: the next so many
-    ids.
+    empty_room: pictures of the room without people; without any, everything counts as foreground. inside: marks the places [m]
+    that are in the area in which tracks are reported.
     """
 
     def __init__(
@@ -97,15 +99,16 @@ class Recognition:
         looks: LooksOptions,
         identities: IdentityOptions,
         rng: np.random.Generator,
-        new_ids: Callable[[int], Int[Index, "k"]],
+        inside: Callable[[Float[Array, "k 2"]], Bool[Mask, "k"]],
     ) -> None:
-        self.options, self._identities, self._rng, self._new_ids = options, identities, rng, new_ids
+        self.options, self._identities, self._rng, self._inside = options, identities, rng, inside
         self.learner = learner_of(placed_camera(camera), looks)
         self._intrinsics, self._last_rgb = camera.intrinsics, np.zeros(0, np.uint8)
         masked = self.learner.needs_foreground and len(empty_room) > 0
         self._foreground = Foreground(camera.intrinsics, empty_room) if masked else None
         self._looks = Looks.unknown(0, looks)  # of the identities
         self._held_ns = np.zeros(0, np.int64)  # stamp at which a track held each of them last
+        self._bound_for = np.zeros((0, 2))  # where that track was about to be [m]
         self._own = np.zeros(0, np.intp)  # place of each confirmed track's identity among them
         self._beliefs, self._calibration = Beliefs.none(), Calibration()
         self.decisions: list[Decision] = []
@@ -158,6 +161,7 @@ class Recognition:
         """Add new identities, drop forgotten ones, and note which of them each confirmed track may have."""
         ids, before = people.roster.id[sure], self._beliefs
         remembered = self._looks.known & (ns - self._held_ns <= nanoseconds(self.options.remember_s))
+        remembered &= self._inside(self._bound_for)
         kept = remembered | np.isin(before.number, ids)
         number = np.union1d(before.number[kept], ids)
         if not np.array_equal(number, before.number):
@@ -165,8 +169,10 @@ class Recognition:
             looks = Looks.unknown(number.size, self.learner.options)
             self._looks = looks.replaced(old, self._looks.select(kept))
             self._held_ns = written(np.full(number.size, ns), old, self._held_ns[kept])
+            self._bound_for = written(np.zeros((number.size, 2)), old, self._bound_for[kept])
         self._own = own = np.searchsorted(number, ids)
         self._held_ns = written(self._held_ns, own, ns)
+        self._bound_for = written(self._bound_for, own, (people.places + _LEAVES_S * people.velocities)[sure])
         beliefs, known, rows = before.of(people.serial[sure], number), self._looks.known, np.arange(sure.size)
         possible = beliefs.possible.copy()
         new = np.flatnonzero(~np.isin(beliefs.serial, before.serial))
@@ -202,29 +208,17 @@ class Recognition:
 
     def _decide(self, people: WalkerTracks, sure: Int[Index, "n"], ns: int) -> WalkerTracks:
         """Assign identities to all tracks by their mean scores and their continuity."""
-        beliefs, rules, n = self._beliefs, self._identities, sure.size
+        beliefs, rules = self._beliefs, self._identities
         doubtful, mean, before = beliefs.doubtful, beliefs.mean(rules.pictures), people.roster.id[sure]
         scored = np.isfinite(mean).any(axis=1)
         if not scored.any():
             return people
         log_odds = self._calibration.log_ratio(mean)
-        log_odds[~beliefs.possible] += _NEVER if rules.unnoticed is None else -rules.unnoticed
-        unknown = _NEVER if rules.unnoticed is None else -rules.unknown_log_odds
-        of_unknown = np.where(np.eye(n, dtype=np.bool_) & doubtful[:, None], unknown, _NEVER)
-        found = decided(np.concatenate([log_odds, of_unknown], axis=1), self._own, rules.margin)
-        certain, known = found.by_looks & scored, found.column < beliefs.number.size
-        ids = np.zeros(n, np.int64)
-        ids[known] = beliefs.number[found.column[known]]
-        if not known.all():
-            n_new = n - int(known.sum())
-            ids[~known] = self._new_ids(n_new)
-            self._looks = self._looks.joined(Looks.unknown(n_new, self.learner.options))
-            beliefs = beliefs.of(beliefs.serial, np.union1d(beliefs.number, ids))
-            self._held_ns = np.append(self._held_ns, np.full(n_new, ns))
-        self._own = np.searchsorted(beliefs.number, ids)
-        # what passed to another person unnoticed is anybody's whom no track holds
-        free = self._looks.known & ~np.isin(beliefs.number, ids)
-        self._beliefs = beliefs.resolved(certain, self._own).renewed((ids != before) & ~doubtful, free)
+        log_odds[~beliefs.possible] += _NEVER
+        found = decided(log_odds, self._own, rules.margin)
+        certain, ids = found.by_looks & scored, beliefs.number[found.column]
+        self._own = found.column
+        self._beliefs = beliefs.resolved(certain, self._own)
         news = np.flatnonzero((ids != before) | (certain & doubtful))
         if news.size:
             columns = (before[news], ids[news], found.by_looks[news], found.margin[news])

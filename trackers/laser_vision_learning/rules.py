@@ -73,7 +73,7 @@ PAPER_RULES: tuple[PaperRule, ...] = (
         "V.B",
         "the classifiers identify the targets of a split, however narrow their verdict; no target is another without a merge, "
         "and a new target is nobody who was there before",
-        {"identities": {"margin": 0.0, "unnoticed": None}, "recognition": {"remember_s": 0.0}},
+        {"identities": {"margin": 0.0}, "recognition": {"remember_s": 0.0}},
     ),
     PaperRule(
         "merge",

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from trackers.area import Area
+from trackers.arrays import Array, Bool, Float, Mask
 from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.laser.group import ScannerGroup, scanners_by_role
@@ -64,7 +65,7 @@ class LaserVisionLearning(SynchronizedTracker):
                 self.options.looks,
                 self.options.identities,
                 self._walkers.rng,
-                self._walkers.new_ids,
+                self._inside,
             )
         # one frame per stamp of the main sensor, at any rate
         opens = names if rig.main_sensor in names else (*names, rig.main_sensor)
@@ -92,9 +93,7 @@ class LaserVisionLearning(SynchronizedTracker):
         """Return the confirmed tracks in the area of the last frame, by id."""
         people, roster = self._walkers.people, self._walkers.people.roster
         places, velocities = people.places, people.velocities
-        shown = roster.confirmed & self._walkers.recently_measured
-        if self._area is not None:
-            shown &= self._area.contains(places)
+        shown = roster.confirmed & self._walkers.recently_measured & self._inside(places)
         shown = shown.nonzero()[0]
         shown = shown[roster.id[shown].argsort()]
         situations = self.situations()
@@ -108,6 +107,10 @@ class LaserVisionLearning(SynchronizedTracker):
             Track(number, x, y, vx, vy, status="confirmed" if seen else "coasting", situation=situations[number])
             for number, x, y, vx, vy, seen in zip(*(column.tolist() for column in columns), strict=True)
         ]
+
+    def _inside(self, places: Float[Array, "n 2"]) -> Bool[Mask, "n"]:
+        """Mark the places [m] in the area in which tracks are reported."""
+        return np.ones(len(places), np.bool_) if self._area is None else self._area.contains(places)
 
     def situations(self) -> dict[int, Situation]:
         """Return the situation of each confirmed track by id in the last frame."""

@@ -51,10 +51,6 @@ class Walkers:
         self._looked_ns = 0  # stamp of the last scan
         self._has_started = False
 
-    def new_ids(self, count: int) -> Int[Index, "k"]:
-        """Return the next ids."""
-        return self._manager.new_ids(count)
-
     @property
     def recently_measured(self) -> Bool[Mask, "n"]:
         """Mask of the tracks missing for less time than they are reported."""

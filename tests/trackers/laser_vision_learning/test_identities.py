@@ -85,11 +85,3 @@ def test_a_mean_score_follows_a_change_within_its_memory() -> None:
         beliefs = beliefs.scored(np.array([[score]]), memory=5)
     assert beliefs.mean(1)[0, 0] < -0.9
     assert np.isnan(beliefs.mean(6)).all()
-
-
-def test_a_track_that_passed_to_another_unnoticed_is_anybody_whom_no_track_holds() -> None:
-    beliefs = Beliefs.none().of(np.arange(2), np.array([4, 7, 9]))
-    beliefs = Beliefs(beliefs.serial, beliefs.number, np.eye(2, 3, dtype=bool), beliefs.total, beliefs.count)
-    beliefs = beliefs.scored(np.ones((2, 3)), memory=5).renewed(np.array([True, False]), np.array([False, False, True]))
-    assert beliefs.possible.tolist() == [[True, False, True], [False, True, False]]
-    assert beliefs.count.any(axis=1).tolist() == [False, True]

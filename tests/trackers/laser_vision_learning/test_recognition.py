@@ -26,6 +26,8 @@ SENSOR = PinholeSensor(
 )
 RED, BLUE, GREEN = (180, 40, 40), (40, 40, 180), (40, 160, 40)
 PERIOD_NS = 40_000_000
+AREA_M = 3.0
+"""Radius of the area."""
 LOOKS = LooksOptions()
 
 
@@ -51,14 +53,16 @@ class Meeting:
             LOOKS,
             identities,
             np.random.default_rng(0),
-            lambda count: 100 + np.arange(count),
+            lambda places: np.hypot(*places.T) < AREA_M,
         )
         self.ids, self.serial, self.ns, self.decisions = np.arange(1, n + 1), np.arange(n), 0, []
         nobody = Roster.started(Cloud.of(np.zeros((5, 0, 60))), 0)
         self.people = WalkerTracks(np.zeros(0, int), nobody, np.zeros(0), np.zeros(0, int))
 
-    def frames(self, count: int, places, colours=None, interacting=True, together=(), wide_m=0.05) -> WalkerTracks:
-        """`together`: index pairs who are merged and confused; `colours` None: no picture comes."""
+    def frames(
+        self, count: int, places, colours=None, interacting=True, together=(), wide_m=0.05, speed_m_s=0.0
+    ) -> WalkerTracks:
+        """speed_m_s: of all, along x; `together`: index pairs who are merged and confused; `colours` None: no picture comes."""
         n = len(places)
         confused = np.zeros((n, n), bool)
         for one, other in together:
@@ -69,6 +73,7 @@ class Meeting:
             state = np.zeros((5, n, 60))
             state[:2] = np.array(places, float).T[..., None]
             state[:2] += np.random.default_rng(self.ns).normal(0, wide_m, (2, n, 60))
+            state[2:4] = [[[0.0]], [[speed_m_s]]]
             born, now_ns, many = np.zeros(n, int), np.full(n, self.ns), np.full(n, 9)
             roster = Roster(self.ids, Cloud.of(state), born, now_ns, many, np.ones(n, bool))
             now = Situations(self.serial, near, confused, confused, np.full((n, n), self.ns), confused)
@@ -137,15 +142,17 @@ def test_a_track_in_doubt_is_not_learned_from():
 
 
 @pytest.mark.parametrize(
-    ("change", "after"),
-    [({}, [2, 1]), ({"unnoticed": None}, [1, 2]), ({"margin": 900.0}, [1, 2]), ({"pictures": 50}, [1, 2])],
-    ids=str,
+    ("change", "after"), [({}, [2, 1]), ({"margin": 900.0}, [1, 2]), ({"pictures": 50}, [1, 2])], ids=str
 )
-def test_tracks_that_passed_to_others_unnoticed_are_found_by_looks(change, after):
-    two = Meeting(2, IdentityOptions(**change))
+def test_identities_are_exchanged_by_enough_pictures_that_tell_enough(change, after):
+    assert met_and_parted((BLUE, RED), identities=IdentityOptions(**change)).ids.tolist() == after
+
+
+def test_tracks_that_never_met_keep_their_identities_whatever_they_look_like():
+    two = Meeting(2)
     two.frames(10, APART, (RED, BLUE))
     two.frames(30, APART, (BLUE, RED))
-    assert two.ids.tolist() == after
+    assert two.ids.tolist() == [1, 2] and two.decisions == []
 
 
 @pytest.mark.parametrize(("remember_s", "found"), [(60.0, 2), (0.1, 3)])
@@ -160,6 +167,20 @@ def test_a_new_track_of_a_person_whose_track_was_deleted_has_their_identity(reme
     two.ids, two.serial = np.array([1, 4]), np.array([0, 3])
     two.frames(8, APART, (RED, GREEN))
     assert two.ids.tolist() == [1, 4]
+
+
+@pytest.mark.parametrize(
+    ("last_m", "speed_m_s", "found"), [(2.0, 0.0, 2), (3.5, 0.0, 3), (2.8, 1.0, 3), (2.8, -1.0, 2)]
+)
+def test_nobody_who_comes_is_a_person_who_has_left_the_area(last_m, speed_m_s, found):
+    two = Meeting(2)
+    two.frames(8, APART, (RED, BLUE))
+    two.frames(1, [APART[0], (last_m, 0.0)], (RED, BLUE), speed_m_s=speed_m_s)
+    two.ids, two.serial = two.ids[:1], two.serial[:1]
+    two.frames(5, APART[:1], (RED,), interacting=False)
+    two.ids, two.serial = np.array([1, 3]), np.array([0, 2])
+    two.frames(8, APART, (RED, BLUE))
+    assert two.ids.tolist() == [1, found]
 
 
 def test_of_three_one_comes_out_and_two_go_on():
