@@ -72,7 +72,8 @@ class Scanners:
             # shanks lean forward: knees are before the feet
             ahead_m = legs_ahead_m(expected.speed_m_s, self._height_m, self._legs)
             knees = expected.legs + expected.facing * ahead_m[:, None]
-            lines = found.sight_lines(self._group.origins)
+            # where trunks tell where the middle of the legs is, what a leg hides did not earn
+            lines = None if self._waists else found.sight_lines(self._group.origins)
             walkers = pair_legs(found, starts, no_trunk, expected.place, knees, 0.0, gate_m, self._legs, lines)
             position, known = walkers.position, walkers.of_known
             position[known] += expected.legs[walkers.owner[known]]
