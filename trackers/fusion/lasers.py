@@ -84,8 +84,9 @@ class Scanners:
             bodies = np.concatenate([expected.place, expected.place + expected.legs, position[known]])
             single = walkers.n_leg == 1
             starts = may_be_new(position, single, starts & ~known, bodies, self._legs.start_apart_m)
-            # split beams at an edge look like a leg, but not twice: a hidden person is not moved to one
-            owner = np.where(single & starts, NEW, -1)
+            # split beams at an edge look like a leg, but not twice: a hidden person is not moved to one; and a leg, up to half a
+            # stride from the body, tells by its place alone less of whose it is than all legs together
+            owner = np.where(single & starts, NEW, np.where(single, walkers.owner, -1))
         sure = (n_sample >= _SURE_SAMPLES) & (not self._group.is_learning)
         return Look(
             tuple(scans),

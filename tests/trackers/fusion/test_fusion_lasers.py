@@ -231,6 +231,21 @@ def test_a_single_leg_begins_a_track_where_no_scanner_at_waist_height_would_show
     assert (look.starts[0] > 0) == hidden
 
 
+def test_a_single_leg_is_of_the_person_with_whom_the_legs_were_shared_out() -> None:
+    """A leg is up to half a stride from its person: by its place alone it may be nearer to a hidden one beside."""
+    knees = scanners_of(rig(waist=False, camera=False), EMPTY, FusionOptions(), None)[0]
+    empty = next(each for each in EMPTY if isinstance(each, LaserScan) and each.sensor == "knee")
+    place = np.array([[0.9, 2.3], [0.1, 1.6]])
+    expected = Expected(place, np.pad(place, ((0, 0), (0, 1))), np.zeros((2, 2)), np.zeros(2), np.zeros((2, 2)))
+    one = knees.look({"knee": ahead(empty, 1.5, 0.05)}, expected, empty.stamp_ns)
+    assert one is not None and one.owner.tolist() == [1]
+    both = ahead(empty, 1.5, 0.18)
+    gap = np.abs(both.angles_rad) < 0.08 / 1.5
+    both = replace(both, ranges_m=np.where(gap, empty.ranges_m, both.ranges_m))
+    two = knees.look({"knee": both}, expected, empty.stamp_ns)
+    assert two is not None and two.owner.tolist() == [-1]
+
+
 def test_two_hidden_people_who_may_be_at_one_place_stay_two() -> None:
     """A younger track goes where both are known to be at one place; not where each may be anywhere."""
     manager = FusionTrackManager(FusionOptions(), None, Imm(PersonMotion()))
