@@ -32,7 +32,7 @@ NO_BUDGETS = {
     "MAX_TANGENT": "a ray beyond it is seen by no lens",
     "MAX_FIELD_OF_VIEW_DEG": "the range of a field",
     "LONGEST_NUMBER": "no number that somebody wrote is longer",
-    "_MOST_ANGLE_RAD": "more than two turns are degrees",
+    "_MOST_ANGLE_RAD": "more than one turn is degrees",
     "_MOST_MM": "a millimetre more does not fit 16 bits",
     "_MOST_OFF_M": "the range of a field",
     "_LONGEST_LIST_BYTES": "a longer list is none of ours",

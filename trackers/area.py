@@ -23,14 +23,14 @@ Coordinate = Annotated[float, Field(ge=-1e8, le=1e8, allow_inf_nan=False)]
 Point3 = tuple[Coordinate, Coordinate, Coordinate]
 
 
-_MOST_ANGLE_RAD = 4 * np.pi + 1e-6
-"""Two turns: a larger angle is one in degrees."""
+_MOST_ANGLE_RAD = 2 * np.pi + 1e-6
+"""One turn: a larger angle is one in degrees."""
 
 
 def _in_radians(angle_rad: float) -> float:
     if abs(angle_rad) > _MOST_ANGLE_RAD:
         raise ValueError(
-            f"{angle_rad:g} rad is more than two turns; in degrees it would be {np.radians(angle_rad):.4g} rad"
+            f"{angle_rad:g} rad is more than one turn; in degrees it would be {np.radians(angle_rad):.4g} rad"
         )
     return angle_rad
 

@@ -243,6 +243,7 @@ def checked_file(kind: str, name: str, allow_plugins: bool = False) -> str:
     import numpy as np
 
     from trackers.rig import Rig
+    from twin.run.feed import unfit_scanners
     from twin.run.inputs import TrustedClasses
     from twin.scenario import load_scenario
     from twin.scenario.run_size import check_size
@@ -260,7 +261,7 @@ def checked_file(kind: str, name: str, allow_plugins: bool = False) -> str:
             scenario = load_scenario(name)
             check_size(scenario)
             with Simulation(scenario) as simulation:
-                print_warnings(simulation.warnings)
+                print_warnings([*simulation.warnings, *unfit_scanners(simulation)])
                 check_trackers(scenario, simulation.rig, name)
             about = f"people: {len(scenario.people)}, sensors: {', '.join(scenario.sensors)}, {scenario.duration_s:g} s"
         case "room":

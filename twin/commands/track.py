@@ -102,8 +102,8 @@ def detections(
     from functools import partial
 
     from twin.console import print_paths, print_warning
+    from twin.run.feed import write_detections
     from twin.run.inputs import import_from_here, typed_classes, unused_changes
-    from twin.run.tracker_runner import write_detections
 
     import_from_here([*typed_classes(set_ or []), tracker])
     for warning in unused_changes(set_ or [], [tracker]):

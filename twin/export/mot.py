@@ -34,7 +34,7 @@ from trackers.rig import CameraSensor
 from twin.export.labels import Label, Labeller, open_labeller, upright_boxes
 from twin.export.pictures import ExportedPicture, Recorded, frame_rate_hz, pictures
 from twin.recording.tables import TrackTable, seconds_cell
-from twin.run.tracker_runner import write_detections
+from twin.run.feed import write_detections
 
 BENCHMARK = "roomtwin-all"
 _PERSON, _DISTRACTOR = 1, 8

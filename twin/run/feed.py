@@ -1,33 +1,46 @@
-"""Feed observations, live or from a recording, to the trackers and to the preview video.
+"""Feed observations, live or from a recording, to the trackers and to the preview video; or to a tracker's detector.
 
 The preview combines a tracker's frame with the newest observations and the truth at its stamp.
+
+Columns of the table of `twin detections`, one row per detection: `t` stamp of the frame [s]; `sensors` that detected it,
+joined by `+`; `role` (`waist`: a trunk, `knee`: legs); `x`, `y` ground point in the room frame [m]; `variance` of the
+position on each axis [m²]; `width` as measured [m]. Numbers are empty where the detector does not give them. A frame without
+detections has no row.
 """
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
 
+from trackers.errors import PLUG_IN_ERRORS, InputError, PlugInError
+from trackers.feeding import FedTracker
 from trackers.laser.reach import ScannerReach
 from trackers.observations import DepthImage, FloorFrame, Image, LaserScan, Observation, Odometry
+from trackers.presets import PRESETS
 from trackers.prior import Prior
 from trackers.rig import Rig
-from trackers.tracks import TrackFrame, unused_sensors
-from twin.recording.losses import Loss, ObservationLog, dropped_by
+from trackers.text_file import AnyPath
+from trackers.tracks import Detection, TrackFrame, detections_of, unused_sensors
+from twin.messages import OnWarning, at_work
+from twin.recording.losses import Loss, ObservationLog, dropped_by, lines
+from twin.recording.tables import number_cell, seconds_cell
 from twin.report.birdseye import Polygon
 from twin.report.floor_panel import TruePoses
 from twin.report.sensor_stills import RunPictures, SensorStills, SilenceMonitor
-from twin.run.inputs import ChosenTracker
-from twin.run.tracker_runner import TrackerRunner, check_some_left, tracker_runners
+from twin.run.inputs import ChosenTracker, chosen_trackers, files_for, scenario_of
+from twin.run.tracker_runner import TrackerRunner, check_some_left, plug_in_fault, tracker_runners
 from twin.truth.frames import TruthFrame
 
 if TYPE_CHECKING:
     from twin.report.preview import PreviewWriter
+    from twin.world.simulation import Simulation
 
 _HELD_OBSERVATIONS = 32
 _HELD_FOR_STILLS = 4
@@ -245,3 +258,84 @@ def open_feed(
             writer = stack.enter_context(film)
         kept = SensorStills(rig, **place) if stills else None
         yield Feed(runners, Preview(writer, rig, kept) if writer is not None or kept is not None else None, rig)
+
+
+def unfit_scanners(simulation: Simulation) -> list[str]:
+    """Return a sentence per scanner that, by its scan at the start, cannot show people in most of what it sees."""
+    reach = ScannerReach(simulation.rig)
+    for seen in simulation.look(0, simulation.rig.lasers()).values():
+        if isinstance(seen, LaserScan):
+            reach.add(seen)
+    return reach.warnings()
+
+
+DETECTION_COLUMNS = ("t", "sensors", "role", "x", "y", "variance", "width")
+
+
+def write_detections(
+    recording: AnyPath,
+    file: TextIO,
+    *,
+    tracker: str,
+    rig_path: AnyPath | None = None,
+    changes: Sequence[str] = (),
+    seed: int | None = None,
+    on_warning: OnWarning = lambda warning: None,
+) -> None:
+    """Track a recording and write the tracker's detections; `rig_path`, `changes`, `seed` as for `twin track`.
+
+    Raises InputError for bad input, a tracker without detections among it, before anything is written.
+    """
+    from twin.recording.reader import Recording
+
+    bag = Recording(recording, rig_path)
+    scenario = scenario_of(bag)
+    seed = seed if seed is not None else scenario.seed if scenario is not None else 0
+    (chosen,) = chosen_trackers(bag, scenario, [tracker], changes)
+    files, missing = files_for(bag, scenario, rig_path, changes)
+    warned = [*missing, *lines(bag.losses), *bag.moving]
+    for warning in warned:
+        on_warning(warning)
+    made = TrackerRunner(chosen, bag.rig)
+    made.make(Prior.read(bag.background, files, bag.rig), seed, bag.jumps_ns)
+    if made.failure:
+        raise PlugInError(made.failure)
+    detections = detections_of(made.tracker)
+    if detections is None:
+        raise InputError(
+            f"--tracker {tracker}: does not tell what its detector sees; one that has detections() is expected, like sort"
+        )
+    file.write(",".join(DETECTION_COLUMNS) + "\n")
+    n_fed: Counter[str] = Counter()
+    rows: list[str] = []
+    fed = FedTracker(made.tracker, bag.rig, on_worked=lambda: rows.extend(map(_row, detections())))
+    reach = ScannerReach(bag.rig)
+    for observation in bag.observations():
+        n_fed[observation.sensor] += 1
+        if isinstance(observation, LaserScan):
+            reach.add(observation)
+        _called(chosen, made.tracker, partial(fed.update, observation))
+        file.writelines(rows)
+        rows.clear()
+    _called(chosen, made.tracker, fed.finish)
+    file.writelines(rows)
+    lost = [*bag.losses, *dropped_by(made.name, fed.losses, n_fed, bag.ahead_s)]
+    for warning in (*lines(lost), *reach.warnings(unused_sensors(made.tracker))):
+        if warning not in warned:
+            on_warning(warning)
+
+
+def _called(chosen: ChosenTracker, tracker: Any, call: Callable[[], object]) -> None:
+    """Call a tracker; raises PlugInError for an exception of a plug-in, but passes on that of a tracker of ours."""
+    try:
+        with at_work(chosen.name):
+            call()
+    except PLUG_IN_ERRORS as error:
+        if chosen.target in PRESETS:
+            raise
+        raise PlugInError(plug_in_fault(chosen, tracker, error)) from error
+
+
+def _row(each: Detection) -> str:
+    numbers = map(number_cell, (each.x, each.y, each.variance_m2, each.width_m))
+    return ",".join([seconds_cell(each.stamp_ns), "+".join(each.sensors), each.role, *numbers]) + "\n"

@@ -1,10 +1,4 @@
-"""Runner of one tracker: feeds and times it, writes its frames, and reports a plug-in's faults to its author.
-
-Columns of the table of `twin detections`, one row per detection: `t` stamp of the frame [s]; `sensors` that detected it,
-joined by `+`; `role` (`waist`: a trunk, `knee`: legs); `x`, `y` ground point in the room frame [m]; `variance` of the
-position on each axis [m²]; `width` as measured [m]. Numbers are empty where the detector does not give them. A frame without
-detections has no row.
-"""
+"""Runner of one tracker: feeds and times it, writes its frames, and reports a plug-in's faults to its author."""
 
 from __future__ import annotations
 
@@ -12,14 +6,12 @@ import re
 import sys
 import time
 import traceback
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from functools import partial
 from itertools import count
 from pathlib import Path
 from types import FrameType
-from typing import Any, TextIO
+from typing import Any
 
 import numpy as np
 
@@ -29,12 +21,10 @@ from trackers.observations import NS_PER_S, Observation
 from trackers.presets import PRESETS, make_tracker
 from trackers.prior import Prior
 from trackers.rig import Rig
-from trackers.text_file import AnyPath
-from trackers.tracks import Detection, Tracker, TrackFrame, detections_of, misreported, warnings
-from twin.messages import OnWarning, at_work
-from twin.recording.losses import dropped_by, lines
-from twin.recording.tables import TrackWriter, number_cell, seconds_cell, track_writer
-from twin.run.inputs import ChosenTracker, chosen_trackers, files_for, scenario_of
+from trackers.tracks import Tracker, TrackFrame, detections_of, misreported, warnings
+from twin.messages import at_work
+from twin.recording.tables import TrackWriter, track_writer
+from twin.run.inputs import ChosenTracker
 from twin.streams import stream
 
 _ENOUGH_FRAMES, _OFTEN = 20, 0.2
@@ -263,7 +253,7 @@ def _method(steps: list[tuple[FrameType, int]], tracker: Any, module: str) -> st
 
 
 def _is_theirs(frame: FrameType) -> bool:
-    return _module(frame) not in ("trackers.feeding", "twin.run.tracker_runner", "twin.studies.worker")
+    return _module(frame) not in ("trackers.feeding", "twin.run.feed", "twin.run.tracker_runner", "twin.studies.worker")
 
 
 def _module(frame: FrameType) -> str:
@@ -278,71 +268,3 @@ def _given(steps: list[tuple[FrameType, int]]) -> str:
             kind = type(observation).__name__
             return f"at the {kind} of {observation.sensor} stamped {observation.stamp_ns / NS_PER_S:.3f} s"
     return "after the last observation"
-
-
-COLUMNS = ("t", "sensors", "role", "x", "y", "variance", "width")
-
-
-def write_detections(
-    recording: AnyPath,
-    file: TextIO,
-    *,
-    tracker: str,
-    rig_path: AnyPath | None = None,
-    changes: Sequence[str] = (),
-    seed: int | None = None,
-    on_warning: OnWarning = lambda warning: None,
-) -> None:
-    """Track a recording and write the tracker's detections; `rig_path`, `changes`, `seed` as for `twin track`.
-
-    Raises InputError for bad input, a tracker without detections among it, before anything is written.
-    """
-    from twin.recording.reader import Recording
-
-    bag = Recording(recording, rig_path)
-    scenario = scenario_of(bag)
-    seed = seed if seed is not None else scenario.seed if scenario is not None else 0
-    (chosen,) = chosen_trackers(bag, scenario, [tracker], changes)
-    files, missing = files_for(bag, scenario, rig_path, changes)
-    warned = [*missing, *lines(bag.losses), *bag.moving]
-    for warning in warned:
-        on_warning(warning)
-    made = TrackerRunner(chosen, bag.rig)
-    made.make(Prior.read(bag.background, files, bag.rig), seed, bag.jumps_ns)
-    if made.failure:
-        raise PlugInError(made.failure)
-    detections = detections_of(made.tracker)
-    if detections is None:
-        raise InputError(
-            f"--tracker {tracker}: does not tell what its detector sees; one that has detections() is expected, like sort"
-        )
-    file.write(",".join(COLUMNS) + "\n")
-    n_fed: Counter[str] = Counter()
-    rows: list[str] = []
-    fed = FedTracker(made.tracker, bag.rig, on_worked=lambda: rows.extend(map(_row, detections())))
-    for observation in bag.observations():
-        n_fed[observation.sensor] += 1
-        _called(chosen, made.tracker, partial(fed.update, observation))
-        file.writelines(rows)
-        rows.clear()
-    _called(chosen, made.tracker, fed.finish)
-    file.writelines(rows)
-    for warning in lines([*bag.losses, *dropped_by(made.name, fed.losses, n_fed, bag.ahead_s)]):
-        if warning not in warned:
-            on_warning(warning)
-
-
-def _called(chosen: ChosenTracker, tracker: Any, call: Callable[[], object]) -> None:
-    """Call a tracker; raises PlugInError for an exception of a plug-in, but passes on that of a tracker of ours."""
-    try:
-        with at_work(chosen.name):
-            call()
-    except PLUG_IN_ERRORS as error:
-        if chosen.target in PRESETS:
-            raise
-        raise PlugInError(plug_in_fault(chosen, tracker, error)) from error
-
-
-def _row(each: Detection) -> str:
-    numbers = map(number_cell, (each.x, each.y, each.variance_m2, each.width_m))
-    return ",".join([seconds_cell(each.stamp_ns), "+".join(each.sensors), each.role, *numbers]) + "\n"

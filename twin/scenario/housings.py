@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import hypot, radians
+from math import fmod, hypot, radians
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol
 
 from pydantic import Field, ValidationError, model_validator
@@ -268,6 +268,6 @@ def _assumed_pose(description: AnyDescription, assumed: CalibrationError) -> Pos
     if isinstance(description, FloorDescription):
         mount = description.mount
         x, y, _ = (a + b for a, b in zip(mount.xyz, assumed.xyz, strict=True))
-        return Pose(xyz=(x, y, 0.0), rpy=(0.0, 0.0, radians(mount.yaw_deg + assumed.rpy_deg[2])))
+        return Pose(xyz=(x, y, 0.0), rpy=(0.0, 0.0, radians(fmod(mount.yaw_deg + assumed.rpy_deg[2], 360.0))))
     moved = description.model_copy(update={"mount": assumed.mount(description.mount)})
     return moved.rig_sensor("").room_from_sensor

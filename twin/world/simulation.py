@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Generator, Iterator
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import groupby
@@ -227,15 +227,15 @@ class Simulation:
         offset_ns = round(self.rig.sensors[observation.sensor].time_offset_s * NS_PER_S)
         return replace(observation, stamp_ns=observation.stamp_ns + offset_ns) if offset_ns else observation
 
-    def look(self, stamp_ns: int) -> dict[str, Observation]:
-        """Return each sensor's observation at one stamp, by name, outside its schedule; without silent ones."""
+    def look(self, stamp_ns: int, sensors: Iterable[str] | None = None) -> dict[str, Observation]:
+        """Return observations at one stamp, by sensor (None: all), outside their schedule; without those of silent ones."""
         looks = {}
-        for name, timed in self._sensors.items():
+        for name in self._sensors if sensors is None else sensors:
+            timed = self._sensors[name]
             if self._timing[name].dropout == 1 or MessageFaults(name, self.scenario.faults, 0).loses_all(stamp_ns):
                 continue
-            rng = stream(self.scenario.seed, "look", name)
             snapshots = (self.world.snapshot(stamp_ns / NS_PER_S + offset) for offset in timed.instants_s)
-            reading, _ = timed.inner.observe(stamp_ns, snapshots, None, rng)
+            reading, _ = timed.inner.observe(stamp_ns, snapshots, None, stream(self.scenario.seed, "look", name))
             looks[name] = encode(reading.observation).observation
         return looks
 

@@ -13,8 +13,8 @@ from command_line import twin
 
 from trackers.errors import InputError, PlugInError
 from twin.recording.tables import read_truth
+from twin.run.feed import write_detections
 from twin.run.live import run_scenario
-from twin.run.tracker_runner import write_detections
 from twin.scenario import load_scenario
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from command_line import twin
 
 from trackers.sort import Sort
 from twin.environment.run import write_environment
@@ -106,7 +107,7 @@ def test_a_camera_that_hangs_otherwise_than_believed_is_named_where_the_room_is_
     ]
 
 
-def test_a_coarse_and_a_tilted_scanner_are_told_live_and_again_but_not_where_no_tracker_uses_them(
+def test_a_coarse_and_a_tilted_scanner_are_told_live_again_in_checks_and_with_detections_but_not_where_unused(
     tmp_path: Path,
 ) -> None:
     changes = ["duration_s=0.4", "background_frames=2", "sensors.fisheye=null", "sensors.waist.resolution_deg=6"]
@@ -124,6 +125,12 @@ def test_a_coarse_and_a_tilted_scanner_are_told_live_and_again_but_not_where_no_
     assert set(warned) <= set(result.warnings)
     assert all(f"{each}." in (tmp_path / "a" / "report.html").read_text() for each in warned)
     assert [each for each in unused.told if each.startswith(said)] == warned[:1]
+
+    checked = twin("check", str(tmp_path / "a" / "scenario.yaml")).stderr.splitlines()
+    assert [each.split(": ")[2] for each in checked] == ["waist", "knee"]
+    assert ["its beams are 6° apart" in each for each in checked] == [True, False]
+    table = twin("detections", str(bag), "--tracker", "laser-imm", "--out", str(tmp_path / "detections.csv"))
+    assert [f"twin: warning: {each}" for each in warned] == table.stderr.splitlines()[-2:]
 
 
 WAIST_ONLY = ["trackers.waist-fisheye-imm.camera=false"]

@@ -65,14 +65,19 @@ BOTH: dict[str, tuple[Change, Change, str]] = {
         f"{name} turned without end": (
             (f"sensors.{name}.mount.yaw_deg", turn),
             (f"sensors.{name}.room_from_sensor.rpy", [0, 0, turn]),
-            "less than or equal to (360|100000000)|more than two turns",
+            "less than or equal to (360|100000000)|more than one turn",
         )
         for name, turn in (("waist", 1e300), ("eye", 540.0), ("cam", 1e300), ("deep", 1e6), ("floor", 400.0))
     },
     "an angle in degrees": (
         ("sensors.waist.mount.yaw_deg", 5400.0),
         ("sensors.waist.room_from_sensor.rpy", [0, 0, -90]),
-        "less than or equal to 360|-90 rad is more than two turns; in degrees it would be -1.571 rad",
+        "less than or equal to 360|-90 rad is more than one turn; in degrees it would be -1.571 rad",
+    ),
+    "ten degrees as radians": (
+        ("sensors.waist.mount.yaw_deg", -361.0),
+        ("sensors.waist.room_from_sensor.rpy", [0, 10.0, 0]),
+        "greater than or equal to -360|10 rad is more than one turn; in degrees it would be 0.1745 rad",
     ),
     "a tilted scanner": (
         ("sensors.waist.mount.pitch_deg", 80),
