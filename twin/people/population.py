@@ -35,6 +35,8 @@ from twin.scenario.person import STEADY, Person, Randomize
 from twin.streams import stream
 
 _ENTER_APART_M, _THROUGH_S = 0.7, 1.0
+_HELD_UP_S = 2.0
+"""Wait for a free doorway beyond which a person is said not to come [s]."""
 _BLOCKED_FOR_S = 0.8
 _NEAR_ENOUGH_M, _HALTS_FOR_S = 0.2, 1.5
 _STANDS_AT_LEAST_S = 0.1
@@ -120,8 +122,16 @@ class Population(Poses):
         return going
 
     def late(self) -> list[str]:
-        """Describe people who have not arrived in twice the time that their way takes, as of the last step."""
-        return self._context.late()
+        """Describe people who do not come or have not arrived in twice the time that their way takes, as of the last step."""
+        crowd, held_up = self._crowd, []
+        waits_s = self._tick * TICK_S - self._arrive_s
+        for person in map(int, np.flatnonzero(~self._entered & (waits_s > _HELD_UP_S) & crowd.present.any())):
+            nearest = int(np.where(crowd.present, np.abs(crowd.place - crowd.place[person]), np.inf).argmin())
+            names = self._context.names
+            held_up.append(
+                f"{names[person]} has not come for {waits_s[person]:.0f} s: {names[nearest]} stands where they come in"
+            )
+        return [*held_up, *self._context.late()]
 
     def holds_posture(self) -> Mask:
         """Return a mask (n,) of people who have reached their sitting, lying, bent or reaching posture, as of the last step."""

@@ -158,3 +158,15 @@ def test_speeds_of_a_recorded_path_that_nobody_walks_at_are_told(unit: float, to
     scenario = scene(tmp_path, f"{{anna: {{script: {{kind: path, points: {points}}}}}}}")
     with Simulation(scenario, images=False) as simulation:
         assert any("m/s in the median, where" in each for each in simulation.warnings) == told
+
+
+def test_who_waits_for_a_doorway_or_a_seat_is_named_with_who_is_there(tmp_path: Path) -> None:
+    people = (
+        "{anna: {start: [4, 1.6], script: {kind: sit, seat: chair}}, ben: {start: [2, 1], script: {kind: sit, seat: chair}}, "
+        "cleo: {start: [1, 3], script: {kind: stand}}, dora: {arrive_s: 1, start: [1.3, 3], script: {kind: stand}}}"
+    )
+    late = at_end(World(scene(tmp_path, people)), 12.0).people.late()
+    assert late == [
+        "dora has not come for 10 s: cleo stands where they come in",
+        "ben has not reached chair after 11 s: anna is there",
+    ]

@@ -153,6 +153,8 @@ class ScriptContext:
                 else "something is in the way"
             )
             why = "no way leads there" if going.takes_s is None else why
+            user = self.taken.get(going.goal, number)
+            why = why if user == number else f"{self.names[user]} is there"
             messages.append(f"{self.names[number]} has not reached {going.goal} after {took_s:.0f} s: {why}")
         return messages
 
