@@ -161,9 +161,8 @@ class _Scanner:
         gap_m = np.hypot(*(places[:, None] - own[moved]).transpose(2, 0, 1))
         distance, free, _, _ = self.look(places)
         beyond = np.zeros(len(places), np.bool_)
-        if free.any():
-            ranges = np.where(np.isfinite(self.scan.ranges_m), self.scan.ranges_m, 0.0)
-            beyond[free] = ranges[self._beams(places[free])[0]] > distance[free] + _TOLERANCE_M
+        ranges = np.where(np.isfinite(self.scan.ranges_m), self.scan.ranges_m, 0.0)
+        beyond[free] = ranges[self._beams(places[free])[0]] > distance[free] + _TOLERANCE_M
         shown = gap_m.min(axis=1, initial=np.inf) <= _TOLERANCE_M
         return shown, beyond & ~shown & ~self.is_sparse(distance)
 
@@ -250,11 +249,13 @@ class ScannerReach:
         self._pairs: dict[tuple[str, str], _Tally] = {}  # places that one of two shows, and past which the other sees
 
     def add(self, scan: LaserScan) -> None:
-        """Take the next scan; one per second and scanner is examined, by the latest of the others on its base."""
+        """Take the next scan; one per second and scanner is examined, by the latest of the others, once they have scanned."""
         mine = self._scanners.get(scan.sensor)
         if mine is None or scan.ranges_m.size < 2 or not scan.angle_increment_rad:
             return
-        mine.scan = scan
+        is_first, mine.scan = mine.scan is None, scan
+        if is_first and any(each.scan is None and each.base == mine.base for each in self._scanners.values()):
+            return
         if mine.examined_ns is not None and 0 <= scan.stamp_ns - mine.examined_ns < _LOOKS_NS:
             return
         mine.examined_ns = scan.stamp_ns

@@ -262,8 +262,8 @@ def open_feed(
 
 def unfit_scanners(simulation: Simulation) -> list[str]:
     """Return a sentence per scanner that, by its scan at the start, cannot show people in most of what it sees."""
-    reach = ScannerReach(simulation.rig)
-    for seen in simulation.look(0, simulation.rig.lasers()).values():
+    reach, looks = ScannerReach(simulation.rig), simulation.look(0, simulation.rig.lasers())
+    for seen in (*looks.values(), *looks.values()):  # the first is examined by the others once they are there
         if isinstance(seen, LaserScan):
             reach.add(seen)
     return reach.warnings()

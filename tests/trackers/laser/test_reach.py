@@ -240,3 +240,11 @@ def test_two_scanners_that_agree_are_not_told_and_a_wrong_pose_or_a_mirrored_sca
 def test_a_scanner_that_sees_nothing_behind_or_knows_nothing_behind_contradicts_nobody() -> None:
     assert pair_of(yaw_deg=25, walls=False) == []
     assert pair_of(late=True) == []
+
+
+def test_a_scanner_is_not_warned_of_before_the_other_has_scanned_what_it_shows() -> None:
+    coarse, fine = sensor("coarse"), sensor("fine")
+    reach = ScannerReach(Rig(sensors={"coarse": coarse, "fine": fine}, area=AREA))
+    for of, step_deg, name in 2 * [(coarse, 5.0, "coarse"), (fine, 0.5, "fine")]:
+        reach.add(scan(of, step_deg, name))
+    assert reach.warnings() == []
