@@ -150,8 +150,7 @@ class _Scanner:
         ranges, _, bearing = self._polar()
         np.maximum.at(self._farthest_m, bearing, ranges)
         met = np.zeros(self._n_look.shape, np.bool_)
-        for aside in (-1, 0, 1):
-            met[bearing, _bins(ranges) + aside] = True
+        met[bearing[:, None], _bins(ranges)[:, None] + np.array([-1, 0, 1])] = True
         self._n_look += met
 
     def witness(self, places: Float[Array, "n 2"]) -> tuple[Bool[Mask, "n"], Bool[Mask, "n"]]:
