@@ -20,7 +20,7 @@ RNG = np.random.default_rng(0)
 
 
 def test_rotations() -> None:
-    angles = [*RNG.uniform(-7, 7, (300, 3)), *(RNG.integers(-4, 5, (300, 3)) * np.pi / 4)]
+    angles = [*RNG.uniform(-2 * np.pi, 2 * np.pi, (300, 3)), *(RNG.integers(-4, 5, (300, 3)) * np.pi / 4)]
     for roll, pitch, yaw in angles:
         matrix = Pose(rpy=(roll, pitch, yaw)).rotation
         quaternion = quaternion_of(matrix)

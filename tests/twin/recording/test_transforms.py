@@ -28,7 +28,7 @@ PERIOD_NS = 50 * MS
 
 
 def at(x: float, yaw: float = 0.0, z: float = 0.0) -> np.ndarray:
-    return Pose(xyz=(x, 0.0, z), rpy=(0.0, 0.0, yaw)).matrix
+    return Pose(xyz=(x, 0.0, z), rpy=(0.0, 0.0, np.remainder(yaw, 2 * np.pi))).matrix
 
 
 def tf(stamp_ns: int, parent: str, child: str, pose: np.ndarray, topic: str = "/tf"):
