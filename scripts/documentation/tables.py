@@ -172,16 +172,15 @@ def _bold(text: str, figure: Figure, rivals: Sequence[Figure | None]) -> str:
 
 
 def format_value(figure: Figure) -> str:
-    """Format a figure in its unit."""
+    """Format a figure in its unit, which no line break parts from it."""
     from twin.report.metrics_table import METRICS
 
     metric = METRICS.get(figure["column"])
     if metric is not None:
-        return f"{figure['value']:.{metric.decimals or 1}f}".replace("-", "−") + (
-            f" {metric.unit}" if metric.unit else ""
-        )
-    unit = "" if figure["unit"] in ("", "1") else f" {figure['unit']}"
-    return f"{figure['value']:.3g}".replace("-", "−") + unit
+        value, unit = f"{figure['value']:.{metric.decimals or 1}f}", metric.unit
+    else:
+        value, unit = f"{figure['value']:.3g}", "" if figure["unit"] == "1" else figure["unit"]
+    return value.replace("-", "−") + (f"\N{NO-BREAK SPACE}{unit}" if unit else "")
 
 
 def provenance(source: str) -> str:
