@@ -49,7 +49,7 @@ def trace_rays(
         range_max_m,
     )
     if normal is not None:
-        clear = np.abs((data.geom_xpos - origin_m) @ normal) > bounding_radius(model)
+        clear = ~crosses_plane(snapshot, origin_m, normal)
         left_out = clear if left_out is None else clear | left_out
     if left_out is None:
         mujoco.mj_multiRay(model, data, origin_m, *arguments)
@@ -62,9 +62,10 @@ def trace_rays(
         model.geom_group[:] = groups
 
 
-def bounding_radius(model: mujoco.MjModel) -> Array:
-    """Return the radius of each geom's bounding sphere (n_geom,) [m]; infinite for planes and height fields."""
-    return np.where(model.geom_rbound > 0, model.geom_rbound, np.inf)
+def crosses_plane(snapshot: Snapshot, origin_m: Array, normal: Array) -> Mask:
+    """Return a mask (n_geom,) of geoms whose bounding sphere meets a plane; planes and height fields, without bounds, do."""
+    radius = snapshot.model.geom_rbound  # 0 without bounds
+    return (np.abs((snapshot.data.geom_xpos - origin_m) @ normal) <= radius) | (radius <= 0)
 
 
 def passes_spheres(directions: Array, reach_m: Array | float, centre_m: Array, radius_m: Array) -> Mask:
@@ -95,7 +96,13 @@ class RayFan:
         self.directions = directions
         self._normal = normal
         self._range_max_m = range_max_m
+        ahead = directions[:1] if len(directions) else np.zeros((1, 3))
+        self._axes = np.concatenate([ahead, np.cross(normal, ahead)]).T  # (3, 2) of the plane
+        bearing = _bearing(directions @ self._axes)
+        self._order = bearing.argsort()
+        self._bearing = bearing[self._order]  # (n,), ascending
         self._model: mujoco.MjModel | None = None
+        self._may_move = np.zeros(0, dtype=np.intp)
         self._poses = np.zeros((0, 12))
         self._kept: Hits = np.zeros(0, dtype=np.int32), np.zeros(0)
 
@@ -103,34 +110,54 @@ class RayFan:
         """Return the first hits of some of the rays."""
         room, room_m = self._in_the_room(snapshot)
         geom, distance_m = room[rays].copy(), room_m[rays].copy()
-        near = np.flatnonzero(self._near_people(snapshot, self.directions[rays]))
+        people = (snapshot.person_of_geom > 0) & crosses_plane(snapshot, self.origin_m, self._normal)
+        near = np.flatnonzero(self._near(snapshot, people)[rays])
         if near.size:
-            person, person_m = self._meet(snapshot, self.directions[rays][near], snapshot.person_of_geom == 0)
+            person, person_m = self._meet(snapshot, self.directions[rays][near], ~people)
             nearer = (person_m >= 0) & ((person_m < distance_m[near]) | (distance_m[near] < 0))
             geom[near[nearer]], distance_m[near[nearer]] = person[nearer], person_m[nearer]
         return geom, distance_m
 
-    def _near_people(self, snapshot: Snapshot, directions: Array) -> NDArray[np.bool_]:
-        """Return which rays (n,) may meet a person, by the bounding spheres of people's geoms that reach the plane."""
-        radius, centre = bounding_radius(snapshot.model), snapshot.data.geom_xpos - self.origin_m
-        in_plane = (snapshot.person_of_geom > 0) & (np.abs(centre @ self._normal) <= radius)
-        near = passes_spheres(directions, self._range_max_m, centre[in_plane], radius[in_plane])
-        return np.asarray(near.any(axis=1))
+    def _near(self, snapshot: Snapshot, geoms: Mask) -> Mask:
+        """Return which rays (n,) may meet one of some geoms (n_geom,): those between the tangents of its bounding sphere."""
+        offset, radius = snapshot.data.geom_xpos[geoms] - self.origin_m, snapshot.model.geom_rbound[geoms] + _MARGIN_M
+        in_plane = offset @ self._axes
+        far = np.hypot(in_plane[:, 0], in_plane[:, 1])
+        half = np.where(far > radius, np.arcsin(radius / np.maximum(far, radius)), np.pi)
+        half[far > self._range_max_m + radius] = -1.0  # none
+        middle = _bearing(in_plane) + _TURNS
+        first = self._bearing.searchsorted((middle - half).ravel())
+        stop = np.maximum(self._bearing.searchsorted((middle + half).ravel(), side="right"), first)
+        count = len(self._bearing)
+        begun = np.bincount(first, minlength=count + 1) - np.bincount(stop, minlength=count + 1)
+        near = np.empty(count, dtype=np.bool_)
+        near[self._order] = begun[:count].cumsum() > 0
+        return near
 
     def _in_the_room(self, snapshot: Snapshot) -> Hits:
         """Return the first hits of all rays in the empty room."""
         model, data = snapshot.model, snapshot.data
-        person = snapshot.person_of_geom > 0
-        poses = np.concatenate([data.geom_xpos[~person], data.geom_xmat[~person]], axis=1)
+        if model is not self._model:
+            in_room = snapshot.person_of_geom == 0
+            self._may_move = np.flatnonzero(in_room & (model.body_weldid[model.geom_bodyid] > 0))
+        poses = np.concatenate([data.geom_xpos[self._may_move], data.geom_xmat[self._may_move]], axis=1)
         if model is not self._model or not np.array_equal(poses, self._poses):
             self._model, self._poses = model, poses
-            self._kept = self._meet(snapshot, self.directions, person)
+            left_out = (snapshot.person_of_geom > 0) | ~crosses_plane(snapshot, self.origin_m, self._normal)
+            self._kept = self._meet(snapshot, self.directions, left_out)
         return self._kept
 
-    def _meet(self, snapshot: Snapshot, directions: Array, left_out: NDArray[np.bool_]) -> Hits:
+    def _meet(self, snapshot: Snapshot, directions: Array, left_out: Mask) -> Hits:
         geom, distance_m = np.empty(len(directions), dtype=np.int32), np.empty(len(directions))
         trace_rays(
-            snapshot, self.origin_m, directions, geom, distance_m, normal=self._normal, left_out=left_out,
-            range_max_m=self._range_max_m,
-        )  # fmt: skip
+            snapshot, self.origin_m, directions, geom, distance_m, left_out=left_out, range_max_m=self._range_max_m
+        )
         return geom, distance_m
+
+
+_TURNS = 2 * np.pi * np.array([[-1.0], [0.0], [1.0]])
+
+
+def _bearing(in_plane: Array) -> Array:
+    """Return the bearing (n,) [rad] of points (n, 2)."""
+    return np.arctan2(in_plane[:, 1], in_plane[:, 0])

@@ -21,6 +21,8 @@ _FINE = 33
 
 An outline's corners are its outermost points in the first of these; a round one loses 0.2 % of its radius between two.
 """
+_CIRCLES_SPARE_M = 0.05
+"""More than a gap over those directions may be smaller than the true one [m]."""
 _MAY_TOUCH_M = -0.1
 """Outlines whose gap is below this in every coarse direction overlap in the fine ones too."""
 
@@ -39,7 +41,8 @@ class BodyOutlines:
         ids = np.unique(person_of_geom[person_of_geom > 0])
         self._geoms = [np.flatnonzero((person_of_geom == id_) & met) for id_ in ids]
         self._all_geoms = np.concatenate([*self._geoms, np.zeros(0, dtype=np.intp)])
-        self._first = np.cumsum([0, *map(len, self._geoms)])[:-1]  # of each person's geoms among all
+        self._count = np.array([len(geoms) for geoms in self._geoms], dtype=np.intp)
+        self._first = np.cumsum(self._count) - self._count  # of each person's geoms among all
         self._place = {int(id_): place for place, id_ in enumerate(ids)}
 
     def nearer(
@@ -53,32 +56,47 @@ class BodyOutlines:
         if not len(pairs):
             return pairs, np.zeros(0)
         places = np.array([self._place[id_] for id_ in ids.tolist()], dtype=np.intp)
-        pairs = pairs[_strips(self._boxes_reach(data)[places], pairs).max(axis=1) < limit_m]
+        pairs = pairs[self._circles_gap(data)[places[pairs[:, 0]], places[pairs[:, 1]]] < limit_m + _CIRCLES_SPARE_M]
         if not len(pairs):
             return pairs, np.zeros(0)
-        near, inverse = np.unique(pairs, return_inverse=True)
-        gap = _gaps(self._points(data, places[near]), inverse.reshape(-1, 2))
+        near, among = _members(pairs, len(ids))
+        pairs = pairs[_strips(self._boxes_reach(data, places[near]), among).max(axis=1) < limit_m]
+        if not len(pairs):
+            return pairs, np.zeros(0)
+        near, among = _members(pairs, len(ids))
+        gap = _gaps(self._points(data, places[near]), among)
         return pairs[gap < limit_m], gap[gap < limit_m]
 
-    def _boxes_reach(self, data: mujoco.MjData) -> Array:
-        """Return the reach of each person in each coarse direction, by the boxes about their geoms, (n, _COARSE) [m]."""
-        geoms = self._all_geoms
+    def _circles_gap(self, data: mujoco.MjData) -> Array:
+        """Return the gaps between circles about the people (n, n) [m], by the bounding spheres of their geoms."""
+        place = data.geom_xpos[self._all_geoms, :2]
+        middle = place[self._first]
+        off = place - middle.repeat(self._count, axis=0)
+        reach = np.hypot(off[:, 0], off[:, 1]) + self.model.geom_rbound[self._all_geoms]
+        radius = np.maximum.reduceat(reach, self._first)
+        apart = middle[:, None] - middle
+        return np.hypot(apart[..., 0], apart[..., 1]) - radius[:, None] - radius
+
+    def _boxes_reach(self, data: mujoco.MjData, places: NDArray[np.intp]) -> Array:
+        """Return the reach of people with these indices (n,) in coarse directions, by boxes about geoms, (n, _COARSE) [m]."""
+        geoms = np.concatenate([self._geoms[place] for place in places])
+        first = np.cumsum(self._count[places]) - self._count[places]
         sides = data.geom_xmat.reshape(-1, 3, 3)[geoms, :2].swapaxes(1, 2).reshape(-1, 2)  # seen from above
         along = (sides @ _COARSE_DIRECTIONS.T).reshape(-1, 3, _COARSE)
         middle, half = self.model.geom_aabb[geoms, :, None].reshape(-1, 2, 3, 1).swapaxes(0, 1)
         reach = data.geom_xpos[geoms, :2] @ _COARSE_DIRECTIONS.T + (middle * along + half * np.abs(along)).sum(axis=1)
-        return np.maximum.reduceat(reach, self._first, axis=0)
+        return np.maximum.reduceat(reach, first, axis=0)
 
     def _points(self, data: mujoco.MjData, places: NDArray[np.intp]) -> Array:
         """Return points (n, width, 2) [m], seen from above, on the bodies with these indices (n,)."""
         geom, local = self._kept
-        geom, (x, y, z) = geom[places], local[:, places]
+        geom, (x, y, z) = geom.take(places, axis=0), local.take(places, axis=1)
         turn, middle = data.geom_xmat.T.copy(), data.geom_xpos.T.copy()  # (9, n_geom), (3, n_geom)
-        seen = [
-            middle[row, geom] + (turn[3 * row, geom] * x + turn[3 * row + 2, geom] * z + turn[3 * row + 1, geom] * y)
-            for row in (0, 1)
-        ]
-        return np.stack(seen, axis=-1)
+        seen = np.empty((*geom.shape, 2))
+        for row in (0, 1):
+            of_x, of_y, of_z = (each.take(geom) for each in turn[3 * row : 3 * row + 3])
+            seen[..., row] = middle[row].take(geom) + (of_x * x + of_z * z + of_y * y)
+        return seen
 
     @cached_property
     def _kept(self) -> tuple[NDArray[np.intp], Array]:
@@ -103,6 +121,13 @@ class BodyOutlines:
             np.array([owners[again] for (owners, _), again in zip(rows, repeated, strict=True)], dtype=np.intp),
             np.stack([places[again].T for (_, places), again in zip(rows, repeated, strict=True)], axis=1),
         )
+
+
+def _members(pairs: NDArray[np.intp], count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return which of `count` are in pairs (m, 2), (n,), and the pairs as indices of these."""
+    present = np.zeros(count, dtype=np.bool_)
+    present[pairs] = True
+    return np.flatnonzero(present), (present.cumsum() - 1)[pairs]
 
 
 def _gaps(points: Array, pairs: NDArray[np.intp]) -> Array:

@@ -19,7 +19,7 @@ from trackers.rig import RigSensor
 from twin.instant.snapshot import Snapshot
 from twin.scenario.cameras import PinholeDescription, StereoDescription
 from twin.scenario.sensors import FisheyeDescription, FloorDescription, LaserDescription, SensorDescription
-from twin.sensors.rays import bounding_radius, passes_spheres, trace_rays
+from twin.sensors.rays import crosses_plane, passes_spheres, trace_rays
 from twin.truth.frames import Box
 
 _PLANE_BAND_M = 0.15
@@ -133,49 +133,39 @@ class _Rays:
 
     def first_hits(self) -> NDArray[np.int16]:
         """Return the person each ray meets first (n,), 0 for the room; the point's own person if nothing is before."""
+        snapshot, normal, origin_m = self.snapshot, self.view.normal, self.view.room_from_sensor_xyz
+        none = np.zeros(snapshot.person_of_geom.shape, dtype=np.bool_)
+        clear = none if normal is None else ~crosses_plane(snapshot, origin_m, normal)
+        geoms = np.flatnonzero((snapshot.person_of_geom > 0) & ~clear)
+        person, centre = snapshot.person_of_geom[geoms], snapshot.data.geom_xpos[geoms] - origin_m
+        radius = snapshot.model.geom_rbound[geoms]
         # The first hit on a person decides: geoms that no other person's ray can meet are left out,
-        unobstructing, body_from_m = self._bystanders()
-        first, first_m = self._hits(unobstructing)
+        near = passes_spheres(self.directions, self.distance_m, centre, radius) & (person != self.ids[:, None])
+        left_out = clear.copy()
+        left_out[geoms[~near.any(axis=0)]] = True
+        first, first_m = self._hits(left_out)
         # but where a ray hits another person, its own person's geoms may come before.
-        unsure = (first != self.ids) & (first_m >= body_from_m)
-        first[unsure] = self._those(unsure)._hits()[0]
+        other = np.flatnonzero(first != self.ids)
+        from_m = np.sqrt((centre * centre).sum(axis=1)) - radius
+        own_from_m = np.where(person == self.ids[other, None], from_m, np.inf).min(axis=1, initial=np.inf)
+        unsure = other[first_m[other] >= own_from_m]
+        if unsure.size:
+            first[unsure] = self._those(unsure)._hits(clear)[0]
         return first
 
-    def _those(self, which: NDArray[np.bool_]) -> _Rays:
+    def _those(self, which: NDArray[np.intp]) -> _Rays:
         return _Rays(self.view, self.snapshot, self.directions[which], self.distance_m[which], self.ids[which])
 
-    def _hits(self, left_out: NDArray[np.bool_] | None = None) -> tuple[NDArray[np.int16], NDArray[np.float64]]:
+    def _hits(self, left_out: NDArray[np.bool_]) -> tuple[NDArray[np.int16], NDArray[np.float64]]:
         """Return the person each ray meets first, without the geoms left out, (n,), and the distance (n,) [m], -1 for none."""
         geom, hit_m = np.empty(self.ids.size, dtype=np.int32), np.empty(self.ids.size)
-        if self.ids.size:
-            trace_rays(
-                self.snapshot, self.view.room_from_sensor_xyz, self.directions, geom, hit_m, normal=self.view.normal,
-                left_out=left_out, range_max_m=float(self.distance_m.max()),  # nothing beyond all points hides any
-                base=self.view.own_base,
-            )  # fmt: skip
+        trace_rays(
+            self.snapshot, self.view.room_from_sensor_xyz, self.directions, geom, hit_m, left_out=left_out,
+            range_max_m=float(self.distance_m.max()),  # nothing beyond all points hides any
+            base=self.view.own_base,
+        )  # fmt: skip
         nothing_before = (hit_m < 0) | (hit_m >= self.distance_m)
         return np.where(nothing_before, self.ids, self.snapshot.person_of_geom[geom]), hit_m
-
-    def _bystanders(self) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-        """Return the geoms of people (n_geom,) that no ray to another person can meet, by their bounding spheres.
-
-        Also returns per ray the least distance of its own person's geoms from the sensor, (n,) [m].
-        """
-        person, normal = self.snapshot.person_of_geom, self.view.normal
-        centre, radius = (
-            self.snapshot.data.geom_xpos - self.view.room_from_sensor_xyz,
-            bounding_radius(self.snapshot.model),
-        )
-        geoms = np.flatnonzero(person > 0)
-        if normal is not None:  # the others are not met
-            geoms = geoms[np.abs(centre[geoms] @ normal) <= radius[geoms]]
-        person, centre, radius = person[geoms], centre[geoms], radius[geoms]
-        others = person != self.ids[:, None]  # (n, m)
-        unobstructing = np.zeros(self.snapshot.person_of_geom.shape, dtype=np.bool_)
-        near = passes_spheres(self.directions, self.distance_m, centre, radius)
-        unobstructing[geoms] = ~(near & others).any(axis=0)
-        from_m = np.where(others, np.inf, np.sqrt((centre * centre).sum(axis=1)) - radius)
-        return unobstructing, from_m.min(axis=1, initial=np.inf)
 
 
 _SPACING_M = 0.25
