@@ -127,7 +127,7 @@ def joined_pairs(
     """Find pairs of people with beams in one cluster of an ideal scan: ranges [m] and ids, both (n_beam,)."""
     beams = np.flatnonzero((person_of_ray > 0) & np.isfinite(range_m))
     person = person_of_ray[beams]
-    following = np.stack([beams[:-1], beams[1:]])
+    following = np.array([beams[:-1], beams[1:]])
     changes = person[1:] != person[:-1]
     # in most scans no cluster spans two people
     if _splits(range_m, following[:, changes], angle_increment_rad).all():
@@ -222,14 +222,18 @@ def merged_pairs(
         for pair, apart_m in near.items()
         if unmet.intersection(pair) and met.intersection(pair)
     }
-    there = np.isin(ids, list(place_m))
-    for first, second in linked_pairs(np.concatenate([look.points for look in latest])[there], ids[there]):
+    points = np.concatenate([look.points for look in latest])
+    if left := met - place_m.keys():
+        there = ~np.isin(ids, list(left))
+        points, ids = points[there], ids[there]
+    for first, second in linked_pairs(points, ids):
         merged[first, second] = PairState("joined", float(np.hypot(*(place_m[first] - place_m[second]))))
     return merged
 
 
 def linked_pairs(points: NDArray[np.float64], ids: NDArray[np.int16]) -> set[Pair]:
     """Find pairs of people (ids (k,) of points (k, 2) [m]) in one cluster of single linkage at `LINKAGE_M`."""
+    points, ids = _near_another(points, ids)
     if not len(points):
         return set()
     links = _close_pairs(points)
@@ -239,6 +243,24 @@ def linked_pairs(points: NDArray[np.float64], ids: NDArray[np.int16]) -> set[Pai
     crowd, member = np.divmod(np.unique(cluster * _IDS + ids), _IDS)  # by cluster, then id
     crowds = np.split(member, np.flatnonzero(np.diff(crowd)) + 1)
     return {pair for crowd in crowds for pair in combinations(crowd.tolist(), 2)}
+
+
+def _near_another(
+    points: NDArray[np.float64], ids: NDArray[np.int16]
+) -> tuple[NDArray[np.float64], NDArray[np.int16]]:
+    """Return the points, person by person, and ids of the people whose points' bounding box is within `LINKAGE_M` of
+    another's.
+    """
+    if not len(points):
+        return points, ids
+    order = ids.argsort(kind="stable")
+    points, ids = points[order], ids[order]
+    first = np.concatenate([[0], np.flatnonzero(ids[1:] != ids[:-1]) + 1])
+    low, high = np.minimum.reduceat(points, first), np.maximum.reduceat(points, first)
+    gap = np.maximum(np.maximum(low[:, None] - high, low - high[:, None]), 0.0)  # (n, n, 2)
+    near = np.hypot(gap[..., 0], gap[..., 1]) <= LINKAGE_M + 1e-9
+    kept = (np.count_nonzero(near, axis=1) > 1).repeat(np.diff(first, append=len(ids)))
+    return points[kept], ids[kept]
 
 
 def _close_pairs(points: NDArray[np.float64]) -> NDArray[np.intp]:

@@ -36,12 +36,10 @@ def person_runs(person_of_ray: NDArray[np.int16]) -> tuple[RayRun, ...]:
     """Find runs of equal ids in (n_beam,) ids by beam, those of the room (0) left out."""
     if person_of_ray.size == 0:
         return ()
-    starts = np.flatnonzero(np.diff(person_of_ray, prepend=np.int16(-1)))
-    stops = np.append(starts[1:], person_of_ray.size)
-    ids = person_of_ray[starts]
-    met = ids > 0
-    runs = zip(ids[met].tolist(), starts[met].tolist(), (stops[met] - 1).tolist(), strict=True)
-    return tuple(RayRun(*run) for run in runs)
+    changes = (np.flatnonzero(person_of_ray[1:] != person_of_ray[:-1]) + 1).tolist()
+    starts, stops = [0, *changes], [*changes, person_of_ray.size]
+    runs = zip(person_of_ray[starts].tolist(), starts, stops, strict=True)
+    return tuple(RayRun(id_, start, stop - 1) for id_, start, stop in runs if id_ > 0)
 
 
 class InhabitedWorld(SnapshotSource, Protocol):
@@ -78,7 +76,7 @@ class TruthDetails:
         self._boxes_hz = boxes_hz
         self._tell = tell
         self._outlines = BodyOutlines(world.scene.model, world.scene.person_of_geom)
-        self._ids = np.array([world.scene.ids[name] for name in world.scene.names], dtype=np.int16)
+        self._row = {world.scene.ids[name]: row for row, name in enumerate(world.scene.names)}  # of each id
         self._situations = OpenSituations()
         self._last_period: dict[str, int] = {}
         self._untold: list[Situation] = []
@@ -153,8 +151,9 @@ class TruthDetails:
 
     def _scan(self, sensor: str, stamp_ns: int, reading: Reading, scan: LaserScan) -> None:
         person_of_ray = reading.truth["person_of_ray"]
-        self._tell(RayFrame(stamp_ns, sensor, person_runs(person_of_ray)))
-        unmet, hidden = self._hidden(sensor, stamp_ns, person_of_ray)
+        runs = person_runs(person_of_ray)
+        self._tell(RayFrame(stamp_ns, sensor, runs))
+        unmet, hidden = self._hidden(sensor, stamp_ns, {run.id for run in runs})
         merged = {pair: PairState("hidden", self._near[pair]) for pair in hidden}
         place = self._places()
         for first, second in joined_pairs(reading.truth["range_m"], person_of_ray, scan.angle_increment_rad):
@@ -167,21 +166,17 @@ class TruthDetails:
         self._looks[sensor] = scan_points(ideal, person_of_ray, self._now[sensor], unmet)
         self._scanned_ns = stamp_ns
 
-    def _hidden(self, sensor: str, stamp_ns: int, person_of_ray: np.ndarray) -> tuple[frozenset[int], list[Pair]]:
+    def _hidden(self, sensor: str, stamp_ns: int, met_ids: set[int]) -> tuple[frozenset[int], set[Pair]]:
         """Return the people in a scanner's plane and field, near another, who are met by no beam; and the pairs in which one
         hides the other.
         """
-        unmet = set(self._present.tolist()) - set(np.unique(person_of_ray).tolist())
+        unmet = set(self._present.tolist()) - met_ids
         hidden = sorted(unmet & {id_ for pair in self._near for id_ in pair})
         if not hidden:
-            return frozenset(), []
+            return frozenset(), set()
         snapshot = self._world.snapshot(stamp_ns / NS_PER_S)
-        rows = np.flatnonzero(np.isin(self._ids, hidden))
-        points = snapshot.data.site_xpos[self._world.scene.bodies.point_site[rows]]
-        _, met = first_hits(self._now[sensor], snapshot, points, self._ids[rows])
-        pairs = []
-        for row, seen_ids in zip(rows, met, strict=True):
-            before = np.unique(seen_ids[seen_ids > 0])
-            own = np.full(before.shape, self._ids[row])
-            pairs += [pair for pair in ordered_pairs(own, before) if pair[0] != pair[1] and pair in self._near]
-        return frozenset(self._ids[rows[(met >= 0).any(axis=1)]].tolist()), pairs
+        points = snapshot.data.site_xpos[self._world.scene.bodies.point_site[[self._row[id_] for id_ in hidden]]]
+        _, met = first_hits(self._now[sensor], snapshot, points, np.array(hidden, dtype=np.int16))
+        before = [(id_, other) for id_, seen in zip(hidden, met.tolist(), strict=True) for other in set(seen)]
+        pairs = {(min(pair), max(pair)) for pair in before} & self._near.keys()
+        return frozenset(id_ for id_, has_ray in zip(hidden, (met >= 0).any(axis=1), strict=True) if has_ray), pairs
