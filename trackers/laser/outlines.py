@@ -36,19 +36,22 @@ def outline_features(
     """Compute the features of k clusters of the foreground of a scan with its beams in counter-clockwise order [m]."""
     spacing, count = abs(scan.angle_increment_rad), beams_of_turn(scan) or scan.ranges_m.size
     points = np.where(foreground, scan.ranges_m, 0.0) * directions(scan)
+    near = np.maximum(clusters.range_m, _NEAREST_M)
+    ahead = (clusters.middle / near[:, None]).tolist()
     features = np.empty((len(clusters), N_FEATURE))
-    for row in range(len(clusters)):
-        first, last, near = clusters.first_beam[row], clusters.last_beam[row], max(clusters.range_m[row], _NEAREST_M)
-        beams = np.arange(first, last + 1 if last >= first else last + 1 + count) % count
+    beam_range = zip(clusters.first_beam.tolist(), clusters.last_beam.tolist(), strict=True)
+    for row, (first, last) in enumerate(beam_range):
+        beams = np.arange(first, last + 1) if last >= first else np.arange(first, last + 1 + count) % count
         beams = beams[foreground[beams]]
-        ahead_x, ahead_y = clusters.middle[row] / near
         x, y = points[:, beams] - clusters.middle[row][:, None]
+        ahead_x, ahead_y = ahead[row]
         along, across = x * ahead_x + y * ahead_y, y * ahead_x - x * ahead_y
         order = across.argsort(kind="stable")
-        right, left = across[order[0]], across[order[-1]]
-        features[row, :_N_PLACE] = np.interp(right + _PLACES * (left - right), across[order], along[order])
-        hidden = clusters.hidden_before[row], clusters.hidden_after[row]
-        features[row, _N_PLACE:] = right, left, *hidden, left - right, spacing * near, 1 / near
+        across = across[order]
+        features[row, _N_PLACE : _N_PLACE + 2] = right, left = across[0], across[-1]
+        features[row, :_N_PLACE] = np.interp(right + _PLACES * (left - right), across, along[order])
+    width = features[:, _N_PLACE + 1] - features[:, _N_PLACE]
+    features.T[_N_PLACE + 2 :] = clusters.hidden_before, clusters.hidden_after, width, spacing * near, 1 / near
     return features
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -109,26 +110,29 @@ class Association:
         colour = people.clothes.distance(seen.histograms, seen.comparable)
         if colour is None:
             colour = np.full((len(people), n_trunk), np.nan)
-        looks = self._by_colour(colour)
+            looks = np.full(colour.shape, self._unseen_colour)
+        else:
+            looks = self._by_colour(colour)
         trunk_of = written(np.full(len(people), -1), *associate([self._explained(cost, looks)]))
         walkers = self._walkers(seen, trunk_of)
         n_walker = len(walkers.position)
-        others = np.pad(walkers.of_known & ~self._known[:, None], ((0, 0), (n_trunk, 0)))
+        no_legs = np.ones((len(people), n_trunk + n_walker), np.bool_)
+        no_legs[:, n_trunk:] = walkers.of_known & ~self._known[:, None]
         trunk = np.concatenate([np.arange(n_trunk), np.full(n_walker, -1)])
         position = np.concatenate([seen.trunks.position, walkers.position])
         single = np.concatenate([np.zeros(n_trunk, np.bool_), walkers.n_leg == 1])
         by_legs = walkers.likelihood(options.legs, self._leg_gate_m)
-        weak = np.append(seen.trunks.n_sample < options.waist.min_samples, np.zeros(n_walker, np.bool_))
-        n_sample = np.append(seen.trunks.n_sample, walkers.n_sample)
+        weak = np.concatenate([seen.trunks.n_sample < options.waist.min_samples, np.zeros(n_walker, np.bool_)])
+        n_sample = np.concatenate([seen.trunks.n_sample, walkers.n_sample])
         cost = cost.joined(Costs.of(people, by_legs, options))
-        unknown = np.full((len(people), n_walker), np.nan)  # of legs no colours are seen
-        colour = np.concatenate([colour, unknown], axis=1)
-        looks = np.concatenate([looks, self._by_colour(unknown)], axis=1)
+        unseen = np.full((len(people), n_walker), np.nan)  # of legs no colours are seen
+        colour = np.concatenate([colour, unseen], axis=1)
+        looks = np.concatenate([looks, np.full(unseen.shape, self._unseen_colour)], axis=1)
         track, taken = associate(
             [
                 self._explained(cost, looks, trunk < 0),
-                self._explained(cost, looks, others | (trunk >= 0)),
-                self._re_identified(cost, looks, colour, position, single | weak),
+                self._explained(cost, looks, no_legs),
+                *self._re_identified(cost, looks, colour, position, single | weak),
             ]
         )
         new = left_over(len(position), taken)
@@ -188,15 +192,23 @@ class Association:
         groups = LegPairs(position, np.full_like(n_leg, 2), np.full((len(seen.trunks), 2), np.nan), new, none)
         cost = Costs.of(self.people, groups.likelihood(legs, self._leg_gate_m), self.options)
         shown = np.broadcast_to((trunk_of >= 0)[:, None], cost.pair.shape)
-        looks = self._by_colour(np.full(cost.pair.shape, np.nan))
+        looks = np.full(cost.pair.shape, self._unseen_colour)
         track, taken = associate([self._explained(cost, looks, ~shown), self._explained(cost, looks, shown)])
         left = left_over(len(position), taken[trunk_of[track] >= 0])
         return LegPairs(position[left], groups.n_leg[left], groups.under_trunk, new[left], none[left])
 
     def _explained(self, cost: Costs, looks: Float[Array, "n k"], without: Bool[Mask, "*#n k"] | bool = False) -> Stage:
         """Pair tracks with explained measurements, except those in `without`; looks: the cost of their colours."""
-        alone, all_tracks = _unpaired(self.people, self.missed, self.options), np.ones(len(self.people), np.bool_)
-        return Stage(all_tracks, [cost.pair, looks], [cost.out_of_gate | without], alone)
+        all_tracks = np.ones(len(self.people), np.bool_)
+        return Stage(all_tracks, [cost.pair, looks], [cost.out_of_gate | without], self._unpaired)
+
+    @cached_property
+    def _unpaired(self) -> Float[Array, "n"] | None:
+        """Cost of each track without a measurement, −2 ln (1 − e + e m) / e; None: as many pairs as possible (paper)."""
+        if self.options.clutter_density_m2 is None:
+            return None
+        e = np.maximum(self.people.existence, _LEAST_EXISTENCE)
+        return -2 * np.log((1 - e + e * np.maximum(self.missed, _LEAST_MISSED)) / e)
 
     def _re_identified(
         self,
@@ -205,17 +217,19 @@ class Association:
         colour: Float[Array, "n k"],
         position: Float[Array, "k 2"],
         part: Bool[Mask, "k"],
-    ) -> Stage:
-        """Pair occluded tracks with what no prediction explains, but for what is only a `part` of a person, or of none.
+    ) -> list[Stage]:
+        """Pair occluded tracks, if any, with what no prediction explains, but for what is only a `part` of a person, or of none.
 
         What starts from a part is re-identified when it is confirmed. looks: the cost of the colours; colour: E, NaN if unknown.
         """
         people, rules = self.people, self.options.track_management
         hidden = people.confirmed & self._hidden() & (rules.reid_speed_m_s is not None)
+        if not hidden.any():
+            return []
         existing = hidden & people.exist(rules.exists_above)
         explained = ((cost.mahalanobis <= EXPLAINED_BELOW) & ~hidden[:, None]).any(axis=0)
         cannot_be = ~self._same_person(existing, position, colour) | part | explained
-        return Stage(hidden, [cost.pair, looks], [cannot_be])
+        return [Stage(hidden, [cost.pair, looks], [cannot_be])]
 
     def _by_colour(self, colour: Float[Array, "n k"]) -> Float[Array, "n k"]:
         """Return the cost of a colour: −2 ln of the likelihood ratio of own and other track, or w E as in the paper.
@@ -227,6 +241,11 @@ class Association:
             return weight * np.nan_to_num(colour)
         cost = weight * np.nan_to_num(colour - EVEN_AT)
         return -2 * np.logaddexp(np.log(WRONG_LOOK), np.log1p(-WRONG_LOOK) - 0.5 * cost)
+
+    @property
+    def _unseen_colour(self) -> float:
+        """Cost of a colour that is not known, of the track or of the measurement."""
+        return float(self._by_colour(np.full((1, 1), np.nan))[0, 0])
 
     def _same_person(
         self, hidden: Bool[Mask, "n"], position: Float[Array, "k 2"], colour: Float[Array, "n k"]
@@ -245,19 +264,6 @@ class Association:
         measured_ns = self.people.roster.measured_ns
         hidden = (self.ns - measured_ns > nanoseconds(1.5 * self.options.step_s)) & (measured_ns < self.last_ns)
         return hidden & ~self.people.posture.lying
-
-
-def _unpaired(
-    people: LaserTracks, missed: Float[Array, "n"], options: LaserFisheyeImmOptions
-) -> Float[Array, "n"] | None:
-    """Return the cost of each track without a measurement, −2 ln (1 − e + e m) / e; None: as many pairs as possible (paper).
-
-    missed: m, the miss probability of the frame.
-    """
-    if options.clutter_density_m2 is None:
-        return None
-    e = np.maximum(people.existence, _LEAST_EXISTENCE)
-    return -2 * np.log((1 - e + e * np.maximum(missed, _LEAST_MISSED)) / e)
 
 
 def _existence_paired(

@@ -245,9 +245,7 @@ def linked_pairs(points: NDArray[np.float64], ids: NDArray[np.int16]) -> set[Pai
     return {pair for crowd in crowds for pair in combinations(crowd.tolist(), 2)}
 
 
-def _near_another(
-    points: NDArray[np.float64], ids: NDArray[np.int16]
-) -> tuple[NDArray[np.float64], NDArray[np.int16]]:
+def _near_another(points: NDArray[np.float64], ids: NDArray[np.int16]) -> tuple[NDArray[np.float64], NDArray[np.int16]]:
     """Return the points, person by person, and ids of the people whose points' bounding box is within `LINKAGE_M` of
     another's.
     """

@@ -177,6 +177,6 @@ class TruthDetails:
         snapshot = self._world.snapshot(stamp_ns / NS_PER_S)
         points = snapshot.data.site_xpos[self._world.scene.bodies.point_site[[self._row[id_] for id_ in hidden]]]
         _, met = first_hits(self._now[sensor], snapshot, points, np.array(hidden, dtype=np.int16))
-        before = [(id_, other) for id_, seen in zip(hidden, met.tolist(), strict=True) for other in set(seen)]
-        pairs = {(min(pair), max(pair)) for pair in before} & self._near.keys()
-        return frozenset(id_ for id_, has_ray in zip(hidden, (met >= 0).any(axis=1), strict=True) if has_ray), pairs
+        seen = list(zip(hidden, met.tolist(), strict=True))
+        pairs = {(min(id_, other), max(id_, other)) for id_, ids in seen for other in set(ids)} & self._near.keys()
+        return frozenset(id_ for id_, ids in seen if max(ids) >= 0), pairs

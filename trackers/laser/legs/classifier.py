@@ -47,17 +47,16 @@ class Forest:
 
     def score(self, features: Float[Array, "k features"]) -> Float[Array, "k"]:
         """Return the logarithm of the odds [nat]."""
-        m, n_question = self.feature.shape
+        (m, n_question), k = self.feature.shape, len(features)
         tree = np.arange(m)[:, None]
-        node = np.zeros((m, len(features)), np.intp)
-        flat_feature, flat_threshold, first = self.feature.ravel(), self.threshold.ravel(), tree * n_question
-        by_feature = np.ascontiguousarray(features.T).ravel()
-        sample = np.arange(len(features))
+        node = np.zeros((m, k), np.intp)
+        feature, threshold, leaf = self.feature.ravel(), self.threshold.ravel(), self.leaf.ravel()
+        by_feature, sample = np.ascontiguousarray(features.T).ravel(), np.arange(k)
         for _ in range(n_question.bit_length()):
-            place = node + first
-            value = by_feature[flat_feature[place] * len(features) + sample]
-            node = 2 * node + 1 + (value > flat_threshold[place])
-        return self.leaf[tree, node - n_question].sum(axis=0) + self.bias
+            place = node + tree * n_question
+            value = by_feature.take(feature.take(place) * k + sample)
+            node = 2 * node + 1 + (value > threshold.take(place))
+        return leaf.take(node - n_question + tree * (n_question + 1)).sum(axis=0) + self.bias
 
 
 @dataclass(frozen=True, eq=False)
