@@ -129,9 +129,9 @@ class RayFan:
         first = self._bearing.searchsorted((middle - half).ravel())
         stop = np.maximum(self._bearing.searchsorted((middle + half).ravel(), side="right"), first)
         count = len(self._bearing)
-        begun = np.bincount(first, minlength=count + 1) - np.bincount(stop, minlength=count + 1)
+        change = np.bincount(first, minlength=count + 1) - np.bincount(stop, minlength=count + 1)
         near = np.empty(count, dtype=np.bool_)
-        near[self._order] = begun[:count].cumsum() > 0
+        near[self._order] = change[:count].cumsum() > 0
         return near
 
     def _in_the_room(self, snapshot: Snapshot) -> Hits:
