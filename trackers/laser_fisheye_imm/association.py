@@ -110,7 +110,7 @@ class Association:
         colour = people.clothes.distance(seen.histograms, seen.comparable)
         if colour is None:
             colour = np.full((len(people), n_trunk), np.nan)
-            looks = np.full(colour.shape, self._unseen_colour)
+            looks = np.full(colour.shape, self._unknown_colour)
         else:
             looks = self._by_colour(colour)
         trunk_of = written(np.full(len(people), -1), *associate([self._explained(cost, looks)]))
@@ -125,9 +125,9 @@ class Association:
         weak = np.concatenate([seen.trunks.n_sample < options.waist.min_samples, np.zeros(n_walker, np.bool_)])
         n_sample = np.concatenate([seen.trunks.n_sample, walkers.n_sample])
         cost = cost.joined(Costs.of(people, by_legs, options))
-        unseen = np.full((len(people), n_walker), np.nan)  # of legs no colours are seen
-        colour = np.concatenate([colour, unseen], axis=1)
-        looks = np.concatenate([looks, np.full(unseen.shape, self._unseen_colour)], axis=1)
+        unknown = np.full((len(people), n_walker), np.nan)  # of legs no colours are seen
+        colour = np.concatenate([colour, unknown], axis=1)
+        looks = np.concatenate([looks, np.full(unknown.shape, self._unknown_colour)], axis=1)
         track, taken = associate(
             [
                 self._explained(cost, looks, trunk < 0),
@@ -192,7 +192,7 @@ class Association:
         groups = LegPairs(position, np.full_like(n_leg, 2), np.full((len(seen.trunks), 2), np.nan), new, none)
         cost = Costs.of(self.people, groups.likelihood(legs, self._leg_gate_m), self.options)
         shown = np.broadcast_to((trunk_of >= 0)[:, None], cost.pair.shape)
-        looks = np.full(cost.pair.shape, self._unseen_colour)
+        looks = np.full(cost.pair.shape, self._unknown_colour)
         track, taken = associate([self._explained(cost, looks, ~shown), self._explained(cost, looks, shown)])
         left = left_over(len(position), taken[trunk_of[track] >= 0])
         return LegPairs(position[left], groups.n_leg[left], groups.under_trunk, new[left], none[left])
@@ -243,7 +243,7 @@ class Association:
         return -2 * np.logaddexp(np.log(WRONG_LOOK), np.log1p(-WRONG_LOOK) - 0.5 * cost)
 
     @property
-    def _unseen_colour(self) -> float:
+    def _unknown_colour(self) -> float:
         """Cost of a colour that is not known, of the track or of the measurement."""
         return float(self._by_colour(np.full((1, 1), np.nan))[0, 0])
 
