@@ -142,11 +142,6 @@ class Environment:
         flat, inside = self.grid.flat(_points(points))
         return inside & (self.state.ravel()[flat] == FREE)
 
-    def is_occupied(self, points: ArrayLike) -> Bool[Mask, "n"]:
-        """Return a mask of points (n, 3) in occupied voxels."""
-        flat, inside = self.grid.flat(_points(points))
-        return inside & (self.state.ravel()[flat] == OCCUPIED)
-
     def distance_to_surface(self, points: ArrayLike) -> Float[Array, "n"]:
         """Return the distance [m] from each point (n, 3) to the nearest measured surface; NaN outside the grid.
 
@@ -159,7 +154,7 @@ class Environment:
         cell = np.clip(cell, 0, np.array(self.grid.shape) - 1)
         low = np.minimum(cell.astype(np.intp), np.array(self.grid.shape) - 2)
         share = (cell - low).astype(np.float32)
-        field, (_, ny, nz) = self._distance.ravel(), self.grid.shape
+        field, (_, ny, nz) = self._fields[0].ravel(), self.grid.shape
         first = (low[:, 0] * ny + low[:, 1]) * nz + low[:, 2]
         # eight corners: along z, then y, then x
         corners = field[first[:, None] + np.array([0, 1, nz, nz + 1])]
@@ -210,7 +205,7 @@ class Environment:
         points, origin = _points(points), np.asarray(origin, dtype=float)
         if origin.shape != (3,) or not np.isfinite(origin).all() or not np.isfinite(points).all():
             raise ValueError(f"origin {origin}: one place (3,) and finite points are expected")
-        return sees(self._leaps, self.grid, origin, points)
+        return sees(self._fields[1], self.grid, origin, points)
 
     def agreement(self, points: ArrayLike, within_m: float = 0.15) -> float:
         """Return the share of measured points (n, 3) [m], for example of the empty room, on a known surface.
@@ -257,18 +252,12 @@ class Environment:
                 "rig is in, is expected"
             )
 
-    @property
-    def _distance(self) -> Float32[Singles, "nx ny nz"]:
-        """Distance [m] from each voxel's centre to the mean point of its nearest occupied voxel."""
-        return self._fields[0]
-
-    @property
-    def _leaps(self) -> Float32[Singles, "nx ny nz"]:
-        return self._fields[1]
-
     @cached_property
     def _fields(self) -> tuple[Float32[Singles, "nx ny nz"], Float32[Singles, "nx ny nz"]]:
-        """Distances to surfaces and leaps along lines of sight, computed on first use from one transform."""
+        """Distance [m] from each voxel's centre to the mean point of its nearest occupied voxel, and leaps along lines of sight.
+
+        Both computed on first use from one transform.
+        """
         occupied = self.state == OCCUPIED
         if not occupied.any():
             nothing = np.full(self.grid.shape, np.inf, dtype=np.float32)

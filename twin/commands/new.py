@@ -171,7 +171,7 @@ def scenario(
 ) -> None:
     """Write scenario.yaml into a folder: a commented start, or a drawn scene with its room, as plain files that run."""
     from twin.console import print_paths
-    from twin.recording.atomic_file import open_atomic
+    from twin.recording.atomic_file import write_atomic
     from twin.scenario import load_scenario
     from twin.scenario.load import dump_scenario
 
@@ -183,17 +183,14 @@ def scenario(
         if file.exists():
             raise InputError(f"{file}: is there already; another folder (--out) is expected")
     if not drawn:
-        with open_atomic(path) as stream:
-            stream.write(SCENARIO.format(name=_name(out), file=path))
+        write_atomic(path, SCENARIO.format(name=_name(out), file=path))
         print_paths({"scenario": path})
         return
     loaded = load_scenario("drawn", overrides(set_, seed))
-    with open_atomic(room) as stream:
-        stream.write(Path(loaded.room).read_text(encoding="utf-8"))
+    write_atomic(room, Path(loaded.room).read_text(encoding="utf-8"))
     about = f"Drawn with seed {loaded.seed}."
     plain = loaded.model_copy(update={"room": room.name, "name": f"drawn-{loaded.seed}", "description": about})
-    with open_atomic(path) as stream:
-        stream.write(dump_scenario(plain))
+    write_atomic(path, dump_scenario(plain))
     print_paths({"scenario": path, "room": room})
 
 
@@ -245,7 +242,7 @@ def _filled(template: str, path: Path) -> str:
 
 def _write(what: str, text: str, path: Path, suffix: str) -> None:
     from twin.console import print_paths
-    from twin.recording.atomic_file import open_atomic
+    from twin.recording.atomic_file import write_atomic
 
     if path.suffix != suffix or (suffix == ".py" and not path.stem.isidentifier()):
         expected = (
@@ -254,8 +251,7 @@ def _write(what: str, text: str, path: Path, suffix: str) -> None:
         raise InputError(f"--out {path}: is no file for a {what}; {expected} is expected")
     if path.exists():
         raise InputError(f"--out {path}: is there already; the name of a new file is expected")
-    with open_atomic(path) as stream:
-        stream.write(text)
+    write_atomic(path, text)
     print_paths({what: path})
 
 

@@ -63,14 +63,12 @@ def _track_frames(table: TrackTable) -> Iterator[TrackFrame]:
 
 
 def _add_points(bag: McapFile, recording: Recording) -> None:
-    scanners = {recording.sensor_topics.sensors[topic]: topic for topic in recording.sensor_topics.sensors}
-    lasers = {name: scanners[name] for name in recording.rig.lasers() if name in scanners}
+    lasers = recording.rig.lasers().keys() & set(recording.sensor_topics.sensors.values())
     frame_of = {name: next(iter(sorted(recording.frames.get(name, ()))), name) or name for name in lasers}
-    for name in lasers:
-        bag.connect(topics.sensor_topic(name, _POINTS), POINT_CLOUD)
-    if not lasers:
-        return
-    for scan in recording.observations(only=lasers):
+    for name in recording.rig.lasers():
+        if name in lasers:
+            bag.connect(topics.sensor_topic(name, _POINTS), POINT_CLOUD)
+    for scan in recording.observations(only=lasers) if lasers else ():
         if isinstance(scan, LaserScan):
             stamp_ns = max(scan.stamp_ns + recording.start_ns, 0)
             log_ns = max(stamp_ns + recording.logged_after_ns, 0)

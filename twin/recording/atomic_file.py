@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 import errno
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TextIO
@@ -58,6 +59,22 @@ def open_atomic(path: Path) -> Iterator[TextIO]:
         partial.open("w", encoding="utf-8", errors="surrogateescape", newline="") as stream,
     ):
         yield stream
+
+
+def write_atomic(path: Path, content: str | bytes) -> None:
+    """Write a whole file, as `open_atomic` does a text."""
+    if isinstance(content, str):
+        with open_atomic(path) as stream:
+            stream.write(content)
+    else:
+        with atomic_path(path) as partial:
+            partial.write_bytes(content)
+
+
+def write_csv(path: Path, rows: Iterable[Iterable[object]]) -> None:
+    """Write the rows of a table, its heads first, as `open_atomic` does a text."""
+    with open_atomic(path) as stream:
+        csv.writer(stream, lineterminator="\n").writerows(rows)
 
 
 def partial_path(path: Path) -> Path:

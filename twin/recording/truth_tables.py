@@ -35,7 +35,7 @@ from trackers.observations import NS_PER_S
 from trackers.plain_data import parse_json
 from trackers.text_file import read_text
 from twin.recording import topics
-from twin.recording.atomic_file import open_atomic
+from twin.recording.atomic_file import open_atomic, write_atomic
 from twin.recording.ros_messages import string_message
 from twin.recording.situation_table import SITUATION_COLUMNS, encode_situation, situation_line
 from twin.recording.tables import (
@@ -72,10 +72,8 @@ def write_names(path: Path, names: Mapping[int, str]) -> None:
 
     Raises InputError where the file cannot be written.
     """
-    with open_atomic(path) as stream:
-        stream.write(",".join(PEOPLE_COLUMNS) + "\n")
-        for number, name in sorted(names.items()):
-            stream.write(f"{number},{name}\n")
+    lines = [",".join(PEOPLE_COLUMNS), *(f"{number},{name}" for number, name in sorted(names.items()))]
+    write_atomic(path, "\n".join(lines) + "\n")
 
 
 @contextmanager

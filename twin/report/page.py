@@ -17,7 +17,7 @@ from twin.evaluate.accuracy import WITHIN, calibration_curve
 from twin.evaluate.causes import FALSE_POSITIVES, MISSES, POSTURES, Errors
 from twin.evaluate.continuity import track_counts
 from twin.evaluate.summary import Evaluation
-from twin.recording.atomic_file import open_atomic
+from twin.recording.atomic_file import write_atomic
 from twin.recording.tables import TrackTable, TruthTable
 from twin.report.birdseye import Polygon
 from twin.report.metrics_table import METRICS, format_judged, format_number, grouped_rows, headline_rows
@@ -210,8 +210,7 @@ def write_report(
         shown=f"{axis.format(axis.start_ns).removesuffix(' s')} to {axis.format(axis.end_ns)}",
         slots=[hex_colour(colour) for colour in IDENTITY_COLOURS],
     )
-    with open_atomic(path) as stream:
-        stream.write(page)
+    write_atomic(path, page)
 
 
 def _axis(truth: TruthTable | None, tables: Sequence[TrackTable]) -> TimeAxis:

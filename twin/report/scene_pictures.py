@@ -16,7 +16,7 @@ from trackers.arrays import Array
 from trackers.errors import InputError
 from twin.people.body.appearance import BodyAppearance
 from twin.people.body.person_spec import NQ_PERSON, person_spec
-from twin.recording.atomic_file import atomic_path
+from twin.recording.atomic_file import write_atomic
 from twin.report.palette import RGB, write
 from twin.room.mjcf import ENOUGH_LIGHT, MOST_LAMPS, light_of
 from twin.sensors.render import OffscreenRenderer
@@ -174,8 +174,7 @@ def check_picture_name(path: Path) -> None:
 def write_png(path: Path, rgb: NDArray[np.uint8]) -> None:
     """Write a picture (height, width, 3), RGB; raises InputError where the file cannot be written."""
     _, png = cv2.imencode(".png", rgb[..., ::-1])
-    with atomic_path(path) as partial:
-        partial.write_bytes(png.tobytes())
+    write_atomic(path, png.tobytes())
 
 
 def _studio(portraits: Sequence[Portrait]) -> mujoco.MjModel:

@@ -78,7 +78,7 @@ def identity_timeline(
         matched = spans_of(evaluation.match_stamps_ns[mine], period, evaluation.match_track_ids[mine])
         bar = y + 16
         parts.append(_row_name(names.get(person, f"person {person}"), bar))
-        parts.append(_line_of_spans(axis, present, bar + _BAR / 2, "present"))
+        parts.append(_present(axis, present, bar + _BAR / 2))
         parts.append(_bars(axis, matched, bar, colours))
         for place, (sensor, share) in enumerate(truth.visible.items()):
             top = bar + _BAR + 2 + place * (_STRIP + 1)
@@ -182,9 +182,9 @@ def _row_name(name: str, bar: float) -> str:
     return f'<text class="name" x="{LEFT - 10}" y="{bar + 14.5:.1f}" text-anchor="end">{escape(shown)}</text>'
 
 
-def _line_of_spans(axis: TimeAxis, stretches: Sequence[Span], y: float, kind: str) -> str:
+def _present(axis: TimeAxis, stretches: Sequence[Span], y: float) -> str:
     line = "".join(f"M{_clip(axis, span.start_ns):.1f} {y:.1f}H{_clip(axis, span.end_ns):.1f}" for span in stretches)
-    return f'<path class="{kind}" d="{line}"/>' if line else ""
+    return f'<path class="present" d="{line}"/>' if line else ""
 
 
 def _bars(

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from trackers.arrays import Array
 from twin.console import print_table
-from twin.recording.atomic_file import atomic_path, open_atomic
+from twin.recording.atomic_file import write_atomic
 from twin.report.metrics_table import format_number
 from twin.report.palette import data_uri, page_template
 from twin.streams import stream
@@ -204,9 +204,7 @@ Row = tuple[ResultRow, str, str, str]
 
 def write_results(path: Path, results: Sequence[ResultRow]) -> None:
     """Write `results.json`: a list of objects with the fields of `ResultRow`. Raises InputError where it cannot be written."""
-    with open_atomic(path) as file:
-        json.dump([asdict(result) for result in results], file, indent=2)
-        file.write("\n")
+    write_atomic(path, json.dumps([asdict(result) for result in results], indent=2) + "\n")
 
 
 def rows_of(results: Sequence[ResultRow], *wheres: str) -> list[ResultRow]:
@@ -311,13 +309,11 @@ def write_reproduction(
     plots = {name: data_uri(svg) for name, svg in drawn.items()}
     page = page_template("twin.reproduce", template_name).render(command=command, plots=plots, **content)
     for name, text in {**drawn, "page": page}.items():
-        with open_atomic(paths[name]) as file:
-            file.write(text)
+        write_atomic(paths[name], text)
     return paths
 
 
 def write_pictures(folder: Path, pictures: Mapping[str, bytes]) -> None:
     """Write JPEGs under their names. Raises InputError where a file cannot be written."""
     for name, jpeg in pictures.items():
-        with atomic_path(folder / f"{name}.jpg") as partial:
-            partial.write_bytes(jpeg)
+        write_atomic(folder / f"{name}.jpg", jpeg)

@@ -6,7 +6,6 @@ film strips.
 
 from __future__ import annotations
 
-import csv
 import re
 import sys
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -28,7 +27,7 @@ from trackers.prior import Prior
 from trackers.rig import Rig
 from twin.messages import OnProgress, no_progress, printable
 from twin.models import cache_folder
-from twin.recording.atomic_file import open_atomic
+from twin.recording.atomic_file import write_csv
 from twin.recording.reader import Recording
 from twin.recording.tables import TrackTable, TruthTable, read_tracks, read_truth, track_table
 from twin.reproduce.registry import Request
@@ -308,12 +307,17 @@ def draw_film_strips(
             t_s=each.incident.t_s,
             what=each.incident.what,
             kind=each.incident.kind,
-            report=f"{SUITE_FOLDER}/cases/{each.case.id}/report.html",
+            report=_report(each.case),
             picture=pictures[task.id],
         )
         for task, each in zip(tasks, incidents, strict=True)
         if task.id in pictures
     ]
+
+
+def _report(case: Case) -> str:
+    """Return the page of a case, relative to the reproduction's folder."""
+    return f"{SUITE_FOLDER}/cases/{case.id}/report.html"
 
 
 def write_film_strips(folder: Path, strips: Sequence[FilmStrip]) -> None:
@@ -330,11 +334,9 @@ def write_incidents(path: Path, incidents: Iterable[CaseIncident], names: Mappin
 
     names: labels of trackers. At most 20 events of a case, switches included.
     """
-    with open_atomic(path) as stream:
-        rows = csv.writer(stream, lineterminator="\n")
-        rows.writerow(("condition", "seed", "column", "t_s", "kind", "what", "report"))
-        for each in incidents:
-            case, incident = each.case, each.incident
-            report = f"{SUITE_FOLDER}/cases/{case.id}/report.html"
-            who = condition_name(case), case.seed, names[case.tracker]
-            rows.writerow((*who, f"{incident.t_s:.2f}", incident.kind, incident.what, report))
+    rows: list[tuple[object, ...]] = [("condition", "seed", "column", "t_s", "kind", "what", "report")]
+    for each in incidents:
+        case, incident = each.case, each.incident
+        who = condition_name(case), case.seed, names[case.tracker]
+        rows.append((*who, f"{incident.t_s:.2f}", incident.kind, incident.what, _report(case)))
+    write_csv(path, rows)

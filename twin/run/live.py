@@ -17,7 +17,7 @@ from trackers.prior import Prior
 from trackers.rig import NO_PRIOR, Rig
 from trackers.text_file import AnyPath, as_path
 from twin.messages import OnProgress, OnWarning, no_progress, warn
-from twin.recording.atomic_file import open_atomic
+from twin.recording.atomic_file import write_atomic
 from twin.recording.losses import lines
 from twin.recording.situation_table import read_situations
 from twin.recording.tables import read_truth, truth_writer
@@ -185,8 +185,7 @@ class _LiveRun:
             "scenario": folder / "scenario.yaml",
         }
         write_names(files["truth_people"], self._place.person_names or {})
-        with open_atomic(files["scenario"]) as stream:
-            stream.write(self._resolved)
+        write_atomic(files["scenario"], self._resolved)
         if self._feed.is_filmed:
             files["preview"] = folder / "preview.mp4"
         result = self._evaluated(files) if self._chosen else RunResult(None, {})

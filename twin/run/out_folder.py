@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
 
 from trackers.errors import InputError
-from twin.recording.atomic_file import open_atomic, partial_path, unwritable
+from twin.recording.atomic_file import partial_path, unwritable, write_atomic
 
 LOCK = ".twin.lock"
 MADE = ".made-by-twin.json"
@@ -48,8 +48,7 @@ class OutFolder:
         return [f"{self.path}: removed from the earlier run: {', '.join(removed)}"] if removed else []
 
     def _note(self, names: set[str]) -> None:
-        with open_atomic(self.path / MADE) as stream:
-            json.dump(sorted(names), stream)
+        write_atomic(self.path / MADE, json.dumps(sorted(names)))
 
 
 @contextmanager

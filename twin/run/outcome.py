@@ -18,7 +18,7 @@ from twin import version_of
 from twin.evaluate import evaluate_with_details
 from twin.evaluate.summary import Evaluation
 from twin.messages import OnWarning, warn
-from twin.recording.atomic_file import open_atomic
+from twin.recording.atomic_file import write_atomic
 from twin.recording.losses import Loss, documents
 from twin.recording.situation_table import SituationTable
 from twin.recording.tables import TruthTable, read_tracks
@@ -128,9 +128,7 @@ def write_results(
     if truth is not None:
         metrics = _metrics_document(facts, results, losses)
         files["metrics"] = folder / "metrics.json"
-        with open_atomic(files["metrics"]) as stream:
-            json.dump(metrics, stream, indent=2, allow_nan=False)
-            stream.write("\n")
+        write_atomic(files["metrics"], json.dumps(metrics, indent=2, allow_nan=False) + "\n")
     notes = evaluation_notes(results)
     if report:
         files["report"] = folder / "report.html"

@@ -22,7 +22,7 @@ from trackers.text_file import AnyPath, as_path
 from trackers.tracks import TrackFrame
 from twin.evaluate.judged_frames import truth_at
 from twin.messages import OnProgress, OnWarning, no_progress, warn
-from twin.recording.atomic_file import open_atomic
+from twin.recording.atomic_file import write_atomic
 from twin.recording.losses import documents, lines
 from twin.recording.reader import Recording
 from twin.recording.situation_table import situation_table
@@ -289,9 +289,7 @@ class _Replay:
         about = {"recording": str(bag.path), "start_stamp_ns": bag.start_ns, "losses": documents(self._losses)}
         if self._truth is not None and self._truth.labels:
             about["people"] = {str(number): label for number, label in self._truth.labels.items()}
-        with open_atomic(path) as stream:
-            json.dump(about, stream, indent=2, allow_nan=False)
-            stream.write("\n")
+        write_atomic(path, json.dumps(about, indent=2, allow_nan=False) + "\n")
 
 
 def _default_folder(recording: Path, bag: Recording) -> Path:

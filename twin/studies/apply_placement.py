@@ -11,7 +11,7 @@ from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.plain_data import dump_yaml
 from twin import models
-from twin.recording.atomic_file import open_atomic
+from twin.recording.atomic_file import write_atomic
 from twin.scenario import Scenario
 from twin.scenario.housings import check_place
 from twin.scenario.mount import Mount
@@ -165,9 +165,7 @@ def write_scenario(path: Path, own: Scenario, changed: Scenario, own_file: Path,
         changed = _changes(before.get(field), now.get(field))
         if changed is not None or (field in before and field not in now):
             content[field] = changed
-    with open_atomic(path) as stream:
-        stream.write("# What the study recommends: `twin run` takes it as it is.\n")
-        stream.write(dump_yaml(content))
+    write_atomic(path, "# What the study recommends: `twin run` takes it as it is.\n" + dump_yaml(content))
 
 
 def _changes(before: Any, now: Any) -> Any:

@@ -150,21 +150,25 @@ def rejection_reasons(
         )
     cable = constraints.cable
     if cable is not None and cable.most_m is not None:
-        reasons[f"with more than {cable.most_m:g} m of cable"] = cable_lengths_m(study, building, held) > cable.most_m
+        lengths_m = cable_lengths_m(study, building, held, len(mounts[0]))
+        reasons[f"with more than {cable.most_m:g} m of cable"] = lengths_m.max(axis=1) > cable.most_m
     return reasons
 
 
-def cable_lengths_m(study: Study, building: Building, held: list[Array]) -> Array:
-    """Return the length of cable to each candidate pose (n,) [m], summed over a pair; 0 where cables do not count."""
+def cable_lengths_m(study: Study, building: Building, held: list[Array], n_device: int) -> Array:
+    """Return the length of cable to each device, one or a pair, of each candidate pose, (n, n_device) [m].
+
+    held: positions of each pose's sensors (k, 3) [m], device by device; a cable reaches the farthest sensor of its device. 0
+    where cables do not count.
+    """
     cable = study.constraints.cable
     if cable is None:
-        return np.zeros(len(held))
+        return np.zeros((len(held), n_device))
     start = np.array(cable.start)
     places = np.concatenate(held)
     straight = cable.along == "straight"
     each = np.linalg.norm(places - start, axis=1) if straight else building.way_along_walls_m(start, places)
-    per = len(held[0])
-    return each.reshape(len(held), per).max(axis=1)
+    return each.reshape(len(held), n_device, -1).max(axis=2)
 
 
 def _is_steep(role: Role, mounts: tuple[Mount, ...]) -> bool:

@@ -33,7 +33,10 @@ BASELINE: Placement = ()
 
 @dataclass(frozen=True)
 class CandidatePose:
-    """A device (or a mirrored pair) of one kind at one pose: the mounts of its first sensor, or housing, in the room."""
+    """A device (or a mirrored pair) of one kind at one pose: the mounts of its first sensor, or housing, in the room.
+
+    price, cable_m: of both devices of a pair together.
+    """
 
     device: str
     kind: int
@@ -104,7 +107,7 @@ class CandidateSet:
                     "constraints are expected"
                 )
                 continue
-            cable_m = cable_lengths_m(study, building, held)
+            cable_m = cable_lengths_m(study, building, held, len(mounts[0])).sum(axis=1)
             for number in np.flatnonzero(left):
                 for kind_number, kind in enumerate(device.kinds):
                     per_m = study.constraints.cable.price_per_m if study.constraints.cable else 0.0
@@ -157,7 +160,7 @@ class CandidateSet:
             return 0.0
         sensors = [name] if name else device.sensors_in(self.scenario)
         held = np.array([in_the_room(self.scenario, each).mount.xyz for each in sensors])
-        return cable.price_per_m * float(cable_lengths_m(self.study, self.building, [held])[0])
+        return cable.price_per_m * float(cable_lengths_m(self.study, self.building, [held], 1)[0, 0])
 
     def device_price(self, device: Device, sensor: AnyDescription | None) -> float:
         """Return the price of a device that stands for a sensor: of the first matching kind; None: of several sensors."""

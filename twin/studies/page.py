@@ -10,7 +10,7 @@ import numpy as np
 
 from trackers.arrays import Array
 from twin.models import MODELS
-from twin.recording.atomic_file import open_atomic
+from twin.recording.atomic_file import write_atomic
 from twin.report.metrics_table import format_number
 from twin.report.palette import data_uri, page_template
 from twin.scenario import Scenario
@@ -95,8 +95,7 @@ def write_page(path: Path, results: StudyResults) -> None:
         "seeds": len(study.held_out.seeds) if study.held_out else 0,
         **section(_plan(results, scenario, path.parent)),
     }
-    with open_atomic(path) as stream:
-        stream.write(study_template("page.html.j2").render(**content))
+    write_atomic(path, study_template("page.html.j2").render(**content))
 
 
 def _value(results: StudyResults, trial: Trial) -> float:
@@ -134,7 +133,7 @@ def _parts(results: StudyResults) -> list[tuple[str, str, str, str]]:
                 what = f"{name}: {_device_label(device, results.prepared.scenario)}" + (
                     "" if kind.name == "as-is" else f", {kind.name}"
                 )
-                cable = sum(pose.cable_m * len(pose.mounts) for pose in mine)
+                cable = sum(pose.cable_m for pose in mine)
                 count = sum(len(pose.mounts) for pose in mine)
                 rows.append((what, str(count), f"{device.price_of(kind):g}", f"{cable:.1f} m" if cable else "–"))
     return rows

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -15,7 +14,7 @@ from trackers.errors import InputError
 from trackers.plain_data import parse_json
 from trackers.text_file import read_text
 from twin.console import PlainConsole, print_table
-from twin.recording.atomic_file import open_atomic
+from twin.recording.atomic_file import write_csv
 from twin.scenario import Scenario
 from twin.studies.apply_placement import apply_placement
 from twin.studies.candidate_set import BASELINE, Placement
@@ -25,9 +24,7 @@ from twin.studies.search import Result
 from twin.studies.set_cover import Cover
 from twin.studies.spec import Objective
 from twin.studies.trials import Trial, placement_id
-from twin.studies.validation import (
-    PairedDifference,
-)
+from twin.studies.validation import PairedDifference
 from twin.suites.cache import RecordingCache
 
 
@@ -159,26 +156,22 @@ def write_table(path: Path, trials: Sequence[Trial], results: StudyResults) -> N
     columns = ["candidate", "places", "price", "coverage", "coverage_worst", "replicates", "rejected"]
     headings = [f"{tracker}: {metric}" for tracker, metric in names]
     wanted = [each.column for each in study.objectives if each.kind == "metric" and each.column not in headings]
-    with open_atomic(path) as stream:
-        table = csv.writer(stream, lineterminator="\n")
-        table.writerow([*columns, *wanted, *(text for each in headings for text in (each, f"{each} (standard error)"))])
-        for trial in trials:
-            row: list[Any] = [
-                placement_id(trial.placement),
-                describe_placement(results, trial.placement),
-                f"{trial.price:g}",
-            ]
-            row += ["" if each is None else f"{each:.6f}" for each in (trial.coverage, trial.coverage_worst)]
-            row += [len(trial.seeds), trial.failure]
-            for each in study.objectives:
-                if each.column in wanted:
-                    row.append("" if trial.failure or not trial.seeds else f"{trial.value(each, study.scenarios):.6f}")
-            for tracker, metric in names:
-                values = [each[tracker][metric] for each in trial.metrics.values() if tracker in each]
-                known = np.array([each for each in values if each is not None], dtype=float)
-                error = known.std(ddof=1) / np.sqrt(len(known)) if len(known) > 1 else np.nan
-                row += [f"{known.mean():.6f}" if len(known) else "", f"{error:.6f}" if np.isfinite(error) else ""]
-            table.writerow(row)
+    rows = [[*columns, *wanted, *(text for each in headings for text in (each, f"{each} (standard error)"))]]
+    for trial in trials:
+        place = placement_id(trial.placement), describe_placement(results, trial.placement)
+        row = [*place, f"{trial.price:g}"]
+        row += ["" if each is None else f"{each:.6f}" for each in (trial.coverage, trial.coverage_worst)]
+        row += [str(len(trial.seeds)), trial.failure]
+        for each in study.objectives:
+            if each.column in wanted:
+                row.append("" if trial.failure or not trial.seeds else f"{trial.value(each, study.scenarios):.6f}")
+        for tracker, metric in names:
+            values = [each[tracker][metric] for each in trial.metrics.values() if tracker in each]
+            known = np.array([each for each in values if each is not None], dtype=float)
+            error = known.std(ddof=1) / np.sqrt(len(known)) if len(known) > 1 else np.nan
+            row += [f"{known.mean():.6f}" if len(known) else "", f"{error:.6f}" if np.isfinite(error) else ""]
+        rows.append(row)
+    write_csv(path, rows)
 
 
 _FORMER_KEYS = {

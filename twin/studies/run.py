@@ -15,7 +15,7 @@ from trackers.errors import InputError
 from trackers.plain_data import dump_yaml
 from twin.console import PlainConsole, print_warning, print_warnings
 from twin.models import cache_folder
-from twin.recording.atomic_file import open_atomic
+from twin.recording.atomic_file import write_atomic
 from twin.report.palette import data_uri
 from twin.run.inputs import NONE_TRUSTED, TrustedClasses
 from twin.scenario import Scenario, load_scenario
@@ -152,11 +152,8 @@ def write_results(folder: Path, results: StudyResults) -> dict[str, Path]:
         files["recommended"], load_scenario(file), moved, file, f"{moved.name}-recommended",
         f"{moved.name} with its sensors as the study {study.name} recommends.",
     )  # fmt: skip
-    with open_atomic(files["study"]) as stream:
-        stream.write(dump_yaml(study.model_dump(mode="json", exclude_none=True, by_alias=True)))
-    with open_atomic(files["summary"]) as stream:
-        json.dump(summarize(results), stream, indent=2, ensure_ascii=False)
-        stream.write("\n")
+    write_atomic(files["study"], dump_yaml(study.model_dump(mode="json", exclude_none=True, by_alias=True)))
+    write_atomic(files["summary"], json.dumps(summarize(results), indent=2, ensure_ascii=False) + "\n")
     write_page(files["report"], results)
     return files
 
@@ -240,8 +237,7 @@ def _check_sensors(scenario: Scenario, names: Sequence[str], asked: Coverage) ->
 
 def _write_texts(folder: Path, texts: Mapping[str, str]) -> None:
     for name, text in texts.items():
-        with open_atomic(folder / name) as stream:
-            stream.write(text)
+        write_atomic(folder / name, text)
 
 
 def print_coverage(found: dict[str, Any]) -> None:

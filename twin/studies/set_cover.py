@@ -72,7 +72,6 @@ class Cover:
     chosen: tuple[int, ...]
     value: float
     bound: float
-    seconds: float = 0.0
     wanted: int = 0
 
     @property
@@ -98,13 +97,12 @@ def greedy(choice: CoverProblem, number: Mapping[str, int]) -> Cover:
     Fewer poses where no more are allowed. For k > 1 the first sensor of a row gains nothing, so the gain of the bound is
     tried too, and the better result taken.
     """
-    start = time.perf_counter()
     ways = [_grow(choice, number, by_bound) for by_bound in ((False, True) if choice.k > 1 else (False,))]
     chosen = max((_exchange(choice, each, number) for each in ways), key=lambda each: (len(each), choice.value(each)))
     bound = min(_posterior_bound(choice, each, number) for each in ways)
     value = choice.value(chosen)
     wanted = sum(number.values())
-    return Cover(tuple(sorted(chosen)), value, max(bound, value), time.perf_counter() - start, wanted)
+    return Cover(tuple(sorted(chosen)), value, max(bound, value), wanted)
 
 
 def _grow(choice: CoverProblem, number: Mapping[str, int], by_bound: bool) -> list[int]:
@@ -188,7 +186,7 @@ def exact(choice: CoverProblem, number: Mapping[str, int], limit_s: float) -> Co
                 heapq.heappush(waiting, (-above, (*taken, order[place]), tuple(order[place + 1 :])))
     if value < 0:
         chosen = ()
-    return Cover(chosen, max(value, 0.0), max(bound, value, 0.0), time.perf_counter() - start, total)
+    return Cover(chosen, max(value, 0.0), max(bound, value, 0.0), total)
 
 
 def _selectable(choice: CoverProblem, chosen: Sequence[int], number: Mapping[str, int]) -> Array:

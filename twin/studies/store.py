@@ -14,7 +14,7 @@ from pydantic import ConfigDict, FiniteFloat, TypeAdapter, ValidationError
 
 from trackers.configuration import Typed
 from trackers.errors import InputError
-from twin.recording.atomic_file import open_atomic
+from twin.recording.atomic_file import write_atomic
 from twin.run.out_folder import locked_folder
 from twin.studies.worker import EvaluationTask, evaluate_task
 from twin.suites.cache_keys import Provenance, digest_of, whole_code
@@ -121,8 +121,7 @@ class EvaluationStore:
             )
             good.append(line)
         if cut_off or len(good) < len(lines):
-            with open_atomic(self._path) as stream:
-                stream.write("\n".join([head, *good]) + "\n")
+            write_atomic(self._path, "\n".join([head, *good]) + "\n")
 
     def outcomes(self, jobs: Sequence[Job]) -> list[Outcome]:
         """Return the outcome of each job; evaluate on all workers those unknown or with changed inputs."""
@@ -188,8 +187,7 @@ def open_store(
             )
         evaluations = EvaluationStore(folder, open_workers(place, stack, listener), progress, listener.warned)
         if before is None:
-            with open_atomic(path) as stream:
-                stream.write(with_checksum(head) + "\n")
+            write_atomic(path, with_checksum(head) + "\n")
         else:
             evaluations.read()
         yield evaluations

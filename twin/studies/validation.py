@@ -11,7 +11,7 @@ from trackers.arrays import Array
 from trackers.errors import InputError
 from twin.scenario import Scenario
 from twin.scenario.housings import in_the_room
-from twin.scenario.mount import CalibrationError
+from twin.scenario.mount import CalibrationError, mount_of
 from twin.scenario.sensors import FloorDescription
 from twin.streams import stream
 from twin.studies.candidate_set import BASELINE, CandidateSet, Placement
@@ -129,17 +129,11 @@ def displace_sensors(
             bx, by, bz = before.xyz
             # a tilted camera turned about the vertical is assumed turned about its own axes
             own = mount.room_from_housing().rotation.T @ description.mount.room_from_housing().rotation
-            roll, pitch, yaw = _angles(own)
-            assumed = before.model_copy(update={"xyz": (bx - dx, by - dy, bz), "rpy_deg": (roll, pitch, yaw)})
+            turned = mount_of(own, np.zeros(3))
+            rpy_deg = turned.roll_deg, turned.pitch_deg, turned.yaw_deg
+            assumed = before.model_copy(update={"xyz": (bx - dx, by - dy, bz), "rpy_deg": rpy_deg})
         sensors[name] = description.model_copy(update={"mount": mount, "calibration_error": assumed})
     return scenario.model_copy(update={"sensors": sensors})
-
-
-def _angles(rotation: Array) -> tuple[float, float, float]:
-    """Return roll, pitch and yaw of a rotation matrix [deg]."""
-    pitch = np.arcsin(np.clip(-rotation[2, 0], -1, 1))
-    yaw, roll = np.arctan2(rotation[1, 0], rotation[0, 0]), np.arctan2(rotation[2, 1], rotation[2, 2])
-    return float(np.degrees(roll)), float(np.degrees(pitch)), float(np.degrees(yaw))
 
 
 def moved_sensors(study: Study, own: Scenario, now: Scenario) -> list[str]:

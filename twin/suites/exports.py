@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from twin.recording.atomic_file import atomic_path, open_atomic
+from twin.recording.atomic_file import atomic_path, write_atomic
 from twin.suites.comparison import Change, Comparison, SuiteOutcome, describe_change
 from twin.suites.metrics import GATED
 from twin.suites.results import GroupKey, RequirementCheck, mean_over_seeds
@@ -129,9 +129,7 @@ def write_summary(path: Path, outcome: SuiteOutcome) -> None:
             for each in outcome.requirements
         ]
     _add_former_names(document)
-    with open_atomic(path) as stream:
-        json.dump(document, stream, indent=2, ensure_ascii=False, allow_nan=False)
-        stream.write("\n")
+    write_atomic(path, json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
 
 
 def _add_former_names(document: dict[str, Any]) -> None:

@@ -21,7 +21,7 @@ from trackers.plain_data import parse_json
 from trackers.text_file import read_text
 from twin.console import print_paths
 from twin.models import cache_folder
-from twin.recording.atomic_file import open_atomic
+from twin.recording.atomic_file import write_atomic
 from twin.run.inputs import NONE_TRUSTED, TrustedClasses
 from twin.suites.cache import RecordingCache, cache_limit_bytes
 from twin.suites.cluster import Workers
@@ -112,8 +112,7 @@ def write_baseline(path: Path, results: Results) -> None:
     text = json.dumps(head, ensure_ascii=False, indent=2)[:-2]
     groups = _lines(results.groups, "tracker", tuple(GATED))
     sensors = _lines(results.sensors, "sensor", tuple(GATED_SENSOR_METRICS))
-    with open_atomic(path) as stream:
-        stream.write(f'{text},\n  "groups": [\n{groups}\n  ],\n  "sensors": [\n{sensors}\n  ]\n}}\n')
+    write_atomic(path, f'{text},\n  "groups": [\n{groups}\n  ],\n  "sensors": [\n{sensors}\n  ]\n}}\n')
 
 
 def _lines(groups: Mapping[GroupKey, Group], whose: str, metrics: Sequence[str]) -> str:

@@ -11,7 +11,7 @@ from typing import Any
 from markupsafe import Markup
 
 from twin.evaluate.accuracy import WITHIN, calibration_curve
-from twin.recording.atomic_file import open_atomic
+from twin.recording.atomic_file import write_atomic
 from twin.report.metrics_table import HEADLINE_METRICS, format_number
 from twin.report.page import calibration_chart
 from twin.report.palette import IDENTITY_COLOURS, data_uri, hex_colour, page_template
@@ -161,8 +161,7 @@ def _write(
         n_done=sum(len(group.seeds) for group in results.groups.values()),
         **content,
     )
-    with open_atomic(path) as stream:
-        stream.write(page)
+    write_atomic(path, page)
 
 
 def _sections(results: Results, before: Results | None) -> list[dict[str, Any]]:

@@ -35,7 +35,7 @@ from twin.scenario import Scenario
 from twin.scenario.housings import assumed_rig
 from twin.scenario.scenario import TrackerChoice
 from twin.streams import stream
-from twin.suites.spec import Overrides, Suite, SuiteScenario
+from twin.suites.spec import Overrides, Suite
 from twin.world.empty_room import empty_room
 
 
@@ -49,7 +49,6 @@ class Variant:
     """
 
     number: int
-    entry: SuiteScenario
     trackers: tuple[str, ...]
     listed: str
     overrides: Overrides
@@ -88,7 +87,6 @@ def variants(suite: Suite, number: int, changes: Sequence[str] = ()) -> Iterator
         )
         yield Variant(
             number,
-            entry,
             trackers=entry.trackers or suite.trackers,
             listed=f"{here}.trackers" if entry.trackers else "trackers",
             overrides={**suite.set, **entry.set, **own},

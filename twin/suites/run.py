@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from twin.messages import counted
-from twin.recording.atomic_file import atomic_path
+from twin.recording.atomic_file import write_atomic
 from twin.run.inputs import NONE_TRUSTED, TrustedClasses, unused_changes
 from twin.run.outcome import versions
 from twin.scenario.run_size import total
@@ -247,5 +247,4 @@ def _draw_filmstrips(
 
 def _write_files(folder: Path, files: Mapping[str, bytes]) -> None:
     for name, content in files.items():
-        with atomic_path(folder / name) as partial:
-            partial.write_bytes(content)
+        write_atomic(folder / name, content)

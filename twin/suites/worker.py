@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import tempfile
-import time
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
@@ -96,8 +95,6 @@ class CaseResult:
     incidents: tuple[Incident, ...]
     files: dict[str, bytes]
     renderer: str
-    recorded: bool  # False: the recording was in the cache
-    record_s: float
     recording: str = ""
     people: str = ""
     scatter_m: Mapping[str, float] = field(default_factory=dict)
@@ -121,21 +118,17 @@ def run_case(work: CaseWork) -> CaseResult:
     if case.bag is not None:
         return _track(case, case.bag.path, {}, case.bag)
     scenario = resolved_scenario(case)
-    start = time.perf_counter()
     renderer = renderer_of(scenario)
     key, warnings = recording_key(case.resolved, renderer), []
 
     def make(folder: Path) -> None:
         record(scenario, folder, cached_motion(work.cache, scenario) if work.same_people else None)
 
-    with work.cache.recording(key, make, warnings.append) as (entry, found):
-        record_s = time.perf_counter() - start
+    with work.cache.recording(key, make, warnings.append) as (entry, _):
         tracked = _track(case, entry / RECORDING, dict(enumerate(scenario.people, start=1)))
         return replace(
             tracked,
             renderer=renderer,
-            recorded=not found,
-            record_s=record_s,
             recording=digests_of(entry)[RECORDING][:_DIGEST],
             people=people_digest(entry / TRUTH),
             scatter_m=range_scatter_m(entry / RECORDING, scenario),
@@ -223,8 +216,6 @@ def _track(case: Case, recording: Path, names: Mapping[int, str], bag: RecordedI
             incidents=tuple(_incidents(evaluation, names)) if evaluation is not None else (),
             files={each: (folder / each).read_bytes() for each in files},
             renderer=NO_RENDERER,
-            recorded=False,
-            record_s=0.0,
             recording="" if bag is None else bag.digest[:_DIGEST],
             warnings=tuple(f"{recording.name}: {each}" for each in result.warnings if each not in own),
             tracker_warnings=own,

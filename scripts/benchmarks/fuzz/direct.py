@@ -105,6 +105,4 @@ def environment(arguments: list[str]) -> None:
 def made_up(work: CaseWork) -> CaseResult:
     """A case's figures without recording or tracking it."""
     metrics = {"mota": 0.9, "motp_m": 0.06, "idf1": 0.9, "hota": 0.9, "misses": work.case.seed % 7}
-    return CaseResult(
-        metrics, (Incident(0.1, "missed", "two misses", 2.0),), {"report.html": b"a page"}, "none", True, 0.0
-    )
+    return CaseResult(metrics, (Incident(0.1, "missed", "two misses", 2.0),), {"report.html": b"a page"}, "none")

@@ -80,7 +80,7 @@ def condition(name: str, n_run: int = 4, people: float = 10.0, close: float = 2.
     place = PlaceStatistics(
         100 * ones, 100 * people * ones, 100 * close * ones, 64 * ones, 2 * ones, 0.5 * ones, np.array([0.4, 0.6, 1.2])
     )
-    return HallCondition(name, tuple(figures), (), tuple(range(n_run)), figures, place)
+    return HallCondition(name, tuple(figures), tuple(range(n_run)), figures, place)
 
 
 def results_of(*conditions: HallCondition) -> dict[tuple[str, str, str], tuple[float | None, float]]:

@@ -75,6 +75,11 @@ def test_pairs_are_mirrored_and_kinds_change_the_sensor(tmp_path: Path) -> None:
     first, second = ready.candidate_set.poses
     assert [mount.xyz[0] for mount in first.mounts] == [-2.5, 2.5] and first.mounts[1].yaw_deg == pytest.approx(120)
     assert (first.price, second.price) == (14, 10)
+    cable = {
+        "cable": {"from": [-2.5, 0.2, 1.9], "along": "straight", "price_per_m": 3}
+    }  # 1 m above one, 5.1 m off the other
+    wired = prepared(tmp_path, devices={"waist": waist}, constraints=cable).candidate_set.poses[0]
+    assert (wired.cable_m, wired.price) == (pytest.approx(1 + 26**0.5), pytest.approx(14 + 3 * (1 + 26**0.5)))
     moved = apply_placement(ready.study, ready.scenario, [second])
     assert moved.sensors["waist-2"].range_max_m == 3 and moved.sensors["knee"] == ready.scenario.sensors["knee"]  # pyright: ignore
 

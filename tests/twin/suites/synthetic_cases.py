@@ -77,8 +77,6 @@ def result_of(work: CaseWork) -> CaseResult:
         incidents=(Incident(3.0 + case.seed, "misidentification", "blue → white", 1.0),),
         files={"metrics.json": b"{}"} | ({"report.html": b"<p>a report</p>"} if case.report else {}),
         renderer="none",
-        recorded=True,
-        record_s=0.0,
         recording=f"{case.scenario} {case.seed} {noise}",
         people=f"{case.scenario} {case.seed} people",
         scatter_m={"scanner at 0, 0, 0.95": 0.008 * noise},

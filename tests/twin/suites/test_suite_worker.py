@@ -57,10 +57,9 @@ def test_a_case_has_the_figures_of_a_run_and_the_second_tracker_renders_nothing(
     document = run_scenario(scenario, trackers=[case.tracker for case in cases], out=tmp_path, video=False).metrics
     assert document is not None
     first = run_case(CaseWork(cases[0], cache, whole_code()))
-    assert first.recorded and "OpenGL" in first.renderer
+    assert "OpenGL" in first.renderer
     monkeypatch.setattr(worker, "run_scenario", None)  # whoever records now fails
     second = run_case(CaseWork(cases[1], cache, whole_code()))
-    assert not second.recorded
     for case, result in zip(cases, (first, second), strict=True):
         assert without_cost(result.metrics) == without_cost(document["trackers"][case.tracker])
         assert set(result.files) == {"report.html", "metrics.json", f"tracks/{case.tracker}.csv"}

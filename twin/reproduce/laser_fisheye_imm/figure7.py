@@ -63,10 +63,6 @@ class SquaredErrors:
     by_filter: dict[str, Array]  # name -> (n, k)
     measured: Array  # (n, k)
 
-    def normalised(self) -> dict[str, Array]:
-        """Divide the filters' summed squared error by that of the measurements at each scan, (k,): NPE or NVE (eq. 8)."""
-        return {name: errors.sum(axis=0) / self.measured.sum(axis=0) for name, errors in self.by_filter.items()}
-
 
 @dataclass(frozen=True, eq=False)
 class MonteCarlo:
@@ -184,7 +180,10 @@ NPE, NVE = "figure 7 (a)", "figure 7 (b)"
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """NPE or NVE of each filter at each scan, in every replicate of the bootstrap, (1 + replicates, k)."""
+    """NPE or NVE of each filter at each scan, in every replicate of the bootstrap, (1 + replicates, k).
+
+    A filter's squared error, summed over the runs, over that of the measurements (eq. 8).
+    """
 
     where: str
     name: str

@@ -5,7 +5,6 @@ The page holds table I, statements about it, occlusions, densities, conditions a
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ import numpy as np
 
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from twin.messages import OnProgress, no_progress
-from twin.recording.atomic_file import open_atomic
+from twin.recording.atomic_file import write_csv
 from twin.report.palette import data_uri
 from twin.reproduce.laser_fisheye_imm.figure7 import (
     FIRST_SCAN,
@@ -309,14 +308,14 @@ def write_all(folder: Path, runs: MonteCarlo, lab: LabRuns, strips: list[FilmStr
 def write_runs(path: Path, lab: LabRuns) -> None:
     """Write every run as a row: condition, seed, column, people, person_minutes, long_occlusions, and its metrics."""
     metrics = ("misidentifications", "lost_tracks", "id_switches", "mota", "idf1", "motp_m")
-    with open_atomic(path) as stream:
-        rows = csv.writer(stream, lineterminator="\n")
-        rows.writerow(("condition", "seed", "column", "people", "person_minutes", "long_occlusions", *metrics))
-        for condition in lab.conditions:
-            for column in COLUMNS:
-                found = condition.metrics[column.tracker]
-                for place, seed in enumerate(condition.seeds):
-                    hidden = sum(each.seed == seed for each in condition.long_occlusions)
-                    minutes = f"{condition.person_minutes[place]:.4f}"
-                    own = (f"{found[name][place]:g}" for name in metrics)
-                    rows.writerow((condition.name, seed, column.name, condition.n_person, minutes, hidden, *own))
+    heads = ("condition", "seed", "column", "people", "person_minutes", "long_occlusions", *metrics)
+    rows: list[tuple[object, ...]] = [heads]
+    for condition in lab.conditions:
+        for column in COLUMNS:
+            found = condition.metrics[column.tracker]
+            for place, seed in enumerate(condition.seeds):
+                hidden = sum(each.seed == seed for each in condition.long_occlusions)
+                minutes = f"{condition.person_minutes[place]:.4f}"
+                own = (f"{found[name][place]:g}" for name in metrics)
+                rows.append((condition.name, seed, column.name, condition.n_person, minutes, hidden, *own))
+    write_csv(path, rows)

@@ -117,27 +117,6 @@ def breaks_at(densities: Sequence[LabCondition], column: Column) -> LabCondition
     return next((each for each in densities if error_rate(each, column).low > 0), None)
 
 
-@dataclass(frozen=True)
-class LossesByOcclusion:
-    """The full system's losses in the paper's experiment, in runs with and without an occlusion longer than `COAST_S`."""
-
-    n_run_with: int
-    lost_with: int
-    n_run_without: int
-    lost_without: int
-
-
-def losses_by_occlusion(condition: LabCondition) -> LossesByOcclusion:
-    """Count the full system's losses in runs with and without such an occlusion."""
-    lost, has_long_occlusion = values(condition, FULL.tracker, LOST), condition.has_long_occlusion
-    return LossesByOcclusion(
-        int(has_long_occlusion.sum()),
-        int(lost[has_long_occlusion].sum()),
-        int((~has_long_occlusion).sum()),
-        int(lost[~has_long_occlusion].sum()),
-    )
-
-
 def lab_results(lab: LabRuns) -> list[ResultRow]:
     """Compute every result: table I, the paired differences, and the same for further conditions."""
     return [
@@ -221,12 +200,13 @@ def statements(condition: LabCondition) -> Iterator[Statement]:
         _holds(misidentified == 0),
         f"{misidentified} in {n_run} runs",
     )
-    found = losses_by_occlusion(condition)
+    lost, excused = values(condition, FULL.tracker, LOST), condition.has_long_occlusion
+    lost_without = int(lost[~excused].sum())
     yield Statement(
         f"It loses no person in a run without an occlusion longer than the {COAST_S:g} s that tracks coast.",
-        _holds(found.lost_without == 0),
-        f"{found.lost_without} lost in {found.n_run_without} such runs; {found.lost_with} in the other "
-        f"{found.n_run_with}, listed below",
+        _holds(lost_without == 0),
+        f"{lost_without} lost in {(~excused).sum()} such runs; {int(lost[excused].sum())} in the other "
+        f"{excused.sum()}, listed below",
     )
     sums = {each.name: int(condition.errors(each.tracker).sum()) for each in COLUMNS}
     own = sums.pop(FULL.name)

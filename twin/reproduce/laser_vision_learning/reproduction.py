@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,7 +11,7 @@ import numpy as np
 from trackers.observations import NS_PER_S
 from twin.evaluate.accuracy import AFTER_S
 from twin.messages import OnProgress, no_progress
-from twin.recording.atomic_file import open_atomic
+from twin.recording.atomic_file import write_csv
 from twin.report.palette import data_uri
 from twin.reproduce.laser_vision_learning.plots import densities_svg, figure11_svg
 from twin.reproduce.laser_vision_learning.results import (
@@ -150,14 +149,13 @@ def _write_runs(path: Path, hall: HallRuns) -> None:
         "disposal.correlated.total", "disposal.correlated.disposed", "disposal.merge_split.total",
         "disposal.merge_split.disposed", "mota", "idf1", "hota", "ms_per_frame.mean", "ms_per_frame.p95",
     )  # fmt: skip
-    with open_atomic(path) as stream:
-        rows = csv.writer(stream, lineterminator="\n")
-        rows.writerow(("condition", "seed", "tracker", *metrics))
-        for condition in hall.conditions.values():
-            for tracker in condition.trackers:
-                for place, seed in enumerate(condition.seeds):
-                    own = (f"{condition.metrics[tracker][name][place]:g}" for name in metrics)
-                    rows.writerow((condition.name, seed, tracker, *own))
+    rows: list[tuple[object, ...]] = [("condition", "seed", "tracker", *metrics)]
+    for condition in hall.conditions.values():
+        for tracker in condition.trackers:
+            for place, seed in enumerate(condition.seeds):
+                own = (f"{condition.metrics[tracker][name][place]:g}" for name in metrics)
+                rows.append((condition.name, seed, tracker, *own))
+    write_csv(path, rows)
 
 
 MOST_DRAWN = 4

@@ -70,7 +70,6 @@ class HallCondition:
 
     name: str
     trackers: tuple[str, ...]
-    overrides: tuple[str, ...]
     seeds: tuple[int, ...]
     metrics: Mapping[str, Mapping[str, Array]]  # tracker -> metric of metrics.json -> (n,), NaN where it does not apply
     place: PlaceStatistics
@@ -195,8 +194,7 @@ def _condition(name: str, whole: Mapping[int, Mapping[str, Case]], found: SuiteR
     first = next(iter(whole.values()))
     metrics = metric_arrays(whole.values(), found.metrics)
     recorded = [_recorded(next(iter(cases.values())), found) for cases in whole.values()]
-    case = next(iter(first.values()))
-    return HallCondition(name, tuple(first), case.overrides, tuple(whole), metrics, _place(recorded))
+    return HallCondition(name, tuple(first), tuple(whole), metrics, _place(recorded))
 
 
 def _place(recorded: list[tuple[TruthTable, SituationTable]]) -> PlaceStatistics:

@@ -177,7 +177,7 @@ def write_all(
     n_run = request.runs or _RUNS
     sat = LoadedRecording.of(runs.first_cases(FIRST)[OURS], runs, environment)
     results = [*results_of(conditions), *spread_results(sat, n_run, on_progress)]
-    pictures = _pictures(runs, FIRST, sat) | {"figure 10": _figure_10(sat, runs, _SHOWN_S[FIRST][1])}
+    pictures = _pictures(runs, FIRST, sat) | {"figure 10": _figure_10(sat, runs)}
     pictures |= _pictures(runs, SECOND, LoadedRecording.of(runs.first_cases(SECOND)[OURS], runs, environment))
     caught = LoadedRecording.of(runs.first_cases(TRAP)[OURS], runs, environment)
     lost, ways = trap_results(caught, n_run, on_progress)
@@ -224,8 +224,9 @@ def _pictures(runs: SuiteRuns, condition: str, seen: LoadedRecording) -> dict[st
     }
 
 
-def _figure_10(seen: LoadedRecording, runs: SuiteRuns, at_s: float) -> bytes:
-    """Draw the paper's two cues at a time, in the camera nearest to the head."""
+def _figure_10(seen: LoadedRecording, runs: SuiteRuns) -> bytes:
+    """Draw the paper's two cues, in the camera nearest to the head."""
+    at_s = _SHOWN_S[FIRST][1]
     head = _head(case_tracks(runs.first_cases(FIRST)[OURS], runs), at_s)
     tracker = seen.tracker(_ALIKE, 0, options_of(_ALIKE, seen.truth))
     for observation in seen.observations:
