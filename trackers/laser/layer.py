@@ -300,7 +300,7 @@ class LaserLayer:
 
 def _angles(scan: LaserScan, clusters: Clusters) -> Float[Array, "k 2"]:
     """Return the bearings of the first and last beam of each cluster, in ascending order [rad]."""
-    beam = np.stack([clusters.first_beam, clusters.last_beam], axis=-1).astype(np.float64)
+    beam = np.array([clusters.first_beam, clusters.last_beam], dtype=np.float64).T
     angle = scan.angle_min_rad + scan.angle_increment_rad * beam
     angle[clusters.last_beam < clusters.first_beam, 1] += 2 * np.pi
     return angle

@@ -10,7 +10,7 @@ axis.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
@@ -69,6 +69,16 @@ class TrunkOutlines:
     left: Forest
     ln_variance: Forest
 
+    @property
+    def _forests(self) -> tuple[Forest, Forest, Forest]:
+        return self.behind, self.left, self.ln_variance
+
+    @cached_property
+    def _together(self) -> Forest:
+        """All trees as one forest, so that an outline goes down them at once."""
+        tables = ((each.feature, each.threshold, each.leaf) for each in self._forests)
+        return Forest(*map(np.concatenate, zip(*tables, strict=True)), bias=0.0)
+
     def axes(
         self, scan: LaserScan, foreground: Bool[Mask, "n_beam"], clusters: Clusters
     ) -> tuple[Float[Array, "k 2"], Float[Array, "k"]]:
@@ -85,7 +95,11 @@ class TrunkOutlines:
     ) -> tuple[Float[Array, "k"], Float[Array, "k"], Float[Array, "k"]]:
         """Return how far the axes are behind the middles and left of them [m], and the variance on each axis [m²]."""
         both, n = np.concatenate([features, mirrored(features)]), len(features)
-        behind, left, ln_variance = (each.score(both) for each in (self.behind, self.left, self.ln_variance))
+        first = np.cumsum([len(each.feature) for each in self._forests])[:-1]
+        leaves = np.split(self._together.leaves(both), first)
+        behind, left, ln_variance = (
+            each.sum(axis=0) + forest.bias for each, forest in zip(leaves, self._forests, strict=True)
+        )
         return (
             0.5 * (behind[:n] + behind[n:]),
             0.5 * (left[:n] - left[n:]),

@@ -168,19 +168,18 @@ class Association:
         options = self.options
         if options.legs.assignment == "nearest":
             return self._nearest(seen, trunk_of)
-        known = self._known
-        people, trunk_of = self.people.select(known), trunk_of[known]
-        shown = trunk_of >= 0
+        people, known = self.people, self._known
+        posture, shown = people.posture, known & (trunk_of >= 0)
         under = seen.trunks.position.copy()
-        under[trunk_of[shown]] += people.posture.knees[shown]
-        hidden = people.select(~shown)
-        seated = hidden.posture.seated(hidden.measured_at, options.posture)
-        knees = np.where(seated[:, None], hidden.posture.knees, self.knees[known][~shown])
+        under[trunk_of[shown]] += posture.knees[shown]
+        hidden = known & ~shown
+        seated = posture.seated(people.measured_at, options.posture)
+        knees = np.where(seated[:, None], posture.knees, self.knees)[hidden]
         apart_m = options.track_management.apart_m
         gate_m = self._leg_gate_m
         lines = seen.legs.sight_lines(self.origins["knee"]) if "knee" in self.origins else None
         return pair_legs(
-            seen.legs, seen.sufficient, under, hidden.positions, knees, apart_m, gate_m, options.legs, lines
+            seen.legs, seen.sufficient, under, people.positions[hidden], knees, apart_m, gate_m, options.legs, lines
         )
 
     def _nearest(self, seen: Seen, trunk_of: Int[Index, "n"]) -> LegPairs:
@@ -236,16 +235,15 @@ class Association:
 
         Some views show an occluder instead, so colour excludes no track.
         """
-        weight = self.options.appearance.weight
+        weight, known = self.options.appearance.weight, ~np.isnan(colour)
         if self.options.clutter_density_m2 is None:
-            return weight * np.nan_to_num(colour)
-        cost = weight * np.nan_to_num(colour - EVEN_AT)
-        return -2 * np.logaddexp(np.log(WRONG_LOOK), np.log1p(-WRONG_LOOK) - 0.5 * cost)
+            return weight * np.where(known, colour, 0.0)
+        return _colour_cost(weight * np.where(known, colour - EVEN_AT, 0.0))
 
     @property
     def _unknown_colour(self) -> float:
         """Cost of a colour that is not known, of the track or of the measurement."""
-        return float(self._by_colour(np.full((1, 1), np.nan))[0, 0])
+        return 0.0 if self.options.clutter_density_m2 is None else _UNKNOWN_COLOUR
 
     def _same_person(
         self, hidden: Bool[Mask, "n"], position: Float[Array, "k 2"], colour: Float[Array, "n k"]
@@ -264,6 +262,14 @@ class Association:
         measured_ns = self.people.roster.measured_ns
         hidden = (self.ns - measured_ns > nanoseconds(1.5 * self.options.step_s)) & (measured_ns < self.last_ns)
         return hidden & ~self.people.posture.lying
+
+
+def _colour_cost(cost: Float[Array, "n k"] | float) -> Float[Array, "n k"]:
+    """Return −2 ln of the likelihood ratio of own and other track, where it is `cost` but some views show an occluder."""
+    return -2 * np.logaddexp(np.log(WRONG_LOOK), np.log1p(-WRONG_LOOK) - 0.5 * cost)
+
+
+_UNKNOWN_COLOUR = float(_colour_cost(0.0))
 
 
 def _existence_paired(

@@ -200,7 +200,7 @@ class Population(Poses):
         ended = (arrived | blocked | taken | (t >= self._until)) & crowd.present
         for person, done in self._done.items():
             ended[person] |= bool(crowd.present[person]) and done()
-        if not ended.any():
+        if not np.count_nonzero(ended):
             return
         for person in map(int, np.flatnonzero(ended)):
             end: End = "arrived" if arrived[person] else "taken" if taken[person] else "time"

@@ -118,7 +118,9 @@ class Poses(ABC):
         self._weight_n = GRAVITY_M_S2 * np.array([appearances[name].mass_kg for name in self.names], dtype=float)
         self._measures = measures
         self._history = PoseHistory(len(self.names))
-        self._asked: tuple[float, int, Array] | None = None  # time, tick and coordinates of the last query
+        self._asked: tuple[float, int] | None = None  # time and tick of the last query; its answers:
+        self._stood: tuple[GaitState, Array]
+        self._coordinates_then: Array | None
 
     def __len__(self) -> int:
         return len(self.names)
@@ -141,13 +143,14 @@ class Poses(ABC):
 
         Absent people have those of their last, or else first, presence.
         """
-        if self._asked is None or self._asked[:2] != (t, self._history.tick):
-            self._asked = t, self._history.tick, self._coordinates(*self._history.at(t))
-        return self._asked[2].copy()
+        state, posture = self._at(t)
+        if self._coordinates_then is None:
+            self._coordinates_then = self._coordinates(state, posture)
+        return self._coordinates_then.copy()
 
     def feet(self, t: float) -> Feet:
         """Return all soles and the weight on them at time t [s]."""
-        state, posture = self._history.at(t)
+        state, posture = self._at(t)
         present = self.present(t)
         feet = foot_loads(state, self._skeleton)
         on_feet, acceleration = support(posture)
@@ -164,12 +167,18 @@ class Poses(ABC):
 
     def truth(self, t: float) -> PopulationTruth:
         """Return the truth about all people at time t [s]."""
-        state, posture = self._history.at(t)
+        state, posture = self._at(t)
         qpos = self.qpos(t)
         velocity = state.pelvis_velocity + self._posture_velocity(t)
         yaw = wrap_angle(faced(state.rows[HEADING], posture))
         x, y, z = qpos[:, :3].T.copy()
         return PopulationTruth(self.present(t), x, y, z, yaw, velocity.real, velocity.imag)
+
+    def _at(self, t: float) -> tuple[GaitState, Array]:
+        """Return gait state and posture at time t [s], read-only."""
+        if self._asked != (t, self._history.tick):
+            self._asked, self._stood, self._coordinates_then = (t, self._history.tick), self._history.at(t), None
+        return self._stood
 
     def _coordinates(self, state: GaitState, posture: Array) -> Array:
         return overlay_postures(joint_coordinates(state, self._skeleton), posture, self._measures)

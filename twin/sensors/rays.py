@@ -111,7 +111,7 @@ class RayFan:
         room, room_m = self._in_the_room(snapshot)
         geom, distance_m = room[rays].copy(), room_m[rays].copy()
         people = (snapshot.person_of_geom > 0) & crosses_plane(snapshot, self.origin_m, self._normal)
-        near = np.flatnonzero(self._near(snapshot, people)[rays])
+        near = self._near(snapshot, people)[rays].nonzero()[0]
         if near.size:
             person, person_m = self._meet(snapshot, self.directions[rays][near], ~people)
             nearer = (person_m >= 0) & ((person_m < distance_m[near]) | (distance_m[near] < 0))

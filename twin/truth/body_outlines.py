@@ -127,7 +127,7 @@ def _members(pairs: NDArray[np.intp], count: int) -> tuple[NDArray[np.intp], NDA
     """Return which of `count` are in pairs (m, 2), (n,), and the pairs as indices of these."""
     present = np.zeros(count, dtype=np.bool_)
     present[pairs] = True
-    return np.flatnonzero(present), (present.cumsum() - 1)[pairs]
+    return present.nonzero()[0], (present.cumsum() - 1)[pairs]
 
 
 def _gaps(points: Array, pairs: NDArray[np.intp]) -> Array:
@@ -138,14 +138,14 @@ def _gaps(points: Array, pairs: NDArray[np.intp]) -> Array:
     """
     reach = _COARSE_DIRECTIONS @ points.swapaxes(1, 2)  # (n, _COARSE, k): how far each point lies in each direction
     outermost = reach.argmax(axis=2)
-    corners = np.take_along_axis(points, outermost[..., None], axis=1)  # (n, _COARSE, 2)
-    reach = np.take_along_axis(reach, outermost[..., None], axis=2)[..., 0]
+    person, direction = np.arange(len(points))[:, None], np.arange(_COARSE)
+    corners = points[person, outermost]  # (n, _COARSE, 2)
+    reach = reach[person, direction, outermost]
     width = _strips(reach, pairs)
     best = width.argmax(axis=1)
     gap = width.max(axis=1)
-    apart = np.flatnonzero(gap > _MAY_TOUCH_M)
-    step = 2 * np.pi / _COARSE
-    fine = _unit(_COARSE_ANGLES[best[apart], None] + np.linspace(-step, step, _FINE))  # (a, _FINE, 2)
+    apart = (gap > _MAY_TOUCH_M).nonzero()[0]
+    fine = _unit(_COARSE_ANGLES[best[apart], None] + _FINE_STEPS)  # (a, _FINE, 2)
     first, second = (corners[pairs[apart, side]].swapaxes(1, 2) for side in (0, 1))  # (a, 2, _COARSE)
     gap[apart] = ((fine @ second).min(axis=2) - (fine @ first).max(axis=2)).max(axis=1)
     return np.maximum(gap, 0.0)
@@ -164,6 +164,7 @@ def _unit(angles: Array) -> Array:
 
 
 _COARSE_ANGLES = 2 * np.pi * np.arange(_COARSE) / _COARSE
+_FINE_STEPS = np.linspace(-2 * np.pi / _COARSE, 2 * np.pi / _COARSE, _FINE)
 _COARSE_DIRECTIONS = _unit(_COARSE_ANGLES)
 _OPPOSITE = np.roll(np.arange(_COARSE), _COARSE // 2)  # of each coarse direction
 

@@ -125,7 +125,7 @@ def joined_pairs(
     range_m: NDArray[np.floating], person_of_ray: NDArray[np.int16], angle_increment_rad: float
 ) -> set[Pair]:
     """Find pairs of people with beams in one cluster of an ideal scan: ranges [m] and ids, both (n_beam,)."""
-    beams = np.flatnonzero((person_of_ray > 0) & np.isfinite(range_m))
+    beams = ((person_of_ray > 0) & np.isfinite(range_m)).nonzero()[0]
     person = person_of_ray[beams]
     following = np.array([beams[:-1], beams[1:]])
     changes = person[1:] != person[:-1]
@@ -168,7 +168,7 @@ def pairs_within(ids: NDArray[np.integer], place_m: NDArray[np.float64], limit_m
     """Return the distance [m] of pairs of people, ids (n,) at places (n, 2) [m], that are less than `limit_m` apart."""
     first, second = every_pair(len(ids)).T
     apart = np.hypot(*(place_m[first] - place_m[second]).T)
-    near = np.flatnonzero(apart < limit_m)
+    near = (apart < limit_m).nonzero()[0]
     return dict(zip(ordered_pairs(ids[first[near]], ids[second[near]]), apart[near].tolist(), strict=True))
 
 
@@ -195,9 +195,9 @@ def scan_points(
     scan: LaserScan, person_of_ray: NDArray[np.int16], view: SensorView, unmet: frozenset[int]
 ) -> ScanPoints:
     """Convert an ideal scan and the person ids (n_beam,) of its beams, 0 for the room, to points on people."""
-    beams = np.flatnonzero((person_of_ray > 0) & np.isfinite(scan.ranges_m))
+    beams = ((person_of_ray > 0) & np.isfinite(scan.ranges_m)).nonzero()[0]
     angle = scan.angle_min_rad + scan.angle_increment_rad * beams
-    ahead = scan.ranges_m[beams].astype(np.float64) * np.stack([np.cos(angle), np.sin(angle)])
+    ahead = scan.ranges_m[beams].astype(np.float64) * np.array([np.cos(angle), np.sin(angle)])
     points = view.room_from_sensor_xyz[:2] + (view.room_from_sensor_rotation[:2, :2] @ ahead).T
     return ScanPoints(scan.stamp_ns, points, person_of_ray[beams], unmet)
 
@@ -253,7 +253,7 @@ def _near_another(points: NDArray[np.float64], ids: NDArray[np.int16]) -> tuple[
         return points, ids
     order = ids.argsort(kind="stable")
     points, ids = points[order], ids[order]
-    first = np.concatenate([[0], np.flatnonzero(ids[1:] != ids[:-1]) + 1])
+    first = np.concatenate([[0], (ids[1:] != ids[:-1]).nonzero()[0] + 1])
     low, high = np.minimum.reduceat(points, first), np.maximum.reduceat(points, first)
     gap = np.maximum(np.maximum(low[:, None] - high, low - high[:, None]), 0.0)  # (n, n, 2)
     near = np.hypot(gap[..., 0], gap[..., 1]) <= LINKAGE_M + 1e-9
@@ -270,7 +270,7 @@ def _close_pairs(points: NDArray[np.float64]) -> NDArray[np.intp]:
     first = np.repeat(after - 1, counts)
     second = np.arange(len(first)) + np.repeat(after - counts.cumsum() + counts, counts)
     near = (x[first] - x[second]) ** 2 + (y[first] - y[second]) ** 2 <= LINKAGE_M**2
-    return np.stack([order[first[near]], order[second[near]]], axis=1)
+    return np.array([order[first[near]], order[second[near]]]).T
 
 
 def _clusters(links: NDArray[np.intp], count: int) -> NDArray[np.intp]:

@@ -110,7 +110,7 @@ def first_hits(
         counted = np.abs(local[..., 2]) <= _PLANE_BAND_M
         local = local * np.array([1.0, 1.0, 0.0])
         in_field = np.abs(np.arctan2(local[..., 1], local[..., 0])) <= view.sees
-    distance = np.linalg.norm(local, axis=-1)
+    distance = np.sqrt((local * local).sum(axis=-1))
     candidate = counted & in_field & (distance <= view.range_max_m) & (distance > 0)
     met = np.where(candidate, ids[:, None], np.int16(-1))
     if candidate.any():
@@ -136,7 +136,7 @@ class _Rays:
         snapshot, normal, origin_m = self.snapshot, self.view.normal, self.view.room_from_sensor_xyz
         none = np.zeros(snapshot.person_of_geom.shape, dtype=np.bool_)
         clear = none if normal is None else ~crosses_plane(snapshot, origin_m, normal)
-        geoms = np.flatnonzero((snapshot.person_of_geom > 0) & ~clear)
+        geoms = ((snapshot.person_of_geom > 0) & ~clear).nonzero()[0]
         person, centre = snapshot.person_of_geom[geoms], snapshot.data.geom_xpos[geoms] - origin_m
         radius = snapshot.model.geom_rbound[geoms]
         # The first hit on a person decides: geoms that no other person's ray can meet are left out,
@@ -145,7 +145,7 @@ class _Rays:
         left_out[geoms[~near.any(axis=0)]] = True
         first, first_m = self._hits(left_out)
         # but where a ray hits another person, its own person's geoms may come before.
-        other = np.flatnonzero(first != self.ids)
+        other = (first != self.ids).nonzero()[0]
         from_m = np.sqrt((centre * centre).sum(axis=1)) - radius
         own_from_m = np.where(person == self.ids[other, None], from_m, np.inf).min(axis=1, initial=np.inf)
         unsure = other[first_m[other] >= own_from_m]

@@ -36,7 +36,7 @@ def person_runs(person_of_ray: NDArray[np.int16]) -> tuple[RayRun, ...]:
     """Find runs of equal ids in (n_beam,) ids by beam, those of the room (0) left out."""
     if person_of_ray.size == 0:
         return ()
-    changes = (np.flatnonzero(person_of_ray[1:] != person_of_ray[:-1]) + 1).tolist()
+    changes = ((person_of_ray[1:] != person_of_ray[:-1]).nonzero()[0] + 1).tolist()
     starts, stops = [0, *changes], [*changes, person_of_ray.size]
     runs = zip(person_of_ray[starts].tolist(), starts, stops, strict=True)
     return tuple(RayRun(id_, start, stop - 1) for id_, start, stop in runs if id_ > 0)

@@ -47,6 +47,10 @@ class Forest:
 
     def score(self, features: Float[Array, "k features"]) -> Float[Array, "k"]:
         """Return the logarithm of the odds [nat]."""
+        return self.leaves(features).sum(axis=0) + self.bias
+
+    def leaves(self, features: Float[Array, "k features"]) -> Float[Array, "m k"]:
+        """Return the leaf of each tree that each sample comes to."""
         (m, n_question), k = self.feature.shape, len(features)
         tree = np.arange(m)[:, None]
         node = np.zeros((m, k), np.intp)
@@ -56,7 +60,7 @@ class Forest:
             place = node + tree * n_question
             value = by_feature.take(feature.take(place) * k + sample)
             node = 2 * node + 1 + (value > threshold.take(place))
-        return leaf.take(node - n_question + tree * (n_question + 1)).sum(axis=0) + self.bias
+        return leaf.take(node - n_question + tree * (n_question + 1))
 
 
 @dataclass(frozen=True, eq=False)

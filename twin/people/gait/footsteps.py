@@ -179,14 +179,14 @@ class Footsteps:
         self._hurry(bodies, motion, worst, style, True)
         self.rate = np.maximum(self.rate, before - dt * CALMS_S2)
         self.progress += self.stepping * (dt * self.rate)
-        if worst.any():
+        if np.count_nonzero(worst):
             # a foot left too far behind does not wait for the end of double support
             late = (worst > 0) & self.stepping & (self.progress < self.lift_at)
             self.progress = np.where(late, self.lift_at, self.progress)
         landed = self.progress >= 1.0
-        if landed.any():
+        if np.count_nonzero(landed):
             self._land(landed)
-        if not self.stepping.all():
+        if np.count_nonzero(self.stepping) < len(self.stepping):
             self._begin(landed, twist, bodies, motion, style, still)
         self.own = self.progress - ~self.lands
 
@@ -218,7 +218,7 @@ class Footsteps:
         starts = ~self.stepping & moves
         if still is not None:
             starts &= ~still
-        if starts.any():
+        if np.count_nonzero(starts):
             # the first step goes with the foot on the side of the motion or turn, else with the farther one
             outward = np.where(motion.speed > 0.1, motion.velocity.imag, 0.0) + 0.1 * bodies.turn_rate
             worse = misplaced[0] <= misplaced[1] + 0.01
@@ -240,7 +240,7 @@ class Footsteps:
         flight = np.where(style.double_support < 0, style.double_support, _NEVER)
         due = np.where(self.lands, self.lift_at, flight)
         lifts = (self.own >= due) & self.stepping & ~self.in_air & (load < UNLOADED)
-        if lifts.any():
+        if np.count_nonzero(lifts):
             self.in_air |= lifts
             # lift-off between the last tick and this one
             self._lifted_at = np.where(lifts, np.maximum(due, self.own - dt * self.rate), self._lifted_at)
@@ -257,7 +257,7 @@ class Footsteps:
         pitch = self.pitch
         quick = dt * np.where(pitch < 0, TOES_DOWN_RAD_S, HEEL_RAD_S)
         self.pitch = np.minimum(np.maximum(wanted, pitch - dt * HEEL_RAD_S), pitch + quick)
-        if self.in_air.any():
+        if np.count_nonzero(self.in_air):
             self._swing(bodies, motion, style)
         else:
             self.height = np.zeros_like(pitch)

@@ -20,7 +20,7 @@ from trackers.arrays import Array, Mask
 from twin.people.body.proportions import Skeleton
 from twin.people.gait import gait_state
 from twin.people.gait.footsteps import BodyMotion, Footsteps, MovingBodies
-from twin.people.gait.gait_state import FLOOR_ROWS, ROWS, STRAIGHTEST, GaitState, heel_and_pelvis
+from twin.people.gait.gait_state import FLOOR_ROWS, ROWS, STRAIGHTEST, GaitState, feet_pitch
 from twin.people.gait.gait_table import HEIGHT, LOAD, RATE, RUN_PACE, SHARE_BEHIND, GaitStyle, GaitTable
 
 GRAVITY_M_S2 = 9.81
@@ -35,7 +35,7 @@ _SWAY_MOST_M = 0.035
 _HABIT_RATE = 6.0
 _HEADS_FROM_M_S = 0.25
 """Speed above which forwards, backwards and sideways have full effect."""
-_PITCH, _ROLL = 0.03, -0.025  # lean per acceleration ahead and to the left [rad s²/m]
+_LEAN = np.array([[0.03], [-0.025]])  # pitch and roll per acceleration ahead and to the left [rad s²/m]
 _LEAN_MOST_RAD = 0.10
 _SHIFT_STEPPING, _SHIFT_STANDING = 0.4, 0.08
 """Greatest shift of weight between the feet per tick of `_TICK_S`, as a share of it."""
@@ -146,7 +146,7 @@ class Gait:
         motion = _body_motion(crowd)
         similar = self._table.similar(motion.speed)
         pace = similar
-        if self._run.any() or (similar > self._table.runs_above).any():
+        if np.count_nonzero(self._run) or np.count_nonzero(similar > self._table.runs_above):
             self._runs = similar > np.where(self._runs, self._table.walks_below, self._table.runs_above)
             change = dt * (1.0 / _CHANGE_S)
             self._run = np.minimum(np.maximum(self._runs, self._run - change), self._run + change)
@@ -159,7 +159,7 @@ class Gait:
         self._bear(cycle, left, motion, style, dt)
         most = dt * _PRESSURE_M_S
         self._ahead = np.minimum(np.maximum(point, self._ahead - most), self._ahead + most)
-        feet.lift(self._load, style, dt, lambda: heel_and_pelvis(self.state, self._skeleton)[0])
+        feet.lift(self._load, style, dt, lambda: feet_pitch(self.state, self._skeleton))
         feet.move(crowd, motion, style, stance, dt)
         self._wanted[-len(_ARMS_IN) :] = arms_in
         self._lean(crowd, motion, gaze, style, dt)
@@ -178,7 +178,7 @@ class Gait:
         share = (self._table.roll(stance, self._run) - _STANDS_AT) * (motion.ahead * stepping)
         point = np.maximum(share + _STANDS_AT, _HINDMOST) * self._skeleton.shoe - self._skeleton.heel
         self._idle = 0.0
-        if not stepping.all():
+        if np.count_nonzero(stepping) < len(stepping):
             sways = np.sin((2 * np.pi * self._clock) * _SWAYS_HZ + self._phases)
             left = np.where(stepping, left, 0.5)
             self._idle = (_SWAYS_SHARE * ~stepping) * (sways[0] + sways[1])
@@ -237,10 +237,10 @@ class Gait:
 
     def _want(self, crowd: MovingBodies, motion: BodyMotion, gaze: Array | float, style: GaitStyle) -> None:
         push = crowd.acceleration * motion.seen_from
-        pitch, roll, gazed, elbow, swing, *_ = self._wanted
-        pitch[:] = np.minimum(np.maximum(_PITCH * push.real, -_LEAN_MOST_RAD), _LEAN_MOST_RAD)
+        pitch, _, gazed, elbow, swing, *_ = wanted = self._wanted
+        lean = _LEAN * push.view(float).reshape(-1, 2).T
+        wanted[:2] = np.minimum(np.maximum(lean, -_LEAN_MOST_RAD), _LEAN_MOST_RAD)
         pitch += style.trunk_lean * motion.ahead
-        roll[:] = np.minimum(np.maximum(_ROLL * push.imag, -_LEAN_MOST_RAD), _LEAN_MOST_RAD)
         gazed[:] = gaze
         elbow[:] = style.elbow
         swing[:] = style.arm_swing
@@ -253,8 +253,9 @@ class Gait:
         rows[gait_state.HEADING] = crowd.heading
         rows[gait_state.TURN_RATE] = crowd.turn_rate
         rows[gait_state.BOB] = self._bob[_BOB]
-        rows[[gait_state.SWAY, gait_state.SWAY_RATE]] = self._sway
-        rows[list(_HABITS)] = self._habits
+        rows[gait_state.SWAY : gait_state.SWAY_RATE + 1] = self._sway
+        rows[gait_state.TRUNK_PITCH : gait_state.ELBOW + 1] = self._habits[:4]
+        rows[gait_state.ARM_SWING : gait_state.ARMS_IN.stop] = self._habits[4:]
         rows[gait_state.FEET_HEIGHT] = feet.height
         rows[gait_state.FEET_PITCH] = feet.pitch
         rows[gait_state.FEET_YAW] = feet.yaw

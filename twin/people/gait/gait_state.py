@@ -93,12 +93,8 @@ def heel_and_pelvis(state: GaitState, skeleton: Skeleton) -> tuple[Array, Array,
     Heels come up as far as the legs need to reach the hips; where that does not suffice the pelvis comes down. It does not
     in a regular gait, where its height is that of the loads' motion.
     """
-    yaw = state.rows[HEADING] - _TWIST_PER_STRIDE * _stride(state) / skeleton.scale
-    hips = state.pelvis + 1j * skeleton.hip_offset * np.exp(1j * yaw)
-    height = _STANDS_AT * skeleton.leg + skeleton.ankle_height + state.rows[BOB]
-    pitch = state.rows[FEET_PITCH]
-    needed = _heel_needed(state, hips, height, skeleton)
-    pitch = np.where(pitch < 0, pitch + needed, np.maximum(pitch, needed))
+    yaw, hips, height = _hips(state, skeleton)
+    pitch = _feet_pitch(state, hips, height, skeleton)
     ankle, ankle_height = _ankles(state, pitch, skeleton)
     reach = (STRAIGHTEST * skeleton.leg) ** 2 - np.abs(hips - ankle) ** 2
     # a foot in the air, or about to be, does not hold the pelvis down
@@ -107,6 +103,24 @@ def heel_and_pelvis(state: GaitState, skeleton: Skeleton) -> tuple[Array, Array,
     )
     allowed = ankle_height + np.sqrt(np.maximum(reach, 0.0)) + free
     return pitch, yaw, np.minimum(height, np.minimum(allowed[0], allowed[1]))
+
+
+def feet_pitch(state: GaitState, skeleton: Skeleton) -> Array:
+    """Return the pitch of the feet (2, n) [rad] as `heel_and_pelvis` does."""
+    _, hips, height = _hips(state, skeleton)
+    return _feet_pitch(state, hips, height, skeleton)
+
+
+def _feet_pitch(state: GaitState, hips: Planar, height: Array, skeleton: Skeleton) -> Array:
+    pitch, needed = state.rows[FEET_PITCH], _heel_needed(state, hips, height, skeleton)
+    return np.where(pitch < 0, pitch + needed, np.maximum(pitch, needed))
+
+
+def _hips(state: GaitState, skeleton: Skeleton) -> tuple[Array, Planar, Array]:
+    """Return yaw of the pelvis (n,) [rad], places of the hips (2, n) [m] and their height (n,) [m] as the loads have it."""
+    yaw = state.rows[HEADING] - _TWIST_PER_STRIDE * _stride(state) / skeleton.scale
+    hips = state.pelvis + 1j * skeleton.hip_offset * np.exp(1j * yaw)
+    return yaw, hips, _STANDS_AT * skeleton.leg + skeleton.ankle_height + state.rows[BOB]
 
 
 class FootLoads(NamedTuple):

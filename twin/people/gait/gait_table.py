@@ -238,7 +238,7 @@ class GaitTable:
     def at(self, pace: Array) -> GaitStyle:
         """Look up the parameters at paces (n,) [m/s] of the reference person; the last entry beyond the table."""
         row = (np.minimum(pace, self._table.last_pace) * (1.0 / _STEP) + 0.5).astype(np.intp)
-        return GaitStyle._make([*(self._table.styles[:, row] * self._factors), row])
+        return GaitStyle._make([*(self._table.styles.take(row, axis=1) * self._factors), row])
 
     def cycle(self, row: NDArray[np.intp], progress: Array) -> Array:
         """Look up a regular step at fractions through it (0 to 1), (n, 4).
@@ -261,4 +261,4 @@ class GaitTable:
         """
         walking, running = self._table.roll
         point = np.interp(stance, _ROLL, walking)
-        return point + runs * (np.interp(stance, _ROLL, running) - point) if runs.any() else point
+        return point + runs * (np.interp(stance, _ROLL, running) - point) if np.count_nonzero(runs) else point
