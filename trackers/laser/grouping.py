@@ -68,9 +68,11 @@ def take_legs(
     if n == 0 or k == 0:
         return position, n_leg, free
     away = distances(expected, legs)
-    away[np.zeros_like(away, np.bool_) if forbidden is None else forbidden] = np.inf
-    reach, against = (np.broadcast_to(each, n)[:, None].copy() for each in (reach_m, opposite))
-    places, leg = max_weight_assignment(np.tile(reach**2 - away**2, (2, 1)))
+    if forbidden is not None:
+        away[forbidden] = np.inf
+    reach, against = ((np.zeros(n) + each)[:, None] for each in (reach_m, opposite))
+    worth = reach**2 - away**2
+    places, leg = max_weight_assignment(np.concatenate([worth, worth]))
     person = places % n
     nearest_first = away[person, leg].argsort(kind="stable")
     person, index = np.unique(person[nearest_first], return_index=True)

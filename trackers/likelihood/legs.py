@@ -193,9 +193,9 @@ def pair_legs(
     if lines is not None and single.any():
         leg = distances(position[n_trunk:][taking][single], place).argmin(axis=1)
         middle[single] += _BEHIND_M * mean_line(lines[leg])
-    owner = np.concatenate([np.flatnonzero(taking), np.full(len(new), -1)])
+    owner = np.concatenate([taking.nonzero()[0], np.full(len(new), -1)])
     own = distances(new, place) <= 0.5 * options.pair_m
-    n_sample = np.append(np.zeros(taking.sum(), np.intp), (own * legs.n_sample).max(axis=1, initial=0))
+    n_sample = np.concatenate([np.zeros_like(n_leg_of_known), (own * legs.n_sample).max(axis=1, initial=0)])
     n_leg = np.concatenate([n_leg_of_known, n_leg_of_new])
     return LegPairs(np.concatenate([middle, new]), n_leg, under, owner, n_sample)
 

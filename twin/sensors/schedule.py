@@ -200,7 +200,7 @@ class Schedule:
         number = 0
         while (stamp_ns := round((timing.phase_s + number / timing.rate_hz) * NS_PER_S)) < self._end_ns:
             # Both are drawn whether needed or not, so that jitter does not move drop-outs, nor the other way round.
-            late, lost = rng.random(2)
+            late, lost = rng.random(2).tolist()
             arrival_ns = (
                 stamp_ns + round((complete_s + timing.jitter_s * late) * NS_PER_S) + faults.extra_delay_ns(stamp_ns)
             )

@@ -82,20 +82,21 @@ class BodyOutlines:
         geoms = np.concatenate([self._geoms[place] for place in places])
         first = np.cumsum(self._count[places]) - self._count[places]
         sides = data.geom_xmat.reshape(-1, 3, 3)[geoms, :2].swapaxes(1, 2).reshape(-1, 2)  # seen from above
-        along = (sides @ _COARSE_DIRECTIONS.T).reshape(-1, 3, _COARSE)
-        middle, half = self.model.geom_aabb[geoms, :, None].reshape(-1, 2, 3, 1).swapaxes(0, 1)
-        reach = data.geom_xpos[geoms, :2] @ _COARSE_DIRECTIONS.T + (middle * along + half * np.abs(along)).sum(axis=1)
-        return np.maximum.reduceat(reach, first, axis=0)
+        along = (sides @ _HALF_TURN.T).reshape(-1, 3, _COARSE // 2)
+        offset, half = self.model.geom_aabb[geoms, :, None].reshape(-1, 2, 3, 1).swapaxes(0, 1)
+        middle = data.geom_xpos[geoms, :2] @ _HALF_TURN.T + (offset * along).sum(axis=1)
+        spread = (half * np.abs(along)).sum(axis=1)
+        return np.maximum.reduceat(np.concatenate([spread + middle, spread - middle], axis=1), first, axis=0)
 
     def _points(self, data: mujoco.MjData, places: NDArray[np.intp]) -> Array:
-        """Return points (n, width, 2) [m], seen from above, on the bodies with these indices (n,)."""
+        """Return points (n, 2, width) [m], seen from above, on the bodies with these indices (n,)."""
         geom, local = self._kept
         geom, (x, y, z) = geom.take(places, axis=0), local.take(places, axis=1)
         turn, middle = data.geom_xmat.T.copy(), data.geom_xpos.T.copy()  # (9, n_geom), (3, n_geom)
-        seen = np.empty((*geom.shape, 2))
+        seen = np.empty((len(geom), 2, geom.shape[1]))
         for row in (0, 1):
             of_x, of_y, of_z = (each.take(geom) for each in turn[3 * row : 3 * row + 3])
-            seen[..., row] = middle[row].take(geom) + (of_x * x + of_z * z + of_y * y)
+            seen[:, row] = middle[row].take(geom) + (of_x * x + of_z * z + of_y * y)
         return seen
 
     @cached_property
@@ -131,22 +132,21 @@ def _members(pairs: NDArray[np.intp], count: int) -> tuple[NDArray[np.intp], NDA
 
 
 def _gaps(points: Array, pairs: NDArray[np.intp]) -> Array:
-    """Return the distance (m,) [m] between convex hulls of points (n, k, 2) for pairs (m, 2); 0 for an overlap.
+    """Return the distance (m,) [m] between convex hulls of points (n, 2, k) for pairs (m, 2); 0 for an overlap.
 
     It is the width of the widest separating strip over all directions. For disjoint hulls the width has one maximum, so a
     coarse search finds where to refine.
     """
-    reach = _COARSE_DIRECTIONS @ points.swapaxes(1, 2)  # (n, _COARSE, k): how far each point lies in each direction
-    outermost = reach.argmax(axis=2)
-    person, direction = np.arange(len(points))[:, None], np.arange(_COARSE)
-    corners = points[person, outermost]  # (n, _COARSE, 2)
-    reach = reach[person, direction, outermost]
-    width = _strips(reach, pairs)
+    corners = np.empty((len(points), 2, _COARSE))
+    for number, own in enumerate(points):  # one by one, within the processor's cache
+        along = _HALF_TURN @ own  # how far each point lies in each direction
+        corners[number] = own[:, np.concatenate([along.argmax(axis=1), along.argmin(axis=1)])]
+    width = _strips((corners * _COARSE_DIRECTIONS.T).sum(axis=1), pairs)
     best = width.argmax(axis=1)
     gap = width.max(axis=1)
     apart = (gap > _MAY_TOUCH_M).nonzero()[0]
     fine = _unit(_COARSE_ANGLES[best[apart], None] + _FINE_STEPS)  # (a, _FINE, 2)
-    first, second = (corners[pairs[apart, side]].swapaxes(1, 2) for side in (0, 1))  # (a, 2, _COARSE)
+    first, second = (corners[pairs[apart, side]] for side in (0, 1))  # (a, 2, _COARSE)
     gap[apart] = ((fine @ second).min(axis=2) - (fine @ first).max(axis=2)).max(axis=1)
     return np.maximum(gap, 0.0)
 
@@ -165,7 +165,8 @@ def _unit(angles: Array) -> Array:
 
 _COARSE_ANGLES = 2 * np.pi * np.arange(_COARSE) / _COARSE
 _FINE_STEPS = np.linspace(-2 * np.pi / _COARSE, 2 * np.pi / _COARSE, _FINE)
-_COARSE_DIRECTIONS = _unit(_COARSE_ANGLES)
+_HALF_TURN = _unit(_COARSE_ANGLES[: _COARSE // 2])
+_COARSE_DIRECTIONS = np.concatenate([_HALF_TURN, -_HALF_TURN])
 _OPPOSITE = np.roll(np.arange(_COARSE), _COARSE // 2)  # of each coarse direction
 
 
