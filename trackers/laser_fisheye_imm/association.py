@@ -264,12 +264,12 @@ class Association:
         return hidden & ~self.people.posture.lying
 
 
-def _colour_cost(cost: Float[Array, "n k"] | float) -> Float[Array, "n k"]:
+def _colour_cost(cost: Float[Array, "n k"]) -> Float[Array, "n k"]:
     """Return −2 ln of the likelihood ratio of own and other track, where it is `cost` but some views show an occluder."""
     return -2 * np.logaddexp(np.log(WRONG_LOOK), np.log1p(-WRONG_LOOK) - 0.5 * cost)
 
 
-_UNKNOWN_COLOUR = float(_colour_cost(0.0))
+_UNKNOWN_COLOUR = float(_colour_cost(np.zeros((1, 1)))[0, 0])
 
 
 def _existence_paired(
