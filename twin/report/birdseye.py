@@ -5,8 +5,8 @@ Shared by the preview video (pixels, OpenCV) and the report (SVG).
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 from html import escape
 from math import ceil, floor, log10
 
@@ -29,6 +29,19 @@ _SHELL_M2 = 4.0
 _SAME_PLACE_PX = 12.0
 _LETTER_PX = 6.5  # approximate width of a letter
 _FARTHEST_PX = 20_000  # clipping distance, as int32 would overflow
+
+
+@dataclass(frozen=True, eq=False)
+class Site:
+    """Surroundings of a run: rig of the trackers, walls and furniture (k, 2) [m], and people's names by id, as far as known.
+
+    true_rig: true poses of the sensors, where `rig`, the assumed one, differs.
+    """
+
+    rig: Rig
+    outline: Sequence[Polygon] = ()
+    person_names: Mapping[int, str] = field(default_factory=dict)
+    true_rig: Rig | None = None
 
 
 @dataclass(frozen=True)

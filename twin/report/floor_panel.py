@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.observations import FloorFrame, LaserScan, Odometry
-from trackers.rig import FloorSensor, Rig
+from trackers.rig import FloorSensor
 from trackers.tracks import Hypotheses, ScoreMap, Track
 from twin.report.assumed_poses import assumed_poses, draw_assumed_pose
 from twin.report.birdseye import (
     SHIFT,
     FloorColours,
     FloorView,
-    Polygon,
     ScannerOnFloor,
+    Site,
     fixed_point,
     floor_extent,
     paint_room,
@@ -61,29 +61,22 @@ class TruePoses:
 class FloorPanel:
     """The room from above with scans, tracks and truth.
 
-    Scans and floors are drawn at the rig's assumed poses, as a tracker uses them. `true`: the true rig, if known; its
-    sensors are drawn, and those assumed elsewhere once more, dashed and labelled (`about`: of these alone). `layers`: colour
-    of each scanner. `names`: of true people by id.
+    Scans and floors are drawn at the rig's assumed poses, as a tracker uses them. The sensors of the true rig are drawn, if
+    known, and those assumed elsewhere once more, dashed and labelled (`about`: of these alone). `layers`: colour of each
+    scanner.
     """
 
-    def __init__(
-        self,
-        rig: Rig,
-        outline: Sequence[Polygon],
-        width_px: int,
-        height_px: int,
-        names: Mapping[int, str],
-        true: Rig | None = None,
-        about: Collection[str] | None = None,
-    ) -> None:
+    def __init__(self, site: Site, width_px: int, height_px: int, about: Collection[str] | None = None) -> None:
+        rig = site.rig
         self.width_px, self.height_px = width_px, height_px
         self.layers = layer_colours(rig.lasers())
-        self._rig, self._outline, self._names = rig, outline, names
-        self._true = true if true is not None else rig
-        self._assumed_poses = [each for each in assumed_poses(rig, true) if about is None or each.name in about]
+        self._rig, self._outline, self._names = rig, site.outline, site.person_names
+        self._true = site.true_rig or rig
+        poses = assumed_poses(rig, site.true_rig)
+        self._assumed_poses = [each for each in poses if about is None or each.name in about]
         self._scanners = ScannerOnFloor.of(rig)
         self._view: FloorView | None = None
-        self._has_extent = bool(outline) or rig.area is not None
+        self._has_extent = bool(site.outline) or rig.area is not None
         self._hidden_floor = self._visible_floor = np.zeros((height_px, width_px, 3), dtype=np.uint8)
         self._mask = np.zeros((height_px, width_px), dtype=np.uint8)
         self._light = np.zeros_like(self._visible_floor)

@@ -19,7 +19,7 @@ from twin.evaluate.continuity import track_counts
 from twin.evaluate.summary import Evaluation
 from twin.recording.atomic_file import write_atomic
 from twin.recording.tables import TrackTable, TruthTable
-from twin.report.birdseye import Polygon
+from twin.report.birdseye import Site
 from twin.report.metrics_table import METRICS, format_judged, format_number, grouped_rows, headline_rows
 from twin.report.palette import IDENTITY_COLOURS, IdentityColours, data_uri, hex_colour, page_template
 from twin.report.path_map import ScanDensity, path_map
@@ -160,27 +160,22 @@ def write_report(
     path: Path,
     facts: RunFacts,
     trackers: Sequence[TrackerResult],
-    rig: Rig,
+    site: Site,
     *,
-    true_rig: Rig | None = None,
     truth: TruthTable | None = None,
-    outline: Sequence[Polygon] = (),
     scans: ScanDensity | None = None,
-    person_names: Mapping[int, str] | None = None,
     pictures: RunPictures | None = None,
     silent: Collection[str] = (),
     links: Mapping[str, str] | None = None,
 ) -> None:
     """Write the report to `path`; it takes its name when complete.
 
-    `true_rig`: true poses of the sensors, where `rig` differs; `outline`: polygons (k, 2) [m] of walls and furniture;
-    `scans`: returns of the scanners, drawn under the paths (for a recording without a plan of the room); `person_names`: of
-    the people of the truth; `silent`: sensors without reports; `pictures`: stills of the sensors; `links`: files beside the
-    page by kind, of which 'preview' is the video shown.
+    `scans`: returns of the scanners, drawn under the paths (for a recording without a plan of the room); `silent`: sensors
+    without reports; `pictures`: stills of the sensors; `links`: files beside the page by kind, of which 'preview' is the video
+    shown.
 
     Raises InputError where the file cannot be written, ValueError for an evaluation without truth.
     """
-    names = dict(person_names or {})
     for tracker in trackers:
         if tracker.evaluation is not None and truth is None:
             raise ValueError(f"tracker {tracker.name!r} has an evaluation, but no truth was handed in")
@@ -193,7 +188,7 @@ def write_report(
         timed=any(cost.get("ms_mean") is not None for cost in facts.sensors.values()),
         judged=[format_judged(own) for own in metrics],
         sections=[
-            _section(tracker, own, axis, rig, true_rig, outline, truth, scans, names, silent)
+            _section(tracker, own, axis, site, truth, scans, silent)
             for tracker, own in zip(trackers, metrics, strict=True)
         ],
         has_truth=truth is not None,
@@ -229,21 +224,18 @@ def _section(
     tracker: TrackerResult,
     metrics: Mapping[str, Any],
     axis: TimeAxis,
-    rig: Rig,
-    true_rig: Rig | None,
-    outline: Sequence[Polygon],
+    site: Site,
     truth: TruthTable | None,
     scans: ScanDensity | None,
-    names: Mapping[int, str],
     silent: Collection[str],
 ) -> dict[str, Any]:
     """Build the content of the page for one tracker."""
-    tracks, evaluation = tracker.tracks, tracker.evaluation
+    tracks, evaluation, names = tracker.tracks, tracker.evaluation, site.person_names
     ids, first = np.unique(tracks.id, return_index=True)
     colours = IdentityColours(ids[np.argsort(first, kind="stable")].tolist())
     section: dict[str, Any] = {
         "name": tracker.name,
-        "map": Markup(path_map(rig, true_rig, outline, truth, tracks, evaluation, scans, colours, names, silent)),
+        "map": Markup(path_map(site, truth, tracks, evaluation, scans, colours, silent)),
         "n_tracks": int(ids.size),
         "tiles": [],
         "counts": [],
@@ -262,7 +254,7 @@ def _section(
         section["gate"] = f"{evaluation.metrics['gate_m']:g} m"
         section["distances"] = Markup(distance_chart(axis, truth, tracks, evaluation, colours, names))
         section["timeline"] = Markup(identity_timeline(axis, truth, tracks, evaluation, colours, names))
-        section["causes"] = cause_rows(evaluation.errors, rig)
+        section["causes"] = cause_rows(evaluation.errors, site.rig)
         if curve := calibration_curve(metrics):
             section["calibration"] = Markup(calibration_chart([(tracker.name, 0, curve)]))
             section["n_radius"] = metrics[WITHIN]["n"]

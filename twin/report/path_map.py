@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from html import escape
 
 import cv2
@@ -16,7 +16,16 @@ from twin.evaluate.causes import FALSE_POSITIVES, MISSES, Errors
 from twin.evaluate.summary import Evaluation
 from twin.recording.tables import TrackTable, TruthTable
 from twin.report.assumed_poses import assumed_poses_svg
-from twin.report.birdseye import FloorView, Polygon, ScannerOnFloor, floor_extent, room_svg, sensor_names_svg, svg_path
+from twin.report.birdseye import (
+    FloorView,
+    Polygon,
+    ScannerOnFloor,
+    Site,
+    floor_extent,
+    room_svg,
+    sensor_names_svg,
+    svg_path,
+)
 from twin.report.metrics_table import METRICS
 from twin.report.palette import IdentityColours
 from twin.report.time_axis import median_period_ns, split_at_gaps
@@ -28,36 +37,33 @@ _LONG_NS = 90 * NS_PER_S  # duration beyond which overlapping paths are drawn li
 
 
 def path_map(
-    rig: Rig,
-    true_rig: Rig | None,
-    outline: Sequence[Polygon],
+    site: Site,
     truth: TruthTable | None,
     tracks: TrackTable,
     evaluation: Evaluation | None,
     scans: ScanDensity | None,
     colours: IdentityColours,
-    names: Mapping[int, str],
     silent: Collection[str] = (),
 ) -> str:
     """Draw as SVG the room (or, without a plan, the scans' returns), true paths thin and grey, tracks in their colours.
 
-    A track is solid while confirmed and dashed while it coasts; its id is at its end. Sensors are drawn at their true poses
-    (`true_rig`), and dashed at assumed ones (`rig`); those without reports are hollow.
+    A track is solid while confirmed and dashed while it coasts; its id is at its end. Sensors are drawn at their true poses,
+    and dashed at assumed ones; those without reports are hollow.
     """
+    rig, names = site.true_rig or site.rig, site.person_names
     hits = []
     if scans is not None:
         cells, counts = scans.cells()
         hits.append(cells[counts > _STANDING * counts.max(initial=0)])
-    view = FloorView.fit(
-        floor_extent(true_rig or rig, outline, *hits, np.column_stack([tracks.x, tracks.y])), _WIDTH_PX
-    )
-    parts = [room_svg(view, true_rig or rig, outline, silent), assumed_poses_svg(view, rig, true_rig)]
+    extent = floor_extent(rig, site.outline, *hits, np.column_stack([tracks.x, tracks.y]))
+    view = FloorView.fit(extent, _WIDTH_PX)
+    parts = [room_svg(view, rig, site.outline, silent), assumed_poses_svg(view, site.rig, site.true_rig)]
     if scans is not None:
         parts.append(f'<image href="{scans.png(view)}" width="{view.width_px}" height="{view.height_px}"/>')
     if truth is not None:
         parts.append(_true_paths(view, truth, tracks, names))
     parts.append(_track_paths(view, tracks, colours))
-    parts.append(sensor_names_svg(view, true_rig or rig, silent))
+    parts.append(sensor_names_svg(view, rig, silent))
     if evaluation is not None:
         parts.append(cause_marks(view, evaluation.errors))
         parts.extend(_event_marks(view, tracks, evaluation, names))

@@ -19,10 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Odometry
-from trackers.rig import Rig
 from trackers.tracks import Hypotheses, ScoreMap, Track
 from twin.recording.atomic_file import partial_path, unwritable
-from twin.report.birdseye import SHIFT, Polygon, fixed_point, plan_width_px
+from twin.report.birdseye import SHIFT, Site, fixed_point, plan_width_px
 from twin.report.camera_panel import MOST_CAMERAS, CameraGrid, widest_aspect
 from twin.report.floor_panel import BACKDROP, INK, PRESSED, QUIET, FloorPanel, TruePoses
 from twin.report.palette import BOLD, IdentityColours, encode_jpeg, text_width, write
@@ -123,15 +122,15 @@ _MARK_PX, _GAP_PX = 16, 20
 """Of the legend: from a mark to its name, and from a name to the next mark."""
 
 
-def fitting_size(rig: Rig, outline: Sequence[Polygon], height_px: int) -> tuple[tuple[int, int], int]:
+def fitting_size(site: Site, height_px: int) -> tuple[tuple[int, int], int]:
     """Return the size of a picture of this height without empty borders, and the width of the cameras' part [px]."""
-    cameras = dict(list(rig.cameras().items())[:MOST_CAMERAS])
+    cameras = dict(list(site.rig.cameras().items())[:MOST_CAMERAS])
     left = 0
     if cameras:
         across = ceil(sqrt(len(cameras)))
         tile = (height_px - _HEADER_PX) / ceil(len(cameras) / across)
         left = round(across * tile * widest_aspect(cameras))
-    right = max(plan_width_px(rig, outline, height_px - _HEADER_PX - _FOOTER_PX), _LEGEND_PX)
+    right = max(plan_width_px(site.rig, site.outline, height_px - _HEADER_PX - _FOOTER_PX), _LEGEND_PX)
     return (left + right + (left + right) % 2, height_px), left
 
 
@@ -139,9 +138,8 @@ class PreviewWriter:
     """Writer of `preview.mp4` (one picture per call of `frame`) in constant memory; a context manager as `VideoFile`.
 
     Each picture is shown at its stamp, so the video plays in real time also where frames are missing; `fps`: usual frame
-    rate. Up to nine cameras are shown; without one the bird's-eye view fills the picture. `outline`: polygons (k, 2) [m] of
-    walls and furniture; `person_names`: labels of true people in place of ids; `true_rig`: true poses, where `rig`, the
-    trackers', differs; `camera_width_px`: of the cameras' part (default: as wide as high).
+    rate. Up to nine cameras are shown; without one the bird's-eye view fills the picture. `camera_width_px`: of the cameras'
+    part (default: as wide as high).
 
     Raises InputError where the file cannot be written.
     """
@@ -149,22 +147,18 @@ class PreviewWriter:
     def __init__(
         self,
         path: Path,
-        rig: Rig,
+        site: Site,
         *,
         fps: float,
         tracker: str = "",
         title: str = "",
-        outline: Sequence[Polygon] = (),
-        person_names: Mapping[int, str] | None = None,
-        true_rig: Rig | None = None,
         size: tuple[int, int] = (1280, 640),
         camera_width_px: int | None = None,
     ) -> None:
         if size[0] % 2 or size[1] % 2:
             raise ValueError(f"size {size}: H.264 needs an even width and height")
-        cameras = rig.cameras()
-        self._path = path
-        self._rig = rig
+        cameras = site.rig.cameras()
+        self._rig = site.rig
         self._colours = IdentityColours()
         self._canvas = np.full((size[1], size[0], 3), BACKDROP, dtype=np.uint8)
         self._camera = None
@@ -174,7 +168,7 @@ class PreviewWriter:
             left = camera_width_px if camera_width_px is not None else high
             self._camera = CameraGrid(cameras, (left, high))
         high = size[1] - _HEADER_PX - _FOOTER_PX
-        self._floor = FloorPanel(rig, outline, size[0] - left, high, dict(person_names or {}), true_rig)
+        self._floor = FloorPanel(site, size[0] - left, high)
         self._tails: dict[int, deque[tuple[int, float, float]]] = {}
         self._tail_ns = TAIL_S * NS_PER_S
         self._first_ns: int | None = None

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation, Odometry
-from trackers.rig import Rig
 from trackers.tracks import TrackFrame
-from twin.report.birdseye import Polygon, plan_width_px
+from twin.report.birdseye import Site, plan_width_px
 from twin.report.camera_panel import CameraPanel
 from twin.report.floor_panel import FloorPanel, TruePoses
 from twin.report.palette import IdentityColours, encode_jpeg
@@ -41,20 +40,10 @@ class RunPictures:
 
 
 class SensorStills:
-    """The frame with the most sensors and tracks, the earliest of equals, and one picture of it per sensor.
+    """The frame with the most sensors and tracks, the earliest of equals, and one picture of it per sensor."""
 
-    `outline`, `person_names`, `true_rig` as in `PreviewWriter`.
-    """
-
-    def __init__(
-        self,
-        rig: Rig,
-        outline: Sequence[Polygon] = (),
-        person_names: Mapping[int, str] | None = None,
-        true_rig: Rig | None = None,
-    ) -> None:
-        self._rig, self._outline, self._true_rig = rig, outline, true_rig
-        self._names = dict(person_names or {})
+    def __init__(self, site: Site) -> None:
+        self._site, self._rig = site, site.rig
         self._colours = IdentityColours()
         self._rank = (0, -1)
         self._frame = TrackFrame(0, ())
@@ -94,11 +83,11 @@ class SensorStills:
     def _plan(self, name: str, seen: LaserScan | FloorFrame) -> NDArray[np.uint8]:
         scans = {name: seen} if isinstance(seen, LaserScan) else {}
         floors = {name: seen} if isinstance(seen, FloorFrame) else {}
-        wide = plan_width_px(self._true_rig or self._rig, self._outline, _HIGH_PX)
+        wide = plan_width_px(self._site.true_rig or self._rig, self._site.outline, _HIGH_PX)
         panel = np.zeros((_HIGH_PX, wide, 3), dtype=np.uint8)
         tracks = self._frame.tracks
         tails = {track.id: [(self._frame.stamp_ns, track.x, track.y)] for track in tracks}
-        drawn = FloorPanel(self._rig, self._outline, wide, _HIGH_PX, self._names, self._true_rig, about=[name])
+        drawn = FloorPanel(self._site, wide, _HIGH_PX, about=[name])
         for each in self._newest.values():
             if isinstance(each, Odometry):
                 drawn.move(each)

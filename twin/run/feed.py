@@ -31,7 +31,7 @@ from trackers.tracks import Detection, TrackFrame, detections_of, unused_sensors
 from twin.messages import OnWarning, at_work
 from twin.recording.losses import Loss, ObservationLog, dropped_by, lines
 from twin.recording.tables import number_cell, seconds_cell
-from twin.report.birdseye import Polygon
+from twin.report.birdseye import Site
 from twin.report.floor_panel import TruePoses
 from twin.report.sensor_stills import RunPictures, SensorStills, SilenceMonitor
 from twin.run.inputs import ChosenTracker, chosen_trackers, files_for, scenario_of
@@ -224,39 +224,35 @@ class Feed:
 @contextmanager
 def open_feed(
     folder: Path,
-    rig: Rig,
+    site: Site,
     prior: Prior,
     chosen: Sequence[ChosenTracker],
     seed: int,
     *,
     video_hz: float | None,
     title: str,
-    outline: Sequence[Polygon] = (),
-    person_names: Mapping[int, str] | None = None,
-    true_rig: Rig | None = None,
     jumps_ns: Sequence[int] = (),
     stills: bool = False,
 ) -> Iterator[Feed]:
     """Open trackers that write `folder/tracks/<name>.csv`, and a preview at `video_hz` images per second (None: none).
 
-    `stills`: whether to keep the stills of a report. `true_rig`: the sensors' true poses, drawn where the trackers' `rig`
-    differs. `jumps_ns`: stamps at which trackers restart.
+    `stills`: whether to keep the stills of a report. `jumps_ns`: stamps at which trackers restart.
 
     The files appear when the block ends normally, except those of failed trackers. Raises InputError for an unknown tracker
     or option.
     """
     with ExitStack() as stack:
+        rig = site.rig
         runners = stack.enter_context(tracker_runners(chosen, rig, prior, seed, folder / "tracks", jumps_ns))
         writer = None
-        place = {"outline": outline, "person_names": person_names, "true_rig": true_rig}
         if video_hz is not None:
             from twin.report.preview import PreviewWriter  # the video encoder is imported only when needed
 
             fps = min(max(video_hz, _SLOWEST_HZ), _FASTEST_HZ)
             tracker = chosen[0].name if chosen else ""
-            film = PreviewWriter(folder / "preview.mp4", rig, fps=fps, tracker=tracker, title=title, **place)
+            film = PreviewWriter(folder / "preview.mp4", site, fps=fps, tracker=tracker, title=title)
             writer = stack.enter_context(film)
-        kept = SensorStills(rig, **place) if stills else None
+        kept = SensorStills(site) if stills else None
         yield Feed(runners, Preview(writer, rig, kept) if writer is not None or kept is not None else None, rig)
 
 

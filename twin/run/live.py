@@ -24,13 +24,13 @@ from twin.recording.tables import read_truth, truth_writer
 from twin.recording.track_topics import TrackTopics
 from twin.recording.truth_tables import DETAIL_FILES, detail_writer, feet_writer, write_names
 from twin.recording.writer import BagWriter
+from twin.report.birdseye import Site
 from twin.report.page import RunFacts
 from twin.run.feed import Feed, open_feed
 from twin.run.inputs import NONE_TRUSTED, ChosenTracker, TrustedClasses, choose, listed
 from twin.run.out_folder import OutFolder, out_folder
 from twin.run.outcome import (
     RunResult,
-    Site,
     early_warnings,
     evaluate_trackers,
     prior_notes,
@@ -143,7 +143,7 @@ class _LiveRun:
         prior = Prior.read(map(self._simulation.as_read, background), self._prior_files, self._simulation.rig)
         if request.is_default and (reason := _unfit(self._simulation.rig, prior, request.scenario.seed)):
             self._chosen, self._warnings = [], (*self._warnings, reason)
-        self._place = self._described_place()
+        self._site = self._described_site()
         self._feed = self._opened_feed(stack, prior)
         self._early = (*self._warnings, *early_warnings(self._feed.runners, request.scenario.faults))
         for warning in self._early:
@@ -184,7 +184,7 @@ class _LiveRun:
             **{Path(name).stem: folder / name for name in (_MORE_TRUTH if self._request.whole_truth else ())},
             "scenario": folder / "scenario.yaml",
         }
-        write_names(files["truth_people"], self._place.person_names or {})
+        write_names(files["truth_people"], self._site.person_names)
         write_atomic(files["scenario"], self._resolved)
         if self._feed.is_filmed:
             files["preview"] = folder / "preview.mp4"
@@ -203,7 +203,7 @@ class _LiveRun:
         situations = read_situations(files["truth_situations"]) if request.whole_truth else None
         results = evaluate_trackers(folder, self._feed.runners, truth, situations)
         facts = self._facts()
-        result = write_results(folder, facts, results, self._feed, truth, self._place, losses=self._losses)
+        result = write_results(folder, facts, results, self._feed, truth, self._site, losses=self._losses)
         for note in result.warnings:
             request.on_warning(note)
         request.on_progress("evaluating and reporting", 1, 1)
@@ -229,7 +229,7 @@ class _LiveRun:
             ),
         )
 
-    def _described_place(self) -> Site:
+    def _described_site(self) -> Site:
         scene = self._simulation.world.scene
         return Site(
             self._simulation.rig,
@@ -243,15 +243,12 @@ class _LiveRun:
         return stack.enter_context(
             open_feed(
                 self._out.path,
-                rig,
+                self._site,
                 prior,
                 self._chosen,
                 scenario.seed,
                 video_hz=scenario.sensors[rig.main_sensor].rate_hz if self._request.video else None,
                 title=f"{scenario.name}, seed {scenario.seed}",
-                outline=self._place.outline,
-                person_names=self._place.person_names,
-                true_rig=self._place.true_rig,
                 stills=bool(self._chosen),
             )
         )
@@ -259,13 +256,12 @@ class _LiveRun:
     def _opened_bag(self, stack: ExitStack) -> BagWriter:
         """Open the bag and the tables of the truth, and connect tracks and truth to them."""
         folder, rig = self._out.path, self._simulation.rig
-        place = self._place
         writer = BagWriter(
             folder / "recording.mcap",
             rig,
             scenario_yaml=self._resolved,
-            names=place.person_names,
-            outline=place.outline,
+            names=self._site.person_names,
+            outline=self._site.outline,
             positions_only=not self._request.whole_truth,
         )
         bag = stack.enter_context(writer)

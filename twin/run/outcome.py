@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from trackers.rig import PriorFiles, Rig
+from trackers.rig import PriorFiles
 from trackers.tracks import background_learned_causally, unused_sensors
 from twin import version_of
 from twin.evaluate import evaluate_with_details
@@ -22,7 +22,7 @@ from twin.recording.atomic_file import write_atomic
 from twin.recording.losses import Loss, documents
 from twin.recording.situation_table import SituationTable
 from twin.recording.tables import TruthTable, read_tracks
-from twin.report.birdseye import Polygon
+from twin.report.birdseye import Site
 from twin.report.page import RunFacts, TrackerResult, write_report
 from twin.report.path_map import ScanDensity
 from twin.run.feed import Feed
@@ -64,18 +64,6 @@ class RunResult:
     evaluations: Mapping[str, Evaluation] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, eq=False)
-class Site:
-    """Context of a run for the report: the rig, the room's outline, names of the people, scans of a robot's bag, the bag."""
-
-    rig: Rig
-    outline: Sequence[Polygon] = ()
-    person_names: Mapping[int, str] | None = None
-    scans: ScanDensity | None = None
-    true_rig: Rig | None = None  # true poses of the sensors; `rig` is the trackers'
-    recording: Path | None = None  # None: the run's own
-
-
 def evaluate_trackers(
     folder: Path, runners: Sequence[TrackerRunner], truth: TruthTable | None, situations: SituationTable | None
 ) -> list[TrackerResult]:
@@ -112,14 +100,17 @@ def write_results(
     results: Sequence[TrackerResult],
     feed: Feed,
     truth: TruthTable | None,
-    place: Site,
+    site: Site,
     *,
     losses: Sequence[Loss] = (),
     report: bool = True,
+    scans: ScanDensity | None = None,
+    recording: Path | None = None,
 ) -> RunResult:
     """Write `report.html`, if requested, and `metrics.json` if there is truth.
 
-    losses: those of the recording and of the trackers; the metrics hold all, the notes in `facts` the reported ones.
+    losses: those of the recording and of the trackers; the metrics hold all, the notes in `facts` the reported ones. scans:
+    those of a robot's bag; recording: the bag that was tracked, None for the run's own.
     """
     files = {f"tracks {each.name}": folder / "tracks" / f"{file_name(each.name)}.csv" for each in results}
     if feed.is_filmed:
@@ -136,14 +127,11 @@ def write_results(
             files["report"],
             replace(facts, notes=(*(f"{note}." for note in notes), *facts.notes)),
             results,
-            place.rig,
-            true_rig=place.true_rig,
+            site,
             truth=truth,
-            outline=place.outline,
-            scans=place.scans,
-            person_names=place.person_names,
-            silent=[name for name in place.rig.sensors if name not in feed.log.counts],
-            links=_links(folder, files, place.recording),
+            scans=scans,
+            silent=[name for name in site.rig.sensors if name not in feed.log.counts],
+            links=_links(folder, files, recording),
             pictures=feed.preview.pictures() if feed.preview is not None else None,
         )
     return RunResult(

@@ -29,7 +29,7 @@ from twin.recording.situation_table import situation_table
 from twin.recording.tables import TruthTable, truth_table
 from twin.recording.track_topics import check_copy, copy_with_tracks
 from twin.recording.truth_tables import ABOUT, DETAIL_FILES, read_own_truth, truth_frames
-from twin.report.birdseye import Polygon
+from twin.report.birdseye import Polygon, Site
 from twin.report.page import RunFacts, TrackerResult
 from twin.report.path_map import ScanDensity
 from twin.run.feed import Feed, open_feed
@@ -43,7 +43,6 @@ from twin.run.inputs import (
 from twin.run.out_folder import OutFolder, out_folder
 from twin.run.outcome import (
     RunResult,
-    Site,
     early_warnings,
     evaluate_trackers,
     prior_notes,
@@ -164,12 +163,12 @@ class _Replay:
             self._truth = truth_table(self._truth_frames, str(bag.path))
         of_the_bag = bag.has_situations and request.truth is None
         self._situations = situation_table(bag.situations(), str(bag.path)) if of_the_bag else None
-        names = {number: name for number, name in enumerate(scenario.people, start=1)} if scenario else None
+        names = dict(enumerate(scenario.people, start=1)) if scenario else {}
         if request.truth is not None and request.truth.labels:
             names = dict(request.truth.labels)
         outline = outline_of(scenario) if request.report or request.video else []
-        scans = None if outline or not request.report else ScanDensity(bag.rig)
-        self._place = Site(bag.rig, outline, names, scans, recording=bag.path)
+        self._scans = None if outline or not request.report else ScanDensity(bag.rig)
+        self._site = Site(bag.rig, outline, names)
         self._frames: list[tuple[str, TrackFrame]] = []
 
     def opened_feed(self) -> AbstractContextManager[Feed]:
@@ -177,21 +176,19 @@ class _Replay:
         request, bag = self._request, self._request.bag
         return open_feed(
             self._out.path,
-            bag.rig,
+            self._site,
             Prior.read(bag.background, request.prior_files, bag.rig),
             request.chosen,
             request.seed,
             video_hz=_rate_hz(bag) if request.video else None,
             title=self._title,
-            outline=self._place.outline,
-            person_names=self._place.person_names,
             jumps_ns=bag.jumps_ns,
             stills=request.report,
         )
 
     def track(self, fed: Feed) -> None:
         """Feed all observations, and the truth up to each; note losses and warnings."""
-        request, bag, scans = self._request, self._request.bag, self._place.scans
+        request, bag, scans = self._request, self._request.bag, self._scans
         if request.bag_copy is not None:
             fed.on_frame = lambda name, frame: self._frames.append((name, frame))
         self._early = [*request.missing, *lines(bag.losses), *bag.moving, *early_warnings(fed.runners, self._faults)]
@@ -225,7 +222,16 @@ class _Replay:
         results = evaluate_trackers(folder, fed.runners, self._truth, self._situations)
         self._write_about(folder / ABOUT)
         result = write_results(
-            folder, facts, results, fed, self._truth, self._place, losses=self._losses, report=request.report
+            folder,
+            facts,
+            results,
+            fed,
+            self._truth,
+            self._site,
+            losses=self._losses,
+            report=request.report,
+            scans=self._scans,
+            recording=request.bag.path,
         )
         result = replace(result, warnings=(*result.warnings, *self._of_other_frame(results)))
         for note in result.warnings:

@@ -17,6 +17,7 @@ import numpy as np
 from trackers.observations import NS_PER_S
 from trackers.prior import Prior
 from twin.recording.reader import Recording
+from twin.report.birdseye import Site
 from twin.report.metrics_table import format_number
 from twin.report.palette import IDENTITY_COLOURS, encode_jpeg
 from twin.report.preview import TAIL_S, PreviewWriter, fitting_size
@@ -64,17 +65,16 @@ def draw_filmstrip(work: FilmstripWork) -> bytes:
         folder = Path(temporary)
         bag = Recording(entry / RECORDING)
         outline = room_outline(world.scene.model, world.empty_snapshot(0.0).data)
-        size, camera_width_px = fitting_size(bag.rig, outline, _HIGH_PX)
+        site = Site(bag.rig, outline, dict(enumerate(scenario.people, start=1)))
+        size, camera_width_px = fitting_size(site, _HIGH_PX)
         writer = _FilmstripWriter(
             folder / "strip.mp4",
-            bag.rig,
+            site,
             fps=10,
             tracker=case.tracker,
             title=f"{case.scenario}, seed {case.seed}",
-            outline=outline,
             size=size,
             camera_width_px=camera_width_px,
-            person_names=dict(enumerate(scenario.people, start=1)),
         )
         writer.wanted_s = deque(work.t_s + offset for offset in _OFFSETS_S)
         prior = Prior.read(bag.background, case.prior, bag.rig)

@@ -16,6 +16,7 @@ from trackers.rig import CameraSensor, OdometrySensor, RigSensor
 from twin.instant.snapshot import Snapshot
 from twin.messages import OnProgress, no_progress
 from twin.report.assumed_poses import assumed_poses
+from twin.report.birdseye import Site
 from twin.report.floor_panel import BACKDROP, INK, FloorPanel, TruePoses
 from twin.report.palette import (
     BOLD,
@@ -173,8 +174,8 @@ class Sheet:
         floors = {name: look for name, look in looks.items() if isinstance(look, FloorFrame)}
         rig = self._simulation.rig
         panel = np.zeros((self._tile_px[1], self._tile_px[0], 3), dtype=np.uint8)
-        true, about = self._simulation.true_rig, [*looks, *silent]
-        drawn = FloorPanel(rig, self._outline, *self._tile_px, self._names, true, about)
+        site = Site(rig, self._outline, self._names, self._simulation.true_rig)
+        drawn = FloorPanel(site, *self._tile_px, about=[*looks, *silent])
         for name, pose in self._snapshot.bases.items():
             frame_from_room = np.linalg.inv(rig.sensors[name].room_from_sensor.matrix)
             drawn.move(Odometry(name, 0, frame_from_room @ pose))

@@ -16,6 +16,7 @@ from trackers.rig import FloorSensor, Rig
 from twin.instant.snapshot import Snapshot
 from twin.messages import OnProgress, no_progress
 from twin.people.population import randomized
+from twin.report.birdseye import Site
 from twin.report.floor_panel import PRESSED, FloorPanel
 from twin.report.palette import IdentityColours, write, write_tags
 from twin.report.preview import TIME_BASE, VideoFile
@@ -176,7 +177,7 @@ class _Film:
         if reports.rig is not None:
             outline = room_outline(snapshot.model, snapshot.data)
             names = {number: name for name, number in scene.ids.items()}
-            self._plan = FloorPanel(reports.rig, outline, *_PLAN_PX, names, reports.true_rig)
+            self._plan = FloorPanel(Site(reports.rig, outline, names, reports.true_rig), *_PLAN_PX)
 
     def picture(self, t: float) -> NDArray[np.uint8]:
         """Draw the image at time t [s]; times must rise."""

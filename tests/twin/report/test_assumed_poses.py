@@ -14,7 +14,7 @@ from trackers.observations import LaserScan
 from trackers.rig import FloorSensor, LaserSensor, Pose, Rig, RigSensor
 from twin import load_scenario, run_scenario
 from twin.report.assumed_poses import assumed_poses, assumed_poses_svg
-from twin.report.birdseye import FloorView, floor_extent
+from twin.report.birdseye import FloorView, Site, floor_extent
 from twin.report.floor_panel import FloorPanel
 from twin.report.palette import LAYER_COLOURS, IdentityColours
 
@@ -44,7 +44,7 @@ def drawn(
     assumed: Rig, *scans: str, true: Rig | None = None, about: tuple[str, ...] | None = None
 ) -> NDArray[np.uint8]:
     panel = np.zeros((SIZE[1], SIZE[0], 3), dtype=np.uint8)
-    floor = FloorPanel(assumed, [], *SIZE, {}, true=true, about=about)
+    floor = FloorPanel(Site(assumed, true_rig=true), *SIZE, about=about)
     floor.draw(panel, {name: sector(name) for name in scans}, [], {}, IdentityColours(), None)
     return panel
 

@@ -20,6 +20,7 @@ from trackers.tracks import Track, TrackFrame
 from twin.evaluate.summary import evaluate_with_details
 from twin.recording.tables import track_table
 from twin.report import page
+from twin.report.birdseye import Site
 from twin.report.metrics_table import METRICS
 from twin.report.page import RunFacts, TrackerResult, write_report
 from twin.report.path_map import ScanDensity
@@ -84,7 +85,7 @@ def test_page_fetches_nothing(tmp_path: Path, synthetic: SyntheticRun) -> None:
         path,
         facts(),
         [result(synthetic), result(synthetic, "laser-imm")],
-        synthetic.rig,
+        Site(synthetic.rig),
         truth=synthetic.truth,
         scans=density,
         pictures=RunPictures(2 * NS_PER_S, [Still(JPEG, "waist, laser")], JPEG),
@@ -112,10 +113,8 @@ def test_every_tracker_figure_and_event_is_on_the_page(tmp_path: Path, synthetic
         path,
         facts(),
         [mine, worse],
-        synthetic.rig,
+        Site(synthetic.rig, synthetic.outline, NAMES),
         truth=synthetic.truth,
-        outline=synthetic.outline,
-        person_names=NAMES,
     )
     text = unescape(path.read_text(encoding="utf-8"))
     texts = checked(path).texts
@@ -146,7 +145,7 @@ def test_every_tracker_figure_and_event_is_on_the_page(tmp_path: Path, synthetic
 def test_misses_are_gaps(tmp_path: Path, synthetic: SyntheticRun) -> None:
     """Track 2 is lost at 3.6 s and taken up again 2 s later: pink's row is shaded there and nowhere else after 0.5 s."""
     write_report(
-        tmp_path / "report.html", facts(), [result(synthetic)], synthetic.rig, truth=synthetic.truth, person_names=NAMES
+        tmp_path / "report.html", facts(), [result(synthetic)], Site(synthetic.rig, (), NAMES), truth=synthetic.truth
     )
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     boxes = re.findall(r'<path class="missed" d="([^"]+)"', text)
@@ -178,7 +177,7 @@ def test_without_truth(tmp_path: Path, synthetic: SyntheticRun) -> None:
         scan = synthetic.scans(index)["waist"]
         density.add(replace(scan, sensor="scan"))
     tracker = TrackerResult("laser-imm", synthetic.tracks)
-    write_report(tmp_path / "report.html", facts(seed=None), [tracker], rig, scans=density)
+    write_report(tmp_path / "report.html", facts(seed=None), [tracker], Site(rig), scans=density)
     checker = checked(tmp_path / "report.html")
     assert "Tracks" in checker.texts
     assert "Errors over time" not in checker.texts
@@ -189,12 +188,16 @@ def test_without_any_track(tmp_path: Path, synthetic: SyntheticRun) -> None:
     empty = track_table([TrackFrame(frame.stamp_ns, ()) for frame in synthetic.truth_frames])
     evaluation = evaluate_with_details(synthetic.truth, empty)
     write_report(
-        tmp_path / "a.html", facts(), [TrackerResult("silent", empty, evaluation)], synthetic.rig, truth=synthetic.truth
+        tmp_path / "a.html",
+        facts(),
+        [TrackerResult("silent", empty, evaluation)],
+        Site(synthetic.rig),
+        truth=synthetic.truth,
     )
     checker = checked(tmp_path / "a.html")
     assert "–" in checker.texts  # MOTP does not apply
     assert checker.texts.count("never matched") == 5
-    write_report(tmp_path / "b.html", facts(), [TrackerResult("silent", empty)], synthetic.rig)
+    write_report(tmp_path / "b.html", facts(), [TrackerResult("silent", empty)], Site(synthetic.rig))
     assert "No track was confirmed." in checked(tmp_path / "b.html").texts
 
 
@@ -204,9 +207,8 @@ def test_names_are_text_not_markup(tmp_path: Path, synthetic: SyntheticRun) -> N
         tmp_path / "report.html",
         facts(title=nasty, notes=[nasty], command=nasty),
         [result(synthetic, nasty)],
-        synthetic.rig,
+        Site(synthetic.rig, (), {1: nasty}),
         truth=synthetic.truth,
-        person_names={1: nasty},
         pictures=RunPictures(0, [Still(JPEG, nasty)]),
     )
     checked(tmp_path / "report.html")
@@ -217,14 +219,14 @@ def test_failure_leaves_the_old_page(tmp_path: Path, synthetic: SyntheticRun, mo
     path = tmp_path / "report.html"
     path.write_text("older")
     with pytest.raises(ValueError, match="no truth was handed in"):
-        write_report(path, facts(), [result(synthetic)], synthetic.rig)
+        write_report(path, facts(), [result(synthetic)], Site(synthetic.rig))
 
     def broken(*_: object) -> str:
         raise RuntimeError("broken")
 
     monkeypatch.setattr(page, "identity_timeline", broken)
     with pytest.raises(RuntimeError, match="broken"):
-        write_report(path, facts(), [result(synthetic)], synthetic.rig, truth=synthetic.truth)
+        write_report(path, facts(), [result(synthetic)], Site(synthetic.rig), truth=synthetic.truth)
     assert path.read_text() == "older"
     assert list(tmp_path.iterdir()) == [path]
 
@@ -232,12 +234,12 @@ def test_failure_leaves_the_old_page(tmp_path: Path, synthetic: SyntheticRun, mo
 def test_unwritable_place_is_named(tmp_path: Path, synthetic: SyntheticRun) -> None:
     (tmp_path / "report.html").mkdir()
     with pytest.raises(InputError, match=r"report\.html: cannot be written"):
-        write_report(tmp_path / "report.html", facts(), [result(synthetic)], synthetic.rig, truth=synthetic.truth)
+        write_report(tmp_path / "report.html", facts(), [result(synthetic)], Site(synthetic.rig), truth=synthetic.truth)
 
 
 def test_a_long_run_stays_small(tmp_path: Path) -> None:
     synthetic = stage(120.0, n_people=4)
-    write_report(tmp_path / "long.html", facts(), [result(synthetic)], synthetic.rig, truth=synthetic.truth)
+    write_report(tmp_path / "long.html", facts(), [result(synthetic)], Site(synthetic.rig), truth=synthetic.truth)
     checked(tmp_path / "long.html")
     assert (tmp_path / "long.html").stat().st_size < 600_000
 
@@ -260,7 +262,10 @@ def test_scan_density_counts_cells() -> None:
 def test_one_row_per_track_even_for_one_frame(tmp_path: Path) -> None:
     table = track_table([TrackFrame(0, (Track(7, 1.0, 1.0),))])
     write_report(
-        tmp_path / "r.html", facts(), [TrackerResult("x", table)], Rig(sensors={"scan": LaserSensor(topic="/scan")})
+        tmp_path / "r.html",
+        facts(),
+        [TrackerResult("x", table)],
+        Site(Rig(sensors={"scan": LaserSensor(topic="/scan")})),
     )
     assert "#7" in checked(tmp_path / "r.html").texts
 
@@ -272,7 +277,7 @@ def test_the_picture_comes_first_then_six_metrics_then_charts(tmp_path: Path, sy
         tmp_path / "report.html",
         facts(),
         [mine, result(synthetic, "sort")],
-        synthetic.rig,
+        Site(synthetic.rig),
         truth=synthetic.truth,
         pictures=RunPictures(2 * NS_PER_S, [Still(JPEG, "waist, laser")], JPEG),
         links={"preview": "preview.mp4", "recording": "recording.mcap"},
@@ -292,7 +297,7 @@ def test_the_picture_comes_first_then_six_metrics_then_charts(tmp_path: Path, sy
 
 
 def test_stills_show_every_sensor_in_the_frame_with_the_most_tracks(synthetic: SyntheticRun) -> None:
-    stills = SensorStills(synthetic.rig, synthetic.outline)
+    stills = SensorStills(Site(synthetic.rig, synthetic.outline))
     assert stills.draw() is None
     counts = [len(frame.tracks) for frame in synthetic.track_frames]
     for index, frame in enumerate(synthetic.track_frames):

@@ -18,6 +18,7 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage, Image
 from trackers.rig import LaserSensor, PinholeSensor, Rig
 from trackers.tracks import Hypotheses, ScoreMap, Track
+from twin.report.birdseye import Site
 from twin.report.floor_panel import TruePoses
 from twin.report.palette import IDENTITY_COLOURS
 from twin.report.preview import PreviewWriter
@@ -35,7 +36,7 @@ def poses(synthetic: SyntheticRun, index: int) -> TruePoses:
 
 
 def write(path: Path, synthetic: SyntheticRun, n: int = N) -> bytes:
-    with PreviewWriter(path, synthetic.rig, fps=10, tracker="t", title="s", outline=synthetic.outline) as writer:
+    with PreviewWriter(path, Site(synthetic.rig, synthetic.outline), fps=10, tracker="t", title="s") as writer:
         for index in range(n):
             frame = synthetic.track_frames[index]
             writer.frame(
@@ -94,14 +95,14 @@ def test_same_input_same_file(tmp_path: Path, synthetic: SyntheticRun) -> None:
 
 def test_times_follow_the_stamps_across_a_gap(tmp_path: Path, synthetic: SyntheticRun) -> None:
     start = 1_700_000_000 * NS_PER_S  # a robot's clock
-    with PreviewWriter(tmp_path / "v.mp4", synthetic.rig, fps=10) as writer:
+    with PreviewWriter(tmp_path / "v.mp4", Site(synthetic.rig), fps=10) as writer:
         for index in (0, 1, 5):
             writer.frame(start + index * PERIOD_NS, {}, {}, ())
     assert [t for t, _ in decoded(tmp_path / "v.mp4")] == pytest.approx([0.0, 0.1, 0.5], abs=1e-4)
 
 
 def test_stamps_must_rise(tmp_path: Path, synthetic: SyntheticRun) -> None:
-    with PreviewWriter(tmp_path / "v.mp4", synthetic.rig, fps=10) as writer:
+    with PreviewWriter(tmp_path / "v.mp4", Site(synthetic.rig), fps=10) as writer:
         writer.frame(5, {}, {}, ())
         with pytest.raises(ValueError, match="not later"):
             writer.frame(5, {}, {}, ())
@@ -112,7 +113,7 @@ def test_exception_leaves_nothing_new(tmp_path: Path, synthetic: SyntheticRun) -
     path.write_bytes(b"older")
 
     def interrupted() -> None:
-        with PreviewWriter(path, synthetic.rig, fps=10) as writer:
+        with PreviewWriter(path, Site(synthetic.rig), fps=10) as writer:
             writer.frame(0, {"camera": synthetic.image}, synthetic.scans(0), synthetic.track_frames[5].tracks)
             raise KeyboardInterrupt
 
@@ -124,7 +125,7 @@ def test_exception_leaves_nothing_new(tmp_path: Path, synthetic: SyntheticRun) -
 
 def test_no_frame_no_file(tmp_path: Path, synthetic: SyntheticRun) -> None:
     with (
-        PreviewWriter(tmp_path / "v.mp4", synthetic.rig, fps=10) as writer,
+        PreviewWriter(tmp_path / "v.mp4", Site(synthetic.rig), fps=10) as writer,
         pytest.raises(ValueError, match="no frame"),
     ):
         writer.still()
@@ -134,10 +135,10 @@ def test_no_frame_no_file(tmp_path: Path, synthetic: SyntheticRun) -> None:
 def test_unwritable_place_is_named(tmp_path: Path, synthetic: SyntheticRun) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match=r"v\.mp4: cannot be written"):
-        PreviewWriter(tmp_path / "file" / "v.mp4", synthetic.rig, fps=10)
+        PreviewWriter(tmp_path / "file" / "v.mp4", Site(synthetic.rig), fps=10)
     (tmp_path / "v.mp4").mkdir()
     with pytest.raises(InputError, match=r"v\.mp4: cannot be written"):
-        PreviewWriter(tmp_path / "v.mp4", synthetic.rig, fps=10)
+        PreviewWriter(tmp_path / "v.mp4", Site(synthetic.rig), fps=10)
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
@@ -152,7 +153,7 @@ def test_full_disk_is_named(tmp_path: Path, synthetic: SyntheticRun, monkeypatch
 def test_without_camera_the_floor_takes_the_width(tmp_path: Path, synthetic: SyntheticRun) -> None:
     rig = Rig(sensors={"scan": LaserSensor(topic="/scan")})
     scan = replace(synthetic.scans(0)["waist"], sensor="scan")
-    with PreviewWriter(tmp_path / "v.mp4", rig, fps=10) as writer:
+    with PreviewWriter(tmp_path / "v.mp4", Site(rig), fps=10) as writer:
         writer.frame(0, {}, {"scan": scan}, [Track(1, 1.0, 0.0), Track(2, 2.0, 1.0, status="coasting")])
         picture = jpeg(writer.still())
     assert near(picture[:, :600], IDENTITY_COLOURS[0]) + near(picture[:, 600:], IDENTITY_COLOURS[0]) > 50
@@ -161,7 +162,7 @@ def test_without_camera_the_floor_takes_the_width(tmp_path: Path, synthetic: Syn
 
 def test_track_is_drawn_in_both_panels_where_it_is(tmp_path: Path, synthetic: SyntheticRun) -> None:
     blue = IDENTITY_COLOURS[0]
-    with PreviewWriter(tmp_path / "v.mp4", synthetic.rig, fps=10) as writer:
+    with PreviewWriter(tmp_path / "v.mp4", Site(synthetic.rig), fps=10) as writer:
         writer.frame(0, {}, {}, [])
         empty = jpeg(writer.still(95))
         writer.frame(PERIOD_NS, {}, {}, [Track(3, -1.5, 1.5)])
@@ -186,7 +187,7 @@ def pinholes(synthetic: SyntheticRun, names: str) -> Rig:
 
 def test_a_pinhole_shows_tracks_and_cuts_windows_at_its_edge(tmp_path: Path, synthetic: SyntheticRun) -> None:
     blue = IDENTITY_COLOURS[0]
-    with PreviewWriter(tmp_path / "v.mp4", pinholes(synthetic, "a"), fps=10) as writer:
+    with PreviewWriter(tmp_path / "v.mp4", Site(pinholes(synthetic, "a")), fps=10) as writer:
         seen = []
         for index, x in enumerate((0.0, 1.6, 3.0)):  # in the middle, at the edge (39° off), outside
             writer.frame(index * PERIOD_NS, {}, {}, [Track(1, x, 2.0)])
@@ -199,7 +200,7 @@ def test_a_pinhole_shows_tracks_and_cuts_windows_at_its_edge(tmp_path: Path, syn
 def test_four_cameras_share_the_square(tmp_path: Path, synthetic: SyntheticRun) -> None:
     red = DepthImage("a", 0, np.full((240, 320, 3), (200, 0, 0), np.uint8), np.zeros((240, 320), np.float32))
     green = Image("d", 0, np.full((240, 320, 3), (0, 200, 0), np.uint8))
-    with PreviewWriter(tmp_path / "v.mp4", pinholes(synthetic, "abcd"), fps=10) as writer:
+    with PreviewWriter(tmp_path / "v.mp4", Site(pinholes(synthetic, "abcd")), fps=10) as writer:
         writer.frame(0, {"a": red, "d": green}, {}, [])
         panel = jpeg(writer.still(95))[44:, :596]
     size = 298 * 298 * 3 / 4
@@ -209,7 +210,7 @@ def test_four_cameras_share_the_square(tmp_path: Path, synthetic: SyntheticRun) 
 
 
 def test_track_behind_the_camera_has_no_window(tmp_path: Path, synthetic: SyntheticRun) -> None:
-    with PreviewWriter(tmp_path / "v.mp4", synthetic.rig, fps=10) as writer:
+    with PreviewWriter(tmp_path / "v.mp4", Site(synthetic.rig), fps=10) as writer:
         writer.frame(0, {}, {}, [Track(1, 0.0, -2.0)])
         assert near(jpeg(writer.still(95))[44:, :596], IDENTITY_COLOURS[0]) == 0
 
@@ -219,7 +220,7 @@ def test_heads_and_hypotheses_are_drawn_in_the_picture(tmp_path: Path, synthetic
     cloud = Hypotheses(1, np.array([0.5, 1.5, 1.6]) + 0.2 * np.random.default_rng(0).normal(size=(64, 3)))
     coloured = []
     for name, tracks, maps in (("none", [], ()), ("head", [head], ()), ("cloud", [head], (cloud,))):
-        with PreviewWriter(tmp_path / f"{name}.mp4", synthetic.rig, fps=10) as writer:
+        with PreviewWriter(tmp_path / f"{name}.mp4", Site(synthetic.rig), fps=10) as writer:
             writer.frame(0, {}, {}, tracks, maps=maps)
             coloured.append(near(jpeg(writer.still(95))[44:, :596], IDENTITY_COLOURS[0], 60))
     assert coloured[0] < coloured[1] < coloured[2]
@@ -233,7 +234,7 @@ def test_windows_that_a_tracker_tells_take_the_place_of_the_torso_window(
     with_maps = Hypotheses(1, places, lambda _: (100.0, 60.0, 40.0, 80.0))
     stills = {}
     for name, maps in (("plain", ()), ("places", (Hypotheses(1, places),)), ("with_maps", (with_maps,))):
-        with PreviewWriter(tmp_path / f"{name}.mp4", synthetic.rig, fps=10) as writer:
+        with PreviewWriter(tmp_path / f"{name}.mp4", Site(synthetic.rig), fps=10) as writer:
             writer.frame(0, {}, {}, tracks, maps=maps)
             stills[name] = jpeg(writer.still(95))[44:].astype(int)
     camera = synthetic.rig.cameras()["camera"].intrinsics
@@ -248,7 +249,7 @@ def test_windows_that_a_tracker_tells_take_the_place_of_the_torso_window(
 
 
 def test_scan_points_lie_on_the_wall(tmp_path: Path, synthetic: SyntheticRun) -> None:
-    with PreviewWriter(tmp_path / "v.mp4", synthetic.rig, fps=10, outline=synthetic.outline) as writer:
+    with PreviewWriter(tmp_path / "v.mp4", Site(synthetic.rig, synthetic.outline), fps=10) as writer:
         writer.frame(0, {}, {"waist": synthetic.scans(0)["waist"]}, [])
         floor = jpeg(writer.still(95))[44:612, 596:]
     amber = (floor[..., 0].astype(int) - floor[..., 2]) > 40  # the page's greys are bluish
@@ -266,7 +267,7 @@ def test_the_floor_plan_says_the_situation_and_the_picture_shows_the_score_map(
     found = ScoreMap(1, "camera", (20, 30), score, np.array([[30.0, 45.0]]))
     stills = {}
     for name, situation, maps in (("plain", "apart", ()), ("with_maps", "merged", (found,)), ("other", "merged", ())):
-        with PreviewWriter(tmp_path / f"{name}.mp4", synthetic.rig, fps=10) as writer:
+        with PreviewWriter(tmp_path / f"{name}.mp4", Site(synthetic.rig), fps=10) as writer:
             tracks = [Track(1, 0.5, 1.5, situation=situation)]
             writer.frame(0, {"camera": synthetic.image}, synthetic.scans(0), tracks, maps=maps)
             stills[name] = jpeg(writer.still())

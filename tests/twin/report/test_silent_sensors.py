@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from trackers.observations import NS_PER_S, LaserScan
+from twin.report.birdseye import Site
 from twin.report.floor_panel import SILENT_FILL
 from twin.report.preview import PreviewWriter
 from twin.report.sensor_stills import SilenceMonitor
@@ -97,7 +98,7 @@ def test_the_label_stands_in_the_picture_and_the_camera_s_last_one_is_dimmed(tmp
         rig = simulation.rig
     pictures = []
     for silent in ([], ["waist", "fisheye"]):
-        with PreviewWriter(tmp_path / "v.mp4", rig, fps=10) as writer:
+        with PreviewWriter(tmp_path / "v.mp4", Site(rig), fps=10) as writer:
             writer.frame(0, {"fisheye": looks["fisheye"]}, {"knee": looks["knee"]}, [], silent=silent)  # pyright: ignore
             jpeg = np.frombuffer(writer.still(95), np.uint8)
             pictures.append(np.asarray(cv2.imdecode(jpeg, cv2.IMREAD_COLOR_RGB)))

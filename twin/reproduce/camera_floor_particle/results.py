@@ -29,6 +29,7 @@ from twin.evaluate import evaluate_tracks
 from twin.messages import OnProgress
 from twin.recording.reader import Recording
 from twin.recording.tables import TruthTable, read_truth, track_table
+from twin.report.birdseye import Site
 from twin.report.camera_panel import CameraGrid
 from twin.report.floor_panel import FloorPanel, TruePoses
 from twin.report.palette import IdentityColours, encode_jpeg
@@ -329,7 +330,7 @@ def draw_debug_state(
     CameraGrid(rig.cameras(), (_SIDE_PX, _SIDE_PX)).draw(left, images, frame.tracks, colours, maps=frame.maps)
     right = np.empty_like(left)
     tails = {track.id: [(frame.stamp_ns, track.x, track.y)] for track in frame.tracks}
-    panel = FloorPanel(rig, (), _SIDE_PX, _SIDE_PX, {})
+    panel = FloorPanel(Site(rig), _SIDE_PX, _SIDE_PX)
     panel.draw(right, {}, frame.tracks, tails, colours, truth, floors, maps=frame.maps)
     return encode_jpeg(np.hstack([left, right]), _QUALITY)
 
