@@ -45,9 +45,6 @@ def _boosting() -> Iterator[Figure]:
     first_ms = _least_ms(lambda: boosting.learned(untrained, frames[0], label))
     yield Figure("classifier of 50 trees: first training", first_ms, "ms of CPU", "<= 12")
     yield Figure("classifier of 50 trees: 200 patches", _least_ms(lambda: strong.scores(scored)), "ms of CPU", "<= 0.3")
-    by_scikit_learn = OnlineBoosting(BoostingOptions(trees=50, kept=35, learner="scikit-learn"))
-    theirs_ms = _least_ms(lambda: by_scikit_learn.learned(strong, frames[1], label), 5)
-    yield Figure("classifier of 50 trees: update with scikit-learn's trees over ours", theirs_ms / update_ms, "×", "")
 
 
 def _looks() -> Iterator[Figure]:

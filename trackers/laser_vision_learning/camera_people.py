@@ -8,7 +8,6 @@ the less the detector's scores allow for it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import ClassVar
 
 import numpy as np
@@ -27,10 +26,7 @@ from trackers.rig import CameraSensor, placed_camera
 from trackers.tracking.roster import Stage, associate
 from trackers.tracking.track_manager import measured_now
 from trackers.vision.foreground import Foreground
-from trackers.vision.person_detector import SHIPPED, SILHOUETTES, PeopleSeen, PersonDetector, PersonModel
-
-LEARNED = "people"
-"""Name under which `background.learned` may hold another model of people than the shipped one."""
+from trackers.vision.person_detector import LEARNED, SHIPPED, SILHOUETTES, PeopleSeen, PersonDetector, PersonModel
 
 
 class CameraPeopleOptions(Strict):
@@ -66,7 +62,7 @@ class CameraPeople:
         self, name: str, camera: CameraSensor, background: Prior, area: ArrayLike | None, options: CameraPeopleOptions
     ) -> None:
         self._options = options
-        empty_room = [each for each in _pictures(background) if each.sensor == name]
+        empty_room = [each for each in background if isinstance(each, Image | DepthImage) and each.sensor == name]
         self._foreground = Foreground(camera.intrinsics, empty_room, SILHOUETTES)
         model = PersonModel.load(background.learned.get(LEARNED, SHIPPED))
         self._detector = PersonDetector(placed_camera(camera), area, model=model)
@@ -151,7 +147,3 @@ class CameraPeople:
         missing_s[track] += elapsed_s * (1 - np.exp(weights.log_mean))
         cloud = people.cloud.replaced(track, Cloud(cloud.state, weights))
         return people.changed(roster=people.roster.changed(state=cloud), missing_s=missing_s)
-
-
-def _pictures(background: Iterable[object]) -> list[Image | DepthImage]:
-    return [each for each in background if isinstance(each, Image | DepthImage)]

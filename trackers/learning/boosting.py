@@ -9,24 +9,21 @@ sum for err that is twice this, and breaks the logarithm above one half).
 Beyond figure 7 (ours): err is at least `least_error`, so that a faultless tree does not silence all others, and at most ½: a
 tree that is more often wrong than right gets α = 0 and changes no weight. A set of samples that lacks one of both labels
 leaves the classifier unchanged.
-
-scikit-learn's trees may take the place of ours: a slower reference.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 
 from trackers.arrays import Array, Float, Index, Int
 from trackers.configuration import Strict
 from trackers.filters.rows import Rows
-from trackers.learning.cart import Grown, Questions, SortedSamples, Trees
+from trackers.learning.cart import SortedSamples, Trees
 
 _TAKEN = 1e6
 """Error of a tree already chosen, so that it is not chosen again."""
@@ -34,6 +31,8 @@ _TAKEN = 1e6
 
 class BoostingOptions(Strict):
     """Options: number of trees of a classifier, and of those exchanged per frame."""
+
+    fixed_values: ClassVar[Mapping[str, Any]] = {"learner": "own"}
 
     trees: PositiveInt = Field(default=30, description="trees of a classifier (M)")
     kept: NonNegativeInt = Field(
@@ -50,10 +49,6 @@ class BoostingOptions(Strict):
         gt=0,
         le=0.5,
         description="error that a tree is taken to have at least, so that α is bounded (ours)",
-    )
-    learner: Literal["own", "scikit-learn"] = Field(
-        default="own",
-        description="what trains a tree: ours, or scikit-learn's, which is slower and gives the same labels",
     )
 
     @model_validator(mode="after")
@@ -81,10 +76,6 @@ class StrongClassifiers(Rows):
         total = self.alpha.sum(axis=1)[:, None, None]
         share = self.alpha[:, None] / np.where(total > 0, total, 1.0)
         return np.matmul(share, self.trees.says(samples[None]))[:, 0]
-
-
-_Grow = Callable[[Array, Array], Grown]
-"""Weights and labels, (n, k) each → a tree for each of n rows: `SortedSamples.grow`, or scikit-learn's."""
 
 
 class OnlineBoosting:
@@ -132,9 +123,9 @@ class OnlineBoosting:
                 wrong[rows, best] = _TAKEN
                 all_odds.append(odds)
         if n_new:
-            grow = self._learner(samples)
+            ordered = SortedSamples.of(samples)
             for _ in range(n_new):
-                tree = grow(weight, label)
+                tree = ordered.grow(weight, label)
                 grown.append(tree)
                 odds, weight = self._reweighted(weight, weight * (tree.says != label))
                 all_odds.append(odds)
@@ -155,48 +146,3 @@ class OnlineBoosting:
         odds = 1 / np.minimum(np.maximum(error, self.options.least_error), 0.5) - 1
         more = odds - 1
         return odds, (weight + more[:, None] * wrong) / (1 + more * error)[:, None]
-
-    def _learner(self, samples: Array) -> _Grow:
-        if self.options.learner == "own":
-            return SortedSamples.of(samples).grow
-
-        return ScikitLearnTrees(samples).grow
-
-
-_LEAF = -1
-"""Child index of a node without one."""
-
-
-class ScikitLearnTrees:
-    """Trainer of trees on n sets of k samples."""
-
-    def __init__(self, samples: Float[Array, "n k features"]) -> None:
-        self._samples = np.asarray(samples, np.float32)
-
-    def grow(self, weight: Float[Array, "n k"], label: Float[Array, "n k"]) -> Grown:
-        """Grow trees as `SortedSamples.grow` does."""
-        rows = [self._grow(*row) for row in zip(self._samples, weight, label, strict=True)]
-        feature, threshold, leaves, says = (np.stack(each, axis=1) for each in zip(*rows, strict=True))
-        questions = Questions(feature[1:].ravel(), threshold[1:].ravel())
-        return Grown(Questions(feature[0], threshold[0]), questions, leaves.ravel(), says.T)
-
-    def _grow(self, samples: NDArray[np.float32], weight: Array, label: Array) -> tuple[Index, Array, Array, Array]:
-        """Return features (3,), thresholds (3,), labels of the leaves (4,) as in `Grown`, and the tree's labels (k,)."""
-        from sklearn.tree import DecisionTreeClassifier  # takes longer to load than all the rest
-
-        there = weight > 0
-        fitted = DecisionTreeClassifier(max_depth=2, random_state=0).fit(samples[there], label[there], weight[there])
-        tree = fitted.tree_
-        majority = fitted.classes_[tree.value[:, 0].argmax(axis=1)]
-        branches = [self._child(0, side) for side in (tree.children_left, tree.children_right)]
-        nodes = np.array([0, *branches])
-        divides = tree.children_left[nodes] != _LEAF
-        leaves = [self._child(node, side) for side in (tree.children_left, tree.children_right) for node in branches]
-        feature = np.where(divides, tree.feature[nodes], 0).astype(np.intp)
-        threshold = np.where(divides, tree.threshold[nodes], np.inf)
-        return feature, threshold, majority[leaves], fitted.predict(samples)
-
-    @staticmethod
-    def _child(node: int, children: Index) -> int:
-        """Return a node's child, or the node itself if it is a leaf."""
-        return node if children[node] == _LEAF else int(children[node])

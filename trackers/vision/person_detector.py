@@ -33,6 +33,8 @@ ROWS, COLUMNS = 14, 8
 INPUTS = ROWS * COLUMNS + 2
 SHIPPED = Path(__file__).with_name("person_model.npz")
 """Learned from a hall and two homes: that of the system of Song and others."""
+LEARNED = "people"
+"""Name under which `Prior.learned` may hold another model in its place."""
 ROOMS = Path(__file__).with_name("room_person_model.npz")
 """Learned from drawn rooms too, whose cameras hang in corners and look past furniture."""
 _PARTS = ("into", "into_bias", "out", "out_bias")

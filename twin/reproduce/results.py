@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array
+from trackers.errors import InputError
 from twin.console import print_table
 from twin.recording.atomic_file import write_atomic
 from twin.report.metrics_table import format_number
@@ -80,7 +81,11 @@ class Bootstrap:
         """
         if not counts.any():
             return Interval(0.0, 0.0, POISSON_ZERO_UPPER / float(exposure.sum()))
-        return interval(self.ratio(counts[:, None], exposure[:, None])[:, 0])
+        return self.share(counts, exposure)
+
+    def share(self, above: Array, below: Array) -> Interval:
+        """Compute Σ above / Σ below over the runs (n,), with its interval."""
+        return interval(self.ratio(above[:, None], below[:, None])[:, 0])
 
 
 def interval(values: Array) -> Interval:
@@ -288,6 +293,16 @@ def print_results(title: str, results: Sequence[ResultRow]) -> None:
         values = (paper, papers_system, ours, interval, baseline) if has_systems else (paper, ours, interval)
         rows.append([*(names[name][number] for name in shown), *values])
     print_table([*heads, *(["baseline"] if has_systems else [])], rows, names=len(shown), title=title)
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder of `--out`. Raises InputError where it cannot be written."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"--out {folder}: cannot be written ({error.strerror}); a writable folder is needed"
+        ) from error
 
 
 def write_reproduction(

@@ -31,7 +31,7 @@ from twin.recording.atomic_file import write_csv
 from twin.recording.reader import Recording
 from twin.recording.tables import TrackTable, TruthTable, read_tracks, read_truth, track_table
 from twin.reproduce.registry import Request
-from twin.reproduce.results import write_pictures
+from twin.reproduce.results import Bootstrap, make_folder, write_pictures
 from twin.streams import stream
 from twin.suites.cache import RecordingCache, cache_limit_bytes
 from twin.suites.cache_keys import recording_key
@@ -67,6 +67,24 @@ class SuiteRuns:
     def first_cases(self, condition: str) -> Mapping[str, Case]:
         """Return the cases of a condition's first run, by tracker."""
         return next(iter(self.by_condition[condition].values()))
+
+
+@dataclass(frozen=True, eq=False)
+class Condition:
+    """n runs of a condition: metrics by tracker and name, (n,), NaN where one does not apply."""
+
+    name: str
+    seeds: tuple[int, ...]
+    metrics: Mapping[str, Mapping[str, Array]]
+
+    @property
+    def trackers(self) -> tuple[str, ...]:
+        """Trackers that did these runs."""
+        return tuple(self.metrics)
+
+    def bootstrap(self, stream_name: str, n_run: int | None = None) -> Bootstrap:
+        """Draw replicates of the runs (None: of all), with this stream of the first seed."""
+        return Bootstrap(n_run or len(self.seeds), stream(self.seeds[0], "reproduce", stream_name))
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,16 +160,6 @@ def check_entries(
         for tracker in (*trackers, *more.get(name, ())):
             if tracker not in (entry.trackers or suite.trackers):
                 raise InputError(f"{path}: trackers: {name} is run without {tracker}; it is expected among them")
-
-
-def make_folder(folder: Path) -> None:
-    """Make a folder of `--out`. Raises InputError where it cannot be written."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"--out {folder}: cannot be written ({error.strerror}); a writable folder is needed"
-        ) from error
 
 
 def run_conditions(

@@ -91,17 +91,11 @@ def write_comparison_page(
     _write(
         path,
         title=title,
-        description="",
         results=now,
         before=before,
         comparison=comparison,
-        requirements=(),
         links=_links(comparison, now, *run, path.parent) if run is not None else {},
         sections=sections,
-        worst=[],
-        seconds=None,
-        reference=None,
-        link=None,
     )
 
 
@@ -110,11 +104,14 @@ def _write(
     *,
     results: Results,
     comparison: Comparison | None,
-    requirements: Sequence[RequirementCheck],
     links: Mapping[int, tuple[str, str]],
-    reference: str | None,
+    requirements: Sequence[RequirementCheck] = (),
+    reference: str | None = None,
     **content: Any,
 ) -> None:
+    """Write a page; content: further variables of the template, those of a run alone by default as of a comparison."""
+    of_run = {"description": "", "worst": [], "seconds": None, "link": None}
+    headline = [each for each in comparison.detectable if each.metric in HEADLINE_METRICS] if comparison else []
     trackers = [(name, colour_of(slot), Markup(marker(slot, 11, 7))) for name, slot in _slots(results).items()]
     rows = differences_from(results, reference) if reference is not None else []
     strata = differences_by_scenario(results, reference) if reference is not None else {}
@@ -136,16 +133,13 @@ def _write(
             )
             for each in shown.detectable
         ],
-        detectable_trackers=sorted(
-            {tracker for each in shown.detectable if each.metric in HEADLINE_METRICS for tracker in each.of_tracker}
-        ),
+        detectable_trackers=sorted({tracker for each in headline for tracker in each.of_tracker}),
         detectable_of=[
             (
                 metric_named(each.metric),
                 {name: format_metric(each.metric, loss) for name, loss in each.of_tracker.items()},
             )
-            for each in shown.detectable
-            if each.metric in HEADLINE_METRICS
+            for each in headline
         ],
         violated=[(each, METRICS[each.metric].name) for each in requirements if each.violated],
         n_requirement=len(requirements),
@@ -159,7 +153,7 @@ def _write(
         calibration=_calibration(results),
         strata=[(*place, [_reference_row(row) for row in found]) for place, found in strata.items()],
         n_done=sum(len(group.seeds) for group in results.groups.values()),
-        **content,
+        **(of_run | content),
     )
     write_atomic(path, page)
 

@@ -152,17 +152,6 @@ def test_with_k_0_every_frame_is_a_fresh_classifier() -> None:
     assert_equal(after(spread, frame(0), frame(1), frame(2)), after(options, frame(2)))
 
 
-def test_scikit_learn_learns_as_well() -> None:
-    """The same up to ties between questions, which either settles in its own way."""
-    frames = [frame(seed, apart=0.8) for seed in range(4)]
-    ours, theirs = (
-        after(BoostingOptions(trees=12, kept=8, learner=each), *frames[:3]) for each in ("own", "scikit-learn")
-    )
-    samples, label = frames[3]
-    right = [(np.sign(each.scores(samples)) == label).mean() for each in (ours, theirs)]
-    assert min(right) > 0.8
-
-
 def test_classifiers_that_learn_together_are_those_that_learn_alone() -> None:
     options, frames = BoostingOptions(trees=6, kept=4), [frame(seed, n=2) for seed in range(3)]
     both = after(options, *frames)

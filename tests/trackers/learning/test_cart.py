@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from sklearn.tree import DecisionTreeClassifier
 
-from trackers.learning.boosting import ScikitLearnTrees
 from trackers.learning.cart import Grown, SortedSamples, Trees
 
 
@@ -26,19 +25,6 @@ def test_the_labels_are_scikit_learns(seed: int) -> None:
     says = SortedSamples.of(samples[None]).grow(weight[None], label[None]).says[0]
     oracle = DecisionTreeClassifier(max_depth=2, random_state=0).fit(samples, label, weight).predict(samples)
     np.testing.assert_array_equal(says[weight > 0], oracle[weight > 0])
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_the_other_learner_hands_over_the_same_tree(seed: int) -> None:
-    samples, weight, label = draw(2 * seed + 1)
-    ours, theirs = (
-        each.grow(weight[None], label[None])
-        for each in (SortedSamples.of(samples[None]), ScikitLearnTrees(samples[None]))
-    )
-    there = weight > 0
-    np.testing.assert_array_equal(ours.says[:, there], theirs.says[:, there])
-    for grown in (ours, theirs):
-        np.testing.assert_array_equal(Trees.grown([grown]).says(samples[None])[:, 0], grown.says)
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 5), st.integers(1, 4))

@@ -39,10 +39,7 @@ from trackers.tracking.roster import Stage, associate, left_over
 from trackers.tracking.track_manager import TrackManager, coasting_within, measured_now
 from trackers.tracks import Detection, Track, TrackFrame
 from trackers.vision.foreground import Foreground
-from trackers.vision.person_detector import SHIPPED, PeopleSeen, PersonDetector, PersonModel
-
-LEARNED = "people"
-"""Name under which `background.learned` may hold another model of people than the shipped one."""
+from trackers.vision.person_detector import LEARNED, SHIPPED, PeopleSeen, PersonDetector, PersonModel
 
 
 class VisionOnly:

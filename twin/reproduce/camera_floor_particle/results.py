@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.area import Area
-from trackers.arrays import Array
 from trackers.camera_floor_particle.tracker import DebugState
 from trackers.observations import NS_PER_S, FloorFrame, Image
 from trackers.presets import make_tracker
@@ -34,7 +32,7 @@ from twin.report.camera_panel import CameraGrid
 from twin.report.floor_panel import FloorPanel, TruePoses
 from twin.report.palette import IdentityColours, encode_jpeg
 from twin.reproduce.results import ResultRow, SystemValue
-from twin.reproduce.suite_runs import SuiteRuns, metric_arrays
+from twin.reproduce.suite_runs import Condition, SuiteRuns, metric_arrays
 from twin.scenario import Scenario, load_scenario
 from twin.streams import stream
 from twin.suites.cache import RecordingCache
@@ -74,28 +72,19 @@ ABLATIONS = (
 """Ablations: condition, omitted part, preset, and the metric affected."""
 
 
-@dataclass(frozen=True, eq=False)
-class CameraFloorCondition:
-    """n runs of a condition: metrics of metrics.json by tracker, (n,), NaN where one does not apply."""
-
-    name: str
-    seeds: tuple[int, ...]
-    metrics: Mapping[str, Mapping[str, Array]]
-
-
-def read_conditions(runs: SuiteRuns) -> dict[str, CameraFloorCondition]:
+def read_conditions(runs: SuiteRuns) -> dict[str, Condition]:
     """Collect every condition of the suite by name."""
-    found = {}
-    for name, by_seed in runs.by_condition.items():
-        found[name] = CameraFloorCondition(name, tuple(by_seed), metric_arrays(by_seed.values(), runs.metrics))
-    return found
+    return {
+        name: Condition(name, tuple(by_seed), metric_arrays(by_seed.values(), runs.metrics))
+        for name, by_seed in runs.by_condition.items()
+    }
 
 
-def results_of(conditions: Mapping[str, CameraFloorCondition]) -> list[ResultRow]:
+def results_of(conditions: Mapping[str, Condition]) -> list[ResultRow]:
     """Compute every result: the four movements together, then each condition, then ablations."""
     movements = [conditions[name] for name in MOVEMENTS]
     by_all = [tracker for tracker in movements[0].metrics if all(tracker in each.metrics for each in movements)]
-    together = CameraFloorCondition(
+    together = Condition(
         "four movements",
         tuple(seed for each in movements for seed in each.seeds),
         {
@@ -116,7 +105,7 @@ def tracker_label(tracker: str) -> str:
     return "ours" if tracker == OURS else tracker.removeprefix(f"{OURS}-")
 
 
-def _means(condition: CameraFloorCondition, where: str) -> Iterator[ResultRow]:
+def _means(condition: Condition, where: str) -> Iterator[ResultRow]:
     has_paper = where == EXPERIMENTS and condition.name not in (COURSE, PAIR)
     draws = condition.seeds[0], _STREAM
     for tracker, metrics in condition.metrics.items():
@@ -134,7 +123,7 @@ def _means(condition: CameraFloorCondition, where: str) -> Iterator[ResultRow]:
             yield from ResultRow.of_runs(where, name, column, times * metrics[key], unit, *draws, paper, *others)
 
 
-def _ablations(conditions: Mapping[str, CameraFloorCondition]) -> Iterator[ResultRow]:
+def _ablations(conditions: Mapping[str, Condition]) -> Iterator[ResultRow]:
     """Compute the effect of omitting a part, paired by run: the metric without less the metric with."""
     units = {row: (key, times, unit) for row, key, times, unit in _MEANS}
     for name, what, tracker, row in ABLATIONS:

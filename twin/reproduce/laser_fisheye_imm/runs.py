@@ -19,7 +19,15 @@ from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.observations import NS_PER_S
 from twin.evaluate import Evaluation, evaluate_with_details, long_occlusions
 from twin.recording.tables import TrackTable, TruthTable
-from twin.reproduce.suite_runs import CaseIncident, SuiteRuns, case_tracks, case_truth, check_entries, metric_arrays
+from twin.reproduce.suite_runs import (
+    CaseIncident,
+    Condition,
+    SuiteRuns,
+    case_tracks,
+    case_truth,
+    check_entries,
+    metric_arrays,
+)
 from twin.scenario import Scenario
 from twin.suites.expansion import Case
 from twin.suites.spec import Suite
@@ -83,15 +91,12 @@ class LongOcclusion:
 
 
 @dataclass(frozen=True, eq=False)
-class LabCondition:
+class LabCondition(Condition):
     """n runs of a condition; metrics of the paper's systems and of the baseline if they were run, NaN where not done."""
 
-    name: str
     overrides: tuple[str, ...]
-    seeds: tuple[int, ...]  # (n,)
     n_person: int
     person_minutes: Array  # (n,) [min] inside the area
-    metrics: Mapping[str, Mapping[str, Array]]  # tracker -> metric of metrics.json -> (n,)
     long_occlusions: tuple[LongOcclusion, ...]
     incidents: tuple[CaseIncident, ...]
 

@@ -26,8 +26,7 @@ from twin.reproduce.laser_fisheye_imm.runs import (
     LabCondition,
     LabRuns,
 )
-from twin.reproduce.results import Bootstrap, Interval, ResultRow, SystemValue, interval
-from twin.streams import stream
+from twin.reproduce.results import Interval, ResultRow, SystemValue, interval
 
 TABLE_ONE, PAIRED, BEYOND, DENSITY = "table I", "table I, paired", "beyond the paper", "beyond the paper, density"
 MISIDENTIFIED, LOST, TOTAL = "misidentified", "lost", "misidentified + lost"
@@ -36,6 +35,7 @@ RATES = {"MOTA": ("mota", "1"), "IDF1": ("idf1", "1"), "MOTP": ("motp_m", "m")}
 ROWS = (*COUNTS, *RATES)
 """Rows of the table: the paper's counts, their sum, and further metrics."""
 ALL_SETS = "summed over the three sensor sets"
+_STREAM = "lab bootstrap"
 
 _PAPER = {
     (SENSOR_SETS[0], MISIDENTIFIED): 0.0,
@@ -68,9 +68,9 @@ def cell(condition: LabCondition, tracker: str, row: str) -> Interval:
     """Compute a cell of the table: the mean over the runs that have the metric, with its interval."""
     found = values(condition, tracker, row)
     if row in COUNTS:
-        return _bootstrap(len(found), condition).rate(found, np.ones(len(found)))
+        return condition.bootstrap(_STREAM, len(found)).rate(found, np.ones(len(found)))
     found = found[~np.isnan(found)]
-    return interval(_bootstrap(len(found), condition).mean(found))
+    return interval(condition.bootstrap(_STREAM, len(found)).mean(found))
 
 
 def system_value(condition: LabCondition, tracker: str | None, row: str) -> SystemValue | None:
@@ -85,7 +85,7 @@ def system_value(condition: LabCondition, tracker: str | None, row: str) -> Syst
 def difference(condition: LabCondition, tracker: str, other: str) -> Interval:
     """Compute errors of a system minus those of another, mean over runs, paired by seed."""
     change = condition.errors(tracker) - condition.errors(other)
-    return _bootstrap(len(change), condition).difference(change)
+    return condition.bootstrap(_STREAM).difference(change)
 
 
 def filters_difference(condition: LabCondition, paper: bool = False) -> Interval:
@@ -97,7 +97,7 @@ def filters_difference(condition: LabCondition, paper: bool = False) -> Interval
     for each in COLUMNS:
         errors = condition.errors(each.paper_tracker if paper else each.tracker)
         change = change + errors * (1 if each.filter == IMM else -1)
-    return _bootstrap(len(change), condition).difference(change)
+    return condition.bootstrap(_STREAM).difference(change)
 
 
 def _has_papers_systems(condition: LabCondition) -> bool:
@@ -109,7 +109,7 @@ def _has_papers_systems(condition: LabCondition) -> bool:
 def error_rate(condition: LabCondition, column: Column) -> Interval:
     """Compute errors per minute of a person in the area."""
     errors = condition.errors(column.tracker)
-    return _bootstrap(len(errors), condition).rate(errors, condition.person_minutes)
+    return condition.bootstrap(_STREAM).rate(errors, condition.person_minutes)
 
 
 def breaks_at(densities: Sequence[LabCondition], column: Column) -> LabCondition | None:
@@ -171,10 +171,6 @@ def _paired(condition: LabCondition, where: str, prefix: str) -> Iterator[Result
     found.insert(len(SENSOR_SETS), (f"IMM − Kalman, {ALL_SETS}", filters_difference(condition), papers))
     for row, ours, system in found:
         yield ResultRow.of(where, prefix + row, TOTAL, ours, "/run", len(condition.seeds), paper_system=system)
-
-
-def _bootstrap(n_run: int, condition: LabCondition) -> Bootstrap:
-    return Bootstrap(n_run, stream(condition.seeds[0], "reproduce", "lab bootstrap"))
 
 
 Verdict = Literal["holds", "does not hold", "not decided"]

@@ -41,6 +41,7 @@ _PAPER_ONE = {
     (FUSED, MERGES): 81.75, (LASER, MERGES): 27.00, (VISION, MERGES): 35.20,
 }  # fmt: skip
 _PAPER_TWO = {FUSED: 89.53, LASER: 73.37, VISION: 80.95}
+_STREAM = "hall bootstrap"
 _PAPER_RELATIVE = 0.1511 / 0.6906
 _PAPER_PLACE = {
     (BUSY, "correlated pairs a frame"): 3832 / 6000,
@@ -86,7 +87,10 @@ def group_results(condition: HallCondition) -> Iterator[ResultRow]:
     replicates paired by run.
     """
     yield from _place(condition)
-    boot, sensors = _bootstrap(condition), condition.name.removeprefix(GROUPS).removeprefix("-").replace("-", " ")
+    boot, sensors = (
+        condition.bootstrap(_STREAM),
+        condition.name.removeprefix(GROUPS).removeprefix("-").replace("-", " "),
+    )
     prefix = f"{sensors}: " if sensors else ""
     replicates = {
         (tracker, row): 100 * boot.ratio(*(each[:, None] for each in _share(condition, tracker, row)))[:, 0]
@@ -135,7 +139,7 @@ def cost_fit(conditions: list[HallCondition], tracker: str) -> Array | None:
 
 
 def _place(condition: HallCondition) -> Iterator[ResultRow]:
-    place, boot = condition.place, _bootstrap(condition)
+    place, boot = condition.place, condition.bootstrap(_STREAM)
     shares = (
         ("people a frame", place.people, place.frames, "1", 1.0),
         ("share of them interacting", place.interacting, place.people, "%", 100.0),
@@ -144,7 +148,7 @@ def _place(condition: HallCondition) -> Iterator[ResultRow]:
     )
     for row, above, below, unit, times in shares:
         paper = _PAPER_PLACE.get((condition.name, row))
-        yield _result(PLACE, row, condition.name, paper, _ratio(boot, times * above, below), unit, condition)
+        yield _result(PLACE, row, condition.name, paper, boot.share(times * above, below), unit, condition)
     if len(place.merge_s):
         lasting = Bootstrap(len(place.merge_s), stream(condition.seeds[0], "reproduce", "merges bootstrap"))
         long: Array = np.where(place.merge_s >= 0.5, 100.0, 0.0)
@@ -164,43 +168,43 @@ def _disposals(condition: HallCondition, where: str, with_paper: bool) -> Iterat
             disposed, total = _share(condition, tracker, row)
             if total.sum():
                 paper = _PAPER_ONE.get((tracker, row)) if with_paper else None
-                share = _ratio(_bootstrap(condition), 100 * disposed, total)
+                share = condition.bootstrap(_STREAM).share(100 * disposed, total)
                 yield _result(where, row, condition.tracker_label(tracker), paper, share, "%", condition)
 
 
 def _accuracies(condition: HallCondition, where: str, with_paper: bool) -> Iterator[ResultRow]:
-    boot = _bootstrap(condition)
+    boot = condition.bootstrap(_STREAM)
     for tracker in condition.trackers:
         metrics, column = condition.metrics[tracker], condition.tracker_label(tracker)
         paper = _PAPER_TWO.get(tracker) if with_paper else None
         right, count = _share(condition, tracker, ACCURACY)
-        right = _ratio(boot, 100 * right, count)
+        right = boot.share(100 * right, count)
         yield _result(where, ACCURACY, column, paper, right, "%", condition)
         for kind, metric in _KINDS.items():
-            share = _ratio(boot, 100 * metrics[f"failures.{metric}"], count)
+            share = boot.share(100 * metrics[f"failures.{metric}"], count)
             yield _result(where, kind, column, None, share, "%", condition)
         for row, metric in (("MOTA", "mota"), ("IDF1", "idf1"), ("HOTA", "hota")):
             yield _result(where, row, column, None, interval(boot.mean(metrics[metric])), "1", condition)
 
 
 def _costs(condition: HallCondition, where: str) -> Iterator[ResultRow]:
-    boot = _bootstrap(condition)
+    boot = condition.bootstrap(_STREAM)
     for tracker in condition.trackers:
         for row, metric in ((COST, "ms_per_frame.mean"), (f"{COST}, 95 %", "ms_per_frame.p95")):
             cost = interval(boot.mean(condition.metrics[tracker][metric]))
             yield _result(where, row, condition.tracker_label(tracker), None, cost, "ms", condition)
     if FUSED in condition.trackers and VISION in condition.trackers:
         fused, vision = (condition.metrics[each]["ms_per_frame.mean"] for each in (FUSED, VISION))
-        found = _ratio(boot, fused, vision)
+        found = boot.share(fused, vision)
         yield _result(where, RELATIVE, condition.tracker_label(FUSED), _PAPER_RELATIVE, found, "1", condition)
 
 
 def _beyond(condition: HallCondition, where: str) -> Iterator[ResultRow]:
-    boot = _bootstrap(condition)
+    boot = condition.bootstrap(_STREAM)
     for tracker in condition.trackers:
         right, count = _share(condition, tracker, ACCURACY)
         cost, column = boot.mean(condition.metrics[tracker]["ms_per_frame.mean"]), condition.tracker_label(tracker)
-        accuracy = _ratio(boot, 100 * right, count)
+        accuracy = boot.share(100 * right, count)
         yield _result(where, f"{condition.name}, {ACCURACY}", column, None, accuracy, "%", condition)
         yield _result(where, f"{condition.name}, {COST}", column, None, interval(cost), "ms", condition)
     for each in _disposals(condition, where, with_paper=False):
@@ -216,21 +220,13 @@ def _losses(condition: HallCondition, hall: HallCondition) -> Iterator[ResultRow
         runs = [condition.seeds.index(seed) for seed in seeds]
         here, frames = condition.accuracy(tracker)[runs], condition.place.frames[runs].astype(int).tolist()
         there = np.array([hall.accuracy_so_far(tracker, *each) for each in zip(seeds, frames, strict=True)])
-        boot = Bootstrap(len(seeds), stream(seeds[0], "reproduce", "hall bootstrap"))
+        boot = Bootstrap(len(seeds), stream(seeds[0], "reproduce", _STREAM))
         lost = interval(boot.mean(there - here))
         row = f"{condition.name}, loss of accuracy"
         yield _result(CHANGED, row, condition.tracker_label(tracker), None, lost, "%", condition)
-
-
-def _ratio(boot: Bootstrap, above: Array, below: Array) -> Interval:
-    return interval(boot.ratio(above[:, None], below[:, None])[:, 0])
 
 
 def _result(
     where: str, row: str, column: str, paper: float | None, found: Interval, unit: str, condition: HallCondition
 ) -> ResultRow:
     return ResultRow.of(where, row, column, found, unit, len(condition.seeds), paper)
-
-
-def _bootstrap(condition: HallCondition) -> Bootstrap:
-    return Bootstrap(len(condition.seeds), stream(condition.seeds[0], "reproduce", "hall bootstrap"))

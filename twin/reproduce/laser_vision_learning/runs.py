@@ -19,7 +19,7 @@ from trackers.observations import NS_PER_S
 from twin.evaluate import Evaluation, evaluate_with_details
 from twin.recording.situation_table import SituationTable, read_situations
 from twin.recording.tables import TruthTable, read_truth
-from twin.reproduce.suite_runs import SuiteRuns, case_tracks, check_entries, metric_arrays
+from twin.reproduce.suite_runs import Condition, SuiteRuns, case_tracks, check_entries, metric_arrays
 from twin.suites.expansion import Case
 from twin.suites.spec import Suite
 from twin.suites.worker import TRUTH, case_recording, resolved_scenario
@@ -65,13 +65,9 @@ class HallRun:
 
 
 @dataclass(frozen=True, eq=False)
-class HallCondition:
+class HallCondition(Condition):
     """n runs of a condition."""
 
-    name: str
-    trackers: tuple[str, ...]
-    seeds: tuple[int, ...]
-    metrics: Mapping[str, Mapping[str, Array]]  # tracker -> metric of metrics.json -> (n,), NaN where it does not apply
     place: PlaceStatistics
     course: Mapping[str, tuple[Array, ...]] | None = (
         None  # tracker -> cumulative failures and person-frames of each run, (2, f)
@@ -191,10 +187,9 @@ def _course(whole: Mapping[int, Mapping[str, Case]], found: SuiteRuns) -> dict[s
 
 
 def _condition(name: str, whole: Mapping[int, Mapping[str, Case]], found: SuiteRuns) -> HallCondition:
-    first = next(iter(whole.values()))
     metrics = metric_arrays(whole.values(), found.metrics)
     recorded = [_recorded(next(iter(cases.values())), found) for cases in whole.values()]
-    return HallCondition(name, tuple(first), tuple(whole), metrics, _place(recorded))
+    return HallCondition(name, tuple(whole), metrics, _place(recorded))
 
 
 def _place(recorded: list[tuple[TruthTable, SituationTable]]) -> PlaceStatistics:

@@ -23,6 +23,7 @@ from twin.reproduce.results import (
     ResultRow,
     SystemValue,
     format_rows,
+    make_folder,
     pivot_each,
     rows_of,
     write_pictures,
@@ -63,7 +64,6 @@ from twin.reproduce.suite_runs import (
     case_truth,
     check_entries,
     load_seeded_suite,
-    make_folder,
     run_conditions,
 )
 from twin.scenario import load_scenario

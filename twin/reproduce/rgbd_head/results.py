@@ -19,7 +19,7 @@ from trackers.scipy_functions import linear_sum_assignment
 from twin.recording.reader import Recording
 from twin.recording.tables import TrackTable, TruthTable, read_truth
 from twin.reproduce.results import ResultRow, SystemValue
-from twin.reproduce.suite_runs import SuiteRuns, case_tracks
+from twin.reproduce.suite_runs import Condition, SuiteRuns, case_tracks
 from twin.suites.worker import RECORDING, TRUTH, case_recording
 
 LOST_M, LOST_S = 0.5, 1.0
@@ -187,12 +187,9 @@ _ABLATIONS = (
 
 
 @dataclass(frozen=True, eq=False)
-class HeadCondition:
-    """n runs of a condition: statistics by tracker and name, (n,), and errors of ours per run."""
+class HeadCondition(Condition):
+    """n runs of a condition, with statistics as metrics, and errors of ours per run."""
 
-    name: str
-    seeds: tuple[int, ...]
-    metrics: Mapping[str, Mapping[str, Array]]
     errors: Sequence[HeadErrors]
 
 
