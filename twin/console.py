@@ -53,13 +53,15 @@ def progress(first: str = "") -> Iterator[OnProgress]:
 
     first: line printed when work begins, after the input was checked.
     """
+    console = PlainConsole(stderr=True)
     bar = Progress(
         TextColumn("{task.description:<28}", markup=False),
         BarColumn(),
         TextColumn("{task.percentage:>3.0f} %"),
         TimeRemainingColumn(),
-        console=PlainConsole(stderr=True),
+        console=console,
         transient=True,
+        disable=not console.is_terminal,
     )
     tasks: dict[str, Any] = {}
 

@@ -199,10 +199,10 @@ class DetectionModel:
         distance = np.sqrt(x * x + y * y)
         half = options.half_width_m / np.maximum(distance, options.half_width_m)
         bearing = np.arctan2(y, x) + _ACROSS.reshape(-1, *[1] * x.ndim) * half
-        bearing -= 2 * np.pi * np.rint(bearing / (2 * np.pi))
-        beam = np.rint(bearing / scan.angle_increment_rad + (0.5 * (count - 1) + 1))
-        beam = np.minimum(np.maximum(beam, 0), count + 1).astype(np.intp)
-        clear = (reach_m[beam] > distance + options.behind_m).sum(axis=0) / _ACROSS.size
+        if bearing.min(initial=0.0) < -np.pi or bearing.max(initial=0.0) > np.pi:
+            bearing -= 2 * np.pi * np.rint(bearing / (2 * np.pi))
+        beam = np.rint(bearing / scan.angle_increment_rad + (0.5 * (count - 1) + 1)).astype(np.intp)
+        clear = (reach_m.take(beam, mode="clip") > distance + options.behind_m).sum(axis=0) / _ACROSS.size
         seen = options.detected * np.maximum(clear - options.hidden_up_to, 0) / (1 - options.hidden_up_to)
         if options.width_m is None:
             return seen
