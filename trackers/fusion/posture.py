@@ -38,7 +38,7 @@ _HEAD, _HEAD_SIGMA = np.array([0.93, 0.74, 0.36]), np.array([0.06, 0.09, 0.13])
 """Height of the middle of a head in the stature, and its standard deviation."""
 _REST_M_S = 0.25
 """Standard deviation of the speed of people who rest [m/s]."""
-_ALIKE_S = 1.0
+ALIKE_S = 1.0
 """Time in which all looks at a posture together tell what one tells [s]: their errors are alike."""
 _LEGS_ALIKE_S = 0.3
 """The same of distances of legs from trunks [s]."""
@@ -121,7 +121,7 @@ class Posture(Rows):
         """Weigh those at `row` by the height of their heads [m], at their statures [m], last looked at since_s ago [s]."""
         variance = (stature_m[:, None] * _HEAD_SIGMA) ** 2 + variance_m2[:, None]
         off = height_m[:, None] - stature_m[:, None] * _HEAD
-        return self.weighed(row, -0.5 * (since_s / _ALIKE_S)[:, None] * (off**2 / variance + np.log(variance)))
+        return self.weighed(row, -0.5 * (since_s / ALIKE_S)[:, None] * (off**2 / variance + np.log(variance)))
 
     def head_height(self, stature_m: Float[Array, "n"]) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
         """Return the mean [m] and the variance [m²] of the heights of heads at these statures [m]."""

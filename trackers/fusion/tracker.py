@@ -34,7 +34,7 @@ from trackers.fusion.look import Look, Source
 from trackers.fusion.motion import HEAD, PersonMotion, with_legs_free
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.people import People
-from trackers.fusion.posture import LEGS_REST_M, Posture
+from trackers.fusion.posture import ALIKE_S, LEGS_REST_M, Posture
 from trackers.fusion.track_manager import FusionTrackManager
 from trackers.observations import NS_PER_S, Observation
 from trackers.prior import Prior
@@ -254,7 +254,9 @@ class Fusion(SynchronizedTracker):
         )
         since_s = np.minimum((ns - people.seen_ns[row, number]) / NS_PER_S, 1.0)
         share = np.clip(since_s / kind["lasts_s"], _LEAST_SHARE, 1.0)
-        posture = people.posture.detected(row, np.array([looks[n].by_posture[2] for n in number]), share)
+        sharp = np.array([looks[n].is_sharp for n in number])
+        of_lying = np.array([looks[n].by_posture[2] for n in number])
+        posture = people.posture.detected(row, of_lying, np.where(sharp, share, since_s / ALIKE_S))
         of_legs = np.array([looks[n].of_legs for n in number])
         pelvis = np.where(of_legs[:, None], place - people.legs[row], place)
         posture = posture.by_place(row, place, of_legs, np.hypot(*people.velocity[row].T), share)
