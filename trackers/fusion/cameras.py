@@ -27,7 +27,7 @@ from trackers.vision.person_windows import ground_axes
 from trackers.vision.stereo_picture import StereoCamera, head_of, heads_in_plan, packed_without_depth
 
 _CHEST_M, _CROWN_M, _SHADOW_M = 1.1, 1.65, 0.25
-"""Heights of a chest and of a crown, and how near to another's axis a line of sight is hidden [m]."""
+"""Heights of a chest and of the crown of who is not known yet, and how near to another's axis a line of sight is hidden [m]."""
 _SIGMAS = 2.5
 """A head may be within so many standard deviations of where it is expected."""
 _SAME_M, _OVERLAP_M = 0.3, 0.45
@@ -209,29 +209,30 @@ class Camera:
         if self._stereo is not None or not len(known) or not len(position):
             return np.ones(len(position), np.bool_)
         new, old = (np.column_stack([each, np.full(len(each), _CHEST_M)]) for each in (position, known))
-        eye = self.camera.eye_m
-        either = hidden(eye, new, known, _OVERLAP_M) | hidden(eye, old, position, _OVERLAP_M).T
+        eye, crowns = self.camera.eye_m, np.column_stack([position, np.full(len(position), _CROWN_M)])
+        either = hidden(eye, new, expected.crowns, _OVERLAP_M) | hidden(eye, old, crowns, _OVERLAP_M).T
         return ~np.logical_or.reduce(either, axis=1)
 
     def _missed(self, points: Float[Array, "2 *n"], expected: Expected) -> Float[Array, "*n"]:
         at = points.reshape(2, -1).T
-        visible = self._in_plain_sight(at, expected.place)
+        visible = self._in_plain_sight(at, expected.crowns)
         return (1 - visible * self._kind.p_detect * self._shown.share(at)).reshape(points.shape[1:])
 
-    def learn_shown(self, place: Float[Array, "n 2"], asked: Float[Array, "n"], shown: Bool[Mask, "n"]) -> None:
-        """Learn where people are shown whom other sensors measure at places [m]; asked: how much each tells."""
-        self._shown.learn(place, asked * self._in_plain_sight(place, place), shown)
+    def learn_shown(self, crowns: Float[Array, "n 3"], asked: Float[Array, "n"], shown: Bool[Mask, "n"]) -> None:
+        """Learn where people are shown whom other sensors measure below their crowns [m]; asked: how much each tells."""
+        place = crowns[:, :2]
+        self._shown.learn(place, asked * self._in_plain_sight(place, crowns), shown)
 
-    def _in_plain_sight(self, place: Float[Array, "k 2"], others: Float[Array, "n 2"]) -> Bool[Mask, "k"]:
+    def _in_plain_sight(self, place: Float[Array, "k 2"], others: Float[Array, "n 3"]) -> Bool[Mask, "k"]:
         """Mark places [m] of people that neither the room, as far as it is told, nor another person hides from the picture."""
         visible = self._is_clear(np.column_stack([place, np.full(len(place), _CHEST_M)]), others)
         return visible if self._detector is None else visible & self._detector.places.shows(place)
 
-    def sees(self, points: Float[Array, "k 3"], others: Float[Array, "n 2"]) -> Bool[Mask, "k"]:
-        """Mark points [m] in the picture that neither the room nor another person hides. others: people's places [m]."""
+    def sees(self, points: Float[Array, "k 3"], others: Float[Array, "n 3"]) -> Bool[Mask, "k"]:
+        """Mark points [m] in the picture that neither the room nor another person hides. others: people's crowns [m]."""
         return self._is_clear(points, others) & (self._shown.share(points[:, :2]) > _HARDLY)
 
-    def _is_clear(self, points: Float[Array, "k 3"], others: Float[Array, "n 2"]) -> Bool[Mask, "k"]:
+    def _is_clear(self, points: Float[Array, "k 3"], others: Float[Array, "n 3"]) -> Bool[Mask, "k"]:
         seen = self.camera.project(points)[1]
         if self._environment is not None and seen.any():
             seen &= self._environment.visible(self.camera.eye_m, points)
@@ -240,7 +241,7 @@ class Camera:
         return seen
 
     def stands_alone(
-        self, heads: Float[Array, "n 3"], sigma_m: Float[Array, "n"], places: Float[Array, "n 2"]
+        self, heads: Float[Array, "n 3"], sigma_m: Float[Array, "n"], crowns: Float[Array, "n 3"]
     ) -> Bool[Mask, "n"]:
         """Mark heads [m] whose outlines are their own: depths tell them from others, silhouettes where nobody is on the sight.
 
@@ -249,14 +250,14 @@ class Camera:
         if self._stereo is not None:
             return np.ones(len(heads), np.bool_)
         reach_m = np.maximum(_SHADOW_M, _SIGMAS * sigma_m)[:, None]
-        meets, _ = through_people(self.camera.eye_m, heads, places, reach_m, _CROWN_M)
+        meets, _ = through_people(self.camera.eye_m, heads, crowns[:, :2], reach_m, crowns[:, 2])
         return ~np.logical_or.reduce(meets & ~np.eye(len(heads), dtype=np.bool_), axis=1)
 
     def colours(
-        self, place: Float[Array, "n 2"], stature_m: Float[Array, "n"]
+        self, crowns: Float[Array, "n 3"], stature_m: Float[Array, "n"]
     ) -> tuple[Float[Array, "n bins"], Bool[Mask, "n"]]:
-        """Return histograms of the clothes of people at these places [m], and whose are clearly seen, in the newest picture."""
-        n = len(place)
+        """Return histograms of the clothes of people below crowns [m], and whose are clearly seen, in the newest picture."""
+        n, place = len(crowns), crowns[:, :2]
         sight = place - self.camera.eye_m[:2]
         right = np.stack([sight[:, 1], -sight[:, 0]], axis=1) / np.maximum(np.linalg.norm(sight, axis=1), 1e-6)[:, None]
         points = np.empty((n, *_TORSO.shape[:2], 3))
@@ -267,16 +268,16 @@ class Camera:
         column, row = np.nan_to_num(np.moveaxis(pixels, -1, 0)).round().astype(np.intp)
         inside &= mask[row.clip(0, mask.shape[0] - 1), column.clip(0, mask.shape[1] - 1)]
         chest = np.column_stack([place, 0.65 * stature_m])
-        clear = (inside.sum(axis=(1, 2)) >= _LEAST_SAMPLES) & self.sees(chest, place)
+        clear = (inside.sum(axis=(1, 2)) >= _LEAST_SAMPLES) & self.sees(chest, crowns)
         return self._histogram.of_windows(self._rgb, pixels, inside), clear
 
 
 def hidden(
-    eye_m: Float[Array, "3"], points: Float[Array, "k 3"], others: Float[Array, "n 2"], radius_m: float
+    eye_m: Float[Array, "3"], points: Float[Array, "k 3"], crowns: Float[Array, "n 3"], radius_m: float
 ) -> Bool[Mask, "k n"]:
-    """Mark points [m] that people at other places hide, as upright cylinders of this radius; nobody hides their own."""
-    meets, along = through_people(eye_m, points, others, radius_m, _CROWN_M)
-    return meets & (along < 1) & (distances(points[:, :2], others) >= _SAME_M)
+    """Mark points [m] that other people hide, as upright cylinders below their crowns [m]; nobody hides their own."""
+    meets, along = through_people(eye_m, points, crowns[:, :2], radius_m, crowns[:, 2])
+    return meets & (along < 1) & (distances(points[:, :2], crowns[:, :2]) >= _SAME_M)
 
 
 def cameras_of(

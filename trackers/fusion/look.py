@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from trackers.arrays import Array, Float, Index, Int
-from trackers.fusion.motion import HEAD_PLACE, LEGS, PLACE
+from trackers.fusion.motion import HEAD_PLACE, LEGS, PLACE, crowns_over
 from trackers.fusion.options import KindOptions
 from trackers.fusion.posture import Shares
 from trackers.observations import Observation
@@ -28,6 +28,11 @@ class Expected:
     legs: Float[Array, "n 2"]  # from the place to the middle of the legs [m]
     speed_m_s: Float[Array, "n"]
     facing: Float[Array, "n 2"]  # mean of the unit vector that they face by, of length 0 where that is not known
+
+    @property
+    def crowns(self) -> Float[Array, "n 3"]:
+        """Places [m], and above them the heights of the crowns: what hides others."""
+        return crowns_over(self.place, self.head)
 
 
 @dataclass(frozen=True, eq=False)

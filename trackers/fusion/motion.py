@@ -22,6 +22,9 @@ _LEAN_S = 0.026
 _OUTLINED = 0.5
 """Place of the outline of a sitting person between the pelvis, 0, and the legs, 1: measured in the twin."""
 
+CROWN_M = 0.12
+"""Height of the crown above the middle of a head [m]."""
+
 PLACE = np.eye(2, 9)
 """The place in the state: H of its measurements; and where pictures outline a person, legs bear them, and the head is."""
 LEGS = PLACE + np.eye(2, 9, k=7)
@@ -63,6 +66,11 @@ def seen_over_modes(
     whole = np.einsum("nmp,mn->np", mean, state.probability)
     off = mean - whole[:, None]
     return whole, np.einsum("mn,nmpq->npq", state.probability, P + off[..., None] * off[..., None, :])
+
+
+def crowns_over(place: Float[Array, "n 2"], head: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
+    """Return places [m], and above them the heights of the crowns of these heads [m]."""
+    return np.column_stack([place, head[:, 2] + CROWN_M])
 
 
 def drifted(

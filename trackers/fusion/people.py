@@ -12,7 +12,7 @@ from trackers.filters.imm import ImmState
 from trackers.filters.rows import written
 from trackers.fusion.heads import Heads
 from trackers.fusion.look import Expected
-from trackers.fusion.motion import HEAD, PLACE, drifted, seen_over_modes
+from trackers.fusion.motion import CROWN_M, HEAD, PLACE, crowns_over, drifted, seen_over_modes
 from trackers.fusion.options import HeadEvidenceOptions
 from trackers.fusion.posture import OFF_BODY, Posture
 from trackers.tracking.roster import NEVER_NS, ImmTracks, Roster
@@ -22,8 +22,6 @@ _USUAL_STATURE_M, _STATURE_M, _LEAST_STATURE_M = 1.7, 0.2, 1.0
 """Mean and standard deviation of statures that are not known, and that of small children [m]: who is lower does not stand."""
 _SINKS, _SURE_M = 0.005, 0.06
 """Share by which a stature sinks to a lower head, and standard deviation of a height from which on one is known [m]."""
-_CROWN_M = 0.12
-"""Height of the crown above the middle of a head [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +79,11 @@ class People(ImmTracks):
         return seen_over_modes(self.state, HEAD)[1]
 
     @property
+    def crowns(self) -> Float[Array, "n 3"]:
+        """Places [m], and above them the heights of the crowns: what hides others."""
+        return crowns_over(self.positions, self.head)
+
+    @property
     def legs(self) -> Float[Array, "n 2"]:
         """Offsets of the middles of legs from the places, over the modes [m]."""
         return (self.state.mean[7:] * self.state.probability).sum(axis=1).T
@@ -115,7 +118,7 @@ class People(ImmTracks):
         self, row: Int[Index, "k"], height_m: Float[Array, "k"], variance_m2: Float[Array, "k"], memory: float
     ) -> Self:
         """Learn the statures of people at `row` by heights of their heads, while they stand: sooner higher ones than lower."""
-        crown, old = height_m + _CROWN_M, self.stature_m[row]
+        crown, old = height_m + CROWN_M, self.stature_m[row]
         stands = self.posture.probability[row, 0]
         slowly = 1 - _SINKS * stands
         learned = np.where(crown > old, memory * old + (1 - memory) * crown, slowly * old + (1 - slowly) * crown)

@@ -236,7 +236,7 @@ class Fusion(SynchronizedTracker):
         agreement.take_shown(number, share * by_others * (1 - missed), shown)
         source = self._sources[number]
         if isinstance(source, Camera):
-            source.learn_shown(people.positions, share * by_others, shown)
+            source.learn_shown(people.crowns, share * by_others, shown)
         self._doubted = agreement.doubted
         for sentence in agreement.found():
             logger.warning(sentence)
@@ -320,10 +320,11 @@ class Fusion(SynchronizedTracker):
         if not cameras or not len(people):
             return people
         before, head, covariance = people.heads, people.head, people.head_covariance
+        crowns = people.crowns
         sigma_m = np.sqrt((covariance[:, 0, 0] + covariance[:, 1, 1]) / 2)
         asked = people.confirmed & own(head)
-        in_view = np.array([each.sees(head, people.positions) for each in cameras]) & asked
-        outlined = np.array([each.stands_alone(head, sigma_m, people.positions) for each in cameras]) & in_view
+        in_view = np.array([each.sees(head, crowns) for each in cameras]) & asked
+        outlined = np.array([each.stands_alone(head, sigma_m, crowns) for each in cameras]) & in_view
         since_s = np.minimum((ns - before.seen_ns) / NS_PER_S, 1.0)
         share = np.clip(since_s / 0.05, 0.25, 1.0)
         heads, row, place, R = self._weighing.updated(before, head, covariance, cameras, in_view, outlined, share, ns)
@@ -336,7 +337,7 @@ class Fusion(SynchronizedTracker):
             posture = people.posture.by_head(row, height_m, unsure_m2, people.stature[row], since_s[row])
             people = people.changed(posture=posture)
             people = people.learn_stature(row, height_m, variance_m2, self.options.identity.memory)
-        seen = [each.colours(people.positions, people.stature) for each in cameras]
+        seen = [each.colours(people.crowns, people.stature) for each in cameras]
         clear = np.array([each for _, each in seen]) & (people.roster.measured_ns == ns) & ~people.posture.lies
         looked = np.flatnonzero(clear.any(axis=0))
         if looked.size:
