@@ -28,8 +28,8 @@ FLOOR_SHOWN: Shares = (1.0, 0.83, 0.05)
 OFF_BODY: Shares = (1.0, 16.0, 320.0)
 """Variance of heads from over the pelvis, on each axis, in that of a standing person's (2.5 cm); measured in the twin."""
 
-LENGTH_M = 1.2
-"""Trunk and legs of a person who sits, lies or gets up are this near to the place [m]."""
+REACH = 0.7
+"""Trunk and legs of a person who sits, lies or gets up are this near to the place, as a share of the stature."""
 _RISES_S, _LIES_DOWN_S = 20.0, 12.0
 """Mean times for which people sit or lie before they rise, and sit before they lie down [s]."""
 _FALLS = 0.1

@@ -23,7 +23,7 @@ from trackers.fusion.association import EXPLAINED, LEAST_EXISTENCE, explained
 from trackers.fusion.look import NEW, Look, round_covariance
 from trackers.fusion.options import ColourIdentityOptions, FusionOptions
 from trackers.fusion.people import People
-from trackers.fusion.posture import LENGTH_M
+from trackers.fusion.posture import REACH
 from trackers.observations import NS_PER_S
 from trackers.tracking.roster import NEVER_NS
 from trackers.tracking.track_manager import TrackManager, clear_of, nanoseconds
@@ -211,7 +211,9 @@ class FusionTrackManager(TrackManager):
     def clear_of_seats(self, people: People, position: Float[Array, "k 2"]) -> Bool[Mask, "k"]:
         """Mark places that are not within the reach of a person who sits or lies."""
         rests = people.confirmed & people.posture.rests & (people.existence > 0.5) & self.inside(people.place)
-        return clear_of(position, people.place[rests], LENGTH_M)
+        away_m = distances(position, people.place[rests])
+        seats_m = np.fmin(away_m, distances(position, people.posture.seat[rests]))
+        return (seats_m > REACH * people.stature[rests]).all(axis=1)
 
     def confirmed(self, people: People, ns: int, elapsed_s: float) -> People:
         """Confirm tracks that were measured long and often enough, and that exist."""
