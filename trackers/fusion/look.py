@@ -11,7 +11,7 @@ import numpy as np
 from trackers.arrays import Array, Float, Index, Int
 from trackers.fusion.motion import HEAD_PLACE, LEGS, PLACE, crowns_over
 from trackers.fusion.options import KindOptions
-from trackers.fusion.posture import Shares
+from trackers.fusion.posture import ALIKE_S, Shares
 from trackers.observations import Observation
 from trackers.tracks import Detection
 
@@ -57,6 +57,11 @@ class Look:
     is_sharp: bool = False
     observes: Float[Array, "2 s"] = field(default_factory=lambda: PLACE)
     shown: tuple[Detection, ...] = field(default=())
+
+    @property
+    def alike_s(self) -> float:
+        """Time in which all looks together tell of a posture what one tells [s]: how a picture shows a body stays so."""
+        return self.kind.lasts_s if self.is_sharp else max(self.kind.lasts_s, ALIKE_S)
 
     @property
     def of_heads(self) -> bool:

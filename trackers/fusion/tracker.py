@@ -34,7 +34,7 @@ from trackers.fusion.look import Look, Source
 from trackers.fusion.motion import HEAD, PersonMotion, with_legs_free
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.people import People
-from trackers.fusion.posture import ALIKE_S, LEGS_REST_M, Posture
+from trackers.fusion.posture import LEGS_REST_M, Posture
 from trackers.fusion.track_manager import FusionTrackManager
 from trackers.observations import NS_PER_S, Observation
 from trackers.prior import Prior
@@ -130,10 +130,9 @@ class Fusion(SynchronizedTracker):
         position, velocity, heads = people.positions, people.velocity, people.heads
         radius_m = radius_containing(people.state, position, 0.95, people.offset_m2)
         shown = ns - heads.seen_ns <= _HEAD_SHOWN_S * NS_PER_S
-        head = np.where(shown[:, None], people.head, nan)
-        yaw = np.where(shown, heads.direction[0], nan)
+        head = np.where(shown[:, None], np.column_stack([people.head, heads.direction[0]]), nan)
         fresh = self._manager.is_fresh(people, ns)
-        values = np.column_stack([position, velocity, np.full(len(people), nan), head, yaw]).tolist()
+        values = np.column_stack([position, velocity, np.full(len(people), nan), head]).tolist()
         return [
             Track(number, *row, status="confirmed" if is_fresh else "coasting", radius95_m=radius)
             for number, row, is_fresh, radius in zip(
@@ -247,21 +246,20 @@ class Fusion(SynchronizedTracker):
         if not row.size:
             return people
         number = np.repeat(list(looks), [each.row.size for each in paired])
-        kind = {k: np.array([getattr(looks[n].kind, k) for n in number]) for k in ("lasts_s", "offset_m", "p_detect")}
+        by, kinds = [looks[n] for n in number], ("lasts_s", "offset_m", "p_detect")
+        kind = {name: np.array([getattr(look.kind, name) for look in by]) for name in kinds}
         place, covariance = (
             np.concatenate([getattr(look, of)[each.column] for look, each in zip(looks.values(), paired, strict=True)])
             for of in ("position", "covariance")
         )
         since_s = np.minimum((ns - people.seen_ns[row, number]) / NS_PER_S, 1.0)
         share = np.clip(since_s / kind["lasts_s"], _LEAST_SHARE, 1.0)
-        sharp = np.array([looks[n].is_sharp for n in number])
-        of_lying = np.array([looks[n].by_posture[2] for n in number])
-        posture = people.posture.detected(row, of_lying, np.where(sharp, share, since_s / ALIKE_S))
-        of_legs = np.array([looks[n].of_legs for n in number])
+        of_legs, of_heads = (np.array([getattr(look, k) for look in by]) for k in ("of_legs", "of_heads"))
+        alike_s, of_lying = np.array([(look.alike_s, look.by_posture[2]) for look in by]).T
+        posture = people.posture.detected(row, of_lying, np.clip(since_s / alike_s, _LEAST_SHARE, 1.0))
         pelvis = np.where(of_legs[:, None], place - people.legs[row], place)
         posture = posture.by_place(row, place, of_legs, np.hypot(*people.velocity[row].T), share)
         upright = np.maximum(1 - posture.low[row], _LEAST_SHARE)  # a lying person is not where a standing one would be
-        of_heads = np.array([looks[n].of_heads for n in number])
         lean_m = np.where(posture.rests[row] & ~of_legs & ~of_heads, _LEAN_M, 0.0)
         R = (covariance / share[:, None, None] + (lean_m**2)[:, None, None] * np.eye(2)) / upright[:, None, None]
         state = people.state
@@ -274,8 +272,7 @@ class Fusion(SynchronizedTracker):
         people, each = people.changed(posture=posture), np.unique(row)
         people = people.changed(roster=people.roster.measured(each, ns, state))
         people = self._manager.detected(people, row, ratio, share * upright, kind["p_detect"])
-        n = len(people)
-        offset_m2 = np.bincount(row, kind["offset_m"] ** 2, n)[each] / np.bincount(row, minlength=n)[each]
+        offset_m2 = (np.bincount(row, kind["offset_m"] ** 2) / np.bincount(row).clip(1))[each]
         seen_ns, seen_at = people.seen_ns.copy(), people.seen_at.copy()
         seen_ns[row, number], seen_at[row, number] = ns, pelvis
         seat = people.positions
@@ -285,7 +282,7 @@ class Fusion(SynchronizedTracker):
         still = np.exp(-0.5 * (np.hypot(*people.velocity.T) / _STILL_M_S) ** 2)
         return people.changed(
             place=written(people.place, each, people.positions[each]),
-            posture=people.posture.settled(seat, people.legs, np.bincount(row, since_s, n) * still),
+            posture=people.posture.settled(seat, people.legs, np.bincount(row, since_s, len(people)) * still),
             offset_m2=written(people.offset_m2, each, 0.8 * people.offset_m2[each] + 0.2 * offset_m2),
             seen_ns=seen_ns,
             seen_at=seen_at,

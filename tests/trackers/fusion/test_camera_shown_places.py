@@ -1,11 +1,11 @@
-"""Where a camera shows people, learned from those whom others measure."""
+"""Where a camera shows people: learned from those whom others measure, and over the heads of who sits."""
 
 import numpy as np
 import pytest
 from synthetic_view import rig
 
 from trackers.cameras import PlacedCamera
-from trackers.fusion.cameras import ShownPlaces
+from trackers.fusion.cameras import ShownPlaces, hidden
 from trackers.rig import placed_camera
 
 BEHIND_A_WALL, IN_VIEW = np.array([[4.0, 1.3]]), np.array([[1.0, -2.2]])
@@ -58,3 +58,10 @@ def test_the_share_does_not_jump_from_place_to_place():
     share = places.share(way)
     assert np.ptp(share) > 0.3
     assert np.abs(np.diff(share)).max() < 0.02
+
+
+def test_a_camera_sees_over_the_head_of_who_sits_and_not_through_who_stands():
+    eye_m, chest = np.array([0.0, 0.0, 2.4]), np.array([[4.0, 0.0, 1.1]])
+    at = np.array([[3.0, 0.1], [3.0, 0.1], [3.0, 0.5], [3.9, 0.0]])
+    crowns = np.column_stack([at, [1.25, 1.8, 1.8, 1.8]])  # sits, stands, stands aside, is the person seen
+    assert hidden(eye_m, chest, crowns, 0.25).tolist() == [[False, True, False, False]]

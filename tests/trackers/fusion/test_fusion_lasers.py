@@ -95,6 +95,25 @@ def people_at(*places: tuple[float, float]) -> People:
     return people.changed(existence=np.full(len(at), 0.99))
 
 
+def test_nobody_begins_within_reach_of_who_rests() -> None:
+    """Legs and arms of who lies are up to seven tenths of the stature from the place, or from the seat."""
+    manager = FusionTrackManager(FusionOptions(), None, Imm(PersonMotion()))
+    people = people_at((0.0, 0.0), (10.0, 0.0), (20.0, 0.0))
+    posture = people.posture.changed(
+        probability=np.array([[0.0, 0.1, 0.9], [0.0, 0.1, 0.9], [0.9, 0.1, 0.0]]),
+        seat=np.array([[0.5, 0.0], [np.nan, np.nan], [np.nan, np.nan]]),
+    )
+    people = people.changed(
+        roster=people.roster.changed(confirmed=np.ones(3, np.bool_)),
+        posture=posture,
+        stature_m=np.array([1.8, 1.2, 1.8]),
+    )
+    at = np.array([[-1.2, 0.0], [-1.3, 0.0], [1.7, 0.0], [1.8, 0.0], [10.8, 0.0], [10.9, 0.0], [20.3, 0.0]])
+    assert manager.clear_of_seats(people, at).tolist() == [False, True, False, True, False, True, True]
+    nobody = people.select(np.zeros(3, np.bool_))
+    assert manager.clear_of_seats(nobody, at).all()
+
+
 def test_nobody_is_outside_the_area() -> None:
     """A look that would show nobody, wherever they are, says nothing of a person inside and ends a track outside."""
     options, imm = FusionOptions(), Imm(PersonMotion())

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from trackers.fusion.look import Look
+from trackers.fusion.options import FusionOptions
 from trackers.fusion.posture import SILHOUETTE_SHOWN, TRUNK_SHOWN, Posture
 
 ROW, ONE = np.array([0]), np.ones(1)
@@ -30,6 +34,24 @@ def test_probabilities_stay_so_and_a_lying_person_who_is_shown_as_standing_gets_
         up = up.detected(ROW, TRUNK_SHOWN[2] * ONE, ONE)
     assert not up.lies[0]
     np.testing.assert_allclose([each.probability.sum() for each in (lying, up)], 1)
+
+
+def test_who_lies_stays_so_while_one_camera_shows_them_and_a_scanner_does_not() -> None:
+    """Ten pictures of one body in a second tell what one tells; that the scanner goes on missing the trunk outweighs them."""
+    nobody = np.empty(0, np.intp)
+    picture = Look(
+        ("camera",), FusionOptions().camera, np.empty((0, 2)), np.empty((0, 2, 2)), nobody, nobody,
+        lambda points: np.ones(points.shape[1:]), SILHOUETTE_SHOWN,
+    )  # fmt: skip
+    scan = replace(picture, kind=FusionOptions().trunk, by_posture=TRUNK_SHOWN, is_sharp=True)
+    assert scan.alike_s == scan.kind.lasts_s < picture.alike_s
+    lying = headed(headed(Posture.upright(1), 1.28, 3), 0.65, 3)
+    missed = np.log(1 - np.array(TRUNK_SHOWN) * scan.kind.p_detect)[None]
+    seen = lying
+    for _ in range(100):
+        seen = seen.later(0.1, 60.0).weighed(ROW, missed)
+        seen = seen.detected(ROW, SILHOUETTE_SHOWN[2] * ONE, 0.1 / picture.alike_s * ONE)
+        assert seen.lies[0]
 
 
 def test_legs_far_before_the_trunk_are_a_sitting_persons_and_a_seat_ends_with_who_leaves_it() -> None:
