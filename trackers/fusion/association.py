@@ -50,7 +50,7 @@ class Pairs:
 
     row: Int[Index, "p"]  # of the track
     column: Int[Index, "p"]  # of the measurement
-    log_ratio: Float[Array, "p"]  # against clutter
+    log_ratio: Float[Array, "p"]  # against clutter, or a track that the look shows nowhere else
     legs_moved: Float[Array, "p"]  # probability that legs are elsewhere than before: of who sits down, lies or gets up
 
 
@@ -76,7 +76,10 @@ def pair(people: People, look: Look, missed: Float[Array, "n"], by_trunk: Bool[M
     given = given[fits]
     worth[look.owner[given], given] = np.maximum(worth[look.owner[given], given], 1e-9)
     row, column = max_weight_assignment(worth)
-    return Pairs(row, column, ratio[row, column], legs_moved[row, column])
+    others = np.where(allowed, worth, -np.inf)
+    others[row] = -np.inf
+    else_explained = np.logaddexp(0.0, np.logaddexp.reduce(others[:, column], axis=0))
+    return Pairs(row, column, ratio[row, column] - else_explained, legs_moved[row, column])
 
 
 def _density(
