@@ -52,6 +52,7 @@ class Pairs:
     column: Int[Index, "p"]  # of the measurement
     log_ratio: Float[Array, "p"]  # against clutter, or a track that the look shows nowhere else
     legs_moved: Float[Array, "p"]  # probability that legs are elsewhere than before: of who sits down, lies or gets up
+    evidence: Float[Array, "p"]  # that a person is there, in that of a whole one
 
 
 def pair(people: People, look: Look, missed: Float[Array, "n"], by_trunk: Bool[Mask, "n"]) -> Pairs:
@@ -61,7 +62,7 @@ def pair(people: People, look: Look, missed: Float[Array, "n"], by_trunk: Bool[M
     legs are near. Measurements that a source has shared out keep their owners.
     """
     if not len(people):
-        return Pairs(np.empty(0, np.intp), np.empty(0, np.intp), np.empty(0), np.empty(0))
+        return Pairs(np.empty(0, np.intp), np.empty(0, np.intp), np.empty(0), np.empty(0), np.empty(0))
     density, away, legs_moved = _density(people, look, by_trunk)
     ratio = density - np.log(look.kind.clutter_m2) + _log_shown(people, look, missed)[:, None]
     allowed = (away <= _GATE) & (look.owner != NEW)
@@ -79,7 +80,8 @@ def pair(people: People, look: Look, missed: Float[Array, "n"], by_trunk: Bool[M
     others = np.where(allowed, worth, -np.inf)
     others[row] = -np.inf
     else_explained = np.logaddexp(0.0, np.logaddexp.reduce(others[:, column], axis=0))
-    return Pairs(row, column, ratio[row, column] - else_explained, legs_moved[row, column])
+    log_ratio = ratio[row, column] - else_explained
+    return Pairs(row, column, log_ratio, legs_moved[row, column], look.evidence_of(column))
 
 
 def _density(

@@ -65,7 +65,7 @@ class Scanners:
             found = found.select(self._area.contains(found.position))
         position, variance = found.position, self._kind.sigma_m**2 + found.variance_m2
         starts, n_sample = self._group.sufficient(found), found.n_sample
-        owner = np.full(len(position), -1)
+        owner, evidence = np.full(len(position), -1), np.ones(len(position))
         if self.role == "knee":
             gate_m = self._legs.gate_m if self._waists else self._legs.gate_alone_m
             no_trunk = np.empty((0, 2))
@@ -87,6 +87,8 @@ class Scanners:
             # split beams at an edge look like a leg, but not twice: a hidden person is not moved to one; and a leg, up to half a
             # stride from the body, tells by its place alone less of whose it is than all legs together
             owner = np.where(single & starts, NEW, np.where(single, walkers.owner, -1))
+            # where a trunk would be seen with the legs, one leg alone is half of what shows a person
+            evidence = np.where(single & (self._waists is not None), 0.5, 1.0)
         sure = (n_sample >= _SURE_SAMPLES) & (not self._group.is_learning)
         return Look(
             tuple(scans),
@@ -100,6 +102,7 @@ class Scanners:
             is_sharp=True,
             observes=LEGS if self.role == "knee" else PLACE,
             shown=tuple(self._group.to_detections(found, self.role, ns)),
+            evidence=evidence,
         )
 
 

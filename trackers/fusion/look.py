@@ -43,7 +43,8 @@ class Look:
     the hits with which a track begins that a measurement initiates, 0 where it may not: one that can be nobody but a person
     counts as several; missed: the probability that the look would not show a standing person at room points (2, ...) [m], (...);
     by_posture: the detection probability of who stands, sits and lies, in that of who stands; is_sharp: whether `missed` tells
-    one place from another near by; observes: H of the measurements.
+    one place from another near by; observes: H of the measurements; evidence: of each measurement that a person is there, in
+    that of a whole person; None: of all 1.
     """
 
     sensors: tuple[str, ...]
@@ -57,6 +58,11 @@ class Look:
     is_sharp: bool = False
     observes: Float[Array, "2 s"] = field(default_factory=lambda: PLACE)
     shown: tuple[Detection, ...] = field(default=())
+    evidence: Float[Array, "k"] | None = None
+
+    def evidence_of(self, column: Int[Index, "p"]) -> Float[Array, "p"]:
+        """Return the share of evidence of the measurements at `column`, that of a whole person."""
+        return np.ones(len(column)) if self.evidence is None else self.evidence[column]
 
     @property
     def alike_s(self) -> float:

@@ -57,7 +57,7 @@ class FusionTrackManager(TrackManager):
 
     def initiated(self, people: People, looks: dict[int, Look], paired: list[Int[Index, "p"]], ns: int) -> People:
         """Return the tracks and those that begin at measurements that no track explains, one of each person."""
-        place, number, R, hits, near = [], [], [], [], [people.positions]
+        place, number, R, hits, evidence, near = [], [], [], [], [], [people.positions]
         for (source, look), column in zip(looks.items(), paired, strict=True):
             start = (look.starts > 0) & (~explained(people, look) | (look.owner == NEW))
             start &= self.clear_of_seats(people, look.position)
@@ -67,7 +67,8 @@ class FusionTrackManager(TrackManager):
             number.append(np.full(start.sum(), source))
             R.append(look.covariance[start])
             hits.append(look.starts[start])
-        place, number, R, hits = (np.concatenate(each) for each in (place, number, R, hits))
+            evidence.append(look.evidence_of(np.flatnonzero(start)))
+        place, number, R, hits, evidence = (np.concatenate(each) for each in (place, number, R, hits, evidence))
         free = self.may_start(place, np.concatenate(near))
         for k in np.lexsort((*place.T, R.trace(axis1=1, axis2=2))):  # the sharpest first
             if free[k]:
@@ -75,8 +76,10 @@ class FusionTrackManager(TrackManager):
                 same = np.einsum("ka,kab,kb->k", off, np.linalg.inv(R + R[k]), off) < EXPLAINED**2
                 _, own = np.unique(np.where(same & free, number, -1), return_index=True)
                 own = np.union1d(own[(same & free)[own]], [k])
-                by = np.repeat(number[own], hits[own])
-                people = people.joined(self._started(people, place[own], R[own], ns, number[own], looks, by))
+                by = np.repeat(own, hits[own])
+                p_detect = [looks[k].kind.p_detect for k in number[by].tolist()]
+                existence = self.existence_of_new(np.array(p_detect), evidence[by])
+                people = people.joined(self._started(people, place[own], R[own], ns, number[own], by.size, existence))
                 free &= ~same & self.may_start(place, place[[k]])
         return people
 
@@ -87,10 +90,10 @@ class FusionTrackManager(TrackManager):
         R: Float[Array, "k 2 2"],
         ns: int,
         number: Int[Index, "k"],
-        looks: dict[int, Look],
-        by: Int[Index, "hits"],
+        n_hit: int,
+        existence: float,
     ) -> People:
-        """Make a tentative track of measurements by sources, each with a covariance; by: the sources of its hits."""
+        """Make a tentative track of measurements by sources, each with a covariance."""
         information = np.linalg.inv(R)
         covariance = np.linalg.inv(information.sum(axis=0, keepdims=True)).astype(np.float64)
         at = np.einsum("zab,kbc,kc->za", covariance, information, place)
@@ -103,9 +106,8 @@ class FusionTrackManager(TrackManager):
             others.seen_ns.shape[1],
         )
         people.seen_ns[0, number], people.seen_at[0, number] = ns, place
-        roster = people.roster.changed(n_measured=np.array([by.size]))
-        existence = np.array([self.existence_of_new([looks[k].kind.p_detect for k in by[1:].tolist()])])
-        return people.changed(roster=roster, existence=existence)
+        roster = people.roster.changed(n_measured=np.array([n_hit]))
+        return people.changed(roster=roster, existence=np.array([existence]))
 
     def after_gap(self, people: People, last_ns: int, ns: int) -> People:
         """Return the tracks still followed at a look; none after a gap in all sensors longer than `coast_s`."""
@@ -153,9 +155,10 @@ class FusionTrackManager(TrackManager):
         return people.changed(existence=written(people.existence, row, np.minimum(existence, 1 - 1e-6)))
 
     @staticmethod
-    def existence_of_new(p_detect: list[float]) -> float:
-        """Return the existence of a track that a sensor has measured first, and others of these P_D with it."""
-        return float(1 / (1 + np.prod([(1 / p - 1) ** _TRUST for p in p_detect])))
+    def existence_of_new(p_detect: Float[Array, "hits"], evidence: Float[Array, "hits"]) -> float:
+        """Return the existence of a track begun by hits of sensors of these P_D: 1/2 by the first, if it shows a whole person."""
+        most = _TRUST * np.log(p_detect / (1 - p_detect))
+        return float(1 / (1 + np.exp(most[0] - (evidence * most).sum())))
 
     def updated_missed(self, people: People, look: Look, share: float, elapsed_s: float, ns: int) -> People:
         """Update the tracks that neither a look nor another one of its stamp showed: likelier hidden, or not to exist.
@@ -213,7 +216,7 @@ class FusionTrackManager(TrackManager):
         rests = people.confirmed & people.posture.rests & (people.existence > 0.5) & self.inside(people.place)
         away_m = distances(position, people.place[rests])
         seats_m = np.fmin(away_m, distances(position, people.posture.seat[rests]))
-        return (seats_m > REACH * people.stature[rests]).all(axis=1)
+        return np.logical_and.reduce(seats_m > REACH * people.stature[rests], axis=1)
 
     def confirmed(self, people: People, ns: int, elapsed_s: float) -> People:
         """Confirm tracks that were measured long and often enough, and that exist."""

@@ -131,13 +131,12 @@ class Fusion(SynchronizedTracker):
         radius_m = radius_containing(people.state, position, 0.95, people.offset_m2)
         shown = ns - heads.seen_ns <= _HEAD_SHOWN_S * NS_PER_S
         head = np.where(shown[:, None], np.column_stack([people.head, heads.direction[0]]), nan)
-        fresh = self._manager.is_fresh(people, ns)
+        fresh = self._manager.is_fresh(people, ns).tolist()
         values = np.column_stack([position, velocity, np.full(len(people), nan), head]).tolist()
+        each = zip(people.roster.id.tolist(), values, fresh, radius_m.tolist(), strict=True)
         return [
             Track(number, *row, status="confirmed" if is_fresh else "coasting", radius95_m=radius)
-            for number, row, is_fresh, radius in zip(
-                people.roster.id.tolist(), values, fresh.tolist(), radius_m.tolist(), strict=True
-            )
+            for number, row, is_fresh, radius in each
         ]
 
     def _work_all(self, synced_frames: list[SyncedFrame]) -> list[TrackFrame]:
@@ -242,7 +241,8 @@ class Fusion(SynchronizedTracker):
 
     def _measured(self, people: People, paired: list[Pairs], looks: dict[int, Look], ns: int) -> People:
         """Update tracks by their measurements; those of one source that follow soon tell together what one tells."""
-        row, ratio = (np.concatenate([getattr(each, of) for each in paired]) for of in ("row", "log_ratio"))
+        fields = ("row", "log_ratio", "evidence")
+        row, ratio, evidence = (np.concatenate([getattr(each, of) for each in paired]) for of in fields)
         if not row.size:
             return people
         number = np.repeat(list(looks), [each.row.size for each in paired])
@@ -269,9 +269,9 @@ class Fusion(SynchronizedTracker):
                 posture = self._by_legs(people, posture, each.row, place[of], covariance[of, 0, 0], since_s[of], ns)
                 state = with_legs_free(state, each.row, each.legs_moved * LEGS_REST_M**2)
             state = self._imm.update(state, each.row, place[of], R[of], look.observes)
-        people, each = people.changed(posture=posture), np.unique(row)
-        people = people.changed(roster=people.roster.measured(each, ns, state))
-        people = self._manager.detected(people, row, ratio, share * upright, kind["p_detect"])
+        each = np.unique(row)
+        people = people.changed(posture=posture, roster=people.roster.measured(each, ns, state))
+        people = self._manager.detected(people, row, ratio, share * upright * evidence, kind["p_detect"])
         offset_m2 = (np.bincount(row, kind["offset_m"] ** 2) / np.bincount(row).clip(1))[each]
         seen_ns, seen_at = people.seen_ns.copy(), people.seen_at.copy()
         seen_ns[row, number], seen_at[row, number] = ns, pelvis

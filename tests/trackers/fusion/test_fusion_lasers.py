@@ -18,7 +18,7 @@ from trackers.fusion.look import NEW, Expected, Look
 from trackers.fusion.motion import LEGS, PersonMotion, seen, with_legs_free
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.people import People
-from trackers.fusion.posture import LEGS_SHOWN
+from trackers.fusion.posture import LEGS_SHOWN, SILHOUETTE_SHOWN
 from trackers.fusion.track_manager import FusionTrackManager, reidentified
 from trackers.observations import NS_PER_S, LaserScan
 from trackers.presets import make_tracker
@@ -248,6 +248,38 @@ def test_a_single_leg_begins_a_track_where_no_scanner_at_waist_height_would_show
     look = knees.look({"knee": knee}, nobody, knee.stamp_ns)
     assert look is not None and len(look.position) == 1
     assert (look.starts[0] > 0) == hidden
+    alone = scanners_of(rig(waist=False, camera=False), EMPTY, FusionOptions(), None)[0].look(
+        {"knee": knee}, nobody, knee.stamp_ns
+    )
+    assert alone is not None
+    one = np.array([0])
+    assert look.evidence_of(one) < alone.evidence_of(one) == 1.0
+
+
+def test_a_track_begun_by_one_leg_takes_more_hits_than_one_begun_by_a_trunk() -> None:
+    of_new, p_detect = FusionTrackManager.existence_of_new, np.full(4, 0.95)
+    assert of_new(p_detect[:1], np.ones(1)) == pytest.approx(0.5)
+    whole = [of_new(p_detect[:n], np.ones(n)) for n in (1, 2, 3, 4)]
+    half = [of_new(p_detect[:n], np.full(n, 0.5)) for n in (1, 2, 3, 4)]
+    assert (np.diff(whole) > 0).all() and (np.diff(half) > 0).all() and (np.array(half) < whole).all()
+    assert half[1] == pytest.approx(whole[0]) and half[3] == pytest.approx(whole[1])
+
+
+def test_what_may_be_of_another_track_tells_less_of_one_that_it_is_given_to() -> None:
+    """A silhouette at a ghost's place, which may as well be the known person's whom the picture shows nowhere else."""
+    options, ghost = FusionOptions(), (0.0, 0.0)
+    ratios = []
+    for x_m in (3.0, 1.0, 0.5):
+        people = people_at(ghost, (x_m, 0.0))
+        look = Look(
+            ("camera",), options.camera, np.zeros((1, 2)), 0.3**2 * np.eye(2)[None], np.zeros(1, np.intp), np.full(1, -1),
+            lambda points: np.full(points.shape[1:], 0.2), SILHOUETTE_SHOWN,
+        )  # fmt: skip
+        pairs = pair(people, look, np.full(2, 0.2), np.zeros(2, np.bool_))
+        assert pairs.row.tolist() == [0]
+        ratios.append(pairs.log_ratio[0])
+    alone = pair(people_at(ghost), look, np.full(1, 0.2), np.zeros(1, np.bool_)).log_ratio[0]
+    assert alone == pytest.approx(ratios[0]) and ratios[0] > ratios[1] > ratios[2]
 
 
 def test_a_single_leg_is_of_the_person_with_whom_the_legs_were_shared_out() -> None:
