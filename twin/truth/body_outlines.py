@@ -156,7 +156,8 @@ def _strips(reach: Array, pairs: NDArray[np.intp]) -> Array:
 
     reach (n, _COARSE): of each outline in each direction [m]; pairs (m, 2) of them.
     """
-    return -reach[pairs[:, 1]][:, _OPPOSITE] - reach[pairs[:, 0]]
+    first, second = pairs.T
+    return -reach.take(_OPPOSITE, axis=1).take(second, axis=0) - reach.take(first, axis=0)
 
 
 def _unit(angles: Array) -> Array:

@@ -24,23 +24,23 @@ _ARRIVES_M = 0.04
 
 def free_places(
     area: Array,
-    obstacles: Sequence[Obstacle],
+    footprints: Footprints,
     count: int,
     rng: np.random.Generator,
     source: str = "area",
 ) -> Array:
-    """Draw places (count, 2) [m], uniform in the polygon `area` (k, 2) at least `KEEP_FROM_FURNITURE_M` from all obstacles.
+    """Draw places (count, 2) [m], uniform in the polygon `area` (k, 2) at least `KEEP_FROM_FURNITURE_M` from all footprints.
 
     Raises InputError, naming `source`, where almost none of the area is free.
     """
     low, high = area.min(axis=0), area.max(axis=0)
-    inside, footprints, found = Area(area), Footprints(obstacles), np.empty((0, 2))
+    inside, found = Area(area), np.empty((0, 2))
     for _ in range(_ROUNDS):
         if len(found) >= count:
             return found[:count]
         places = rng.uniform(low, high, (2 * count, 2))
         places = places[inside.contains(places)]
-        if len(obstacles):
+        if len(footprints):
             places = places[footprints.gaps(planar(places))[1].min(axis=1) >= KEEP_FROM_FURNITURE_M]
         found = np.concatenate([found, places])
     raise InputError(
@@ -110,6 +110,10 @@ class Ground:
             )
         return inner
 
+    @cached_property
+    def _footprints(self) -> Footprints:
+        return Footprints(self.obstacles)
+
     def free_places(self, count: int, rng: np.random.Generator) -> Array:
         """Draw places (count, 2) [m] in the area, clear of furniture; raises InputError where there is none."""
-        return free_places(self.inner, self.obstacles, count, rng, source=f"{self.source}: area")
+        return free_places(self.inner, self._footprints, count, rng, source=f"{self.source}: area")
