@@ -11,7 +11,7 @@ from benchmarks.figure import Figure
 from trackers.area import Pose
 from trackers.cameras import PinholeIntrinsics, PlacedCamera
 from trackers.filters.particle import Cloud
-from trackers.laser_vision_learning.looks import Learner, Looks, LooksOptions
+from trackers.laser_vision_learning.looks import Learner, Looks, LooksOptions, PeopleInPicture
 from trackers.laser_vision_learning.score_maps import in_levels
 from trackers.learning.boosting import BoostingOptions, OnlineBoosting
 
@@ -58,14 +58,14 @@ def _looks() -> Iterator[Figure]:
         learner.describer.described(picture, patches.centre[0], np.repeat(patches.side, patches.centre.shape[1]))
 
     yield Figure("40 patches of a body, cut and described", _least_ms(cut), "ms of CPU", "<= 0.8")
-    looks, both = Looks.unknown(2, learner.options), np.ones(2, bool)
+    looks, both, people = Looks.unknown(2, learner.options), np.ones(2, bool), PeopleInPicture(picture, pair)
     for ns in range(6):
-        looks = learner.trained(looks, picture, pair, ~np.eye(2, dtype=bool), both, ns, rng)
+        looks = learner.trained(looks, people, ~np.eye(2, dtype=bool), both, ns, rng)
     cloud = Cloud.of(pair.T[:, :, None] + rng.normal(0, 0.1, (2, 2, _PARTICLES)))
     rows, levels = np.arange(2), learner.options.maps.levels
 
     def correlated() -> None:
-        maps = learner.score_maps(looks, picture, pair, rows, rng)
+        maps = learner.score_maps(looks, people, rows, rows, rng)
         in_levels(
             cloud, learner.likelihood(maps), levels, lambda state, rng: state + rng.normal(0, 0.02, state.shape), rng
         )

@@ -17,7 +17,15 @@ import numpy as np
 from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.cameras import PlacedCamera
 from trackers.filters.rows import written
-from trackers.laser_vision_learning.looks import COLOUR_LEVELS, COLOURS, HEIGHTS, Learner, Looks, LooksOptions, Picture
+from trackers.laser_vision_learning.looks import (
+    COLOUR_LEVELS,
+    COLOURS,
+    HEIGHTS,
+    Learner,
+    Looks,
+    LooksOptions,
+    PeopleInPicture,
+)
 from trackers.laser_vision_learning.score_maps import ScoreMaps
 from trackers.vision.patches import Patches, PatchSampler
 
@@ -55,18 +63,16 @@ class ColourLearner(Learner):
     def trained(
         self,
         looks: Looks,
-        rgb: Picture,
-        positions_m: Float[Array, "n 2"],
+        people: PeopleInPicture,
         near: Bool[Mask, "n n"],
         clear: Bool[Mask, "n"],
         ns: int,
         rng: np.random.Generator,
-        foreground: Bool[Mask, "height width"] | None = None,
     ) -> Looks:
         """Return the appearances of all clear tracks updated by a picture, if one of them is near another track."""
         if not (near.any(axis=1) & clear).any():
             return looks
-        counts, seen = self._counted(rgb, self.sampler.drawn(positions_m, rng), foreground)
+        counts, seen = self._counted(people, self.sampler.drawn(people.places, rng))
         rows = np.flatnonzero(clear & seen)
         weight = np.maximum(1 - _MEMORY, 1 / (looks.n_learned[rows] + 1))[:, None]
         reference = looks.reference[rows] * (1 - weight) + weight * counts[rows]
@@ -79,38 +85,33 @@ class ColourLearner(Learner):
     def scores(
         self,
         looks: Looks,
-        rgb: Picture,
-        positions_m: Float[Array, "q 2"],
+        people: PeopleInPicture,
+        whose: Int[Index, "q"],
         rows: Int[Index, "m"],
         rng: np.random.Generator,
-        foreground: Bool[Mask, "height width"] | None = None,
-        others_m: Float[Array, "others 2"] | None = None,
     ) -> Float[Array, "q m"]:
         """Return the mean log-likelihood ratios of the bodies' points, NaN for unknown tracks and hidden bodies."""
-        counts, seen = self._counted(rgb, self.sampler.drawn(positions_m, rng, None, others_m), foreground)
+        counts, seen = self._counted(people, self.sampler.drawn(people.places[whose], rng, None, people.places))
         return np.where(seen[:, None] & looks.known[rows], counts @ _log_ratios(looks, rows).T, np.nan)
 
     def score_maps(
         self,
         looks: Looks,
-        rgb: Picture,
-        positions_m: Float[Array, "m 2"],
+        people: PeopleInPicture,
+        whose: Int[Index, "m"],
         rows: Int[Index, "m"],
         rng: np.random.Generator,
-        foreground: Bool[Mask, "height width"] | None = None,
     ) -> ScoreMaps:
         """Return the score maps of a group of tracks at `rows`: of each point 2 P(own) − 1."""
         options = self.options.maps
-        patches = self.sampler.drawn_around(positions_m, options.reach_m, options.patches, rng)
-        cell, share, usable = self._cells(rgb, patches, foreground)
+        patches = self.sampler.drawn_around(people.places[whose], options.reach_m, options.patches, rng)
+        cell, share, usable = self._cells(people, patches)
         log_ratio = (_log_ratios(looks, rows)[:, cell[usable]] * share[usable]).sum(axis=2)
         return ScoreMaps.of(patches.centre[usable], np.tanh(0.5 * log_ratio), float(patches.side.mean()), options)
 
-    def _counted(
-        self, rgb: Picture, points: Patches, foreground: Bool[Mask, "height width"] | None
-    ) -> tuple[Float[Array, "n bins"], Bool[Mask, "n"]]:
+    def _counted(self, people: PeopleInPicture, points: Patches) -> tuple[Float[Array, "n bins"], Bool[Mask, "n"]]:
         """Return the share of each colour and height on n bodies, and a mask of those with enough points in sight."""
-        cell, share, usable = self._cells(rgb, points, foreground)
+        cell, share, usable = self._cells(people, points)
         n = len(usable)
         at = cell + COLOURS * np.arange(n)[:, None, None]
         counts = np.bincount(at.ravel(), (share * usable[..., None]).ravel(), n * COLOURS).reshape(n, COLOURS)
@@ -118,9 +119,10 @@ class ColourLearner(Learner):
         return counts / np.maximum(count, 1)[:, None], count >= _LEAST_SHARE * usable.shape[1]
 
     def _cells(
-        self, rgb: Picture, points: Patches, foreground: Bool[Mask, "height width"] | None
+        self, people: PeopleInPicture, points: Patches
     ) -> tuple[Int[Index, "n k 8"], Float[Array, "n k 8"], Bool[Mask, "n k"]]:
         """Return the eight colours at a height nearest to each point's, its shares in them, and which points count."""
+        rgb, foreground = people.rgb, people.foreground
         height, width = rgb.shape[:2]
         pixel = np.rint(np.nan_to_num(points.centre)).astype(np.intp)
         u, v = np.clip(pixel[..., 0], 0, width - 1), np.clip(pixel[..., 1], 0, height - 1)

@@ -104,6 +104,15 @@ class Looks(Rows):
 
 
 @dataclass(frozen=True, eq=False)
+class PeopleInPicture:
+    """A picture, and the positions of n people at its stamp, any of whom may hide others. foreground: None if unknown."""
+
+    rgb: Picture
+    places: Float[Array, "n 2"]  # [m]
+    foreground: Bool[Mask, "height width"] | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class Described:
     """Patches on n bodies in one picture."""
 
@@ -128,13 +137,11 @@ class Learner:
     def trained(
         self,
         looks: Looks,
-        rgb: Picture,
-        positions_m: Float[Array, "n 2"],
+        people: PeopleInPicture,
         near: Bool[Mask, "n n"],
         clear: Bool[Mask, "n"],
         ns: int,
         rng: np.random.Generator,
-        foreground: Bool[Mask, "height width"] | None = None,
     ) -> Looks:
         """Return the appearances updated by a picture. near: pairs that may be confused; clear: tracks whose position is
         certainly theirs alone.
@@ -150,12 +157,12 @@ class Learner:
         served = np.sort(waiting[longest_first[: self.options.classifiers_a_frame]])
         pictured = np.flatnonzero(clear)
         # all people present may hide others, also those not learned from
-        described = self._described(rgb, positions_m, pictured, rng)
+        described = self._looked_at(people.rgb, self.sampler.drawn(people.places, rng).select(pictured))
         samples, label = self._samples(described, np.searchsorted(pictured, served), served[:, None] != pictured, rng)
         taught = (label > 0).any(axis=1) & (label < 0).any(axis=1)
         if self.options.background:
-            background = self.sampler.drawn_next_to(positions_m, self.options.background, rng)
-            room = self._looked_at(rgb, background.select(served))
+            background = self.sampler.drawn_next_to(people.places, self.options.background, rng)
+            room = self._looked_at(people.rgb, background.select(served))
             samples = np.concatenate([samples, room.features], axis=1)
             label = np.concatenate([label, np.where(room.usable, -1.0, 0.0)], axis=1)
         strong = self.boosting.learned(looks.strong.select(served[taught]), samples[taught], label[taught])
@@ -169,20 +176,17 @@ class Learner:
     def scores(
         self,
         looks: Looks,
-        rgb: Picture,
-        positions_m: Float[Array, "q 2"],
+        people: PeopleInPicture,
+        whose: Int[Index, "q"],
         rows: Int[Index, "m"],
         rng: np.random.Generator,
-        foreground: Bool[Mask, "height width"] | None = None,
-        others_m: Float[Array, "others 2"] | None = None,
     ) -> Float[Array, "q m"]:
-        """Score the body at each position against each of the tracks at `rows`, from −1 to 1.
+        """Score the bodies of the people at `whose` against each of the tracks at `rows`, from −1 to 1.
 
-        The mean score of its patches. NaN for an unknown track, or a body with too few visible patches. others_m: all people
-        who may hide them (None: only these themselves).
+        The mean score of its patches. NaN for an unknown track, or a body with too few visible patches.
         """
-        drawn = self.sampler.drawn(positions_m, rng, self.options.maps.patches, others_m)
-        described = self._looked_at(rgb, drawn)
+        drawn = self.sampler.drawn(people.places[whose], rng, self.options.maps.patches, people.places)
+        described = self._looked_at(people.rgb, drawn)
         usable, chosen = described.usable, looks.select(rows)
         scores = np.full((len(usable), len(rows)), np.nan)
         if not usable.any() or len(rows) == 0:
@@ -197,16 +201,15 @@ class Learner:
     def score_maps(
         self,
         looks: Looks,
-        rgb: Picture,
-        positions_m: Float[Array, "m 2"],
+        people: PeopleInPicture,
+        whose: Int[Index, "m"],
         rows: Int[Index, "m"],
         rng: np.random.Generator,
-        foreground: Bool[Mask, "height width"] | None = None,
     ) -> ScoreMaps:
-        """Return the score maps of a group of tracks at `rows`, expected at these positions."""
+        """Return the score maps of a group of tracks at `rows`, expected where the people at `whose` are."""
         options, chosen = self.options.maps, looks.select(rows)
-        patches = self.sampler.drawn_around(positions_m, options.reach_m, options.patches, rng)
-        described = self._looked_at(rgb, patches)
+        patches = self.sampler.drawn_around(people.places[whose], options.reach_m, options.patches, rng)
+        described = self._looked_at(people.rgb, patches)
         usable = described.usable
         features = described.features[usable]
         score = chosen.strong.scores(features) if len(features) else np.zeros((len(rows), 0))
@@ -224,17 +227,6 @@ class Learner:
             )
 
         return log_likelihood
-
-    def _described(
-        self,
-        rgb: Picture,
-        positions_m: Float[Array, "all 2"],
-        whose: Int[Index, "n"],
-        rng: np.random.Generator,
-    ) -> Described:
-        """Describe the patches of the people at `whose`, with all others as possible occluders."""
-        everyone = self.sampler.drawn(positions_m, rng)
-        return self._looked_at(rgb, everyone.select(whose))
 
     def _looked_at(self, rgb: Picture, patches: Patches) -> Described:
         usable = patches.shown.copy()

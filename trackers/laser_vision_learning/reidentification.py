@@ -20,14 +20,14 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from trackers.arrays import Array, Bool, Bytes, Float, Index, Int, Mask, UInt8
+from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.configuration import Strict
 from trackers.errors import InputError
 from trackers.filters.gating import linked
 from trackers.filters.rows import written
 from trackers.laser_vision_learning.colours import learner_of
 from trackers.laser_vision_learning.identities import Beliefs, Calibration, IdentityOptions, decided
-from trackers.laser_vision_learning.looks import Looks, LooksOptions
+from trackers.laser_vision_learning.looks import Looks, LooksOptions, PeopleInPicture
 from trackers.laser_vision_learning.score_maps import ScoreMaps, in_levels
 from trackers.laser_vision_learning.situations import Situations
 from trackers.laser_vision_learning.walking import WalkerTracks
@@ -73,15 +73,6 @@ class Decision:
     after: tuple[int, ...]
     by_looks: tuple[bool, ...]  # else by motion
     margin: tuple[float, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class _Shown:
-    """A picture, and the positions of all tracks at its stamp."""
-
-    rgb: UInt8[Bytes, "height width 3"]
-    foreground: Bool[Mask, "height width"] | None
-    places: Float[Array, "n 2"]
 
 
 class Recognition:
@@ -130,7 +121,7 @@ class Recognition:
         self._note(people, now, sure, ns)
         shown = None
         if image is not None and (now.interacting.any() or self._beliefs.doubtful.any()):
-            shown = self._shown(image, people, ns)
+            shown = self._shown(image, people, sure, ns)
         if shown is None:
             return people
         agree = np.ones(sure.size, np.bool_)
@@ -138,12 +129,14 @@ class Recognition:
             score = self._look(people, now, sure, shown, ns)
             people = self._decide(people, sure, ns)
             agree = self._agree(score)
-        people = self._drawn(people, now, shown, ns)
+        people = self._drawn(people, now, sure, shown, ns)
         self._learn(people, now, sure, agree & ~self._beliefs.doubtful, shown, ns)
         return people
 
-    def _shown(self, image: Image | DepthImage, people: WalkerTracks, ns: int) -> _Shown | None:
-        """Return the picture; None if it repeats the last one to the bit, from a frozen camera."""
+    def _shown(
+        self, image: Image | DepthImage, people: WalkerTracks, sure: Int[Index, "n"], ns: int
+    ) -> PeopleInPicture | None:
+        """Return the picture with the confirmed tracks; None if it repeats the last one to the bit, from a frozen camera."""
         expected = (self._intrinsics.height, self._intrinsics.width, 3)
         if image.rgb.shape != expected:
             raise InputError(
@@ -155,7 +148,7 @@ class Recognition:
         self._last_rgb = image.rgb
         foreground = None if self._foreground is None else self._foreground.mask(image)
         late_s = (image.stamp_ns - ns) / NS_PER_S
-        return _Shown(image.rgb, foreground, people.places + late_s * people.velocities)
+        return PeopleInPicture(image.rgb, (people.places + late_s * people.velocities)[sure], foreground)
 
     def _note(self, people: WalkerTracks, now: Situations, sure: Int[Index, "n"], ns: int) -> None:
         """Add new identities, drop forgotten ones, and note which of them each confirmed track may have."""
@@ -186,7 +179,7 @@ class Recognition:
         self._beliefs = replace(beliefs, possible=np.where(moot.reshape(-1, 1), only, beliefs.possible))
 
     def _look(
-        self, people: WalkerTracks, now: Situations, sure: Int[Index, "n"], shown: _Shown, ns: int
+        self, people: WalkerTracks, now: Situations, sure: Int[Index, "n"], shown: PeopleInPicture, ns: int
     ) -> Float[Array, "n m"]:
         """Add the scores in one more picture of tracks that are measured and alone, and return them; NaN for others."""
         score = np.full(self._beliefs.possible.shape, np.nan)
@@ -194,9 +187,7 @@ class Recognition:
         rows = np.flatnonzero((_seen_ns(people)[sure] == ns) & ~now.confused[sure].any(axis=1))
         if known.size == 0 or rows.size == 0:
             return score
-        score[np.ix_(rows, known)] = self.learner.scores(
-            self._looks, shown.rgb, shown.places[sure[rows]], known, self._rng, shown.foreground, shown.places[sure]
-        )
+        score[np.ix_(rows, known)] = self.learner.scores(self._looks, shown, rows, known, self._rng)
         self._beliefs = beliefs = self._beliefs.scored(score, self._identities.memory)
         certain = ~beliefs.doubtful & self._agree(score)
         mean = np.where(np.isfinite(score), beliefs.mean(self._identities.pictures), np.nan)[certain]
@@ -237,40 +228,34 @@ class Recognition:
         now: Situations,
         sure: Int[Index, "n"],
         certain: Bool[Mask, "n"],
-        shown: _Shown,
+        shown: PeopleInPicture,
         ns: int,
     ) -> None:
         """Let the classifiers learn of tracks that are measured and alone, and whose identity is certain."""
         alone = measured_now(people.roster, ns) & ~(now.merged | now.correlated).any(axis=1)
         near = now.interacting[np.ix_(sure, sure)]
         looks = self._looks.select(self._own)
-        looks = self.learner.trained(
-            looks, shown.rgb, shown.places[sure], near, alone[sure] & certain, ns, self._rng, shown.foreground
-        )
+        looks = self.learner.trained(looks, shown, near, alone[sure] & certain, ns, self._rng)
         self._looks = self._looks.replaced(self._own, looks)
 
-    def _drawn(self, people: WalkerTracks, now: Situations, shown: _Shown, ns: int) -> WalkerTracks:
+    def _drawn(
+        self, people: WalkerTracks, now: Situations, sure: Int[Index, "n"], shown: PeopleInPicture, ns: int
+    ) -> WalkerTracks:
         """Draw the particles of correlated people, all or the missed ones, to the score maps of a picture."""
-        sure = people.roster.confirmed
-        own = np.zeros(len(people), np.intp)
-        own[sure] = self._own
-        known = sure & ~self.deciding(people.serial)
-        known[sure] &= self._looks.known[self._own]
-        moved = known & now.correlated.any(axis=1)
+        known = self._looks.known[self._own] & ~self._beliefs.doubtful
+        moved = known & now.correlated[sure].any(axis=1)
         if self.options.drawn == "missed":
-            moved &= ~measured_now(people.roster, ns)
+            moved &= ~measured_now(people.roster, ns)[sure]
         if not (self.options.correlated and moved.any()):
             return people
-        label = linked(now.correlated & known & known[:, None])
+        label = linked(now.correlated[np.ix_(sure, sure)] & known & known[:, None])
         cloud, levels = people.cloud, self.learner.options.maps.levels
         for each in np.unique(label[moved]).tolist():
             rows = np.flatnonzero((label == each) & known)
-            maps = self.learner.score_maps(
-                self._looks, shown.rgb, shown.places[rows], own[rows], self._rng, shown.foreground
-            )
-            self.maps.append((people.serial[rows], maps))
-            drawn = in_levels(cloud.select(rows), self.learner.likelihood(maps), levels, self._spread, self._rng)
-            cloud = cloud.replaced(rows[moved[rows]], drawn.select(moved[rows]))
+            maps = self.learner.score_maps(self._looks, shown, rows, self._own[rows], self._rng)
+            self.maps.append((people.serial[sure[rows]], maps))
+            drawn = in_levels(cloud.select(sure[rows]), self.learner.likelihood(maps), levels, self._spread, self._rng)
+            cloud = cloud.replaced(sure[rows[moved[rows]]], drawn.select(moved[rows]))
         return people.changed(roster=people.roster.changed(state=cloud))
 
     def _spread(self, state: Array, rng: np.random.Generator) -> Array:

@@ -242,7 +242,7 @@ def test_people_are_looked_for_where_they_were_as_the_picture_was_taken(late_s, 
     state[SPEED] = 1.5  # along x
     people = people.changed(roster=people.roster.changed(state=Cloud.of(state)))
     monkeypatch.setattr(
-        two.recognition.learner, "trained", lambda looks, _, places, *__: looked_at.append(places) or looks
+        two.recognition.learner, "trained", lambda looks, shown, *_: looked_at.append(shown.places) or looks
     )
     nobody = np.zeros((2, 2), bool)
     now = Situations(two.serial, ~np.eye(2, dtype=bool), nobody, nobody, np.zeros((2, 2), int), nobody)

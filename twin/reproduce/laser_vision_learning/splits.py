@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from trackers.configuration import validate
 from trackers.laser_vision_learning.colours import learner_of
 from trackers.laser_vision_learning.identities import IdentityOptions, decided
-from trackers.laser_vision_learning.looks import Learner, Looks, LooksOptions
+from trackers.laser_vision_learning.looks import Learner, Looks, LooksOptions, PeopleInPicture
 from trackers.observations import Image
 from trackers.rig import FisheyeSensor, PinholeSensor, placed_camera
 from twin.messages import OnProgress
@@ -97,7 +97,7 @@ class SplitTrial:
 
     def add_picture(self, picture: Image) -> None:
         """Take the next picture."""
-        truth, rgb, last = self._truth, picture.rgb, self._last
+        truth, last = self._truth, self._last
         self._last = place = int(np.searchsorted(truth.stamps_ns, picture.stamp_ns, side="right")) - 1
         position = truth.positions_m[place]
         here = np.isfinite(position[:, 0])
@@ -109,15 +109,14 @@ class SplitTrial:
             if last < pair[3] <= place:
                 columns = np.array(pair[:2])
                 self._open.append(_OpenSplit(columns, self._met.pop(pair, self._looks), picture.t))
+        people = PeopleInPicture(picture.rgb, position)
         for each in self._open:
-            two = position[each.columns]
-            scores = self._learner.scores(each.looks, rgb, two, each.columns, self._rng, None, position)
-            each.scores.append(scores)
+            each.scores.append(self._learner.scores(each.looks, people, each.columns, each.columns, self._rng))
         self._close([each for each in self._open if len(each.scores) >= self._pictures])
         distance = np.linalg.norm(position[:, None] - position, axis=2)
         near = (distance < NEAR_M) & ~np.eye(len(here), dtype=bool) & here
         apart = truth.apart[place] & here
-        self._looks = self._learner.trained(self._looks, rgb, position, near, apart, picture.stamp_ns, self._rng)
+        self._looks = self._learner.trained(self._looks, people, near, apart, picture.stamp_ns, self._rng)
 
     def _close(self, due: list[_OpenSplit]) -> None:
         for each in due:
