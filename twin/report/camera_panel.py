@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from math import ceil, isnan
 
 import cv2
@@ -14,7 +14,16 @@ from trackers.observations import DepthImage, Image
 from trackers.rig import CameraSensor, placed_camera
 from trackers.tracks import Hypotheses, ScoreMap, Track
 from twin.report.birdseye import SHIFT, fixed_point
-from twin.report.floor_panel import BACKDROP, DARK_INK, INK, QUIET, SILENT_FILL, dashed_loop, track_tag
+from twin.report.floor_panel import (
+    BACKDROP,
+    DARK_INK,
+    INK,
+    QUIET,
+    SILENT_FILL,
+    PreviewFrame,
+    dashed_loop,
+    track_tag,
+)
 from twin.report.palette import IdentityColours, Tag, write, write_tags
 
 TORSO_LOW_M, TORSO_HIGH_M, TORSO_WIDTH_M = 1.0, 1.4, 0.45
@@ -47,27 +56,18 @@ class CameraGrid:
         self.width_px = width
         self._tile_px = width // self._across, height // rows
         self._empty = np.full((height, width, 3), BACKDROP, dtype=np.uint8)  # copied ten times as fast as filled
-        self._panels = {
-            name: CameraPanel(camera, self._tile_px, name, labelled=len(shown) > 1) for name, camera in shown.items()
-        }
+        self._panels = [
+            CameraPanel(camera, self._tile_px, name, labelled=len(shown) > 1) for name, camera in shown.items()
+        ]
 
-    def draw(
-        self,
-        panel: NDArray[np.uint8],
-        images: Mapping[str, Image | DepthImage],
-        tracks: Sequence[Track],
-        colours: IdentityColours,
-        silent: Collection[str] = (),
-        maps: Sequence[ScoreMap | Hypotheses] = (),
-    ) -> None:
+    def draw(self, panel: NDArray[np.uint8], frame: PreviewFrame, colours: IdentityColours) -> None:
         """Draw each camera's newest image (none: the one before; dimmed if silent), score maps and tracks on it."""
         panel[:] = self._empty
-        for place, (name, each) in enumerate(self._panels.items()):
+        for place, each in enumerate(self._panels):
             row, column = divmod(place, self._across)
             width, height = self._tile_px
             tile = panel[row * height : (row + 1) * height, column * width : (column + 1) * width]
-            own = [found for found in maps if isinstance(found, Hypotheses) or found.sensor == name]
-            each.draw(tile, images.get(name), tracks, colours, silent=name in silent, maps=own)
+            each.draw(tile, frame, colours)
 
 
 def widest_aspect(cameras: Mapping[str, CameraSensor]) -> float:
@@ -91,19 +91,12 @@ class CameraPanel:
         self._view = np.full((size_px[1], size_px[0], 3), BACKDROP, dtype=np.uint8)
         write(self._view, "no image yet", size_px[0] / 2, size_px[1] / 2, QUIET, 16, align="centre")
 
-    def draw(
-        self,
-        panel: NDArray[np.uint8],
-        image: Image | DepthImage | None,
-        tracks: Sequence[Track],
-        colours: IdentityColours,
-        silent: bool = False,
-        maps: Sequence[ScoreMap | Hypotheses] = (),
-    ) -> None:
-        """Draw the newest image (None: the one before; dimmed if `silent`), score maps and the tracks on it."""
+    def draw(self, panel: NDArray[np.uint8], frame: PreviewFrame, colours: IdentityColours) -> None:
+        """Draw the newest image (none: the one before; dimmed if silent), score maps and the tracks on it."""
+        image, tracks = frame.newest.get(self._sensor_name), frame.tracks
         x, y = self._offset
         width, height = self._size
-        if image is not None and image is not self._shown:
+        if isinstance(image, Image | DepthImage) and image is not self._shown:
             self._shown = image
             self._view[y : y + height, x : x + width] = cv2.resize(
                 image.rgb, self._size, interpolation=cv2.INTER_LINEAR
@@ -112,11 +105,12 @@ class CameraPanel:
                 write(self._view, self._sensor_name, x + 6, max(int(y) - 8, 16), QUIET, 13)
         panel[:] = self._view
         tags = []
-        if silent:
+        if self._sensor_name in frame.silent:
             panel[:] = (_SILENT_LIGHT * panel).astype(np.uint8)
             tags.append(Tag(f"{self._sensor_name} silent", self._tile_px[0] / 2, y + height - 14.0, SILENT_FILL, INK))
-        self._draw_maps(panel, [found for found in maps if isinstance(found, ScoreMap)], colours)
-        clouds = [found for found in maps if isinstance(found, Hypotheses)]
+        score_maps = [found for found in frame.maps if isinstance(found, ScoreMap)]
+        self._draw_maps(panel, [found for found in score_maps if found.sensor == self._sensor_name], colours)
+        clouds = [found for found in frame.maps if isinstance(found, Hypotheses)]
         for found in clouds:
             self._draw_places(panel, found, colours)
         tags += self._draw_heads(panel, tracks, colours)

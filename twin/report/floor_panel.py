@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from math import cos, hypot, isnan, sin
+from types import MappingProxyType
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.observations import FloorFrame, LaserScan, Odometry
+from trackers.observations import FloorFrame, LaserScan, Observation, Odometry
 from trackers.rig import FloorSensor
 from trackers.tracks import Hypotheses, ScoreMap, Track
 from twin.report.assumed_poses import assumed_poses, draw_assumed_pose
@@ -58,6 +59,20 @@ class TruePoses:
     yaw_rad: NDArray[np.float64]  # (n,)
 
 
+@dataclass(frozen=True, eq=False)
+class PreviewFrame:
+    """Content of one frame: the newest observation of each reporting sensor, and of a tracker tracks and maps.
+
+    truth: None if unknown; silent: sensors that stopped reporting, which are labelled.
+    """
+
+    newest: Mapping[str, Observation]
+    tracks: Sequence[Track] = ()
+    truth: TruePoses | None = None
+    silent: Collection[str] = ()
+    maps: Sequence[ScoreMap | Hypotheses] = ()
+
+
 class FloorPanel:
     """The room from above with scans, tracks and truth.
 
@@ -81,10 +96,6 @@ class FloorPanel:
         self._mask = np.zeros((height_px, width_px), dtype=np.uint8)
         self._light = np.zeros_like(self._visible_floor)
 
-    def move(self, odometry: Odometry) -> None:
-        """Move the scanners on a base to where it is."""
-        self._scanners |= ScannerOnFloor.of(self._rig, odometry)
-
     def _paint(self, scans: Mapping[str, LaserScan]) -> FloorView:
         """Paint the static parts. A robot's bag has no room: its first scans with a return set the extent."""
         reach = [self._scanners[name].reach(scan) for name, scan in scans.items()]
@@ -102,43 +113,43 @@ class FloorPanel:
     def draw(
         self,
         panel: NDArray[np.uint8],
-        scans: Mapping[str, LaserScan],
-        tracks: Sequence[Track],
-        tails: Mapping[int, Sequence[tuple[int, float, float]]],
+        frame: PreviewFrame,
         colours: IdentityColours,
-        truth: TruePoses | None,
-        floors: Mapping[str, FloorFrame] | None = None,
-        silent: Collection[str] = (),
-        maps: Sequence[ScoreMap | Hypotheses] = (),
+        tails: Mapping[int, Sequence[tuple[int, float, float]]] = MappingProxyType({}),
     ) -> None:
-        """Draw one frame on `panel`; `scans`, `floors`: of the reporting sensors; `silent`: those that stopped reporting.
+        """Draw one frame on `panel`: scans from where their base is, loads, truth, tracks; its hypotheses are dots.
 
-        Of `maps` the tracker's hypotheses are dots.
+        tails: earlier stamps [ns] and positions x, y [m] of tracks.
         """
+        scans = {name: each for name, each in frame.newest.items() if isinstance(each, LaserScan)}
+        for each in frame.newest.values():
+            if isinstance(each, Odometry):
+                self._scanners |= ScannerOnFloor.of(self._rig, each)
         if self._view is None or not self._has_extent:
             self._view = self._paint(scans)
         view = self._view
         panel[:] = self._hidden_floor
         self._draw_free_space(panel, view, scans)
-        for name, frame in (floors or {}).items():
-            draw_pressure(panel, view, self._rig.floors()[name], frame)
-        if truth is not None:
-            _draw_truth(panel, view, truth, self._names)
+        for name, each in frame.newest.items():
+            if isinstance(each, FloorFrame):
+                draw_pressure(panel, view, self._rig.floors()[name], each)
+        if frame.truth is not None:
+            _draw_truth(panel, view, frame.truth, self._names)
         for name, scan in scans.items():
             _draw_points(panel, view.pixels(self._scanners[name].points(scan)), self.layers[name])
         for name in self._rig.mounted().keys() & self._scanners.keys():
             centre = fixed_point(view.pixels(self._scanners[name].place)).tolist()
             cv2.circle(panel, centre, 5 << SHIFT, _VISIBLE_FLOOR.sensor, -1, cv2.LINE_AA, SHIFT)
-        for track in tracks:
-            tail = view.pixels(np.array(tails[track.id])[:, 1:])
-            _draw_tail(panel, tail, colours[track.id])
+        for track in frame.tracks:
+            if track.id in tails:
+                _draw_tail(panel, view.pixels(np.array(tails[track.id])[:, 1:]), colours[track.id])
         tags = [
             draw_assumed_pose(panel, view, pose, self.layers, _VISIBLE_FLOOR.sensor, DARK_INK)
             for pose in self._assumed_poses
         ]
-        tags += [self._silent_tag(view, name) for name in sorted(silent)]
-        tags += [_draw_track(panel, view, track, colours[track.id]) for track in tracks]
-        for found in maps:
+        tags += [self._silent_tag(view, name) for name in sorted(frame.silent)]
+        tags += [_draw_track(panel, view, track, colours[track.id]) for track in frame.tracks]
+        for found in frame.maps:
             if isinstance(found, Hypotheses):
                 _draw_places(panel, view, np.asarray(found.places, float), _mix(colours[found.id], INK, 0.6))
         write_tags(panel, tags)

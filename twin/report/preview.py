@@ -6,7 +6,8 @@ import contextlib
 import errno
 import os
 from collections import deque
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from fractions import Fraction
 from math import ceil, sqrt
 from pathlib import Path
@@ -18,12 +19,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Odometry
-from trackers.tracks import Hypotheses, ScoreMap, Track
+from trackers.observations import NS_PER_S
+from trackers.tracks import Track
 from twin.recording.atomic_file import partial_path, unwritable
 from twin.report.birdseye import SHIFT, Site, fixed_point, plan_width_px
 from twin.report.camera_panel import MOST_CAMERAS, CameraGrid, widest_aspect
-from twin.report.floor_panel import BACKDROP, INK, PRESSED, QUIET, FloorPanel, TruePoses
+from twin.report.floor_panel import BACKDROP, INK, PRESSED, QUIET, FloorPanel, PreviewFrame
 from twin.report.palette import BOLD, IdentityColours, encode_jpeg, text_width, write
 from twin.report.time_axis import format_time, time_origin_ns
 
@@ -110,8 +111,6 @@ class VideoFile:
         self._partial.unlink(missing_ok=True)
 
 
-__all__ = ["PreviewWriter", "TruePoses"]
-
 _HEADER_PX = 44
 _FOOTER_PX = 28
 _LEGEND_PX = 460
@@ -187,42 +186,32 @@ class PreviewWriter:
     ) -> None:
         self._encoder.__exit__(kind, error, trace)
 
-    def frame(
-        self,
-        stamp_ns: int,
-        images: Mapping[str, Image | DepthImage],
-        scans: Mapping[str, LaserScan],
-        tracks: Sequence[Track],
-        truth: TruePoses | None = None,
-        floors: Mapping[str, FloorFrame] | None = None,
-        silent: Collection[str] = (),
-        maps: Sequence[ScoreMap | Hypotheses] = (),
-    ) -> None:
+    def frame(self, stamp_ns: int, frame: PreviewFrame) -> None:
         """Draw and encode one frame; stamps must rise.
 
-        `images`: the newest of each camera (none: the one before is kept); `scans`, `floors`: the newest of each scanner and
-        pressure floor; `silent`: sensors that stopped reporting, which are labelled; `maps`: the tracker's, drawn over the
-        images, and hypotheses over the floor. Raises InputError where the disk is full.
+        A camera without an image keeps the one before. Maps are drawn over the images, hypotheses over the floor too. Raises
+        InputError where the disk is full.
         """
         if self._first_ns is None:
             self._first_ns = stamp_ns
-            self._write_legend(with_truth=truth is not None)
+            self._write_legend(with_truth=frame.truth is not None)
         pts = round((stamp_ns - self._first_ns) / NS_PER_S / TIME_BASE)
         if pts <= self._pts:
             raise ValueError(f"frame at {stamp_ns} ns is not later than the one before")
         self._pts = pts
-        tracks = sorted(tracks, key=lambda track: track.id)
-        self._colours.add(track.id for track in tracks)
-        maps = [each for each in maps if any(each.id == track.id for track in tracks)]
+        tracks = sorted(frame.tracks, key=lambda track: track.id)
+        ids = [track.id for track in tracks]
+        self._colours.add(ids)
+        frame = replace(frame, tracks=tracks, maps=[each for each in frame.maps if each.id in ids])
         self._extend_tails(stamp_ns, tracks)
         height, width = self._canvas.shape[:2]
         left = 0
         if self._camera is not None:
             left = self._camera.width_px
             panel = self._canvas[_HEADER_PX:, :left]
-            self._camera.draw(panel, images, tracks, self._colours, silent, maps)
+            self._camera.draw(panel, frame, self._colours)
         panel = self._canvas[_HEADER_PX : height - _FOOTER_PX, left:]
-        self._floor.draw(panel, scans, tracks, self._tails, self._colours, truth, floors, silent, maps)
+        self._floor.draw(panel, frame, self._colours, self._tails)
         clock = self._canvas[6 : _HEADER_PX - 6, width - 130 :]
         clock[:] = BACKDROP
         write(
@@ -237,10 +226,6 @@ class PreviewWriter:
         )
         self._encoder.encode(self._canvas, pts)
         self.n_frames += 1
-
-    def move(self, odometry: Odometry) -> None:
-        """Move the scanners on a base to where it is."""
-        self._floor.move(odometry)
 
     def still(self, quality: int = 88) -> bytes:
         """Encode the last picture as a JPEG, for the report; raises ValueError before the first."""

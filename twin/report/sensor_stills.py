@@ -14,7 +14,7 @@ from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, Laser
 from trackers.tracks import TrackFrame
 from twin.report.birdseye import Site, plan_width_px
 from twin.report.camera_panel import CameraPanel
-from twin.report.floor_panel import FloorPanel, TruePoses
+from twin.report.floor_panel import FloorPanel, PreviewFrame, TruePoses
 from twin.report.palette import IdentityColours, encode_jpeg
 
 _HIGH_PX = 360
@@ -77,21 +77,17 @@ class SensorStills:
         sensor = self._rig.cameras()[name]
         size_px = round(_HIGH_PX * sensor.intrinsics.width / sensor.intrinsics.height), _HIGH_PX
         panel = np.zeros((size_px[1], size_px[0], 3), dtype=np.uint8)
-        CameraPanel(sensor, size_px, name, labelled=False).draw(panel, image, self._frame.tracks, self._colours)
+        CameraPanel(sensor, size_px, name, labelled=False).draw(
+            panel, PreviewFrame({name: image}, self._frame.tracks), self._colours
+        )
         return panel
 
     def _plan(self, name: str, seen: LaserScan | FloorFrame) -> NDArray[np.uint8]:
-        scans = {name: seen} if isinstance(seen, LaserScan) else {}
-        floors = {name: seen} if isinstance(seen, FloorFrame) else {}
+        bases = {base: each for base, each in self._newest.items() if isinstance(each, Odometry)}
         wide = plan_width_px(self._site.true_rig or self._rig, self._site.outline, _HIGH_PX)
         panel = np.zeros((_HIGH_PX, wide, 3), dtype=np.uint8)
-        tracks = self._frame.tracks
-        tails = {track.id: [(self._frame.stamp_ns, track.x, track.y)] for track in tracks}
-        drawn = FloorPanel(self._site, wide, _HIGH_PX, about=[name])
-        for each in self._newest.values():
-            if isinstance(each, Odometry):
-                drawn.move(each)
-        drawn.draw(panel, scans, tracks, tails, self._colours, self._truth, floors)
+        frame = PreviewFrame({**bases, name: seen}, self._frame.tracks, self._truth)
+        FloorPanel(self._site, wide, _HIGH_PX, about=[name]).draw(panel, frame, self._colours)
         return panel
 
 

@@ -22,7 +22,7 @@ import numpy as np
 from trackers.errors import PLUG_IN_ERRORS, InputError, PlugInError
 from trackers.feeding import FedTracker
 from trackers.laser.reach import ScannerReach
-from trackers.observations import DepthImage, FloorFrame, Image, LaserScan, Observation, Odometry
+from trackers.observations import LaserScan, Observation, Odometry
 from trackers.presets import PRESETS
 from trackers.prior import Prior
 from trackers.rig import Rig
@@ -32,7 +32,7 @@ from twin.messages import OnWarning, at_work
 from twin.recording.losses import Loss, ObservationLog, dropped_by, lines
 from twin.recording.tables import number_cell, seconds_cell
 from twin.report.birdseye import Site
-from twin.report.floor_panel import TruePoses
+from twin.report.floor_panel import PreviewFrame, TruePoses
 from twin.report.sensor_stills import RunPictures, SensorStills, SilenceMonitor
 from twin.run.inputs import ChosenTracker, chosen_trackers, files_for, scenario_of
 from twin.run.tracker_runner import TrackerRunner, check_some_left, plug_in_fault, tracker_runners
@@ -105,26 +105,17 @@ class Preview:
             return
         self._last_ns = frame.stamp_ns
         silent = self._silence_monitor.silent()
-        newest = {
-            name: max(
-                (each for each in held if each.stamp_ns <= frame.stamp_ns), key=lambda each: each.stamp_ns, default=None
-            )
-            for name, held in self._observations.items()
-            if name not in silent
-        }
-        for name, each in newest.items():
-            if each is not None:
-                self._drop_before(name, each.stamp_ns)
-        images = {name: each for name, each in newest.items() if isinstance(each, Image | DepthImage)}
-        scans = {name: each for name, each in newest.items() if isinstance(each, LaserScan)}
-        floors = {name: each for name, each in newest.items() if isinstance(each, FloorFrame)}
-        bases = {name: each for name, each in newest.items() if isinstance(each, Odometry)}
+        newest: dict[str, Observation] = {}
+        for name, held in self._observations.items():
+            due = [each for each in held if each.stamp_ns <= frame.stamp_ns]
+            # a silent base stands where it was
+            if due and (name not in silent or isinstance(due[0], Odometry)):
+                newest[name] = max(due, key=lambda each: each.stamp_ns)
+                self._drop_before(name, newest[name].stamp_ns)
         truth = true_poses(self._truth_at(frame.stamp_ns))
         if self._writer is not None:
-            for each in bases.values():
-                self._writer.move(each)
-            self._writer.frame(frame.stamp_ns, images, scans, frame.tracks, truth, floors, silent, frame.maps)
-        kept = self._stills is not None and self._stills.keep_best(frame, images | scans | floors | bases, truth)
+            self._writer.frame(frame.stamp_ns, PreviewFrame(newest, frame.tracks, truth, silent, frame.maps))
+        kept = self._stills is not None and self._stills.keep_best(frame, newest, truth)
         if kept and self._writer is not None:
             self._poster = self._writer.still()
 

@@ -18,6 +18,7 @@ from trackers.observations import NS_PER_S
 from trackers.prior import Prior
 from twin.recording.reader import Recording
 from twin.report.birdseye import Site
+from twin.report.floor_panel import PreviewFrame
 from twin.report.metrics_table import format_number
 from twin.report.palette import IDENTITY_COLOURS, encode_jpeg
 from twin.report.preview import TAIL_S, PreviewWriter, fitting_size
@@ -92,12 +93,12 @@ class _FilmstripWriter(PreviewWriter):
         super().__init__(*arguments, **options)
         self.stills: list[bytes] = []
 
-    def frame(self, stamp_ns: int, *arguments: Any, **options: Any) -> None:
+    def frame(self, stamp_ns: int, frame: PreviewFrame) -> None:
         """Draw a frame if it is wanted or near enough before one to appear in its tails."""
         t = stamp_ns / NS_PER_S
         if not self.wanted_s or t < self.wanted_s[0] - TAIL_S:
             return
-        super().frame(stamp_ns, *arguments, **options)
+        super().frame(stamp_ns, frame)
         if t >= self.wanted_s[0]:
             self.wanted_s.popleft()
             self.stills.append(self.still())

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.errors import InputError
-from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation, Odometry
+from trackers.observations import NS_PER_S, DepthImage, Image, Observation, Odometry
 from trackers.rig import CameraSensor, OdometrySensor, RigSensor
 from twin.instant.snapshot import Snapshot
 from twin.messages import OnProgress, no_progress
 from twin.report.assumed_poses import assumed_poses
 from twin.report.birdseye import Site
-from twin.report.floor_panel import BACKDROP, INK, FloorPanel, TruePoses
+from twin.report.floor_panel import BACKDROP, INK, FloorPanel, PreviewFrame, TruePoses
 from twin.report.palette import (
     BOLD,
     IDENTITY_COLOURS,
@@ -170,16 +170,15 @@ class Sheet:
 
         `silent`: sensors without reports, which are labelled.
         """
-        scans = {name: look for name, look in looks.items() if isinstance(look, LaserScan)}
-        floors = {name: look for name, look in looks.items() if isinstance(look, FloorFrame)}
         rig = self._simulation.rig
         panel = np.zeros((self._tile_px[1], self._tile_px[0], 3), dtype=np.uint8)
         site = Site(rig, self._outline, self._names, self._simulation.true_rig)
-        drawn = FloorPanel(site, *self._tile_px, about=[*looks, *silent])
-        for name, pose in self._snapshot.bases.items():
-            frame_from_room = np.linalg.inv(rig.sensors[name].room_from_sensor.matrix)
-            drawn.move(Odometry(name, 0, frame_from_room @ pose))
-        drawn.draw(panel, scans, [], {}, IdentityColours(), self._poses, floors, silent)
+        bases = {
+            name: Odometry(name, 0, np.linalg.inv(rig.sensors[name].room_from_sensor.matrix) @ pose)
+            for name, pose in self._snapshot.bases.items()
+        }
+        frame = PreviewFrame({**looks, **bases}, truth=self._poses, silent=silent)
+        FloorPanel(site, *self._tile_px, about=[*looks, *silent]).draw(panel, frame, IdentityColours())
         return panel
 
     def camera(self, rgb: NDArray[np.uint8], boxes: Sequence[Box]) -> NDArray[np.uint8]:

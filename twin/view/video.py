@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.errors import InputError, valid_names
-from trackers.observations import NS_PER_S, FloorFrame, LaserScan, Observation
+from trackers.observations import NS_PER_S, FloorFrame, Observation
 from trackers.rig import FloorSensor, Rig
 from twin.instant.snapshot import Snapshot
 from twin.messages import OnProgress, no_progress
 from twin.people.population import randomized
 from twin.report.birdseye import Site
-from twin.report.floor_panel import PRESSED, FloorPanel
+from twin.report.floor_panel import PRESSED, FloorPanel, PreviewFrame
 from twin.report.palette import IdentityColours, write, write_tags
 from twin.report.preview import TIME_BASE, VideoFile
 from twin.report.scene_pictures import DARK_NOTE, Standpoint, axes_towards, render_picture
@@ -134,16 +134,13 @@ class _Reports:
             self._next = next(self._to_come, None)
         self.silent = self._silence_monitor.silent(round(t * NS_PER_S))
 
-    def scans(self) -> dict[str, LaserScan]:
-        """Return the newest scan of each scanner that is not silent."""
-        return {name: each for name, each in self._heard() if isinstance(each, LaserScan)}
-
     def floors(self) -> dict[str, FloorFrame]:
         """Return the newest frame of each floor that is not silent."""
-        return {name: each for name, each in self._heard() if isinstance(each, FloorFrame)}
+        return {name: each for name, each in self.heard().items() if isinstance(each, FloorFrame)}
 
-    def _heard(self) -> list[tuple[str, Observation]]:
-        return [(name, each) for name, each in self.newest.items() if name not in self.silent]
+    def heard(self) -> dict[str, Observation]:
+        """Return the newest report of each sensor that is not silent."""
+        return {name: each for name, each in self.newest.items() if name not in self.silent}
 
     def floor(self, name: str) -> FloorSensor:
         """Return the grid of a floor at its true pose."""
@@ -225,8 +222,8 @@ class _Film:
         width, height = _PLAN_PX
         panel = np.zeros((height, width, 3), dtype=np.uint8)
         poses = true_poses(self._world.truth(round(t * NS_PER_S), {}))
-        scans, floors = self._reports.scans(), self._reports.floors()
-        self._plan.draw(panel, scans, [], {}, IdentityColours(), poses, floors, self._reports.silent)
+        frame = PreviewFrame(self._reports.heard(), truth=poses, silent=self._reports.silent)
+        self._plan.draw(panel, frame, IdentityColours())
         left = _EDGE_PX if self._plan_left else _SIZE_PX[0] - _EDGE_PX - width
         shown[_EDGE_PX : _EDGE_PX + height, left : left + width] = panel
 

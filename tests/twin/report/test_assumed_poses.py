@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from trackers.observations import LaserScan
-from trackers.rig import FloorSensor, LaserSensor, Pose, Rig, RigSensor
+from trackers.observations import LaserScan, Odometry
+from trackers.rig import FloorSensor, LaserSensor, OdometrySensor, Pose, Rig, RigSensor
 from twin import load_scenario, run_scenario
 from twin.report.assumed_poses import assumed_poses, assumed_poses_svg
 from twin.report.birdseye import FloorView, Site, floor_extent
-from twin.report.floor_panel import FloorPanel
+from twin.report.floor_panel import FloorPanel, PreviewFrame
 from twin.report.palette import LAYER_COLOURS, IdentityColours
 
 AREA = ((-2.0, -2.0), (2.0, -2.0), (2.0, 2.0), (-2.0, 2.0))
@@ -45,7 +45,7 @@ def drawn(
 ) -> NDArray[np.uint8]:
     panel = np.zeros((SIZE[1], SIZE[0], 3), dtype=np.uint8)
     floor = FloorPanel(Site(assumed, true_rig=true), *SIZE, about=about)
-    floor.draw(panel, {name: sector(name) for name in scans}, [], {}, IdentityColours(), None)
+    floor.draw(panel, PreviewFrame({name: sector(name) for name in scans}), IdentityColours())
     return panel
 
 
@@ -54,6 +54,23 @@ def at(panel: NDArray[np.uint8], assumed: Rig, x: float, y: float) -> NDArray[np
     view = FloorView.fit(floor_extent(assumed, []), *SIZE)
     column, row = view.pixels(np.array([x, y])).astype(int)
     return panel[row, column].astype(np.int64)
+
+
+def test_scans_are_drawn_from_where_their_base_is_and_where_it_was_last() -> None:
+    moving = scanner(0.0, 0.0).model_copy(update={"mounted_on": "base"})
+    assumed = Rig(sensors={"base": OdometrySensor(topic="/odom"), "west": moving}, area=AREA)
+    moved = np.eye(4)
+    moved[0, 3] = -1.0
+    floor, colours = FloorPanel(Site(assumed), *SIZE), IdentityColours()
+    panels = []
+    for odometry in ({}, {"base": Odometry("base", 0, moved)}, {}):
+        panels.append(np.zeros((SIZE[1], SIZE[0], 3), np.uint8))
+        floor.draw(panels[-1], PreviewFrame({"west": sector("west"), **odometry}), colours)
+    start, now, later = panels
+    for place, before in (((-0.5, 0.05), False), ((1.5, 0.05), True)):
+        brighter = at(start, assumed, *place) - at(now, assumed, *place)
+        assert (brighter > 15).any() if before else (brighter < -15).any()
+    assert (later == now).all()
 
 
 def test_every_scanner_s_free_space_is_seen_in_its_colour_and_through_the_others() -> None:

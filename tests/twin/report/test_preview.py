@@ -19,7 +19,7 @@ from trackers.observations import NS_PER_S, DepthImage, Image
 from trackers.rig import LaserSensor, PinholeSensor, Rig
 from trackers.tracks import Hypotheses, ScoreMap, Track
 from twin.report.birdseye import Site
-from twin.report.floor_panel import TruePoses
+from twin.report.floor_panel import PreviewFrame, TruePoses
 from twin.report.palette import IDENTITY_COLOURS
 from twin.report.preview import PreviewWriter
 
@@ -39,13 +39,8 @@ def write(path: Path, synthetic: SyntheticRun, n: int = N) -> bytes:
     with PreviewWriter(path, Site(synthetic.rig, synthetic.outline), fps=10, tracker="t", title="s") as writer:
         for index in range(n):
             frame = synthetic.track_frames[index]
-            writer.frame(
-                frame.stamp_ns,
-                {"camera": synthetic.image},
-                synthetic.scans(index),
-                frame.tracks,
-                poses(synthetic, index),
-            )
+            newest = {"camera": synthetic.image, **synthetic.scans(index)}
+            writer.frame(frame.stamp_ns, PreviewFrame(newest, frame.tracks, poses(synthetic, index)))
         return writer.still()
 
 
@@ -97,15 +92,15 @@ def test_times_follow_the_stamps_across_a_gap(tmp_path: Path, synthetic: Synthet
     start = 1_700_000_000 * NS_PER_S  # a robot's clock
     with PreviewWriter(tmp_path / "v.mp4", Site(synthetic.rig), fps=10) as writer:
         for index in (0, 1, 5):
-            writer.frame(start + index * PERIOD_NS, {}, {}, ())
+            writer.frame(start + index * PERIOD_NS, PreviewFrame({}))
     assert [t for t, _ in decoded(tmp_path / "v.mp4")] == pytest.approx([0.0, 0.1, 0.5], abs=1e-4)
 
 
 def test_stamps_must_rise(tmp_path: Path, synthetic: SyntheticRun) -> None:
     with PreviewWriter(tmp_path / "v.mp4", Site(synthetic.rig), fps=10) as writer:
-        writer.frame(5, {}, {}, ())
+        writer.frame(5, PreviewFrame({}))
         with pytest.raises(ValueError, match="not later"):
-            writer.frame(5, {}, {}, ())
+            writer.frame(5, PreviewFrame({}))
 
 
 def test_exception_leaves_nothing_new(tmp_path: Path, synthetic: SyntheticRun) -> None:
@@ -114,7 +109,7 @@ def test_exception_leaves_nothing_new(tmp_path: Path, synthetic: SyntheticRun) -
 
     def interrupted() -> None:
         with PreviewWriter(path, Site(synthetic.rig), fps=10) as writer:
-            writer.frame(0, {"camera": synthetic.image}, synthetic.scans(0), synthetic.track_frames[5].tracks)
+            writer.frame(0, PreviewFrame(synthetic.scans(0), synthetic.track_frames[5].tracks))
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -154,7 +149,7 @@ def test_without_camera_the_floor_takes_the_width(tmp_path: Path, synthetic: Syn
     rig = Rig(sensors={"scan": LaserSensor(topic="/scan")})
     scan = replace(synthetic.scans(0)["waist"], sensor="scan")
     with PreviewWriter(tmp_path / "v.mp4", Site(rig), fps=10) as writer:
-        writer.frame(0, {}, {"scan": scan}, [Track(1, 1.0, 0.0), Track(2, 2.0, 1.0, status="coasting")])
+        writer.frame(0, PreviewFrame({"scan": scan}, [Track(1, 1.0, 0.0), Track(2, 2.0, 1.0, status="coasting")]))
         picture = jpeg(writer.still())
     assert near(picture[:, :600], IDENTITY_COLOURS[0]) + near(picture[:, 600:], IDENTITY_COLOURS[0]) > 50
     assert len(list(decoded(tmp_path / "v.mp4"))) == 1
@@ -163,9 +158,9 @@ def test_without_camera_the_floor_takes_the_width(tmp_path: Path, synthetic: Syn
 def test_track_is_drawn_in_both_panels_where_it_is(tmp_path: Path, synthetic: SyntheticRun) -> None:
     blue = IDENTITY_COLOURS[0]
     with PreviewWriter(tmp_path / "v.mp4", Site(synthetic.rig), fps=10) as writer:
-        writer.frame(0, {}, {}, [])
+        writer.frame(0, PreviewFrame({}))
         empty = jpeg(writer.still(95))
-        writer.frame(PERIOD_NS, {}, {}, [Track(3, -1.5, 1.5)])
+        writer.frame(PERIOD_NS, PreviewFrame({}, [Track(3, -1.5, 1.5)]))
         left = jpeg(writer.still(95))
     assert near(empty, blue) == 0
     camera, floor = left[44:, :596], left[44:612, 596:]
@@ -190,7 +185,7 @@ def test_a_pinhole_shows_tracks_and_cuts_windows_at_its_edge(tmp_path: Path, syn
     with PreviewWriter(tmp_path / "v.mp4", Site(pinholes(synthetic, "a")), fps=10) as writer:
         seen = []
         for index, x in enumerate((0.0, 1.6, 3.0)):  # in the middle, at the edge (39° off), outside
-            writer.frame(index * PERIOD_NS, {}, {}, [Track(1, x, 2.0)])
+            writer.frame(index * PERIOD_NS, PreviewFrame({}, [Track(1, x, 2.0)]))
             panel = jpeg(writer.still(95))[44:, :596]
             seen.append(near(panel, blue))
     assert seen[0] > seen[1] > 10
@@ -201,7 +196,7 @@ def test_four_cameras_share_the_square(tmp_path: Path, synthetic: SyntheticRun) 
     red = DepthImage("a", 0, np.full((240, 320, 3), (200, 0, 0), np.uint8), np.zeros((240, 320), np.float32))
     green = Image("d", 0, np.full((240, 320, 3), (0, 200, 0), np.uint8))
     with PreviewWriter(tmp_path / "v.mp4", Site(pinholes(synthetic, "abcd")), fps=10) as writer:
-        writer.frame(0, {"a": red, "d": green}, {}, [])
+        writer.frame(0, PreviewFrame({"a": red, "d": green}))
         panel = jpeg(writer.still(95))[44:, :596]
     size = 298 * 298 * 3 / 4
     assert near(panel[:298, :298], (200, 0, 0)) > 0.95 * size
@@ -211,7 +206,7 @@ def test_four_cameras_share_the_square(tmp_path: Path, synthetic: SyntheticRun) 
 
 def test_track_behind_the_camera_has_no_window(tmp_path: Path, synthetic: SyntheticRun) -> None:
     with PreviewWriter(tmp_path / "v.mp4", Site(synthetic.rig), fps=10) as writer:
-        writer.frame(0, {}, {}, [Track(1, 0.0, -2.0)])
+        writer.frame(0, PreviewFrame({}, [Track(1, 0.0, -2.0)]))
         assert near(jpeg(writer.still(95))[44:, :596], IDENTITY_COLOURS[0]) == 0
 
 
@@ -221,7 +216,7 @@ def test_heads_and_hypotheses_are_drawn_in_the_picture(tmp_path: Path, synthetic
     coloured = []
     for name, tracks, maps in (("none", [], ()), ("head", [head], ()), ("cloud", [head], (cloud,))):
         with PreviewWriter(tmp_path / f"{name}.mp4", Site(synthetic.rig), fps=10) as writer:
-            writer.frame(0, {}, {}, tracks, maps=maps)
+            writer.frame(0, PreviewFrame({}, tracks, maps=maps))
             coloured.append(near(jpeg(writer.still(95))[44:, :596], IDENTITY_COLOURS[0], 60))
     assert coloured[0] < coloured[1] < coloured[2]
 
@@ -235,7 +230,7 @@ def test_windows_that_a_tracker_tells_take_the_place_of_the_torso_window(
     stills = {}
     for name, maps in (("plain", ()), ("places", (Hypotheses(1, places),)), ("with_maps", (with_maps,))):
         with PreviewWriter(tmp_path / f"{name}.mp4", Site(synthetic.rig), fps=10) as writer:
-            writer.frame(0, {}, {}, tracks, maps=maps)
+            writer.frame(0, PreviewFrame({}, tracks, maps=maps))
             stills[name] = jpeg(writer.still(95))[44:].astype(int)
     camera = synthetic.rig.cameras()["camera"].intrinsics
     scale = 596 / max(camera.width, camera.height)
@@ -250,7 +245,7 @@ def test_windows_that_a_tracker_tells_take_the_place_of_the_torso_window(
 
 def test_scan_points_lie_on_the_wall(tmp_path: Path, synthetic: SyntheticRun) -> None:
     with PreviewWriter(tmp_path / "v.mp4", Site(synthetic.rig, synthetic.outline), fps=10) as writer:
-        writer.frame(0, {}, {"waist": synthetic.scans(0)["waist"]}, [])
+        writer.frame(0, PreviewFrame({"waist": synthetic.scans(0)["waist"]}))
         floor = jpeg(writer.still(95))[44:612, 596:]
     amber = (floor[..., 0].astype(int) - floor[..., 2]) > 40  # the page's greys are bluish
     rows = np.flatnonzero(amber.sum(axis=1) > 20)
@@ -269,7 +264,8 @@ def test_the_floor_plan_says_the_situation_and_the_picture_shows_the_score_map(
     for name, situation, maps in (("plain", "apart", ()), ("with_maps", "merged", (found,)), ("other", "merged", ())):
         with PreviewWriter(tmp_path / f"{name}.mp4", Site(synthetic.rig), fps=10) as writer:
             tracks = [Track(1, 0.5, 1.5, situation=situation)]
-            writer.frame(0, {"camera": synthetic.image}, synthetic.scans(0), tracks, maps=maps)
+            newest = {"camera": synthetic.image, **synthetic.scans(0)}
+            writer.frame(0, PreviewFrame(newest, tracks, maps=maps))
             stills[name] = jpeg(writer.still())
     side = 640 - 44
     assert (stills["plain"][44:, :side] == stills["other"][44:, :side]).all()  # words stand in the floor plan

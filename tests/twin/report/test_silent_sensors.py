@@ -11,7 +11,7 @@ import pytest
 
 from trackers.observations import NS_PER_S, LaserScan
 from twin.report.birdseye import Site
-from twin.report.floor_panel import SILENT_FILL
+from twin.report.floor_panel import SILENT_FILL, PreviewFrame
 from twin.report.preview import PreviewWriter
 from twin.report.sensor_stills import SilenceMonitor
 from twin.run.feed import Preview
@@ -70,8 +70,8 @@ class Watched:
     def __init__(self) -> None:
         self.drawn: dict[float, tuple[list[str], list[str]]] = {}
 
-    def frame(self, stamp_ns, images, scans, tracks, truth, floors, silent, maps) -> None:
-        self.drawn[stamp_ns / NS_PER_S] = (sorted(scans), sorted(silent))
+    def frame(self, stamp_ns: int, frame: PreviewFrame) -> None:
+        self.drawn[stamp_ns / NS_PER_S] = (sorted(frame.newest), sorted(frame.silent))
 
 
 def test_a_preview_does_not_draw_the_last_scan_of_a_silent_scanner_on_and_on() -> None:
@@ -99,7 +99,7 @@ def test_the_label_stands_in_the_picture_and_the_camera_s_last_one_is_dimmed(tmp
     pictures = []
     for silent in ([], ["waist", "fisheye"]):
         with PreviewWriter(tmp_path / "v.mp4", Site(rig), fps=10) as writer:
-            writer.frame(0, {"fisheye": looks["fisheye"]}, {"knee": looks["knee"]}, [], silent=silent)  # pyright: ignore
+            writer.frame(0, PreviewFrame({name: looks[name] for name in ("fisheye", "knee")}, silent=silent))
             jpeg = np.frombuffer(writer.still(95), np.uint8)
             pictures.append(np.asarray(cv2.imdecode(jpeg, cv2.IMREAD_COLOR_RGB)))
     seeing, mute = pictures

@@ -11,7 +11,7 @@ import pytest
 from trackers.feeding import track_frames
 from trackers.observations import NS_PER_S, FloorFrame, Image, LaserScan, Observation
 from trackers.presets import make_tracker
-from twin.report.floor_panel import TruePoses
+from twin.report.floor_panel import PreviewFrame
 from twin.report.preview import PreviewWriter
 from twin.run.feed import Preview
 from twin.scenario import Scenario, load_scenario
@@ -294,9 +294,8 @@ class Watched:
     def __init__(self) -> None:
         self.people: dict[int, int | None] = {}
 
-    def frame(self, stamp_ns: int, *drawn: object) -> None:
-        truth = next((each for each in drawn if isinstance(each, TruePoses)), None)
-        self.people[stamp_ns] = None if truth is None else len(truth.ids)
+    def frame(self, stamp_ns: int, frame: PreviewFrame) -> None:
+        self.people[stamp_ns] = None if frame.truth is None else len(frame.truth.ids)
 
 
 def test_people_are_drawn_near_stamps_of_a_clock_that_is_off() -> None:

@@ -6,7 +6,7 @@ import gc
 import sys
 import weakref
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import cast
 
@@ -16,6 +16,7 @@ import pytest
 import twin
 from trackers.observations import Image
 from trackers.tracks import TrackFrame
+from twin.report.floor_panel import PreviewFrame
 from twin.report.preview import PreviewWriter
 from twin.run.feed import Preview
 from twin.world import world
@@ -110,8 +111,8 @@ def test_preview_drops_pictures_that_no_later_frame_shows() -> None:
     shown: list[int] = []
 
     class Film:
-        def frame(self, stamp_ns: int, images: Mapping[str, Image], *_: object) -> None:
-            shown.append(images["fisheye"].stamp_ns)
+        def frame(self, stamp_ns: int, frame: PreviewFrame) -> None:
+            shown.append(frame.newest["fisheye"].stamp_ns)
 
     with twin.Simulation(twin.load_scenario("lab-five-people", ["background=none"]), images=False) as simulation:
         preview = Preview(cast("PreviewWriter", Film()), simulation.rig)

@@ -29,7 +29,7 @@ from twin.recording.reader import Recording
 from twin.recording.tables import TruthTable, read_truth, track_table
 from twin.report.birdseye import Site
 from twin.report.camera_panel import CameraGrid
-from twin.report.floor_panel import FloorPanel, TruePoses
+from twin.report.floor_panel import FloorPanel, PreviewFrame, TruePoses
 from twin.report.palette import IdentityColours, encode_jpeg
 from twin.reproduce.results import ResultRow, SystemValue
 from twin.reproduce.suite_runs import Condition, SuiteRuns, metric_arrays
@@ -313,14 +313,13 @@ def draw_debug_state(
         cameras[view.number]: Image(cameras[view.number], frame.stamp_ns, _outlined(view.rgb, view.mask))
         for view in state.views
     }
+    shown = PreviewFrame({**images, **floors}, frame.tracks, truth, maps=frame.maps)
     colours = IdentityColours()
     colours.add(sorted(track.id for track in frame.tracks))
     left = np.empty((_SIDE_PX, _SIDE_PX, 3), np.uint8)
-    CameraGrid(rig.cameras(), (_SIDE_PX, _SIDE_PX)).draw(left, images, frame.tracks, colours, maps=frame.maps)
+    CameraGrid(rig.cameras(), (_SIDE_PX, _SIDE_PX)).draw(left, shown, colours)
     right = np.empty_like(left)
-    tails = {track.id: [(frame.stamp_ns, track.x, track.y)] for track in frame.tracks}
-    panel = FloorPanel(Site(rig), _SIDE_PX, _SIDE_PX)
-    panel.draw(right, {}, frame.tracks, tails, colours, truth, floors, maps=frame.maps)
+    FloorPanel(Site(rig), _SIDE_PX, _SIDE_PX).draw(right, shown, colours)
     return encode_jpeg(np.hstack([left, right]), _QUALITY)
 
 
