@@ -20,7 +20,7 @@ from twin.report.palette import RGB
 
 Polygon = NDArray[np.float64]  # (k, 2) corners on the floor [m], room frame
 
-MARGIN_M = 0.4
+_MARGIN_M = 0.4
 """Floor shown around the room [m]."""
 _PLAN_ASPECTS = 0.7, 1.8
 """Limits of a plan's width over its height."""
@@ -58,12 +58,12 @@ class FloorView:
     height_px: int
 
     @classmethod
-    def fit(cls, extent: Polygon, width_px: int, height_px: int | None = None, margin_m: float = MARGIN_M) -> FloorView:
+    def fit(cls, extent: Polygon, width_px: int, height_px: int | None = None) -> FloorView:
         """Fit a view to the bounding box of `extent` (k, 2) [m], centred in a picture of this size.
 
         Without a height the picture follows the box, between a third and four fifths of the width.
         """
-        low, high = extent.min(axis=0) - margin_m, extent.max(axis=0) + margin_m
+        low, high = extent.min(axis=0) - _MARGIN_M, extent.max(axis=0) + _MARGIN_M
         size = np.maximum(high - low, 1.0)
         if height_px is None:
             height_px = round(float(np.clip(size[1] / size[0], 1 / 3, 0.8)) * width_px)
@@ -124,7 +124,7 @@ def plan_width_px(rig: Rig, outline: Sequence[Polygon], height_px: int) -> int:
     """Return the width of a plan of this height without empty borders [px]; a square where no room is known."""
     if not outline:
         return height_px
-    across = np.ptp(floor_extent(rig, outline), axis=0) + 2 * MARGIN_M
+    across = np.ptp(floor_extent(rig, outline), axis=0) + 2 * _MARGIN_M
     return round(height_px * float(np.clip(across[0] / across[1], *_PLAN_ASPECTS)))
 
 

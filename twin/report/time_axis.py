@@ -12,6 +12,7 @@ from trackers.observations import NS_PER_S
 
 _LONGEST_CLOCK_NS = 1_000_000 * NS_PER_S
 _STEPS_S = (0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 43200, 86400)
+_MOST_TICKS = 14
 
 
 def time_origin_ns(first_stamp_ns: int) -> int:
@@ -19,9 +20,9 @@ def time_origin_ns(first_stamp_ns: int) -> int:
     return first_stamp_ns if abs(first_stamp_ns) > _LONGEST_CLOCK_NS else 0
 
 
-def round_ticks(start_s: float, end_s: float, most: int) -> NDArray[np.float64]:
-    """Choose round times from start to end [s], at most `most` of them."""
-    step = next((s for s in _STEPS_S if (end_s - start_s) / s <= most), _STEPS_S[-1])
+def round_ticks(start_s: float, end_s: float) -> NDArray[np.float64]:
+    """Choose round times from start to end [s], at most `_MOST_TICKS` of them."""
+    step = next((s for s in _STEPS_S if (end_s - start_s) / s <= _MOST_TICKS), _STEPS_S[-1])
     first = np.ceil(start_s / step - 1e-9)
     return step * np.arange(first, np.floor(end_s / step + 1e-9) + 1) + 0.0  # without −0
 
@@ -67,7 +68,7 @@ class TimeAxis:
     def grid(self, height: float) -> str:
         """Draw as SVG a line at each round time and the times below, for a chart `height` high without them."""
         end = self.seconds(self.end_ns)
-        ticks = round_ticks(self.seconds(self.start_ns), end, 14)
+        ticks = round_ticks(self.seconds(self.start_ns), end)
         places = self.x((ticks * NS_PER_S).astype(np.int64) + self.zero_ns)
         lines = "".join(f"M{x:.1f} 0V{height:.0f}" for x in places)
         texts = "".join(

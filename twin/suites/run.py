@@ -75,9 +75,7 @@ def run_suite(
         store = stack.enter_context(open_store(folder, cases, _facts(suite, cases, changes), resume, progress.warned))
         start, before_s = time.perf_counter(), store.facts()["seconds"]
         run_tasks = elsewhere or open_workers(workers, stack, progress)
-        logs = folder / "logs"
-        logs.mkdir(exist_ok=True)
-        _run_cases(store, folder, cases, cache, run_tasks, progress, logs, function or run_case)
+        _run_cases(store, folder, cases, cache, run_tasks, progress, function or run_case)
         _draw_filmstrips(store, folder, cases, cache, run_tasks, progress)
         store.note(seconds=before_s + time.perf_counter() - start)
 
@@ -136,7 +134,6 @@ def _run_cases(
     cache: RecordingCache,
     run_tasks: RunTasks,
     progress: ProgressListener,
-    logs: Path,
     function: Callable[[CaseWork], CaseResult],
 ) -> None:
     by_id = {case.id: case for case in cases}
@@ -187,6 +184,8 @@ def _run_cases(
     def state(now: State) -> None:
         progress.state(replace(now, done=now.done + len(done)))
 
+    logs = folder / "logs"
+    logs.mkdir(exist_ok=True)
     run_tasks(tasks, function, TaskListener(lambda task, number: store.started(task.id, number), ended, state), logs)
 
 
