@@ -57,6 +57,15 @@ def test_a_scan_all_around_sees_behind_too():
     assert seen(scan(field_deg=360.0), (-2, 0), (-2, 1e-3), (-2, -1e-3)) == [0.9, 0.9, 0.9]
 
 
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_body_across_the_seam_of_a_scan_all_around_is_hidden_on_either_side(side):
+    """A third of it is behind what stands just beyond the seam, not behind what the beam at the seam met."""
+    before = scan((172, 178, 1.0) if side > 0 else (-178, -172, 1.0), field_deg=360.0)
+    across = (-2.0, -side * 2 * np.tan(np.deg2rad(0.6)))
+    assert seen(before, across) == [pytest.approx(0.6)]
+    assert seen(before, (2.0, 0.0), across) == [0.9, pytest.approx(0.6)]
+
+
 def test_points_are_in_the_room():
     sensor = LaserSensor(topic="/waist", room_from_sensor=Pose(xyz=(1, 1, 0.9), rpy=(0, 0, np.pi / 2)))
     before = scan((-10, 10, 1.0))  # ahead is the room's +y
