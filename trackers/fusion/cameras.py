@@ -209,8 +209,9 @@ class Camera:
         if self._stereo is not None or not len(known) or not len(position):
             return np.ones(len(position), np.bool_)
         new, old = (np.column_stack([each, np.full(len(each), _CHEST_M)]) for each in (position, known))
-        eye, crowns = self.camera.eye_m, np.column_stack([position, np.full(len(position), _CROWN_M)])
-        either = hidden(eye, new, expected.crowns, _OVERLAP_M) | hidden(eye, old, crowns, _OVERLAP_M).T
+        eye = self.camera.eye_m  # outlines of who sits overlap with others' as well: all as high as who stands
+        by_old, by_new = (np.column_stack([each, np.full(len(each), _CROWN_M)]) for each in (known, position))
+        either = hidden(eye, new, by_old, _OVERLAP_M) | hidden(eye, old, by_new, _OVERLAP_M).T
         return ~np.logical_or.reduce(either, axis=1)
 
     def _missed(self, points: Float[Array, "2 *n"], expected: Expected) -> Float[Array, "*n"]:
@@ -223,21 +224,21 @@ class Camera:
         place = crowns[:, :2]
         self._shown.learn(place, asked * self._in_plain_sight(place, crowns), shown)
 
-    def _in_plain_sight(self, place: Float[Array, "k 2"], others: Float[Array, "n 3"]) -> Bool[Mask, "k"]:
-        """Mark places [m] of people that neither the room, as far as it is told, nor another person hides from the picture."""
-        visible = self._is_clear(np.column_stack([place, np.full(len(place), _CHEST_M)]), others)
+    def _in_plain_sight(self, place: Float[Array, "k 2"], crowns: Float[Array, "n 3"]) -> Bool[Mask, "k"]:
+        """Mark places [m] of people that neither the room, as far as it is told, nor another one below the crowns [m] hides."""
+        visible = self._is_clear(np.column_stack([place, np.full(len(place), _CHEST_M)]), crowns)
         return visible if self._detector is None else visible & self._detector.places.shows(place)
 
-    def sees(self, points: Float[Array, "k 3"], others: Float[Array, "n 3"]) -> Bool[Mask, "k"]:
-        """Mark points [m] in the picture that neither the room nor another person hides. others: people's crowns [m]."""
-        return self._is_clear(points, others) & (self._shown.share(points[:, :2]) > _HARDLY)
+    def sees(self, points: Float[Array, "k 3"], crowns: Float[Array, "n 3"]) -> Bool[Mask, "k"]:
+        """Mark points [m] in the picture that neither the room nor another person below these crowns [m] hides."""
+        return self._is_clear(points, crowns) & (self._shown.share(points[:, :2]) > _HARDLY)
 
-    def _is_clear(self, points: Float[Array, "k 3"], others: Float[Array, "n 3"]) -> Bool[Mask, "k"]:
+    def _is_clear(self, points: Float[Array, "k 3"], crowns: Float[Array, "n 3"]) -> Bool[Mask, "k"]:
         seen = self.camera.project(points)[1]
         if self._environment is not None and seen.any():
             seen &= self._environment.visible(self.camera.eye_m, points)
-        if len(others) and seen.any():
-            seen &= ~hidden(self.camera.eye_m, points, others, _SHADOW_M).any(axis=1)
+        if len(crowns) and seen.any():
+            seen &= ~hidden(self.camera.eye_m, points, crowns, _SHADOW_M).any(axis=1)
         return seen
 
     def stands_alone(

@@ -87,7 +87,7 @@ class Scanners:
             # split beams at an edge look like a leg, but not twice: a hidden person is not moved to one; and a leg, up to half a
             # stride from the body, tells by its place alone less of whose it is than all legs together
             owner = np.where(single & starts, NEW, np.where(single, walkers.owner, -1))
-            # where a trunk would be seen with the legs, one leg alone is half of what shows a person
+            # with scanners at waist height, one leg alone is half of what shows a person: they miss the trunk, or are hidden
             evidence = np.where(single & (self._waists is not None), 0.5, 1.0)
         sure = (n_sample >= _SURE_SAMPLES) & (not self._group.is_learning)
         return Look(

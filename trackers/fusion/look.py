@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from trackers.arrays import Array, Float, Index, Int
-from trackers.fusion.motion import HEAD_PLACE, LEGS, PLACE, crowns_over
+from trackers.fusion.motion import HEAD_PLACE, LEGS, OUTLINE, PLACE, crowns_over
 from trackers.fusion.options import KindOptions
 from trackers.fusion.posture import ALIKE_S, Shares
 from trackers.observations import Observation
@@ -66,8 +66,8 @@ class Look:
 
     @property
     def alike_s(self) -> float:
-        """Time in which all looks together tell of a posture what one tells [s]: how a picture shows a body stays so."""
-        return self.kind.lasts_s if self.is_sharp else max(self.kind.lasts_s, ALIKE_S)
+        """Time in which all looks together tell of a posture what one tells [s]: how an outline shows a body stays so."""
+        return max(self.kind.lasts_s, ALIKE_S) if self.observes is OUTLINE else self.kind.lasts_s
 
     @property
     def of_heads(self) -> bool:

@@ -19,7 +19,11 @@ class KindOptions(Strict):
         description="standard deviation, on each axis, of the part of the error that stays while a person is seen alike; it "
         "counts in the stated radius [m]",
     )
-    p_detect: float = Field(ge=0, lt=1, description="detection probability of a standing person that nothing hides")
+    p_detect: float = Field(
+        gt=0.5,
+        lt=1,
+        description="detection probability of a standing person that nothing hides, above that of missing one",
+    )
     clutter_m2: float = Field(gt=0, description="density of measurements that are no known person's [1/m²]")
     lasts_s: float = Field(
         gt=0, description="time in which all measurements of a person by one sensor together tell what one tells [s]"

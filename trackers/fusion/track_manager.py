@@ -34,6 +34,8 @@ _FRESH_S = 0.25
 """A track measured no longer ago is confirmed, else it coasts [s]."""
 _SURE = 0.9
 """Existence from which a track is confirmed."""
+_LEAST_CONFIRMED, _LEAST_TENTATIVE = 0.2, 0.05
+"""Existence at which confirmed and tentative tracks end."""
 _TRUST = 1.5
 """Log-likelihood ratio of a detection at most, in that of detecting a person against missing one."""
 _SAME_M, _SAME_S = 0.25, 0.7
@@ -143,7 +145,7 @@ class FusionTrackManager(TrackManager):
         share: Float[Array, "p"],
         p_detect: Float[Array, "p"],
     ) -> People:
-        """Return the tracks with those at `row` measured, some repeatedly, at log-likelihood ratios against clutter.
+        """Return the tracks with those at `row` measured, some repeatedly, at log-likelihood ratios against other causes.
 
         share: of the evidence; p_detect: of the sensor.
         """
@@ -158,7 +160,7 @@ class FusionTrackManager(TrackManager):
     def existence_of_new(p_detect: Float[Array, "hits"], evidence: Float[Array, "hits"]) -> float:
         """Return the existence of a track begun by hits of sensors of these P_D: 1/2 by the first, if it shows a whole person."""
         most = _TRUST * np.log(p_detect / (1 - p_detect))
-        return float(1 / (1 + np.exp(most[0] - (evidence * most).sum())))
+        return max(float(1 / (1 + np.exp(most[0] - (evidence * most).sum()))), 2 * _LEAST_TENTATIVE)
 
     def updated_missed(self, people: People, look: Look, share: float, elapsed_s: float, ns: int) -> People:
         """Update the tracks that neither a look nor another one of its stamp showed: likelier hidden, or not to exist.
@@ -183,7 +185,7 @@ class FusionTrackManager(TrackManager):
         alone = clear_of(some.place, others, _APART_M) & self.inside(some.positions)
         by_posture = np.where(alone[:, None], 1 - np.array(look.by_posture) * (1 - chance[:, None]), chance[:, None])
         whole = (some.posture.probability * by_posture).sum(axis=1)
-        posture = people.posture.weighed(row, np.log(by_posture))
+        posture = people.posture.weighed(row, look.kind.lasts_s / look.alike_s * np.log(by_posture))
         # who may have gone unseen may have gone: where nothing would show them as likely as elsewhere
         stays_s = self._rules.survival_s * np.where(posture.rests[row], _STAYS, 1.0)
         existence = existence_after_miss(some.existence, whole, elapsed_s / people.seen_ns.shape[1], stays_s)
@@ -253,7 +255,7 @@ class FusionTrackManager(TrackManager):
         """Delete tracks that have left the area, or that probably do not exist."""
         inside = self.inside(people.positions) | (people.roster.measured_ns < ns) | people.posture.rests
         lasting = self.lasting(people.roster, ns)
-        exists = people.existence > np.where(people.confirmed, 0.2, 0.05)
+        exists = people.existence > np.where(people.confirmed, _LEAST_CONFIRMED, _LEAST_TENTATIVE)
         if self.area is not None:
             lasting |= people.confirmed & (people.existence > 0.5)
         return people.select(inside & lasting & exists)

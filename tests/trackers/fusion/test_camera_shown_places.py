@@ -5,7 +5,10 @@ import pytest
 from synthetic_view import rig
 
 from trackers.cameras import PlacedCamera
+from trackers.filters.imm import Imm
 from trackers.fusion.cameras import ShownPlaces, hidden
+from trackers.fusion.motion import PersonMotion
+from trackers.fusion.people import People
 from trackers.rig import placed_camera
 
 BEHIND_A_WALL, IN_VIEW = np.array([[4.0, 1.3]]), np.array([[1.0, -2.2]])
@@ -65,3 +68,10 @@ def test_a_camera_sees_over_the_head_of_who_sits_and_not_through_who_stands():
     at = np.array([[3.0, 0.1], [3.0, 0.1], [3.0, 0.5], [3.9, 0.0]])
     crowns = np.column_stack([at, [1.25, 1.8, 1.8, 1.8]])  # sits, stands, stands aside, is the person seen
     assert hidden(eye_m, chest, crowns, 0.25).tolist() == [[False, True, False, False]]
+
+
+def test_crowns_are_over_the_places_and_above_the_heads():
+    people = People.started(Imm(PersonMotion()).start(np.array([[1.0, 2.0]])), np.array([[1.0, 2.0]]), 0, 1, 1)
+    expected = people.expected()
+    np.testing.assert_array_equal(people.crowns, expected.crowns)
+    np.testing.assert_allclose(people.crowns, [[1.0, 2.0, people.head[0, 2] + 0.12]])

@@ -263,6 +263,19 @@ def test_a_track_begun_by_one_leg_takes_more_hits_than_one_begun_by_a_trunk() ->
     half = [of_new(p_detect[:n], np.full(n, 0.5)) for n in (1, 2, 3, 4)]
     assert (np.diff(whole) > 0).all() and (np.diff(half) > 0).all() and (np.array(half) < whole).all()
     assert half[1] == pytest.approx(whole[0]) and half[3] == pytest.approx(whole[1])
+    assert of_new(np.array([0.999]), np.full(1, 0.5)) > 0.05  # else it would end before the second one
+    manager = FusionTrackManager(FusionOptions(), None, Imm(PersonMotion()))
+    nobody = people_at((0.0, 0.0)).select(np.zeros(1, np.bool_))
+    begun = {}
+    for evidence in (1.0, 0.5):
+        look = Look(
+            ("knee",), FusionOptions().legs, np.array([[0.0, 0.0], [5.0, 5.0]]), np.tile(0.1**2 * np.eye(2), (2, 1, 1)),
+            np.array([0, 1]), np.full(2, NEW), lambda points: np.zeros(points.shape[1:]), LEGS_SHOWN,
+            is_sharp=True, evidence=np.array([1.0, evidence]),
+        )  # fmt: skip
+        begun[evidence] = manager.initiated(nobody, {0: look}, [np.empty(0, np.intp)], 0)
+        assert len(begun[evidence]) == 1 and begun[evidence].positions[0, 0] == pytest.approx(5.0)
+    assert begun[0.5].existence[0] < begun[1.0].existence[0] == pytest.approx(0.5)
 
 
 def test_what_may_be_of_another_track_tells_less_of_one_that_it_is_given_to() -> None:
@@ -273,10 +286,10 @@ def test_what_may_be_of_another_track_tells_less_of_one_that_it_is_given_to() ->
         people = people_at(ghost, (x_m, 0.0))
         look = Look(
             ("camera",), options.camera, np.zeros((1, 2)), 0.3**2 * np.eye(2)[None], np.zeros(1, np.intp), np.full(1, -1),
-            lambda points: np.full(points.shape[1:], 0.2), SILHOUETTE_SHOWN,
+            lambda points: np.full(points.shape[1:], 0.2), SILHOUETTE_SHOWN, evidence=np.array([0.5]),
         )  # fmt: skip
         pairs = pair(people, look, np.full(2, 0.2), np.zeros(2, np.bool_))
-        assert pairs.row.tolist() == [0]
+        assert pairs.row.tolist() == [0] and pairs.evidence.tolist() == [0.5]
         ratios.append(pairs.log_ratio[0])
     alone = pair(people_at(ghost), look, np.full(1, 0.2), np.zeros(1, np.bool_)).log_ratio[0]
     assert alone == pytest.approx(ratios[0]) and ratios[0] > ratios[1] > ratios[2]

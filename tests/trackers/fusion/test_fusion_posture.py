@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from trackers.fusion.look import Look
+from trackers.fusion.motion import HEAD_PLACE, LEGS, OUTLINE, PLACE
 from trackers.fusion.options import FusionOptions
-from trackers.fusion.posture import SILHOUETTE_SHOWN, TRUNK_SHOWN, Posture
+from trackers.fusion.posture import DEPTH_SHOWN, FLOOR_SHOWN, SILHOUETTE_SHOWN, TRUNK_SHOWN, Posture
 
 ROW, ONE = np.array([0]), np.ones(1)
 
@@ -37,21 +38,26 @@ def test_probabilities_stay_so_and_a_lying_person_who_is_shown_as_standing_gets_
 
 
 def test_who_lies_stays_so_while_one_camera_shows_them_and_a_scanner_does_not() -> None:
-    """Ten pictures of one body in a second tell what one tells; that the scanner goes on missing the trunk outweighs them."""
+    """Ten outlines of one body in a second tell what one tells; that the scanner goes on missing the trunk outweighs them."""
     nobody = np.empty(0, np.intp)
-    picture = Look(
+    outline = Look(
         ("camera",), FusionOptions().camera, np.empty((0, 2)), np.empty((0, 2, 2)), nobody, nobody,
-        lambda points: np.ones(points.shape[1:]), SILHOUETTE_SHOWN,
+        lambda points: np.ones(points.shape[1:]), SILHOUETTE_SHOWN, observes=OUTLINE,
     )  # fmt: skip
-    scan = replace(picture, kind=FusionOptions().trunk, by_posture=TRUNK_SHOWN, is_sharp=True)
-    assert scan.alike_s == scan.kind.lasts_s < picture.alike_s
-    lying = headed(headed(Posture.upright(1), 1.28, 3), 0.65, 3)
-    missed = np.log(1 - np.array(TRUNK_SHOWN) * scan.kind.p_detect)[None]
-    seen = lying
-    for _ in range(100):
-        seen = seen.later(0.1, 60.0).weighed(ROW, missed)
-        seen = seen.detected(ROW, SILHOUETTE_SHOWN[2] * ONE, 0.1 / picture.alike_s * ONE)
-        assert seen.lies[0]
+    kinds = FusionOptions()
+    for other in (
+        replace(outline, kind=kinds.trunk, by_posture=TRUNK_SHOWN, observes=PLACE),
+        replace(outline, kind=kinds.floor, by_posture=FLOOR_SHOWN, observes=LEGS),
+        replace(outline, kind=kinds.stereo, by_posture=DEPTH_SHOWN, observes=HEAD_PLACE),
+    ):
+        assert other.alike_s == other.kind.lasts_s < outline.alike_s
+    missed = np.log(1 - 0.63 * np.array(TRUNK_SHOWN))[None]  # two of three beams pass
+    for alike_s, lies in ((outline.alike_s, True), (outline.kind.lasts_s, False)):
+        seen = headed(headed(Posture.upright(1), 1.28, 3), 0.65, 3)
+        for _ in range(100):
+            seen = seen.later(0.1, 60.0).weighed(ROW, missed)
+            seen = seen.detected(ROW, SILHOUETTE_SHOWN[2] * ONE, 0.1 / alike_s * ONE)
+        assert seen.lies[0] == lies
 
 
 def test_legs_far_before_the_trunk_are_a_sitting_persons_and_a_seat_ends_with_who_leaves_it() -> None:
