@@ -27,7 +27,7 @@ from trackers.vision.person_windows import ground_axes
 from trackers.vision.stereo_picture import StereoCamera, head_of, heads_in_plan, packed_without_depth
 
 _CHEST_M, _CROWN_M, _SHADOW_M = 1.1, 1.65, 0.25
-"""Heights of a chest and of the crown of who is not known yet, and how near to another's axis a line of sight is hidden [m]."""
+"""Heights of a chest and of the crown of who stands, and how near to another's axis a line of sight is hidden [m]."""
 _SIGMAS = 2.5
 """A head may be within so many standard deviations of where it is expected."""
 _SAME_M, _OVERLAP_M = 0.3, 0.45

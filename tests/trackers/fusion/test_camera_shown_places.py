@@ -2,13 +2,17 @@
 
 import numpy as np
 import pytest
+from synthetic_room import empty_room, observe, rig as room_rig, straight_walk
 from synthetic_view import rig
 
 from trackers.cameras import PlacedCamera
 from trackers.filters.imm import Imm
-from trackers.fusion.cameras import ShownPlaces, hidden
+from trackers.fusion.cameras import ShownPlaces, cameras_of, hidden
+from trackers.fusion.look import Expected
 from trackers.fusion.motion import PersonMotion
+from trackers.fusion.options import FusionOptions
 from trackers.fusion.people import People
+from trackers.observations import Image
 from trackers.rig import placed_camera
 
 BEHIND_A_WALL, IN_VIEW = np.array([[4.0, 1.3]]), np.array([[1.0, -2.2]])
@@ -75,3 +79,16 @@ def test_crowns_are_over_the_places_and_above_the_heads():
     expected = people.expected()
     np.testing.assert_array_equal(people.crowns, expected.crowns)
     np.testing.assert_allclose(people.crowns, [[1.0, 2.0, people.head[0, 2] + 0.12]])
+
+
+@pytest.mark.parametrize(("head_m", "hides"), [(1.55, True), (0.5, False)])
+def test_a_look_would_miss_who_is_behind_a_standing_person_and_not_behind_a_low_one(head_m: float, hides: bool):
+    """The camera of the room hangs at 0.7 m: over the crown of who is low it sees the chest of the one behind."""
+    empty = [each for each in empty_room(np.random.default_rng(1)) if isinstance(each, Image)]
+    seen = next(each for each in observe(straight_walk([(0.0, 1.5)], [(0.1, 0.0)], 2), 5) if isinstance(each, Image))
+    (camera,) = cameras_of(room_rig(waist=False, knee=False), empty, FusionOptions(), None, None)
+    before, nothing = np.array([[0.0, 1.5]]), np.zeros((1, 2))
+    expected = Expected(before, np.array([[0.0, 1.5, head_m]]), nothing, np.zeros(1), nothing)
+    look = camera.look({"camera": seen}, expected, seen.stamp_ns)
+    assert look is not None
+    assert (look.missed(np.array([[0.0], [3.0]]))[0] == 1.0) == hides

@@ -278,6 +278,22 @@ def test_a_track_begun_by_one_leg_takes_more_hits_than_one_begun_by_a_trunk() ->
     assert begun[0.5].existence[0] < begun[1.0].existence[0] == pytest.approx(0.5)
 
 
+def test_one_leg_behind_a_person_is_reported_later_than_a_trunk() -> None:
+    """In a known room a trunk is reported from the first scan on, one leg where no trunk would be seen from the third."""
+    tracker = make_tracker("fusion", rig(camera=False), EMPTY)
+    empty = {each.sensor: each for each in EMPTY if isinstance(each, LaserScan)}
+    shown = {"trunk": 0, "leg": 0}
+    frames = []
+    for k in range(8):
+        ns = (k + 1) * NS_PER_S // 10
+        for scan in (ahead(empty["waist"], 0.7, 0.3), ahead(empty["knee"], 2.2, 0.02)):
+            frames += tracker.update(replace(scan, stamp_ns=ns))
+    for frame in [*frames, *tracker.finish()]:
+        shown["trunk"] += any(each.y < 1.2 for each in frame.tracks)
+        shown["leg"] += any(each.y > 1.8 for each in frame.tracks)
+    assert 0 < shown["leg"] <= shown["trunk"] - 2
+
+
 def test_what_may_be_of_another_track_tells_less_of_one_that_it_is_given_to() -> None:
     """A silhouette at a ghost's place, which may as well be the known person's whom the picture shows nowhere else."""
     options, ghost = FusionOptions(), (0.0, 0.0)
