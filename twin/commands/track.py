@@ -218,6 +218,7 @@ def export(
 ) -> None:
     """Write recordings in other people's formats: MOTChallenge, KITTI tracking, COCO, pictures, rerun, Foxglove."""
     from twin.console import print_paths, print_warning
+    from twin.recording.losses import lines
     from twin.run.out_folder import whole_folder
 
     _check_labels(format_, labels, labels_hz, truth)
@@ -226,6 +227,9 @@ def export(
         folder = out if out is not None else Path("out") / f"{name}-{format_}"
         with whole_folder(folder) as partial:
             _write_as(format_, recordings, partial, simulate=labels == "simulation", hz=labels_hz)
+        for each in recordings:
+            for warning in (*lines(each.recording.losses), *each.recording.moving):
+                print_warning(f"{each.name}: {warning}" if len(recordings) > 1 else warning)
     print_paths({format_: folder})
 
 

@@ -155,14 +155,17 @@ class Bag:
         """Topics with their types, one entry per publisher."""
         return list(self._reader.connections)
 
-    def raw_messages(self, connections: Sequence[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
-        """Yield connection, log time [ns] and encoded message, in order of log time.
+    def raw_messages(
+        self, connections: Sequence[Connection], *, in_file_order: bool = False
+    ) -> Iterator[tuple[Connection, int, bytes]]:
+        """Yield connection, log time [ns] and encoded message, in order of log time or of the file.
 
         Raises InputError where the bag is damaged.
         """
         if connections:
             with _bag_errors(self._path):
-                yield from self._reader.messages(connections)
+                read = _as_written(self._reader, connections) if in_file_order else self._reader.messages(connections)
+                yield from read
 
     def is_ros1_encoded(self, connection: Connection) -> bool:
         """Return True for messages encoded as in ROS 1, in a ROS 1 bag or an MCAP file."""

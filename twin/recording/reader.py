@@ -32,6 +32,7 @@ from twin.recording.sensor_topics import (
     odometry_losses,
     sensor_topics,
     times_of,
+    unusable_transforms,
     unused_topics,
 )
 from twin.recording.situation_table import decode_situation
@@ -110,6 +111,7 @@ class Recording:
             if not self.is_twin:
                 self._found += compare_lenses(bag, self.rig, self.sensor_topics.sensors)
                 self._found += odometry_losses(self.rig, self.sensor_topics, tree, poses)
+                self._found += unusable_transforms(tree, self._frames_of_rig())
             self.logged_after_ns = self._logged_after_ns()
             mounted = {*self.rig.mounted(), *self.rig.odometry()}
             standing = {name: each for name, each in self.frames.items() if name not in mounted}
@@ -309,14 +311,22 @@ class Recording:
         return min(int(stamps.min() if self._in_stamp_order else stamps[0]) for stamps in firsts if stamps.size)
 
     def _logged_after_ns(self) -> int:
-        """Return the lag of log times after stamps [ns] where that is another clock and no delay; else 0."""
+        """Return the lag of log times after stamps [ns] where that is another clock and no delay; else 0.
+
+        What is logged by it from the start on is not logged before 0.
+        """
         ages = [
             self._times[topic].log_ns - stamps - self.start_ns
             for topic, stamps in self.stamps_ns.items()
             if stamps.size
         ]
         age_ns = round(float(np.median(np.concatenate(ages)))) if ages else 0
-        return age_ns if abs(age_ns) > NS_PER_S and not self.is_twin else 0
+        return max(age_ns, -self.start_ns) if abs(age_ns) > NS_PER_S and not self.is_twin else 0
+
+    def _frames_of_rig(self) -> set[str]:
+        """Return the frames that the sensors' headers name, and those of bases that transforms tell."""
+        bases = (each.base_frame for each in self.rig.odometry().values() if each.base_frame is not None)
+        return {*bases, *(frame for frames in self.frames.values() for frame in frames)}
 
     @property
     def frames(self) -> dict[str, set[str]]:

@@ -92,7 +92,7 @@ class _TopicTimes:
         return MessageTimes(log_ns[lasts], stamp_ns[firsts], is_set[firsts], self.frames, arrived[lasts], turn)
 
 
-class _Unwound:
+class Unwound:
     """Makes log times go on where the recorder's clock was set back, by the rhythm of the topic that comes next."""
 
     def __init__(self) -> None:
@@ -118,7 +118,7 @@ class _Unwound:
 
 def read_times_as_written(bag: Bag, topics: Mapping[str, str]) -> tuple[dict[str, MessageTimes], list[int]]:
     """Read times in the order of the file; return them, log times continued, and each step back of the recorder's clock [ns]."""
-    read, unwound = {topic: _TopicTimes(msgtype) for topic, msgtype in topics.items()}, _Unwound()
+    read, unwound = {topic: _TopicTimes(msgtype) for topic, msgtype in topics.items()}, Unwound()
     messages = bag.encoded_messages(topics, in_file_order=True)
     for arrived, (topic, log_ns, data, is_ros1) in enumerate(messages):
         read[topic].add(arrived, unwound(topic, log_ns), data, is_ros1)

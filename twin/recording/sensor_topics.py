@@ -253,12 +253,23 @@ def odometry_losses(
     for topic, name in found.sensors.items():
         if topic in found.transforms:
             edge, moved = found.transforms[topic]
-            yield from _jumps(name, edge.stamps_ns, moved)
+            yield from _jumps(name, edge.times_ns, moved)
             if tree.doubled:
                 what = f"transforms give a frame two parents, {', '.join(tree.doubled[:5])}: two robots or two drivers"
                 yield Loss(name, 0, 0, what, "the parent of most messages is taken", always=True)
         elif isinstance(rig.sensors[name], OdometrySensor) and topic in poses:
             yield from _jumps(name, poses[topic].stamps_ns, poses[topic].poses)
+
+
+def unusable_transforms(tree: TransformTree, frames: Iterable[str]) -> Iterator[Loss]:
+    """Yield the transforms at or above these frames that were left out, as they hold no pose."""
+    above = tree.ancestors(frames)
+    for (child, parent), count in tree.unusable.items():
+        if child in above:
+            edge = tree.edges.get(child)
+            n_read = len(edge.stamps_ns) if edge is not None and edge.parent == parent else 0
+            what = f"of {child!r} in {parent!r} hold no pose (a quaternion of length 0, or NaN) and were left out"
+            yield Loss("transforms", count, count + n_read, what, "see what publishes them")
 
 
 def _jumps(name: str, stamps_ns: Nanoseconds, poses: Poses) -> Iterator[Loss]:

@@ -102,12 +102,14 @@ def copy_with_tracks(
 ) -> None:
     """Copy a recording to `target` (a `.mcap`) with these frames by tracker's name, the truth, and what `add` writes.
 
-    Messages of a ROS 2 bag are copied as they are, those of ROS 1 as ROS 2 encodes them, by the definitions in the bag. A
-    robot's bag gets `/tf_static` from the frame of the room, in which tracks are, to those of its sensors as the rig has
-    them, and the start stamp (`START`). Tracks of the same trackers that the bag already holds are left out, and its own
-    truth where `truth` takes its place. Raises InputError for a damaged bag and for a target that cannot be written.
+    Messages of a ROS 2 bag are copied as they are, those of ROS 1 as ROS 2 encodes them, by the definitions in the bag. Log
+    times go on where the recorder's clock was set back. A robot's bag gets `/tf_static` from the frame of the room, in which
+    tracks are, to those of its sensors as the rig has them, and the start stamp (`START`). Tracks of the same trackers that
+    the bag already holds are left out, and its own truth where `truth` takes its place. Raises InputError for a damaged bag
+    and for a target that cannot be written.
     """
     from twin.recording.bag import open_bag
+    from twin.recording.sensor_clock import Unwound
 
     own = [each for topic in track_topics(trackers).values() for each in (topic, markers_topic(topic))]
     own += [START, *(_TRUTH if truth is not None else ())]
@@ -129,9 +131,11 @@ def copy_with_tracks(
         if not recording.is_twin:
             _write_start(bag, recording)
         kept = [each for each in original.connections if each.id in copies]
-        for connection, log_time_ns, data in original.raw_messages(kept):
+        goes_on = Unwound()
+        for connection, log_time_ns, data in original.raw_messages(kept, in_file_order=recording.is_as_written):
             copy, convert = copies[connection.id]
-            bag.write_on(copy, log_time_ns, convert(data))
+            log_ns = goes_on(connection.topic, log_time_ns) if recording.is_as_written else log_time_ns
+            bag.write_on(copy, log_ns, convert(data))
         add(bag)
         if truth is not None:
             _write_truth(bag, truth, recording)

@@ -7,6 +7,7 @@ Poses between two messages are interpolated: places linearly, rotations along th
 from __future__ import annotations
 
 from array import array
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -87,16 +88,21 @@ class Edge:
         """True where the child moves in its parent's frame."""
         return not self.is_static and moves(self.parent_from_child)
 
-    def at(self, stamps_ns: Nanoseconds) -> Poses:
-        """Interpolate the poses (n, 4, 4) at these stamps [ns]; before the first and after the last it stays there."""
-        stamps, first = np.unique(self.stamps_ns, return_index=True)
+    @cached_property
+    def times_ns(self) -> Nanoseconds:
+        """Times of the poses [ns]: the stamps, or where these are all the same (0, as a rule) the log times."""
+        return self.stamps_ns if np.ptp(self.stamps_ns) else self.log_ns
+
+    def at(self, times_ns: Nanoseconds) -> Poses:
+        """Interpolate the poses (n, 4, 4) at these times [ns]; before the first and after the last it stays there."""
+        times, first = np.unique(self.times_ns, return_index=True)
         poses = self.parent_from_child[first]
-        if len(stamps) == 1 or self.is_static:
-            return np.broadcast_to(poses[-1], (len(stamps_ns), 4, 4))
+        if len(times) == 1 or self.is_static:
+            return np.broadcast_to(poses[-1], (len(times_ns), 4, 4))
         from scipy.spatial.transform import Rotation, Slerp
 
-        since = np.clip(stamps_ns, stamps[0], stamps[-1]) - stamps[0]
-        known = (stamps - stamps[0]).astype(float)
+        since = np.clip(times_ns, times[0], times[-1]) - times[0]
+        known = (times - times[0]).astype(float)
         found = np.tile(np.eye(4), (len(since), 1, 1))
         found[:, :3, :3] = Slerp(known, Rotation.from_matrix(poses[:, :3, :3]))(since).as_matrix()
         found[:, :3, 3] = np.column_stack([np.interp(since, known, poses[:, k, 3]) for k in range(3)])
@@ -110,18 +116,26 @@ _STANDING = ("map", "odom", "world", "earth", "room")
 class TransformTree:
     """The frames of a bag, each with the edge to its parent, by the child's name.
 
-    A frame with two parents keeps the one of most messages; `doubled` names the others.
+    A frame with two parents keeps the one of most messages; `doubled` names the others. `unusable`: number of transforms by
+    child and parent that hold no pose, as a quaternion of length 0.
     """
 
-    def __init__(self, edges: Mapping[str, Edge], doubled: Iterable[str] = ()) -> None:
+    def __init__(
+        self,
+        edges: Mapping[str, Edge],
+        doubled: Iterable[str] = (),
+        unusable: Mapping[tuple[str, str], int] | None = None,
+    ) -> None:
         self.edges = dict(edges)
         self.doubled = tuple(doubled)
+        self.unusable = dict(unusable or {})
 
     @classmethod
     def read(cls, bag: Bag, *, in_file_order: bool = False) -> TransformTree:
         """Read all transforms of a bag; messages and transforms that cannot be used are left out."""
         types = {name: kind for name, topic in bag.topics.items() if (kind := topic.type_among(TRANSFORMS)) is not None}
         found: dict[tuple[str, str], _Growing] = {}
+        unusable: Counter[tuple[str, str]] = Counter()
         numbers = dict.fromkeys(types, -1)
         for topic, log_ns, data, is_ros1 in bag.encoded_messages(types, in_file_order=in_file_order):
             numbers[topic] += 1
@@ -132,7 +146,9 @@ class TransformTree:
             for each in message.transforms:
                 parent, child = each.header.frame_id.strip("/"), each.child_frame_id.strip("/")
                 matrix = matrix_of(each.transform.translation, each.transform.rotation)
-                if np.isfinite(matrix).all() and parent != child:
+                if not np.isfinite(matrix).all():
+                    unusable[child, parent] += 1
+                elif parent != child:
                     growing = found.setdefault((child, parent), _Growing(topic))
                     growing.add(stamp_of(each), log_ns, numbers[topic], matrix)
         edges: dict[str, Edge] = {}
@@ -142,7 +158,7 @@ class TransformTree:
                 doubled.append(f"{child} (of {edges[child].parent} and {parent})")
             else:
                 edges[child] = growing.edge(parent, child)
-        return cls(edges, doubled)
+        return cls(edges, doubled, unusable)
 
     def chain(self, frame: str) -> list[Edge]:
         """Return the edges from a frame up to its root; raises InputError for a tree that goes in a circle there."""
@@ -227,9 +243,9 @@ class TransformTree:
         main = max(timed, key=lambda edge: len(edge.stamps_ns))
         whole = np.broadcast_to(np.eye(4), (len(main.stamps_ns), 4, 4))
         for edge in reversed(up):
-            whole = whole @ edge.at(main.stamps_ns)
+            whole = whole @ edge.at(main.times_ns)
         for edge in down:
-            whole = np.linalg.inv(edge.at(main.stamps_ns)) @ whole
+            whole = np.linalg.inv(edge.at(main.times_ns)) @ whole
         return main, np.ascontiguousarray(whole)
 
 

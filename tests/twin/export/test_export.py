@@ -336,6 +336,26 @@ def test_bag_without_truth_says_what_is_left_out(run: Path, tmp_path: Path) -> N
     assert "no recording has a camera and truth" in str(result.exception)
 
 
+@pytest.mark.parametrize("kind", ["mot", "kitti", "images", "foxglove"])
+def test_what_a_bag_has_lost_is_told(run: Path, kind: str, tmp_path: Path) -> None:
+    rig = tmp_path / "rig.yaml"
+    rig.write_text(Recording(run / "recording.mcap").rig.dump_yaml())
+    _without_truth(run / "recording.mcap", tmp_path / "bare.mcap")
+    with open_bag(tmp_path / "bare.mcap") as bag, rosbag2.Writer(tmp_path / "lossy", version=9) as writer:
+        kept = {name: topic.msgtype for name, topic in bag.topics.items()}
+        of = {name: writer.add_connection(name, kind, typestore=TYPESTORE) for name, kind in kept.items()}
+        for number, (name, log_ns, message) in enumerate(bag.messages(list(kept))):
+            if hasattr(message, "ranges") and number % 3:
+                message.header.stamp.sec = message.header.stamp.nanosec = 0
+            writer.write(of[name], log_ns, TYPESTORE.serialize_cdr(message, kept[name]))
+    arguments = ["--rig", str(rig), "--format", kind, "--out", str(tmp_path / kind)]
+    told = CliRunner().invoke(app, ["export", str(tmp_path / "lossy"), *arguments])
+    assert told.exit_code == 0, told.output
+    assert told.stderr.count("have no stamp of their own") == 2  # of each scanner
+    whole = CliRunner().invoke(app, ["export", str(run), "--format", kind, "--out", str(tmp_path / "whole")])
+    assert whole.exit_code == 0 and "messages" not in whole.stderr
+
+
 @pytest.fixture(scope="module")
 def own(run: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, Path]:
     """The run's bag without its truth, its rig, and a table of truth at every other stamp, by name."""

@@ -16,11 +16,13 @@ from recorded import MS, a_scan, write_ros2_bag
 
 from trackers.errors import InputError
 from trackers.rig import LaserSensor, Rig
+from trackers.tracks import Track, TrackFrame
 from twin.recording.losses import lines
 from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
 from twin.recording.ros_messages import LASER_SCAN, encode, time_message
-from twin.recording.tables import read_tracks
+from twin.recording.tables import read_tracks, read_truth
+from twin.recording.track_topics import copy_with_tracks
 from twin.run.replay import track_recording
 
 NS_PER_S = 10**9
@@ -278,3 +280,31 @@ def test_a_scanner_whose_beams_are_nowhere_is_refused_with_bag_and_topic(tmp_pat
     with pytest.raises(InputError, match=r"bag: topic /high: scan of 'waist': angle_increment is 0 rad"):
         track_recording(bag, trackers=["laser-imm"], rig_path=tmp_path / "rig.yaml", out=tmp_path / "out", video=False)
     assert not (tmp_path / "out" / "report.html").exists()
+
+
+LOGGED: dict[str, Said] = {
+    "on one clock": true,
+    "by a recorder whose clock was set back": lambda k: true(k) - 5 * NS_PER_S * (k >= 50),
+    "at 0, all of them": lambda k: 0,
+    "at one time, all of them": lambda k: EPOCH_NS + NS_PER_DAY,
+}
+
+
+@pytest.mark.parametrize("logged", LOGGED)
+def test_a_copy_with_tracks_and_truth_is_read_as_the_bag_is_however_that_was_logged(tmp_path, logged):
+    messages = []
+    for k in range(N):
+        for topic in ("/high", "/low"):
+            message: Any = TYPESTORE.deserialize_cdr(encode(a_scan(REGULAR[k], seed=len(topic))).data, LASER_SCAN)
+            header = replace(message.header, stamp=time_message(true(k)))
+            messages.append((topic, LASER_SCAN, LOGGED[logged](k), replace(message, header=header)))
+    write_ros2_bag(tmp_path / "bag", messages)
+    rows = [f"{ns / NS_PER_S},{id_},{id_},1" for ns in REGULAR for id_ in (1, 2)]
+    (tmp_path / "truth.csv").write_text("\n".join(["t,id,x,y", *rows]))
+    recording, truth = Recording(tmp_path / "bag", RIG), read_truth(tmp_path / "truth.csv")
+    frames = [("mine", TrackFrame(ns, (Track(1, 0.0, 1.0),))) for ns in REGULAR]
+    copy_with_tracks(recording, tmp_path / "copy.mcap", ["mine"], frames, truth=truth)
+    copy = Recording(tmp_path / "copy.mcap", RIG)
+    assert stamps_of(copy) == stamps_of(recording) == dict.fromkeys(RIG.sensors, REGULAR)
+    assert [frame.stamp_ns for frame in copy.truth()] == REGULAR
+    assert {len(frame.people) for frame in copy.truth()} == {2}

@@ -210,3 +210,46 @@ def test_lenses_that_a_rig_leaves_out_are_those_of_the_bag(tmp_path):
     )
     with pytest.raises(InputError, match="sensors.camera.intrinsics is missing, and the bag has no sensor_msgs"):
         Recording(bag(tmp_path / "without", messages), rig)
+
+
+def with_stamps(messages, stamp_ns):
+    """The messages of `/tf` with another stamp each, logged as before."""
+    changed = []
+    for topic, kind, log_ns, message in messages:
+        each = message.transforms[0]
+        stamp = stamp_ns(log_ns) if topic == "/tf" else log_ns - 5 * MS
+        other = transform_message(each.child_frame_id, np.eye(4), parent=each.header.frame_id, stamp_ns=stamp)
+        changed.append((topic, kind, log_ns, TFMessage([replace(other, transform=each.transform)])))
+    return changed
+
+
+@pytest.mark.parametrize("stamp_ns", [lambda log: 0, lambda log: EPOCH_NS - 10**12], ids=["zero", "of another time"])
+def test_transforms_whose_stamps_stand_still_are_taken_at_their_log_times(tmp_path, stamp_ns):
+    tilts = [tf(ns + 25 * MS, "base_link", "mast", at(0.0, 0.1 * sin(k), 1.0)) for k, ns in enumerate(STAMPS)]
+    messages = [*tilts, *driving()[:-1]]
+    poses = []
+    for name, each in (("right", messages), ("still", with_stamps(messages, stamp_ns))):
+        (tmp_path / name).mkdir()
+        recording = Recording(bag(tmp_path / name, each), RIG)
+        poses.append([pose.frame_from_base for pose in of_kind(recording, Odometry)])
+    assert np.allclose(*poses, atol=1e-9)
+    assert any("robot: 40 of 40 messages have no stamp of their own" in each for each in lines(recording.losses))
+
+
+@pytest.mark.parametrize("value", [0.0, np.nan])
+@pytest.mark.parametrize("child", ["base_link", "mast", "gripper"])
+def test_transforms_that_hold_no_pose_are_told_where_they_carry_a_sensor(tmp_path, child, value):
+    messages = [
+        *driving(),
+        tf(STAMPS[0], "mast", "waist", at(0.1), "/tf_static"),
+        tf(STAMPS[0], "mast", "gripper", at(0)),
+    ]
+    for _, _, _, message in messages:
+        if (each := message.transforms[0]).child_frame_id == child:
+            each.transform.rotation.z = each.transform.rotation.w = value
+    told = [each for each in lines(Recording(bag(tmp_path, messages)).losses) if "hold no pose" in each]
+    n = {"base_link": 40, "mast": 1}.get(child, 0)
+    assert [each.split(" hold")[0] for each in told] == [
+        f"transforms: {n} of {n} messages of {child!r} in {parent!r}"
+        for parent in {"base_link": ["odom"], "mast": ["base_link"]}.get(child, [])
+    ]
