@@ -100,7 +100,7 @@ def returns(scan: LaserScan) -> tuple[Float[Array, "n_beam"], Bool[Mask, "n_beam
 
 
 class KnownBackground:
-    """Background from scans without people: per bearing a low quantile of the ranges, and their spread.
+    """Background from scans without people: a low quantile of the ranges of a bearing and those beside it, and their spread.
 
     Raises InputError for no scans, or none with a beam.
     """
@@ -123,49 +123,50 @@ class KnownBackground:
         deviation = np.zeros(room.size)
         centre = np.nanmedian(near[:, finite], axis=0)
         deviation[finite] = 1.4826 * np.nanmedian(np.abs(near[:, finite] - centre), axis=0)
-        self.threshold_m = room - np.maximum(options.margin_m, options.spread_factor * deviation)
-        self._on_edge = options.spread_factor * deviation > options.margin_m
-        self._margin_m = options.margin_m
-        self._warned = False
+        # a beam on an edge reads anything between what is on either side of it, and few scans do not show all of that
+        nearest = np.fmin.reduce([room, *room[self._grid.beside()]])
+        beside_edge, self._margin_m, self._warned = room > nearest + options.margin_m, options.margin_m, False
+        margin_m = np.maximum(self._margin_m, np.where(beside_edge, 0.0, options.spread_factor * deviation))
+        self._threshold_m = np.append(nearest - margin_m, np.nan)  # the last: row −1, of a bearing that is not covered
+        self._on_edge = np.append(beside_edge | (margin_m > self._margin_m), False)
+        self._rows, self._of_beams = None, (self._threshold_m, self._on_edge)
 
     def foreground(self, scan: LaserScan) -> Bool[Mask, "n_beam"]:
         """Return a mask of the samples in front of the room.
 
         A beam on an edge of the room meets now what is before it, now what is behind, so that nobody is clearly in front of
-        both. Its sample is foreground where it goes on a foreground sample beside it: no farther from it in range than the
-        margin and the spacing of the beams.
+        both. Its sample is foreground where it goes on a foreground sample, from beam to beam: no farther from the one beside
+        it in range than the margin and the spacing of the beams.
         """
         ranges, hit, _ = returns(scan)
-        before, after = self._grid.rows(scan)
-        threshold_m = self._threshold(before)
-        if after is not before:
-            threshold_m = np.fmin(threshold_m, self._threshold(after))
-        unknown = np.isnan(threshold_m)
-        if unknown.any() and not self._warned and unknown.mean() > _UNKNOWN_SHARE:
-            self._warned = True
-            logger.warning(
-                "scan of %r at %.3f s: %d of %d beams look where no scan of the empty room looked, and show nobody there; "
-                "scans of the empty room by the same scanner, all around, are expected",
-                scan.sensor,
-                scan.t,
-                unknown.sum(),
-                unknown.size,
-            )
+        threshold_m, on_edge = self._room(scan)
         front = hit & (ranges < threshold_m)
-        on_edge = (hit & ~front & (self._is_on_edge(before) | self._is_on_edge(after))).nonzero()[0]
-        reach_m = self._margin_m + abs(scan.angle_increment_rad) * ranges[on_edge]
-        goes_on = np.zeros(on_edge.size, np.bool_)
-        for beside in (np.maximum(on_edge - 1, 0), np.minimum(on_edge + 1, front.size - 1)):
-            goes_on |= front[beside] & (np.abs(ranges[beside] - ranges[on_edge]) <= reach_m)
-        front[on_edge[goes_on]] = True
-        return front
+        may_be = front | (hit & on_edge)
+        if not front.any() or may_be.sum() == front.sum():
+            return front
+        reach_m = self._margin_m + abs(scan.angle_increment_rad) * np.minimum(ranges[1:], ranges[:-1])
+        with np.errstate(invalid="ignore"):  # beams without a return are no candidates
+            goes_on = may_be[1:] & may_be[:-1] & (np.abs(np.diff(ranges)) <= reach_m)
+        run = np.concatenate([[0], np.cumsum(~goes_on)])
+        in_front = np.zeros(run.size, np.bool_)
+        in_front[run[front]] = True
+        return may_be & in_front[run]
 
-    def _is_on_edge(self, row: Int[Index, "n_beam"]) -> Bool[Mask, "n_beam"]:
-        return (row >= 0) & self._on_edge[row]
-
-    def _threshold(self, row: Int[Index, "n_beam"]) -> Float[Array, "n_beam"]:
-        """Return the thresholds of rows [m]; NaN without one."""
-        return np.where(row < 0, np.nan, self.threshold_m[row])
+    def _room(self, scan: LaserScan) -> tuple[Float[Array, "n_beam"], Bool[Mask, "n_beam"]]:
+        """Return the threshold of each beam [m], NaN where no empty scan looked, and a mask of the beams on an edge."""
+        rows = self._grid.rows(scan)
+        if rows is not self._rows:
+            threshold_m = np.fmin(*(self._threshold_m[row] for row in rows))
+            on_edge = np.logical_or(*(self._on_edge[row] for row in rows))
+            self._rows, self._of_beams, unknown = rows, (threshold_m, on_edge), np.isnan(threshold_m)
+            if not self._warned and unknown.sum() > _UNKNOWN_SHARE * unknown.size:
+                self._warned = True
+                logger.warning(
+                    f"scan of {scan.sensor!r} at {scan.t:.3f} s: {unknown.sum()} of {unknown.size} beams look where no scan of "
+                    "the empty room looked, and show nobody there; scans of the empty room by the same scanner, all around, are "
+                    "expected"
+                )
+        return self._of_beams
 
 
 class LearnedBackground:

@@ -116,6 +116,14 @@ class BearingGrid:
             self._beams = None
         return self._row[cell], beam if scan.angle_increment_rad > 0 else count - 1 - beam
 
+    def beside(self) -> Int[Index, "2 n_row"]:
+        """Return the rows of the cells before and after that of each row; its own where they are not covered."""
+        cell = np.flatnonzero(self._row >= 0)
+        row, found = self._row[cell], np.empty((2, self.n_row), np.intp)
+        for of_side, step in zip(found, (-1, 1), strict=True):
+            of_side[row] = self._row[(cell + step) % self._n_cell]
+        return np.where(found < 0, np.arange(self.n_row), found)
+
     @classmethod
     def of(cls, scans: Sequence[LaserScan]) -> BearingGrid:
         """Make a grid from the beams of the first scan, with the median spacing of all."""

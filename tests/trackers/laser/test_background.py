@@ -63,6 +63,16 @@ class TestKnown:
         assert found(17, edge_m=2.5) == [17]  # the wall is seen between
         assert found(edge_m=2.5) == []
 
+    @pytest.mark.parametrize("mixed_m", [1.3, 2.5, 3.9])
+    def test_a_beam_on_an_edge_may_read_either_side_that_no_empty_scan_showed(self, mixed_m: float):
+        empty = with_object(slice(20, 30), 1.0)
+        empty[[19, 30]] = mixed_m  # between the cupboard and the wall, in every scan of the empty room
+        background = KnownBackground([scan(k, empty) for k in range(10)])
+        for now_m in (1.0, 1.2, mixed_m, 3.0, WALL_M):
+            now = empty.copy()
+            now[[19, 30]] = now_m
+            assert not background.foreground(scan(50, now)).any(), now_m
+
     def test_anything_is_in_front_of_nothing(self):
         background = KnownBackground([scan(0, np.inf)])
         np.testing.assert_array_equal(background.foreground(scan(1, 7.9)), True)
