@@ -214,6 +214,7 @@ class LaserLayer:
         """Detect trunks without their arms, or single legs, in front of the room."""
         options, scan = self.options, counter_clockwise(scan)
         foreground = self._background.foreground(scan)
+        foreground = foreground & ~self._half_on_edge(scan, foreground)
         clusters = find_clusters(scan, foreground, options.cluster, self._least)
         hidden = clusters.hidden_before | clusters.hidden_after
         if self._least < options.cluster.min_samples:
@@ -244,17 +245,23 @@ class LaserLayer:
         left out, as a beam half on an edge reports a range between.
         """
         scan, turn = counter_clockwise(scan), beams_of_turn(scan)
-        ranges = returns(scan)[0][:turn]
-        foreground = self._background.foreground(scan)[:turn]
-        padded = padded_ranges(np.where(np.isnan(ranges), np.inf, ranges), turn, 1)
-        beams = foreground.nonzero()[0]
+        foreground = self._background.foreground(scan)
+        beams = (foreground & ~self._half_on_edge(scan, foreground))[:turn].nonzero()[0]
+        near = returns(scan)[0][beams]
+        points = (near + self.options.half_depth_m) * directions(scan)[:, beams]
+        return self._in_room(points.T), abs(scan.angle_increment_rad) * near
+
+    def _half_on_edge(self, scan: LaserScan, foreground: Bool[Mask, "n_beam"]) -> Bool[Mask, "n_beam"]:
+        """Return a mask of the foreground samples alone beside a nearer one: a beam half on an edge reports a range between."""
+        turn, ranges = beams_of_turn(scan), returns(scan)[0]
+        beams = foreground[:turn].nonzero()[0]
+        padded = padded_ranges(np.where(np.isnan(ranges), np.inf, ranges)[:turn], turn, 1)
         near = ranges[beams]
         next_to = np.stack([padded[beams], padded[beams + 2]]) - near
         jump_m = self.options.cluster.jump_m + abs(scan.angle_increment_rad) * near
-        on_edge = (np.abs(next_to) > jump_m).all(axis=0) & (next_to < 0).any(axis=0)
-        beams, near = beams[~on_edge], near[~on_edge]
-        points = (near + self.options.half_depth_m) * directions(scan)[:, beams]
-        return self._in_room(points.T), abs(scan.angle_increment_rad) * near
+        on_edge = np.zeros(foreground.size, np.bool_)
+        on_edge[beams] = (np.abs(next_to) > jump_m).all(axis=0) & (next_to < 0).any(axis=0)
+        return on_edge
 
     def _half_depth_m(self, width_m: Float[Array, "k"], hidden: Bool[Mask, "k"]) -> Float[Array, "k"] | float:
         """Return the distance from the visible middle of bodies of these widths to their axes.
