@@ -6,6 +6,7 @@ Refused if another distribution's package `trackers` replaces ours, as an instal
 import gc
 import os
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 _DISTRIBUTION = "roomtwin"
@@ -52,6 +53,7 @@ def main() -> None:
 
 if __name__ == "__main__":
     # `-m` imports from the current folder first, unlike the script: its modules are no part of twin.
-    if not sys.flags.safe_path and sys.path[0] == os.getcwd() != str(Path(__file__).parents[1]):
-        del sys.path[0]
+    with suppress(FileNotFoundError):  # it was removed, and there is nothing to import
+        if not sys.flags.safe_path and sys.path[0] == os.getcwd() != str(Path(__file__).parents[1]):
+            del sys.path[0]
     main()

@@ -170,6 +170,8 @@ _UNWRITABLE = (
 
 def _describe_path_error(error: OSError) -> str | None:
     """Describe an error of a path that cannot exist or be written; None for any other system error."""
+    if error.errno == errno.ENOENT and error.filename is None:  # of os.getcwd
+        return "the current folder is not there any more; one that exists is expected"
     if error.errno in (errno.ENAMETOOLONG, errno.ELOOP):
         return f"{error.filename}: {error.strerror}; the path of a file or folder is expected"
     if error.errno not in _UNWRITABLE:

@@ -122,7 +122,14 @@ def evaluate_with_details(
         people=people,
         situations=situations,
         errors=errors,
-        notes=(*truth.notes, *tracks.notes, *_without_identity(truth, tracks), *aligned.notes, *[apart] * bool(apart)),
+        notes=(
+            *truth.notes,
+            *tracks.notes,
+            *_without_identity(truth, tracks),
+            *aligned.notes,
+            *_all_outside(frames, scores.persons, truth.source),
+            *[apart] * bool(apart),
+        ),
         is_misplaced=bool(apart),
     )
 
@@ -152,6 +159,16 @@ def _check_gate(gate_m: float) -> None:
     is_number = isinstance(gate_m, Real) and not isinstance(gate_m, bool | np.bool_)
     if not (is_number and isfinite(gate_m) and gate_m > 0):
         raise InputError(f"gate is {gate_m!r} m; a positive number of metres is expected")
+
+
+def _all_outside(frames: Sequence[Frame], n_owed: int, source: str) -> list[str]:
+    """Return a note where there are people, and none of them in the area."""
+    if n_owed or not any(frame.person_ids.size for frame in frames):
+        return []
+    return [
+        f"{source}: nobody is in the area in any of {len(frames)} frames, so that nobody is to be tracked; an area in which "
+        "people are, or in_area of 1 where they are to be tracked, is expected"
+    ]
 
 
 _MANY_ROWS = 20

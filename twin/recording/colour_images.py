@@ -107,7 +107,9 @@ def _decoded(message: Any, subject: str, flags: int) -> Any:
     # The lens is calibrated on the sensor's rows and columns: an EXIF orientation must not turn them.
     pixels = cv2.imdecode(message.data, flags if flags < 0 else flags | cv2.IMREAD_IGNORE_ORIENTATION)
     if pixels is None:
-        raise InputError(_no_picture(bytes(message.data), subject))
+        raise InputError(
+            f"{subject}: {len(message.data)} bytes of a picture that is cut or damaged; a whole one is expected"
+        )
     return pixels
 
 

@@ -33,7 +33,9 @@ _DENSE = 1.3
 """Length of two gaps, in usual ones, which six times in succession is no jitter."""
 _SAMPLED = 8
 """Rows and columns of a picture of which one is looked at first."""
-_DARK, _HOLES = "show one colour throughout", "have no distance in any pixel"
+_SHADES = 16
+"""Levels of 256 within which a picture shows nothing: noise of a covered lens, or 12 bits in the place of 16."""
+_DARK, _HOLES = "show one colour throughout, but for noise", "have no distance in any pixel"
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,7 +181,7 @@ class ObservationLog:
 
     def blind(self) -> list[Loss]:
         """Count the scans with returns in less than half of the scanner's usual number of beams, and pictures of nothing."""
-        remedy = "see whether the camera is covered, or something else is on its topic"
+        remedy = "see whether the camera is covered, its pixels fill their bits, and nothing else is on its topic"
         counts = self.counts
         losses = [Loss(name, n, counts[name], what, remedy) for (name, what), n in self._of_nothing.items()]
         for name, each in self._readings.items():
@@ -205,8 +207,9 @@ class ObservationLog:
 
 
 def _is_even(rgb: NDArray[np.uint8]) -> bool:
-    """Return True for a picture of one colour; most others are known by a few of their pixels."""
-    return rgb.size > 0 and all(bool((part == rgb[0, 0]).all()) for part in (rgb[::_SAMPLED, ::_SAMPLED], rgb))
+    """Return True for a picture of one colour, but for noise; most others are known by a few of their pixels."""
+    parts = (rgb[::_SAMPLED, ::_SAMPLED], rgb)
+    return rgb.size > 0 and all(bool((np.ptp(part, axis=(0, 1)) < _SHADES).all()) for part in parts)
 
 
 def dropped_by(

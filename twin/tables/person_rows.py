@@ -32,6 +32,7 @@ _LENGTHS = {"m": 1.0, "metre": 1.0, "metres": 1.0, "meter": 1.0, "meters": 1.0, 
 _TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e3, "us": 1e6, "µs": 1e6, "ns": 1e9}
 _NO_UNIT = ("", "-", "1", "#", "none")
 _WITH_UNIT = re.compile(r"(.+?)\s*(?:/\s*|[\[(]\s*|_)([a-zµ]+)\s*[\])]?", re.IGNORECASE)
+_IN_BRACKETS = re.compile(r"(.+?)\s*[\[(]\s*(.*?)\s*[\])]")
 _RATE = re.compile(
     r"(?:frame\s*_?rate|fps)\s*(?:\[\w+\]|\(\w+\))?\s*[:=]?\s*(\d+(?:\.\d+)?)|(\d+(?:\.\d+)?)\s*fps", re.IGNORECASE
 )
@@ -151,25 +152,21 @@ def _by_header(path: Path, found: Cells) -> tuple[list[str], dict[str, float], C
         valid = _TIMES if name == "t" else _LENGTHS
         if unit is not None and unit not in _NO_UNIT and name in ("t", "x", "y", "z"):
             if unit not in valid:
-                raise InputError(
-                    f"{path}: line {found.header_line}: column {cell!r}: {unit!r} is no unit of it; "
-                    f"one of {', '.join(valid)} is expected"
-                )
+                where = f"{path}: line {found.header_line}: column {cell!r}"
+                raise InputError(f"{where}: {unit!r} is no unit of it; one of {', '.join(valid)} is expected")
             units[name] = valid[unit]
         names.append(name)
     for name in names:
         if name and names.count(name) > 1:
             twice = [repr(cell) for cell, own in zip(found.header, names, strict=True) if own == name]
-            if len(set(twice)) == 1:
-                fault = f"column {name!r} stands there twice"
-            else:
-                fault = f"columns {' and '.join(twice)} both say {name}"
+            fault = f"columns {' and '.join(twice)} both say {name}"
+            fault = f"column {name!r} stands there twice" if len(set(twice)) == 1 else fault
             raise InputError(f"{path}: line {found.header_line}: {fault}; each column name once is expected")
     for name in ("t", "id", "x", "y"):
         if name not in names and not (name == "t" and "frame" in names):
             raise InputError(
                 f"{path}: line {found.header_line}: column {name!r} is missing among {','.join(found.header)}; "
-                f"{EXPECTED_COLUMNS} are expected"
+                f"{EXPECTED_COLUMNS} are expected, with units of {', '.join((*_LENGTHS, *_TIMES))}"
             )
     return names, units, replace(found, rows=found.rows[1:], lines=found.lines[1:]) if is_units else found
 
@@ -177,7 +174,10 @@ def _by_header(path: Path, found: Cells) -> tuple[list[str], dict[str, float], C
 def _column(cell: str) -> tuple[str, str | None]:
     """Return our name of a column and its unit, if any; the cell itself for an unknown column."""
     plain = cell.strip().lower()
-    split = _WITH_UNIT.fullmatch(plain)
+    bracketed = _IN_BRACKETS.fullmatch(plain)
+    if bracketed is not None and _bare(bracketed[1]) in _NAMES["id"]:
+        return "id", None  # whatever is said of it, as [-]
+    split = bracketed or _WITH_UNIT.fullmatch(plain)
     unit = split[2] if split is not None and split[2] in (*_LENGTHS, *_TIMES) else None
     word = split[1] if split is not None and unit is not None else plain
     for name, others in _NAMES.items():

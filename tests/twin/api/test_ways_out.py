@@ -50,6 +50,16 @@ def test_twin_alone_and_its_groups_print_help_and_version() -> None:
     assert "'run'" in said(twin("rnu")) and "Valid are run, render" in said(in_python("rnu"))
 
 
+@pytest.mark.parametrize("command", ["list rooms", "check lab", "new room", "study run meeting-room-cameras"])
+def test_current_folder_that_is_gone_ends_in_no_traceback(command: str, tmp_path: Path) -> None:
+    (tmp_path / "gone").mkdir()
+    twin_there = f"rmdir ../gone; exec {sys.executable} -m twin {command}"
+    path = os.environ | {"PYTHONPATH": str(Path(__file__).parents[3])}
+    done = subprocess.run(["sh", "-c", twin_there], cwd=tmp_path / "gone", env=path, capture_output=True, text=True)
+    assert "Traceback" not in done.stderr and done.returncode in (0, 2)
+    assert done.returncode == 0 or done.stderr.splitlines()[-1].startswith("twin: ")
+
+
 @pytest.mark.parametrize("command", [["list"], ["schema"], ["--help"]])
 def test_closed_pipe_is_quiet(command: list[str]) -> None:
     read, write = os.pipe()

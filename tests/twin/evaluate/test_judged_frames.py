@@ -169,6 +169,14 @@ def test_rows_without_the_identity_of_anybody_are_told(which: int, n_rows: int) 
     assert any(each.startswith(said) for each in evaluate_with_details(*tables).notes) == (n_rows > 20)
 
 
+@pytest.mark.parametrize("inside", [0, 1, 20])
+def test_truth_with_nobody_in_the_area_is_told(inside: int) -> None:
+    truth = truth_at(np.arange(20) / 10)
+    truth = replace(truth, in_area=np.arange(truth.id.size) < inside)
+    notes = evaluate_with_details(truth, tracks_at(np.arange(20) / 10)).notes
+    assert any("nobody is in the area in any of 20 frames" in each for each in notes) == (not inside)
+
+
 def test_truth_that_overlaps_but_covers_no_stamp_is_refused_for_that_reason() -> None:
     truth = truth_table([TruthFrame(ns, (PersonTruth(1, 0, 0),)) for ns in (0, 10**8, 10**10, 10**10 + 10**8)])
     with pytest.raises(InputError, match="between two of them at most 0.25 s apart") as refused:

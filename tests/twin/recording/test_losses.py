@@ -141,7 +141,7 @@ def test_scans_that_see_less_than_usual_are_told():
     assert line.startswith("waist: 3 of 60 messages have returns in less than half of the 100 beams")
 
 
-@pytest.mark.parametrize("shown", ["nothing", "one pixel", "noise"])
+@pytest.mark.parametrize("shown", ["nothing", "one pixel", "noise", "the noise of a covered lens"])
 @pytest.mark.parametrize("n", [1, 2, 30, 60])
 def test_pictures_of_nothing_are_told(shown, n):
     heard, rng = ObservationLog(), np.random.default_rng(n)
@@ -150,11 +150,15 @@ def test_pictures_of_nothing_are_told(shown, n):
         if k >= n or shown == "one pixel":
             place = rng.integers(0, 48, 2)
             rgb[*place], depth_m[*place] = 200, 2.0
+        elif shown == "the noise of a covered lens":
+            rgb = rgb + rng.integers(0, 12, rgb.shape, dtype=np.uint8)
         elif shown == "noise":
             rgb, depth_m = rng.integers(0, 255, (48, 64, 3), dtype=np.uint8), rng.random((48, 64)).astype(np.float32)
         heard.add(Image("camera", stamp_ns, rgb))
         heard.add(DepthImage("stereo", stamp_ns, rgb, depth_m))
-    told = ["camera", "stereo", "stereo"] * (shown == "nothing" and n > 1)  # one of 60 is less than 2 %
+    told = ["camera", "stereo", "stereo"] * (
+        shown.endswith(("nothing", "lens")) and n > 1
+    )  # one of 60 is less than 2 %
     found = lines(heard.blind())
     assert [line.partition(":")[0] for line in found] == told
     assert all(f"{n} of 60 messages " in line for line in found)

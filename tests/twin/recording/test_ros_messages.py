@@ -127,6 +127,11 @@ def test_a_lossless_png_comes_through():
     np.testing.assert_array_equal(got.rgb, an_image(0).rgb)
 
 
+def cut_picture(ending: str, share: float) -> CompressedImage:
+    data = cv2.imencode(ending, np.random.default_rng(0).integers(0, 255, (64, 64, 3), np.uint8))[1].ravel()
+    return CompressedImage(HEADER, ending[1:], data[: round(share * data.size)])
+
+
 @pytest.mark.parametrize(
     ("message", "complaint"),
     [
@@ -135,6 +140,8 @@ def test_a_lossless_png_comes_through():
         (RawImage(HEADER, 2, 2, "rgb8", 0, 4, np.zeros(8, np.uint8)), "height x step bytes"),
         (CompressedImage(HEADER, "jpeg", np.zeros(0, np.uint8)), "JPEG, PNG, WebP or BMP is expected"),
         (CompressedImage(HEADER, "jpeg", np.arange(90, dtype=np.uint8)), "JPEG, PNG, WebP or BMP is expected"),
+        (cut_picture(".jpg", 0.5), "bytes of a picture that is cut or damaged; a whole one"),
+        (cut_picture(".png", 0.7), "bytes of a picture that is cut or damaged; a whole one"),
         (CompressedImage(HEADER, "16UC1; compressedDepth png", np.zeros(9, np.uint8)), "compressedDepth"),
     ],
 )

@@ -95,6 +95,12 @@ SECONDS = {
     "seconds and nanoseconds": table(
         ",", "sec nanosec id x y", lambda f, *r: (str(f // 10), str(f % 10 * 10**8), *plain(f, *r)[1:])
     ),
+    "units of everything": table(",", "t|[s] id|[-] x|[m] y|[m] vx|[m/s]", lambda *r: (*plain(*r), "0")).replace(
+        "|", " "
+    ),
+    "pixels beside metres": table(
+        ",", "t id x|[px] y|[px] x|[m] y|[m]", lambda *r: (*plain(*r)[:2], "9", "9", *plain(*r)[2:])
+    ).replace("|", " "),
     "ids beyond 64 bits": table(
         ",", "t id x y", lambda f, i, x, y: (plain(f, i, x, y)[0], str(i + 2**70), *plain(f, i, x, y)[2:])
     ),
@@ -201,6 +207,11 @@ def read_truth_of(text: str, folder: Path):
         (b"t,id,x,pos_x,y\n", "columns 'x' and 'pos_x' both say x"),
         (b"t,id,x/cm,y/m\n", "x and y have different units"),
         (b"t,id,x/s,y\n", "column 'x/s': 's' is no unit of it"),
+        (
+            b"t,id,x [ft],y [ft]\n",
+            "column 'x' is missing among t,id,x [ft],y [ft]; columns t (or frame), id, x, y are expected, with units of m, ",
+        ),
+        (b"t (min),id,x,y\n", "column 't' is missing among t (min),id,x,y; columns"),
         (b"1,2,3,4,5,6,1,-1,-1,-1\n", "has no header and 10 columns"),
         (b"frame,id,x,y\n0,1,2,3\n", "frame_rate_hz: is missing"),
         (b"# framerate: 5\n# framerate: 6\nframe,id,x,y\n0,1,2,3\n", "says 5 (line 1) and 6 (line 2) frames a second"),
