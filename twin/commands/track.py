@@ -294,19 +294,27 @@ def _recordings(
     from twin.suites.store_files import read_store
     from twin.suites.worker import RECORDING, case_recording
 
-    suite_name, changes = source, ()
+    suite_name, changes, held = source, (), None
     if is_results:
         with read_store(path) as store:
-            suite_name, changes = store.facts()["suite"], store.facts()["changes"]
+            facts, held = store.facts(), {each.id for each in store.cases()}
+        own, changes = facts.get("file", ""), facts["changes"]
+        suite_name = own if os.path.isfile(own) else facts["suite"]
     suite, file = load_suite(suite_name)
+    cases = expand(suite, file, changes, plug_ins=False)
+    if held is not None and held != {case.id for case in cases}:
+        raise InputError(
+            f"{source}: holds the results of other cases than {file} has; the suite as it was run is expected"
+        )
     cases_of: dict[str, list[Case]] = {}
-    for case in expand(suite, file, changes, plug_ins=False):
+    for case in cases:
         cases_of.setdefault(case.resolved, []).append(case)
     cache = RecordingCache(models.cache_folder(), cache_limit_bytes())
     recordings = []
     for case, *others in cases_of.values():
+        own_rig, own_truth = rig, None
         if case.bag is not None:
-            name, bag = case.scenario, case.bag.path
+            name, bag, own_rig, own_truth = case.scenario, case.bag.path, rig or case.bag.rig, case.bag.truth
         else:
             name = file_name("-".join(filter(None, (case.scenario, case.variant, str(case.seed)))))
             bag = stack.enter_context(case_recording(case, cache, on_warning)) / RECORDING
@@ -316,5 +324,5 @@ def _recordings(
             if is_results
         }
         tables = {tracker: table for tracker, table in tables.items() if table.is_file()}
-        recordings.append(open_recorded(bag, rig, on_warning, name=name, tables=tables))
+        recordings.append(open_recorded(bag, own_rig, on_warning, name=name, tables=tables, truth=own_truth))
     return suite.name, recordings

@@ -291,8 +291,8 @@ class _Replay:
 
     def _write_about(self, path: Path) -> None:
         """Write `recording.json`."""
-        bag = self._request.bag
-        about = {"recording": str(bag.path), "start_stamp_ns": bag.start_ns, "losses": documents(self._losses)}
+        bag, losses = self._request.bag, documents(self._losses)
+        about = {"recording": str(bag.path.absolute()), "start_stamp_ns": bag.start_ns, "losses": losses}
         if self._truth is not None and self._truth.labels:
             about["people"] = {str(number): label for number, label in self._truth.labels.items()}
         write_atomic(path, json.dumps(about, indent=2, allow_nan=False) + "\n")

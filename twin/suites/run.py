@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
@@ -72,7 +73,9 @@ def run_suite(
     with ExitStack() as stack:
         # A scheduler may not answer, our processes always start: check it before claiming the folder.
         elsewhere = open_workers(workers, stack, progress) if workers.scheduler is not None else None
-        store = stack.enter_context(open_store(folder, cases, _facts(suite, cases, changes), resume, progress.warned))
+        store = stack.enter_context(
+            open_store(folder, cases, _facts(suite, path, cases, changes), resume, progress.warned)
+        )
         start, before_s = time.perf_counter(), store.facts()["seconds"]
         run_tasks = elsewhere or open_workers(workers, stack, progress)
         _run_cases(store, folder, cases, cache, run_tasks, progress, function or run_case)
@@ -105,8 +108,8 @@ def idle_changes(cases: Sequence[Case]) -> list[str]:
     return sentences
 
 
-def _facts(suite: Suite, cases: Sequence[Case], changes: Sequence[str]) -> dict[str, Any]:
-    """Collect the facts stored with the results of a run: description, code, versions, overrides, requirements."""
+def _facts(suite: Suite, path: Path, cases: Sequence[Case], changes: Sequence[str]) -> dict[str, Any]:
+    """Collect the facts stored with the results of a run: description, file, code, versions, overrides, requirements."""
     requirements = dict.fromkeys(
         Requirement(case.scenario, json.dumps(case.overrides, ensure_ascii=False), case.tracker, metric, bound)
         for case in cases
@@ -114,6 +117,7 @@ def _facts(suite: Suite, cases: Sequence[Case], changes: Sequence[str]) -> dict[
     )
     return {
         "suite": suite.name,
+        "file": os.path.abspath(path),
         "description": suite.description,
         "reference": suite.reference,
         "code": whole_code(),

@@ -490,15 +490,44 @@ def test_a_folder_of_suite_results_is_exported_with_the_tracks_in_it(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("ROOMTWIN_CACHE", str(tmp_path / "cache"))
     Path("short.yaml").write_text(_SCENARIO)
-    Path("brief").write_text(
-        "name: brief\nseeds: [1000]\ntrackers: [sort]\nscenarios: "
-        "[{scenario: short.yaml, set: {sensors.depth: null, sensors.low: null}}]\n"
+    Path("suites").mkdir()
+    Path("suites/mine.yaml").write_text(
+        "name: smoke\nseeds: [1000]\ntrackers: [sort]\nscenarios: "
+        "[{scenario: ../short.yaml, set: {sensors.depth: null, sensors.low: null}}]\n"
     )
-    done = CliRunner().invoke(app, ["suite", "run", "brief", "--jobs", "1", "--out", "results"])
+    done = CliRunner().invoke(app, ["suite", "run", "suites/mine.yaml", "--jobs", "1", "--out", "results"])
     assert done.exit_code == 0, (done.output, done.exception)
-    (table,) = Path("results/cases").glob("*/tracks/sort.csv")
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    (table,) = Path("../results/cases").glob("*/tracks/sort.csv")
 
-    out = _export(Path("results"), "mot", tmp_path / "mot")
+    out = _export(Path("../results"), "mot", tmp_path / "mot")
 
     (exported,) = out.glob("trackers/*/sort/data/*-ground.txt")
     assert len(np.loadtxt(exported, delimiter=",")) == len(read_tracks(table).x) > 0
+    edited = Path("../suites/mine.yaml").read_text().replace("[1000]", "[1001]")
+    Path("../suites/mine.yaml").write_text(edited)
+    told = CliRunner().invoke(app, ["export", "../results", "--format", "mot", "--out", "other"])
+    assert "holds the results of other cases than" in str(told.exception)
+
+
+def test_a_suite_of_bags_and_a_tracked_bag_are_exported_from_anywhere(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    _without_truth(run / "recording.mcap", Path("bare.mcap"))
+    Path("rig.yaml").write_text(Recording(run / "recording.mcap").rig.dump_yaml())
+    Path("mine.csv").write_text((run / "truth.csv").read_text())
+    named = "{recording: bare.mcap, rig: rig.yaml, truth: mine.csv}"
+    Path("mine.yaml").write_text(f"name: mine\ntrackers: [sort]\nreports: false\nrecordings: [{named}]\n")
+    tracked = ["track", "bare.mcap", "--rig", "rig.yaml", "--tracker", "sort", "--no-video", "--out", "tracked"]
+    for command in (["suite", "run", "mine.yaml", "--jobs", "1", "--out", "results"], tracked):
+        done = CliRunner().invoke(app, command)
+        assert done.exit_code == 0, (done.output, done.exception)
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    rig = ["--rig", "../rig.yaml", "--truth", "../mine.csv"]
+    for source, options in (("../results", []), ("../tracked", rig)):
+        out = _export(Path(source), "mot", Path(Path(source).name), *options)
+        (truth,), (tracks,) = out.glob("gt/*/*-ground/gt/gt.txt"), out.glob("trackers/*/sort/data/*-ground.txt")
+        assert len(np.loadtxt(truth, delimiter=",")) and len(np.loadtxt(tracks, delimiter=","))
