@@ -32,7 +32,7 @@ from twin.recording.sensor_topics import (
     odometry_losses,
     sensor_topics,
     times_of,
-    unusable_transforms,
+    unusable_poses,
     unused_topics,
 )
 from twin.recording.situation_table import decode_situation
@@ -111,7 +111,7 @@ class Recording:
             if not self.is_twin:
                 self._found += compare_lenses(bag, self.rig, self.sensor_topics.sensors)
                 self._found += odometry_losses(self.rig, self.sensor_topics, tree, poses)
-                self._found += unusable_transforms(tree, self._frames_of_rig())
+                self._found += unusable_poses(tree, self._frames_of_rig(), poses, self.sensor_topics.sensors)
             self.logged_after_ns = self._logged_after_ns()
             mounted = {*self.rig.mounted(), *self.rig.odometry()}
             standing = {name: each for name, each in self.frames.items() if name not in mounted}

@@ -261,15 +261,23 @@ def odometry_losses(
             yield from _jumps(name, poses[topic].stamps_ns, poses[topic].poses)
 
 
-def unusable_transforms(tree: TransformTree, frames: Iterable[str]) -> Iterator[Loss]:
-    """Yield the transforms at or above these frames that were left out, as they hold no pose."""
+def unusable_poses(
+    tree: TransformTree, frames: Iterable[str], poses: Mapping[str, PoseTopic], used: Collection[str]
+) -> Iterator[Loss]:
+    """Yield the transforms at or above these frames, and the odometry of no sensor, that were left out, as they hold no pose.
+
+    used: topics of sensors, of which the same is told as they are read.
+    """
+    no_pose, remedy = "hold no pose (a quaternion of length 0, or NaN) and were left out", "see what publishes them"
+    for topic, each in poses.items():
+        if each.unusable and topic not in used:
+            yield Loss(topic, each.unusable, each.unusable + len(each.poses), no_pose, remedy)
     above = tree.ancestors(frames)
     for (child, parent), count in tree.unusable.items():
         if child in above:
             edge = tree.edges.get(child)
             n_read = len(edge.stamps_ns) if edge is not None and edge.parent == parent else 0
-            what = f"of {child!r} in {parent!r} hold no pose (a quaternion of length 0, or NaN) and were left out"
-            yield Loss("transforms", count, count + n_read, what, "see what publishes them")
+            yield Loss("transforms", count, count + n_read, f"of {child!r} in {parent!r} {no_pose}", remedy)
 
 
 def _jumps(name: str, stamps_ns: Nanoseconds, poses: Poses) -> Iterator[Loss]:

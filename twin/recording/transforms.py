@@ -269,17 +269,21 @@ class _Growing:
 
 @dataclass(frozen=True, eq=False)
 class PoseTopic:
-    """Poses of a moving base on a topic: the frame that moves ('' where not said), and its poses in the one that stands."""
+    """Poses of a moving base on a topic: the frame that moves ('' where not said), and its poses in the one that stands.
+
+    unusable: number of messages that hold no pose.
+    """
 
     msgtype: str
     child: str
     stamps_ns: Nanoseconds
     poses: Poses
+    unusable: int = 0
 
     @cached_property
     def moves(self) -> bool:
         """True where the base moves."""
-        return moves(self.poses)
+        return len(self.poses) > 0 and moves(self.poses)
 
 
 def read_poses(bag: Bag) -> dict[str, PoseTopic]:
@@ -287,17 +291,21 @@ def read_poses(bag: Bag) -> dict[str, PoseTopic]:
     valid = (ODOMETRY, _POSE)
     types = {name: kind for name, topic in bag.topics.items() if (kind := topic.type_among(valid)) is not None}
     found: dict[str, tuple[str, _Growing]] = {}
+    unusable: Counter[str] = Counter()
     for topic, log_ns, data, is_ros1 in bag.encoded_messages(types):
         try:
             message = decoded(data, types[topic], is_ros1)
         except InputError:
             continue
         matrix = matrix_of(message.pose.pose.position, message.pose.pose.orientation)
+        child = getattr(message, "child_frame_id", "").strip("/")
+        _, growing = found.setdefault(topic, (child, _Growing(topic)))
         if np.isfinite(matrix).all():
-            child = getattr(message, "child_frame_id", "").strip("/")
-            found.setdefault(topic, (child, _Growing(topic)))[1].add(stamp_of(message), log_ns, 0, matrix)
+            growing.add(stamp_of(message), log_ns, 0, matrix)
+        else:
+            unusable[topic] += 1
     edges = {topic: (child, growing.edge("", child)) for topic, (child, growing) in found.items()}
     return {
-        topic: PoseTopic(types[topic], child, edge.stamps_ns, edge.parent_from_child)
+        topic: PoseTopic(types[topic], child, edge.stamps_ns, edge.parent_from_child, unusable[topic])
         for topic, (child, edge) in edges.items()
     }

@@ -253,3 +253,25 @@ def test_transforms_that_hold_no_pose_are_told_where_they_carry_a_sensor(tmp_pat
         f"transforms: {n} of {n} messages of {child!r} in {parent!r}"
         for parent in {"base_link": ["odom"], "mast": ["base_link"]}.get(child, [])
     ]
+
+
+@pytest.mark.parametrize("n_bad", [0, 1, 10, 40])
+@pytest.mark.parametrize("rig", [None, "scan", "scan, robot"])
+def test_odometry_that_holds_no_pose_is_told_or_refused(tmp_path, n_bad, rig):
+    messages = []
+    for k, ns in enumerate(STAMPS):
+        message: Any = TYPESTORE.deserialize_cdr(encode(Odometry("robot", ns, at(0.1 * k))).data, ODOMETRY)
+        if k < n_bad:
+            message.pose.pose.orientation.w = message.pose.pose.orientation.z = 0.0
+        messages.append(("/odom", ODOMETRY, ns + MS, message))
+    sensors = {"scan": LaserSensor(topic="/scan"), "robot": OdometrySensor(topic="/odom")}
+    own = None if rig is None else Rig(sensors={name: sensors[name] for name in rig.split(", ")})
+    recording = Recording(bag(tmp_path, messages), own)
+    used = "/odom" in recording.sensor_topics.sensors
+    if used and n_bad == 40:
+        with pytest.raises(InputError, match="topic /odom: odometry 'robot': the pose is no rigid transform"):
+            list(recording.observations())
+        return
+    list(recording.observations())
+    said = "the pose is no rigid transform" if used else f"/odom: {n_bad} of 40 messages hold no pose"
+    assert any(said in each for each in lines(recording.losses)) == (n_bad > 0)
