@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from trackers.arrays import Array, Float, Index, Int
+from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.fusion.motion import HEAD_PLACE, LEGS, OUTLINE, PLACE, crowns_over
 from trackers.fusion.options import KindOptions
 from trackers.fusion.posture import ALIKE_S, Shares
@@ -28,6 +28,7 @@ class Expected:
     legs: Float[Array, "n 2"]  # from the place to the middle of the legs [m]
     speed_m_s: Float[Array, "n"]
     facing: Float[Array, "n 2"]  # mean of the unit vector that they face by, of length 0 where that is not known
+    by_trunk: Bool[Mask, "n"]  # of whom a trunk was measured lately: nobody else is there
 
     @property
     def crowns(self) -> Float[Array, "n 3"]:

@@ -7,7 +7,7 @@ from typing import Self
 
 import numpy as np
 
-from trackers.arrays import Array, Float, Index, Int
+from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.filters.imm import ImmState
 from trackers.filters.rows import written
 from trackers.fusion.heads import Heads
@@ -108,11 +108,11 @@ class People(ImmTracks):
         variance_m2 = np.stack([flat_m2, flat_m2, spread_m2 + self.stature_m2, legs_m2, legs_m2])
         return self.in_state(drifted(self.state, kept, height_m, variance_m2))
 
-    def expected(self) -> Expected:
-        """Return what sources are told of the tracks."""
+    def expected(self, by_trunk: Bool[Mask, "n"]) -> Expected:
+        """Return what sources are told of the tracks; by_trunk: those of whom a trunk was measured lately."""
         angle, length = self.heads.direction
         facing = (length * np.array([np.cos(angle), np.sin(angle)])).T
-        return Expected(self.positions, self.head, self.legs, np.hypot(*self.velocity.T), facing)
+        return Expected(self.positions, self.head, self.legs, np.hypot(*self.velocity.T), facing, by_trunk)
 
     def learn_stature(
         self, row: Int[Index, "k"], height_m: Float[Array, "k"], variance_m2: Float[Array, "k"], memory: float

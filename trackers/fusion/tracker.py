@@ -171,7 +171,7 @@ class Fusion(SynchronizedTracker):
     def _work(self, synced: SyncedFrame) -> None:
         self._predict(synced.ns)
         for group in self._groups:
-            expected = self._people.expected()
+            expected = self._people.expected(self._by_trunk(self._people, synced.ns))
             looks = {
                 number: look
                 for number in group

@@ -165,19 +165,23 @@ def pair_legs(
     gate_m: float,
     options: LegOptions,
     lines: Float[Array, "l s 2"] | None = None,
+    shown: Bool[Mask, "h"] | None = None,
 ) -> LegPairs:
     """Share l legs out, two to each, among k trunks and h people that no trunk shows, in one assignment.
 
     sufficient: the legs that enough samples show to initiate a track; under_trunks: where each trunk's legs are expected [m];
     expected: where the people are, and knees: where their legs are from there [m]; apart_m: a third leg so near to a trunk's is
     a bag, and no other person's; gate_m: how far from there the people's legs may be; lines: unit vectors to the legs from the
-    scanners that see each, 0 from others, behind which the other leg of a single one is. Legs that neither takes pair off.
+    scanners that see each, 0 from others, behind which the other leg of a single one is; shown: of the people, those of whom
+    a trunk was measured lately, to whom the same holds. Legs that neither takes pair off.
     """
     place, wide = legs.position, legs.width_m > BOTH_LEGS_M
     n_trunk, n_person = len(under_trunks), len(expected)
-    at_trunks = distances(under_trunks, place).min(axis=0, initial=np.inf) <= apart_m
+    shown = np.zeros(n_person, np.bool_) if shown is None else shown
+    bodies = np.concatenate([under_trunks, (expected + knees)[shown]])
+    at_trunks = distances(bodies, place).min(axis=0, initial=np.inf) <= apart_m
     forbidden = np.zeros((n_trunk + n_person, len(place)), np.bool_)
-    forbidden[n_trunk:] = at_trunks
+    forbidden[n_trunk:][~shown] = at_trunks
     reach_m = np.repeat([_TRUNK_GATE_M, gate_m], [n_trunk, n_person])
     opposite = np.repeat([0.0, _OPPOSITE], [n_trunk, n_person])
     position, n_leg, free = take_legs(

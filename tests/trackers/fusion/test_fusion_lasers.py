@@ -57,13 +57,23 @@ def test_scans_up_to_half_a_period_apart_are_one_look(late_s: float) -> None:
     assert later and all(len(each.sensors) == 2 for each in later)
 
 
+def standing(place: Array, by_trunk: Array | None = None) -> Expected:
+    """Expect people who stand at these places."""
+    n = len(place)
+    shown = np.zeros(n, np.bool_) if by_trunk is None else by_trunk
+    nothing = np.zeros((n, 2))
+    return Expected(place, np.pad(place, ((0, 0), (0, 1))), nothing, np.zeros(n), nothing, shown)
+
+
 def look_at_legs(walk: Walk, facing: Array, speed_m_s: float, expected_at: Array | None = None) -> Look:
     on, scans = rig(waist=False, camera=False), observe(walk, 5, images=False)
     scanners = scanners_of(on, EMPTY, FusionOptions(), None)[0]
     place = walk.position[0] if expected_at is None else expected_at
     n = len(place)
     head = np.column_stack([place, np.full(n, 1.55)])
-    expected = Expected(place, head, np.zeros((n, 2)), np.full(n, speed_m_s), np.tile(facing, (n, 1)))
+    expected = Expected(
+        place, head, np.zeros((n, 2)), np.full(n, speed_m_s), np.tile(facing, (n, 1)), np.zeros(n, np.bool_)
+    )
     knee = next(each for each in scans if isinstance(each, LaserScan) and each.sensor == "knee")
     look = scanners.look({"knee": knee}, expected, knee.stamp_ns)
     assert look is not None
@@ -240,7 +250,7 @@ def ahead(scan: LaserScan, range_m: float, half_width_m: float) -> LaserScan:
 def test_a_single_leg_begins_a_track_where_no_scanner_at_waist_height_would_show_a_trunk(hidden: bool) -> None:
     waists, knees = scanners_of(rig(camera=False), EMPTY, FusionOptions(), None)
     scan = {each.sensor: each for each in EMPTY if isinstance(each, LaserScan)}
-    nobody = Expected(np.empty((0, 2)), np.empty((0, 3)), np.empty((0, 2)), np.empty(0), np.empty((0, 2)))
+    nobody = standing(np.empty((0, 2)))
     waist, knee = scan["waist"], ahead(scan["knee"], 1.5, 0.05)
     if hidden:
         waist = ahead(waist, 0.7, 0.3)
@@ -316,7 +326,7 @@ def test_a_single_leg_is_of_the_person_with_whom_the_legs_were_shared_out() -> N
     knees = scanners_of(rig(waist=False, camera=False), EMPTY, FusionOptions(), None)[0]
     empty = next(each for each in EMPTY if isinstance(each, LaserScan) and each.sensor == "knee")
     place = np.array([[0.9, 2.3], [0.1, 1.6]])
-    expected = Expected(place, np.pad(place, ((0, 0), (0, 1))), np.zeros((2, 2)), np.zeros(2), np.zeros((2, 2)))
+    expected = standing(place)
     one = knees.look({"knee": ahead(empty, 1.5, 0.05)}, expected, empty.stamp_ns)
     assert one is not None and one.owner.tolist() == [1]
     both = ahead(empty, 1.5, 0.18)
@@ -324,6 +334,22 @@ def test_a_single_leg_is_of_the_person_with_whom_the_legs_were_shared_out() -> N
     both = replace(both, ranges_m=np.where(gap, empty.ranges_m, both.ranges_m))
     two = knees.look({"knee": both}, expected, empty.stamp_ns)
     assert two is not None and two.owner.tolist() == [-1]
+
+
+@pytest.mark.parametrize("shown", [True, False])
+def test_a_third_leg_beside_a_measured_trunk_is_no_hidden_persons(shown: bool) -> None:
+    """Both legs of who was measured are theirs, and a bag beside is nobody's; where no trunk was, it may be a hidden person's."""
+    knees = scanners_of(rig(camera=False), EMPTY, FusionOptions(), None)[1]
+    empty = next(each for each in EMPTY if isinstance(each, LaserScan) and each.sensor == "knee")
+    scan = empty
+    for x_m in (-0.1, 0.1, 0.27):
+        thing = np.abs(scan.angles_rad + x_m / 1.5) < 0.04 / 1.5
+        scan = replace(scan, ranges_m=np.where(thing, 1.5, scan.ranges_m))
+    place = np.array([[0.0, 1.6], [0.5, 1.6]])
+    look = knees.look({"knee": scan}, standing(place, np.array([shown, False])), empty.stamp_ns)
+    assert look is not None and len(look.position) == (1 if shown else 2)
+    np.testing.assert_allclose(look.position[0], place[0], atol=0.08)
+    assert not look.starts.any()
 
 
 def test_two_hidden_people_who_may_be_at_one_place_stay_two() -> None:
