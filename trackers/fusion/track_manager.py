@@ -201,7 +201,7 @@ class FusionTrackManager(TrackManager):
         for look in looks.values():
             if look.is_sharp:
                 self._scanned_ns |= dict.fromkeys(look.sensors, ns)
-        tentative = ~people.confirmed & (people.roster.measured_ns < ns)
+        tentative = ~people.confirmed & (people.roster.measured_ns < ns) & (people.roster.n_measured == 1)
         if not tentative.any():
             return people
         by = people.seen_ns > NEVER_NS

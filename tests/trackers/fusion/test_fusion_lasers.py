@@ -352,6 +352,21 @@ def test_a_third_leg_beside_a_measured_trunk_is_no_hidden_persons(shown: bool) -
     assert not look.starts.any()
 
 
+def test_a_tentative_track_measured_twice_is_no_noise() -> None:
+    """One measurement by beams split at an edge is not repeated there; one leg of a walker is missed by many scans."""
+    manager = FusionTrackManager(FusionOptions(), None, Imm(PersonMotion()))
+    people, nobody = people_at((0.0, 0.0), (3.0, 0.0)), np.empty(0, np.intp)
+    people = people.changed(
+        roster=people.roster.changed(n_measured=np.array([1, 2])), seen_ns=np.zeros((2, 1), np.int64)
+    )
+    look = Look(
+        ("knee",), FusionOptions().legs, np.empty((0, 2)), np.empty((0, 2, 2)), nobody, nobody,
+        lambda points: np.ones(points.shape[1:]), LEGS_SHOWN, is_sharp=True,
+    )  # fmt: skip
+    left = manager.without_noise(people, {0: look}, NS_PER_S // 10)
+    np.testing.assert_allclose(left.positions, [[3.0, 0.0]])
+
+
 def test_two_hidden_people_who_may_be_at_one_place_stay_two() -> None:
     """A younger track goes where both are known to be at one place; not where each may be anywhere."""
     manager = FusionTrackManager(FusionOptions(), None, Imm(PersonMotion()))
