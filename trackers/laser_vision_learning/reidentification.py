@@ -100,6 +100,7 @@ class Recognition:
         self._looks = Looks.unknown(0, looks)  # of the identities
         self._held_ns = np.zeros(0, np.int64)  # stamp at which a track held each of them last
         self._bound_for = np.zeros((0, 2))  # where that track was about to be [m]
+        self._shown_ns = np.zeros(0, np.int64)  # stamp at which a track showed each of them last, without doubt
         self._own = np.zeros(0, np.intp)  # place of each confirmed track's identity among them
         self._beliefs, self._calibration = Beliefs.none(), Calibration()
         self.decisions: list[Decision] = []
@@ -163,14 +164,20 @@ class Recognition:
             self._looks = looks.replaced(old, self._looks.select(kept))
             self._held_ns = written(np.full(number.size, ns), old, self._held_ns[kept])
             self._bound_for = written(np.zeros((number.size, 2)), old, self._bound_for[kept])
+            self._shown_ns = written(np.full(number.size, ns), old, self._shown_ns[kept])
+        held = before.number[self._own]
         self._own = own = np.searchsorted(number, ids)
         self._held_ns = written(self._held_ns, own, ns)
         self._bound_for = written(self._bound_for, own, (people.places + _LEAVES_S * people.velocities)[sure])
         beliefs, known, rows = before.of(people.serial[sure], number), self._looks.known, np.arange(sure.size)
-        possible = beliefs.possible.copy()
-        new = np.flatnonzero(~np.isin(beliefs.serial, before.serial))
-        possible[np.ix_(new, np.flatnonzero(known & ~np.isin(number, ids)))] = True
+        # whose track has ended may be who has come up since that person was last shown
+        new = ~np.isin(beliefs.serial, before.serial)
+        since = people.roster.born_ns[sure].reshape(-1, 1) > self._shown_ns
+        free = known & ~np.isin(number, ids)
+        possible = beliefs.possible | (free & (new.reshape(-1, 1) | (np.isin(number, held) & since)))
         possible[rows, own] = True
+        alone = measured_now(people.roster, ns)[sure] & ~now.interacting[sure].any(axis=1) & (possible.sum(axis=1) == 1)
+        self._shown_ns = written(self._shown_ns, own[alone], ns)
         confused = now.confused[np.ix_(sure, sure)]
         beliefs = replace(beliefs, possible=possible).shared(confused)
         # where no classifier can tell, motion has decided
@@ -206,6 +213,10 @@ class Recognition:
             return people
         log_odds = self._calibration.log_ratio(mean)
         log_odds[~beliefs.possible] += _NEVER
+        # a track that may be somebody who was lost has taught the looks of its own identity itself
+        free = self._looks.known & ~np.isin(beliefs.number, before)
+        row = np.flatnonzero((beliefs.possible & free).any(axis=1))
+        log_odds[row, self._own[row]] = np.minimum(log_odds[row, self._own[row]], 0.0)
         found = decided(log_odds, self._own, rules.margin)
         certain, ids = found.by_looks & scored, beliefs.number[found.column]
         self._own = found.column
@@ -234,8 +245,9 @@ class Recognition:
         """Let the classifiers learn of tracks that are measured and alone, and whose identity is certain."""
         alone = measured_now(people.roster, ns) & ~(now.merged | now.correlated).any(axis=1)
         near = now.interacting[np.ix_(sure, sure)]
-        looks = self._looks.select(self._own)
-        looks = self.learner.trained(looks, shown, near, alone[sure] & certain, ns, self._rng)
+        looks, certain = self._looks.select(self._own), alone[sure] & certain
+        self._shown_ns = written(self._shown_ns, self._own[certain], ns)
+        looks = self.learner.trained(looks, shown, near, certain, ns, self._rng)
         self._looks = self._looks.replaced(self._own, looks)
 
     def _drawn(

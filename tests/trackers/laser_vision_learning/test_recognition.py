@@ -56,13 +56,15 @@ class Meeting:
             lambda places: np.hypot(*places.T) < AREA_M,
         )
         self.ids, self.serial, self.ns, self.decisions = np.arange(1, n + 1), np.arange(n), 0, []
+        self.born_ns = np.zeros(n, int)
         nobody = Roster.started(Cloud.of(np.zeros((5, 0, 60))), 0)
         self.people = WalkerTracks(np.zeros(0, int), nobody, np.zeros(0), np.zeros(0, int))
 
     def frames(
-        self, count: int, places, colours=None, interacting=True, together=(), wide_m=0.05, speed_m_s=0.0
+        self, count: int, places, colours=None, interacting=True, together=(), wide_m=0.05, speed_m_s=0.0, missed=()
     ) -> WalkerTracks:
-        """speed_m_s: of all, along x; `together`: index pairs who are merged and confused; `colours` None: no picture comes."""
+        """speed_m_s: of all, along x; `together`: index pairs who are merged and confused; `colours` None: no picture comes;
+        missed: indices of those that no scanner shows."""
         n = len(places)
         confused = np.zeros((n, n), bool)
         for one, other in together:
@@ -74,8 +76,9 @@ class Meeting:
             state[:2] = np.array(places, float).T[..., None]
             state[:2] += np.random.default_rng(self.ns).normal(0, wide_m, (2, n, 60))
             state[2:4] = [[[0.0]], [[speed_m_s]]]
-            born, now_ns, many = np.zeros(n, int), np.full(n, self.ns), np.full(n, 9)
-            roster = Roster(self.ids, Cloud.of(state), born, now_ns, many, np.ones(n, bool))
+            measured_ns, many = np.full(n, self.ns), np.full(n, 9)
+            measured_ns[list(missed)] -= NS_PER_S
+            roster = Roster(self.ids, Cloud.of(state), self.born_ns, measured_ns, many, np.ones(n, bool))
             now = Situations(self.serial, near, confused, confused, np.full((n, n), self.ns), confused)
             image = None if colours is None else picture(places, colours, self.ns)
             self.people = self.recognition.work(
@@ -167,6 +170,19 @@ def test_a_new_track_of_a_person_whose_track_was_deleted_has_their_identity(reme
     two.ids, two.serial = np.array([1, 4]), np.array([0, 3])
     two.frames(8, APART, (RED, GREEN))
     assert two.ids.tolist() == [1, 4]
+
+
+@pytest.mark.parametrize(("who", "found"), [(BLUE, [1, 2]), (GREEN, [1, 3])])
+def test_who_came_up_as_another_track_while_the_own_one_was_astray_is_found_when_that_one_ends(who, found):
+    two, nobody = Meeting(2), (120, 120, 120)
+    two.frames(8, APART, (RED, BLUE))
+    two.frames(5, TOGETHER, (RED, BLUE), together=[(0, 1)])
+    two.ids, two.serial, two.born_ns = np.append(two.ids, 3), np.arange(3), np.array([0, 0, two.ns + PERIOD_NS])
+    two.frames(12, [APART[0], (-1.4, 0.6), APART[1]], (RED, nobody, who), missed=[1])
+    assert sorted(two.ids.tolist()) == [1, 2, 3]
+    two.ids, two.serial, two.born_ns = two.ids[[0, 2]], np.array([0, 2]), two.born_ns[[0, 2]]
+    two.frames(20, APART, (RED, who))
+    assert two.ids.tolist() == found
 
 
 @pytest.mark.parametrize(
