@@ -255,6 +255,13 @@ def test_a_knee_layer_shows_single_legs():
     np.testing.assert_allclose(found.position, [(1.5, -0.1), (1.6, 0.12)], atol=0.02)
 
 
+def test_two_beams_half_past_the_legs_beside_them_are_no_leg_behind():
+    ranges = np.full(361, 4.0)
+    ranges[180:184] = ranges[187:191] = 1.5
+    ranges[[184, 186]] = 2.9, 2.92  # the wall is seen between
+    assert len(layer(KneeOptions()).detect(scan(ranges))) == 2
+
+
 def test_one_beam_on_a_far_leg_is_kept_for_those_known_but_not_on_the_edge_of_something_nearer():
     ranges = np.full(361, 4.0)
     ranges[100], ranges[200:203], ranges[203] = 3.5, 1.5, 2.5  # a far leg, a near one and a beam half past it
