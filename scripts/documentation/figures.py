@@ -16,6 +16,7 @@ import hashlib
 import json
 import os
 import platform
+import re
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -153,7 +154,8 @@ def seeds_of(text: str) -> tuple[int, int]:
 def record(name: str, *paths: Path, machine: str | None = None, asked: tuple[int, int] | None = None) -> None:
     """Keep the figures of runs under the name of their source; several folders of a suite are parts of one run.
 
-    machine: the one that made them (default: this one); what drew their pictures is read from them. asked: `measure`'s seeds.
+    machine: the one that made them (default: this one); what drew their pictures is read from them. asked: `measure`'s seeds;
+    without, those after which `measure` named the folders.
     Raises SystemExit for an unknown source, and for runs by code that no commit holds.
     """
     sources = read_sources()["sources"]
@@ -163,9 +165,11 @@ def record(name: str, *paths: Path, machine: str | None = None, asked: tuple[int
     figures = list(_READERS[source["kind"]](paths, source))
     commit, date = code_commit(source["code"], _commit_of_runs(paths))
     kept = read_figures()
+    named = [re.fullmatch(r"(\d+)-(\d+)", path.name) for path in paths]
+    parts = [asked] if asked else [(int(each[1]), int(each[2])) for each in named if each is not None]
     kept[name] = {
         "kind": source["kind"],
-        "command": f"scripts/figures measure {name}" + (f" --seeds {asked[0]}:{asked[1]}" if asked else ""),
+        "command": f"scripts/figures measure {name}" + " and".join(f" --seeds {first}:{n}" for first, n in parts),
         "commit": commit,
         "committed": date,
         "measured": datetime.now(UTC).date().isoformat(),
