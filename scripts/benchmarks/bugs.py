@@ -38,7 +38,7 @@ _BY_FILE = {
     "trackers/filters/gating.py": [
         ("radius not squared", "validation_region", "_A ** 2", "_A"),
         ("cross term halved", "mahalanobis_distances", "2 * s_xy", "s_xy"),
-        ("tails of the square root", "mahalanobis_distances", "_A + 2", "(_A + 2) / 2"),
+        ("density of the square root", "mahalanobis_distances", "np.log(_A)", "0.5 * np.log(_A)"),
         (
             "nearest for optimal assignment",
             "global_nearest_neighbour",
@@ -88,8 +88,8 @@ _BY_FILE = {
         (
             "margin behind the wall",
             "KnownBackground.__init__",
-            "_A - np.maximum(_B, _C * _D)",
-            "_A + np.maximum(_B, _C * _D)",
+            "nearest - margin_m",
+            "nearest + margin_m",
         ),
     ],
     "trackers/laser/clusters.py": [
@@ -133,11 +133,11 @@ _BY_FILE = {
     ],
     "trackers/laser/layer.py": [
         ("completed on the wrong side", "LaserLayer._completed", "_A.astype(_B) - _C", "_C.astype(_B) - _A"),
-        ("arms completed to trunks", "LaserLayer.detect", "clusters.middle", "middle"),
+        ("trunks as deep as arms", "trunk_mask", "_A < options.satellite_width_m", "_A >= options.satellite_width_m"),
         ("width twice as large", "LaserLayer._half_depth_m", "np.pi / 8", "np.pi / 4"),
     ],
     "trackers/laser_fisheye_imm/association.py": [
-        ("a flicker takes legs", "Association._walkers", "self.knows_room", "True"),
+        ("a flicker takes legs", "Association._known", "self.knows_room", "True"),
         ("the deleted are recognised", "Association._re_identified", "_A & _B.exist(_C)", "_A"),
         (
             "recognised by another shirt",
@@ -146,20 +146,20 @@ _BY_FILE = {
             "colour >= self.options.appearance.same_below",
         ),
         ("appearance left out", "Association._by_colour", "self.options.appearance.weight", "0"),
-        ("a look is wrong as often as not", "Association._by_colour", "np.log(WRONG_LOOK)", "np.log(0.5)"),
-        ("a look counts twice", "Association._by_colour", "0.5 * _A", "_A"),
+        ("a look is wrong as often as not", "_colour_cost", "np.log(WRONG_LOOK)", "np.log(0.5)"),
+        ("a look counts twice", "_colour_cost", "0.5 * _A", "_A"),
         (
             "knees looked for under the trunk",
             "Association._walkers",
-            "people.posture.knees[shown]",
-            "0 * people.posture.knees[shown]",
+            "posture.knees[shown]",
+            "0 * posture.knees[shown]",
         ),
         ("a density counts half", "Costs.of", "np.log(_A) - _B", "0.5 * np.log(_A) - _B"),
         (
             "the hidden taken for seen",
-            "_unpaired",
-            "np.maximum(missed, _LEAST_MISSED)",
-            "np.maximum(1 - missed, _LEAST_MISSED)",
+            "Association._unpaired",
+            "np.maximum(self.missed, _LEAST_MISSED)",
+            "np.maximum(1 - self.missed, _LEAST_MISSED)",
         ),
         (
             "the deleted paired as readily",
@@ -175,9 +175,9 @@ _BY_FILE = {
         ),
     ],
     "trackers/likelihood/legs.py": [
-        ("a bag is the nearest person's", "pair_legs", "_A[_B:] = _C", "_A[_B:] = False"),
+        ("a bag is the nearest person's", "pair_legs", "_A[_B:][_C] = _D", "_A[_B:][_C] = False"),
         ("one leg is the middle of two", "pair_legs", "_A[:_B, None] == 2", "_A[:_B, None] >= 1"),
-        ("a single leg taken for a pair", "LegPairs.likelihood", "self.n_leg == 1", "self.n_leg == 2"),
+        ("a single leg taken for a pair", "LegPairs._single_m2", "self.n_leg == 1", "self.n_leg == 2"),
         ("likelihood of a wider Gaussian", "PositionLikelihood.evaluated", "-0.5 * _A", "-0.25 * _A"),
     ],
     "trackers/laser_fisheye_imm/detection.py": [
@@ -255,8 +255,8 @@ _BY_FILE = {
         (
             "least alike instead of most",
             "decided",
-            "linear_sum_assignment(said, maximize=True)",
-            "linear_sum_assignment(said)",
+            "linear_sum_assignment(log_odds, maximize=True)",
+            "linear_sum_assignment(log_odds)",
         ),
     ],
     "trackers/laser_vision_learning/score_maps.py": [
@@ -371,8 +371,13 @@ _BY_FILE = {
         ("top a voxel too high", "_tops", "_A[2] - 1", "_A[2]"),
     ],
     "trackers/sort.py": [
-        ("those in sight slow down", "Sort._work", "(np.exp(-_A / _B), 1)", "(1, np.exp(-_A / _B))"),
-        ("acceleration not squared", "Sort._work", "options.acceleration_m_s2 ** 2", "options.acceleration_m_s2"),
+        ("those in sight slow down", "Sort._predict", "(np.exp(-_A / _B), 1)", "(1, np.exp(-_A / _B))"),
+        (
+            "acceleration not squared",
+            "Sort._predict",
+            "self.options.acceleration_m_s2 ** 2",
+            "self.options.acceleration_m_s2",
+        ),
     ],
     "twin/sensors/laser.py": [
         ("rotation transposed", "Laser.__init__", "_A.T", "_A"),
