@@ -8,7 +8,7 @@ import numpy as np
 
 from trackers.area import Area
 from trackers.arrays import Array, Bool, Float, Mask
-from trackers.fusion.look import NEW, Expected, Look, round_covariance
+from trackers.fusion.look import APART_M, NEW, Expected, Look, round_covariance
 from trackers.fusion.motion import LEGS, PLACE
 from trackers.fusion.options import FusionOptions, KindOptions
 from trackers.fusion.posture import LEGS_SHOWN, TRUNK_SHOWN
@@ -18,8 +18,6 @@ from trackers.likelihood.legs import LegOptions, legs_ahead_m, may_be_new, pair_
 from trackers.observations import LaserScan, Observation
 from trackers.rig import Rig, Role
 
-_APART_M = 0.3
-"""A third leg so near to one under a trunk is a bag of theirs: nobody else is there [m]."""
 _SURE_SAMPLES = 4
 """Samples of a cluster from which it is neither noise nor an edge, where the empty room is known."""
 
@@ -77,7 +75,7 @@ class Scanners:
             # where trunks tell where the middle of the legs is, what a leg hides did not earn
             lines = None if self._waists else found.sight_lines(self._group.origins)
             at, shown = expected.place, expected.by_trunk
-            walkers = pair_legs(found, starts, no_trunk, at, knees, _APART_M, gate_m, self._legs, lines, shown)
+            walkers = pair_legs(found, starts, no_trunk, at, knees, APART_M, gate_m, self._legs, lines, shown)
             position, known = walkers.position, walkers.of_known
             position[known] += expected.legs[walkers.owner[known]]
             variance = walkers.likelihood(self._legs, gate_m).variance_m2

@@ -15,6 +15,8 @@ from trackers.fusion.posture import ALIKE_S, Shares
 from trackers.observations import Observation
 from trackers.tracks import Detection
 
+APART_M = 0.3
+"""Nobody is so near to another person who is measured [m]: a third leg there is a bag of theirs."""
 NEW = -2
 """Owner of a measurement that is nobody's who is known: it initiates a track, which may prove to be a hidden person's."""
 

@@ -20,7 +20,7 @@ from trackers.filters.negative_information import (
 )
 from trackers.filters.rows import written
 from trackers.fusion.association import EXPLAINED, LEAST_EXISTENCE, explained
-from trackers.fusion.look import NEW, Look, round_covariance
+from trackers.fusion.look import APART_M, NEW, Look, round_covariance
 from trackers.fusion.options import ColourIdentityOptions, FusionOptions
 from trackers.fusion.people import People
 from trackers.fusion.posture import REACH
@@ -40,8 +40,6 @@ _TRUST = 1.5
 """Log-likelihood ratio of a detection at most, in that of detecting a person against missing one."""
 _SAME_M, _SAME_S = 0.25, 0.7
 """Two tracks nearer than this for so long are one person's [m, s]."""
-_APART_M = 0.3
-"""A person is not where another is measured [m]."""
 _SEAT_M = 0.2
 """Standard deviation of a sitting person's pelvis from the seat, in each step [m]; half as much of a lying one's."""
 _STAYS = 20.0
@@ -174,7 +172,7 @@ class FusionTrackManager(TrackManager):
 
         def not_shown(points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
             at = points.reshape(2, -1).T
-            free = (clear_of(at, others, _APART_M) & self.inside(at)).reshape(points.shape[1:])
+            free = (clear_of(at, others, APART_M) & self.inside(at)).reshape(points.shape[1:])
             return np.maximum(look.missed(points) ** share * free, 1e-3)
 
         some = people.select(row)
@@ -182,7 +180,7 @@ class FusionTrackManager(TrackManager):
             state, chance = update_missed(some.state, not_shown, some.velocity.T)
         else:
             state, chance = some.state, not_shown(some.positions.T)
-        alone = clear_of(some.place, others, _APART_M) & self.inside(some.positions)
+        alone = clear_of(some.place, others, APART_M) & self.inside(some.positions)
         by_posture = np.where(alone[:, None], 1 - np.array(look.by_posture) * (1 - chance[:, None]), chance[:, None])
         whole = (some.posture.probability * by_posture).sum(axis=1)
         posture = people.posture.weighed(row, look.kind.lasts_s / look.alike_s * np.log(by_posture))
