@@ -146,18 +146,29 @@ def _root(
     return l_uu, l_vu, np.sqrt(np.maximum(vv - l_vu**2, _LEAST_VARIANCE_M2))
 
 
-def existence_after_miss(
-    existence: Float[Array, "n"], missed: Float[Array, "n"], elapsed_s: float, survival_s: Float[Array, "n"] | float
-) -> Float[Array, "n"]:
-    """Return the probability that n tracks exist, after a frame that missed them.
+LEAVES = 0.2
+"""Share of those predicted beyond the area's border who leave there, by a door; the others turn at the wall. Measured in drawn
+rooms."""
 
-    existence: before the frame, `elapsed_s` ago; missed: miss probability, as by `update_missed`; survival_s: mean survival
-    without detection. With e' = e exp(−Δt / survival_s) it is e' m / (1 − e' + e' m) (D. Mušicki, R. Evans and S. Stanković,
-    "Integrated probabilistic data association", IEEE Trans. Automatic Control 39, 1994).
+
+def existence_after_miss(
+    existence: Float[Array, "n"],
+    missed: Float[Array, "n"],
+    elapsed_s: float,
+    survival_s: Float[Array, "n"] | float,
+    beyond: Float[Array, "n"] | float = 0.0,
+) -> Float[Array, "n"]:
+    """Return the probability that n tracks exist in the area, after a frame that missed them.
+
+    existence: before the frame, `elapsed_s` ago; missed: probability m of being in the area and missed, as by `update_missed`;
+    survival_s: mean survival without detection; beyond: share b of the density beyond the area's border. With
+    e' = e exp(−Δt / survival_s) and b = 0 it is e' m / (1 − e' + e' m) (D. Mušicki, R. Evans and S. Stanković, "Integrated
+    probabilistic data association", IEEE Trans. Automatic Control 39, 1994). Of b, `LEAVES` has left, and the rest is
+    behind walls, where nobody is.
     """
     there = existence * np.exp(-elapsed_s / survival_s)
-    missed_there = there * missed
-    return missed_there / (1 - there + missed_there)
+    missed_there, left = there * missed, LEAVES * beyond
+    return missed_there / ((1 - there) * (1 - beyond + left) + there * left + missed_there)
 
 
 def existence_after_detection(existence: Float[Array, "n"], likelihood_ratio: Float[Array, "n"]) -> Float[Array, "n"]:

@@ -176,6 +176,7 @@ class FusionTrackManager(TrackManager):
             return np.maximum(look.missed(points) ** share * free, 1e-3)
 
         some = people.select(row)
+        beyond = miss_probability(some.state, self.beyond, some.velocity.T) * ~some.posture.rests
         if look.is_sharp:
             state, chance = update_missed(some.state, not_shown, some.velocity.T)
         else:
@@ -186,7 +187,7 @@ class FusionTrackManager(TrackManager):
         posture = people.posture.weighed(row, look.kind.lasts_s / look.alike_s * np.log(by_posture))
         # who may have gone unseen may have gone: where nothing would show them as likely as elsewhere
         stays_s = self._rules.survival_s * np.where(posture.rests[row], _STAYS, 1.0)
-        existence = existence_after_miss(some.existence, whole, elapsed_s / people.seen_ns.shape[1], stays_s)
+        existence = existence_after_miss(some.existence, whole, elapsed_s / people.seen_ns.shape[1], stays_s, beyond)
         people = people.changed(existence=written(people.existence, row, existence), posture=posture)
         return people.in_state(people.state.replaced(row, state))
 

@@ -9,7 +9,12 @@ from numpy.typing import ArrayLike
 
 from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.filters.imm import Imm
-from trackers.filters.negative_information import existence_after_miss, probability_within, update_missed
+from trackers.filters.negative_information import (
+    existence_after_miss,
+    miss_probability,
+    probability_within,
+    update_missed,
+)
 from trackers.filters.rows import written
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import LaserTracks
@@ -115,7 +120,9 @@ class ImmTrackManager(TrackManager):
             return missed(points) * free
 
         state = people.state.select(coasting)
-        state, chance = update_missed(state, not_shown, self._imm.velocity(state))
+        along = self._imm.velocity(state)
+        beyond = miss_probability(state, self.beyond, along)
+        state, chance = update_missed(state, not_shown, along)
         sitting, posture = self._options.posture, people.posture.select(coasting)
         seated, seat = posture.seated(people.measured_at[coasting], sitting), np.nan_to_num(posture.seat)
         alone = clear_of(seat, taken, clearance_m=rules.apart_m)
@@ -125,7 +132,8 @@ class ImmTrackManager(TrackManager):
         existence = people.existence
         if rules.survival_s is not None:
             stays_s = np.where(seated, sitting.stays_s, rules.survival_s)
-            still = existence_after_miss(existence[coasting], chance, elapsed_s, stays_s)
+            beyond = np.where(seated, 0.0, beyond)
+            still = existence_after_miss(existence[coasting], chance, elapsed_s, stays_s, beyond)
             existence = written(existence, coasting, still)
         posture = people.posture.replaced(coasting, posture)
         return people.in_state(people.state.replaced(coasting, state)).changed(existence=existence, posture=posture)

@@ -10,6 +10,7 @@ from scipy import stats
 from trackers.filters.imm import Imm, ImmState
 from trackers.filters.motion import KALMAN_MODELS, SPEED, HeadingMotion, VelocityMotion
 from trackers.filters.negative_information import (
+    LEAVES,
     existence_after_detection,
     existence_after_miss,
     miss_probability,
@@ -137,6 +138,42 @@ def test_existence_is_bayes_over_left_there_unseen_and_seen(existence, missed, e
     got = existence_after_miss(np.array([existence]), np.array([missed]), elapsed_s, survival_s)
     assert got[0] == pytest.approx(expected, rel=1e-12)
     assert got[0] < existence
+
+
+@given(PROBABILITIES, st.floats(0.01, 1.0), st.floats(0.0, 0.99))
+def test_of_those_beyond_the_border_some_have_left_and_the_others_are_nowhere(existence, unseen, beyond):
+    possible = 1 - beyond + LEAVES * beyond
+    inside, left = existence * (1 - beyond) / possible, existence * LEAVES * beyond / possible
+    expected = inside * unseen / (1 - existence + inside * unseen + left)
+    missed = np.array([(1 - beyond) * unseen])
+    got = existence_after_miss(np.array([existence]), missed, 0.0, 10.0, np.array([beyond]))
+    assert got[0] == pytest.approx(expected, rel=1e-9)
+
+
+def hidden_walker(x_m_s: float, y_m_s: float, duration_s: float, border_m: float) -> float:
+    """Existence of one who walks on out of sight, in an area that ends at x = border_m."""
+
+    def is_inside(at):
+        return at[0] <= border_m
+
+    imm = Imm(VelocityMotion())
+    state = imm.start(np.zeros((1, 2)), np.array([[x_m_s, y_m_s]]), 0.005, 0.05)
+    existence = np.ones(1)
+    for _ in range(round(duration_s / 0.1)):
+        state = imm.predict_over(state, 0.1, 0.1)
+        along = imm.velocity(state)
+        beyond = miss_probability(state, lambda at: ~is_inside(at), along)
+        state, missed = update_missed(state, lambda at: is_inside(at).astype(float), along)
+        existence = existence_after_miss(existence, missed, 0.1, 60.0, beyond)
+    return float(existence[0])
+
+
+def test_who_walks_out_of_sight_towards_the_border_may_have_left_and_who_walks_along_it_has_not():
+    out = [hidden_walker(1.2, 0.0, duration_s, 0.6) for duration_s in (0.3, 1.0, 2.0)]
+    along = [hidden_walker(0.0, 1.2, duration_s, 0.6) for duration_s in (0.3, 1.0, 2.0)]
+    assert out[0] == pytest.approx(along[0], abs=0.01)  # not there yet
+    assert out[0] > out[1] > out[2]
+    assert 1 - out[2] > 2 * (1 - along[2])
 
 
 def test_who_cannot_be_seen_fades_as_people_leave_and_in_plain_sight_at_once():
