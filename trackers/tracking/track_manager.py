@@ -108,9 +108,9 @@ class TrackManager:
             return np.ones(len(positions), np.bool_)
         return self.area.contains(positions)
 
-    def beyond(self, points: Float[Array, "2 *n"]) -> Bool[Mask, "*n"]:
-        """Return a mask of the points [m] beyond the rig's area and its margin."""
-        return ~self.inside(points.reshape(2, -1).T).reshape(points.shape[1:])
+    def beyond(self, points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
+        """Return 1 for points [m] beyond the rig's area and its margin, else 0."""
+        return (~self.inside(points.reshape(2, -1).T)).astype(np.float64).reshape(points.shape[1:])
 
     def may_start(self, positions: Float[Array, "k 2"], tracks: Float[Array, "n 2"]) -> Bool[Mask, "k"]:
         """Return a mask of the positions [m] far enough from every track, and in the area, to initiate a track."""

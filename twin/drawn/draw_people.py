@@ -15,6 +15,8 @@ _NAMES = (
     "ada", "ben", "cleo", "dan", "eva", "finn", "gina", "hugo", "ines", "jan", "kira", "leo", "mia", "nils", "olga",
     "paul", "quin", "rosa", "sam", "tara", "udo", "vera", "wim", "xenia", "yara", "zoe",
 )  # fmt: skip
+_WAYS = 0.4 * np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+"""Ways of the plan in which a hand reaches, to its point [m]."""
 _APART_M = 0.8
 """Least distance of two people's starts [m]."""
 _GROUP_SIZES = (2, 3, 4)
@@ -153,14 +155,16 @@ class _PeopleDraws:
             case "bend":
                 return [{"kind": "bend", "angle_deg": draw_from((40, 90), rng, 0), "for_s": round(lasts_s / 3, 1)}]
             case "reach":
-                x, y = self._places(1)[0]
+                building = self._building
+                place, height_m = building.space.draw(1, rng)[0], draw_from((0.8, 1.5), rng, 2)
+                beyond = [way for way in _WAYS if building.space.is_reached((place + 1.5 * way)[None])[0]]
+                if not beyond:
+                    return []
+                at, point = (list(each) for each in building.to_room(np.array([place, place + beyond[0]])))
                 return [
-                    {"kind": "walk", "waypoints": [[x, y]]},
-                    {
-                        "kind": "reach",
-                        "point": [round(x + 0.4, 3), y, draw_from((0.8, 1.5), rng, 2)],
-                        "for_s": 1.5,
-                    },
+                    {"kind": "walk", "waypoints": [at]},
+                    {"kind": "turn", "towards": point},
+                    {"kind": "reach", "point": [*point, height_m], "for_s": 1.5},
                 ]
             case "meet":
                 return [{"kind": "meet", "person": str(rng.choice(others)), "for_s": lasts_s}] if others else []

@@ -16,6 +16,9 @@ ConvexHull, Delaunay, QhullError = scipy_functions(
 )
 """As in `scipy.spatial`."""
 
+_PARALLEL = 1e-9
+"""Sine of the angle below which two edges are parallel."""
+
 
 def leaves_at(corners: Array, start: Array, end: Array) -> Array | None:
     """Return the first place (2,) [m] found outside the simple polygon (k, 2) [m] on the way start to end (2,), or None.
@@ -66,14 +69,30 @@ def gap_between(first: Array, second: Array) -> float:
 
 
 def inset(corners: Array, margin_m: float) -> Array | None:
-    """Return the simple polygon (k, 2) shrunk by a margin [m], corner by corner; None if too narrow."""
+    """Return the simple polygon (k, 2) shrunk by a margin [m], with the sense of rotation kept; None if too narrow.
+
+    Edges that the margin consumes vanish, the one that is turned round farthest first, and their neighbours meet.
+    """
     way = np.roll(corners, -1, axis=0) - corners
     turn = np.sign(cross(corners, np.roll(corners, -1, axis=0)).sum())
-    inward = turn * np.stack([-way[:, 1], way[:, 0]], axis=-1) / np.linalg.norm(way, axis=1)[:, None]
+    along = way / np.linalg.norm(way, axis=1)[:, None]
+    inward = turn * np.stack([-along[:, 1], along[:, 0]], axis=-1)
     before = np.roll(inward, 1, axis=0)
     inner = corners + margin_m * (inward + before) / (1 + (inward * before).sum(axis=1))[:, None]
-    turned = ((np.roll(inner, -1, axis=0) - inner) * way).sum(axis=1) <= 0
-    return None if turned.any() or not Area(corners).contains(inner).all() else inner
+    kept = np.arange(len(corners))
+    while len(kept) >= 3:
+        length = ((np.roll(inner, -1, axis=0) - inner) * along[kept]).sum(axis=1)
+        if (length > 0).all():
+            return inner if Area(corners).contains(inner).all() else None
+        kept = np.delete(kept, length.argmin())
+        normal, last = inward[kept], np.roll(kept, 1)
+        slope = cross(inward[last], normal)
+        if (np.abs(slope) < _PARALLEL).any():
+            return None
+        reach, reach_before = ((inward[each] * corners[each]).sum(axis=1) + margin_m for each in (kept, last))
+        across = reach_before[:, None] * normal - reach[:, None] * inward[last]
+        inner = np.stack([across[:, 1], -across[:, 0]], axis=-1) / slope[:, None]
+    return None
 
 
 def nearest_on(corners: Array, place: Array) -> Array:

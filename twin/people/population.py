@@ -255,7 +255,7 @@ class Population(Poses):
             self._all_came = bool(self._entered.all())
             who = np.zeros(len(self), dtype=bool)
             who[entering] = True
-            self._gait.place_anew(who, crowd)
+            self._gait.place_anew(who, crowd, crowd.arms_in())
 
 
 def _seat_from_start(person: Person, ground: Ground) -> Seat | None:

@@ -45,11 +45,13 @@ _MERGED = 1.15
 class Obstacle:
     """A convex footprint: `corners` (k, 2) counter-clockwise, room frame [m].
 
-    `furniture`: the body of the geom, or the geom's own name directly in the worldbody.
+    `furniture`: the body of the geom, or the geom's own name directly in the worldbody; `top_m`: height of its top, of the
+    highest geom in people's way [m].
     """
 
     furniture: str
     corners: Array
+    top_m: float = np.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +95,7 @@ def obstacles_of(model: mujoco.MjModel, source: str = "room") -> list[Obstacle]:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     found: dict[str, list[Array]] = {}
+    top_m: dict[str, float] = {}
     loose: set[str] = set()
     for geom in np.flatnonzero(stands_still(model)).tolist():
         points = hull_points(model, data, geom)
@@ -105,10 +108,12 @@ def obstacles_of(model: mujoco.MjModel, source: str = "room") -> list[Obstacle]:
             continue
         if not model.geom_bodyid[geom]:
             loose.add(name)
-        found.setdefault(furniture_name(model, geom), []).append(_few_corners(_hull(points[:, :2])))
+        body = furniture_name(model, geom)
+        found.setdefault(body, []).append(_few_corners(_hull(points[:, :2])))
+        top_m[body] = max(top_m.get(body, 0.0), float(points[:, 2].max()))
     for name, shapes in found.items():
         check_limit(len(shapes), MOST_OF_ONE, f"{source}: {name!r} stands in people's way with", "geoms")
-    obstacles = [Obstacle(name, corners) for name, shapes in found.items() for corners in _merged(shapes)]
+    obstacles = [Obstacle(name, corners, top_m[name]) for name, shapes in found.items() for corners in _merged(shapes)]
     covered = _covered(obstacles)
     return [each for each, hidden in zip(obstacles, covered, strict=True) if not (each.furniture in loose and hidden)]
 

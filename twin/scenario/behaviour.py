@@ -136,7 +136,7 @@ class Reach(TimedAction):
     kind: Literal["reach"] = Field(default="reach", description="the action: stretch a hand out to a point")
     point: Point3 = Field(description="what the hand goes to, [x, y, z] in the room frame [m]")
     hand: Literal["left", "right", "auto"] = Field(
-        default="auto", description="the hand that reaches; auto: the one on the point's side"
+        default="auto", description="the hand that reaches; auto: the one without a bag, or on the point's side"
     )
     for_s: Seconds = Field(default=1.0, description="how long the hand is held there [s]")
 

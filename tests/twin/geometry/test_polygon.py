@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from trackers.area import Area, meets_itself_at
+from trackers.area import Area, cross, edge_gaps, meets_itself_at
 from twin.geometry.polygon import gap_between, inset, leaves_at, polygon_area, strictly_within
 
 SQUARE = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]])
@@ -115,3 +115,22 @@ def test_area_and_inset(turned):
 def test_gaps_between_polygons(other, gap):
     assert gap_between(SQUARE, other) == pytest.approx(gap)
     assert gap_between(other, SQUARE) == pytest.approx(gap)
+
+
+@pytest.mark.parametrize("margin_m", [0.05, 0.1, 0.2, 0.3])
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("chamfer_m", [0.02, 0.1, 0.3])
+def test_edges_that_the_margin_consumes_vanish(margin_m, turned, chamfer_m):
+    square = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]])
+    way = np.roll(square, -1, axis=0) - square
+    cut = np.stack([square + chamfer_m / 2 * way, np.roll(square, -1, axis=0) - chamfer_m / 2 * way], axis=1)
+    corners = cut.reshape(-1, 2)[:: -1 if turned else 1]
+    inner = inset(corners, margin_m)
+    places = np.stack(np.meshgrid(np.linspace(0, 2, 81), np.linspace(0, 2, 81)), axis=-1).reshape(-1, 2)
+    depth_m = np.where(Area(corners).contains(places), edge_gaps(corners, places).min(axis=0), 0.0)
+    within = Area(inner).contains(places)
+    assert within[depth_m > margin_m + 1e-6].all()
+    assert not within[depth_m < margin_m - 1e-6].any()
+    assert np.sign(cross(inner, np.roll(inner, -1, axis=0)).sum()) == np.sign(
+        cross(corners, np.roll(corners, -1, axis=0)).sum()
+    )

@@ -37,6 +37,7 @@ from twin.people.crowd.motion_command import (
     least_apart,
     repulsion,
     room_made,
+    stretched,
 )
 from twin.room.obstacles import KEEP_FROM_FURNITURE_M, Footprints, Obstacle, edges_of
 
@@ -127,7 +128,10 @@ class Crowd:
         self._companions = np.zeros((count, count), dtype=bool)  # who walks with whom
         self._companion_m = np.full(count, KEEP_APART_M)  # least distance abreast of them [m]
         self._keeps_step = np.zeros(count, dtype=bool)
+        self._stretch = np.zeros(count, dtype=complex)
         self._numbers = np.arange(count)
+        self._gap_m = np.full((count, len(obstacles)), np.inf)  # from things beside, and the ways there
+        self._to_things = np.zeros((count, len(obstacles)), dtype=complex)
         self.bases: Bases | None = None
 
     def command(self, person: int, command: MotionCommand) -> None:
@@ -149,6 +153,7 @@ class Crowd:
         self._companions[person, list(command.companions)] = True
         self._keeps_step[person] = command.keeps_step
         self._companion_m[person] = min(command.companion_m, KEEP_APART_M)
+        self._stretch[person] = command.stretch
         near = self._furniture.belong_to(command.near)
         self._clearance[person, : len(near)] = np.where(near, NEAR_M, KEEP_FROM_FURNITURE_M)
         self._repels[person, : len(near)] = ~near
@@ -209,6 +214,8 @@ class Crowd:
         towards = between / distance
         push += repulsion(between, distance, towards, before, facing, going, self._unfelt(rows, self_far))
         outwards, room = self._barriers.gaps(place)
+        things = slice(self._gap_m.shape[1])
+        self._gap_m[rows], self._to_things[rows] = room[:, things], outwards[:, things]
         room = room - self._clearance[rows]
         from_walls = self._repels[rows] * np.exp(np.maximum(room, 0.0) * (-1.0 / WALL_RANGE_M)) * outwards
         # people who stand stay, and people who halt by a wall come up to it
@@ -219,6 +226,9 @@ class Crowd:
             push += to_bases.push
         push *= ACCELERATION_M_S2 / np.maximum(np.abs(push), ACCELERATION_M_S2)
         velocity = (before + push * dt) * self._may_move[rows]
+        if np.count_nonzero(self._stretch[rows]):
+            to_arms, off_arms = stretched(place, self._stretch[rows])
+            outwards, room = np.concatenate([outwards, to_arms], axis=1), np.concatenate([room, off_arms], axis=1)
         normals = np.concatenate([towards, outwards], axis=1)  # (n, n + edges + obstacles)
         gap = distance - self._least_apart(rows, towards, facing)
         comes_on = 0.0
@@ -263,10 +273,10 @@ class Crowd:
 
     def arms_in(self) -> Array | float:
         """Return the fraction by which each holds in the left and the right arm, (2, n); 0 where all are far apart."""
-        if not np.count_nonzero(self._companion_m < KEEP_APART_M):
-            return 0.0
-        together = (self._companions | self._companions.T) & self.present & self.present[:, None]
-        return arms_in(together, (self.place - self.place[:, None]) * self.facing.conj()[:, None])
+        between = self.place - self.place[:, None]
+        apart = np.where(self.present & self.present[:, None], np.abs(between) + self._self_far, np.inf)
+        turned_back = self.facing.conj()[:, None]
+        return arms_in(apart, between * turned_back, self._gap_m, self._to_things * turned_back)
 
     @staticmethod
     def _spread(whole: NDArray[Any], rows: Any, part: NDArray[Any]) -> NDArray[Any]:

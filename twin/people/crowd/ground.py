@@ -82,6 +82,8 @@ def nearest_free(place: Array, area: Array, obstacles: Sequence[Obstacle], clear
     return grid[np.linalg.norm(grid - place, axis=1).argmin()] if len(grid) else None
 
 
+_BEYOND_M = 0.1
+"""Distance beyond the walkable floor up to which a head may be [m]."""
 _MARGIN_M = KEEP_FROM_EDGE_M + 0.1
 
 
@@ -113,6 +115,16 @@ class Ground:
     @cached_property
     def _footprints(self) -> Footprints:
         return Footprints(self.obstacles)
+
+    def is_clear(self, places: Array, above_m: float, clear_m: float) -> bool:
+        """Return whether nothing that rises above a height [m] is nearer than `clear_m` to any of the places (k, 2) [m].
+
+        All must be where people walk, or a hand's breadth beyond: what bounds that may be a wall.
+        """
+        if not Area(self.walkable, _BEYOND_M).contains(places).all():
+            return False
+        tall = Footprints([each for each in self.obstacles if each.top_m > above_m])
+        return len(tall) == 0 or bool(tall.gaps(planar(places))[1].min() >= clear_m)
 
     def free_places(self, count: int, rng: np.random.Generator) -> Array:
         """Draw places (count, 2) [m] in the area, clear of furniture; raises InputError where there is none."""

@@ -32,7 +32,8 @@ class MotionCommand:
     turns on the spot. `near`: names of furniture that may be approached closely, for the last steps to a seat, bed or shelf;
     `immovable`: do not give way, as people who sit, lie or bend; `companions`: indices of people without mutual repulsion,
     who may come as near abreast as `companion_m` [m] with arms held in; `keeps_step`: count on companions to walk on, and
-    follow as closely as they stand.
+    follow as closely as they stand; `stretch`: from the body's middle to a hand or head that it stretches out, which others
+    keep off, x + iy in the room [m].
     """
 
     goal: tuple[float, float] | None
@@ -46,6 +47,7 @@ class MotionCommand:
     companions: tuple[int, ...] = ()
     companion_m: float = inf
     keeps_step: bool = False
+    stretch: complex = 0j
     done: Callable[[], bool] | None = None
 
 
@@ -78,12 +80,19 @@ STANDING_SHARE = 0.25
 """Relative repulsion on a person who stops, so that passers-by do not push them about."""
 PASS_ON_THE_RIGHT_RAD = 0.5
 """Clockwise turn of the repulsion, so that two who meet head on pass [rad]."""
-ARMS_IN_FROM_M, ARMS_IN_AT_M = 0.75, 0.58
-"""Distances of a companion at which the arm on that side begins to be held in, and hangs straight down [m]."""
+ARMS_IN_FROM_M, ARMS_IN_AT_M = 0.8, 0.65
+"""Distances of another person at which the arm on that side begins to be held in, and hangs straight down [m]."""
+ARMS_IN_BY_WALLS_FROM_M, ARMS_IN_BY_WALLS_AT_M = 0.5, 0.38
+"""The same of walls and furniture [m]."""
 FOOT_M = 0.25
 """Length of a foot with its shoe [m]."""
 KEEP_APART_M = 0.65
 """Least distance between the middles of two people [m]: room for both people's feet and swinging arms."""
+
+BESIDE_HANDS_M = 0.45
+"""Least distance between the middle of a person and another's hand or head that is stretched out [m]."""
+_ALONG_ARMS = np.array([0.35, 0.65, 1.0])
+"""Places along what is stretched out that others keep off, as shares of its length."""
 
 _PASS = np.exp(1j * PASS_ON_THE_RIGHT_RAD)
 
@@ -125,6 +134,19 @@ def least_apart(companions: Mask, companion_m: Array, keeps_step: Mask, towards:
     return apart + FOOT_M * (1.0 - lateral) * (companions & keeps_step[:, None])
 
 
+def stretched(place: Planar, stretch: Planar) -> tuple[Planar, Array]:
+    """Return directions (n, k) from people to arms and trunks that others stretch out, and the room before them [m].
+
+    place (n,): of the bodies' middles; stretch (n,): from these to hands or heads, 0 of most [m].
+    """
+    whose = np.flatnonzero(stretch)
+    points = place[whose] + _ALONG_ARMS[:, None] * stretch[whose]  # (3, m)
+    between = points.ravel() - place[:, None]
+    distance = np.maximum(np.abs(between), 1e-6)
+    own = np.tile(whose, len(_ALONG_ARMS)) == np.arange(len(place))[:, None]
+    return between / distance, np.where(own, np.inf, distance - BESIDE_HANDS_M)
+
+
 def room_made(companions: Mask, keeps_step: Mask, towards: Planar, velocity: Planar) -> Array:
     """Return the speed (n, n) [m/s] at which companions walk away ahead of those who keep step; 0 for all others.
 
@@ -133,11 +155,22 @@ def room_made(companions: Mask, keeps_step: Mask, towards: Planar, velocity: Pla
     return np.maximum((towards.conj() * velocity).real, 0.0) * (companions & keeps_step[:, None])
 
 
-def arms_in(together: Mask, seen: Planar) -> Array:
+def arms_in(apart: Array, seen: Planar, gap_m: Array, things: Planar) -> Array | float:
     """Return the fraction by which each person holds in the left and the right arm, (2, n): 0 as when alone, 1 straight
-    down.
+    down; one 0 where all are far apart.
 
-    together (n, n): pairs who walk together, either way; seen (n, n): from each to each, ahead + left i [m].
+    apart (n, n), gap_m (n, m): distances of people's middles from each other, and from furniture and walls [m]; seen (n, n),
+    things (n, m): the ways there, ahead + left i.
     """
-    near = np.clip((ARMS_IN_FROM_M - np.abs(seen)) / (ARMS_IN_FROM_M - ARMS_IN_AT_M), 0.0, 1.0) * together
-    return np.stack([(near * (seen.imag > 0)).max(axis=1), (near * (seen.imag <= 0)).max(axis=1)])
+    near, beside = apart.min(initial=np.inf) < ARMS_IN_FROM_M, gap_m.min(initial=np.inf) < ARMS_IN_BY_WALLS_FROM_M
+    if not (near or beside):
+        return 0.0
+    held = np.zeros((2, len(apart)))
+    for distance, way, from_m, at_m in (
+        (apart, seen, ARMS_IN_FROM_M, ARMS_IN_AT_M),
+        (gap_m, things, ARMS_IN_BY_WALLS_FROM_M, ARMS_IN_BY_WALLS_AT_M),
+    ):
+        share = np.clip((from_m - distance) / (from_m - at_m), 0.0, 1.0)
+        for side, on_side in enumerate((way.imag > 0, way.imag <= 0)):
+            held[side] = np.maximum(held[side], (share * on_side).max(axis=1, initial=0.0))
+    return held

@@ -98,10 +98,11 @@ class Gait:
         self.state = GaitState(np.zeros((FLOOR_ROWS, count), dtype=complex), np.zeros((ROWS, count)))
         self.place_anew(np.ones(count, dtype=bool), crowd)
 
-    def place_anew(self, who: Mask, crowd: MovingBodies) -> None:
+    def place_anew(self, who: Mask, crowd: MovingBodies, arms_in: Array | float = 0.0) -> None:
         """Put the feet of `who` (n,) under their bodies, as if the crowd's present motion had always lasted.
 
-        For people who enter or are placed anew: they stand, or are in mid-step at their speed, without memory.
+        For people who enter or are placed anew: they stand, or are in mid-step at their speed, without memory. arms_in: as of
+        `step`.
         """
         motion = _body_motion(crowd)
         similar = self._table.similar(motion.speed)
@@ -116,6 +117,7 @@ class Gait:
         if moves.any():
             feet.walk(moves, crowd, motion, style)
         self._sway[:, who] = 0.0
+        self._wanted[-len(_ARMS_IN) :] = arms_in
         self._want(crowd, motion, 0.0, style)
         self._habits[:, who] = self._wanted[:, who]
         cycle, left, point, _ = self._carry(motion, style)

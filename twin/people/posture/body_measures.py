@@ -22,6 +22,10 @@ _MEASURED = frozenset({"hips", "chest", "left_hand", "left_thigh", "left_shank",
 """Measured geoms of a body."""
 
 
+_HEAD_RADIUS_M = 0.14
+"""Of the head with hair and a hat, from its centre [m]."""
+
+
 @dataclass(frozen=True, eq=False)
 class BodyMeasures:
     """Measures of n people, (n,) each [m]; frames as in `twin.people.body.person_spec`.
@@ -31,7 +35,7 @@ class BodyMeasures:
     grip: from the elbow to the middle of the hand; neck: pivot of the head, above the waist; head_ahead, head_up: centre of
     the head from there; under, behind: the buttocks below (when seated) and behind the hip joints; burden_behind: a bag on
     the back behind them, 0 without; back: the chest behind the line of the spine; thigh_under, thigh_over: from the thigh's
-    axis to its back and front; shank_radius: to the calf's back.
+    axis to its back and front; shank_radius: to the calf's back; left_carries, right_carries: 1 where the hand carries a bag.
     """
 
     stature: Array
@@ -56,6 +60,8 @@ class BodyMeasures:
     thigh_under: Array
     thigh_over: Array
     shank_radius: Array
+    left_carries: Array
+    right_carries: Array
 
     @classmethod
     def of(cls, appearances: Sequence[BodyAppearance]) -> BodyMeasures:
@@ -98,6 +104,11 @@ class BodyMeasures:
     def arm(self) -> Array:
         """Shoulder to the middle of the hand, (n,) [m]."""
         return self.upper_arm + self.grip
+
+    def head_ahead_m(self, person: int, angle_rad: float) -> float:
+        """Return how far before the hips the head of one person reaches, hair and all, in a bend by an angle [m]."""
+        up = self.waist + self.neck + self.head_up + self.head_ahead
+        return float(up[person] * np.sin(min(angle_rad, 0.5 * np.pi)) + _HEAD_RADIUS_M)
 
     @property
     def scale(self) -> Array:
@@ -166,6 +177,8 @@ def _measured(model: mujoco.MjModel, data: mujoco.MjData, prefix: str, looks: Bo
         "thigh_under": -float(middle[:, 0].min()),
         "thigh_over": float(middle[:, 0].max()),
         "shank_radius": -float(calf[:, 0].min()),
+        "left_carries": float(looks.carries[0]),
+        "right_carries": float(looks.carries[1]),
     }
 
 

@@ -153,7 +153,7 @@ class Postures:
         self._bend.go(person, 0.0, 0.7 + 0.6 * self._bend.value[0, person])
 
     def reach(self, person: int, point: Array, hand: Hand = "auto") -> None:
-        """Bring the middle of a hand to a point (3,) in the room [m]; auto: the hand on the point's side.
+        """Bring the middle of a hand to a point (3,) in the room [m]; auto: the free hand, or the one on the point's side.
 
         Trunk and knees give what the arm does not reach, from the present position of the body. Beyond that the hand gets as
         near as it can.
@@ -162,7 +162,9 @@ class Postures:
         self._must(person, point.shape == (3,) and bool(np.isfinite(point).all()), f"reach {point}", "reaches x, y, z")
         hips, yaw = self._hips(person)
         local = turned(about_z(np.array([-yaw])), (point - [hips[0], hips[1], 0.0])[None])[0]
-        left = bool(local[1] >= 0) if hand == "auto" else hand == "left"
+        holds_left, holds_right = self.measures.left_carries[person], self.measures.right_carries[person]
+        nearer_left = bool(local[1] >= 0) if holds_left == holds_right else bool(holds_right)
+        left = nearer_left if hand == "auto" else hand == "left"
         number = 0 if left else 1
         needs = np.zeros(4)
         if self._aim[person] != _LIES and self._lying[person] == 0:

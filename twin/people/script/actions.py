@@ -5,15 +5,16 @@ An action is a generator: it yields a command and is sent the reason for which t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from math import cos, radians, sin
 from typing import Any
 
 import numpy as np
 
 from trackers.area import wrap_angle
+from trackers.arrays import Array
 from twin.people.crowd.ground import standing_place
-from twin.people.crowd.motion_command import MotionCommand
+from twin.people.crowd.motion_command import BESIDE_HANDS_M, MotionCommand
 from twin.people.posture.postures import Part
 from twin.people.script.actor import Actor, Going
 from twin.people.script.groups import join, lead
@@ -48,6 +49,14 @@ _AHEAD = 0.7
 _STEPS_BACK_M_S = 0.5
 _STEPS_BACK_FOR_S = 3.0
 _STANDS_FOR_S = 0.6
+_TURNS_ASIDE = [radians(turn) for step in range(0, 181, 15) for turn in ((step, -step) if step else (0,))]
+"""Turns before a bend, the least first [rad]."""
+_WAITS_FOR_ROOM_S = 6.0
+"""Time after which a bend or a reach is given up for want of room [s]."""
+_BESIDE_THINGS_M, _STEP_M = 0.28, 0.1
+"""Room beside the head and the hanging arms of who bends [m], and the step between the places where it is looked for [m]."""
+_UNDER_HIPS_M = 0.15
+"""Depth of a trunk bent to the level, below the hips [m]."""
 
 
 def perform(actor: Actor, script: Sequence[Action]) -> Commands:
@@ -180,12 +189,12 @@ def _go_and_take(actor: Actor, name: str) -> Commands:
             return approach.side
 
 
-def _settled(actor: Actor, for_s: float | None, part: Part) -> Commands:
-    """Wait until a part of the posture reaches its goal, and then for a time."""
+def _settled(actor: Actor, for_s: float | None, part: Part, stretch: complex = 0j) -> Commands:
+    """Wait until a part of the posture reaches its goal, and then for a time; others keep off what it stretches out."""
     postures, number = actor.context.postures, actor.number
-    yield MotionCommand(None, immovable=True, done=lambda: postures.done(number, part))
+    yield MotionCommand(None, immovable=True, stretch=stretch, done=lambda: postures.done(number, part))
     if for_s is None or for_s > 0:
-        yield MotionCommand(None, until=actor.ends_at(for_s), immovable=True)
+        yield MotionCommand(None, until=actor.ends_at(for_s), immovable=True, stretch=stretch)
 
 
 def _step_away(actor: Actor) -> Commands:
@@ -203,18 +212,61 @@ def _step_away(actor: Actor) -> Commands:
 
 
 def _bend(actor: Actor, action: Bend) -> Commands:
+    """Bend forward where there is room for the head, after a turn aside if need be."""
     yield from _upright(actor)
-    actor.context.postures.bend(actor.number, radians(action.angle_deg))
-    yield from _settled(actor, action.for_s, "bend")
-    actor.context.postures.straighten(actor.number)
-    yield from _settled(actor, 0.0, "bend")
+    postures, number, angle_rad = actor.context.postures, actor.number, radians(action.angle_deg)
+    ahead_m = postures.measures.head_ahead_m(number, angle_rad)
+    above_m = float((postures.measures.leg + postures.measures.ankle_height)[number]) - _UNDER_HIPS_M
+    steps = np.arange(_STEP_M, ahead_m, _STEP_M)
+
+    def way() -> complex | None:
+        for turn in _TURNS_ASIDE:
+            found = complex(np.exp(1j * (actor.heading + turn)))
+            places = actor.here + steps[:, None] * np.array([found.real, found.imag])
+            free = actor.context.ground.is_clear(places, above_m, _BESIDE_THINGS_M)
+            if free and _clear_of_others(actor, places):
+                return found
+        return None
+
+    if (yield from _room_for(actor, lambda: way() is not None)):
+        found = way() or 1.0
+        yield from _turn_to(actor, float(np.angle(found)))
+        postures.bend(number, angle_rad)
+        yield from _settled(actor, action.for_s, "bend", ahead_m * found)
+        postures.straighten(number)
+        yield from _settled(actor, 0.0, "bend", ahead_m * found)
+    else:
+        actor.misses("has no room to bend")
 
 
 def _reach(actor: Actor, action: Reach) -> Commands:
-    actor.context.postures.reach(actor.number, np.array(action.point), action.hand)
-    yield from _settled(actor, action.for_s, "reach")
-    actor.context.postures.withdraw(actor.number)
-    yield from _settled(actor, 0.0, "reach")
+    """Reach for a point once nobody stands before it."""
+    point, postures, number = np.array(action.point), actor.context.postures, actor.number
+    way = point[:2] - actor.here
+    far_m = min(float(np.hypot(*way)), float(postures.measures.arm[number] + postures.measures.stature[number] / 2))
+    stretch = complex(*way) / max(float(np.hypot(*way)), 1e-6) * far_m
+    places = actor.here + np.linspace(0.3, 1.0, 8)[:, None] * np.array([stretch.real, stretch.imag])
+    if (yield from _room_for(actor, lambda: _clear_of_others(actor, places))):
+        postures.reach(number, point, action.hand)
+        yield from _settled(actor, action.for_s, "reach", stretch)
+        postures.withdraw(number)
+        yield from _settled(actor, 0.0, "reach", stretch)
+    else:
+        actor.misses(f"cannot reach {action.point}, as somebody stands before it")
+
+
+def _clear_of_others(actor: Actor, places: Array) -> bool:
+    """Return whether nobody else is so near to any of the places (k, 2) [m] that a hand or head there would touch them."""
+    others = actor.others()
+    return bool((np.linalg.norm(places[:, None] - others, axis=2) > BESIDE_HANDS_M).all())
+
+
+def _room_for(actor: Actor, is_free: Callable[[], bool]) -> Generator[MotionCommand, str, bool]:
+    """Wait until there is room for an action, and return whether there is."""
+    until = actor.t + _WAITS_FOR_ROOM_S
+    while not is_free() and actor.t < until:
+        yield MotionCommand(None, until=actor.t + LOOKS_AGAIN_S)
+    return is_free()
 
 
 def _look(actor: Actor, action: TurnHead) -> Commands:
