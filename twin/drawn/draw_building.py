@@ -277,7 +277,7 @@ def draw_building(options: DrawnRoom, seed: int, name: str) -> DrawnBuilding:
         raise ValueError(
             f"no building in {_TRIES} draws has doors and floor enough; larger lengths or fewer rooms are expected"
         )
-    pieces = [*draw_pillars(plan, options, space, rng), *draw_furniture(plan, options, space, rng)]
+    pieces = draw_furniture(plan, options, space, draw_pillars(plan, options, space, rng), rng)
     length, width = plan.size_m / 2
     placement = Placement((float(length), float(width)), float(np.deg2rad(rng.uniform(*options.turned_deg))))
     mjcf = room_mjcf(name, plan, area, pieces, placement, bool(rng.random() < options.dim), rng)

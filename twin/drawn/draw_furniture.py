@@ -199,16 +199,18 @@ def draw_pillars(plan: FloorPlan, options: DrawnRoom, space: FreeSpace, rng: np.
     return pillars
 
 
-def draw_furniture(plan: FloorPlan, options: DrawnRoom, space: FreeSpace, rng: np.random.Generator) -> list[Piece]:
-    """Draw and place pieces, each taken from `space`; those without room are left out.
+def draw_furniture(
+    plan: FloorPlan, options: DrawnRoom, space: FreeSpace, pillars: list[Piece], rng: np.random.Generator
+) -> list[Piece]:
+    """Draw and place pieces beside pillars, each taken from `space`; return all. Those without room are left out.
 
     Doors and doorways stay free, every seat and bed is reachable, and no part of the floor is cut off.
     """
     kinds = [kind for kind, weight in options.furniture.items() if weight > 0]
     if not kinds:
-        return []
+        return pillars
     weights = np.array([options.furniture[kind] for kind in kinds])
-    pieces: list[Piece] = []
+    pieces = list(pillars)
     for _ in range(round(rng.uniform(*options.furniture_per_m2) * sum(room.area_m2 for room in plan.rooms))):
         piece = _DRAWN[kinds[int(rng.choice(len(kinds), p=weights / weights.sum()))]](rng)
         put_up = _against_a_wall if piece.at_wall else _stood
@@ -244,12 +246,7 @@ def _against_a_wall(
 
 
 def _stood(
-    piece: Piece,
-    plan: FloorPlan,
-    space: FreeSpace,
-    others: list[Piece],
-    rng: np.random.Generator,
-    gap_m: float = 0.0,
+    piece: Piece, plan: FloorPlan, space: FreeSpace, others: list[Piece], rng: np.random.Generator, gap_m: float = 0.0
 ) -> Piece | None:
     """Place the piece free in a room, along its walls or across, where it fits; taken from `space`."""
     for _ in range(_TRIES):

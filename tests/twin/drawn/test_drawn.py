@@ -12,6 +12,7 @@ import yaml
 from command_line import twin
 from hypothesis import given, settings, strategies
 
+from trackers.area import Area
 from trackers.configuration import validate
 from trackers.errors import InputError
 from twin.drawn.distributions import DrawnPeople, DrawnRoom
@@ -117,6 +118,20 @@ def test_doors_doorways_seats_and_starts_can_all_be_reached(seed: int) -> None:
     assert len(building.spots("seat")) + len(building.spots("bed")) == sum(
         model.site(site).name.startswith(("seat_", "bed_")) for site in range(model.nsite)
     )
+
+
+def test_no_piece_stands_in_another_or_in_a_pillar() -> None:
+    shares = np.stack(np.meshgrid(np.linspace(0.01, 0.99, 15), np.linspace(0.01, 0.99, 15)), axis=-1).reshape(-1, 2)
+    options = DrawnRoom(kind="drawn", pillars=(2, 3), furniture_per_m2=(0.15, 0.2))
+    n_pair = 0
+    for seed in range(1000, 1030):
+        footprints = [each.footprint() for each in draw_building(options, seed, "test").pieces]
+        for one in footprints:
+            places = one[0] + shares[:, :1] * (one[1] - one[0]) + shares[:, 1:] * (one[3] - one[0])
+            others = [other for other in footprints if other is not one]
+            n_pair += len(others)
+            assert not any(Area(other).contains(places).any() for other in others), seed
+    assert n_pair > 1000
 
 
 def test_a_turned_building_is_the_same_building() -> None:
