@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from trackers.area import TOLERANCE_M, Area
-from trackers.arrays import Array
+from trackers.arrays import Array, Mask
 from trackers.errors import InputError
 from twin.geometry.polygon import inset, nearest_on
 from twin.people.crowd.crowd import planar
@@ -125,6 +125,13 @@ class Ground:
             return False
         tall = Footprints([each for each in self.obstacles if each.top_m > above_m])
         return len(tall) == 0 or bool(tall.gaps(planar(places))[1].min() >= clear_m)
+
+    def is_free(self, places: Array) -> Mask:
+        """Mark the places (k, 2) [m] where a body's middle may be: on the walkable floor, clear of furniture and walls."""
+        free = Area(self.walkable).contains(places)
+        if len(self._footprints):
+            free &= self._footprints.gaps(planar(places))[1].min(axis=1) >= KEEP_FROM_FURNITURE_M
+        return free
 
     def free_places(self, count: int, rng: np.random.Generator) -> Array:
         """Draw places (count, 2) [m] in the area, clear of furniture; raises InputError where there is none."""

@@ -33,6 +33,8 @@ _LEAST_WAY_M = 0.8
 _LOOK_AHEAD_M = 1.0
 _SHUT_IN_S = 0.5
 FOR_A_WAY = "for a way out of where furniture leaves none"
+_ASIDE_M, _ASIDE_M_S, _ASIDE_FOR_S = 0.6, 0.7, (0.5, 1.5)
+"""Length of a step aside [m], its speed [m/s], and the least and the longest time that it takes [s]."""
 _BESIDE_M = 0.8
 """Distance from a taken place within which people stop beside who is there [m]."""
 
@@ -116,7 +118,7 @@ def walk_to(
 def _by_a_way(
     actor: Actor, goal: Array | tuple[float, float], speed_m_s: float, *, halt: bool, face: Any, exactly: bool
 ) -> Commands:
-    """Walk along a way; if others block it, wait and search again."""
+    """Walk along a way; if others block it, step aside, or wait where they are at the goal, and search again."""
     place_m = np.asarray(goal, dtype=float)
     near = actor.context.ground.routes.near(place_m)
     off_m = float(np.hypot(*(standing_place(place_m, actor.context.ground.walkable) - place_m)))
@@ -137,12 +139,27 @@ def _by_a_way(
                 return
             if end == "taken":
                 yield MotionCommand(None, until=actor.t + actor.rng.uniform(0.3, 1.0))
+            if end == "blocked":
+                yield from _step_aside(actor)
             if end in ("blocked", "taken"):
                 break
         else:
             if way:
                 return
             yield MotionCommand(None, until=actor.t + actor.rng.uniform(0.3, 1.0))
+
+
+def _step_aside(actor: Actor) -> Commands:
+    """Step to where others leave most room: of two in each other's way, one walks on meanwhile."""
+    ways = np.exp(1j * (actor.rng.uniform(0, 2 * np.pi) + np.arange(_CANDIDATES) * (2 * np.pi / _CANDIDATES)))
+    places = actor.here + _ASIDE_M * np.column_stack([ways.real, ways.imag])
+    places = places[actor.context.ground.is_free(places)]
+    others = actor.others()
+    if len(places) and len(others):
+        room = np.linalg.norm(places[:, None] - others, axis=2).min(axis=1)
+        x, y = places[int(np.argmax(room))]
+        until = actor.t + actor.rng.uniform(*_ASIDE_FOR_S)
+        yield MotionCommand((float(x), float(y)), _ASIDE_M_S, until, HALT_M, halt=True)
 
 
 def _towards(actor: Actor, command: MotionCommand, face: Any) -> Commands:
@@ -168,6 +185,8 @@ _SEES_AHEAD_S = 1.5
 _BEHIND_M = 0.9
 _BREADTH = 1.45
 """Breadth of a body with sleeves and sway, relative to the distance between its shoulder joints (ours)."""
+_THROUGH_M, _CLEAR_M, _AROUND_RAD = 0.4, 0.1, 1.0
+"""Distance within which a way leads through another [m]; room kept, and angle walked, around them [m, rad]."""
 _STAYS_BEHIND_S = 1.0
 _SWINGS_OUT = 0.6
 """Sideways detour around the other's back, per metre of lag."""
@@ -253,8 +272,20 @@ def _walk_abreast(actor: Actor, action: Follow) -> Commands:
             goal = adjacent + _SWINGS_OUT * np.clip(lags_m, 0.0, 1.0) * lateral / keeps_m * facing
         else:
             goal = place - _BEHIND_M * facing
+        goal = _around(complex(crowd.place[actor.number]), complex(goal), complex(place))
         stay = MotionCommand(None, until=until, companions=(other,), companion_m=keeps_m)
         yield keep_up(actor, other, goal, stay, action.speed_m_s, _DRAWS_LEVEL_S)
+
+
+def _around(here: complex, goal: complex, other: complex) -> complex:
+    """Return the goal [m], or a place on the way around the other, if the straight way there leads through them."""
+    way, offset = goal - here, other - here
+    along = min(max((offset * way.conjugate()).real / max(abs(way) ** 2, 1e-9), 0.0), 1.0)
+    if along in (0.0, 1.0) or abs(offset - along * way) > _THROUGH_M:
+        return goal
+    turn = float(np.angle((goal - other) / (here - other)))
+    step = np.sign(turn) * min(abs(turn), _AROUND_RAD)
+    return other + (KEEP_APART_M + _CLEAR_M) * np.exp(1j * (np.angle(here - other) + step))
 
 
 def shoulders_m(actor: Actor, first: int, second: int) -> float:

@@ -9,7 +9,7 @@ import pytest
 from benchmarks.penetration import count_penetrations
 
 from trackers.configuration import validate
-from twin.scenario import Scenario
+from twin.scenario import Scenario, load_scenario
 from twin.world.world import World
 
 DT = 0.1
@@ -108,3 +108,17 @@ def test_the_hand_without_a_bag_reaches() -> None:
     assert gaps["none"]["right"] < 0.08 < gaps["none"]["left"]
     assert world.scene.appearances["anna"].carries == (False, True)
     assert gaps["handbag"]["left"] < 0.08 < gaps["handbag"]["right"]
+
+
+@pytest.mark.parametrize("seed", [1022, 1039, 1047, 1056])
+def test_nobody_in_a_drawn_room_stands_for_seconds_in_anothers_way(seed: int) -> None:
+    world = World(load_scenario("drawn", [f"seed={seed}"]))
+    places, there = [], []
+    for t in np.arange(0, 20, 0.5):
+        world.people.advance(t)
+        places.append(world.population._crowd.place.copy())
+        there.append(world.population.under_way & world.population._crowd.present)
+    for k in range(8, len(places)):
+        last = np.array(places[k - 8 : k + 1])
+        stands = (np.abs(last - last[-1]).max(axis=0) < 0.1) & np.all(there[k - 8 : k + 1], axis=0)
+        assert not stands.any(), (k / 2, world.population.late())
