@@ -187,7 +187,7 @@ def _divided(
     for room in sorted(rooms, key=lambda each: -each.area_m2):
         sides = np.array([room.x1 - room.x0, room.y1 - room.y0])
         axis = int(sides.argmax())
-        if sides[axis] < 2 * options.least_room_m:
+        if sides[axis] < 2 * options.least_room_m or sides[1 - axis] < options.doorway_m[0] + 2 * _FROM_CORNER_M:
             continue
         low, high = options.least_room_m, sides[axis] - options.least_room_m
         for _ in range(8):
@@ -224,7 +224,7 @@ def _partition(
     """Draw a partition with its doorway, away from both ends."""
     length = Wall(start, end).length_m
     gap = min(round(rng.uniform(*options.doorway_m), 2), length - 2 * _FROM_CORNER_M)
-    first = round(rng.uniform(_FROM_CORNER_M, length - _FROM_CORNER_M - gap), 2)
+    first = round(_FROM_CORNER_M + rng.uniform(0.0, max(length - 2 * _FROM_CORNER_M - gap, 0.0)), 2)
     return Partition(start, end, (first, first + gap), bool(rng.random() < options.glass))
 
 

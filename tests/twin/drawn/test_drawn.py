@@ -20,6 +20,7 @@ from twin.drawn.draw_building import draw_building
 from twin.drawn.draw_furniture import standing_places
 from twin.drawn.draw_people import draw_people
 from twin.drawn.draw_scene import draw_scene
+from twin.drawn.floor_plan import _partition
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
 from twin.scenario.scenario import Scenario
@@ -118,6 +119,15 @@ def test_doors_doorways_seats_and_starts_can_all_be_reached(seed: int) -> None:
     assert len(building.spots("seat")) + len(building.spots("bed")) == sum(
         model.site(site).name.startswith(("seat_", "bed_")) for site in range(model.nsite)
     )
+
+
+def test_a_partition_as_long_as_its_doorway_needs_is_drawn() -> None:
+    options = DrawnRoom(kind="drawn", doorway_m=(1.1, 1.1))
+    for length_m in np.arange(1.8, 1.9, 0.01):
+        partition = _partition((0.0, 0.0), (0.0, float(length_m)), options, np.random.default_rng(0))
+        first_m, last_m = partition.gap_m
+        assert 0 < first_m < last_m < length_m
+        assert last_m - first_m == pytest.approx(1.1, abs=0.01)
 
 
 def test_no_piece_stands_in_another_or_in_a_pillar() -> None:
