@@ -51,7 +51,10 @@ class FixedLagSmoother:
         frames = self._left(held.ns - self._delay_ns)
         oldest_ns = self._kept[self._next].ns - self._delay_ns
         n_left = sum(each.ns < oldest_ns for each in self._kept[: self._next])
-        self._kept, self._next = self._kept[n_left:], self._next - n_left
+        gone, self._kept, self._next = self._kept[:n_left], self._kept[n_left:], self._next - n_left
+        for each in gone:  # a track that has ended does not come back
+            for serial in np.setdiff1d(each.serial, self._kept[0].serial).tolist():
+                self._ids.pop(serial, None)
         return frames
 
     def finish(self) -> list[TrackFrame]:

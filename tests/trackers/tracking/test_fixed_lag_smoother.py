@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
@@ -71,3 +73,13 @@ def test_who_is_gone_for_longer_than_the_delay_is_told_as_the_tracker_did(delay_
 
 def test_nothing_ever_came() -> None:
     assert FixedLagSmoother(0.5, 1.5).finish() == []
+
+
+def test_memory_does_not_grow_with_the_people_who_have_gone() -> None:
+    smoother, sizes = FixedLagSmoother(0.5, 1.5), []
+    for k in range(400):  # a new person every 0.2 s, who stays as long
+        serial = np.array([k // 2])
+        held = Held(k * STEP_NS, serial, np.array([True]), np.zeros((1, 2)), np.full(1, 0.01), {})
+        smoother.add(held, serial + 1)
+        sizes.append(len(pickle.dumps(smoother)))
+    assert max(sizes[200:]) <= max(sizes[50:100]) + 100
