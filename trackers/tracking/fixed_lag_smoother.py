@@ -51,8 +51,8 @@ class FixedLagSmoother:
         frames = self._left(held.ns - self._delay_ns)
         oldest_ns = self._kept[self._next].ns - self._delay_ns
         n_left = sum(each.ns < oldest_ns for each in self._kept[: self._next])
-        gone, self._kept, self._next = self._kept[:n_left], self._kept[n_left:], self._next - n_left
-        for each in gone:  # a track that has ended does not come back
+        left, self._kept, self._next = self._kept[:n_left], self._kept[n_left:], self._next - n_left
+        for each in left:  # a track that has ended does not come back
             for serial in np.setdiff1d(each.serial, self._kept[0].serial).tolist():
                 self._ids.pop(serial, None)
         return frames

@@ -12,7 +12,7 @@ from trackers.area import Polygon
 from trackers.configuration import Strict, Typed
 from trackers.errors import valid_names
 from trackers.rig import NO_PRIOR, Name, PriorFiles
-from twin.scenario.behaviour import companions
+from twin.scenario.behaviour import Follow, companions
 from twin.scenario.housings import (
     Housing,
     check_assumed_sensor,
@@ -261,6 +261,26 @@ def describe_late_starts(scenario: Scenario) -> list[str]:
         for field, at_s, never in times
         if at_s >= end_s
     ]
+
+
+def describe_circles(scenario: Scenario) -> list[str]:
+    """Describe people who follow each other to the end of the run, so that none of them walks: one sentence a circle."""
+    follows = {
+        name: (f"people.{name}.script.{place}", action.person)
+        for name, person in scenario.people.items()
+        for place, action in enumerate(person.script)
+        if isinstance(action, Follow) and (action.for_s is None or action.for_s >= scenario.duration_s)
+    }
+    described, seen = [], set[str]()
+    for name in follows:
+        circle = [name]
+        while circle[-1] in follows and (after := follows[circle[-1]][1]) not in circle:
+            circle.append(after)
+        if circle[-1] in follows and follows[circle[-1]][1] == name and not seen & set(circle):
+            seen |= set(circle)
+            words = ", who follows ".join([*circle, name])
+            described.append(f"{follows[name][0]}: {words}: none of them walks; one who leads is expected")
+    return described
 
 
 def _listed(sensors: str | tuple[str, ...]) -> str:

@@ -29,7 +29,7 @@ from twin.room.building import check_mount
 from twin.room.mjcf import DARK_LIGHT, light_of
 from twin.scenario import Scenario
 from twin.scenario.housings import assumed_sensor, base_of, driven, held_sensor, odometry_sensor
-from twin.scenario.scenario import describe_late_starts
+from twin.scenario.scenario import describe_circles, describe_late_starts
 from twin.scenario.sensors import CAMERA_KINDS, FloorDescription, build_sensor, check_floor
 from twin.sensors.floor import Floor
 from twin.sensors.gl_context import GlInfo
@@ -327,10 +327,8 @@ class Simulation:
             for _ in range(bool(self._cameras()) and light_of(empty.model) < DARK_LIGHT)
         ]
         close = describe_close_calls(close_calls(self.scenario.people, self.scenario.duration_s))
-        late = [
-            *describe_late_actions(self.scenario.people, self.scenario.duration_s),
-            *describe_late_starts(self.scenario),
-        ]
+        late = describe_late_actions(self.scenario.people, self.scenario.duration_s)
+        late += describe_late_starts(self.scenario) + describe_circles(self.scenario)
         if not any(WALKING_WARNING in each for each in self.scenario.warnings):  # a file of paths was judged as a whole
             late += describe_speeds(self.scenario.people)
         messages = [*self.scenario.warnings, *blind, *dark, *late, *([f"people: {close}"] if close else [])]

@@ -13,6 +13,7 @@ from twin.scenario import load_scenario
 from twin.scenario.action import RecordedPath, WaitCondition
 from twin.scenario.behaviour import Turn, TurnHead, endless
 from twin.scenario.person import Person
+from twin.scenario.scenario import describe_circles
 
 
 def person(*script: dict[str, Any], **more: Any) -> Person:
@@ -123,3 +124,15 @@ def test_what_comes_after_the_end_is_told() -> None:
     late = describe_late_actions(load_scenario("lab-five-people", changes).people, 26.2)
     assert [each.split(":")[0] for each in late] == ["people.white.arrive_s", "people.black.script.0.at_s"]
     assert describe_late_actions(load_scenario("lab-five-people").people, 26.2) == []
+
+
+def test_who_follow_each_other_are_reported_once_a_circle() -> None:
+    def follows(name: str, **more: float) -> str:
+        return str([{"kind": "follow", "person": name} | more]).replace("'", "")
+
+    pair = [f"people.black.script={follows('blue')}", f"people.blue.script={follows('black')}"]
+    after = f"people.pink.script={follows('black')}"
+    (found,) = describe_circles(load_scenario("lab-five-people", [*pair, after]))
+    assert found.startswith("people.black.script.0: black, who follows blue, who follows black: none of them walks")
+    for lead in (f"people.blue.script={follows('black', for_s=2)}", "people.blue.script=[{kind: wander}]"):
+        assert describe_circles(load_scenario("lab-five-people", [pair[0], lead, after])) == []
