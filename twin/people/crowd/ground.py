@@ -123,8 +123,8 @@ class Ground:
         """
         if not Area(self.walkable, _BEYOND_M).contains(places).all():
             return False
-        tall = Footprints([each for each in self.obstacles if each.top_m > above_m])
-        return len(tall) == 0 or bool(tall.gaps(planar(places))[1].min() >= clear_m)
+        tall = np.array([each.top_m > above_m for each in self.obstacles], dtype=bool)
+        return not tall.any() or bool(self._footprints.gaps(planar(places))[1][:, tall].min() >= clear_m)
 
     def is_free(self, places: Array) -> Mask:
         """Mark the places (k, 2) [m] where a body's middle may be: on the walkable floor, clear of furniture and walls."""
