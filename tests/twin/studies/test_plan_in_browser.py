@@ -77,15 +77,18 @@ def test_sensors_that_are_dragged_and_turned_see_what_the_twin_says(tmp_path: Pa
         tmp_path / "coverage.html",
         """
         const at = find(1); said.before = placed();
-        drag(at, [at[0] + 60, at[1] - 40]); said.after = placed();
+        const right = at[0] < drawing.clientWidth / 2 ? 60 : -60, down = at[1] < drawing.clientHeight / 2 ? 40 : -40;
+        said.by = [right, -down];  // into the room
+        drag(at, [at[0] + right, at[1] + down]); said.after = placed();
         const angle = said.after.yaw * Math.PI / 180;
-        const tip = [at[0] + 60 + 34 * Math.cos(angle), at[1] - 40 - 34 * Math.sin(angle)];
+        const tip = [at[0] + right + 34 * Math.cos(angle), at[1] + down - 34 * Math.sin(angle)];
         drag(tip, [tip[0] + 200, tip[1] + 90]); said.turned = placed();
         """,
     )
     before, after, turned = said["before"], said["after"], said["turned"]
-    assert (after["x"] - before["x"]) / 60 == pytest.approx((after["y"] - before["y"]) / 40, abs=0.001)
-    assert after["x"] > before["x"]
+    m_per_pixel = [(after[axis] - before[axis]) / by for axis, by in zip("xy", said["by"], strict=True)]
+    assert m_per_pixel[0] == pytest.approx(m_per_pixel[1], abs=0.001)
+    assert m_per_pixel[0] > 0
     assert after["yaw"] == before["yaw"]
     assert (turned["x"], turned["y"]) == (after["x"], after["y"])
     assert turned["yaw"] != after["yaw"]
