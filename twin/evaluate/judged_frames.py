@@ -114,10 +114,12 @@ def align(truth: TruthTable, tracks: TrackTable) -> Alignment:
             "all others count as missed; the rows of one frame need the same t"
         )
     elif clock is not None and silent.size > NOTED_SHARE * n_total:
+        has_rhythm = tracks.frame_stamps_ns.size > 1  # else the period is that of the truth
+        otherwise = f", though it reports every {clock.period_ns / NS_PER_S:.3g} s otherwise" if has_rhythm else ""
         notes.append(
             f"{tracks.source}: reports nothing in {silent.size} of {n_total} frames, the first of them at "
-            f"{silent[0] / NS_PER_S:.3f} s, though it reports every {clock.period_ns / NS_PER_S:.3g} s otherwise; everybody "
-            "there counts as missed; a row with t alone says that a frame has no tracks"
+            f"{silent[0] / NS_PER_S:.3f} s{otherwise}; everybody there counts as missed; a row with t alone says that a "
+            "frame has no tracks"
         )
     if len(frames) < (1 - NOTED_SHARE) * n_total:
         unknown = np.setdiff1d(tracks.frame_stamps_ns, reported)

@@ -370,3 +370,11 @@ def test_truth_from_0_in_another_unit_is_told_with_it(unit: str, per_s: float, t
     assert sum(f"t in s is expected, and in {unit} the two would span about the same" in each for each in notes) == 1
     seldom = align(truth_at(np.arange(0, 20.1, 2.0)), tracks).notes
     assert len(seldom) == 1 and "span" not in seldom[0]
+
+
+@settings(max_examples=10, deadline=None)
+@given(n_reported=st.integers(0, 3), rate_hz=st.sampled_from([4.0, 10.0, 40.0]))
+def test_a_rhythm_is_named_only_of_tracks_that_have_two_frames(n_reported, rate_hz) -> None:
+    stamps = np.arange(20) / rate_hz
+    (note,) = (each for each in align(truth_at(stamps), tracks_at(stamps[:n_reported])).notes if "nothing in" in each)
+    assert ("though it reports every" in note) == (n_reported > 1)
