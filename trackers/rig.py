@@ -16,7 +16,7 @@ from pydantic import Field, model_validator
 
 from trackers.area import Point2, Polygon, Pose
 from trackers.configuration import Strict, validate
-from trackers.errors import raise_faults, valid_names
+from trackers.errors import InputError, raise_faults, valid_names
 from trackers.plain_data import dump_yaml, parse_yaml
 from trackers.rig_sensors import (
     CameraSensor,
@@ -131,6 +131,10 @@ def missing_file(field: str, path: AnyPath) -> str:
     if ".background." in f".{field}":
         expected = "a picture of the empty room"
     return f"{field}: there is no file {path}; {expected} is expected"
+
+
+_OF_SCENARIOS = {"people", "extends", "duration_s"}
+"""Keys of a scenario that a rig has not."""
 
 
 class Rig(Strict):
@@ -265,4 +269,10 @@ class Rig(Strict):
     @classmethod
     def parse(cls, text: str, source: str, complete: Callable[[Any], Any] = lambda content: content) -> Rig:
         """Parse the text of a `rig.yaml`; `source` names the text in errors (InputError); complete: as for `load`."""
-        return validate(cls, complete(parse_yaml(text, source, "a mapping with 'sensors:'")), source)
+        content = parse_yaml(text, source, "a mapping with 'sensors:'")
+        if isinstance(content, dict) and _OF_SCENARIOS & content.keys():
+            raise InputError(
+                f"{source}: is a scenario; a rig.yaml with the topic and the pose of each sensor is expected, none for a bag "
+                "that the twin wrote"
+            )
+        return validate(cls, complete(content), source)

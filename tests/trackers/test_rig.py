@@ -77,3 +77,10 @@ def test_a_lens_that_folds_inside_its_picture_is_refused(kind):
     sensor = {"kind": kind, "topic": "/c/image/compressed", "intrinsics": SIZE | lens}
     with pytest.raises(InputError, match=r"rig.yaml: sensors\.c\.intrinsics: .*folds back"):
         Rig.parse(str({"sensors": {"c": sensor}}), "rig.yaml")
+
+
+def test_a_scenario_is_not_taken_for_a_rig():
+    for text in ("room: lab\npeople: {}\n", "extends: lab-five-people\n"):
+        with pytest.raises(InputError, match=r"^mine.yaml: is a scenario; a rig.yaml .* is expected") as refused:
+            Rig.parse(text, "mine.yaml")
+        assert len(str(refused.value).splitlines()) == 1

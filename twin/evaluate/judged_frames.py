@@ -172,7 +172,8 @@ def describe_judged(judged_ns: NDArray[np.int64], n_total: int) -> str:
     if not len(judged_ns):
         return "no frame was judged"
     first_s, last_s = judged_ns.min() / NS_PER_S, judged_ns.max() / NS_PER_S
-    return f"{len(judged_ns)} frames judged, {first_s:.12g} to {last_s:.12g} s; the tracks have {n_total}"
+    frames = "1 frame" if len(judged_ns) == 1 else f"{len(judged_ns)} frames"
+    return f"{frames} judged, {first_s:.12g} to {last_s:.12g} s; the tracks have {n_total}"
 
 
 def match_all_people(frames: Sequence[Frame], gate_m: float) -> list[FrameMatches]:
