@@ -3,7 +3,9 @@
 Refused if another distribution's package `trackers` replaces ours, as an installer may silently do.
 """
 
+import fcntl
 import gc
+import io
 import os
 import sys
 from contextlib import suppress
@@ -30,14 +32,27 @@ def other_trackers() -> str | None:
     )
 
 
+class ClosedOutput(io.TextIOWrapper):
+    """The null device in the place of an output that the caller closed; has_lost: something was printed."""
+
+    has_lost = False
+
+    def write(self, text: str, /) -> int:
+        """Note that this is lost."""
+        self.has_lost = self.has_lost or bool(text)
+        return len(text)
+
+
 def _open_closed_streams() -> None:
-    """Open the null device in the place of standard streams that the caller closed, as services do.
+    """Open the null device in the place of standard streams that the caller closed, as services do, or opened to be read.
 
     Otherwise the next opened file takes its number, and what is printed goes into it.
     """
-    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
-        if getattr(sys, name) is None:
-            setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115 until the process ends
+    if sys.stdin is None:
+        sys.stdin = open(os.devnull)  # noqa: SIM115 until the process ends
+    for number, name in ((1, "stdout"), (2, "stderr")):
+        if getattr(sys, name) is None or fcntl.fcntl(number, fcntl.F_GETFL) & os.O_ACCMODE == os.O_RDONLY:
+            setattr(sys, name, ClosedOutput(open(os.devnull, "wb"), "utf-8"))  # noqa: SIM115
 
 
 def main() -> None:

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from copy import copy
 from itertools import pairwise
-from typing import Annotated, Any
+from typing import Annotated, Any, TextIO
 
 import typer
 
@@ -87,13 +87,34 @@ def main() -> None:
             stream.reconfigure(errors="backslashreplace")  # pyright: ignore[reportAttributeAccessIssue]
     try:
         code = _code_of_run()
-        sys.stdout.flush()
+        code = _code_of_output(code)
         sys.stderr.flush()
     except BrokenPipeError:
         code = EXIT_CLOSED_PIPE
-        for stream in (sys.stdout, sys.stderr):  # Python would report it again at exit
-            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        _discard(sys.stdout)
+        _discard(sys.stderr)
     sys.exit(code)
+
+
+def _code_of_output(code: int) -> int:
+    """Write what is left on stdout; return the exit code: that of bad input where a success has lost its output."""
+    lost = "output: is closed" if getattr(sys.stdout, "has_lost", False) else ""
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        lost = f"output: {error.strerror}"
+        _discard(sys.stdout)
+    if lost and code in (EXIT_DONE, EXIT_FELL_SHORT):
+        _end_with(f"{lost}, and what was printed is lost; a file, pipe or terminal that can be written is expected")
+        return code or EXIT_BAD_INPUT
+    return code
+
+
+def _discard(stream: TextIO) -> None:
+    """Send what a stream still holds nowhere: Python would report it again at exit."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def _code_of_run() -> int:

@@ -73,15 +73,35 @@ def test_a_stream_shows_what_it_lacks_as_escapes(ran: Path, encoding: str) -> No
     assert done.returncode == 2 and done.stderr.startswith(b"twin: there is no scenario 'fehlt-\\u4eba'"), done.stderr
 
 
-@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
-def test_streams_that_the_caller_closed_end_no_command(tmp_path: Path, closed: str) -> None:
+@pytest.mark.parametrize(
+    ("streams", "is_lost"),
+    [
+        (">&-", True),
+        ("1</dev/null", True),
+        pytest.param(
+            ">/dev/full", True, marks=pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+        ),
+        ("<&-", False),
+        ("2>&-", False),
+        ("2</dev/null", False),
+        ("| head -1", False),
+        ("<&- >&- 2>&-", None),
+    ],
+)
+@pytest.mark.parametrize("arguments", ["list trackers", "new room --out new.xml"])
+def test_an_output_that_is_lost_is_said(tmp_path: Path, arguments: str, streams: str, is_lost: bool | None) -> None:
+    """None: nothing can be said either, and only the exit code is left."""
     path = os.pathsep.join([str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")])
     done = subprocess.run(
-        ["sh", "-c", f'"$0" -m twin list trackers {closed}', sys.executable],
+        ["sh", "-c", f'"$0" -m twin {arguments} {streams}', sys.executable],
         cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": path},
+        env=os.environ | {"PYTHONPATH": path, "PYTHONUNBUFFERED": ""},
         capture_output=True,
         timeout=300,
         check=False,
     )
-    assert (done.returncode, done.stderr) == (0, b"")
+    said = done.stderr.decode()
+    assert done.returncode == (0 if is_lost is False else 2)
+    assert (said.startswith("twin: output: ") and said.endswith("is expected\n")) if is_lost else not said
+    assert said.count("\n") == (1 if is_lost else 0)
+    assert (tmp_path / "new.xml").exists() == ("room" in arguments)
