@@ -184,10 +184,10 @@ class Area:
         # distance inside the nearest side's line: sufficient except in the margin and on the border
         depth_m = np.minimum.reduce(self._inward @ points.T - self._border, axis=0)
         inside = depth_m > _TOLERANCE_M
-        if inside.all():  # the usual case
+        if np.count_nonzero(inside) == inside.size:  # the usual case
             return inside
         unsure = ~inside & (depth_m >= -self._margin_m - _TOLERANCE_M)
-        if unsure.any():
+        if np.count_nonzero(unsure):
             inside[unsure] = self._exactly(points[unsure])
         return inside
 

@@ -88,7 +88,7 @@ def global_nearest_neighbour(
 
     Distances may be any costs, negative ones too.
     """
-    if not allowed.any():
+    if not np.count_nonzero(allowed):
         return np.empty(0, np.intp), np.empty(0, np.intp)
     # one more forbidden pair costs more than any set of allowed pairs saves
     forbidden = 2 * min(distance.shape) * (float(np.abs(distance[allowed]).max()) + 1) + 1

@@ -183,7 +183,7 @@ class Imm:
         _check_finite(position, "a measured position")
         prior = predicted.select(index)
         P = prior.covariance
-        R = self.R[:, :, None] if measurement_covariance is None else np.moveaxis(measurement_covariance, 0, -1)
+        R = self.R[:, :, None] if measurement_covariance is None else measurement_covariance.transpose(1, 2, 0)
         if observes is None:
             expected, HP, HPH = prior.mean[:2], P[:2], P[:2, :2]
         else:
@@ -260,7 +260,7 @@ def _inverse(matrix: Float[Array, "d d m n"]) -> tuple[Float[Array, "d d m n"], 
 
 
 def _check_finite(values: Array, what: str) -> None:
-    if not np.isfinite(values).all():
+    if np.count_nonzero(np.isfinite(values)) < values.size:
         raise InputError(f"{what} holds NaN or infinity; finite numbers are expected")
 
 

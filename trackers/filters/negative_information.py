@@ -55,7 +55,7 @@ def update_missed(
     # effect of a standard deviation of position on the state: P Hᵀ L⁻ᵀ
     by_u = (u[0] * P[0] + u[1] * P[1]) / l_uu
     by_v = (v[0] * P[0] + v[1] * P[1] - l_vu * by_u) / l_vv
-    gain = np.stack([by_u, by_v])  # (2, s, m, n)
+    gain = np.array([by_u, by_v])  # (2, s, m, n)
     covariance = P + np.einsum("pamn,pqmn,qbmn->abmn", gain, change, gain)
     covariance = 0.5 * (covariance + covariance.swapaxes(0, 1))
     joint = state.probability * chance
@@ -75,7 +75,7 @@ def _axes(along: Float[Array, "2 n"]) -> tuple[Float[Array, "2 n"], Float[Array,
     """Return unit vectors along and across the motion; x and y for a target at rest."""
     length = np.hypot(along[0], along[1])
     u = np.where(length > 0, along, np.array([[1.0], [0.0]])) / np.where(length > 0, length, 1.0)
-    return u, np.stack([-u[1], u[0]])
+    return u, np.array([-u[1], u[0]])
 
 
 def probability_within(
@@ -130,7 +130,7 @@ def _places(
     across = l_vu[..., None] * _Z[0] + l_vv[..., None] * _Z[1]
     x = state.mean[0, ..., None] + u[0][:, None] * along + v[0][:, None] * across
     y = state.mean[1, ..., None] + u[1][:, None] * along + v[1][:, None] * across
-    return np.stack([x, y]), l_uu, l_vu, l_vv
+    return np.array([x, y]), l_uu, l_vu, l_vv
 
 
 def _root(

@@ -44,7 +44,7 @@ class Rows:
 
     def select(self, index: Selection) -> Self:
         """Return the targets at `index`."""
-        if index.dtype == np.bool_ and index.all():
+        if index.dtype == np.bool_ and np.count_nonzero(index) == index.size:
             return self
         return self._field_by_field(lambda rows: rows[index], lambda batch: batch.select(index))
 

@@ -18,6 +18,7 @@ from __future__ import annotations
 import logging
 from collections import deque
 from collections.abc import Sequence
+from functools import lru_cache
 from statistics import median_low
 
 import numpy as np
@@ -92,8 +93,9 @@ class BackgroundOptions(Strict):
     )
 
 
+@lru_cache(maxsize=4)
 def returns(scan: LaserScan) -> tuple[Float[Array, "n_beam"], Bool[Mask, "n_beam"], Bool[Mask, "n_beam"]]:
-    """Return ranges [m], a mask of returns, and a mask of beams without return."""
+    """Return ranges [m], a mask of returns, and a mask of beams without return; read-only, kept for the last few scans."""
     ranges = scan.ranges_m.astype(float)
     hit = (ranges >= scan.range_min_m) & (ranges <= scan.range_max_m) & (ranges < np.inf)  # NaN is neither
     return ranges, hit, (ranges > -np.inf) & ~hit
@@ -142,12 +144,13 @@ class KnownBackground:
         threshold_m, on_edge = self._room(scan)
         front = hit & (ranges < threshold_m)
         may_be = front | (hit & on_edge)
-        if not front.any() or may_be.sum() == front.sum():
+        if not (n_front := np.count_nonzero(front)) or np.count_nonzero(may_be) == n_front:
             return front
-        reach_m = self._margin_m + abs(scan.angle_increment_rad) * np.minimum(ranges[1:], ranges[:-1])
-        with np.errstate(invalid="ignore"):  # beams without a return are no candidates
-            goes_on = may_be[1:] & may_be[:-1] & (np.abs(np.diff(ranges)) <= reach_m)
-        run = np.concatenate([[0], np.cumsum(~goes_on)])
+        near = np.where(may_be, ranges, 0.0)  # beams without a return are no candidates
+        reach_m = self._margin_m + abs(scan.angle_increment_rad) * np.minimum(near[1:], near[:-1])
+        goes_on = may_be[1:] & may_be[:-1] & (np.abs(near[1:] - near[:-1]) <= reach_m)
+        run = np.zeros(near.size, np.intp)  # the number of the run that each beam belongs to
+        (~goes_on).cumsum(out=run[1:])
         in_front = np.zeros(run.size, np.bool_)
         in_front[run[front]] = True
         return may_be & in_front[run]

@@ -69,7 +69,7 @@ def find_clusters(
     beams = foreground.nonzero()[0]
     if beams.size == 0:
         return _none()
-    looked_past = np.cumsum((hit | missed) & ~foreground, dtype=np.intp)
+    looked_past = ((hit | missed) & ~foreground).cumsum(dtype=np.intp)
     if turn is not None:
         beams = _from_a_gap(beams, looked_past, options.max_gap_beams, ranges)
     increment = abs(scan.angle_increment_rad)

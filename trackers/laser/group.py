@@ -154,12 +154,8 @@ class ScannerGroup:
 
     def missed(self, observations: Mapping[str, Observation], points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
         """Return the probability that none of the scans shows a person at room points."""
-        chance = np.ones(points.shape[1:])
-        for name, layer in self.layers.items():
-            scan = observations.get(name)
-            if isinstance(scan, LaserScan):
-                chance *= layer.missed(scan, points)
-        return chance
+        chances = [self.layers[name].missed(scan, points) for name, scan in self._scans(observations).items()]
+        return reduce(np.multiply, chances) if chances else np.ones(points.shape[1:])
 
 
 def fused(

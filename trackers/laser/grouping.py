@@ -34,7 +34,7 @@ def trunks(
     near |= apart < apart_m
     near &= width_m <= width_m[:, None]
     np.fill_diagonal(near, False)
-    if not near.any():
+    if not np.count_nonzero(near):
         return kept
     for one in (-width_m).argsort(kind="stable").tolist():  # each choice depends on those before it
         if kept[one]:
@@ -74,9 +74,11 @@ def take_legs(
     worth = reach**2 - away**2
     places, leg = max_weight_assignment(np.concatenate([worth, worth]))
     person = places % n
-    nearest_first = away[person, leg].argsort(kind="stable")
-    person, index = np.unique(person[nearest_first], return_index=True)
-    first = leg[nearest_first][index]
+    farthest_first = away[person, leg].argsort(kind="stable")[::-1]
+    nearest = np.full(n, -1)
+    nearest[person[farthest_first]] = leg[farthest_first]  # the last written stays
+    person = (nearest >= 0).nonzero()[0]
+    first = nearest[person]
     position[person], n_leg[person], free[first] = legs[first], 1 + both_together[first], False
 
     others = free.nonzero()[0]

@@ -257,10 +257,10 @@ class LaserLayer:
         beams = foreground[:turn].nonzero()[0]
         padded = padded_ranges(np.where(np.isnan(ranges), np.inf, ranges)[:turn], turn, 1)
         near = ranges[beams]
-        next_to = np.stack([padded[beams], padded[beams + 2]]) - near
+        before, after = padded[beams] - near, padded[beams + 2] - near
         jump_m = self.options.cluster.jump_m + abs(scan.angle_increment_rad) * near
         on_edge = np.zeros(foreground.size, np.bool_)
-        on_edge[beams] = (np.abs(next_to) > jump_m).all(axis=0) & (next_to < 0).any(axis=0)
+        on_edge[beams] = (np.abs(before) > jump_m) & (np.abs(after) > jump_m) & ((before < 0) | (after < 0))
         return on_edge
 
     def _half_depth_m(self, width_m: Float[Array, "k"], hidden: Bool[Mask, "k"]) -> Float[Array, "k"] | float:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache, cached_property
+from itertools import accumulate
 from pathlib import Path
 
 import numpy as np
@@ -95,10 +96,11 @@ class TrunkOutlines:
     ) -> tuple[Float[Array, "k"], Float[Array, "k"], Float[Array, "k"]]:
         """Return how far the axes are behind the middles and left of them [m], and the variance on each axis [m²]."""
         both, n = np.concatenate([features, mirrored(features)]), len(features)
-        first = np.cumsum([len(each.feature) for each in self._forests])[:-1]
-        leaves = np.split(self._together.leaves(both), first)
+        leaves = self._together.leaves(both)
+        stops = accumulate(len(each.feature) for each in self._forests)
         behind, left, ln_variance = (
-            each.sum(axis=0) + forest.bias for each, forest in zip(leaves, self._forests, strict=True)
+            leaves[stop - len(each.feature) : stop].sum(axis=0) + each.bias
+            for each, stop in zip(self._forests, stops, strict=True)
         )
         return (
             0.5 * (behind[:n] + behind[n:]),

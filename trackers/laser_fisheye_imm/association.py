@@ -153,10 +153,14 @@ class Association:
             new_sample=n_sample[new],
         )
 
+    @cached_property
+    def _all(self) -> Bool[Mask, "n"]:
+        return np.ones(len(self.people), np.bool_)
+
     @property
     def _known(self) -> Bool[Mask, "n"]:
         """Mask of the tracks that take legs, and those of whom no other takes: people, not perhaps a flicker of the room."""
-        return np.ones(len(self.people), np.bool_) if self.knows_room else self.people.confirmed
+        return self._all if self.knows_room else self.people.confirmed
 
     @property
     def _leg_gate_m(self) -> float:
@@ -198,8 +202,7 @@ class Association:
 
     def _explained(self, cost: Costs, looks: Float[Array, "n k"], without: Bool[Mask, "*#n k"] | bool = False) -> Stage:
         """Pair tracks with explained measurements, except those in `without`; looks: the cost of their colours."""
-        all_tracks = np.ones(len(self.people), np.bool_)
-        return Stage(all_tracks, [cost.pair, looks], [cost.out_of_gate | without], self._unpaired)
+        return Stage(self._all, [cost.pair, looks], [cost.out_of_gate | without], self._unpaired)
 
     @cached_property
     def _unpaired(self) -> Float[Array, "n"] | None:
@@ -223,7 +226,7 @@ class Association:
         """
         people, rules = self.people, self.options.track_management
         hidden = people.confirmed & self._hidden() & (rules.reid_speed_m_s is not None)
-        if not hidden.any():
+        if not np.count_nonzero(hidden):
             return []
         existing = hidden & people.exist(rules.exists_above)
         explained = ((cost.mahalanobis <= EXPLAINED_BELOW) & ~hidden[:, None]).any(axis=0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
@@ -151,12 +152,10 @@ class Detector:
 
     def missed(self, synced: SyncedFrame, points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
         """Return the probability that the frame's scans miss a person at points [m]; 0 outside the area, where no person is."""
-        chance = np.ones(points.shape[1:])
-        if self._area is not None:
-            chance[~self._area.contains(points.reshape(2, -1).T).reshape(chance.shape)] = 0
-        for group in self._groups.values():
-            chance *= group.missed(synced.observations, points)
-        return chance
+        shape = points.shape[1:]
+        inside = np.ones(shape) if self._area is None else self._area.contains(points.reshape(2, -1).T).reshape(shape)
+        chances = (group.missed(synced.observations, points) for group in self._groups.values())
+        return reduce(np.multiply, chances, inside)
 
 
 def _nearest_first(names: tuple[str, ...], rig: Rig, place: Float[Array, "3"]) -> tuple[str, ...]:

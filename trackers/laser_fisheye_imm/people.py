@@ -76,7 +76,7 @@ class LegPosture(Rows):
         """
         low = written(self.low, track, 0.0)
         both = ~np.isnan(legs[:, 0])
-        if options.seated_m is None or not both.any():
+        if options.seated_m is None or not np.count_nonzero(both):
             return self.changed(low=low)
         track, trunk = track[both], trunk[both]
         knees = _MEMORY * self.knees[track] + (1 - _MEMORY) * (legs[both] - trunk)

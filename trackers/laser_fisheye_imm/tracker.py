@@ -199,7 +199,7 @@ class LaserFisheyeImm(SynchronizedTracker):
         if not self._detector.sees_waists:  # without trunks, a body may show only its standing leg
             last_ns = np.where(matches.single, people.single_ns[track], last_ns)
             lasts_s[matches.single] = self.options.legs.single_leg_s
-        shares = np.clip((ns - last_ns) / (lasts_s * NS_PER_S), 1e-6, 1.0)
+        shares = np.minimum(np.maximum((ns - last_ns) / (lasts_s * NS_PER_S), 1e-6), 1.0)
         variance = matches.variance / shares
         state = self._imm.update(people.state, track, matches.position, variance[:, None, None] * _ISOTROPIC)
         posture = people.posture.measured(track, matches.position, matches.legs, self.options.posture)

@@ -182,8 +182,8 @@ def pair_legs(
     at_trunks = distances(bodies, place).min(axis=0, initial=np.inf) <= apart_m
     forbidden = np.zeros((n_trunk + n_person, len(place)), np.bool_)
     forbidden[n_trunk:][~shown] = at_trunks
-    reach_m = np.repeat([_TRUNK_GATE_M, gate_m], [n_trunk, n_person])
-    opposite = np.repeat([0.0, _OPPOSITE], [n_trunk, n_person])
+    counts = [n_trunk, n_person]
+    reach_m, opposite = (np.array(each).repeat(counts) for each in ([_TRUNK_GATE_M, gate_m], [0.0, _OPPOSITE]))
     position, n_leg, free = take_legs(
         place, wide, np.concatenate([under_trunks, expected + knees]), reach_m, STRIDE_M, opposite, forbidden
     )
@@ -194,7 +194,7 @@ def pair_legs(
     new, n_leg_of_new = pair_off(place[free], options.pair_m, sufficient[free])
     middle, n_leg_of_known = position[n_trunk:][taking] - knees[taking], n_leg[n_trunk:][taking]
     single = n_leg_of_known == 1
-    if lines is not None and single.any():
+    if lines is not None and np.count_nonzero(single):
         leg = distances(position[n_trunk:][taking][single], place).argmin(axis=1)
         middle[single] += _BEHIND_M * mean_line(lines[leg])
     owner = np.concatenate([taking.nonzero()[0], np.full(len(new), -1)])

@@ -108,9 +108,9 @@ def associate(stages: Sequence[Stage]) -> tuple[Int[Index, "p"], Int[Index, "p"]
     """
     rows, columns = np.empty(0, np.intp), np.empty(0, np.intp)
     for stage in stages:
-        if not stage.tracks.any():
+        if not np.count_nonzero(stage.tracks):
             continue
-        allowed = np.repeat(stage.tracks[:, None], stage.terms[0].shape[1], axis=1)
+        allowed = stage.tracks[:, None].repeat(stage.terms[0].shape[1], axis=1)
         for veto in stage.vetoes:
             allowed &= ~veto
         allowed[rows] = allowed[:, columns] = False

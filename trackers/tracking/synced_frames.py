@@ -248,7 +248,8 @@ class FrameSynchronizer:
         # a frame that these could join may start until then
         oldest_ns = newest_ns - max(self._max_wait_ns, self._within_ns + 1)
         kept = [observation for observation in self._waiting if observation.stamp_ns > oldest_ns]
-        self._lose_alone([each for each in self._waiting if each.stamp_ns <= oldest_ns])
+        if len(kept) < len(self._waiting):
+            self._lose_alone([each for each in self._waiting if each.stamp_ns <= oldest_ns])
         self._waiting = kept
         self._forget_latest_before(min([oldest_ns, *(frame.ns for frame in self._pending[:1])]))
         return ready

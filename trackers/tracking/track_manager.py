@@ -132,8 +132,10 @@ def reachable(
     return distances(last_seen, positions) <= reach_m[:, None]
 
 
-def nanoseconds(seconds: Array | float) -> NDArray[np.int64] | np.int64:
+def nanoseconds(seconds: Array | float) -> NDArray[np.int64] | int:
     """Return seconds as whole nanoseconds, of the same shape."""
+    if isinstance(seconds, float):
+        return round(seconds * NS_PER_S)
     return np.rint(np.asarray(seconds) * NS_PER_S).astype(np.int64)
 
 

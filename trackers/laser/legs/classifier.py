@@ -52,15 +52,15 @@ class Forest:
     def leaves(self, features: Float[Array, "k features"]) -> Float[Array, "m k"]:
         """Return the leaf of each tree that each sample comes to."""
         (m, n_question), k = self.feature.shape, len(features)
-        tree = np.arange(m)[:, None]
-        node = np.zeros((m, k), np.intp)
+        flat, row = features.ravel(), np.arange(k)[:, None] * features.shape[1]
         feature, threshold, leaf = self.feature.ravel(), self.threshold.ravel(), self.leaf.ravel()
-        by_feature, sample = np.ascontiguousarray(features.T).ravel(), np.arange(k)
-        for _ in range(n_question.bit_length()):
-            place = node + tree * n_question
-            value = by_feature.take(feature.take(place) * k + sample)
-            node = 2 * node + 1 + (value > threshold.take(place))
-        return leaf.take(node - n_question + tree * (n_question + 1))
+        first = np.arange(m) * n_question  # the first question of each tree among all
+        place = first + 1 + (features.take(self.feature[:, 0], axis=1) > self.threshold[:, 0])  # (k, m)
+        for _ in range(n_question.bit_length() - 1):
+            value = flat.take(feature.take(place, mode="clip") + row, mode="clip")
+            place = 2 * place + (1 - first) + (value > threshold.take(place, mode="clip"))
+        found = leaf.take(place - n_question + np.arange(m), mode="clip")
+        return np.ascontiguousarray(found.T)  # sums over trees are of this order
 
 
 @dataclass(frozen=True, eq=False)
