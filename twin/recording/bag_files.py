@@ -132,8 +132,10 @@ class McapFile:
     def write_on(self, connection: Connection, log_time_ns: int, data: bytes | memoryview) -> None:
         """Write a message (CDR) of a connection that `connect_as` gave."""
         assert self._writer is not None, "a bag is written in a with block"
-        with self._disk_errors():
+        try:
             self._writer.write(connection, log_time_ns, data)
+        except OSError as error:
+            raise unwritable(self._path, error) from error
 
     @contextmanager
     def _disk_errors(self) -> Iterator[None]:

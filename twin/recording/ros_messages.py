@@ -7,6 +7,7 @@ and limits, the decoded JPEG) with the message's bytes, and `decode` of those by
 from __future__ import annotations
 
 import json
+import struct
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,7 +33,6 @@ from twin.recording.message_types import (
     Pose as PoseMessage,
     PoseWithCovariance,
     Quaternion,
-    String,
     Time,
     Twist,
     TwistWithCovariance,
@@ -60,6 +60,8 @@ _FLOOR_ENCODINGS = ("mono8", "8UC1")
 _FARTHEST_M = 500.0
 """Range of no scanner: half of a scan beyond it says another unit."""
 _NO_INTENSITIES = np.zeros(0, dtype=np.float32)
+_JSON = json.JSONEncoder(allow_nan=False)
+_LITTLE_ENDIAN_CDR = b"\0\1\0\0"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -202,7 +204,8 @@ def matrix_of(place: Any, turn: Any) -> NDArray[np.float64]:
 
 def string_message(content: object) -> memoryview:
     """Encode JSON as a `std_msgs/String` (CDR); raises ValueError for a number that is not finite."""
-    return TYPESTORE.serialize_cdr(String(json.dumps(content, allow_nan=False)), STRING)
+    text = _JSON.encode(content).encode()
+    return memoryview(struct.pack("<4sI", _LITTLE_ENDIAN_CDR, len(text) + 1) + text + b"\0")
 
 
 def _scan(

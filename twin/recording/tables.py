@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from math import inf, isfinite, isnan, nan
 from numbers import Integral
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -32,6 +33,7 @@ _TRACK_NUMBERS = ("x", "y", "z", "vx", "vy", "head_x", "head_y", "head_z", "head
 TRUTH_COLUMNS = ("t", "id", *TRUTH_NUMBERS, "in_area")
 TRACK_COLUMNS = ("t", "id", *_TRACK_NUMBERS, "status", "radius95_m")
 STATUSES = ("confirmed", "coasting")
+_truth_numbers, _track_numbers = attrgetter(*TRUTH_NUMBERS), attrgetter(*_TRACK_NUMBERS)
 
 _VISIBLE = "visible_"
 
@@ -118,14 +120,14 @@ class TrackWriter:
 
 def person_row(person: PersonTruth, sensors: Iterable[str]) -> Row:
     """Return a person's row of `truth.csv` after t, with a column visible_<sensor> per sensor."""
-    numbers = {name: float(getattr(person, name)) for name in TRUTH_NUMBERS}
+    numbers = dict(zip(TRUTH_NUMBERS, map(float, _truth_numbers(person)), strict=True))
     visible = {_VISIBLE + sensor: person.visible.get(sensor, nan) for sensor in sensors}
     return {"id": person.id, **numbers, "in_area": int(person.in_area), **visible}
 
 
 def track_row(track: Track) -> Row:
     """Return a track's row of `tracks/<tracker>.csv` after t."""
-    numbers = {name: float(getattr(track, name)) for name in _TRACK_NUMBERS}
+    numbers = dict(zip(_TRACK_NUMBERS, map(float, _track_numbers(track)), strict=True))
     return {"id": track.id, **numbers, "status": track.status, "radius95_m": float(track.radius95_m)}
 
 
@@ -309,15 +311,15 @@ Row = dict[str, Value]
 def cell(value: Value) -> str:
     """Format a value: empty for None and NaN, whole numbers separated by blanks."""
     if isinstance(value, float):
-        return number_cell(value)
+        return float.__repr__(value) if abs(value) <= LARGEST else number_cell(value)
     if value is None or isinstance(value, str):
         return value or ""
     return str(value) if isinstance(value, int) else " ".join(map(str, value))
 
 
 def plain(row: Mapping[str, Value]) -> Row:
-    """Return a row as JSON holds it: null for NaN."""
-    return {name: None if isinstance(value, float) and isnan(value) else value for name, value in row.items()}
+    """Return a row as JSON holds it: null for NaN, which alone differs from itself."""
+    return {name: value if value == value else None for name, value in row.items()}
 
 
 def number_cell(value: float) -> str:

@@ -6,6 +6,7 @@ import json
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isnan
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,21 +83,30 @@ _MOST_MARKERS = 2**31 - 1
 """Greatest number of a marker, an int32; larger ids may collide."""
 
 
+_MOST_LAYOUTS = 64
+
+
+class _Layout(NamedTuple):
+    """A serialized message with marks where numbers go: those of stamps in 4-byte words, of positions in 8-byte ones."""
+
+    message: bytes
+    doubles_at: NDArray[np.intp]
+    seconds_at: NDArray[np.intp]
+
+
 class PeopleMarkers:
     """Encoder of truth, or tracks, as a `visualization_msgs/MarkerArray`: a cylinder and a name per person, in the room
     frame.
 
     Serializing ten markers field by field costs more than a laser scan. Only stamps, positions and heights change between
-    frames, so the message is serialized once for the people present, and those numbers are written into it.
+    frames, so the message is serialized once for the same people, drawn alike, and those numbers are written into it.
     """
 
     def __init__(self, names: Mapping[int, str], style: MarkerStyle = TRUTH_STYLE) -> None:
         self._names = names
         self._style = style
         self._shown: tuple[int, ...] = ()
-        self._faint: frozenset[int] = frozenset()
-        self._template = b""
-        self._seconds_at = self._doubles_at = np.zeros(0, dtype=np.intp)
+        self._layouts: dict[tuple[tuple[int, ...], frozenset[int]], _Layout] = {}
 
     def encode(self, stamp_ns: int, people: Sequence[PersonTruth | Track], faint: Collection[int] = ()) -> bytes:
         """Encode the markers (CDR) at a stamp; people drawn before and not among these are deleted.
@@ -104,19 +114,19 @@ class PeopleMarkers:
         `faint`: the ids to draw with half the opacity.
         """
         ids, faint = tuple(person.id for person in people), frozenset(faint)
-        if ids == self._shown and faint == self._faint and self._template:
-            message = self._template
-        else:
-            left = [id_ for id_ in self._shown if id_ not in ids]
-            self._faint = faint
-            message = self._layout(ids, left)
-            # The next frame must not delete again.
-            self._template = message if not left else b""
-            self._shown = ids
-        buffer = np.frombuffer(bytearray(message), dtype=np.uint8)
+        left = [id_ for id_ in self._shown if id_ not in ids]
+        self._shown = ids
+        layout = None if left else self._layouts.get((ids, faint))
+        if layout is None:
+            layout = self._layout(ids, faint, left)
+        if not left:  # a frame that deletes is of no use again
+            if len(self._layouts) >= _MOST_LAYOUTS:
+                self._layouts.clear()
+            self._layouts[ids, faint] = layout
+        buffer = np.frombuffer(bytearray(layout.message), dtype=np.uint8)
         words, doubles = _words_and_doubles(buffer)
-        doubles[self._doubles_at] = [value for person in people for value in self._place(person)]
-        words[self._seconds_at], words[self._seconds_at + 1] = divmod(stamp_ns, NS_PER_S)
+        doubles[layout.doubles_at] = [value for person in people for value in self._place(person)]
+        words[layout.seconds_at], words[layout.seconds_at + 1] = divmod(stamp_ns, NS_PER_S)
         return buffer.tobytes()
 
     @staticmethod
@@ -126,25 +136,24 @@ class PeopleMarkers:
         name_x, name_y = (person.x, person.y) if unknown else (person.head_x, person.head_y)
         return person.x, person.y, height / 2, height, name_x, name_y, height + _NAME_ABOVE_M
 
-    def _layout(self, ids: tuple[int, ...], left: list[int]) -> bytes:
+    def _layout(self, ids: tuple[int, ...], faint: frozenset[int], left: list[int]) -> _Layout:
         """Serialize the message with marks where numbers go, and note their positions."""
         markers = []
         for id_ in ids:
-            markers += [self._cylinder(id_), self._name(id_)]
+            markers += [self._cylinder(id_, id_ in faint), self._name(id_)]
         for id_ in left:
             markers += [_marker(self._style.bodies, id_, Marker.CYLINDER, action=Marker.DELETE)]
             markers += [_marker(self._style.labels, id_, Marker.TEXT_VIEW_FACING, action=Marker.DELETE)]
         message = bytes(TYPESTORE.serialize_cdr(MarkerArray(markers), MARKER_ARRAY, little_endian=True))
         words, doubles = _words_and_doubles(np.frombuffer(message, dtype=np.uint8))
-        self._doubles_at = np.flatnonzero(doubles == _MARK)
-        self._seconds_at = np.flatnonzero(words == _STAMP_MARK_S)
-        if self._doubles_at.size != len(ids) * _SLOTS or self._seconds_at.size != len(markers):
+        layout = _Layout(message, np.flatnonzero(doubles == _MARK), np.flatnonzero(words == _STAMP_MARK_S))
+        if layout.doubles_at.size != len(ids) * _SLOTS or layout.seconds_at.size != len(markers):
             raise RuntimeError("the places of stamps and positions in a MarkerArray were not found")
-        return message
+        return layout
 
-    def _cylinder(self, id_: int) -> Marker:
+    def _cylinder(self, id_: int, is_faint: bool) -> Marker:
         style = self._style
-        color = Color(*_COLORS[id_ % len(_COLORS)], style.opacity / (2 if id_ in self._faint else 1))
+        color = Color(*_COLORS[id_ % len(_COLORS)], style.opacity / (2 if is_faint else 1))
         return _marker(style.bodies, id_, Marker.CYLINDER, Vector3(style.width_m, style.width_m, _MARK), color)
 
     def _name(self, id_: int) -> Marker:

@@ -58,6 +58,7 @@ MOST_TABLE_BYTES = 256 * 1024 * 1024
 PEOPLE_COLUMNS = ("id", "name")
 _FOOT_NUMBERS = ("x", "y", "z", "yaw", "load_n", "pressure_x", "pressure_y")
 FEET_COLUMNS = ("t", "id", "foot", *_FOOT_NUMBERS, "contact")
+_foot_numbers = attrgetter(*_FOOT_NUMBERS)
 _CELLS = "cells_"
 BOX_COLUMNS = ("t", "camera", "id", "left", "top", "width", "height", "visible_px", "truncated")
 RAY_COLUMNS = ("t", "sensor", "id", "first_beam", "last_beam")
@@ -89,7 +90,8 @@ def feet_writer(path: Path, floors: Sequence[str] = ()) -> Iterator[Callable[[Tr
 
         def write(frame: TruthFrame) -> None:
             feet = [_foot_row(person, foot, floors) for person in frame.people for foot in person.feet]
-            _write_rows(stream, seconds_cell(frame.stamp_ns), feet, len(columns))
+            lines = [",".join(map(cell, foot.values())) for foot in feet]
+            _write_lines(stream, seconds_cell(frame.stamp_ns), lines, len(columns))
 
         yield write
 
@@ -103,7 +105,7 @@ def encode_feet(frame: TruthFrame) -> memoryview:
 
 def _foot_row(person: PersonTruth, foot: FootTruth, floors: Iterable[str]) -> Row:
     """Return a foot's row after t, with a column cells_<floor> per floor."""
-    numbers = {name: float(getattr(foot, name)) for name in _FOOT_NUMBERS}
+    numbers = dict(zip(_FOOT_NUMBERS, map(float, _foot_numbers(foot)), strict=True))
     loaded = {_CELLS + floor: foot.cells.get(floor, ()) for floor in floors}
     return {"id": person.id, "foot": foot.side, **numbers, "contact": int(foot.contact), **loaded}
 
@@ -158,27 +160,28 @@ def decode_boxes(text: str, stamp_ns: int) -> BoxFrame:
 
 def _write_frame(stream: TextIO, frame: BoxFrame | RayFrame, columns: Sequence[str]) -> None:
     sensor, rows = _frame_rows(frame, columns)
-    _write_rows(stream, f"{seconds_cell(frame.stamp_ns)},{sensor}", rows, len(columns) - 1)
+    lines = [",".join(map(str, row)) for row in rows]
+    _write_lines(stream, f"{seconds_cell(frame.stamp_ns)},{sensor}", lines, len(columns) - 1)
 
 
 def _encode_frame(frame: BoxFrame | RayFrame, columns: Sequence[str]) -> memoryview:
     """Encode a frame as a `std_msgs/String` (CDR): a JSON list with one object per row, null for an empty cell."""
     sensor, rows = _frame_rows(frame, columns)
-    head = {columns[0]: frame.stamp_ns / NS_PER_S, columns[1]: sensor}
-    return string_message([head | row for row in rows] or [head | dict.fromkeys(columns[2:])])
+    head, empty = (frame.stamp_ns / NS_PER_S, sensor), (None,) * (len(columns) - 2)
+    return string_message([dict(zip(columns, (*head, *row), strict=True)) for row in rows or [empty]])
 
 
-def _frame_rows(frame: BoxFrame | RayFrame, columns: Sequence[str]) -> tuple[str, list[Row]]:
+def _frame_rows(frame: BoxFrame | RayFrame, columns: Sequence[str]) -> tuple[str, list[tuple[int, ...]]]:
     """Return the sensor of a frame, and its rows after t and the sensor."""
     sensor, entries = (frame.camera, frame.boxes) if isinstance(frame, BoxFrame) else (frame.sensor, frame.runs)
     read = attrgetter(*columns[2:])
-    return sensor, [dict(zip(columns[2:], map(int, read(entry)), strict=True)) for entry in entries]
+    return sensor, [tuple(map(int, read(entry))) for entry in entries]
 
 
-def _write_rows(stream: TextIO, head: str, rows: Sequence[Row], n_column: int) -> None:
+def _write_lines(stream: TextIO, head: str, lines: Sequence[str], n_column: int) -> None:
     """Write the lines of a frame that begin with `head`; `n_column`: columns, those of the head counted as one."""
-    lines = [",".join([head, *map(cell, row.values())]) + "\n" for row in rows]
-    stream.write("".join(lines) or head + "," * (n_column - 1) + "\n")
+    whole = [f"{head},{line}\n" for line in lines]
+    stream.write("".join(whole) or head + "," * (n_column - 1) + "\n")
 
 
 def truth_frames(table: TruthTable) -> Iterator[TruthFrame]:
