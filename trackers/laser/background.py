@@ -149,8 +149,7 @@ class KnownBackground:
         near = np.where(may_be, ranges, 0.0)  # beams without a return are no candidates
         reach_m = self._margin_m + abs(scan.angle_increment_rad) * np.minimum(near[1:], near[:-1])
         goes_on = may_be[1:] & may_be[:-1] & (np.abs(near[1:] - near[:-1]) <= reach_m)
-        run = np.zeros(near.size, np.intp)  # the number of the run that each beam belongs to
-        (~goes_on).cumsum(out=run[1:])
+        run = np.concatenate([[0], (~goes_on).cumsum()])
         in_front = np.zeros(run.size, np.bool_)
         in_front[run[front]] = True
         return may_be & in_front[run]
@@ -332,10 +331,8 @@ class LearnedBackground:
         self._flickered[rows[short], here[short]] += seconds[short]
         self._total[rows] += seconds
         if self._weight > _RENORMALISE_ABOVE:
-            self._seen /= self._weight
-            self._flickered /= self._weight
-            self._total /= self._weight
-            self._blank /= self._weight
+            for table in (self._seen, self._flickered, self._total, self._blank):
+                table /= self._weight
             self._weight = 1.0
 
 

@@ -177,7 +177,7 @@ class _Scanner:
         beam, x, y = self._beams(places)
         distance = np.hypot(x, y)
         inside = (beam >= 0) & (beam < count) & (distance <= scan.range_max_m)
-        reach_m = np.nan_to_num(np.minimum(scan.ranges_m, scan.range_max_m), nan=0.0)
+        reach_m = np.where(np.isnan(scan.ranges_m), 0.0, np.minimum(scan.ranges_m, scan.range_max_m))
         free = inside & (reach_m[np.where(inside, beam, 0)] >= distance - self.body.width_m)
         height_m = self._height_m + self._up @ np.stack([x, y])
         below, above = inside & (height_m < self._heights_m[0]), inside & (height_m > self._heights_m[1])

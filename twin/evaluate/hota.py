@@ -87,14 +87,14 @@ def hota(frames: Sequence[PairMatrix]) -> HotaScores:
     either = person_counts[:, None] + track_counts  # (n_person, n_track)
     overlap = np.zeros(either.shape)
     for frame, (rows, columns) in zip(frames, indices, strict=True):
-        overlap[np.ix_(rows, columns)] += _shared_similarity(frame.values)
+        overlap[rows[:, None], columns] += _shared_similarity(frame.values)
     alignment = overlap / (either - overlap)
 
     # One assignment per frame serves all thresholds: it favours pairs that are together over the whole run.
     pairs, similarities = [np.zeros(0, dtype=np.intp)], [np.zeros(0)]
     for frame, (rows, columns) in zip(frames, indices, strict=True):
         chosen_rows, chosen_columns = linear_sum_assignment(
-            alignment[np.ix_(rows, columns)] * frame.values, maximize=True
+            alignment[rows[:, None], columns] * frame.values, maximize=True
         )
         pairs.append(rows[chosen_rows] * tracks.size + columns[chosen_columns])
         similarities.append(frame.values[chosen_rows, chosen_columns])
@@ -138,4 +138,4 @@ def _count(ids: list[NDArray[np.int64]]) -> tuple[NDArray[np.int64], NDArray[np.
 def _shared_similarity(similarity: NDArray[np.float64]) -> NDArray[np.float64]:
     """Compute each pair's similarity as a share of the sum over its person and its track in this frame, (n, m)."""
     total = similarity.sum(axis=0) + similarity.sum(axis=1)[:, None] - similarity
-    return np.divide(similarity, total, out=np.zeros_like(similarity), where=total > _EPS)
+    return np.divide(similarity, total, out=np.zeros(similarity.shape), where=total > _EPS)

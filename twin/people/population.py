@@ -176,9 +176,10 @@ class Population(Poses):
     def _drive(self) -> None:
         """Drive people along recorded paths, and the feet of those who turn on their seats."""
         crowd, recorded = self._crowd, self._recorded.numbers
-        turning = np.flatnonzero(self._postures.turning())
-        crowd.driven[self._turning], crowd.driven[turning] = False, True
-        self._turning = turning
+        turning = self._postures.turning().nonzero()[0]
+        if len(turning) or len(self._turning):
+            crowd.driven[self._turning], crowd.driven[turning] = False, True
+            self._turning = turning
         if not (len(recorded) or len(turning)):
             return
         place, velocity = crowd.place.copy(), crowd.velocity.copy()

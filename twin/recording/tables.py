@@ -12,7 +12,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from math import inf, isfinite, isnan, nan
 from numbers import Integral
-from operator import attrgetter
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -33,7 +32,6 @@ _TRACK_NUMBERS = ("x", "y", "z", "vx", "vy", "head_x", "head_y", "head_z", "head
 TRUTH_COLUMNS = ("t", "id", *TRUTH_NUMBERS, "in_area")
 TRACK_COLUMNS = ("t", "id", *_TRACK_NUMBERS, "status", "radius95_m")
 STATUSES = ("confirmed", "coasting")
-_truth_numbers, _track_numbers = attrgetter(*TRUTH_NUMBERS), attrgetter(*_TRACK_NUMBERS)
 
 _VISIBLE = "visible_"
 
@@ -120,14 +118,14 @@ class TrackWriter:
 
 def person_row(person: PersonTruth, sensors: Iterable[str]) -> Row:
     """Return a person's row of `truth.csv` after t, with a column visible_<sensor> per sensor."""
-    numbers = dict(zip(TRUTH_NUMBERS, map(float, _truth_numbers(person)), strict=True))
+    numbers = {name: float(getattr(person, name)) for name in TRUTH_NUMBERS}
     visible = {_VISIBLE + sensor: person.visible.get(sensor, nan) for sensor in sensors}
     return {"id": person.id, **numbers, "in_area": int(person.in_area), **visible}
 
 
 def track_row(track: Track) -> Row:
     """Return a track's row of `tracks/<tracker>.csv` after t."""
-    numbers = dict(zip(_TRACK_NUMBERS, map(float, _track_numbers(track)), strict=True))
+    numbers = {name: float(getattr(track, name)) for name in _TRACK_NUMBERS}
     return {"id": track.id, **numbers, "status": track.status, "radius95_m": float(track.radius95_m)}
 
 

@@ -92,10 +92,9 @@ class LaserNoise(Strict):
         rng: np.random.Generator,
     ) -> None:
         """Move beams that straddle an edge between the two surfaces, in place."""
-        with np.errstate(invalid="ignore"):  # inf - inf where neither beam returns
-            jump = np.abs(ideal[1:] - ideal[:-1])
         # A jump to +inf or NaN is no mixed pixel: only one surface returns an echo.
-        left = np.flatnonzero((jump > self.edge_m) & (jump < np.inf))
+        echo = np.where(ideal < np.inf, ideal, np.float32(np.nan))
+        left = (np.abs(echo[1:] - echo[:-1]) > self.edge_m).nonzero()[0]
         if left.size == 0:
             return
         beam = np.concatenate([left, left + 1])  # the beams on either side of each edge

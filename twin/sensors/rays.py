@@ -76,7 +76,9 @@ def passes_spheres(directions: Array, reach_m: Array | float, centre_m: Array, r
     radius_m = radius_m + _MARGIN_M
     along = directions @ centre_m.T  # (n, m): to the place nearest to each centre
     miss_m2 = (centre_m * centre_m).sum(axis=1) - along * along
-    return (miss_m2 <= radius_m * radius_m) & (along > -radius_m) & (along < np.reshape(reach_m, (-1, 1)) + radius_m)
+    return (
+        (miss_m2 <= radius_m * radius_m) & (along > -radius_m) & (along < np.asarray(reach_m).reshape(-1, 1) + radius_m)
+    )
 
 
 Hits = tuple[NDArray[np.int32], Array]
@@ -137,6 +139,8 @@ class RayFan:
     def _in_the_room(self, snapshot: Snapshot) -> Hits:
         """Return the first hits of all rays in the empty room."""
         model, data = snapshot.model, snapshot.data
+        if model is self._model and not self._may_move.size:
+            return self._kept
         if model is not self._model:
             in_room = snapshot.person_of_geom == 0
             self._may_move = np.flatnonzero(in_room & (model.body_weldid[model.geom_bodyid] > 0))

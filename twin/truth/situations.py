@@ -130,7 +130,8 @@ def joined_pairs(
     following = np.array([beams[:-1], beams[1:]])
     changes = person[1:] != person[:-1]
     # in most scans no cluster spans two people
-    if _splits(range_m, following[:, changes], angle_increment_rad).all():
+    at_changes = _splits(range_m, following[:, changes], angle_increment_rad)
+    if np.count_nonzero(at_changes) == at_changes.size:
         return set()
     cluster = np.concatenate([[0], np.cumsum(_splits(range_m, following, angle_increment_rad))])
     pairs: set[Pair] = set()
@@ -257,7 +258,7 @@ def _near_another(points: NDArray[np.float64], ids: NDArray[np.int16]) -> tuple[
     low, high = np.minimum.reduceat(points, first), np.maximum.reduceat(points, first)
     gap = np.maximum(np.maximum(low[:, None] - high, low - high[:, None]), 0.0)  # (n, n, 2)
     near = np.hypot(gap[..., 0], gap[..., 1]) <= LINKAGE_M + 1e-9
-    kept = (np.count_nonzero(near, axis=1) > 1).repeat(np.diff(first, append=len(ids)))
+    kept = (near.sum(axis=1) > 1).repeat(np.append(first[1:], len(ids)) - first)
     return points[kept], ids[kept]
 
 

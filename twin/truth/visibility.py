@@ -113,7 +113,7 @@ def first_hits(
     distance = np.sqrt((local * local).sum(axis=-1))
     candidate = counted & in_field & (distance <= view.range_max_m) & (distance > 0)
     met = np.where(candidate, ids[:, None], np.int16(-1))
-    if candidate.any():
+    if np.count_nonzero(candidate):
         directions = (local[candidate] / distance[candidate, None]) @ view.room_from_sensor_rotation.T
         met[candidate] = _Rays(view, snapshot, directions, distance[candidate], met[candidate]).first_hits()
     return counted, met

@@ -138,7 +138,7 @@ class World:
         if t != self._pose_time:
             self.people.advance(t)
             qpos, present, bodies = self.people.qpos(t), self.people.present(t), self.scene.bodies
-            assert bodies.there[present].all(), "whoever is in the room has a body"
+            assert not np.count_nonzero(present & ~bodies.there), "whoever is in the room has a body"
             qpos[~present, 2] = _OUT_OF_THE_ROOM_M
             self.data.qpos[bodies.qpos_address[bodies.there]] = qpos[bodies.there]
             self._place_bases(t)

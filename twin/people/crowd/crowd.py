@@ -185,9 +185,9 @@ class Crowd:
     def taken(self) -> Mask:
         """Return a mask (n,) of the people about to halt at a goal that another occupies."""
         close = self.halting(TAKEN_WITHIN_M)
-        if not close.any():
+        if not np.count_nonzero(close):
             return close
-        others = self.present & ~np.eye(len(self.place), dtype=bool)
+        others = self.present & (self._self_far == 0)
         near = (np.abs(self.place - self._goal[:, None]) < KEEP_APART_M) & others
         return near.any(axis=1) & close
 

@@ -166,11 +166,12 @@ def arms_in(apart: Array, seen: Planar, gap_m: Array, things: Planar) -> Array |
     if not (near or beside):
         return 0.0
     held = np.zeros((2, len(apart)))
-    for distance, way, from_m, at_m in (
-        (apart, seen, ARMS_IN_FROM_M, ARMS_IN_AT_M),
-        (gap_m, things, ARMS_IN_BY_WALLS_FROM_M, ARMS_IN_BY_WALLS_AT_M),
+    for counts, distance, way, from_m, at_m in (
+        (near, apart, seen, ARMS_IN_FROM_M, ARMS_IN_AT_M),
+        (beside, gap_m, things, ARMS_IN_BY_WALLS_FROM_M, ARMS_IN_BY_WALLS_AT_M),
     ):
-        share = np.clip((from_m - distance) / (from_m - at_m), 0.0, 1.0)
-        for side, on_side in enumerate((way.imag > 0, way.imag <= 0)):
-            held[side] = np.maximum(held[side], (share * on_side).max(axis=1, initial=0.0))
+        if counts:
+            share = np.minimum(np.maximum((from_m - distance) / (from_m - at_m), 0.0), 1.0)
+            on_left = way.imag > 0
+            held = np.maximum(held, np.array([share * on_left, share * ~on_left]).max(axis=2, initial=0.0))
     return held

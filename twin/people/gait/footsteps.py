@@ -195,7 +195,7 @@ class Footsteps:
         lands = landed & self.lands
         self.soles = np.where(lands, self._target, self.soles)
         self.in_air &= ~lands
-        goes_on = self.in_air.any(axis=0)
+        goes_on = self.in_air[0] | self.in_air[1]
         self.stepping &= ~landed | goes_on
         self.progress -= landed
         self.lands ^= landed & goes_on
@@ -214,7 +214,8 @@ class Footsteps:
         home = (0.5 * style.step_width) * _SIDE
         misplaced = np.maximum(np.abs(self.seen - 1j * home) / self._scale, 0.3 * np.abs(twist))
         # a foot that has just landed starts the next step more readily than a standing person
-        moves = (misplaced.max(axis=0) > np.where(landed, 0.03, 0.06)) | (motion.speed > np.where(landed, 0.08, 0.12))
+        worst = np.maximum(misplaced[0], misplaced[1])
+        moves = (worst > np.where(landed, 0.03, 0.06)) | (motion.speed > np.where(landed, 0.08, 0.12))
         starts = ~self.stepping & moves
         if still is not None:
             starts &= ~still

@@ -176,7 +176,7 @@ class FreeGaze:
     def at(self, t: float) -> Array:
         """Return the angles (n,) [rad] at time t [s]; times must increase."""
         over = t >= self._until
-        if over.any():
+        if np.count_nonzero(over):
             for place in np.flatnonzero(over).tolist():
                 rng = self._random[place]
                 self._angle[place] = np.clip(rng.normal(0.0, _SPREAD_RAD), -_MOST_RAD, _MOST_RAD)

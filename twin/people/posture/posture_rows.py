@@ -51,7 +51,7 @@ POSTURE_ROWS = 46
 
 def active(rows: Array) -> NDArray[np.intp]:
     """Return the indices (m,) of people with a posture other than standing, from rows (POSTURE_ROWS, n)."""
-    return np.nonzero(rows.any(axis=0))[0]
+    return rows.any(axis=0).nonzero()[0] if np.count_nonzero(rows) else np.zeros(0, dtype=np.intp)
 
 
 def faced(heading: Array, rows: Array) -> Array:

@@ -235,6 +235,8 @@ class Postures:
 
     def turning(self) -> NDArray[np.bool_]:
         """Return a mask (n,) of the people who turn on their seats, or are about to, and step along."""
+        if self._idle:
+            return ~self._all
         return self._turns.progress != self._turns.goal((self._aim == _SITS) & (self._sitting >= 1))
 
     def footing(self, people: NDArray[np.intp]) -> tuple[Planar, Array]:
