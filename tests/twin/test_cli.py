@@ -440,3 +440,10 @@ def test_an_option_that_another_leaves_without_effect_is_refused(
     done = twin(*arguments, cwd=tmp_path)
     assert done.returncode == 2 and said in done.stderr and "Traceback" not in done.stderr
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("command", ["run", "study coverage"])
+def test_a_sensor_outside_the_building_is_refused_by_all_that_look_from_it(command: str, tmp_path: Path) -> None:
+    done = twin(*command.split(), LAB, "--set", "sensors.waist.mount.xyz=[9, 0, 0.95]", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 2 and "sensors.waist.mount.xyz: [9, 0, 0.95] is " in done.stderr
+    assert "a point in free space is expected" in done.stderr and not list(tmp_path.iterdir())
