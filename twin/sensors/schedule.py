@@ -130,6 +130,10 @@ class SensorEvent:
     dropped: bool
 
 
+_Look = tuple[int, int, SensorEvent, bool]
+"""Stamp [ns], index of the sensor, event, and is_made."""
+
+
 @dataclass(frozen=True, eq=False)
 class Delivery:
     """A reading on arrival; `stamp_ns` is the true time of the measurement, whatever the message says."""
@@ -156,10 +160,12 @@ class Schedule:
 
     def events(self) -> Iterator[SensorEvent]:
         """Yield all events in order of their stamps, lost observations included."""
-        return (event for _, _, event, _ in self._ordered())
+        return (event for _, _, event, _ in self.ordered())
 
-    def observe(self, world: SnapshotSource) -> Iterator[Delivery]:
+    def observe(self, world: SnapshotSource, ordered: Iterator[_Look] | None = None) -> Iterator[Delivery]:
         """Yield deliveries in order of arrival; snapshots of the world are taken in order of stamps.
+
+        `ordered`: what `ordered` gives, if it was called before.
 
         Only readings that have not arrived are held, so memory does not grow with the duration. The world must be able to go
         back by the longest sweep.
@@ -167,7 +173,7 @@ class Schedule:
         noise = [np.random.default_rng(noise_seed) for _, noise_seed in self._seeds]
         states: list[State] = [None] * len(self._sensors)
         waiting: list[tuple[int, int, Delivery]] = []  # by arrival, those that arrive together by their measurement
-        for number, (_, place, event, made) in enumerate(self._ordered()):
+        for number, (_, place, event, made) in enumerate(ordered or self.ordered()):
             # Whatever is measured from here on arrives no earlier than its stamp.
             while waiting and waiting[0][0] <= event.stamp_ns:
                 yield heapq.heappop(waiting)[2]
@@ -187,11 +193,11 @@ class Schedule:
         while waiting:
             yield heapq.heappop(waiting)[2]
 
-    def _ordered(self) -> Iterator[tuple[int, int, SensorEvent, bool]]:
+    def ordered(self) -> Iterator[_Look]:
         """Yield stamp [ns], index of the sensor, event, and is_made (the observation is made), in order of stamps."""
         return heapq.merge(*(self._looks(place) for place in range(len(self._sensors))), key=lambda look: look[:2])
 
-    def _looks(self, place: int) -> Iterator[tuple[int, int, SensorEvent, bool]]:
+    def _looks(self, place: int) -> Iterator[_Look]:
         """Yield the events of one sensor."""
         scheduled = self._sensors[place]
         timing, sensor, faults = scheduled.timing, scheduled.sensor, scheduled.faults

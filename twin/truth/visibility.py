@@ -80,18 +80,19 @@ def sensor_view(sensor: RigSensor, description: SensorDescription) -> SensorView
 
 def visible_share(
     view: SensorView, snapshot: Snapshot, points: NDArray[np.float64], ids: NDArray[np.int16]
-) -> NDArray[np.float64]:
+) -> tuple[NDArray[np.float64], NDArray[np.int16]]:
     """Return the share, 0 to 1, of the points on each body (n_people, n_point, 3) [m] that a ray reaches, (n_people,).
 
     A ray reaches a point when it meets that person first, or nothing before the point. For a scanner only points near its
     plane count, moved into it; 0 where no part of the body crosses the plane. `ids`: as in the snapshot's `person_of_geom`.
+    Also returns whom each ray meets, as `first_hits` does.
     """
     if len(points) == 0:
-        return np.zeros(0)
+        return np.zeros(0), np.zeros(points.shape[:2], dtype=np.int16)
     counted, met = first_hits(view, snapshot, points, ids)
     total = counted.sum(axis=1)
     reached = (met == ids[:, None]).sum(axis=1)
-    return np.divide(reached, total, out=np.zeros(len(points)), where=total > 0)
+    return np.divide(reached, total, out=np.zeros(len(points)), where=total > 0), met
 
 
 def first_hits(
@@ -181,7 +182,7 @@ _NO_PERSON = np.array([np.iinfo(np.int16).max], dtype=np.int16)
 def sees_any_of(view: SensorView, empty: Snapshot, area: NDArray[np.float64]) -> bool:
     """Return True where a ray from the sensor reaches a possible point of a body in the area (k, 2) [m] of the empty room."""
     heights_m = _LEVELS_M if view.is_scanner else _HEIGHTS_M
-    return bool(visible_share(view, empty, _points(area, heights_m)[None], _NO_PERSON)[0] > 0)
+    return bool(visible_share(view, empty, _points(area, heights_m)[None], _NO_PERSON)[0][0] > 0)
 
 
 def _points(area: NDArray[np.float64], heights_m: Sequence[float]) -> NDArray[np.float64]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Generator, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import groupby
+from itertools import groupby, tee
 from operator import attrgetter
 from typing import NoReturn, Self
 
@@ -134,7 +134,8 @@ class Simulation:
         }
         self._details = self._truth_details(on_detail) if on_detail is not None else None
         self._schedule = Schedule([self._scheduled(name) for name in self._sensors], scenario.duration_s)
-        self._truth_stamps = groupby(self._schedule.events(), key=attrgetter("stamp_ns"))
+        self._ordered, ahead = tee(self._schedule.ordered())
+        self._truth_stamps = groupby((event for _, _, event, _ in ahead), key=attrgetter("stamp_ns"))
         self._next_truth = self._following_truth()
         self._coming: Generator[Delivered] | None = None
         self._over = ""  # reason why it has ended
@@ -210,7 +211,7 @@ class Simulation:
 
     def _deliver(self) -> Generator[Delivered]:
         self._over = stopped = "was stopped by an error"
-        for delivery in self._schedule.observe(self):
+        for delivery in self._schedule.observe(self, self._ordered):
             encoded = encode(delivery.reading.observation)
             read = self.as_read(encoded)
             self._over = ""

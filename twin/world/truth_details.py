@@ -50,6 +50,10 @@ class InhabitedWorld(SnapshotSource, Protocol):
         """The scene of the snapshot taken last: its people and bodies."""
         ...
 
+    def met(self, sensor: str, stamp_ns: int) -> NDArray[np.int16] | None:
+        """Return whom rays from a sensor to each person's points meet (n_people, n_point); None if not known at this stamp."""
+        ...
+
 
 class TruthDetails:
     """Maker of the details, passed to `tell` in the order of stamps, situations when they end.
@@ -84,15 +88,16 @@ class TruthDetails:
         self._scanned_ns: int | None = None  # frame of merging for the rig not judged yet
         self._near: dict[Pair, float] = {}
         self._present = np.zeros(0, dtype=np.int16)
-        self._place_m = np.zeros((0, 2))
+        self._places: dict[int, NDArray[np.float64]] = {}  # all positions at the last stamp, (2,) [m] by id
 
     def people(self, frame: TruthFrame, snapshot: Snapshot) -> None:
         """Set the truth of a stamp and its world."""
         self._merge_for_the_rig()
         self._now = {name: view.at(snapshot) for name, view in self._views.items()}
         self._present = np.array([person.id for person in frame.people], dtype=np.int16)
-        self._place_m = np.array([(person.x, person.y) for person in frame.people], dtype=float).reshape(-1, 2)
-        self._near = pairs_within(self._present, self._place_m, INTERACTION_M)
+        place_m = np.array([(person.x, person.y) for person in frame.people], dtype=float).reshape(-1, 2)
+        self._places = dict(zip(self._present.tolist(), place_m, strict=True))
+        self._near = pairs_within(self._present, place_m, INTERACTION_M)
         interacting = {pair: PairState(least_m=distance) for pair, distance in self._near.items()}
         if snapshot.model is not self._outlines.model:
             self._outlines = BodyOutlines(snapshot.model, snapshot.person_of_geom)
@@ -114,16 +119,12 @@ class TruthDetails:
         self._merge_for_the_rig()
         self._tell_all(self._situations.finish(end_ns))
 
-    def _places(self) -> dict[int, np.ndarray]:
-        """Return all positions at the last stamp, (2,) [m] by id."""
-        return dict(zip(self._present.tolist(), self._place_m, strict=True))
-
     def _merge_for_the_rig(self) -> None:
         """Judge the last frame of scanners, once all of its scans are in."""
         if self._scanned_ns is None:
             return
         stamp_ns, self._scanned_ns = self._scanned_ns, None
-        merged = merged_pairs(self._looks, stamp_ns, self._near, self._places())
+        merged = merged_pairs(self._looks, stamp_ns, self._near, self._places)
         self._tell_all(self._situations.update("merged_rig", "", stamp_ns, merged))
 
     def _tell_all(self, ended: list[Situation]) -> None:
@@ -155,7 +156,7 @@ class TruthDetails:
         self._tell(RayFrame(stamp_ns, sensor, runs))
         unmet, hidden = self._hidden(sensor, stamp_ns, {run.id for run in runs})
         merged = {pair: PairState("hidden", self._near[pair]) for pair in hidden}
-        place = self._places()
+        place = self._places
         for first, second in joined_pairs(reading.truth["range_m"], person_of_ray, scan.angle_increment_rad):
             if not {first, second} <= place.keys():  # left during the scan
                 continue
@@ -174,9 +175,13 @@ class TruthDetails:
         hidden = sorted(unmet & {id_ for pair in self._near for id_ in pair})
         if not hidden:
             return frozenset(), set()
-        snapshot = self._world.snapshot(stamp_ns / NS_PER_S)
-        points = snapshot.data.site_xpos[self._world.scene.bodies.point_site[[self._row[id_] for id_ in hidden]]]
-        _, met = first_hits(self._now[sensor], snapshot, points, np.array(hidden, dtype=np.int16))
+        rows, met = [self._row[id_] for id_ in hidden], self._world.met(sensor, stamp_ns)
+        if met is not None:
+            met = met[rows]
+        else:
+            snapshot = self._world.snapshot(stamp_ns / NS_PER_S)
+            points = snapshot.data.site_xpos[self._world.scene.bodies.point_site[rows]]
+            _, met = first_hits(self._now[sensor], snapshot, points, np.array(hidden, dtype=np.int16))
         seen = list(zip(hidden, met.tolist(), strict=True))
         pairs = {(min(id_, other), max(id_, other)) for id_, ids in seen for other in set(ids)} & self._near.keys()
         return frozenset(id_ for id_, ids in seen if max(ids) >= 0), pairs

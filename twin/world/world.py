@@ -121,6 +121,7 @@ class World:
         """Cached poses for rays, for worlds with scanners only; unused where bases drive, which it does not hold."""
         self._feet: Feet | None = None
         self._bases: dict[str, Array] = {}
+        self._met: dict[tuple[str, int], NDArray[np.int16]] = {}
 
     @property
     def population(self) -> Population:
@@ -222,8 +223,13 @@ class World:
         inside = self._area.contains(np.stack([pose.x, pose.y], axis=-1))
         there = pose.present
         shares = {name: np.zeros(len(there)) for name in views}
+        self._met = {}
         for name, view in views.items():
-            shares[name][there] = visible_share(view.at(snapshot), snapshot, points[there], self._ids[there])
+            met = np.full(points.shape[:2], -1, dtype=np.int16)
+            shares[name][there], met[there] = visible_share(
+                view.at(snapshot), snapshot, points[there], self._ids[there]
+            )
+            self._met[name, stamp_ns] = met
         feet = self._feet_truth(snapshot, floors or {}) if with_feet else [()] * len(there)
         people = [
             PersonTruth(
@@ -246,6 +252,13 @@ class World:
             if pose.present[place]
         ]
         return TruthFrame(stamp_ns, tuple(people))
+
+    def met(self, sensor: str, stamp_ns: int) -> NDArray[np.int16] | None:
+        """Return whom rays from a sensor to each person's points meet (n_people, n_point), if that was the last truth's stamp.
+
+        Ids as of `first_hits`, people ordered by name; None for another stamp, and where the truth is without shares.
+        """
+        return self._met.get((sensor, stamp_ns))
 
     @staticmethod
     def _feet_truth(snapshot: Snapshot, floors: Mapping[str, CellsOfFeet]) -> list[tuple[FootTruth, FootTruth]]:

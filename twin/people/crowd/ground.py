@@ -28,13 +28,14 @@ def free_places(
     count: int,
     rng: np.random.Generator,
     source: str = "area",
+    inside: Area | None = None,
 ) -> Array:
     """Draw places (count, 2) [m], uniform in the polygon `area` (k, 2) at least `KEEP_FROM_FURNITURE_M` from all footprints.
 
-    Raises InputError, naming `source`, where almost none of the area is free.
+    `inside`: its `Area`, if it was made before. Raises InputError, naming `source`, where almost none of the area is free.
     """
     low, high = area.min(axis=0), area.max(axis=0)
-    inside, found = Area(area), np.empty((0, 2))
+    inside, found = inside or Area(area), np.empty((0, 2))
     for _ in range(_ROUNDS):
         if len(found) >= count:
             return found[:count]
@@ -113,6 +114,10 @@ class Ground:
         return inner
 
     @cached_property
+    def _within(self) -> Area:
+        return Area(self.inner)
+
+    @cached_property
     def _footprints(self) -> Footprints:
         return Footprints(self.obstacles)
 
@@ -135,4 +140,5 @@ class Ground:
 
     def free_places(self, count: int, rng: np.random.Generator) -> Array:
         """Draw places (count, 2) [m] in the area, clear of furniture; raises InputError where there is none."""
-        return free_places(self.inner, self._footprints, count, rng, source=f"{self.source}: area")
+        source = f"{self.source}: area"
+        return free_places(self.inner, self._footprints, count, rng, source, self._within)

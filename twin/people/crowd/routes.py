@@ -44,8 +44,7 @@ class Routes:
         self.area, self.obstacles = area, tuple(obstacles)
         self.footprints = Footprints(self.obstacles)
         self._furniture = [each.furniture for each in obstacles]
-        self._inner = inner
-        self._in_area, self._well_in_area = Area(area, TOLERANCE_M), Area(inner, TOLERANCE_M)
+        self._border, self._inner_border = _Border(area), _Border(inner)
         self._wide = _Convex([inflated(each.corners, ROUTE_RADIUS_M) for each in obstacles])
         close_m = min(CLOSE_M, ROUTE_RADIUS_M) * np.cos(np.pi / 12)  # so that corners are no farther off either
         self._close = _Convex([inflated(each.corners, close_m) for each in obstacles])
@@ -55,7 +54,7 @@ class Routes:
         free = Area(inner, _CLEAR_M).contains(nodes) & ~self._wide.contains(nodes).any(axis=1)
         self._nodes = nodes[free]
         first, second = np.triu_indices(len(self._nodes), 1)
-        seen = self._sees(self._nodes[first], self._nodes[second], self._wide, inner)
+        seen = self._sees(self._nodes[first], self._nodes[second], self._wide, self._inner_border)
         lengths = np.zeros((len(self._nodes),) * 2)
         lengths[first[seen], second[seen]] = np.linalg.norm(self._nodes[first] - self._nodes[second], axis=1)[seen]
         lengths += lengths.T
@@ -109,7 +108,7 @@ class Routes:
 
     def _stands(self, place: Array) -> bool:
         """Return whether a person can stand at a place (2,), possibly close to furniture."""
-        return bool(self._in_area.contains(place[None])[0] and not self._close.contains(place[None]).any())
+        return bool(self._border.around.contains(place[None])[0] and not self._close.contains(place[None]).any())
 
     def _leg(self, end: Array, others: Array, also: Array | None = None) -> Mask:
         """Return which straight ways from an end (2,) to others (n, 2) are free, ignoring furniture close to the end or to
@@ -117,16 +116,16 @@ class Routes:
         """
         ends = end[None] if also is None else np.stack([end, also])
         adjacent = np.asarray(self._wide.contains(ends).any(axis=0))
-        inner = self._inner if self._well_in_area.contains(ends).all() else self.area
-        return self._sees(np.broadcast_to(end, others.shape), others, self._wide.where(adjacent, self._close), inner)
+        border = self._inner_border if self._inner_border.around.contains(ends).all() else self._border
+        return self._sees(np.broadcast_to(end, others.shape), others, self._wide.where(adjacent, self._close), border)
 
     @staticmethod
-    def _sees(start: Array, end: Array, shapes: _Convex, area: Array) -> Mask:
-        """Return which straight ways start to end (n, 2) cross no shape and stay in the area (k, 2)."""
-        seen = ~_cut(area, start, end)
+    def _sees(start: Array, end: Array, shapes: _Convex, border: _Border) -> Mask:
+        """Return which straight ways start to end (n, 2) cross no shape and stay within the border."""
+        seen = ~border.cuts(start, end)
         # costlier tests only for the ways left
         seen[seen] = ~shapes.crossed(start[seen], end[seen])
-        seen[seen] = _stay_within(area, start[seen], end[seen])
+        seen[seen] = border.holds(start[seen], end[seen])
         return seen
 
 
@@ -202,63 +201,63 @@ def _is_convex(corners: Array) -> bool:
     return bool((turn >= 0).all() or (turn <= 0).all())
 
 
-def _shares(area: Array, start: Array, end: Array) -> tuple[Array, Array]:
-    """Intersect straight ways start to end (n, 2) with the lines of the polygon's edges (k, 2).
+class _Border:
+    """Border of a simple polygon (k, 2) [m]: its edges, and the areas within it and up to `TOLERANCE_M` around it."""
 
-    Returns shares of the way and of the edge, both (n, k); not finite where parallel.
-    """
-    edge = np.roll(area, -1, axis=0) - area
-    way = end - start
-    offset = area - start[:, None]  # (n, k, 2)
-    turn = cross(way[:, None], edge)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # ways of almost no length
-        return cross(offset, edge) / turn, cross(offset, way[:, None]) / turn
+    def __init__(self, corners: Array) -> None:
+        self.inside, self.around = Area(corners), Area(corners, TOLERANCE_M)
+        self._corners, self._following = corners, np.roll(corners, -1, axis=0)
+        self._edge = self._following - corners
 
+    def cuts(self, start: Array, end: Array) -> Mask:
+        """Return which straight ways start to end (n, 2) properly cross an edge."""
+        along_way, along_edge = self._shares(start, end)
+        between = (along_way > _CUTS_FROM) & (along_way < 1 - _CUTS_FROM)
+        between &= (along_edge > _CUTS_FROM) & (along_edge < 1 - _CUTS_FROM)
+        return np.asarray(between.any(axis=1))
 
-def _cut(area: Array, start: Array, end: Array) -> Mask:
-    """Return which straight ways start to end (n, 2) properly cross an edge of the polygon (k, 2)."""
-    along_way, along_edge = _shares(area, start, end)
-    between = (along_way > _CUTS_FROM) & (along_way < 1 - _CUTS_FROM)
-    between &= (along_edge > _CUTS_FROM) & (along_edge < 1 - _CUTS_FROM)
-    return np.asarray(between.any(axis=1))
+    def holds(self, start: Array, end: Array) -> Mask:
+        """Return whether straight ways start to end (n, 2) stay in the polygon, its border included."""
+        inside = self.inside.contains(start)
+        near = self._touched(start, end)  # the others stay on one side of the border
+        inside[near] = self._holds_piecewise(start[near], end[near])
+        return inside
 
+    def _shares(self, start: Array, end: Array) -> tuple[Array, Array]:
+        """Intersect straight ways start to end (n, 2) with the lines of the edges.
 
-def _stay_within(area: Array, start: Array, end: Array) -> Mask:
-    """Return whether straight ways start to end (n, 2) stay in the simple polygon (k, 2), its border included."""
-    inside = Area(area).contains(start)
-    near = _touches(area, start, end)  # the others stay on one side of the border
-    inside[near] = _stays_within_piecewise(area, start[near], end[near])
-    return inside
+        Returns shares of the way and of the edge, both (n, k); not finite where parallel.
+        """
+        way = end - start
+        offset = self._corners - start[:, None]  # (n, k, 2)
+        turn = cross(way[:, None], self._edge)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # ways of almost no length
+            return cross(offset, self._edge) / turn, cross(offset, way[:, None]) / turn
 
+    def _touched(self, start: Array, end: Array) -> Mask:
+        """Return which straight ways start to end (n, 2) come to the border or very near it."""
+        along_way, along_edge = self._shares(start, end)
+        met = (along_way >= 0) & (along_way <= 1) & (along_edge >= 0) & (along_edge <= 1)
+        near_square = (2 * TOLERANCE_M) ** 2
+        met |= _gap_square(start, end, self._corners) <= near_square
+        for place in (start, end):
+            of_edges = _gap_square(self._corners, self._following, place).T
+            met |= of_edges <= near_square
+        return np.asarray(met.any(axis=1))
 
-def _touches(area: Array, start: Array, end: Array) -> Mask:
-    """Return which straight ways start to end (n, 2) come to the border of the polygon (k, 2) or very near it."""
-    following = np.roll(area, -1, axis=0)
-    along_way, along_edge = _shares(area, start, end)
-    met = (along_way >= 0) & (along_way <= 1) & (along_edge >= 0) & (along_edge <= 1)
-    near_square = (2 * TOLERANCE_M) ** 2
-    met |= _gap_square(start, end, area) <= near_square
-    for place in (start, end):
-        of_edges = _gap_square(area, following, place).T
-        met |= of_edges <= near_square
-    return np.asarray(met.any(axis=1))
-
-
-def _stays_within_piecewise(area: Array, start: Array, end: Array) -> Mask:
-    """Return the same as `_stay_within`, from the middles of the pieces into which edge lines and corners part each way."""
-    inside = Area(area, TOLERANCE_M)
-    way = end - start
-    edge = np.roll(area, -1, axis=0) - area
-    offset = area - start[:, None]  # (n, k, 2)
-    turn = cross(way[:, None], edge)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        met = np.where(turn != 0, cross(offset, edge) / turn, 0.0)
-    adjacent = np.einsum("nkc,nc->nk", offset, way) / np.maximum((way**2).sum(axis=1), TOLERANCE_M**2)[:, None]
-    ends = np.zeros((len(start), 1))
-    cuts = np.sort(np.clip(np.concatenate([ends, met, adjacent, ends + 1.0], axis=1), 0.0, 1.0), axis=1)
-    middles = np.concatenate([ends, (cuts[:, 1:] + cuts[:, :-1]) / 2, ends + 1.0], axis=1)
-    places = start[:, None] + middles[..., None] * way[:, None]
-    return np.asarray(inside.contains(places.reshape(-1, 2)).reshape(middles.shape).all(axis=1))
+    def _holds_piecewise(self, start: Array, end: Array) -> Mask:
+        """Return the same as `holds`, from the middles of the pieces into which edge lines and corners part each way."""
+        way = end - start
+        offset = self._corners - start[:, None]  # (n, k, 2)
+        turn = cross(way[:, None], self._edge)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            met = np.where(turn != 0, cross(offset, self._edge) / turn, 0.0)
+        adjacent = np.einsum("nkc,nc->nk", offset, way) / np.maximum((way**2).sum(axis=1), TOLERANCE_M**2)[:, None]
+        ends = np.zeros((len(start), 1))
+        cuts = np.sort(np.clip(np.concatenate([ends, met, adjacent, ends + 1.0], axis=1), 0.0, 1.0), axis=1)
+        middles = np.concatenate([ends, (cuts[:, 1:] + cuts[:, :-1]) / 2, ends + 1.0], axis=1)
+        places = start[:, None] + middles[..., None] * way[:, None]
+        return np.asarray(self.around.contains(places.reshape(-1, 2)).reshape(middles.shape).all(axis=1))
 
 
 def _gap_square(start: Array, end: Array, places: Array) -> Array:
