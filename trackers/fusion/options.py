@@ -97,8 +97,8 @@ class FusionOptions(Strict):
     max_wait_s: float = Field(
         default=0.15, ge=0, description="how long an observation waits for older ones of other sensors [s]"
     )
-    trunk: KindOptions = _kind(0.01, 0.035, 0.95, 1e-3, 0.1, "trunks at waist height")
-    legs: KindOptions = _kind(0.07, 0.05, 0.95, 1e-2, 0.1, "legs at knee height")
+    trunk: KindOptions = _kind(0.01, 0.015, 0.95, 1e-3, 0.1, "trunks at waist height")
+    legs: KindOptions = _kind(0.07, 0.025, 0.95, 1e-2, 0.1, "legs at knee height")
     camera: KindOptions = _kind(0.035, 0.05, 0.8, 3e-2, 0.3, "people in the picture of a camera")
     stereo: KindOptions = _kind(0.08, 0.06, 0.7, 1e-2, 0.3, "people in the depths of a stereo camera")
     floor: KindOptions = _kind(0.09, 0.06, 0.8, 1e-2, 0.3, "loads on a pressure floor")
