@@ -153,6 +153,7 @@ def evaluate(
     from twin.console import print_warning, print_warnings
     from twin.evaluate import evaluate_with_details
     from twin.evaluate.judged_frames import describe_judged
+    from twin.evaluate.report_clock import empty_ends
     from twin.recording.situation_table import read_situations
     from twin.recording.tables import read_tracks, read_truth
     from twin.recording.truth_tables import MOST_TABLE_BYTES, on_clock_of_tracks
@@ -176,7 +177,7 @@ def evaluate(
     tables = on_clock_of_tracks(tables[0], tables[1], tracks), tables[1]
     pairs = read_situations(situations) if situations is not None else None
     evaluation = evaluate_with_details(*tables, gate_m=gate, situations=pairs)
-    print_warnings(evaluation.notes)
+    print_warnings([*evaluation.notes, *empty_ends(*tables)])
     sys.stderr.write(f"twin: {describe_judged(evaluation.stamps_ns, len(tables[1].frame_stamps_ns))}\n")
     typer.echo(json.dumps(evaluation.metrics, indent=2))
 

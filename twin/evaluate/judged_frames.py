@@ -14,7 +14,14 @@ from trackers.area import wrap_angle
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from twin.evaluate.clear import FrameMatches, PairMatrix, match_frames
-from twin.evaluate.report_clock import JITTER_SHARE, report_clock, silent_stamps, with_stamps_between
+from twin.evaluate.report_clock import (
+    JITTER_SHARE,
+    describe_silence,
+    report_clock,
+    silent_stamps,
+    span_of,
+    with_stamps_between,
+)
 from twin.recording.tables import TRUTH_NUMBERS, TrackTable, TruthTable
 
 MAX_TRUTH_GAP_NS = NS_PER_S // 4
@@ -114,13 +121,7 @@ def align(truth: TruthTable, tracks: TrackTable) -> Alignment:
             "all others count as missed; the rows of one frame need the same t"
         )
     elif clock is not None and silent.size > NOTED_SHARE * n_total:
-        has_rhythm = tracks.frame_stamps_ns.size > 1  # else the period is that of the truth
-        otherwise = f", though it reports every {clock.period_ns / NS_PER_S:.3g} s otherwise" if has_rhythm else ""
-        notes.append(
-            f"{tracks.source}: reports nothing in {silent.size} of {n_total} frames, the first of them at "
-            f"{silent[0] / NS_PER_S:.3f} s{otherwise}; everybody there counts as missed; a row with t alone says that a "
-            "frame has no tracks"
-        )
+        notes.append(describe_silence(truth, tracks, silent, n_total, clock))
     if len(frames) < (1 - NOTED_SHARE) * n_total:
         unknown = np.setdiff1d(tracks.frame_stamps_ns, reported)
         remedy = "truth around the stamps of all tracks is needed"
@@ -232,7 +233,7 @@ def _nothing_shared(truth: TruthTable, tracks: TrackTable, gap_ns: int) -> Input
     """Explain why no frame can be judged: two clocks, or no truth where the tracks report."""
     theirs, ours = tracks.frame_stamps_ns, truth.frame_stamps_ns
     apart = theirs[-1] < ours[0] or theirs[0] > ours[-1]
-    where = f"{tracks.source}: no stamp from {_span(theirs)} is covered by {truth.source} from {_span(ours)}"
+    where = f"{tracks.source}: no stamp from {span_of(theirs)} is covered by {truth.source} from {span_of(ours)}"
     if apart:
         return InputError(
             f"{where}{_other_clock(truth, tracks, gap_ns)}; t of both tables is expected on the same clock"
@@ -343,7 +344,3 @@ def _people_at(truth: TruthTable, stamps: NDArray[np.int64], gap_ns: int) -> Tru
         in_area=truth.in_area[near],
         visible={sensor: shown[near] for sensor, shown in truth.visible.items()},
     )
-
-
-def _span(stamps: NDArray[np.int64]) -> str:
-    return f"{stamps[0] / NS_PER_S:.3f} to {stamps[-1] / NS_PER_S:.3f} s"

@@ -7,11 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.observations import NS_PER_S
+from twin.recording.tables import TrackTable, TruthTable
+
 SILENCE_FACTOR = 1.5
 USUAL_SHARE = 0.8  # share of the gaps between frames: what most gaps are
 NEARLY_ALL = 0.95  # share of the gaps: with several clocks, a usual gap may be this long
 SINGLE_SHARE = 2 / 3  # share of the gaps: above this share of single periods a tracker has one clock
 SHARED_SINGLE_SHARE = 0.4  # the same if the tracker reports at the stamps of a truth that has one clock
+NOTED_END_SHARE = 0.1  # share of all rows of people that lie beyond a table of tracks, above which a note is made
+NOTED_END_S = 2.0  # least time beyond a table of tracks of which a note is made [s]
 TICK_SHARE = 0.15  # of a period: greatest deviation of a gap from whole periods, by jitter
 JITTER_SHARE = 0.25  # of a period: jitter of a frame due, as of one just outside the truth's span
 
@@ -143,3 +148,45 @@ def _steps_near(steps: NDArray[np.float64]) -> list[NDArray[np.int64]]:
     """Round each of these (n,) and return the whole numbers around it, one on either side."""
     whole = np.rint(steps).astype(np.int64)
     return [whole - 1, whole, whole + 1]
+
+
+def span_of(stamps: NDArray[np.int64]) -> str:
+    """Format the span of stamps (n,), ascending."""
+    return f"{stamps[0] / NS_PER_S:.3f} to {stamps[-1] / NS_PER_S:.3f} s"
+
+
+def describe_silence(
+    truth: TruthTable, tracks: TrackTable, silent: NDArray[np.int64], n_total: int, clock: ReportClock
+) -> str:
+    """Return a note on frames due but not reported, of `n_total`; with both spans of time where most are at the ends."""
+    theirs = tracks.frame_stamps_ns
+    # with a single frame the period is that of the truth
+    otherwise = f", though it reports every {clock.period_ns / NS_PER_S:.3g} s otherwise" if theirs.size > 1 else ""
+    spans = ""
+    if theirs.size and 2 * np.count_nonzero((silent < theirs[0]) | (silent > theirs[-1])) > silent.size:
+        spans = f"; its frames span {span_of(theirs)}, those of {truth.source} {span_of(truth.frame_stamps_ns)}"
+    return (
+        f"{tracks.source}: reports nothing in {silent.size} of {n_total} frames ({silent.size / n_total:.0%}), the first of "
+        f"them at {silent[0] / NS_PER_S:.3f} s{otherwise}{spans}; everybody there counts as missed; a row with t alone says "
+        "that a frame has no tracks"
+    )
+
+
+def empty_ends(truth: TruthTable, tracks: TrackTable) -> list[str]:
+    """Return a note where a table's frames go on, but its tracks end well before the people, or begin well after them."""
+    people = truth.stamps_ns[truth.in_area]
+    frames = tracks.frame_stamps_ns
+    people = people[(people >= frames[0]) & (people <= frames[-1])] if frames.size else people[:0]
+    if not people.size:
+        return []
+    if not tracks.id.size:
+        return [f"{tracks.source}: holds no track in any of {frames.size} frames; everybody counts as missed"]
+    first, last = int(tracks.stamps_ns[0]), int(tracks.stamps_ns[-1])
+    share = float(np.mean((people < first) | (people > last)))
+    is_long = max(first - int(people[0]), int(people[-1]) - last) > NOTED_END_S * NS_PER_S
+    if share <= NOTED_END_SHARE or not is_long:
+        return []
+    return [
+        f"{tracks.source}: its tracks span {span_of(tracks.stamps_ns)}, people are in the area from {span_of(people)} by "
+        f"{truth.source}: {share:.0%} of their rows come before or after all tracks, and count as missed"
+    ]

@@ -1,0 +1,59 @@
+"""`twin evaluate` of tables that do not fit each other in time, and of what is no file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from command_line import twin
+
+STEP_S = 0.1
+
+
+def table(path: Path, first: int, last: int, blank_to: int = 0, mot: bool = False) -> Path:
+    """Write two people who walk to and fro at 1 m/s in frames first to last, then frames without people to `blank_to`."""
+    rows = [] if mot else ["t,id,x,y"]
+    for k in range(first, last):
+        x = abs(k * STEP_S % 10 - 5)
+        for who in (1, 2):
+            rows.append(f"{k + 1},{who},-1,-1,-1,-1,1,{x},{who},0" if mot else f"{k * STEP_S:.1f},{who},{x},{who}")
+    rows += [f"{k * STEP_S:.1f},,," for k in range(last, blank_to)]
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("tracks", "said"),
+    [
+        ({"first": 0, "last": 100}, ("100 of 200 frames (50%)", "0.000 to 9.900 s", "0.000 to 19.900 s")),
+        ({"first": 120, "last": 200}, ("120 of 200 frames (60%)", "12.000 to 19.900 s", "0.000 to 19.900 s")),
+        ({"first": 0, "last": 100, "blank_to": 200}, ("50%", "0.000 to 9.900 s", "0.000 to 19.900 s")),
+        ({"first": 0, "last": 100, "mot": True}, ("50%", "0.100 to 10.000 s", "0.100 to 20.000 s")),
+        ({"first": 120, "last": 200, "mot": True}, ("60%", "12.100 to 20.000 s", "0.100 to 20.000 s")),
+        ({"first": 0, "last": 0, "blank_to": 200}, ("holds no track in any of 200 frames",)),
+        ({"first": 0, "last": 190, "blank_to": 200}, ()),
+        ({"first": 2, "last": 199}, ()),
+        ({"first": 3, "last": 195, "mot": True}, ()),
+    ],
+)
+def test_tracks_that_end_before_the_truth_are_said(
+    tmp_path: Path, tracks: dict[str, int], said: tuple[str, ...]
+) -> None:
+    is_mot = bool(tracks.get("mot"))
+    options = ["--format", "mot", "--frame-rate", "10"] if is_mot else []
+    truth = table(tmp_path / "truth.csv", 0, 200, mot=is_mot)
+    done = twin("evaluate", truth, table(tmp_path / "tracks.csv", **tracks), *options)
+    assert done.returncode == 0
+    warnings = [line for line in done.stderr.splitlines() if "warning" in line]
+    assert len(warnings) == bool(said), warnings
+    assert all(words in warnings[0] for words in said), warnings
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    ["evaluate - tracks.csv", "evaluate truth.csv -", "track -", "new rig -", "export - --format mot", "run x --out=-"],
+)
+def test_a_dash_is_no_file(arguments: str) -> None:
+    done = twin(*arguments.split())
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "'-' names no file here, neither stdin nor stdout; the name of a file is expected" in done.stderr
