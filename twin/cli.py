@@ -128,7 +128,7 @@ def _code_of_run() -> int:
     raise_on_signals()
     try:
         check_memory()
-        _check_none_is_empty(sys.argv[1:])
+        _check_arguments(sys.argv[1:])
         # a shell expands `--out ~/x`, and leaves `--out=~/x` and what is quoted
         sys.argv[1:] = [re.sub(r"^(--[a-z-]+=)?~(?=/|$)", _home, each) for each in sys.argv[1:]]
         code = _app_of(sys.argv[1:])(standalone_mode=False)
@@ -200,14 +200,20 @@ def _describe_path_error(error: OSError) -> str | None:
     return f"{error.filename or 'output'}: {error.strerror}; a folder that can be written, with space, is expected"
 
 
-def _check_none_is_empty(arguments: Sequence[str]) -> None:
-    """Raise InputError for an empty argument: an empty path would mean the current folder."""
+def _check_arguments(arguments: Sequence[str]) -> None:
+    """Raise InputError for an argument that is empty, since an empty path would mean the current folder, or a dash."""
     from trackers.errors import InputError
 
     for before, argument in pairwise(["", *arguments]):
-        if argument == "" or re.fullmatch("--[a-z-]+=", argument):
-            named = argument.removesuffix("=") or (before if before.startswith("-") else f"after {before or 'twin'!r}")
-            raise InputError(f"{named}: an argument is empty; a name, path or value is expected")
+        option, _, value = argument.partition("=") if argument.startswith("--") else ("", "", argument)
+        if value not in ("", "-") or (not value and option and not argument.endswith("=")):
+            continue
+        named = option or (before if before.startswith("-") else f"after {before or 'twin'!r}")
+        if value:
+            raise InputError(
+                f"{named}: '-' names no file here, neither stdin nor stdout; the name of a file is expected"
+            )
+        raise InputError(f"{named}: an argument is empty; a name, path or value is expected")
 
 
 def _home(start: re.Match[str]) -> str:
