@@ -179,9 +179,16 @@ def _describe_usage_error(error: Any) -> str:
     text = error.format_message()
     for theirs, ours in _VALUE_ERRORS.items():
         text = re.sub(theirs, ours, text)
-    if not text.startswith("No such command"):
+    if text.startswith("No such command"):
+        return f"{text} Valid are {', '.join(error.ctx.command.list_commands(error.ctx))}"
+    if not text.startswith(("Got unexpected extra argument", "Missing argument")):
         return text
-    return f"{text} Valid are {', '.join(error.ctx.command.list_commands(error.ctx))}"
+    command = error.ctx.command
+    path = re.sub(r"^.*\btwin\b", "twin", error.ctx.command_path)
+    has_out = any("--out" in each.opts for each in command.params)
+    remedy = ", and --out names what is written" if has_out and text.startswith("Got") else ""
+    usage = " ".join([path, *command.collect_usage_pieces(error.ctx)]).replace("{", "").replace("}", "")
+    return f"{text.rstrip('.')}; `{usage}` is expected{remedy}"
 
 
 _UNWRITABLE = (

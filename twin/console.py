@@ -153,8 +153,8 @@ def print_warning(warning: str) -> None:
         sys.stderr.write(f"twin: warning: {sentence(warning)}\n")
 
 
-def print_paths(files: Mapping[str, Path]) -> None:
-    """Print the paths of the results, one per line."""
+def print_paths(files: Mapping[str, Path | str]) -> None:
+    """Print the paths of the results, one per line, and what is told with them."""
     width = max(map(len, files), default=0)
     for name, path in files.items():
         print(printable(f"{name:{width}}  {path}"))

@@ -6,6 +6,7 @@ import re
 import sys
 from pathlib import Path
 
+import command_line
 import cv2
 import pytest
 from typer.testing import CliRunner
@@ -201,6 +202,39 @@ def test_another_package_called_trackers_is_named(tmp_path: Path, monkeypatch: p
 @pytest.mark.parametrize("group", ["new", "suite", "study"])
 def test_a_group_of_commands_alone_prints_its_help(here: Path, group: str) -> None:
     assert "Commands:" in _twin(group)
+
+
+def test_new_tells_the_path_and_the_next_command(here: Path) -> None:
+    for kind, option, file, following in [
+        ("scenario", "mine", "mine/scenario.yaml", "twin run mine/scenario.yaml"),
+        ("room", "a room.xml", "a room.xml", "twin view 'a room.xml'"),
+        ("tracker", "mine.py", "mine.py", "twin check mine:Mine"),
+        ("tracker", "sub/own.py", "sub/own.py", "cd sub && twin check own:Mine"),
+        ("suite", "suite.yaml", "suite.yaml", "twin suite run suite.yaml"),
+        ("study", "study.yaml", "study.yaml", "twin study run study.yaml"),
+    ]:
+        said = [line.split(maxsplit=1) for line in _twin("new", kind, "--out", option).splitlines()]
+        assert said == [[kind, file], ["next", following]]
+    said = _twin("new", "scenario", "--drawn", "--seed", "1", "--out", "drawn").splitlines()
+    assert [line.split(maxsplit=1)[0] for line in said] == ["scenario", "room", "next"]
+    assert said[-1].endswith("twin run drawn/scenario.yaml")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (
+            "new scenario X",
+            "extra argument(s) (X); `twin new scenario [OPTIONS]` is expected, and --out names what is written",
+        ),
+        ("new rig", "Missing argument 'recording'; `twin new rig [OPTIONS] recording` is expected"),
+        ("evaluate a b c", "extra argument(s) (c); `twin evaluate [OPTIONS] truth tracks` is expected"),
+    ],
+)
+def test_arguments_too_many_or_too_few_are_told_with_the_usage(arguments: str, said: str) -> None:
+    done = command_line.twin(*arguments.split())
+    assert done.returncode == 2 and done.stderr.startswith("twin: ")
+    assert done.stderr.endswith(f"{said}\n")
 
 
 @pytest.mark.parametrize(

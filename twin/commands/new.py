@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import quote
 from typing import Annotated
 
 import typer
@@ -182,16 +183,17 @@ def scenario(
     for file in (path, *([room] if drawn else [])):
         if file.exists():
             raise InputError(f"{file}: is there already; another folder (--out) is expected")
+    following = f"twin run {quote(str(path))}"
     if not drawn:
         write_atomic(path, SCENARIO.format(name=_name(out), file=path))
-        print_paths({"scenario": path})
+        print_paths({"scenario": path, "next": following})
         return
     loaded = load_scenario("drawn", overrides(set_, seed))
     write_atomic(room, Path(loaded.room).read_text(encoding="utf-8"))
     about = f"Drawn with seed {loaded.seed}."
     plain = loaded.model_copy(update={"room": room.name, "name": f"drawn-{loaded.seed}", "description": about})
     write_atomic(path, dump_scenario(plain))
-    print_paths({"scenario": path, "room": room})
+    print_paths({"scenario": path, "room": room, "next": following})
 
 
 @app.command(epilog="Example: twin new room --out office.xml; twin view office.xml")
@@ -252,7 +254,17 @@ def _write(what: str, text: str, path: Path, suffix: str) -> None:
     if path.exists():
         raise InputError(f"--out {path}: is there already; the name of a new file is expected")
     write_atomic(path, text)
-    print_paths({what: path})
+    file = quote(str(path))
+    following = {
+        "room": f"twin view {file}",
+        "suite": f"twin suite run {file}",
+        "study": f"twin study run {file}",
+        "rig": f"twin check {file}",
+        "tracker": f"twin check {path.stem}:Mine",
+    }[what]
+    if what == "tracker" and path.parent != Path():  # modules are imported from the current folder
+        following = f"cd {quote(str(path.parent))} && {following}"
+    print_paths({what: path, "next": following})
 
 
 def _name(folder: Path) -> str:

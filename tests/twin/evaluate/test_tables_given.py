@@ -10,7 +10,7 @@ from command_line import twin
 STEP_S = 0.1
 
 
-def table(path: Path, first: int, last: int, blank_to: int = 0, mot: bool = False) -> Path:
+def table(path: Path, first: int, last: int, blank_to: int = 0, mot: int = 0) -> Path:
     """Write two people who walk to and fro at 1 m/s in frames first to last, then frames without people to `blank_to`."""
     rows = [] if mot else ["t,id,x,y"]
     for k in range(first, last):
@@ -28,12 +28,12 @@ def table(path: Path, first: int, last: int, blank_to: int = 0, mot: bool = Fals
         ({"first": 0, "last": 100}, ("100 of 200 frames (50%)", "0.000 to 9.900 s", "0.000 to 19.900 s")),
         ({"first": 120, "last": 200}, ("120 of 200 frames (60%)", "12.000 to 19.900 s", "0.000 to 19.900 s")),
         ({"first": 0, "last": 100, "blank_to": 200}, ("50%", "0.000 to 9.900 s", "0.000 to 19.900 s")),
-        ({"first": 0, "last": 100, "mot": True}, ("50%", "0.100 to 10.000 s", "0.100 to 20.000 s")),
-        ({"first": 120, "last": 200, "mot": True}, ("60%", "12.100 to 20.000 s", "0.100 to 20.000 s")),
+        ({"first": 0, "last": 100, "mot": 1}, ("50%", "0.100 to 10.000 s", "0.100 to 20.000 s")),
+        ({"first": 120, "last": 200, "mot": 1}, ("60%", "12.100 to 20.000 s", "0.100 to 20.000 s")),
         ({"first": 0, "last": 0, "blank_to": 200}, ("holds no track in any of 200 frames",)),
         ({"first": 0, "last": 190, "blank_to": 200}, ()),
         ({"first": 2, "last": 199}, ()),
-        ({"first": 3, "last": 195, "mot": True}, ()),
+        ({"first": 3, "last": 195, "mot": 1}, ()),
     ],
 )
 def test_tracks_that_end_before_the_truth_are_said(

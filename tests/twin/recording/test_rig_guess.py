@@ -120,6 +120,7 @@ def test_what_the_bag_does_not_tell_is_marked(tmp_path: Path) -> None:
     out = tmp_path / "rig.yaml"
     result = CliRunner().invoke(app, ["new", "rig", str(tmp_path / "bag"), "--out", str(out)])
     assert result.exit_code == 0
+    assert result.stdout.split() == ["rig", str(out), "next", "twin", "check", str(out)]
     assert out.read_text().count("CHECK: no transform") == 3
     assert "cam_image_raw_compressed: the bag does not tell its lens" in result.stderr
     with pytest.raises(InputError, match=r"sensors.cam_image_raw_compressed.intrinsics is missing"):
