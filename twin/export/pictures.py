@@ -28,7 +28,7 @@ from trackers.text_file import AnyPath, as_path, read_text
 from twin.evaluate.judged_frames import truth_at
 from twin.messages import OnWarning
 from twin.recording import topics
-from twin.recording.bag import decoded, open_bag
+from twin.recording.bag import Copies, decoded, open_bag
 from twin.recording.colour_images import check_picture, decode_compressed, decode_raw
 from twin.recording.depth_images import PNG_FORMAT, decode_depth, encode_png
 from twin.recording.reader import Recording
@@ -219,8 +219,11 @@ def pictures(recorded: Recorded, cameras: Collection[str], *, depth: bool = Fals
     depths = {topic: name for topic, name in found.depths.items() if name in cameras} if depth else {}
     types = {topic: found.types[topic] for topic in (*names, *depths)}
     numbers, warned = dict.fromkeys(types, 0), set()
+    copies = Copies()
     with open_bag(recording.path) as bag:
-        for topic, _, data, is_ros1 in bag.encoded_messages(types, in_file_order=recording.is_as_written):
+        for topic, log_ns, data, is_ros1 in bag.encoded_messages(types, in_file_order=recording.is_as_written):
+            if copies.add(topic, log_ns, data, is_ros1):
+                continue
             number = numbers[topic] = numbers[topic] + 1
             camera, is_depth = names.get(topic) or depths[topic], topic in depths
             stamp_ns = int(recording.stamps_ns[topic][number - 1])

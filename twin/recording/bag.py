@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import struct
 import sys
+from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -24,6 +25,7 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from trackers.errors import InputError
+from trackers.observations import NS_PER_S
 from trackers.rig import normal_topic
 from trackers.text_file import refuse_unless_lifted
 from twin.recording.bag_damage import describe_damage, reason_unreadable
@@ -54,6 +56,12 @@ _BROKEN_BAG = (
     ValueError,
     zstd.ZstdError,
 )
+CDR_BYTES = 4
+"""Head of a message encoded as CDR."""
+_HASHED_BYTES = 16384
+"""Number of bytes, evenly over a message, by which two of one stamp and length are compared."""
+_REMEMBERED = 4096
+"""Number of messages of a topic among which copies are looked for."""
 _EXPECTED = "a whole ROS 1 .bag, ROS 2 bag folder, .mcap or .db3 is expected"
 
 
@@ -179,6 +187,49 @@ class Bag:
         if isinstance(extra, ConnectionExtRosbag2) and extra.serialization_format not in ("cdr", "ros1"):
             return f"{msgtype} encoded as {extra.serialization_format or 'nothing that is named'}"
         return msgtype
+
+
+def header_of(data: bytes, is_ros1: bool) -> tuple[int, str, int] | None:
+    """Read stamp [ns], frame_id and length [bytes] of the header of an encoded message; None where they cannot be read."""
+    try:
+        if is_ros1:
+            _, seconds, nanoseconds, length = struct.unpack_from("<IIII", data, 0)
+            start = 16
+        else:
+            order = "<" if data[1] & 1 else ">"
+            seconds, nanoseconds, length = struct.unpack_from(f"{order}iII", data, CDR_BYTES)
+            start = CDR_BYTES + 12
+    except (struct.error, IndexError):
+        return None
+    if nanoseconds >= NS_PER_S or start + length > len(data):
+        return None
+    frame = bytes(data[start : start + length]).rstrip(b"\0").decode("utf-8", "replace")
+    return seconds * NS_PER_S + nanoseconds, frame, start + length
+
+
+class Copies:
+    """Finds messages that come again, as through a second relay or recorder: of one topic, stamp (not 0) and content."""
+
+    def __init__(self) -> None:
+        self._logged_ns: defaultdict[str, dict[tuple[int, int, int], int]] = defaultdict(dict)
+        self.later_ns: defaultdict[str, list[int]] = defaultdict(list)
+        """How much later than its first each copy was logged [ns], by topic."""
+
+    def add(self, topic: str, log_ns: int, data: bytes, is_ros1: bool) -> bool:
+        """Add a message; return True for a copy of an earlier one."""
+        stamp_ns, _, _ = header_of(data, is_ros1) or (0, "", 0)
+        if not stamp_ns:
+            return False
+        body = data[4:] if is_ros1 else data  # ROS 1 counts each publisher's messages there
+        known = self._logged_ns[topic]
+        key = stamp_ns, len(body), hash(bytes(body[:: 1 + len(body) // _HASHED_BYTES]))
+        if key in known:
+            self.later_ns[topic].append(log_ns - known[key])
+            return True
+        known[key] = log_ns
+        if len(known) > _REMEMBERED:
+            del known[next(iter(known))]
+        return False
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from trackers.arrays import Nanoseconds
 from trackers.errors import InputError
 from trackers.observations import Image, LaserScan, Observation
 from trackers.rig import Rig
-from twin.recording.bag import Topic, decoded, open_bag
+from twin.recording.bag import Copies, Topic, decoded, open_bag
 from twin.recording.depth_images import DepthPairs, decode_depth, match_images
 from twin.recording.ros_messages import LASER_SCAN, check_fits, from_message, stamp_of
 from twin.recording.scan_messages import TurnJoiner, with_limits
@@ -103,10 +103,12 @@ class ObservationReader:
 
     def _messages(self, types: Mapping[str, str], joiners: Mapping[str, TurnJoiner]) -> Iterator[NumberedMessage]:
         with open_bag(self.path) as bag:
-            numbers = dict.fromkeys(types, -1)
+            numbers, copies = dict.fromkeys(types, -1), Copies()
 
             def numbered() -> Iterator[NumberedMessage]:
-                for topic, _, data, is_ros1 in bag.encoded_messages(types, in_file_order=self.as_written):
+                for topic, log_ns, data, is_ros1 in bag.encoded_messages(types, in_file_order=self.as_written):
+                    if topic in self.found.types and copies.add(topic, log_ns, data, is_ros1):
+                        continue
                     numbers[topic] += 1
                     yield topic, numbers[topic], data, is_ros1
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import struct
 from array import array
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,9 +12,9 @@ import numpy as np
 from trackers.arrays import Array, Index, Mask, Nanoseconds
 from trackers.feeding import MAX_WAIT_S
 from trackers.observations import NS_PER_S
-from twin.recording.bag import Bag
+from twin.recording.bag import Bag, Copies, header_of
 from twin.recording.ros_messages import LASER_SCAN
-from twin.recording.scan_messages import CDR_BYTES, beams_of, turns
+from twin.recording.scan_messages import beams_of, turns
 
 _FEW = 3
 _MOST_FRAMES = 20
@@ -32,6 +31,8 @@ class MessageTimes:
 
     turn: of a scanner that publishes a turn in several messages, the number of each message's turn (n_message,); the times
     are then those of the turns, stamped as their first message and logged as their last.
+
+    copied_ns: how much later each copy of an earlier message was logged [ns]; copies are no messages of the topic.
     """
 
     log_ns: Nanoseconds
@@ -40,6 +41,7 @@ class MessageTimes:
     frames: Counter[str] = field(default_factory=Counter)
     arrived: Index = field(default_factory=lambda: np.empty(0, dtype=np.intp))
     turn: Index | None = None
+    copied_ns: Nanoseconds = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
     @property
     def n_message(self) -> int:
@@ -79,17 +81,17 @@ class _TopicTimes:
         if frame in self.frames or len(self.frames) < _MOST_FRAMES:
             self.frames[frame] += 1
 
-    def times(self) -> MessageTimes:
-        log_ns, stamp_ns, arrived = (
-            np.array(each, dtype=np.int64) for each in (self.log_ns, self.stamp_ns, self.arrived)
+    def times(self, copied_ns: Sequence[int] = ()) -> MessageTimes:
+        log_ns, stamp_ns, arrived, copied = (
+            np.array(each, dtype=np.int64) for each in (self.log_ns, self.stamp_ns, self.arrived, copied_ns)
         )
         is_set = np.array(self.is_set, dtype=bool)
         turn = None if self.beams is None else turns(np.array(self.beams).reshape(-1, 3), stamp_ns)
         if turn is None:
-            return MessageTimes(log_ns, stamp_ns, is_set, self.frames, arrived)
+            return MessageTimes(log_ns, stamp_ns, is_set, self.frames, arrived, copied_ns=copied)
         firsts = np.flatnonzero(np.diff(turn, prepend=-1))
         lasts = np.append(firsts[1:], turn.size) - 1
-        return MessageTimes(log_ns[lasts], stamp_ns[firsts], is_set[firsts], self.frames, arrived[lasts], turn)
+        return MessageTimes(log_ns[lasts], stamp_ns[firsts], is_set[firsts], self.frames, arrived[lasts], turn, copied)
 
 
 class Unwound:
@@ -118,11 +120,8 @@ class Unwound:
 
 def read_times_as_written(bag: Bag, topics: Mapping[str, str]) -> tuple[dict[str, MessageTimes], list[int]]:
     """Read times in the order of the file; return them, log times continued, and each step back of the recorder's clock [ns]."""
-    read, unwound = {topic: _TopicTimes(msgtype) for topic, msgtype in topics.items()}, Unwound()
-    messages = bag.encoded_messages(topics, in_file_order=True)
-    for arrived, (topic, log_ns, data, is_ros1) in enumerate(messages):
-        read[topic].add(arrived, unwound(topic, log_ns), data, is_ros1)
-    return {topic: each.times() for topic, each in read.items()}, unwound.set_back_ns
+    unwound = Unwound()
+    return _read_times(bag, topics, unwound), unwound.set_back_ns
 
 
 def read_times(bag: Bag, topics: Mapping[str, str]) -> dict[str, MessageTimes]:
@@ -130,10 +129,17 @@ def read_times(bag: Bag, topics: Mapping[str, str]) -> dict[str, MessageTimes]:
 
     Raises InputError where the bag is damaged.
     """
-    read = {topic: _TopicTimes(msgtype) for topic, msgtype in topics.items()}
-    for arrived, (topic, log_ns, data, is_ros1) in enumerate(bag.encoded_messages(topics)):
-        read[topic].add(arrived, log_ns, data, is_ros1)
-    return {topic: each.times() for topic, each in read.items()}
+    return _read_times(bag, topics, None)
+
+
+def _read_times(bag: Bag, topics: Mapping[str, str], unwound: Unwound | None) -> dict[str, MessageTimes]:
+    read, copies = {topic: _TopicTimes(msgtype) for topic, msgtype in topics.items()}, Copies()
+    messages = bag.encoded_messages(topics, in_file_order=unwound is not None)
+    for arrived, (topic, log_ns, data, is_ros1) in enumerate(messages):
+        on_ns = log_ns if unwound is None else unwound(topic, log_ns)
+        if not copies.add(topic, on_ns, data, is_ros1):
+            read[topic].add(arrived, on_ns, data, is_ros1)
+    return {topic: each.times(copies.later_ns[topic]) for topic, each in read.items()}
 
 
 def all_pause(times: Mapping[str, MessageTimes]) -> bool:
@@ -149,24 +155,6 @@ def first_frame(bag: Bag, topic: str) -> str:
         if (header := header_of(data, is_ros1)) is not None:
             return header[1].strip("/")
     return ""
-
-
-def header_of(data: bytes, is_ros1: bool) -> tuple[int, str, int] | None:
-    """Read stamp [ns], frame_id and length [bytes] of the header of an encoded message; None where they cannot be read."""
-    try:
-        if is_ros1:
-            _, seconds, nanoseconds, length = struct.unpack_from("<IIII", data, 0)
-            start = 16
-        else:
-            order = "<" if data[1] & 1 else ">"
-            seconds, nanoseconds, length = struct.unpack_from(f"{order}iII", data, CDR_BYTES)
-            start = CDR_BYTES + 12
-    except (struct.error, IndexError):
-        return None
-    if nanoseconds >= NS_PER_S or start + length > len(data):
-        return None
-    frame = bytes(data[start : start + length]).rstrip(b"\0").decode("utf-8", "replace")
-    return seconds * NS_PER_S + nanoseconds, frame, start + length
 
 
 _AHEAD = 5

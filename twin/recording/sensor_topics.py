@@ -130,7 +130,8 @@ def absent_messages(
     if not stamps:
         return
     from_ns = min(int(each.min()) for each in stamps)
-    logged_on_ns = max(end_ns - max(int(each.log_ns.max()) for each in times.values() if len(each)), 0)
+    last_ns = max(int(each.log_ns.max() + each.copied_ns.max(initial=0)) for each in times.values() if len(each))
+    logged_on_ns = max(end_ns - last_ns, 0)
     to_ns = max(int(each.max()) for each in stamps) + logged_on_ns
     for topic, each in times.items():
         label, counted, n = found.label(topic), 0, each.n_message
@@ -147,9 +148,16 @@ def absent_messages(
             yield loss
         if (loss := crowded(label, stamps_ns[topic])) is not None:
             yield loss
-        if counted > n:
+        if n_copy := each.copied_ns.size:
+            what = (
+                f"came again with the stamp and the content of an earlier one, {np.median(each.copied_ns) / NS_PER_S:.3g} s "
+                "after it: the first of each is used"
+            )
+            remedy = "see whether two drivers, relays or recorders wrote the topic"
+            yield Loss(label, n_copy, n + n_copy, what, remedy, always=True)
+        if counted > n + n_copy:
             what = f"that the bag's index counts on {topic} are not there"
-            yield Loss(label, counted - n, counted, what, "the bag is damaged, or was cut")
+            yield Loss(label, counted - n - n_copy, counted, what, "the bag is damaged, or was cut")
         (frame, most), *_ = each.frames.most_common(1) or [("", n)]
         if most < n:
             others = ", ".join(repr(other) for other in each.frames if other != frame)
@@ -235,7 +243,8 @@ def times_of(edge: Edge, rig: Rig, name: str) -> MessageTimes:
     sensor = rig.sensors[name]
     frame = (sensor.frame or "") if isinstance(sensor, OdometrySensor) else ""
     is_set = np.ones(len(edge.stamps_ns), dtype=bool)
-    return MessageTimes(edge.log_ns, edge.stamps_ns, is_set, Counter({frame: len(edge.stamps_ns)}))
+    frames = Counter({frame: len(edge.stamps_ns)})
+    return MessageTimes(edge.log_ns, edge.stamps_ns, is_set, frames, copied_ns=edge.copied_ns)
 
 
 def poses_of(found: SensorTopics, stamps: Mapping[str, Nanoseconds], topic: str, number: int) -> Iterator[Odometry]:

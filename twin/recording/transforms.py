@@ -9,7 +9,7 @@ from __future__ import annotations
 from array import array
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from math import degrees
 
@@ -71,7 +71,7 @@ class Edge:
     """The poses of a frame in its parent's, over time: stamps_ns, parent_from_child, and the message that brought each.
 
     number: of the message among those of its topic, in the order read; a message may hold many transforms. log_ns: when each
-    was logged. is_static: read from `/tf_static`.
+    was logged. is_static: read from `/tf_static`. copied_ns: how much later each left out copy was logged [ns].
     """
 
     topic: str
@@ -82,6 +82,7 @@ class Edge:
     log_ns: Nanoseconds
     number: NDArray[np.int64]
     parent_from_child: Poses
+    copied_ns: Nanoseconds = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
     @cached_property
     def moves(self) -> bool:
@@ -264,7 +265,22 @@ class _Growing:
     def edge(self, parent: str, child: str) -> Edge:
         stamps, log, number = (np.array(each, dtype=np.int64) for each in (self.stamps, self.log, self.number))
         poses = np.array(self.values).reshape(-1, 4, 4)
-        return Edge(self.topic, parent, child, self.topic == TF_STATIC, stamps, log, number, poses)
+        kept, copied_ns = self._firsts(stamps, log, poses)
+        rows = stamps[kept], log[kept], number[kept], poses[kept]
+        return Edge(self.topic, parent, child, self.topic == TF_STATIC, *rows, copied_ns)
+
+    @staticmethod
+    def _firsts(stamps: Nanoseconds, log: Nanoseconds, poses: Poses) -> tuple[NDArray[np.intp], Nanoseconds]:
+        """Return the rows that are no copies of an earlier one, of one stamp (not 0) and pose, and how much later copies came."""
+        if np.unique(stamps).size == stamps.size:
+            return np.arange(stamps.size), np.empty(0, dtype=np.int64)
+        first: dict[tuple[int, bytes], int] = {}
+        of = [
+            first.setdefault((stamp, pose.tobytes()), k)
+            for k, (stamp, pose) in enumerate(zip(stamps.tolist(), poses, strict=True))
+        ]
+        is_copy = (np.array(of) < np.arange(stamps.size)) & (stamps != 0)
+        return np.flatnonzero(~is_copy), (log - log[of])[is_copy]
 
 
 @dataclass(frozen=True, eq=False)
