@@ -31,28 +31,40 @@ _GRID = 9
 def compare_lenses(bag: Bag, rig: Rig, sensors: Mapping[str, str]) -> list[Loss]:
     """Return what the bag's CameraInfo contradicts in the rig; `sensors`: the sensor of each topic.
 
-    The first message of a camera's topic is taken: lenses seldom change. Nothing is said of a camera without one.
+    The first message that holds a lens is taken (see `_infos`). Nothing is said of a camera without one.
     """
     cameras = {
         topic: sensor for topic, name in sensors.items() if isinstance(sensor := rig.sensors[name], CameraSensor)
     }
-    waiting = {
-        info: topic
-        for topic in cameras
-        if (info := _info_topic(topic)) in bag.topics and bag.topics[info].msgtype == _TYPE
-    }
     losses = []
-    for info, _, message in bag.messages(list(waiting)):
-        topic = waiting.pop(info, None)
-        if topic is None:
-            continue
-        is_rectified = _is_rectified(topic)
-        what, remedy = _contradiction(message, cameras[topic].intrinsics, is_rectified=is_rectified)
+    for topic, message in _infos(bag, cameras).items():
+        what, remedy = _contradiction(message, cameras[topic].intrinsics, is_rectified=_is_rectified(topic))
         if what:
-            losses.append(Loss(sensors[topic], 0, 0, f"{info} {what}", remedy, always=True))
-        if not waiting:
-            break
+            losses.append(Loss(sensors[topic], 0, 0, f"{_info_topic(topic)} {what}", remedy, always=True))
     return losses
+
+
+def _infos(bag: Bag, topics: Iterable[str]) -> dict[str, Any]:
+    """Return the CameraInfo of each of these topics of images that has one: the first with a lens, else the first.
+
+    A driver may publish some before it has read the calibration, with a matrix of zeros.
+    """
+    waiting: dict[str, list[str]] = {}
+    for topic in topics:
+        info = _info_topic(topic)
+        if info in bag.topics and bag.topics[info].msgtype == _TYPE:
+            waiting.setdefault(info, []).append(topic)
+    found: dict[str, Any] = {}
+    for info, _, message in bag.messages(list(waiting)):
+        for topic in list(waiting[info]):
+            is_known = _projection(message, is_rectified=_is_rectified(topic))[0] is not None
+            if is_known or topic not in found:
+                found[topic] = message
+            if is_known:
+                waiting[info].remove(topic)
+        if not any(waiting.values()):
+            break
+    return found
 
 
 def _is_rectified(topic: str) -> bool:
@@ -135,15 +147,12 @@ def _lens(content: Mapping[str, Any], lens: Intrinsics) -> Intrinsics:
 
 
 def kind_of_lens(bag: Bag, topic: str) -> str:
-    """Return the kind of camera that the first CameraInfo beside a topic of images tells: camera, fisheye, or '' for none."""
-    info = _info_topic(topic)
-    if info in bag.topics and bag.topics[info].msgtype == _TYPE:
-        for _, _, message in bag.messages([info]):
-            is_rectified = _is_rectified(topic)
-            model = "" if is_rectified else message.distortion_model
-            is_known = _projection(message, is_rectified=is_rectified)[0] is not None
-            return ("fisheye" if model in _FISHEYE else "camera" if model in _PINHOLE else "") if is_known else ""
-    return ""
+    """Return the kind of camera that the CameraInfo beside a topic of images tells: camera, fisheye, or '' for none."""
+    message, is_rectified = _infos(bag, [topic]).get(topic), _is_rectified(topic)
+    if message is None or _projection(message, is_rectified=is_rectified)[0] is None:
+        return ""
+    model = "" if is_rectified else message.distortion_model
+    return "fisheye" if model in _FISHEYE else "camera" if model in _PINHOLE else ""
 
 
 def with_intrinsics(bag: Bag, content: Any) -> Any:
@@ -155,23 +164,19 @@ def with_intrinsics(bag: Bag, content: Any) -> Any:
     sensors = content.get("sensors") if isinstance(content, dict) else None
     if not isinstance(sensors, dict):
         return content
-    waiting = {
-        name: _info_topic(normal_topic(each["topic"]))
+    lacking = {
+        name: normal_topic(each["topic"])
         for name, each in sensors.items()
         if isinstance(each, dict)
         and each.get("kind") in ("camera", "fisheye", "stereo")
         and each.get("intrinsics") is None
         and isinstance(each.get("topic"), str)
     }
-    infos: dict[str, Any] = {}
-    there = [info for info in waiting.values() if info in bag.topics and bag.topics[info].msgtype == _TYPE]
-    for info, _, message in bag.messages(there):
-        infos.setdefault(info, message)
-        if len(infos) == len(set(there)):
-            break
+    infos = _infos(bag, lacking.values())
     filled = dict(sensors)
-    for name, info in waiting.items():
-        filled[name] = sensors[name] | {"intrinsics": _intrinsics_of(infos.get(info), info, name, sensors[name])}
+    for name, topic in lacking.items():
+        found = _intrinsics_of(infos.get(topic), _info_topic(topic), name, sensors[name])
+        filled[name] = sensors[name] | {"intrinsics": found}
     return content | {"sensors": filled}
 
 

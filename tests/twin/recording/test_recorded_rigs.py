@@ -14,11 +14,13 @@ from rosbags import rosbag1
 from rosbags.typesys import Stores, get_typestore
 
 from trackers.cameras import FisheyeIntrinsics, PinholeIntrinsics
+from trackers.errors import InputError
 from trackers.observations import Image
 from trackers.rig import FisheyeSensor, PinholeSensor, Rig
 from twin.recording.losses import lines
 from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
+from twin.recording.rig_guess import describe_rig
 from twin.recording.ros_messages import COMPRESSED_IMAGE, encode
 from twin.recording.writer import CAMERA_INFO
 
@@ -53,13 +55,18 @@ def region(x: int, y: int, width: int, height: int) -> Any:
 
 
 def a_bag(
-    folder: Path, message: Any, pictures: str = "/cam/image_raw/compressed", said_on: str = "/cam/camera_info"
+    folder: Path,
+    message: Any,
+    pictures: str = "/cam/image_raw/compressed",
+    said_on: str = "/cam/camera_info",
+    then: Any = None,
 ) -> Path:
     encoded = encode(Image("cam", EPOCH_NS, np.zeros((32, 48, 3), np.uint8)))
     messages: list[tuple[str, str, int, Any]] = [
         (pictures, encoded.msgtype, EPOCH_NS + k * 100 * MS, encoded.data) for k in range(3)
     ]
-    write_ros2_bag(folder / "bag", [(said_on, CAMERA_INFO, EPOCH_NS, message), *messages])
+    infos = [(said_on, CAMERA_INFO, EPOCH_NS, message), (said_on, CAMERA_INFO, EPOCH_NS + 250 * MS, then or message)]
+    write_ros2_bag(folder / "bag", [infos[0], *messages, infos[1]])
     return folder / "bag"
 
 
@@ -118,6 +125,22 @@ def test_a_lens_that_is_another_is_told_with_sensor_and_remedy(tmp_path, message
     (line,) = told(a_bag(tmp_path, message))
     assert line.startswith("cam: /cam/camera_info ")
     assert re.search(said, line), line
+
+
+@pytest.mark.parametrize("topic", ["/cam/image_raw/compressed", "/cam/image_rect"])
+def test_the_first_lens_that_was_calibrated_is_taken(tmp_path: Path, topic: str) -> None:
+    zeros = info(k=[0] * 9, p=[0] * 12, d=[])
+    bag = a_bag(tmp_path / "later", zeros, topic, then=info())
+    rig = tmp_path / "rig.yaml"
+    rig.write_text(f"sensors: {{cam: {{kind: camera, topic: {topic}}}}}\n")
+    lens = Recording(bag, rig).rig.sensors["cam"].intrinsics  # pyright: ignore[reportAttributeAccessIssue]
+    assert lens == (LENS if "raw" in topic else LENS.model_copy(update={"distortion": (0.0,) * 5}))
+    assert told(bag, lens, topic) == []
+    text, undecided = describe_rig(bag)
+    assert "fx: 40" in text and not any("lens" in each for each in undecided)
+    with pytest.raises(InputError, match="was never calibrated .its matrix is zero.; intrinsics are expected"):
+        Recording(a_bag(tmp_path / "never", zeros, topic), rig)
+    assert any("lens" in each for each in describe_rig(tmp_path / "never" / "bag")[1])
 
 
 def test_a_fisheye_is_held_against_its_own_model(tmp_path):
