@@ -1,13 +1,16 @@
-"""LaserScan messages as drivers write them: fields that hold no value, and turns published in sectors.
+"""LaserScan messages as drivers write them: fields that hold no value, other units, and turns published in sectors.
 
 Several drivers publish each packet of a turning scanner as a LaserScan of its own: the next begins where the last one ended.
 Trackers take a scan for a whole look around, so that the sectors of a turn are joined to one scan.
+
+A driver whose ranges and limits are all in another unit contradicts itself nowhere. It is known by the width of what moves, and
+by a room in which nothing is near (`RangeUnits`).
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from math import inf, isfinite, isnan, pi, remainder
 from typing import Any
@@ -16,6 +19,7 @@ import numpy as np
 
 from trackers.arrays import Array, Index, Mask, Nanoseconds
 from trackers.observations import NS_PER_S, LaserScan
+from trackers.rig import Rig
 from twin.recording.bag import CDR_BYTES
 
 _TURN_RAD = 1.1 * 2 * pi
@@ -138,3 +142,100 @@ def with_limits(message: Any) -> tuple[Any, str]:
     ):
         said.append(f"angle_max {message.angle_max:g} rad (the last beam is at {last:g} rad by angle_increment)")
     return (replace(message, **known) if known else message), ", ".join(said)
+
+
+_LOOKS_NS = NS_PER_S // 5
+"""Least time between two scans of a scanner that are examined for its unit [ns]."""
+_BEARINGS, _STEP, _STEPS = 720, 0.1, 140
+"""Bearings, and steps of distance in logarithms from a millimetre on, in which returns are counted."""
+_STANDS = 5
+"""Looks at a return of about the same bearing and distance after which it is of a thing."""
+_NEARER = 0.8
+"""Share of the farthest range of a bearing below which a return is of something before that."""
+_EVEN = 0.1
+"""Greatest change of range from beam to beam, as a share, on one thing."""
+_FEWEST_BEAMS, _FEWEST_THINGS, _FEWEST_LOOKS = 3, 20, 5
+_WIDEST_M, _NEAREST_M = 2.5, 1.0
+"""Median width of moving things beyond that of people, even in groups, and distance within which something always comes [m]."""
+_NO_ROOM_M = 10.0, 60.0
+"""Distances of the nearest and of half of the returns at which a scanner shows nobody [m]."""
+
+
+class _Looks:
+    """Returns of one scanner so far: farthest range and looks by bearing, widths of what moves, and distances."""
+
+    def __init__(self) -> None:
+        self.examined_ns: int | None = None
+        self.widths_m: list[float] = []
+        self.near_m: list[float] = []
+        self.middle_m: list[float] = []
+        self._farthest_m = np.zeros(_BEARINGS)
+        self._n_look = np.zeros((_BEARINGS, _STEPS + 2), np.int32)
+
+    def add(self, scan: LaserScan, *, stands: bool) -> None:
+        """Add a scan; of a scanner that moves, only the distances count."""
+        beam = np.flatnonzero(np.isfinite(scan.ranges_m) & (scan.ranges_m > 0))
+        ranges, angles = scan.ranges_m[beam].astype(np.float64), scan.angles_rad[beam]
+        if not beam.size:
+            return
+        self.near_m.append(float(np.quantile(ranges, 0.01)))
+        self.middle_m.append(float(np.median(ranges)))
+        if not stands:
+            return
+        bearing = np.floor(angles / (2 * pi) * _BEARINGS).astype(np.intp) % _BEARINGS
+        step = 1 + np.clip(np.log(ranges / 1e-3) / _STEP, 0, _STEPS - 1).astype(np.intp)
+        moved = (ranges < _NEARER * self._farthest_m[bearing]) & (self._n_look[bearing, step] < _STANDS)
+        self._measure(beam[moved], ranges[moved], angles[moved])
+        np.maximum.at(self._farthest_m, bearing, ranges)
+        met = np.zeros(self._n_look.shape, np.bool_)
+        met[bearing[:, None], step[:, None] + np.array([-1, 0, 1])] = True
+        self._n_look += met
+
+    def _measure(self, beam: Index, ranges: Array, angles: Array) -> None:
+        """Measure the widths of things that move, from the first beam on each to the last [m]."""
+        goes_on = (np.diff(beam) == 1) & (np.abs(np.diff(ranges)) < _EVEN * ranges[:-1])
+        places = np.stack([ranges * np.cos(angles), ranges * np.sin(angles)], axis=1)
+        for part in np.split(np.arange(beam.size), np.flatnonzero(~goes_on) + 1):
+            if part.size >= _FEWEST_BEAMS:
+                self.widths_m.append(float(np.linalg.norm(places[part[-1]] - places[part[0]])))
+
+    def sentence(self) -> str:
+        """Describe what contradicts ranges in metres; '' where nothing does."""
+        if len(self.near_m) < _FEWEST_LOOKS:
+            return ""
+        nearest_m, middle_m = min(self.near_m), float(np.median(self.middle_m))
+        expected = "ranges and limits in m are expected, not in cm or inches"
+        if len(self.widths_m) >= _FEWEST_THINGS and nearest_m > _NEAREST_M:
+            width_m = float(np.median(self.widths_m))
+            if width_m > _WIDEST_M:
+                return (
+                    f"what moves is {width_m:.3g} m wide in the median, and nothing comes nearer than {nearest_m:.3g} m: no "
+                    f"people; {expected}"
+                )
+        if nearest_m > _NO_ROOM_M[0] and middle_m > _NO_ROOM_M[1]:
+            return (
+                f"sees nothing nearer than {nearest_m:.3g} m in {len(self.near_m)} scans, and half of all beyond "
+                f"{middle_m:.3g} m, where it shows nobody; {expected}"
+            )
+        return ""
+
+
+class RangeUnits:
+    """Examines the scans of a run for ranges that cannot be in metres."""
+
+    def __init__(self, rig: Rig) -> None:
+        self._stands = {name: sensor.mounted_on is None for name, sensor in rig.lasers().items()}
+        self._looks = {name: _Looks() for name in self._stands}
+
+    def add(self, scan: LaserScan) -> None:
+        """Take the next scan; five per second and scanner are examined."""
+        looks = self._looks.get(scan.sensor)
+        if looks is None or (looks.examined_ns is not None and 0 <= scan.stamp_ns - looks.examined_ns < _LOOKS_NS):
+            return
+        looks.examined_ns = scan.stamp_ns
+        looks.add(scan, stands=self._stands[scan.sensor])
+
+    def warnings(self, unused: Collection[str] = ()) -> dict[str, str]:
+        """Return a sentence for each scanner whose ranges cannot be in metres; unused: scanners left out."""
+        found = {name: looks.sentence() for name, looks in self._looks.items() if name not in unused}
+        return {name: f"{name}: {sentence}" for name, sentence in found.items() if sentence}

@@ -11,7 +11,7 @@ detections has no row.
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
@@ -30,6 +30,7 @@ from trackers.text_file import AnyPath
 from trackers.tracks import Detection, TrackFrame, detections_of, unused_sensors
 from twin.messages import OnWarning, at_work
 from twin.recording.losses import Loss, ObservationLog, dropped_by, lines
+from twin.recording.scan_messages import RangeUnits
 from twin.recording.tables import number_cell, seconds_cell
 from twin.report.birdseye import Site
 from twin.report.floor_panel import PreviewFrame, TruePoses
@@ -155,12 +156,28 @@ _SLOWEST_HZ, _FASTEST_HZ = 1.0, 60.0
 """Limits of a video's declared rate; each image is shown at its own stamp anyway."""
 
 
+class _ScannerChecks:
+    """Examines scans for what hides people: ranges in another unit, else beams too sparse, too low or too high."""
+
+    def __init__(self, rig: Rig) -> None:
+        self._units, self._reach = RangeUnits(rig), ScannerReach(rig)
+
+    def add(self, scan: LaserScan) -> None:
+        self._units.add(scan)
+        self._reach.add(scan)
+
+    def warnings(self, unused: Collection[str]) -> list[str]:
+        """Return sentences on the scanners but those unused; of one with another unit nothing else."""
+        units = self._units.warnings(unused)
+        return [*units.values(), *self._reach.warnings({*unused, *units})]
+
+
 class Feed:
     """Feeds each observation to every tracker, and the first tracker's frames to the preview."""
 
     def __init__(self, runners: Sequence[TrackerRunner], preview: Preview | None, rig: Rig) -> None:
         self.runners = runners
-        self._reach = ScannerReach(rig)
+        self._scanners = _ScannerChecks(rig)
         self.preview = preview
         self.on_frame: Callable[[str, TrackFrame], object] | None = None
         """Called with each tracker's name and frame, if set."""
@@ -175,7 +192,7 @@ class Feed:
         """Feed one observation; raises PlugInError when the last remaining tracker has failed."""
         self.log.add(observation)
         if isinstance(observation, LaserScan):
-            self._reach.add(observation)
+            self._scanners.add(observation)
         if self.preview is not None:
             self.preview.observe(observation)
             if not self.runners or self.runners[0].failure:
@@ -201,7 +218,7 @@ class Feed:
     def unfit_scanners(self) -> list[str]:
         """Return a sentence per scanner, of those that a tracker uses, that cannot show people in most of what it sees."""
         unused = [set(unused_sensors(each.tracker)) for each in self.runners if not each.failure]
-        return self._reach.warnings(set.intersection(*unused)) if unused else []
+        return self._scanners.warnings(set.intersection(*unused)) if unused else []
 
     def _show(self, place: int, frames: list[TrackFrame]) -> None:
         if self.on_frame is not None:
@@ -296,18 +313,18 @@ def write_detections(
     n_fed: Counter[str] = Counter()
     rows: list[str] = []
     fed = FedTracker(made.tracker, bag.rig, on_worked=lambda: rows.extend(map(_row, detections())))
-    reach = ScannerReach(bag.rig)
+    scanners = _ScannerChecks(bag.rig)
     for observation in bag.observations():
         n_fed[observation.sensor] += 1
         if isinstance(observation, LaserScan):
-            reach.add(observation)
+            scanners.add(observation)
         _called(chosen, made.tracker, partial(fed.update, observation))
         file.writelines(rows)
         rows.clear()
     _called(chosen, made.tracker, fed.finish)
     file.writelines(rows)
     lost = [*bag.losses, *dropped_by(made.name, fed.losses, n_fed, bag.ahead_s)]
-    for warning in (*lines(lost), *reach.warnings(unused_sensors(made.tracker))):
+    for warning in (*lines(lost), *scanners.warnings(unused_sensors(made.tracker))):
         if warning not in warned:
             on_warning(warning)
 

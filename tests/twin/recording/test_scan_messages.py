@@ -1,5 +1,6 @@
 """LaserScan messages as drivers write them: sectors of a turn, and fields without a value."""
 
+import io
 from dataclasses import replace
 from typing import Any
 
@@ -10,12 +11,13 @@ from hypothesis import given, strategies as st
 from tests.twin.recording.recorded import a_scan, write_ros2_bag
 from trackers.errors import InputError
 from trackers.observations import LaserScan
-from trackers.rig import LaserSensor, Rig
+from trackers.rig import LaserSensor, OdometrySensor, Rig
 from twin.recording.losses import lines
 from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
 from twin.recording.ros_messages import LASER_SCAN, encode, time_message
-from twin.recording.scan_messages import joined, turns, with_limits
+from twin.recording.scan_messages import RangeUnits, joined, turns, with_limits
+from twin.run.feed import write_detections
 
 MS = 10**6
 RIG = Rig(sensors={"waist": LaserSensor(topic="/high", role="waist")})
@@ -161,3 +163,67 @@ def test_a_bag_of_ranges_in_another_unit_is_refused_and_far_ones_are_read(tmp_pa
         InputError, match=r"topic /high: .*the median range is 2400 m; ranges and limits in m are expected"
     ):
         list(recording.observations())
+
+
+def room_scans(unit: float, width_m: float | None, half_m: float = 3.0) -> list[LaserScan]:
+    """Scans of a square room, and of a round body that crosses it in front of the scanner (None: nobody)."""
+    angles = np.radians(np.arange(-135.0, 135.0, 0.5))
+    walls = half_m / np.maximum(np.abs(np.cos(angles)), np.abs(np.sin(angles)))
+    scans = []
+    for k in range(60):
+        ranges = walls.copy()
+        if width_m is not None:
+            x, y, radius = 2.0, -2.0 + 4.0 * k / 59, width_m / 2
+            along = x * np.cos(angles) + y * np.sin(angles)
+            inside = radius**2 - (x**2 + y**2 - along**2)
+            hit = (inside > 0) & (along > 0)
+            ranges[hit] = np.minimum(ranges[hit], along[hit] - np.sqrt(inside[hit]))
+        noisy = ranges + np.random.default_rng(k).normal(0, 0.01, ranges.size)
+        scans.append(
+            LaserScan(
+                "waist",
+                2 * k * PERIOD_NS,
+                (unit * noisy).astype(np.float32),
+                float(angles[0]),
+                float(np.radians(0.5)),
+                0.05 * unit,
+                30.0 * unit,
+                0.0,
+            )
+        )
+    return scans
+
+
+MOUNTED = Rig(sensors={"waist": LaserSensor(topic="/high", mounted_on="base"), "base": OdometrySensor(topic="/odom")})
+
+
+@pytest.mark.parametrize("rig", [RIG, MOUNTED])
+@pytest.mark.parametrize("width_m", [None, 0.15, 0.5])
+@pytest.mark.parametrize("unit", [1.0, 39.37, 100.0])
+def test_ranges_wholly_in_another_unit_are_told(unit: float, width_m: float | None, rig: Rig) -> None:
+    units = RangeUnits(rig)
+    for scan in room_scans(unit, width_m):
+        units.add(scan)
+    said = units.warnings()
+    assert units.warnings({"waist"}) == {}
+    if unit == 1:
+        assert said == {}
+        return
+    assert said["waist"].endswith("; ranges and limits in m are expected, not in cm or inches")
+    is_seen = width_m is not None and rig is RIG
+    assert ("what moves is " if is_seen else "sees nothing nearer than ") in said["waist"]
+
+
+def test_of_a_scanner_with_another_unit_nothing_else_is_told(tmp_path) -> None:
+    """In metres by its limits' word, a beam is 2.6 m from the next where the walls are."""
+    messages = []
+    for scan in room_scans(100.0, 0.5):
+        moved = encode(replace(scan, stamp_ns=scan.stamp_ns + 10**18))
+        messages.append(("/high", LASER_SCAN, moved.observation.stamp_ns, moved.data))
+    write_ros2_bag(tmp_path / "bag", messages)
+    warned: list[str] = []
+    rig = tmp_path / "rig.yaml"
+    rig.write_text(RIG.dump_yaml())
+    write_detections(tmp_path / "bag", io.StringIO(), tracker="sort", rig_path=rig, on_warning=warned.append)
+    (about,) = [each for each in warned if each.startswith("waist: ")]
+    assert "what moves is " in about
