@@ -8,7 +8,9 @@ where it was corrected.
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections import deque
 from collections.abc import Iterable, Sequence
+from statistics import median_low
 
 import numpy as np
 
@@ -20,11 +22,19 @@ from trackers.observations import NS_PER_S, LaserScan, Observation, Odometry
 from trackers.rig import Rig
 
 _AHEAD_NS = NS_PER_S // 4
-"""A pose is carried on so long after the last one, by its motion; a longer silence is a gap."""
+"""A pose is carried on so long after the last one, by its motion, or for longer where poses are rarer; then comes a gap."""
+_AHEAD = 1.25
+"""The same in usual intervals between poses."""
+_INTERVALS = 9
+"""Number of last intervals whose median is usual."""
 _GAP_NS = NS_PER_S
 _FASTEST_M_S, _FASTEST_RAD_S = 6.0, 8.0
 """Robots among people are slower; what moves faster has jumped."""
 _KEPT = 512
+_FAR_M, _OFF_M = 3.0, 0.15
+"""Distance from a base [m], and the error there of its pose, carried on until the next one, that is told [m]."""
+_MOSTLY = 0.9
+"""Share of the poses that may be off by less."""
 
 
 class OdometryTrack:
@@ -35,6 +45,12 @@ class OdometryTrack:
         self._poses: list[Array] = []
         self._up: list[Array] = []  # heights that the base's axes point at
         self._breaks: list[int] = []  # stamps from which on poses do not follow from those before
+        self._intervals: deque[int] = deque(maxlen=_INTERVALS)
+        self._ahead_ns = _AHEAD_NS
+        self.usual_ns = 0
+        """The usual interval between poses [ns]."""
+        self.off_m: list[float] = []
+        """Errors of poses carried on until the next one, at a distance from the base [m]."""
 
     def add(self, ns: int, frame_from_base: Float[Array, "4 4"]) -> None:
         """Take a pose at a stamp [ns]; one that comes late or twice is left out."""
@@ -48,6 +64,12 @@ class OdometryTrack:
                 np.hypot(*moved[:2]) > _FASTEST_M_S * elapsed_s + 0.05
                 or abs(moved[2]) > _FASTEST_RAD_S * elapsed_s + 0.05
             )
+            if not is_jump and len(self._ns) > 1:
+                off = between(self._carried(ns), pose)
+                self.off_m.append(float(np.hypot(*off[:2]) + _FAR_M * abs(off[2])))
+            self._intervals.append(ns - self._ns[-1])
+            self.usual_ns = median_low(self._intervals)
+            self._ahead_ns = max(_AHEAD_NS, min(round(_AHEAD * self.usual_ns), _GAP_NS))
             if is_jump or ns - self._ns[-1] > _GAP_NS:
                 self._breaks.append(ns)
         self._ns.append(ns)
@@ -63,16 +85,32 @@ class OdometryTrack:
         if place == 0:
             return None
         if place == len(self._ns):
-            if ns - self._ns[-1] > _AHEAD_NS:
-                return None
-            if place == 1 or ns == self._ns[-1] or self._ns[-1] in self._breaks:
-                return self._poses[-1].copy()
-            place -= 1
+            return self._carried(ns) if ns - self._ns[-1] <= self._ahead_ns else None
         first, last = self._ns[place - 1], self._ns[place]
         if last in self._breaks:
-            return self._poses[place - 1].copy() if ns - first <= _AHEAD_NS else None
-        share = (ns - first) / (last - first)
+            return self._poses[place - 1].copy() if ns - first <= self._ahead_ns else None
+        return self._on_line(place, ns)
+
+    def _carried(self, ns: int) -> Float[Array, "3"]:
+        """Return the last pose, carried on by the motion since the one before, if it follows from that."""
+        if len(self._ns) == 1 or ns == self._ns[-1] or self._ns[-1] in self._breaks:
+            return self._poses[-1].copy()
+        return self._on_line(len(self._ns) - 1, ns)
+
+    def _on_line(self, place: int, ns: int) -> Float[Array, "3"]:
+        """Return the pose at a stamp [ns] on the way from the pose before this place to that in it, and beyond."""
+        share = (ns - self._ns[place - 1]) / (self._ns[place] - self._ns[place - 1])
         return compose(self._poses[place - 1], share * between(self._poses[place - 1], self._poses[place]))
+
+    def rarity(self) -> str:
+        """Describe poses that are too rare for the motion of the base; '' for any others."""
+        off_m = float(np.quantile(self.off_m, _MOSTLY)) if self.off_m else 0.0
+        if off_m <= _OFF_M or self.usual_ns <= _AHEAD_NS:
+            return ""
+        return (
+            f"comes every {self.usual_ns / NS_PER_S:.2g} s: carried on until the next one, poses are off by {off_m:.2g} m at "
+            f"{_FAR_M:g} m from the base"
+        )
 
     def tilt(self, ns: int, axis: Float[Array, "3"]) -> float:
         """Return the larger angle, of the poses before and after a stamp [ns], of an axis of the base to the vertical [rad]."""
@@ -142,12 +180,22 @@ class RigFrames:
             for name, count in self._n_tilted.items()
             if count
         ]
-        return tilted + [
+        rare = [
+            f"odometry of {base} {said}, and scans show too little to be matched: tracks jump and drift; 10 poses a second or "
+            "more are expected"
+            for base, (_, track) in self.bases.items()
+            if (said := track.rarity())
+            and any(self._is_untrusted(name) for name, on in self._base_of.items() if on == base)
+        ]
+        return tilted + rare + [
             f"the pose of {name} could not be trusted in {frame.n_untrusted} of {frame.n_scan} scans: it was taken to stand, or "
             "to be where odometry says"
             for name, frame in self.of.items()
-            if frame.n_untrusted > 0.02 * frame.n_scan
+            if self._is_untrusted(name)
         ]  # fmt: skip
+
+    def _is_untrusted(self, name: str) -> bool:
+        return self.of[name].n_untrusted > 0.02 * self.of[name].n_scan
 
     def add(self, odometry: Odometry) -> bool:
         """Keep a pose of a base until scans ask for it; other bases are left out. Tell whether it was kept."""

@@ -185,6 +185,49 @@ def test_odometry_is_interpolated_and_breaks_where_it_jumps_or_stops():
     assert track.at(NS_PER_S // 2) == pytest.approx([7.0, 0, 0])
 
 
+def x_at(x: float) -> np.ndarray:
+    return Pose(xyz=(x, 0, 0), rpy=(0, 0, 0)).matrix
+
+
+@pytest.mark.parametrize("every_s", [0.05, 0.25, 0.5, 1.0])
+def test_a_pose_is_carried_on_until_the_next_one_however_rare_they_are(every_s: float):
+    track, speed = OdometryTrack(), 0.5
+    n_scan = 0
+    for tenth in range(60):
+        t = tenth / 10
+        for k in range(int(np.floor((t - 0.1) / every_s)) + 1, int(np.floor(t / every_s)) + 1):
+            track.add(round(k * every_s * NS_PER_S), x_at(speed * k * every_s))
+        if t >= 2 * every_s:
+            np.testing.assert_allclose(track.at(round(t * NS_PER_S)), [speed * t, 0, 0], atol=1e-9)
+            n_scan += 1
+    assert n_scan >= 40 and track.rarity() == ""
+    assert track.at(9 * NS_PER_S) is None
+
+
+@pytest.mark.parametrize(
+    ("every_s", "swing_m", "is_told"), [(0.5, 1.0, True), (2.0, 1.0, True), (0.1, 1.0, False), (0.5, 0.0, False)]
+)
+def test_odometry_too_rare_for_the_motion_is_told_where_nothing_can_be_matched(
+    every_s: float, swing_m: float, is_told: bool
+):
+    rig = Rig(sensors={"base": OdometrySensor(topic="/odom"), "scan": LaserSensor(topic="/scan", mounted_on="base")})
+    open_air, walls = RigFrames(rig, ["scan"], MatchingOptions()), RigFrames(rig, ["scan"], MatchingOptions())
+    due_s = 0.0
+    for tenth in range(100):
+        t = tenth / 10
+        x = swing_m * np.sin(t)
+        if t >= due_s:
+            due_s += every_s
+            for frames in (open_air, walls):
+                frames.add(Odometry("base", round(t * NS_PER_S), x_at(x)))
+        scan = scan_at([x, 0.0, 0.0], t)
+        walls.located(scan, np.ones(BEAMS, np.bool_))
+        open_air.located(replace(scan, ranges_m=np.full_like(scan.ranges_m, np.inf)), np.ones(BEAMS, np.bool_))
+    told = [each for each in open_air.warnings if each.startswith(f"odometry of base comes every {every_s:g} s: ")]
+    assert len(told) == is_told
+    assert not any("odometry of base" in each for each in walls.warnings)
+
+
 def test_parts_of_the_robot_are_found_once_it_has_driven_and_turned():
     path, motions = drive(60, 0.6, 0.6)
     frame = SensorFrame(path[0], MatchingOptions())
