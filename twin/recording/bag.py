@@ -32,6 +32,7 @@ from twin.recording.bag_damage import describe_damage, reason_unreadable
 from twin.recording.bag_files import BagPath
 from twin.recording.bounded_readers import MOST_CHUNK_BYTES, open_reader
 from twin.recording.message_types import normal_type, typestore
+from twin.recording.scan_messages import CDR_BYTES
 
 if sys.version_info >= (3, 14):
     from compression import zstd
@@ -56,8 +57,6 @@ _BROKEN_BAG = (
     ValueError,
     zstd.ZstdError,
 )
-CDR_BYTES = 4
-"""Head of a message encoded as CDR."""
 _HASHED_BYTES = 16384
 """Number of bytes, evenly over a message, by which two of one stamp and length are compared."""
 _REMEMBERED = 4096
@@ -213,7 +212,7 @@ class Copies:
     def __init__(self) -> None:
         self._logged_ns: defaultdict[str, dict[tuple[int, int, int], int]] = defaultdict(dict)
         self.later_ns: defaultdict[str, list[int]] = defaultdict(list)
-        """How much later than its first each copy was logged [ns], by topic."""
+        """Time from the first message to each copy of it, by the log [ns], by topic."""
 
     def add(self, topic: str, log_ns: int, data: bytes, is_ros1: bool) -> bool:
         """Add a message; return True for a copy of an earlier one."""

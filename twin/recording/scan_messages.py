@@ -20,8 +20,9 @@ import numpy as np
 from trackers.arrays import Array, Index, Mask, Nanoseconds
 from trackers.observations import NS_PER_S, LaserScan
 from trackers.rig import Rig
-from twin.recording.bag import CDR_BYTES
 
+CDR_BYTES = 4
+"""Head of a message encoded as CDR."""
 _TURN_RAD = 1.1 * 2 * pi
 """Largest span of a turn: scanners that turn all around may go on a little."""
 _NEXT = 1.5
