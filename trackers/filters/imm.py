@@ -230,7 +230,9 @@ class Imm:
     def _mix(self, state: ImmState, share: float) -> ImmState:
         """Mix the initial conditions of every mode (eq. 3); return them with the predicted mode probabilities."""
         means = self.motion.aligned(state.mean, state.probability)
-        transition = share * self.transition + (1 - share) * np.eye(self.n_mode)
+        transition = self.transition
+        if share != 1:
+            transition = share * transition + (1 - share) * np.eye(self.n_mode)
         predicted = transition.T @ state.probability  # (m, n)
         joint = state.probability[:, None] * transition[:, :, None]  # (from, to, n)
         if predicted.min() > 0:

@@ -27,6 +27,7 @@ along the batch.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -288,7 +289,7 @@ class VelocityMotion:
         self, mean: Float[Array, "s m n"], covariance: Float[Array, "s s m n"], period_s: float, share: float
     ) -> tuple[Float[Array, "s m n"], Float[Array, "s s m n"]]:
         """Return mean and covariance one step later; share: of the models' nominal period."""
-        kept = np.array([model.kept for model in self.models])[:, None] ** share  # (m, 1)
+        kept, noise = _effect(self.models, period_s, share)
         after, half = mean.copy(), covariance.copy()  # half: F P
         after[2:4] *= kept
         after[:2] += period_s * after[2:4]
@@ -297,12 +298,11 @@ class VelocityMotion:
         spread = half.copy()  # F P Fᵀ
         spread[:, 2:4] *= kept
         spread[:, :2] += period_s * spread[:, 2:4]
-        variance = np.array([model.acceleration_variance for model in self.models])[:, None] / share
         for place, speed in ((0, 2), (1, 3)):
-            spread[place, place] += variance * period_s**4 / 4
-            spread[place, speed] += variance * period_s**3 / 2
-            spread[speed, place] += variance * period_s**3 / 2
-            spread[speed, speed] += variance * period_s**2
+            spread[place, place] += noise[0]
+            spread[place, speed] += noise[1]
+            spread[speed, place] += noise[1]
+            spread[speed, speed] += noise[2]
         return after, spread
 
     def aligned(self, mean: Float[Array, "s m n"], probability: Float[Array, "m n"]) -> Float[Array, "s m n"]:
@@ -312,3 +312,13 @@ class VelocityMotion:
     def velocity(self, mean: Float[Array, "s *n"]) -> Float[Array, "2 *n"]:
         """Return the velocity [m/s]."""
         return mean[2:4]
+
+
+@lru_cache(maxsize=16)
+def _effect(
+    models: tuple[VelocityModel, ...], period_s: float, share: float
+) -> tuple[Float[Array, "m 1"], tuple[Float[Array, "m 1"], Float[Array, "m 1"], Float[Array, "m 1"]]]:
+    """Return the share of velocity that each mode keeps over a step, and its noise: of place, of place and speed, of speed."""
+    kept = np.array([model.kept for model in models])[:, None] ** share
+    variance = np.array([model.acceleration_variance for model in models])[:, None] / share
+    return kept, (variance * period_s**4 / 4, variance * period_s**3 / 2, variance * period_s**2)

@@ -126,10 +126,11 @@ def _places(
 ) -> tuple[Float[Array, "2 m n k"], Float[Array, "m n"], Float[Array, "m n"], Float[Array, "m n"]]:
     """Return sample positions of each mode's density, and the root of the position's covariance (`_root`)."""
     l_uu, l_vu, l_vv = _root(state, u, v)
+    (u_x, u_y), (v_x, v_y) = u[..., None], v[..., None]
     along = l_uu[..., None] * _Z[0]
     across = l_vu[..., None] * _Z[0] + l_vv[..., None] * _Z[1]
-    x = state.mean[0, ..., None] + u[0][:, None] * along + v[0][:, None] * across
-    y = state.mean[1, ..., None] + u[1][:, None] * along + v[1][:, None] * across
+    x = state.mean[0, ..., None] + u_x * along + v_x * across
+    y = state.mean[1, ..., None] + u_y * along + v_y * across
     return np.array([x, y]), l_uu, l_vu, l_vv
 
 
@@ -138,9 +139,10 @@ def _root(
 ) -> tuple[Float[Array, "m n"], Float[Array, "m n"], Float[Array, "m n"]]:
     """Factor the position covariance over axes u, v [m]: the elements uu, vu, vv of its root L."""
     xx, xy, yy = state.covariance[0, 0], state.covariance[0, 1], state.covariance[1, 1]
-    uu = u[0] ** 2 * xx + 2 * u[0] * u[1] * xy + u[1] ** 2 * yy
-    vu = u[0] * v[0] * xx + (u[0] * v[1] + u[1] * v[0]) * xy + u[1] * v[1] * yy
-    vv = v[0] ** 2 * xx + 2 * v[0] * v[1] * xy + v[1] ** 2 * yy
+    (u_x, u_y), (v_x, v_y) = u, v
+    uu = u_x * u_x * xx + 2 * u_x * u_y * xy + u_y * u_y * yy
+    vu = u_x * v_x * xx + (u_x * v_y + u_y * v_x) * xy + u_y * v_y * yy
+    vv = v_x * v_x * xx + 2 * v_x * v_y * xy + v_y * v_y * yy
     l_uu = np.sqrt(np.maximum(uu, _LEAST_VARIANCE_M2))
     l_vu = vu / l_uu
     return l_uu, l_vu, np.sqrt(np.maximum(vv - l_vu**2, _LEAST_VARIANCE_M2))

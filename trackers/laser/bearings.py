@@ -189,6 +189,7 @@ class DetectionModel:
         self.options, self._least = options, least
         self._origin_m = sensor.room_from_sensor.translation[:2].copy()
         self._scan_from_room = sensor.room_from_sensor.rotation[:2, :2].T.copy()
+        self._middle_rad, self._ahead_from_room = np.nan, [[0.0, 0.0], [0.0, 0.0]]  # of the last scan's middle beam
 
     def seen(self, scan: LaserScan, points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
         """Return the probability that a body with its axis at room points would have been detected."""
@@ -199,9 +200,11 @@ class DetectionModel:
             reach_m[0], reach_m[-1] = reach_m[-2], reach_m[1]
         # bearings relative to the middle beam wrap around behind it
         middle = scan.angle_min_rad + 0.5 * (count - 1) * scan.angle_increment_rad
-        cos, sin = np.cos(middle), np.sin(middle)
-        ahead_from_room = np.array([[cos, sin], [-sin, cos]]) @ self._scan_from_room
-        (a, b), (c, d) = ahead_from_room.tolist()
+        if middle != self._middle_rad:
+            cos, sin = np.cos(middle), np.sin(middle)
+            ahead_from_room = np.array([[cos, sin], [-sin, cos]]) @ self._scan_from_room
+            self._middle_rad, self._ahead_from_room = middle, ahead_from_room.tolist()
+        (a, b), (c, d) = self._ahead_from_room
         off_x, off_y = points[0] - self._origin_m[0], points[1] - self._origin_m[1]
         x, y = a * off_x + b * off_y, c * off_x + d * off_y
         distance = np.sqrt(x * x + y * y)

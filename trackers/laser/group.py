@@ -105,6 +105,9 @@ class ScannerGroup:
         with too few samples, of all scanners together, to initiate a track.
         """
         n_scanner, scans = len(self.layers), self._scans(observations)
+        if n_scanner == 1 and scans:  # there is nothing to fuse, and no other sees past
+            alone = next(iter(self.layers.values())).detect(*scans.values())
+            return alone if weak else alone.select(self.sufficient(alone))
         together = Detections.none(n_scanner)
         for column, (name, layer) in enumerate(self.layers.items()):
             if name in scans:

@@ -38,21 +38,25 @@ def outline_features(
     spacing, count = abs(scan.angle_increment_rad), beams_of_turn(scan) or scan.ranges_m.size
     points = np.where(foreground, scan.ranges_m, 0.0) * directions(scan)
     near = np.maximum(clusters.range_m, _NEAREST_M)
-    ahead = (clusters.middle / near[:, None]).tolist()
+    n_beam = (clusters.last_beam - clusters.first_beam) % count + 1
+    since_first = np.arange(n_beam.sum()) - (n_beam.cumsum() - n_beam).repeat(n_beam)
+    row, beams = np.arange(len(clusters)).repeat(n_beam), (clusters.first_beam.repeat(n_beam) + since_first) % count
+    row, beams = row[foreground[beams]], beams[foreground[beams]]
+    x, y = points[:, beams] - clusters.middle[row].T
+    ahead_x, ahead_y = (clusters.middle / near[:, None])[row].T
+    along, across = x * ahead_x + y * ahead_y, y * ahead_x - x * ahead_y
+    order = np.lexsort((across, row))  # from right to left, cluster by cluster
+    along, across = along[order], across[order]
+    stops = np.bincount(row).cumsum()
+    starts = np.concatenate([[0], stops[:-1]])
+    right, left = across[starts], across[stops - 1]
+    width = left - right
+    places = right[:, None] + _PLACES * width[:, None]
     features = np.empty((len(clusters), N_FEATURE))
-    beam_range = zip(clusters.first_beam.tolist(), clusters.last_beam.tolist(), strict=True)
-    for row, (first, last) in enumerate(beam_range):
-        beams = np.arange(first, last + 1) if last >= first else np.arange(first, last + 1 + count) % count
-        beams = beams[foreground[beams]]
-        x, y = points[:, beams] - clusters.middle[row][:, None]
-        ahead_x, ahead_y = ahead[row]
-        along, across = x * ahead_x + y * ahead_y, y * ahead_x - x * ahead_y
-        order = across.argsort(kind="stable")
-        across = across[order]
-        features[row, _N_PLACE : _N_PLACE + 2] = right, left = across[0], across[-1]
-        features[row, :_N_PLACE] = np.interp(right + _PLACES * (left - right), across, along[order])
-    width = features[:, _N_PLACE + 1] - features[:, _N_PLACE]
-    features.T[_N_PLACE + 2 :] = clusters.hidden_before, clusters.hidden_after, width, spacing * near, 1 / near
+    for number, (start, stop) in enumerate(zip(starts.tolist(), stops.tolist(), strict=True)):
+        features[number, :_N_PLACE] = np.interp(places[number], across[start:stop], along[start:stop])
+    others = right, left, clusters.hidden_before, clusters.hidden_after, width, spacing * near, 1 / near
+    features.T[_N_PLACE:] = others
     return features
 
 

@@ -108,11 +108,7 @@ class Association:
         trunks = trunk_likelihood(seen.trunks, options.trunk)
         cost = Costs.of(people, trunks, options)
         colour = people.clothes.distance(seen.histograms, seen.comparable)
-        if colour is None:
-            colour = np.full((len(people), n_trunk), np.nan)
-            looks = np.full(colour.shape, self._unknown_colour)
-        else:
-            looks = self._by_colour(colour)
+        looks = self._unknown_colour if colour is None else self._by_colour(colour)
         trunk_of = written(np.full(len(people), -1), *associate([self._explained(cost, looks)]))
         walkers = self._walkers(seen, trunk_of)
         n_walker = len(walkers.position)
@@ -125,9 +121,10 @@ class Association:
         weak = np.concatenate([seen.trunks.n_sample < options.waist.min_samples, np.zeros(n_walker, np.bool_)])
         n_sample = np.concatenate([seen.trunks.n_sample, walkers.n_sample])
         cost = cost.joined(Costs.of(people, by_legs, options))
-        unknown = np.full((len(people), n_walker), np.nan)  # of legs no colours are seen
-        colour = np.concatenate([colour, unknown], axis=1)
-        looks = np.concatenate([looks, np.full(unknown.shape, self._unknown_colour)], axis=1)
+        if colour is not None:
+            unknown = np.full((len(people), n_walker), np.nan)  # of legs no colours are seen
+            colour = np.concatenate([colour, unknown], axis=1)
+            looks = np.concatenate([looks, np.full(unknown.shape, self._unknown_colour)], axis=1)
         track, taken = associate(
             [
                 self._explained(cost, looks, trunk < 0),
@@ -195,14 +192,16 @@ class Association:
         groups = LegPairs(position, np.full_like(n_leg, 2), np.full((len(seen.trunks), 2), np.nan), new, none)
         cost = Costs.of(self.people, groups.likelihood(legs, self._leg_gate_m), self.options)
         shown = np.broadcast_to((trunk_of >= 0)[:, None], cost.pair.shape)
-        looks = np.full(cost.pair.shape, self._unknown_colour)
+        looks = self._unknown_colour
         track, taken = associate([self._explained(cost, looks, ~shown), self._explained(cost, looks, shown)])
         left = left_over(len(position), taken[trunk_of[track] >= 0])
         return LegPairs(position[left], groups.n_leg[left], groups.under_trunk, new[left], none[left])
 
-    def _explained(self, cost: Costs, looks: Float[Array, "n k"], without: Bool[Mask, "*#n k"] | bool = False) -> Stage:
+    def _explained(
+        self, cost: Costs, looks: Float[Array, "n k"] | float, without: Bool[Mask, "*#n k"] | bool = False
+    ) -> Stage:
         """Pair tracks with explained measurements, except those in `without`; looks: the cost of their colours."""
-        return Stage(self._all, [cost.pair, looks], [cost.out_of_gate | without], self._unpaired)
+        return Stage(self._all, [cost.pair + looks], [cost.out_of_gate | without], self._unpaired)
 
     @cached_property
     def _unpaired(self) -> Float[Array, "n"] | None:
@@ -215,8 +214,8 @@ class Association:
     def _re_identified(
         self,
         cost: Costs,
-        looks: Float[Array, "n k"],
-        colour: Float[Array, "n k"],
+        looks: Float[Array, "n k"] | float,
+        colour: Float[Array, "n k"] | None,
         position: Float[Array, "k 2"],
         part: Bool[Mask, "k"],
     ) -> list[Stage]:
@@ -231,7 +230,7 @@ class Association:
         existing = hidden & people.exist(rules.exists_above)
         explained = ((cost.mahalanobis <= EXPLAINED_BELOW) & ~hidden[:, None]).any(axis=0)
         cannot_be = ~self._same_person(existing, position, colour) | part | explained
-        return [Stage(hidden, [cost.pair, looks], [cannot_be])]
+        return [Stage(hidden, [cost.pair + looks], [cannot_be])]
 
     def _by_colour(self, colour: Float[Array, "n k"]) -> Float[Array, "n k"]:
         """Return the cost of a colour: −2 ln of the likelihood ratio of own and other track, or w E as in the paper.
@@ -249,7 +248,7 @@ class Association:
         return 0.0 if self.options.clutter_density_m2 is None else _UNKNOWN_COLOUR
 
     def _same_person(
-        self, hidden: Bool[Mask, "n"], position: Float[Array, "k 2"], colour: Float[Array, "n k"]
+        self, hidden: Bool[Mask, "n"], position: Float[Array, "k 2"], colour: Float[Array, "n k"] | None
     ) -> Bool[Mask, "n k"]:
         """Return a mask of pairs of a `hidden` track and a measurement of the same possible person, by reach and colour.
 
@@ -258,6 +257,8 @@ class Association:
         """
         coasted_ns, rules = self.ns - self.people.roster.measured_ns, self.options.track_management
         can_be = reachable(self.people.measured_at, coasted_ns, position, rules) & hidden[:, None]
+        if colour is None:
+            return can_be
         return can_be & (np.isnan(colour) | (colour <= self.options.appearance.same_below))
 
     def _hidden(self) -> Bool[Mask, "n"]:

@@ -66,7 +66,8 @@ class LegPosture(Rows):
 
     def seated(self, place: Float[Array, "n 2"], options: PostureOptions) -> Bool[Mask, "n"]:
         """Return a mask of people sitting or lying, last measured at these positions [m]."""
-        return np.hypot(*(place - self.seat).T) < options.length_m  # NaN compares False
+        off = place - self.seat
+        return np.hypot(off[:, 0], off[:, 1]) < options.length_m  # NaN compares False
 
     def measured(
         self, track: Int[Index, "p"], trunk: Float[Array, "p 2"], legs: Float[Array, "p 2"], options: PostureOptions
@@ -156,7 +157,7 @@ class LaserTracks(ImmTracks):
 
     def turned(self, velocity: Float[Array, "2 n"]) -> Self:
         """These tracks, facing the way of their velocity [m/s] where they walk; whoever stands faces the way they came."""
-        speed = np.hypot(*velocity)
+        speed = np.hypot(velocity[0], velocity[1])
         walks = speed > _WALKS_M_S
         return self.changed(
             facing=np.where(walks[:, None], velocity.T / np.where(walks, speed, 1.0)[:, None], self.facing)

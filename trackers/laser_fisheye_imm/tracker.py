@@ -166,10 +166,10 @@ class LaserFisheyeImm(SynchronizedTracker):
         def missed(points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
             return self._detector.missed(synced, points) ** share
 
-        state = self._people.state
-        chance_missed = miss_probability(state, missed, self._imm.velocity(state))
+        state, velocity = self._people.state, self._imm.velocity(self._people.state)
+        chance_missed = miss_probability(state, missed, velocity)
         times = synced.ns, self._last_ns
-        knees, origins = self._knees(), self._detector.origins
+        knees, origins = self._knees(velocity), self._detector.origins
         at = Association(self._people, chance_missed, knees, self.options, *times, waists, knows_room, origins)
         matches = at.matches(seen)
         self._update(matches, synced.ns)
@@ -207,11 +207,10 @@ class LaserFisheyeImm(SynchronizedTracker):
         people = people.turned(self._imm.velocity(state))
         self._people = people.changed(posture=posture, single_ns=written(people.single_ns, track[matches.single], ns))
 
-    def _knees(self) -> Float[Array, "n 2"]:
-        """Return where the legs of upright people are expected from the body's axis [m]."""
-        people, legs = self._people, self.options.legs
-        speed = np.hypot(*self._imm.velocity(people.state))
-        return people.facing * legs_ahead_m(speed, self._detector.knee_height_m, legs)[:, None]
+    def _knees(self, velocity: Float[Array, "2 n"]) -> Float[Array, "n 2"]:
+        """Return where the legs of upright people at these velocities [m/s] are expected from the body's axis [m]."""
+        ahead_m = legs_ahead_m(np.hypot(velocity[0], velocity[1]), self._detector.knee_height_m, self.options.legs)
+        return self._people.facing * ahead_m[:, None]
 
     def _learn_colours(self, matches: Matches, seen: Seen) -> None:
         looked = (matches.trunk >= 0).nonzero()[0]
