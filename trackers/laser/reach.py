@@ -293,18 +293,17 @@ class ScannerReach:
     ) -> None:
         """Count the places that a scanner sees and none on its base shows."""
         distance, free, below, above = mine.look(places)
-        seen = free | below | above
-        places, distance, below, above = places[seen], distance[seen], below[seen], above[seen]
-        shown = np.zeros(len(places), np.bool_)
+        seen, sparse = free | below | above, mine.is_sparse(distance)
+        lost = seen & (sparse | below | above)  # by mine alone: usually nowhere
         for other in self._scanners.values():
-            if other is not mine and other.scan is not None and other.base == mine.base:
-                far, free, _, _ = other.look(places)
-                shown |= free & ~other.is_sparse(far)
+            if lost.any() and other is not mine and other.scan is not None and other.base == mine.base:
+                far, free, _, _ = other.look(places[lost])
+                lost[lost] = ~(free & ~other.is_sparse(far))
         if spacing:
-            mine.spacing.add(distance, mine.is_sparse(distance) & ~shown)
+            mine.spacing.add(distance[seen], (lost & sparse)[seen])
         if height:
-            mine.height.add(distance, (below | above) & ~shown)
-            mine.n_below += int((below & ~shown).sum())
+            mine.height.add(distance[seen], (lost & (below | above))[seen])
+            mine.n_below += int((lost & below).sum())
 
     def warnings(self, unused: Collection[str] = ()) -> list[str]:
         """Return sentences on scanners that show people in less than half of what they see, or contradict each other.

@@ -231,25 +231,14 @@ class World:
             )
             self._met[name, stamp_ns] = met
         feet = self._feet_truth(snapshot, floors or {}) if with_feet else [()] * len(there)
+        head_yaw = np.arctan2(forward[:, 1], forward[:, 0])
+        numbers = (pose.x, pose.y, pose.z, pose.yaw, *head.T, head_yaw, pose.vx, pose.vy, inside)
+        columns = [each.tolist() for each in (self._ids, *numbers, *shares.values())]
+        rows = list(zip(*columns, strict=True))
         people = [
-            PersonTruth(
-                id=int(self._ids[place]),
-                x=float(pose.x[place]),
-                y=float(pose.y[place]),
-                z=float(pose.z[place]),
-                yaw=float(pose.yaw[place]),
-                head_x=float(head[place, 0]),
-                head_y=float(head[place, 1]),
-                head_z=float(head[place, 2]),
-                head_yaw=float(np.arctan2(forward[place, 1], forward[place, 0])),
-                vx=float(pose.vx[place]),
-                vy=float(pose.vy[place]),
-                in_area=bool(inside[place]),
-                visible={name: float(share[place]) for name, share in shares.items()},
-                feet=feet[place],
-            )
-            for place in np.argsort(self._ids)
-            if pose.present[place]
+            PersonTruth(*rows[place][:12], visible=dict(zip(shares, rows[place][12:], strict=True)), feet=feet[place])
+            for place in np.argsort(self._ids).tolist()
+            if there[place]
         ]
         return TruthFrame(stamp_ns, tuple(people))
 
