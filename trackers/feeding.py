@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import heapq
+import reprlib
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from trackers.observations import NS_PER_S, Observation
-from trackers.rig import Rig
+from trackers.errors import InputError
+from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation, Odometry
+from trackers.rig import CameraSensor, FloorSensor, Rig, RigSensor, check_arguments
 from trackers.tracks import (
     Detection,
     Track,
@@ -134,17 +136,72 @@ class FedTracker:
         return completed
 
 
+_CLASSES: dict[str, tuple[type, ...]] = {
+    "laser": (LaserScan,),
+    "fisheye": (Image,),
+    "camera": (Image,),
+    "stereo": (DepthImage, Image),
+    "floor": (FloorFrame,),
+    "odometry": (Odometry,),
+}
+"""Observations of each kind of sensor."""
+
+
+def check_fits(name: str, sensor: RigSensor, observation: Observation | None) -> None:
+    """Raise InputError for an observation of another kind or size than the rig says."""
+    if observation is None:
+        return
+    if not isinstance(observation, valid := _CLASSES[sensor.kind]):
+        raise InputError(
+            f"{type(observation).__name__} of {name!r}: sensors.{name} of the rig is of kind {sensor.kind}; "
+            f"{' or '.join(each.__name__ for each in valid)} is expected"
+        )
+    if isinstance(observation, Image | DepthImage) and isinstance(sensor, CameraSensor):
+        height, width, _ = observation.rgb.shape
+        lens = sensor.intrinsics
+        if (width, height) != (lens.width, lens.height):
+            raise InputError(
+                f"image is {width} x {height}; sensors.{name}.intrinsics, of the rig or else from the bag's CameraInfo, "
+                f"say {lens.width} x {lens.height}, the size of the images is expected there"
+            )
+    if isinstance(observation, FloorFrame) and isinstance(sensor, FloorSensor):
+        rows, columns = observation.values.shape
+        if (rows, columns) != (sensor.rows, sensor.columns):
+            raise InputError(
+                f"frame is {rows} rows x {columns} columns; sensors.{name} of the rig says "
+                f"{sensor.rows} x {sensor.columns}, the size of the frames is expected there"
+            )
+
+
 def track_frames(tracker: Tracker, rig: Rig, observations: Iterable[Observation]) -> Iterator[TrackFrame]:
     """Feed observations, in order of arrival, to a tracker and yield its frames as completed.
 
-    Warns (UserWarning) where more than 2 % of the observations were dropped.
+    Those of sensors that the rig does not have are left out. Warns (UserWarning) of them, and where more than 2 % of the
+    observations were dropped. Raises InputError for what is no observation, or does not fit its sensor.
     """
+    check_arguments(rig, observations=observations)
     fed = FedTracker(tracker, rig)
-    n_fed = 0
+    n_fed, unknown = 0, Counter[str]()
     for observation in observations:
+        if not isinstance(observation, Observation):
+            raise InputError(
+                f"observation {n_fed + unknown.total() + 1} is {reprlib.repr(observation)}; an object of a class of "
+                "trackers.observations, like LaserScan, is expected"
+            )
+        if (sensor := rig.sensors.get(observation.sensor)) is None:
+            unknown[observation.sensor] += 1
+            continue
+        check_fits(observation.sensor, sensor, observation)
         n_fed += 1
         yield from fed.update(observation)
     yield from fed.finish()
+    if unknown:
+        of = ", ".join(f"{n} of {name!r}" for name, n in unknown.items())
+        warnings.warn(
+            f"{unknown.total()} of {n_fed + unknown.total()} observations were left out ({of}): the rig has no such sensor; its "
+            f"sensors are {', '.join(rig.sensors)}",
+            stacklevel=2,
+        )
     if fed.losses.total() > NOTED_LOSS * n_fed:
         reasons = "; ".join(f"{sensor or 'unknown sensor'}: {n} {why}" for (sensor, why), n in fed.losses.items())
         warnings.warn(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import isfinite, pi
+from numbers import Integral
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,10 +29,30 @@ _RIGID = 1e-3
 """Largest error of a rotation matrix's Gram matrix: that of a quaternion in float32 is a thousandth of it."""
 
 
+MOST_STAMPS_NS = -(2**60), 2**63 - 2**60
+"""Stamps lie between these [ns], until the year 2225: what has not happened yet has the first (`roster.NEVER_NS`)."""
+
+
 @dataclass(frozen=True, eq=False)
 class _Stamped:
     sensor: str
     stamp_ns: int
+
+    def __post_init__(self) -> None:
+        """Raise InputError for a stamp that is no number of nanoseconds."""
+        if not isinstance(self.stamp_ns, Integral) or not MOST_STAMPS_NS[0] < self.stamp_ns < MOST_STAMPS_NS[1]:
+            raise InputError(
+                f"{type(self).__name__} of {self.sensor!r}: stamp_ns is {self.stamp_ns!r}; a whole number of nanoseconds, "
+                f"from {MOST_STAMPS_NS[0]:.3g} to {MOST_STAMPS_NS[1]:.3g}, is expected"
+            )
+
+    def _require_array(self, field: str) -> None:
+        """Raise InputError for a field that holds no array."""
+        value = getattr(self, field)
+        if not isinstance(value, np.ndarray):
+            raise InputError(
+                f"{type(self).__name__} of {self.sensor!r}: {field} is a {type(value).__name__}; a NumPy array is expected"
+            )
 
     @property
     def t(self) -> float:
@@ -60,6 +81,8 @@ class LaserScan(_Stamped):
     sweep_time_s: float = 0.0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
+        self._require_array("ranges_m")
         if self.ranges_m.ndim != 1:
             raise InputError(f"scan of {self.sensor!r}: ranges have shape {self.ranges_m.shape}; one row is expected")
         check_limit(self.ranges_m.size, MOST_BEAMS, f"scan of {self.sensor!r}: has", "beams")
@@ -108,6 +131,15 @@ class Image(_Stamped):
 
     rgb: NDArray[np.uint8]  # (height, width, 3)
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._require_array("rgb")
+        if self.rgb.ndim != 3 or self.rgb.shape[2] != 3 or self.rgb.dtype != np.uint8:
+            raise InputError(
+                f"image of {self.sensor!r}: rgb has shape {self.rgb.shape} and type {self.rgb.dtype}; (height, width, 3) and "
+                "uint8 are expected"
+            )
+
 
 @dataclass(frozen=True, eq=False)
 class DepthImage(_Stamped):
@@ -121,6 +153,9 @@ class DepthImage(_Stamped):
     depth_m: NDArray[np.float32]  # (height, width)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
+        self._require_array("rgb")
+        self._require_array("depth_m")
         if self.rgb.shape[:2] != self.depth_m.shape:
             raise InputError(
                 f"depth image of {self.sensor!r}: colour is {self.rgb.shape[1]} x {self.rgb.shape[0]} and depth of shape "
@@ -138,6 +173,8 @@ class FloorFrame(_Stamped):
     values: NDArray[np.uint8]  # (rows, columns)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
+        self._require_array("values")
         if self.values.ndim != 2:
             raise InputError(
                 f"floor {self.sensor!r}: values have shape {self.values.shape}; rows and columns are expected"
@@ -156,6 +193,8 @@ class Odometry(_Stamped):
     frame_from_base: NDArray[np.float64]  # (4, 4)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
+        self._require_array("frame_from_base")
         matrix = self.frame_from_base
         if matrix.shape != (4, 4):
             raise InputError(

@@ -282,7 +282,9 @@ def make_tracker(
     What is imported here runs: a name that a file holds is for the caller to refuse (see `twin.run.inputs`).
     """
     from trackers.prior import Prior
+    from trackers.rig import check_arguments
 
+    check_arguments(rig, name=name, background=background, options=options)
     known = PRESETS if name in PRESETS else available()  # what is installed is looked up where it is asked for
     if name in known:
         preset = known[name]

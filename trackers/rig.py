@@ -6,6 +6,7 @@ Written by users as `rig.yaml`, resolved from a scenario's sensors by the twin, 
 from __future__ import annotations
 
 import hashlib
+import reprlib
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -276,3 +277,20 @@ class Rig(Strict):
                 "that the twin wrote"
             )
         return validate(cls, complete(content), source)
+
+
+_ARGUMENTS: dict[str, tuple[type | tuple[type, ...], str]] = {
+    "rig": (Rig, "a trackers.rig.Rig, as Rig.load('rig.yaml') gives it,"),
+    "name": (str, "the name of a tracker"),
+    "options": ((Mapping, type(None)), "a mapping of the tracker's options by name"),
+    "background": (Iterable, "an iterable of observations, or a trackers.prior.Prior,"),
+    "observations": (Iterable, "an iterable of observations, as observations() of a recording gives it,"),
+}
+
+
+def check_arguments(rig: object, **others: object) -> None:
+    """Raise InputError for arguments of another type than trackers are made and fed with; others: by name."""
+    for name, given in {"rig": rig, **others}.items():
+        valid, expected = _ARGUMENTS[name]
+        if not isinstance(given, valid):
+            raise InputError(f"{name} is {reprlib.repr(given)}; {expected} is expected")
