@@ -8,14 +8,14 @@ from __future__ import annotations
 import configparser
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import nan
+from math import isfinite, nan
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trackers.errors import InputError
-from trackers.text_file import read_text
+from trackers.text_file import check_limit, read_text
 from twin.tables.columns import Cells, CsvColumns, columns_of, is_number
 
 HEIGHT_SPREAD_M = 0.6
@@ -30,6 +30,8 @@ _LONG = 5
 """Rows of a person that make a path; fewer in a line may be people side by side."""
 _CLEARER = 0.5
 """Ratio of the paths' roughness between two orders of columns below which the order is certain."""
+MOST_FRAMES = 10_000_000
+"""Greatest number of frames of a sequence, a hundred hours of 25 Hz; each takes some 20 bytes at work."""
 EXPECTED_COLUMNS = "columns t (or frame), id, x, y"
 
 
@@ -63,11 +65,17 @@ def sequence_info(truth: Path) -> tuple[float | None, int]:
     parser = configparser.ConfigParser()
     try:
         parser.read_string(read_text(path, "a seqinfo.ini"))
-        return parser.getfloat("Sequence", "frameRate"), parser.getint("Sequence", "seqLength")
+        rate_hz, n_frame = parser.getfloat("Sequence", "frameRate"), parser.getint("Sequence", "seqLength")
     except (configparser.Error, ValueError) as error:
         raise InputError(
             f"{path}: {str(error).splitlines()[0]}; frameRate and seqLength of [Sequence] are expected"
         ) from error
+    if n_frame < 1:
+        raise InputError(f"{path}: seqLength is {n_frame}; the number of frames, 1 or more, is expected")
+    check_limit(n_frame, MOST_FRAMES, f"{path}: seqLength is", "frames")
+    if not isfinite(rate_hz) or rate_hz <= 0:
+        raise InputError(f"{path}: frameRate is {rate_hz:g}; a number of frames per second above 0 is expected")
+    return rate_hz, n_frame
 
 
 def name_columns(path: Path, found: Cells, per_m: float) -> list[str]:
@@ -77,9 +85,10 @@ def name_columns(path: Path, found: Cells, per_m: float) -> list[str]:
     """
     width = len(found.rows[0])
     if not 4 <= width <= 8:
+        mot = "; MOT text is read by `twin evaluate --format mot`" if width in (_MOT_WIDTH - 1, _MOT_WIDTH) else ""
         raise InputError(
             f"{path}: has no header and {width} columns; frame,id,x,y without a header, or a header with the {EXPECTED_COLUMNS}, "
-            "is expected"
+            f"is expected{mot}"
         )
     columns = columns_of(str(path), [f"column {place}" for place in range(1, width + 1)], found)
     first, second = columns.cells["column 1"], columns.cells["column 2"]

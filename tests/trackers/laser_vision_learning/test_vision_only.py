@@ -192,5 +192,5 @@ def test_a_scan_under_the_name_of_the_camera_is_refused():
     (name,) = on.sensors
     scan = LaserScan(name, 0, np.ones(3, np.float32), 0.0, 0.1, 0.1, 5.0, 0.0)
     for background, fed in ([], [scan]), ([scan], film(on, 0.2)):
-        with pytest.raises(InputError, match="is a LaserScan; .* an Image or DepthImage is expected"):
+        with pytest.raises(InputError, match="LaserScan.* Image( or DepthImage)? is expected"):
             tracked(on, fed, background)

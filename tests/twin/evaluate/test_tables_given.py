@@ -57,3 +57,23 @@ def test_a_dash_is_no_file(arguments: str) -> None:
     done = twin(*arguments.split())
     assert (done.returncode, done.stdout) == (2, "")
     assert "'-' names no file here, neither stdin nor stdout; the name of a file is expected" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("frameRate=10\nseqLength=0", "seqLength is 0; the number of frames, 1 or more, is expected"),
+        ("frameRate=10\nseqLength=-4", "seqLength is -4; the number of frames"),
+        ("frameRate=10\nseqLength=100000000000", "seqLength is 1e+11 frames; at most 1e+07"),
+        ("frameRate=0\nseqLength=40", "frameRate is 0; a number of frames per second above 0 is expected"),
+        ("frameRate=nan\nseqLength=40", "frameRate is nan; a number of frames"),
+    ],
+)
+def test_a_sequence_that_cannot_be_is_refused(tmp_path: Path, line: str, said: str) -> None:
+    (tmp_path / "gt").mkdir()
+    (tmp_path / "seqinfo.ini").write_text(f"[Sequence]\n{line}\n")
+    truth = table(tmp_path / "gt/gt.txt", 0, 40, mot=1)
+    done = twin("evaluate", truth, truth, "--format", "mot")
+    assert done.returncode == 2 and f"seqinfo.ini: {said}" in done.stderr, done.stderr
+    plain = twin("evaluate", truth, truth)
+    assert plain.returncode == 2 and plain.stderr.endswith("; MOT text is read by `twin evaluate --format mot`\n")
