@@ -221,6 +221,34 @@ def test_new_tells_the_path_and_the_next_command(here: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        (
+            "walls: {height_m: [0.95, 0.95], off_m: 0.1, every_m: 1e-9}",
+            r"has 2\.\d+e\+10 poses; at most 200000 are expected",
+        ),
+        (
+            "walls: {height_m: [0.95, 0.95], off_m: 0.1, every_m: 1e-320}",
+            "poses; at most 200000 are expected, by larger steps",
+        ),
+        (
+            "walls: {height_m: [0.95, 0.95], off_m: 100, every_m: 1}",
+            "there is no pose in the room; a smaller off_m, or larger",
+        ),
+        ("ceiling: {every_m: 0.00001}", "poses; at most 200000"),
+        ("box: {x_m: [-3, 3], y_m: [-3, 3], z_m: [0, 2], every_m: 0.0001}", "poses; at most 200000"),
+    ],
+)
+def test_a_study_of_too_many_poses_is_refused_before_they_are_made(here: Path, line: str, said: str) -> None:
+    _twin("new", "study", "--out", "mine.yaml")
+    text = re.sub("walls: .*", line, Path("mine.yaml").read_text())
+    Path("mine.yaml").write_text(text)
+    error = CliRunner().invoke(app, ["check", "mine.yaml"]).exception
+    assert isinstance(error, InputError)
+    assert re.search(f"mine.yaml: devices.scanner: .*{said}", str(error)), error
+
+
+@pytest.mark.parametrize(
     ("arguments", "said"),
     [
         (

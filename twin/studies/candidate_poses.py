@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
-from math import atan2, degrees, hypot
+from math import atan2, degrees, hypot, prod
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from twin.scenario import Scenario
 from twin.scenario.housings import in_the_room
 from twin.scenario.mount import Mount, mount_of
 from twin.scenario.sensors import CAMERA_KINDS, FloorDescription, LaserDescription, check_floor
-from twin.studies.devices import Device, steps
+from twin.studies.devices import Device, n_steps, steps
 from twin.studies.spec import Study
 from twin.world.scene import Scene
 
@@ -49,6 +49,22 @@ def candidate_mounts(device: Device, scenario: Scenario, building: Building, sce
     turned = _turned(device, bases, scene.area.mean(axis=0), is_camera=described.kind in CAMERA_KINDS)
     rounded = [_rounded(each) for each in turned]
     return [(each,) if device.mirrored is None else (each, _image(each, device)) for each in rounded]
+
+
+def most_poses(device: Device, building: Building) -> int:
+    """Return how many poses a device has at most before any is made, those outside of the building too."""
+    n_place, walls, ceiling, box = len(device.places), device.walls, device.ceiling, device.box
+    if walls is not None:
+        way_m = np.linalg.norm(np.roll(building.outline, -1, axis=0) - building.outline, axis=1)
+        n_along = sum(n_steps((0.0, each), walls.every_m) - 1 for each in way_m.tolist())
+        n_place += n_along * n_steps(walls.height_m, walls.height_every_m)
+    if ceiling is not None:
+        n_place += prod(n_steps((0.0, each), ceiling.every_m) for each in np.ptp(building.outline, axis=0).tolist())
+    if box is not None:
+        n_place += prod(n_steps(each, box.every_m) for each in (box.x_m, box.y_m, box.z_m))
+    n_yaw = n_steps(device.yaw_deg, device.yaw_every_deg) if device.yaw_deg else 1
+    n_tilt = n_steps(device.tilt_deg, device.tilt_every_deg) if device.tilt_deg else 1
+    return n_place * (1 if device.aim else n_yaw * n_tilt)
 
 
 def _every_place(device: Device, building: Building, own_pitch_deg: float) -> list[Mount]:

@@ -19,12 +19,20 @@ from twin.scenario import Scenario
 from twin.scenario.housings import in_the_room
 from twin.scenario.mount import Mount
 from twin.scenario.sensors import AnyDescription
-from twin.studies.candidate_poses import cable_lengths_m, candidate_mounts, rejection_reasons, sensor_positions
+from twin.studies.candidate_poses import (
+    cable_lengths_m,
+    candidate_mounts,
+    most_poses,
+    rejection_reasons,
+    sensor_positions,
+)
 from twin.studies.devices import Device
 from twin.studies.spec import Study
 from twin.world.scene import Scene
 
 _MOST_POSES = 200_000
+_SPARE = 4
+"""Poses that are made before those outside of the building are left out, in multiples of these."""
 
 Placement = tuple[int, ...]
 """Indices of the candidate poses, ascending; empty for the baseline, the scenario's own placement."""
@@ -52,7 +60,8 @@ def _no_pose(device: Device) -> str:
             "no place on the grid is under a ceiling; a geom of the room above 2 m, a finer every_m, or heights in a box "
             "(x_m, y_m, z_m) are expected"
         )
-    return "there is no pose in the room; larger ranges are expected"
+    off = "; a smaller off_m, or" if device.walls is not None else ";"
+    return f"there is no pose in the room{off} larger ranges are expected"
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,12 +90,15 @@ class CandidateSet:
         n_considered: dict[str, int] = {}
         faults: list[str] = []
         for name, device in study.devices.items():
-            mounts = candidate_mounts(device, scenario, building, scene)
+            n_pose = most_poses(device, building) * len(device.kinds)
+            mounts: list[tuple[Mount, ...]] = []
+            if n_pose <= _SPARE * _MOST_POSES:
+                mounts = candidate_mounts(device, scenario, building, scene)
+                n_pose = len(mounts) * len(device.kinds)
             n_considered[name] = len(mounts)
-            if len(mounts) * len(device.kinds) > _MOST_POSES:
+            if n_pose > _MOST_POSES:
                 faults.append(
-                    f"{source}: devices.{name}: has {len(mounts) * len(device.kinds)} poses; at most {_MOST_POSES} are "
-                    "expected, by larger steps"
+                    f"{source}: devices.{name}: has {n_pose:.7g} poses; at most {_MOST_POSES} are expected, by larger steps"
                 )
                 continue
             if not mounts:

@@ -33,10 +33,18 @@ CountRange = Annotated[
 """Least and most; one number is both."""
 
 
+_COUNTLESS = 1e15
+"""Number of steps that stands for any larger one."""
+
+
 def steps(low_high: Range, every: float) -> list[float]:
     """Return evenly spaced values from the first to the second, at most `every` apart."""
-    low, high = low_high
-    return np.linspace(low, high, 1 + int(np.ceil((high - low) / every - 1e-9))).tolist()
+    return np.linspace(*low_high, n_steps(low_high, every)).tolist()
+
+
+def n_steps(low_high: Range, every: float) -> int:
+    """Return the number of values that `steps` makes."""
+    return 1 + int(np.ceil(min((low_high[1] - low_high[0]) / every - 1e-9, _COUNTLESS)))
 
 
 def _ascending(name: str, low_high: Range | None) -> None:
