@@ -12,7 +12,7 @@ from typing import Any
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation, Odometry
-from trackers.rig import CameraSensor, FloorSensor, Rig, RigSensor, check_arguments
+from trackers.rig import Rig, RigSensor, check_arguments
 from trackers.tracks import (
     Detection,
     Track,
@@ -139,7 +139,7 @@ class FedTracker:
 _CLASSES: dict[str, tuple[type, ...]] = {
     "laser": (LaserScan,),
     "fisheye": (Image,),
-    "camera": (Image,),
+    "camera": (Image, DepthImage),
     "stereo": (DepthImage, Image),
     "floor": (FloorFrame,),
     "odometry": (Odometry,),
@@ -147,30 +147,13 @@ _CLASSES: dict[str, tuple[type, ...]] = {
 """Observations of each kind of sensor."""
 
 
-def check_fits(name: str, sensor: RigSensor, observation: Observation | None) -> None:
-    """Raise InputError for an observation of another kind or size than the rig says."""
-    if observation is None:
-        return
+def _check_kind(observation: Observation, sensor: RigSensor) -> None:
+    """Raise InputError for an observation of another kind than its sensor's."""
     if not isinstance(observation, valid := _CLASSES[sensor.kind]):
         raise InputError(
-            f"{type(observation).__name__} of {name!r}: sensors.{name} of the rig is of kind {sensor.kind}; "
-            f"{' or '.join(each.__name__ for each in valid)} is expected"
+            f"{type(observation).__name__} of {observation.sensor!r}: sensors.{observation.sensor} of the rig is of kind "
+            f"{sensor.kind}; {' or '.join(each.__name__ for each in valid)} is expected"
         )
-    if isinstance(observation, Image | DepthImage) and isinstance(sensor, CameraSensor):
-        height, width, _ = observation.rgb.shape
-        lens = sensor.intrinsics
-        if (width, height) != (lens.width, lens.height):
-            raise InputError(
-                f"image is {width} x {height}; sensors.{name}.intrinsics, of the rig or else from the bag's CameraInfo, "
-                f"say {lens.width} x {lens.height}, the size of the images is expected there"
-            )
-    if isinstance(observation, FloorFrame) and isinstance(sensor, FloorSensor):
-        rows, columns = observation.values.shape
-        if (rows, columns) != (sensor.rows, sensor.columns):
-            raise InputError(
-                f"frame is {rows} rows x {columns} columns; sensors.{name} of the rig says "
-                f"{sensor.rows} x {sensor.columns}, the size of the frames is expected there"
-            )
 
 
 def track_frames(tracker: Tracker, rig: Rig, observations: Iterable[Observation]) -> Iterator[TrackFrame]:
@@ -191,7 +174,7 @@ def track_frames(tracker: Tracker, rig: Rig, observations: Iterable[Observation]
         if (sensor := rig.sensors.get(observation.sensor)) is None:
             unknown[observation.sensor] += 1
             continue
-        check_fits(observation.sensor, sensor, observation)
+        _check_kind(observation, sensor)
         n_fed += 1
         yield from fed.update(observation)
     yield from fed.finish()

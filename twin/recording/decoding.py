@@ -12,12 +12,11 @@ import numpy as np
 
 from trackers.arrays import Nanoseconds
 from trackers.errors import InputError
-from trackers.feeding import check_fits
 from trackers.observations import Image, LaserScan, Observation
 from trackers.rig import Rig
 from twin.recording.bag import Copies, Topic, decoded, open_bag
 from twin.recording.depth_images import DepthPairs, decode_depth, match_images
-from twin.recording.ros_messages import LASER_SCAN, from_message, stamp_of
+from twin.recording.ros_messages import LASER_SCAN, check_fits, from_message, stamp_of
 from twin.recording.scan_messages import TurnJoiner, with_limits
 from twin.recording.sensor_clock import MessageTimes
 from twin.recording.sensor_topics import LeftOut, SensorTopics, poses_of
@@ -87,8 +86,6 @@ class ObservationReader:
                 return pair
             if found.types[topic] == LASER_SCAN:
                 message, said = with_limits(message)
-                if not len(message.ranges):
-                    raise InputError(f"scan of {name!r}: has no ranges; one for each beam is expected")
                 if said:
                     reading.complete(topic, stamp_ns, said)
             own_ns = stamp_of(message)

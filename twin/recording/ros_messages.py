@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from trackers.area import quaternion_of, rotation_of
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation, Odometry
+from trackers.rig import CameraSensor, FloorSensor, RigSensor
 from twin.recording import topics
 from twin.recording.colour_images import decode_compressed, decode_raw, raw_pixels
 from twin.recording.depth_images import PNG_FORMAT, encode_png
@@ -157,6 +158,27 @@ def stamp_of(message: Any) -> int:
     """Return the stamp in a message's header [ns]."""
     stamp = message.header.stamp
     return stamp.sec * NS_PER_S + stamp.nanosec
+
+
+def check_fits(name: str, sensor: RigSensor, observation: Observation | None) -> None:
+    """Raise InputError for an observation of another size than the rig says."""
+    if isinstance(observation, LaserScan) and not observation.ranges_m.size:
+        raise InputError(f"scan of {name!r}: has no ranges; one for each beam is expected")
+    if isinstance(observation, Image | DepthImage) and isinstance(sensor, CameraSensor):
+        height, width, _ = observation.rgb.shape
+        lens = sensor.intrinsics
+        if (width, height) != (lens.width, lens.height):
+            raise InputError(
+                f"image is {width} x {height}; sensors.{name}.intrinsics, of the rig or else from the bag's CameraInfo, "
+                f"say {lens.width} x {lens.height}, the size of the images is expected there"
+            )
+    if isinstance(observation, FloorFrame) and isinstance(sensor, FloorSensor):
+        rows, columns = observation.values.shape
+        if (rows, columns) != (sensor.rows, sensor.columns):
+            raise InputError(
+                f"frame is {rows} rows x {columns} columns; sensors.{name} of the rig says "
+                f"{sensor.rows} x {sensor.columns}, the size of the frames is expected there"
+            )
 
 
 def time_message(stamp_ns: int) -> Time:
