@@ -2,8 +2,8 @@
 
 Of every track that two sources measure within a moment the difference d of their places is kept, forgotten over some seconds.
 A source that hangs elsewhere has a mean of d, one with a wrong clock has d = v τ for people who walk at v; τ is the least
-squares' Σ v·d / Σ v². A source whose differences from most of the others are large is doubted, for as long as that lasts. With
-two sources it cannot be told which of them is wrong, and neither is doubted.
+squares' Σ v·d / Σ v². A source whose differences from most of the others are large is doubted, for as long as that lasts; of two
+alone it cannot be told which one is wrong, and neither is. One that hardly shows people whom any other shows is doubted too.
 """
 
 from __future__ import annotations
