@@ -26,11 +26,17 @@ _NEARLY_WHOLE = 0.2
 _MOSTLY = 0.8
 _MOST_PERIODS = 4.5
 """Length of the third quartile of the gaps, in periods, of messages that are lost one by one."""
+_SHORT = 0.2
+"""Least share of gaps of one period among messages lost one by one: of two thirds lost a third is left."""
+_LONGEST_PATTERN = 8
+"""Number of gaps after which a rhythm of unlike gaps repeats itself, at most."""
 _IRREGULAR_GAP = 4.0
 """The same in third quartiles of the gaps, for a sensor without a period."""
 _CROWD = 6
 _DENSE = 1.3
 """Length of two gaps, in usual ones, which six times in succession is no jitter."""
+_BY_CHANCE = 0.01
+"""Expected number of such successions in messages lost at random below which two streams are the cause."""
 _SAMPLED = 8
 """Rows and columns of a picture of which one is looked at first."""
 _SHADES = 16
@@ -108,23 +114,31 @@ def missing(sensor: str, stamps_ns: Nanoseconds, from_ns: int, to_ns: int) -> Lo
 def _rhythm(gaps: Nanoseconds) -> tuple[float, float]:
     """Return the usual gap, and the least gap (of n gaps [ns]) that holds missing messages [ns].
 
-    If most gaps are multiples of the short ones, these are the period, though half of the messages be missing: then 94 % of
-    the gaps are of one to four periods. Where fewer are, the short ones lie within bursts.
+    If most gaps are multiples of the short ones, these are the period, though two thirds of the messages be missing: then four
+    of five gaps are of one to four periods. Where more are longer, the short ones lie within bursts; so they do where few are
+    short and the gaps repeat themselves, which they do not where messages are lost at random.
     """
     short = gaps[gaps < _GAP * np.quantile(gaps, 0.1)]
     period = float(np.median(short))
-    times = gaps / period
-    is_whole = np.abs(times - np.rint(times)) < _NEARLY_WHOLE
-    if 2 * short.size >= gaps.size and np.mean(is_whole) > _MOSTLY and np.quantile(times, 0.75) < _MOST_PERIODS:
+    times, share = gaps / period, short.size / gaps.size
+    whole = np.rint(times)
+    of_periods = np.mean(np.abs(times - whole) < _NEARLY_WHOLE) > _MOSTLY and np.quantile(times, 0.75) < _MOST_PERIODS
+    if of_periods and (share >= 0.5 or (share > _SHORT and not _repeats(whole))):
         return period, _GAP * period
     return float(np.median(gaps)), _IRREGULAR_GAP * float(np.quantile(gaps, 0.75))
+
+
+def _repeats(numbers: NDArray[np.float64]) -> bool:
+    """Tell whether most numbers (n,) equal those some places before them, of one and the same count."""
+    lags = range(1, min(_LONGEST_PATTERN, numbers.size - 1) + 1)
+    return any(np.mean(numbers[lag:] == numbers[:-lag]) > _MOSTLY for lag in lags)
 
 
 def crowded(sensor: str, stamps_ns: Nanoseconds, usual: float = 0.5) -> Loss | None:
     """Count messages twice as dense as the sensor's others; None without any.
 
-    Two streams overlap there: the recorder's clock was set back, or two drivers publish on one topic. `usual`: quantile of
-    the gaps that is the sensor's period.
+    Two streams overlap there: the recorder's clock was set back, or two drivers publish on one topic. Where messages are lost
+    at random, some follow each other for a while too, by chance. `usual`: quantile of the gaps that is the sensor's period.
     """
     ordered = np.sort(stamps_ns)
     if ordered.size < 4 * _CROWD:
@@ -132,7 +146,10 @@ def crowded(sensor: str, stamps_ns: Nanoseconds, usual: float = 0.5) -> Loss | N
     dense = ordered[2:] - ordered[:-2] < _DENSE * float(np.quantile(np.diff(ordered), usual))
     lasting = np.convolve(dense, np.ones(_CROWD), "valid") >= _CROWD - 1
     count = int(np.count_nonzero(np.convolve(lasting, np.ones(_CROWD)) > 0))
-    if not lasting.any():
+    if not lasting.any() or dense.all():
+        return None
+    longest = int(np.diff(np.flatnonzero(np.concatenate([[True], ~dense, [True]]))).max())  # gaps in succession
+    if dense.size * min(float(dense.mean()), 0.5) ** (0.5 * longest) > _BY_CHANCE:
         return None
     start_s = float(ordered[int(lasting.argmax())]) / NS_PER_S
     what = f"come twice as dense as the others, from {start_s:.2f} s on: two streams lie over one another"

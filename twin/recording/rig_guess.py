@@ -43,6 +43,7 @@ def guess_rig(
         base = "odometry" if name != "odometry" else "base"
         odometry, pose, assumed = _guess_base(frame(topic), tree, poses)
         if odometry is None:
+            silent += _unused_place(path, name, frame(topic), tree)
             return Rig(sensors={name: LaserSensor(topic=topic)}), silent
         scanner = LaserSensor(topic=topic, mounted_on=base, room_from_sensor=pose)
         silent += [Loss(name, 0, 0, assumed, "a rig.yaml that says where it sits is expected", always=True)] * bool(
@@ -98,6 +99,18 @@ def _guess_base(
         assumed = f"moves with {on}, and no transform tells where {above or 'it'} sits on it: at its origin"
         return OdometrySensor(topic=topic), _pose_on(tree, frame, above or frame), assumed
     return None, Pose(), ""
+
+
+def _unused_place(path: Path, name: str, frame: str, tree: TransformTree) -> list[Loss]:
+    """Tell of a scanner that transforms place in another frame, where its tracks leave in its own."""
+    try:
+        above = tree.chain(frame)[-1:]
+    except InputError:
+        above = []
+    if not above or np.allclose(tree.static_pose(frame, above[0].parent), np.eye(4)):
+        return []
+    what = f"transforms place its frame {frame} in {above[0].parent}, and without a rig its tracks leave in {frame}"
+    return [Loss(name, 0, 0, what, f"`twin new rig {path}` writes a rig with that place", always=True)]
 
 
 def _pose_on(tree: TransformTree, frame: str, base: str) -> Pose:

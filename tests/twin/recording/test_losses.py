@@ -29,7 +29,7 @@ from trackers.errors import InputError
 from trackers.observations import DepthImage, Image, LaserScan
 from trackers.rig import LaserSensor, Rig
 from twin.recording.bag import open_bag
-from twin.recording.losses import ObservationLog, lines, missing
+from twin.recording.losses import ObservationLog, crowded, lines, missing
 from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
 from twin.recording.ros_messages import LASER_SCAN, encode, time_message
@@ -130,6 +130,32 @@ def test_messages_that_are_missing_are_counted_by_the_rhythm_of_the_rest(lost, r
 def test_messages_in_bursts_are_not_taken_to_lack_those_between(n: int) -> None:
     stamps = (np.arange(60)[:, None] * 10**8 + np.arange(n) * 10**6).ravel()
     assert missing("waist", stamps, 0, int(stamps[-1])) is None
+
+
+@pytest.mark.parametrize("n", [150, 1500])
+@pytest.mark.parametrize("lost", [0.1, 0.3, 0.5, 0.6])
+def test_messages_lost_at_random_are_counted_and_not_taken_for_two_streams(n: int, lost: float) -> None:
+    rng = np.random.default_rng(n)
+    for _ in range(20):
+        stamps = np.rint((np.arange(n) + rng.normal(0, 0.03, n)) * 1e8).astype(np.int64)
+        kept = rng.random(n) >= lost
+        found = missing("scan", stamps[kept], int(stamps[0]), int(stamps[-1]))
+        assert found is not None and found.count == pytest.approx(n - kept.sum(), abs=0.1 * n)
+        assert crowded("scan", stamps[kept]) is None
+
+
+@pytest.mark.parametrize("pattern", [(3, 3, 1), (2, 2, 1), (1, 2), (1, 1, 8), (1, 5, 2)])
+def test_gaps_that_repeat_themselves_are_a_rhythm_without_losses(pattern: tuple[int, ...]) -> None:
+    stamps = np.cumsum(np.tile(pattern, 60)) * 10**7
+    assert missing("scan", stamps, int(stamps[0]), int(stamps[-1])) is None
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3])
+def test_two_streams_over_one_another_are_told_of_any_length(share: float) -> None:
+    stamps = np.arange(300) * 10**8
+    second = stamps[int(300 * (1 - share)) :] + 2 * 10**7
+    found = crowded("scan", np.concatenate([stamps, second]))
+    assert found is not None and found.count == pytest.approx(2 * second.size, abs=3)
 
 
 def test_scans_that_see_less_than_usual_are_told():

@@ -16,6 +16,7 @@ from trackers.errors import InputError
 from trackers.observations import Image
 from trackers.rig import LaserSensor, OdometrySensor, PinholeSensor, Pose, Rig
 from twin.cli import app
+from twin.recording.losses import lines
 from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
 from twin.recording.rig_guess import describe_rig
@@ -111,6 +112,20 @@ def test_sensors_of_a_robot_are_mounted_on_its_base(tmp_path: Path) -> None:
     on_robot = Rig.parse(describe_rig(tmp_path / "bag", "base")[0], "text").sensors  # a base that stands
     assert set(on_robot) == {"scan", "high"}
     assert _is_near(on_robot["high"].room_from_sensor, on_base["waist"])
+
+
+def test_a_place_that_transforms_tell_of_a_lone_scanner_is_not_left_unsaid(tmp_path: Path) -> None:
+    placed = [("/tf_static", TF, STAMPS_NS[0], _transform("room", "laser", Pose(xyz=(2, 1, 0.3)), STAMPS_NS[0]))]
+    path = tmp_path / "placed"
+    write_ros2_bag(path, placed + _scans("/scan", "laser"))
+    (line,) = [each for each in lines(Recording(path).losses) if "transforms" in each]
+    assert "place its frame laser in room" in line and f"`twin new rig {path}`" in line
+    for name, others in {
+        "alone": [],
+        "there": [("/tf_static", TF, STAMPS_NS[0], _transform("room", "laser", Pose(), STAMPS_NS[0]))],
+    }.items():
+        write_ros2_bag(tmp_path / name, others + _scans("/scan", "laser"))
+        assert not any("transforms" in each for each in lines(Recording(tmp_path / name).losses))
 
 
 def test_what_the_bag_does_not_tell_is_marked(tmp_path: Path) -> None:
