@@ -150,6 +150,11 @@ def test_a_base_that_no_transform_names_carries_what_is_above_the_scanner_unless
     assert recording.rig.mounted() == ({} if stands else {"scan": "odometry"})
     untold = [line for line in lines(recording.losses) if f"no transform tells where {top} sits on it" in line]
     assert len(untold) == (not stands)
+    if not stands:
+        pose = recording.rig.sensors["scan"].room_from_sensor.matrix
+        assert np.allclose(pose, at(0.3), atol=1e-9)
+    still = Recording(path, Rig(sensors={"scan": LaserSensor(topic="/scan")}))
+    assert ["scan moves: by /odom" in each for each in still.moving] == [True] * (not stands)
 
 
 def test_odometry_that_jumps_or_stops_and_a_second_parent_are_told(tmp_path):
