@@ -243,6 +243,7 @@ def checked_file(kind: str, name: str, allow_plugins: bool = False) -> str:
     import numpy as np
 
     from trackers.rig import Rig
+    from twin.recording.rig_guess import undecided_lines
     from twin.run.feed import unfit_scanners
     from twin.run.inputs import TrustedClasses
     from twin.scenario import load_scenario
@@ -281,6 +282,7 @@ def checked_file(kind: str, name: str, allow_plugins: bool = False) -> str:
             about = f"devices: {', '.join(study.study.devices)}"
         case _:
             about = f"sensors: {', '.join(Rig.load(name).sensors)}"
+            print_warnings([each.line for each in undecided_lines(name)])
     return f"a valid {kind}; {about}"
 
 

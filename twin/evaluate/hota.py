@@ -118,16 +118,22 @@ def hota(frames: Sequence[PairMatrix]) -> HotaScores:
     )
 
 
-def hota_cap(similarities: NDArray[np.float64]) -> float | None:
-    """Compute the HOTA of perfect detection and identities with the k matches' similarities; None without any.
+def hota_cap(similarities: NDArray[np.float64], person_ids: NDArray[np.int64]) -> float | None:
+    """Compute the HOTA of perfect detection and identities with the similarities of k matches, each of a person (k,).
 
-    A pair below a threshold is a miss and a false positive, of the right person each time: with the share p of pairs at or
-    above it, DetA and AssA are both p / (2 - p).
+    None without any. A pair below a threshold is a miss and a false positive, of the right person each time: with the share
+    p of pairs at or above it DetA is p / (2 - p), and so is A of each person with their own share.
     """
     if not similarities.size:
         return None
-    share = (similarities[:, None] >= THRESHOLDS - _EPS).mean(axis=0)
-    return float((share / (2 - share)).mean())
+    hit = similarities[:, None] >= THRESHOLDS - _EPS
+    _, of_person, n_pair = np.unique(person_ids, return_inverse=True, return_counts=True)
+    n_hit = np.zeros((n_pair.size, THRESHOLDS.size))
+    np.add.at(n_hit, of_person, hit)
+    share, of_each = hit.mean(axis=0), n_hit / n_pair[:, None]
+    det_a = share / (2 - share)
+    ass_a = (n_hit * of_each / (2 - of_each)).sum(axis=0) / np.maximum(n_hit.sum(axis=0), 1)
+    return float(np.sqrt(det_a * ass_a).mean())
 
 
 def _count(ids: list[NDArray[np.int64]]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

@@ -225,7 +225,10 @@ def _matrix_metrics(
         "motp_m": scores.motp,
         "idf1": identity(pair_matrices, gate_m).idf1,
         "hota": float(higher_order.hota.mean()) if applies else None,
-        "hota_cap": hota_cap(1 - np.concatenate([pairs.distances for pairs in matches]) / (2 * gate_m)),
+        "hota_cap": hota_cap(
+            1 - np.concatenate([pairs.distances for pairs in matches]) / (2 * gate_m),
+            np.concatenate([of.person_ids[pairs.rows] for of, pairs in zip(pair_matrices, matches, strict=True)]),
+        ),
         "deta": float(higher_order.det_a.mean()) if applies else None,
         "assa": float(higher_order.ass_a.mean()) if applies else None,
         "id_switches": scores.id_switches,

@@ -21,7 +21,7 @@ from twin.recording.clock_correction import OF_NO_ORDER, CorrectedClocks, correc
 from twin.recording.decoding import ObservationReader
 from twin.recording.losses import Loss, crowded
 from twin.recording.rig_checks import compare_lenses, motion_warnings, with_intrinsics
-from twin.recording.rig_guess import guess_rig
+from twin.recording.rig_guess import guess_rig, undecided_lines
 from twin.recording.ros_messages import MSGTYPES, STRING
 from twin.recording.sensor_clock import MessageTimes, all_pause, first_frame, read_times, read_times_as_written
 from twin.recording.sensor_topics import (
@@ -78,6 +78,8 @@ class Recording:
                 source = "the rig"
             else:
                 self.rig, source = self._given_rig(bag, rig, carried)
+            if rig is not None and not isinstance(rig, Rig):
+                silent += undecided_lines(rig)
             self.sensor_topics = sensor_topics(path, self.topics, self.rig, source)
             if rig is not None and not self.is_twin:
                 used = self.sensor_topics.sensors | self.sensor_topics.depths

@@ -11,7 +11,7 @@ import numpy as np
 
 from trackers.errors import InputError
 from trackers.rig import LaserSensor, OdometrySensor, Pose, Rig
-from trackers.text_file import AnyPath
+from trackers.text_file import AnyPath, read_text
 from twin.recording import topics as names
 from twin.recording.bag import Bag, Topic, decoded, open_bag
 from twin.recording.losses import Loss
@@ -127,6 +127,16 @@ _UNDECIDED = "CHECK"
 """Marks the lines of a written rig.yaml that the bag does not decide."""
 _DEPTHS = ("16UC1", "32FC1", "mono16", "compressedDepth")
 """Encodings of depth pictures, whole or as part of a compressed picture's format."""
+
+
+def undecided_lines(path: AnyPath) -> list[Loss]:
+    """Tell of the lines of a written `rig.yaml` that are still marked as not decided by the bag, each with its number."""
+    mark = f"# {_UNDECIDED}: "
+    return [
+        Loss(f"{path}, line {number}", 0, 0, line.partition(mark)[2], "correct it, and delete the mark", always=True)
+        for number, line in enumerate(read_text(path, "rig").splitlines(), 1)
+        if mark in line
+    ]
 
 
 def describe_rig(path: AnyPath, standing: str | None = None) -> tuple[str, list[str]]:

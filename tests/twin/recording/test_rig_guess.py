@@ -144,6 +144,19 @@ def test_what_the_bag_does_not_tell_is_marked(tmp_path: Path) -> None:
     assert isinstance(again.exception, InputError) and "is there already" in str(again.exception)
 
 
+def test_marks_that_are_left_in_a_written_rig_are_told_by_all_that_read_it(tmp_path: Path) -> None:
+    bag, rig = tmp_path / "bag", tmp_path / "rig.yaml"
+    write_ros2_bag(bag, _scans("/scan", "laser"))
+    rig.write_text(describe_rig(bag)[0])
+    (number,) = (n for n, line in enumerate(rig.read_text().splitlines(), 1) if "# CHECK" in line)
+    checked = CliRunner().invoke(app, ["check", str(rig)])
+    for said in (checked.stderr, "\n".join(lines(Recording(bag, rig).losses))):
+        assert f"line {number}: no transform of the bag tells where it is; correct it, and delete the mark" in said
+    rig.write_text(rig.read_text().replace("# CHECK: ", "# "))
+    checked = CliRunner().invoke(app, ["check", str(rig)])
+    assert not checked.stderr and not any("mark" in each for each in lines(Recording(bag, rig).losses))
+
+
 def test_a_bag_without_sensors_is_refused(tmp_path: Path) -> None:
     write_ros2_bag(tmp_path / "bag", [("/tf", TF, 0, _transform("a", "b", Pose(), 0))])
     with pytest.raises(InputError, match="neither scans nor pictures"):
