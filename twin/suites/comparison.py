@@ -320,5 +320,5 @@ def significance(change: Change) -> str:
     if change.now is None:
         return "missing"
     p = min(change.p, change.p_better)
-    parts = [f"seed {change.fallen} fell"] if change.fallen is not None else []
+    parts = [f"seed {change.fallen} far worse"] if change.fallen is not None else []
     return ", ".join([*parts, *([f"p {p:.3f}"] if p <= ALPHA or not parts else [])])
