@@ -230,7 +230,9 @@ def test_while_nobody_interacts_the_picture_is_not_read():
     two = Meeting(2)
     people = two.frames(3, APART, None, interacting=False)
     now = Situations.none(two.serial)
-    two.recognition.work(people, now, Image("camera", two.ns, Unread()), two.ns)  # type: ignore[arg-type]
+    image = Image("camera", two.ns, np.zeros((120, 160, 3), np.uint8))
+    object.__setattr__(image, "rgb", Unread())
+    two.recognition.work(people, now, image, two.ns)
 
 
 def test_a_frozen_camera_teaches_nothing_and_another_size_is_refused():
