@@ -27,6 +27,7 @@ NO_BUDGETS = {
     "_MOST_SEEDS": "the range of a field",
     "_MAX_STAMP_S": "64 bits of nanoseconds hold no more",
     "MAX_INT64": "64 bits hold no more",
+    "MOST_STAMPS_NS": "64 bits of nanoseconds hold no more, less what is added to stamps",
     "_MOST_GROUPS": "a number of 32 bits has no more groups of three",
     "MAX_TANGENT": "a ray beyond it is seen by no lens",
     "MAX_FIELD_OF_VIEW_DEG": "the range of a field",
