@@ -98,6 +98,7 @@ def returns(scan: LaserScan) -> tuple[Float[Array, "n_beam"], Bool[Mask, "n_beam
     """Return ranges [m], a mask of returns, and a mask of beams without return; read-only, kept for the last few scans."""
     ranges = scan.ranges_m.astype(float)
     hit = (ranges >= scan.range_min_m) & (ranges <= scan.range_max_m) & (ranges < np.inf)  # NaN is neither
+    ranges.flags.writeable = hit.flags.writeable = False  # what is kept is shared
     return ranges, hit, (ranges > -np.inf) & ~hit
 
 
@@ -150,8 +151,7 @@ class KnownBackground:
         reach_m = self._margin_m + abs(scan.angle_increment_rad) * np.minimum(near[1:], near[:-1])
         goes_on = may_be[1:] & may_be[:-1] & (np.abs(near[1:] - near[:-1]) <= reach_m)
         run = np.concatenate([[0], (~goes_on).cumsum()])
-        in_front = np.zeros(run.size, np.bool_)
-        in_front[run[front]] = True
+        in_front = np.bincount(run[front], minlength=run.size) > 0
         return may_be & in_front[run]
 
     def _room(self, scan: LaserScan) -> tuple[Float[Array, "n_beam"], Bool[Mask, "n_beam"]]:

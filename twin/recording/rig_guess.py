@@ -75,10 +75,7 @@ def _guess_base(
     never jumps), else the highest whose child moves. Where transforms do not tell, the only Odometry that moves:
     what is highest above the frame is at its base.
     """
-    try:
-        chain = tree.chain(frame)
-    except InputError:
-        chain = []
+    chain = _chain(tree, frame)
     moving = [number for number, edge in enumerate(chain) if edge.moves]
     if moving:
         base = chain[moving[0]].child
@@ -101,12 +98,17 @@ def _guess_base(
     return None, Pose(), ""
 
 
+def _chain(tree: TransformTree, frame: str) -> list[Edge]:
+    """Return the edges from a frame up to its root, none where the tree goes in a circle there."""
+    try:
+        return tree.chain(frame)
+    except InputError:
+        return []
+
+
 def _unused_place(path: Path, name: str, frame: str, tree: TransformTree) -> list[Loss]:
     """Tell of a scanner that transforms place in another frame, where its tracks leave in its own."""
-    try:
-        above = tree.chain(frame)[-1:]
-    except InputError:
-        above = []
+    above = _chain(tree, frame)[-1:]
     if not above or np.allclose(tree.static_pose(frame, above[0].parent), np.eye(4)):
         return []
     what = f"transforms place its frame {frame} in {above[0].parent}, and without a rig its tracks leave in {frame}"
