@@ -443,7 +443,24 @@ def test_an_option_that_another_leaves_without_effect_is_refused(
 
 
 @pytest.mark.parametrize("command", ["run", "study coverage"])
-def test_a_sensor_outside_the_building_is_refused_by_all_that_look_from_it(command: str, tmp_path: Path) -> None:
-    done = twin(*command.split(), LAB, "--set", "sensors.waist.mount.xyz=[9, 0, 0.95]", "--out", "out", cwd=tmp_path)
-    assert done.returncode == 2 and "sensors.waist.mount.xyz: [9, 0, 0.95] is " in done.stderr
-    assert "a point in free space is expected" in done.stderr and not list(tmp_path.iterdir())
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ("sensors.waist.mount.xyz=[9, 0, 0.95]", "sensors.waist.mount.xyz: [9, 0, 0.95] is "),
+        (
+            "sensors.eye={kind: stereo, rate_hz: 5, mount: {xyz: [2.9, 2, 1.5], yaw_deg: 90}, field_of_view_deg: 60, "
+            "baseline_m: 0.5}",
+            "sensors.eye.mount.xyz: [3.4, 2, 1.5] is inside",  # the right eye, in the wall
+        ),
+        (
+            "sensors.mat={kind: floor, mount: {xyz: [9, 0, 0]}, rows: 4, columns: 4, pitch_m: 0.1}",
+            "sensors.mat: a grid of",
+        ),
+    ],
+)
+def test_a_sensor_outside_the_building_is_refused_by_all_that_look_from_it(
+    command: str, changed: str, said: str, tmp_path: Path
+) -> None:
+    done = twin(*command.split(), LAB, "--set", changed, "--out", "out", cwd=tmp_path)
+    assert done.returncode == 2 and said in done.stderr and "Traceback" not in done.stderr
+    assert not list(tmp_path.iterdir())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -13,11 +13,15 @@ from numpy.typing import NDArray
 from trackers.area import Area
 from trackers.arrays import Array, Mask
 from trackers.errors import InputError
+from trackers.rig import StereoSensor
 from twin.geometry.geom_hull import PLANE_M, hull_points, stands_still
 from twin.geometry.polygon import ConvexHull, Delaunay, counter_clockwise
-from twin.instant.snapshot import RAY_GROUPS
+from twin.instant.snapshot import RAY_GROUPS, Snapshot
 from twin.room.obstacles import OBSTACLE_REACH_M, Footprints
 from twin.room.walkable import ENCLOSED_M2, Plan, common_direction, outdoors_of, standing_footprints
+from twin.scenario import Scenario
+from twin.scenario.housings import base_of, rig_sensor
+from twin.scenario.sensors import FloorDescription, check_floor
 
 _ROUGH_M = 0.03
 """Greatest error of the outline of the walls as drawn on a grid [m]."""
@@ -205,10 +209,24 @@ _SLACK_M = 1e-6
 """Added to a geom's bounding sphere [m]: nothing of the geom is outside."""
 
 
-def check_mount(model: mujoco.MjModel, data: mujoco.MjData, field: str, xyz: NDArray[np.float64]) -> None:
-    """Raise InputError naming the field and the geom if the point (3,) [m] lies inside a static geom of the room, or outside
-    its walls.
+def check_mounts(scenario: Scenario, names: Iterable[str], empty: Snapshot, floor: Array) -> None:
+    """Raise InputError for a sensor in a wall or outside the room, by either eye of a stereo camera; not for one that drives.
+
+    empty: the room without people; floor: the room's, a simple polygon (k, 2) [m], which a pressure floor may not leave.
     """
+    for name in names:
+        field, description = f"scenario {scenario.name!r}: sensors.{name}", scenario.sensors[name]
+        if isinstance(description, FloorDescription):
+            check_floor(description, floor, field)
+        elif base_of(scenario, name) is None:
+            sensor = rig_sensor(scenario, name)
+            eyes_m = sensor.eyes_m() if isinstance(sensor, StereoSensor) else [sensor.room_from_sensor.translation]
+            for eye_m in eyes_m:
+                check_mount(empty.model, empty.data, f"{field}.mount.xyz", eye_m)
+
+
+def check_mount(model: mujoco.MjModel, data: mujoco.MjData, field: str, xyz: NDArray[np.float64]) -> None:
+    """Raise InputError naming field and geom if the point (3,) [m] lies in a static geom of the room, or outside its walls."""
     is_there = stands_still(model)
     near = is_there & (((data.geom_xpos - xyz) ** 2).sum(axis=1) <= _reach_m(model) ** 2)
     within = (geom for geom in np.flatnonzero(near).tolist() if is_within(model, data, geom, xyz[None]).any())

@@ -13,6 +13,7 @@ from trackers.errors import InputError
 from trackers.rig_sensors import Role, check_layer
 from twin.room.building import Building
 from twin.scenario import Scenario
+from twin.scenario.cameras import StereoDescription
 from twin.scenario.housings import in_the_room
 from twin.scenario.mount import Mount, mount_of
 from twin.scenario.sensors import CAMERA_KINDS, FloorDescription, LaserDescription, check_floor
@@ -37,6 +38,18 @@ def relative_mounts(device: Device, scenario: Scenario) -> list[Mount]:
 def sensor_positions(device: Device, scenario: Scenario, mounts: tuple[Mount, ...]) -> Array:
     """Return the positions of all sensors of a device (or pair) at these mounts, (k, 3) [m]."""
     return np.array([mount.carrying(inner).xyz for mount in mounts for inner in relative_mounts(device, scenario)])
+
+
+def _view_positions(device: Device, scenario: Scenario, mounts: tuple[Mount, ...]) -> Array:
+    """Return the positions of `sensor_positions`, and of the right views of stereo cameras, (k, 3) [m]."""
+    inner = relative_mounts(device, scenario)
+    described = [scenario.sensors[name] for name in device.sensors_in(scenario)[: len(inner)]]
+    right = [
+        mount.carrying(Mount(xyz=(0.0, -each.baseline_m, 0.0)))
+        for mount, each in zip(inner, described, strict=True)
+        if isinstance(each, StereoDescription)
+    ]
+    return np.array([mount.carrying(each).xyz for mount in mounts for each in (*inner, *right)])
 
 
 def candidate_mounts(device: Device, scenario: Scenario, building: Building, scene: Scene) -> list[tuple[Mount, ...]]:
@@ -148,10 +161,11 @@ def rejection_reasons(
     first = scenario.sensors[device.sensors_in(scenario)[0]]
     if isinstance(first, FloorDescription):
         return {"not on the floor of the room": np.array([not _lies(first, scene, each) for each in mounts])}
+    views = np.concatenate([_view_positions(device, scenario, each) for each in mounts])
     reasons = {
         "below the floor": any_of(places[:, 2] < 0),
-        "outside the building": any_of(~building.is_indoors(places)),
-        "inside a wall or a thing": any_of(building.is_solid(places)),
+        "outside the building": any_of(~building.is_indoors(views)),
+        "inside a wall or a thing": any_of(building.is_solid(views)),
         f"where people walk below {constraints.walked_below_m:g} m": any_of(
             building.is_walked(places, constraints.walked_below_m)
         ),

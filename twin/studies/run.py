@@ -17,7 +17,7 @@ from twin.console import PlainConsole, print_warning, print_warnings
 from twin.models import cache_folder
 from twin.recording.atomic_file import write_atomic
 from twin.report.palette import data_uri
-from twin.room.building import check_mount
+from twin.room.building import check_mounts
 from twin.run.inputs import NONE_TRUSTED, TrustedClasses
 from twin.scenario import Scenario, load_scenario
 from twin.scenario.load import dump_scenario
@@ -166,8 +166,8 @@ _SCENARIO = "scenario.yaml"
 def write_coverage(scenario: Scenario, folder: Path, asked: Coverage) -> dict[str, Any]:
     """Write coverage.json, coverage.html and the resolved scenario; return the metrics.
 
-    asked: beams, px_per_m and samples count. Raises InputError without scanners and cameras, for one that hangs inside a wall
-    or outside the building, and where a field given is of sensors that are not there.
+    asked: beams, px_per_m and samples count. Raises InputError without scanners and cameras, for a sensor inside a wall or
+    outside the building, and where a field given is of sensors that are not there.
     """
     names, samples = looking_sensors(scenario), asked.samples
     _check_sensors(scenario, names, asked)
@@ -176,10 +176,7 @@ def write_coverage(scenario: Scenario, folder: Path, asked: Coverage) -> dict[st
     sampled = SampledWorld(scenario, precomputed, times)
     area, building = sampled.area, building_of(precomputed.scene)
     looking = {name: SensorVisibility(scenario, name, asked) for name in names}
-    empty = sampled.empty()
-    for name, each in looking.items():
-        field = f"scenario {scenario.name!r}: sensors.{name}.mount.xyz"
-        check_mount(empty.model, empty.data, field, each.view.room_from_sensor_xyz)
+    check_mounts(scenario, scenario.sensors, sampled.empty(), precomputed.scene.floor)
     visible = {name: each.people(sampled) for name, each in looking.items()}
     floor = floor_resolution(scenario, looking, sampled.empty(), area, asked, _CELLS)
     bits = packed(np.array(list(visible.values())))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, Observation
-from trackers.rig import OdometrySensor, Rig, StereoSensor
+from trackers.rig import OdometrySensor, Rig
 from twin.instant.snapshot import FootShapes, Snapshot
 from twin.people.population import Population, randomized
 from twin.people.script.recorded import (
@@ -25,12 +25,12 @@ from twin.people.script.recorded import (
     describe_speeds,
 )
 from twin.recording.ros_messages import Encoded, encode
-from twin.room.building import check_mount
+from twin.room.building import check_mounts
 from twin.room.mjcf import DARK_LIGHT, light_of
 from twin.scenario import Scenario
 from twin.scenario.housings import assumed_sensor, base_of, driven, held_sensor, odometry_sensor
 from twin.scenario.scenario import describe_circles, describe_late_starts
-from twin.scenario.sensors import CAMERA_KINDS, FloorDescription, build_sensor, check_floor
+from twin.scenario.sensors import CAMERA_KINDS, build_sensor
 from twin.sensors.floor import Floor
 from twin.sensors.gl_context import GlInfo
 from twin.sensors.layers import TimedSensor, with_faults
@@ -120,7 +120,7 @@ class Simulation:
             odometry = BaseOdometry(name, odometry_sensor(scenario, name), housing.odometry)
             self._sensors[name], self._timing[name] = TimedSensor(odometry), housing.odometry
         self.true_rig, self.rig = self._rigs()
-        self._check_mounts()
+        check_mounts(scenario, self._descriptions, world.empty_snapshot(0.0), world.scene.floor)
         self._on_truth, self._shares, self._feet = on_truth, shares, feet
         self.views = {
             name: view
@@ -334,16 +334,3 @@ class Simulation:
             late += describe_speeds(self.scenario.people)
         messages = [*self.scenario.warnings, *blind, *dark, *late, *([f"people: {close}"] if close else [])]
         return tuple(f"scenario {self.scenario.name!r}: {each}" for each in messages)
-
-    def _check_mounts(self) -> None:
-        snapshot = self.world.empty_snapshot(0.0)
-        for name, sensor in self.true_rig.sensors.items():
-            field_name = f"scenario {self.scenario.name!r}: sensors.{name}"
-            if name in {*self.rig.mounted(), *self.rig.odometry()}:
-                continue
-            description = self._descriptions[name]
-            if isinstance(description, FloorDescription):
-                check_floor(description, self.world.scene.floor, field_name)
-                continue
-            for eye_m in sensor.eyes_m() if isinstance(sensor, StereoSensor) else [sensor.room_from_sensor.translation]:
-                check_mount(snapshot.model, snapshot.data, f"{field_name}.mount.xyz", eye_m)

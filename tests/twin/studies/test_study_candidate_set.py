@@ -167,3 +167,19 @@ def test_a_housing_is_moved_with_what_hangs_on_it(tmp_path: Path) -> None:
     moved = apply_placement(ready.study, ready.scenario, list(ready.candidate_set.poses))
     assert in_the_room(moved, "waist").mount.xyz == pytest.approx((2.4, 0.2, 0.95))
     assert in_the_room(moved, "knee").mount.yaw_deg == pytest.approx(180)
+
+
+def test_a_pose_with_the_right_eye_of_a_stereo_camera_in_the_wall_is_rejected(tmp_path: Path) -> None:
+    """The lab's wall stands at x = 3.05; turned to -x the right eye, half a metre off, is in the room."""
+    eye = {"kind": "stereo", "rate_hz": 5, "field_of_view_deg": 60, "baseline_m": 0.5}
+    eye["mount"] = {"xyz": [2.9, 2, 1.5], "yaw_deg": 180}
+    places = [{"xyz": [2.9, 2, 1.5], "yaw_deg": yaw} for yaw in (90, 180)]
+    ready = prepared(
+        tmp_path,
+        scenarios=[{"scenario": "lab-five-people", "set": {"duration_s": 1.5, "sensors.eye": eye}}],
+        devices={"eye": {"sensors": ["eye"], "places": places}},
+        constraints={"walked_below_m": 0},
+        trackers=["fusion"],
+    ).candidate_set
+    assert [abs(pose.mounts[0].yaw_deg) for pose in ready.poses] == [180]
+    assert sum(ready.rejected["eye"].values()) == 1
