@@ -21,9 +21,11 @@ from typing import Any
 
 import numpy as np
 
+from twin.messages import counted
 from twin.suites.metrics import GATED, Tolerance, allowed_by_default, format_metric, metric_named, worsening
 from twin.suites.permutation_test import (
     ALPHA,
+    Collapse,
     MinimumDetectableChange,
     Pair,
     contributions,
@@ -56,8 +58,8 @@ class Change:
     A group is of a tracker in a scenario, or of a scanner, which the key then names in the tracker's place.
 
     p: probability that chance worsens any metric of the suite as much; p_better: the same for improvements. allowed:
-    tolerated worsening. worst_seed: seed of the largest worsening (None: over several groups, or missing). fallen: seed of a
-    case that collapsed beyond any noise.
+    tolerated worsening of the mean. worst_seed: seed of the largest worsening (None: over several groups, or missing).
+    collapse: of one case, beyond any noise.
     """
 
     key: GroupKey
@@ -70,7 +72,7 @@ class Change:
     n_seed: int
     allowed: float
     worst_seed: int | None = None
-    fallen: int | None = None
+    collapse: Collapse | None = None
 
     @property
     def change(self) -> float:
@@ -85,7 +87,7 @@ class Change:
     @property
     def worse(self) -> bool:
         """True where the mean got worse beyond tolerance and chance, one case collapsed, or the metric is no longer measured."""
-        if self.now is None or self.fallen is not None:
+        if self.now is None or self.collapse is not None:
             return True
         return self.p <= ALPHA and worsening(self.metric, self.change) > self.allowed
 
@@ -149,7 +151,7 @@ def _change(pairs: Sequence[Pair], p: float, p_better: float, allowed: float) ->
         n_seed=sum(len(pair.seeds) for pair in pairs),
         allowed=allowed,
         worst_seed=first.seeds[int(np.argmax(first.worsened))] if is_single else None,
-        fallen=first.fallen if is_single else None,
+        collapse=first.collapse if is_single else None,
     )
 
 
@@ -213,11 +215,13 @@ def notes_on(before: Results, now: Results, before_name: str, pairs: Sequence[Pa
     old, new = before.versions.get("mujoco"), now.versions.get("mujoco")
     if old != new:
         yield f"{before_name} was made with MuJoCo {old}, here it is {new}: contacts and pictures may differ"
-    few = {pair.key: pair for pair in pairs if len(pair.seeds) < min_recordings()}
+    compared = {pair.key: len(pair.seeds) >= min_recordings() for pair in pairs}
+    few = [key for key, is_enough in compared.items() if not is_enough]
     if few:
+        where = "every scenario" if len(few) == len(compared) else _names(few)
         yield (
-            f"fewer than {min_recordings()} seeds in common have {_names(list(few))}; there only a recording whose metric falls "
-            "beyond any noise raises an alarm"
+            f"fewer than {min_recordings()} seeds are in common in {where}; there only a case that worsens beyond any noise "
+            f"raises an alarm; small changes of a mean show from {min_recordings()} seeds on"
         )
     missing = [key for key in before.groups if key not in now.groups]
     added = [key for key in now.groups if key not in before.groups]
@@ -229,7 +233,9 @@ def notes_on(before: Results, now: Results, before_name: str, pairs: Sequence[Pa
 
 def _names(keys: Sequence[GroupKey], most: int = 4) -> str:
     names = list(dict.fromkeys(f"{key.scenario} with {key.tracker}" for key in keys))
-    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+    return ", ".join(names[:most]) + (
+        f" and {counted(len(names) - most, 'more scenario')} with a tracker or scanner" if len(names) > most else ""
+    )
 
 
 @dataclass(frozen=True)
@@ -316,9 +322,11 @@ def describe_change(change: Change) -> str:
 
 
 def significance(change: Change) -> str:
-    """Describe the significance of a change: its p, and the seed of a case that collapsed."""
+    """Describe the significance of a change: its p, and a case that collapsed."""
     if change.now is None:
         return "missing"
-    p = min(change.p, change.p_better)
-    parts = [f"seed {change.fallen} far worse"] if change.fallen is not None else []
+    p, parts = min(change.p, change.p_better), []
+    if (case := change.collapse) is not None:
+        by, allowed = (format_metric(change.metric, each).split()[0] for each in (case.by, case.allowed))
+        parts = [f"seed {case.seed} worse by {by} (allowed in one case: {allowed})"]
     return ", ".join([*parts, *([f"p {p:.3f}"] if p <= ALPHA or not parts else [])])

@@ -149,10 +149,12 @@ def _comparison_row(comparison: Comparison) -> dict[str, Any]:
         "identical": comparison.identical,
         "smallest_loss_noticed": {
             each.metric: {
-                "everywhere": each.everywhere,
+                "everywhere": each.everywhere[1],
                 "of_tracker": dict(each.of_tracker),
-                "in_scenario": each.in_scenario,
-                "in_case": each.in_case,
+                "in_scenario": each.in_scenario[1],
+                "in_scenario_least": each.in_scenario[0],
+                "in_case": each.in_case[1],
+                "in_case_least": each.in_case[0],
             }
             for each in comparison.detectable
         },
@@ -161,7 +163,9 @@ def _comparison_row(comparison: Comparison) -> dict[str, Any]:
 
 def _row(change: Change) -> dict[str, Any]:
     same = {name: getattr(change, name) for name in ("metric", "before", "now", "allowed", "p", "p_better")}
-    return {**_who(change), **same, "fallen_seed": change.fallen, "seeds": change.n_seed}
+    collapse = None if change.collapse is None else asdict(change.collapse)
+    fallen_seed = None if change.collapse is None else change.collapse.seed
+    return {**_who(change), **same, "fallen_seed": fallen_seed, "collapse": collapse, "seeds": change.n_seed}
 
 
 def _who(each: Change | RequirementCheck) -> dict[str, str]:

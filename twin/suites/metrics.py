@@ -168,6 +168,12 @@ def format_metric(key: str, value: float | None, sign: bool = False) -> str:
     return format_number(value, metric.decimals or 1, metric.unit, sign=sign)
 
 
+def format_range(key: str, least: float, most: float) -> str:
+    """Format a range of a metric with its unit, "0.063 to 0.096 m"; one value where both are written alike."""
+    low, high = format_metric(key, least), format_metric(key, most)
+    return high if low == high else f"{low.split()[0]} to {high}"
+
+
 _COMPARISONS: Mapping[str, Callable[[float, float], bool]] = {
     ">=": operator.ge,
     "<=": operator.le,

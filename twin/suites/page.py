@@ -17,7 +17,7 @@ from twin.report.page import calibration_chart
 from twin.report.palette import IDENTITY_COLOURS, data_uri, hex_colour, page_template
 from twin.suites.comparison import Change, Comparison, SuiteOutcome, case_page, incident_link
 from twin.suites.filmstrip import colour_of, marker, scale_of, small_multiple
-from twin.suites.metrics import METRICS, SHOWN, format_metric, metric_named
+from twin.suites.metrics import METRICS, SHOWN, format_metric, format_range, metric_named
 from twin.suites.permutation_test import ALPHA
 from twin.suites.results import (
     BEHIND_HOTA,
@@ -129,7 +129,7 @@ def _write(
         detectable=[
             (
                 metric_named(each.metric),
-                *(format_metric(each.metric, loss) for loss in (each.everywhere, each.in_scenario, each.in_case)),
+                *(format_range(each.metric, *losses) for losses in (each.everywhere, each.in_scenario, each.in_case)),
             )
             for each in shown.detectable
         ],

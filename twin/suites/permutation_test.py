@@ -42,6 +42,18 @@ _STANDARD_ERRORS: Mapping[Relation, float] = {"same people": 3.0, "unrelated": 2
 
 
 @dataclass(frozen=True)
+class Collapse:
+    """One case that worsened beyond any noise: its seed, by how much, and the worsening that is allowed in one case.
+
+    by: beyond the worst earlier seed where recordings differ.
+    """
+
+    seed: int
+    by: float
+    allowed: float
+
+
+@dataclass(frozen=True)
 class Pair:
     """One metric of one group in the n seeds that both runs have.
 
@@ -91,13 +103,14 @@ class Pair:
         return times * self.tolerance + _BEYOND_SPREAD * spread
 
     @property
-    def fallen(self) -> int | None:
-        """Seed with the largest worsening beyond `allowed_in_case`; None where there is none."""
+    def collapse(self) -> Collapse | None:
+        """The largest worsening of one case; None where it is within `allowed_in_case`."""
         sign = worsening(self.metric, 1.0)
         before = sign * self.before
         by = sign * self.now - (before if self.is_exact else before.max())
         worst = int(np.argmax(by))
-        return self.seeds[worst] if by[worst] > self.allowed_in_case else None
+        allowed = self.allowed_in_case
+        return Collapse(self.seeds[worst], float(by[worst]), allowed) if by[worst] > allowed else None
 
 
 def allowed_change(pairs: Sequence[Pair]) -> float:
@@ -249,18 +262,18 @@ class MinimumDetectableChange:
     """Smallest loss of a metric, in its unit, that the comparison detects while nothing else changes.
 
     of_tracker: in all scenarios of each tracker; in_scenario and in_case: in all seeds of one scenario and in one case
-    alone, for any tracker and scenario.
+    alone, each for the tracker and scenario that need the least and the most.
     """
 
     metric: str
     of_tracker: Mapping[str, float]
-    in_scenario: float
-    in_case: float
+    in_scenario: tuple[float, float]
+    in_case: tuple[float, float]
 
     @property
-    def everywhere(self) -> float:
-        """Loss in all scenarios of a tracker, for the least sensitive tracker."""
-        return max(self.of_tracker.values())
+    def everywhere(self) -> tuple[float, float]:
+        """Loss in all scenarios of a tracker, for the trackers that need the least and the most."""
+        return min(self.of_tracker.values()), max(self.of_tracker.values())
 
 
 def minimum_detectable_changes(pairs: Sequence[Pair]) -> Iterator[MinimumDetectableChange]:
@@ -272,8 +285,9 @@ def minimum_detectable_changes(pairs: Sequence[Pair]) -> Iterator[MinimumDetecta
     for metric, found in by_metric.items():
         if found:
             of_tracker = {tracker: _everywhere(list(its)) for tracker, its in groupby(found, key=_tracker)}
+            in_scenario, in_case = [_in_scenario(pair) for pair in found], [pair.allowed_in_case for pair in found]
             yield MinimumDetectableChange(
-                metric, of_tracker, max(map(_in_scenario, found)), max(pair.allowed_in_case for pair in found)
+                metric, of_tracker, (min(in_scenario), max(in_scenario)), (min(in_case), max(in_case))
             )
 
 

@@ -11,7 +11,7 @@ from twin.messages import counted, printable
 from twin.report.metrics_table import HEADLINE_METRICS, format_number
 from twin.suites.comparison import Change, Comparison, incident_link, significance
 from twin.suites.expansion import with_variant
-from twin.suites.metrics import METRICS, format_metric, metric_named, pooled_shares
+from twin.suites.metrics import METRICS, format_metric, format_range, metric_named, pooled_shares
 from twin.suites.results import (
     BEHIND_HOTA,
     FEWEST,
@@ -145,7 +145,11 @@ def print_comparison(
     if other := _within_chance(comparison):
         console.print(f"{len(other)} changed within what chance or the tolerance explains; the largest:")
         _print_changes(other[:_MOST_SMALL_ROWS])
-    console.print("minimum detectable change: the smallest loss, equal in every recording, that raises an alarm")
+    console.print(
+        "minimum detectable change: the smallest loss, equal in every recording, that raises an alarm; ranges are over trackers "
+        "and scenarios, by the scatter of their earlier seeds",
+        soft_wrap=True,
+    )
     _print_detectable(comparison)
 
 
@@ -164,16 +168,18 @@ def _print_detectable(comparison: Comparison) -> None:
     shown = [each for each in comparison.detectable if each.metric in HEADLINE_METRICS]
     rows: list[list[str]] = []
 
-    def add(name: str, losses: Sequence[float | None]) -> None:
+    def add(name: str, losses: Sequence[tuple[float, float] | None]) -> None:
         cells = [
-            "" if loss is None else format_metric(each.metric, loss) for each, loss in zip(shown, losses, strict=True)
+            "" if loss is None else format_range(each.metric, *loss).removesuffix(f" {METRICS[each.metric].unit}")
+            for each, loss in zip(shown, losses, strict=True)
         ]
-        rows.append([name, *(cell.split()[0] if cell else "" for cell in cells)])
+        rows.append([name, *cells])
 
     for tracker in sorted({tracker for each in shown for tracker in each.of_tracker}):
-        add(f"in all scenarios of {tracker}", [each.of_tracker.get(tracker) for each in shown])
-    add("in all seeds of any one scenario", [each.in_scenario for each in shown])
-    add("in any one case", [each.in_case for each in shown])
+        own = [each.of_tracker.get(tracker) for each in shown]
+        add(f"in all scenarios of {tracker}", [None if loss is None else (loss, loss) for loss in own])
+    add("in all seeds of one scenario", [each.in_scenario for each in shown])
+    add("in one case alone", [each.in_case for each in shown])
     print_table(["the loss is", *(_heading(each.metric) for each in shown)], rows)
 
 

@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from twin.suites.comparison import EVERY_SCENARIO, EVERY_TRACKER, Comparison, compare
+from twin.suites.comparison import EVERY_SCENARIO, EVERY_TRACKER, Comparison, compare, significance
 from twin.suites.metrics import GATED, allowed_by_default, worsening
 from twin.suites.permutation_test import family_wise_p, min_recordings
 from twin.suites.results import Group, GroupKey, Results, mean_over_seeds
@@ -252,13 +252,35 @@ def test_a_minority_of_seeds_is_enough_where_they_fall_far() -> None:
     for metric, by in (("mota", -0.9), ("misidentifications", 20.0)):
         now = results(n_seed=3, shift=in_room_0(metric, 0, {0: by, 2: by}))
         caught = {(each.key, each.metric): each for each in found(results(n_seed=3), now).worse}
-        assert caught[FULL_IN_ROOM_0, metric].fallen in (0, 2)
+        collapse = caught[FULL_IN_ROOM_0, metric].collapse
+        assert collapse is not None and collapse.seed in (0, 2)
 
 
 def test_one_case_that_falls_beyond_any_noise_is_an_alarm_by_itself_and_says_which() -> None:
     now = results(noise=2, shift=in_room_0("hota", 0, {1: -0.5}))
     (change,) = found(results(), now).worse
-    assert (change.key, change.metric, change.fallen) == (FULL_IN_ROOM_0, "hota", 1) and change.p > 0.05
+    assert (change.key, change.metric) == (FULL_IN_ROOM_0, "hota") and change.p > 0.05
+    case = change.collapse
+    assert (
+        case is not None
+        and case.seed == 1
+        and abs(change.change) < case.allowed < case.by == pytest.approx(0.5, abs=0.03)
+    )
+    assert significance(change) == f"seed 1 worse by {case.by:.3f} (allowed in one case: {case.allowed:.3f})"
+
+
+def test_a_case_that_is_an_alarm_worsens_by_more_than_the_least_minimum_detectable_change() -> None:
+    """Trackers whose seeds scatter unlike: the range holds what each of them needs, and the alarm what its case may."""
+    before = results()
+    (power,) = [each for each in found(before, before).detectable if each.metric == "hota"]
+    least, most = power.in_case
+    assert 0 < least < most
+    spreads = {key: np.std(group.values("hota"), ddof=1) for key, group in before.groups.items()}
+    steadiest = min(spreads, key=lambda key: spreads[key])
+    lost = somewhere("hota", 1.001 * least, steadiest.scenario, steadiest.tracker, 0)
+    (change,) = [each for each in found(before, results(shift=lost)).worse if each.metric == "hota"]
+    assert change.key == steadiest and change.collapse is not None and change.collapse.allowed == pytest.approx(least)
+    assert most > change.collapse.by
 
 
 def test_a_small_loss_everywhere_is_caught_where_no_scenario_alone_shows_it() -> None:
@@ -313,14 +335,14 @@ def test_what_is_said_to_be_noticed_is_noticed_and_less_is_not(n_seed: int) -> N
     for power in found(before, before).detectable:
         metric = power.metric
         for shift in (
-            somewhere(metric, 1.001 * power.in_case, "room 0", "full", 0),
-            somewhere(metric, 1.001 * power.in_scenario, "room 0", "full"),
+            somewhere(metric, 1.001 * power.in_case[1], "room 0", "full", 0),
+            somewhere(metric, 1.001 * power.in_scenario[1], "room 0", "full"),
             somewhere(metric, 1.001 * power.of_tracker["full"], tracker="full"),
         ):
             assert any(each.metric == metric for each in found(before, results(n_seed=n_seed, shift=shift)).worse), (
                 power
             )
-        small = somewhere(metric, 0.2 * min(*power.of_tracker.values(), power.in_scenario))
+        small = somewhere(metric, 0.2 * min(*power.of_tracker.values(), power.in_scenario[1]))
         assert not found(before, results(n_seed=n_seed, shift=small)).worse
 
 
@@ -334,7 +356,11 @@ def test_a_figure_that_is_no_longer_there_is_worse() -> None:
 
 def test_what_cannot_be_compared_is_told() -> None:
     few = " | ".join(found(results(n_seed=2), results(n_seed=2)).warnings)
-    assert f"fewer than {min_recordings()} seeds in common" in few
+    assert f"fewer than {min_recordings()} seeds are in common in every scenario; " in few
+    whole, short = results(), results(n_seed=2)
+    some = replace(whole, groups={**whole.groups, **dict(list(short.groups.items())[:5])})
+    few = " | ".join(found(some, some).warnings)
+    assert "room 0 with full, room 0 with lasers, room 1 with full, room 1 with lasers and 1 more scenario with " in few
     before = results()
     less = Results("other", {"mujoco": "4.1.0"}, ("NVIDIA H200",), dict(list(before.groups.items())[2:]))
     warnings = " | ".join(found(before, less).warnings)
