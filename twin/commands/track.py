@@ -112,7 +112,7 @@ def detections(
         write_detections,
         recording,
         tracker=tracker,
-        rig_path=rig,
+        rig=rig,
         changes=overrides(set_, environment=environment),
         seed=seed,
         on_warning=print_warning,

@@ -216,7 +216,7 @@ def _detections(recorded: Recorded) -> PlaceRows:
     if recorded.recording.rig.lasers():
         with tempfile.TemporaryFile("w+", encoding="utf-8") as table:
             try:
-                write_detections(recorded.recording.path, table, tracker="sort", rig_path=recorded.rig_path)
+                write_detections(recorded.recording.path, table, tracker="sort", rig=recorded.rig)
             except InputError as error:
                 recorded.on_warning(f"det/det.txt stays empty: {error}")
             table.seek(0)

@@ -20,10 +20,11 @@ import numpy as np
 
 from trackers.arrays import Nanoseconds
 from trackers.cameras import FisheyeIntrinsics, PinholeIntrinsics
+from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.plain_data import dump_yaml, parse_json
-from trackers.rig import CameraSensor
+from trackers.rig import CameraSensor, Rig
 from trackers.text_file import AnyPath, as_path, read_text
 from twin.evaluate.judged_frames import truth_at
 from twin.messages import OnWarning
@@ -50,13 +51,13 @@ _LONGEST_S = 1e9
 class Recorded:
     """Recording, the name of its exported sequence, the tracks of its run by tracker, and the user's truth, if any.
 
-    own_truth: taken instead of the bag's, at the stamps of the sensors at which it is known.
+    rig: that was given; own_truth: taken instead of the bag's, at the stamps of the sensors at which it is known.
     """
 
     name: str
     recording: Recording
     tracks: Mapping[str, TrackTable] = field(default_factory=dict)
-    rig_path: Path | None = None
+    rig: Rig | AnyPath | None = None
     own_truth: TruthTable | None = None
     on_warning: OnWarning = lambda warning: None
 
@@ -92,20 +93,21 @@ def open_recorded(
     truth: Path | None = None,
 ) -> Recorded:
     """Open a bag, or the folder of a run or of `twin track`; its tracks are those of `tables` by tracker, else of the folder
-    or the bag.
+    or the bag. Its rig is `rig`, else the one with which `twin track` made the folder.
 
     `name`: of its sequence (default: that of the run or the bag); `truth`: table to take instead of the bag's truth. Raises
     InputError for a path that is none of these.
     """
     path = as_path(path, "recording")
     is_run = path.is_dir() and ((path / RECORDING).is_file() or (path / ABOUT).is_file())
-    recording = Recording(_bag_of(path) if is_run else path, rig)
+    of_run = rig if rig is not None or not is_run else _rig_of(path)
+    recording = Recording(_bag_of(path) if is_run else path, of_run)
     own = None if truth is None else _own_truth(truth, recording, on_warning)
     if tables is None and is_run:
         tables = {each.stem: each for each in sorted((path / "tracks").glob("*.csv"))}
     tracks = _tracks_in(recording) if tables is None else {each: read_tracks(file) for each, file in tables.items()}
     name = name or (path.resolve().name if is_run else _bag_name(path.resolve()))
-    return Recorded(name, recording, tracks, None if rig is None else Path(rig), own, on_warning)
+    return Recorded(name, recording, tracks, of_run, own, on_warning)
 
 
 def _own_truth(path: Path, recording: Recording, on_warning: OnWarning) -> TruthTable:
@@ -127,12 +129,23 @@ def _bag_of(folder: Path) -> Path:
     """Return the bag of a folder of results: the run's own, or the one that `twin track` read, as it wrote there."""
     if (folder / RECORDING).is_file():
         return folder / RECORDING
-    expected = "the facts that `twin track` writes there"
-    content = parse_json(read_text(folder / ABOUT, expected), str(folder / ABOUT), expected)
-    named = content.get("recording") if isinstance(content, dict) else None
+    named = _about(folder).get("recording")
     if not isinstance(named, str) or not Path(named).exists():
         raise InputError(f"{folder / ABOUT}: recording: there is no bag {named!r} here; the bag itself is expected")
     return Path(named)
+
+
+def _rig_of(folder: Path) -> Rig | None:
+    """Return the rig.yaml with which `twin track` made a folder; None where it was given none."""
+    content = _about(folder).get("rig") if (folder / ABOUT).is_file() else None
+    return None if content is None else validate(Rig, content, f"{folder / ABOUT}: rig")
+
+
+def _about(folder: Path) -> dict[str, Any]:
+    """Read what `twin track` wrote about its recording."""
+    expected = "the facts that `twin track` writes there"
+    content = parse_json(read_text(folder / ABOUT, expected), str(folder / ABOUT), expected)
+    return content if isinstance(content, dict) else {}
 
 
 def _bag_name(path: Path) -> str:
@@ -323,12 +336,10 @@ def export_images(recordings: Sequence[Recorded], out: Path) -> None:
             for name, camera in cameras.items():
                 write_calibration(out / recorded.name / name, name, camera)
             for picture in pictures(recorded, cameras, depth=True):
-                folder = out / recorded.name / picture.camera
-                if picture.is_depth:
-                    (folder / "depth").mkdir(exist_ok=True)
-                    folder /= "depth"
-                name = picture.save(folder)
                 kind = "depth/" if picture.is_depth else ""
+                folder = out / recorded.name / picture.camera / kind
+                folder.mkdir(exist_ok=True)
+                name = picture.save(folder)
                 tables[picture.camera].write(f"{picture.number},{seconds_cell(picture.stamp_ns)},{kind}{name}\n")
 
 

@@ -281,22 +281,22 @@ def write_detections(
     file: TextIO,
     *,
     tracker: str,
-    rig_path: AnyPath | None = None,
+    rig: Rig | AnyPath | None = None,
     changes: Sequence[str] = (),
     seed: int | None = None,
     on_warning: OnWarning = lambda warning: None,
 ) -> None:
-    """Track a recording and write the tracker's detections; `rig_path`, `changes`, `seed` as for `twin track`.
+    """Track a recording and write the tracker's detections; `rig`, `changes`, `seed` as for `twin track`.
 
     Raises InputError for bad input, a tracker without detections among it, before anything is written.
     """
     from twin.recording.reader import Recording
 
-    bag = Recording(recording, rig_path)
+    bag = Recording(recording, rig)
     scenario = scenario_of(bag)
     seed = seed if seed is not None else scenario.seed if scenario is not None else 0
     (chosen,) = chosen_trackers(bag, scenario, [tracker], changes)
-    files, missing = files_for(bag, scenario, rig_path, changes)
+    files, missing = files_for(bag, scenario, rig, changes)
     warned = [*missing, *lines(bag.losses), *bag.moving]
     for warning in warned:
         on_warning(warning)

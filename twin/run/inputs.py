@@ -21,7 +21,7 @@ from trackers.configuration import Strict, validate
 from trackers.errors import InputError, valid_names
 from trackers.plain_data import parse_yaml
 from trackers.presets import available
-from trackers.rig import NO_PRIOR, PriorFiles, files_within, missing_file
+from trackers.rig import NO_PRIOR, PriorFiles, Rig, files_within, missing_file
 from trackers.text_file import AnyPath, is_file
 from twin.scenario import Scenario, TrackerChoice
 from twin.scenario.load import apply_overrides, without_null
@@ -204,7 +204,7 @@ def scenario_of(bag: Recording) -> Scenario | None:
 
 
 def files_for(
-    bag: Recording, scenario: Scenario | None, rig_path: AnyPath | None, changes: Sequence[str]
+    bag: Recording, scenario: Scenario | None, rig: Rig | AnyPath | None, changes: Sequence[str]
 ) -> tuple[PriorFiles, list[str]]:
     """Return the prior files for a recording's trackers, absolute and existing, and warnings.
 
@@ -212,7 +212,7 @@ def files_for(
     relative to the current folder) applied. A missing file named only by the bag may be on another machine: a warning.
     Raises InputError for a missing file named by the user.
     """
-    of_the_rig = rig_path is not None and bag.rig.prior != NO_PRIOR
+    of_the_rig = rig is not None and bag.rig.prior != NO_PRIOR
     named = bag.rig.prior if of_the_rig else _carried(bag, scenario).within(bag.path.parent)
     files = _changed(named, changes)
     missing = files.missing()
@@ -220,7 +220,7 @@ def files_for(
         if named.paths().get(name) != path:
             raise InputError(f"--set {missing_file(f'prior.{name}', path)}")
         if of_the_rig:
-            raise InputError(f"{rig_path}: {missing_file(f'prior.{name}', path)}")
+            raise InputError(f"{'the rig' if isinstance(rig, Rig) else rig}: {missing_file(f'prior.{name}', path)}")
     warnings = [
         f"{bag.path}: prior.{name}: there is no file {path} here; trackers go on without it"
         for name, path in missing.items()

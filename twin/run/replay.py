@@ -33,13 +33,7 @@ from twin.report.birdseye import Polygon, Site
 from twin.report.page import RunFacts, TrackerResult
 from twin.report.path_map import ScanDensity
 from twin.run.feed import Feed, open_feed
-from twin.run.inputs import (
-    ChosenTracker,
-    chosen_trackers,
-    files_for,
-    listed,
-    scenario_of,
-)
+from twin.run.inputs import ChosenTracker, chosen_trackers, files_for, listed, scenario_of
 from twin.run.out_folder import OutFolder, out_folder
 from twin.run.outcome import (
     RunResult,
@@ -104,6 +98,7 @@ def track_recording(
     folder = out if out is not None else _default_folder(recording, bag)
     request = _ReplayRequest(
         bag=bag,
+        rig_path=rig_path,
         scenario=scenario,
         chosen=chosen,
         prior_files=files,
@@ -135,6 +130,7 @@ class _ReplayRequest:
     """Arguments of `track_recording`, resolved; missing: warnings about files named only by the bag."""
 
     bag: Recording
+    rig_path: Path | None
     scenario: Scenario | None
     chosen: Sequence[ChosenTracker]
     prior_files: PriorFiles
@@ -292,7 +288,8 @@ class _Replay:
     def _write_about(self, path: Path) -> None:
         """Write `recording.json`."""
         bag, losses = self._request.bag, documents(self._losses)
-        about = {"recording": str(bag.path.absolute()), "start_stamp_ns": bag.start_ns, "losses": losses}
+        rig = None if self._request.rig_path is None else bag.rig.model_dump(mode="json", exclude_none=True)
+        about = {"recording": str(bag.path.absolute()), "start_stamp_ns": bag.start_ns, "rig": rig, "losses": losses}
         if self._truth is not None and self._truth.labels:
             about["people"] = {str(number): label for number, label in self._truth.labels.items()}
         write_atomic(path, json.dumps(about, indent=2, allow_nan=False) + "\n")
@@ -340,10 +337,8 @@ def _command(
     parts = ["twin", "track", str(recording)]
     for name in names:
         parts += ["--tracker", name]
-    if rig_path is not None:
-        parts += ["--rig", str(rig_path)]
-    if truth_path is not None:
-        parts += ["--truth", str(truth_path)]
+    for option, path in (("--rig", rig_path), ("--truth", truth_path)):
+        parts += [] if path is None else [option, str(path)]
     for change in changes:
         parts += ["--set", change]
     parts += ["--seed", str(seed)]

@@ -224,6 +224,6 @@ def test_of_a_scanner_with_another_unit_nothing_else_is_told(tmp_path) -> None:
     warned: list[str] = []
     rig = tmp_path / "rig.yaml"
     rig.write_text(RIG.dump_yaml())
-    write_detections(tmp_path / "bag", io.StringIO(), tracker="sort", rig_path=rig, on_warning=warned.append)
+    write_detections(tmp_path / "bag", io.StringIO(), tracker="sort", rig=rig, on_warning=warned.append)
     (about,) = [each for each in warned if each.startswith("waist: ")]
     assert "what moves is " in about
