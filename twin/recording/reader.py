@@ -20,7 +20,7 @@ from twin.recording.bag import Bag, Topic, open_bag
 from twin.recording.clock_correction import OF_NO_ORDER, CorrectedClocks, correct_clocks
 from twin.recording.decoding import ObservationReader
 from twin.recording.losses import Loss, crowded
-from twin.recording.rig_checks import compare_lenses, motion_warnings, with_intrinsics
+from twin.recording.rig_checks import compare_lenses, compare_poses, motion_warnings, with_intrinsics
 from twin.recording.rig_guess import guess_rig, undecided_lines
 from twin.recording.ros_messages import MSGTYPES, STRING
 from twin.recording.sensor_clock import MessageTimes, all_pause, first_frame, read_times, read_times_as_written
@@ -71,7 +71,9 @@ class Recording:
             carried = self._text(bag, topics.RIG)
             self.is_twin = carried is not None
             self.scenario_yaml = self._text(bag, topics.SCENARIO)
-            tree, poses = (TransformTree({}), {}) if self.is_twin else (TransformTree.read(bag), read_poses(bag))
+            is_its_own = self.is_twin and rig is None
+            tree = TransformTree({}) if is_its_own else TransformTree.read(bag)
+            poses = {} if self.is_twin else read_poses(bag)
             silent: list[Loss] = []
             if rig is None and carried is None:
                 self.rig, silent = guess_rig(path, self.topics, tree, poses, partial(first_frame, bag))
@@ -110,6 +112,8 @@ class Recording:
                 *right.losses,
                 *absent_messages(self.sensor_topics, self.topics, times, self.stamps_ns, bag.end_ns),
             ]
+            if rig is not None:
+                self._found += compare_poses(self.rig, tree, self.frames)
             if not self.is_twin:
                 self._found += compare_lenses(bag, self.rig, self.sensor_topics.sensors)
                 self._found += odometry_losses(self.rig, self.sensor_topics, tree, poses)

@@ -1,4 +1,4 @@
-"""A rig against its bag: lenses from CameraInfo, motion from odometry and transforms.
+"""A rig against its bag: lenses from CameraInfo, poses and motion from frames, odometry and transforms.
 
 Lenses that rig.yaml leaves out are taken from there; what it contradicts is reported.
 """
@@ -6,6 +6,7 @@ Lenses that rig.yaml leaves out are taken from there; what it contradicts is rep
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from pydantic import ValidationError
 from trackers.arrays import Array
 from trackers.cameras import FisheyeIntrinsics, Intrinsics, PinholeIntrinsics
 from trackers.errors import InputError
-from trackers.rig import CameraSensor, Rig, normal_topic
+from trackers.rig import CameraSensor, Pose, Rig, normal_topic
 from twin.recording.bag import Bag
 from twin.recording.losses import Loss
 from twin.recording.transforms import Poses, PoseTopic, TransformTree, displacement
@@ -214,6 +215,81 @@ def _apart(lens: Intrinsics, other: Intrinsics) -> float:
 def _field(message: Any, name: str) -> Any:
     """Return a field that ROS 1 writes large and ROS 2 small."""
     return getattr(message, name, None) if hasattr(message, name) else getattr(message, name.upper())
+
+
+_APART_M, _TURNED_DEG = 0.15, 15.0
+"""A pose that differs more from that of the bag's transforms is reported; those of a drawing err by less."""
+_ON_THE_FLOOR = ("map", "world", "room", "base_footprint")
+"""Names of frames whose origin is on the floor (REP 105, REP 120)."""
+_CHECK = "check topic and room_from_sensor in rig.yaml and the driver's frame_id"
+
+
+def compare_poses(rig: Rig, tree: TransformTree, frames: Mapping[str, Iterable[str]]) -> list[Loss]:
+    """Return what frames and transforms of the bag contradict in the rig; `frames`: the frame_ids of each sensor's messages.
+
+    Scanners, and the base that carries them, are compared with all on the same base, or that stand, as transforms need not
+    know the rig's room; else heights with a frame on the floor, or names. Nothing is said twice of a sensor.
+    """
+    bases, lasers, carried = rig.odometry(), rig.lasers(), rig.mounted()
+    own = {name: next(iter(each)) for name, each in frames.items() if len(set(each)) == 1 and name not in bases}
+    own = {name: each.base_frame or "" for name, each in bases.items()} | own
+    frame_of = {name: frame.strip("/") for name, frame in own.items() if frame}
+    placed = {name: np.eye(4) if name in bases else rig.sensors[name].room_from_sensor.matrix for name in frame_of}
+    names = sorted(placed, key=lambda name: (name not in bases, name not in lasers))
+    found: dict[str, tuple[str, str]] = {}
+    for first, name in combinations(names, 2):
+        turns = name in lasers  # the frame of a camera may be that of its body
+        pose = _standing_pose(tree, frame_of[name], frame_of[first])
+        is_apart = carried.get(first, first if first in bases else None) != carried.get(name)
+        if pose is None or is_apart or first not in (*bases, *lasers) or {first, name} & found.keys():
+            continue
+        if said := _differ(placed[first], placed[name], pose, turns=turns):
+            is_one = frame_of[name] == frame_of[first]
+            by_bag = f"messages of both are of frame {frame_of[name]!r}" if is_one else f"transforms {said[1]} {first}"
+            is_swapped = _differ(placed[name], placed[first], pose, turns=turns) is None
+            guess = f": those of {first} and {name} seem to be exchanged" if is_swapped else ""
+            found[first] = "", ""
+            found[name] = f"the rig has it {said[0]} {first}, and in the bag {by_bag}", _CHECK + guess
+    for name in [each for each in names if each not in (*bases, *found)]:
+        above = [] if name in carried else sorted(tree.ancestors([frame_of[name]]))
+        tops = [each for each in above if each.split("/")[-1] in _ON_THE_FLOOR]
+        pose = _standing_pose(tree, frame_of[name], tops[0]) if tops else None
+        bare, own_m = frame_of[name].split("/")[-1].removesuffix("_link"), placed[name][2, 3]
+        if pose is not None and abs(own_m - pose[2, 3]) > _APART_M:
+            by_bag = f"transforms {pose[2, 3]:.2f} m above {tops[0]!r}"
+            found[name] = f"the rig has it {own_m:.2f} m above the floor, and in the bag {by_bag}", _CHECK
+        elif bare != name and frame_of.get(bare, frame_of[name]) != frame_of[name]:
+            what = f"its messages are of the frame {frame_of[name]!r}, and those of {bare} of {frame_of[bare]!r}"
+            found[name] = what, "their topics in rig.yaml may be exchanged"
+    taken = "the rig is taken as it is"
+    return [Loss(name, 0, 0, what, f"{do}; {taken}", always=True) for name, (what, do) in found.items() if what]
+
+
+def _standing_pose(tree: TransformTree, frame: str, base: str) -> Array | None:
+    """Return the pose (4, 4) of a frame in another; None where transforms do not tell it, or it moves there."""
+    if frame == base:
+        return np.eye(4)
+    try:
+        edges = [edge for way in tree.path(frame, base) for edge in way]
+    except InputError:
+        return None
+    return None if any(edge.moves for edge in edges) else tree.static_pose(frame, base)
+
+
+def _differ(pose: Array, other: Array, said: Array, *, turns: bool) -> tuple[str, str] | None:
+    """Return the rig's and the bag's (`said`, (4, 4)) words for another pose seen from a pose; None where they agree."""
+    own = np.linalg.inv(pose) @ other
+    here, there = (pose[:3, :3] @ each[:3, 3] for each in (own, said))
+    if abs(here[2] - there[2]) > _APART_M:
+        first, second = (f"{abs(z):.2f} m {'above' if z > 0 else 'below'}" for z in (here[2], there[2]))
+    elif np.linalg.norm(here - there) > _APART_M:
+        first, second = (f"[{x:.2f}, {y:.2f}, {z:.2f}] m from" for x, y, z in (here, there))
+    elif turns and displacement(np.stack([own, said]))[1] > _TURNED_DEG:
+        rolled = (np.degrees(Pose.from_transform(each).rpy) for each in (own, said))
+        first, second = (f"turned by roll {x:.0f}°, pitch {y:.0f}°, yaw {z:.0f}° to" for x, y, z in rolled)
+    else:
+        return None
+    return first, second
 
 
 def motion_warnings(

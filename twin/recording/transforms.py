@@ -225,7 +225,7 @@ class TransformTree:
         base_from_frame = np.eye(4)
         for edge in reversed(up):
             base_from_frame = base_from_frame @ edge.parent_from_child[0]
-        for edge in down:
+        for edge in reversed(down):
             base_from_frame = np.linalg.inv(edge.parent_from_child[0]) @ base_from_frame
         return base_from_frame
 
@@ -245,7 +245,7 @@ class TransformTree:
         whole = np.broadcast_to(np.eye(4), (len(main.stamps_ns), 4, 4))
         for edge in reversed(up):
             whole = whole @ edge.at(main.times_ns)
-        for edge in down:
+        for edge in reversed(down):
             whole = np.linalg.inv(edge.at(main.times_ns)) @ whole
         return main, np.ascontiguousarray(whole)
 

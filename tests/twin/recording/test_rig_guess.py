@@ -65,7 +65,9 @@ def test_a_still_rig_is_found_whole(tmp_path: Path, seed: int) -> None:
     write_ros2_bag(tmp_path / "bag", sorted(messages, key=lambda each: each[2]))
 
     (tmp_path / "rig.yaml").write_text(describe_rig(tmp_path / "bag")[0])
-    rig = Recording(tmp_path / "bag", tmp_path / "rig.yaml").rig
+    recording = Recording(tmp_path / "bag", tmp_path / "rig.yaml")
+    assert lines(recording.losses) == []  # nothing of the bag contradicts it
+    rig = recording.rig
     front, low, camera = (rig.sensors[name] for name in ("front_scan", "low_scan", "cam_image_raw_compressed"))
     assert isinstance(front, LaserSensor) and isinstance(low, LaserSensor) and isinstance(camera, PinholeSensor)
     mast = poses["mast"].matrix
@@ -126,6 +128,56 @@ def test_a_place_that_transforms_tell_of_a_lone_scanner_is_not_left_unsaid(tmp_p
     }.items():
         write_ros2_bag(tmp_path / name, others + _scans("/scan", "laser"))
         assert not any("transforms" in each for each in lines(Recording(tmp_path / name).losses))
+
+
+_HEIGHTS_M = {"low_laser": 0.3, "high_laser": 1.0}
+
+
+def _against(folder: Path, sensors: dict[str, tuple[str, float]], parent: str, **frames: str) -> list[str]:
+    """Warnings of a rig, by sensor its topic and height [m], on a bag with two scanners; frames: of their messages."""
+    messages = [*_scans("/low", frames.get("low", "low_laser")), *_scans("/high", frames.get("high", "high_laser"))]
+    for frame, height_m in _HEIGHTS_M.items() if parent else ():
+        pose = Pose(xyz=(0.5 if frame == "low_laser" else 0.0, 0, height_m), rpy=(0, 0, 1))
+        messages.append(("/tf_static", TF, STAMPS_NS[0], _transform(parent, frame, pose, STAMPS_NS[0])))
+    folder = folder / f"bag{len(list(folder.iterdir()))}"
+    write_ros2_bag(folder, sorted(messages, key=lambda each: each[2]))
+    x_m = {"/low": 0.5, "/high": 0.0}
+    rig = Rig(
+        sensors={
+            name: LaserSensor(
+                topic=topic,
+                room_from_sensor=Pose(xyz=(0, 4 + x_m.get(name, x_m[topic]), height_m), rpy=(0, 0, 1 + np.pi / 2)),
+            )
+            for name, (topic, height_m) in sensors.items()
+        }
+    )
+    return lines(Recording(folder, rig).losses)
+
+
+def test_a_rig_that_frames_and_transforms_of_the_bag_contradict_is_told_with_both_values(tmp_path: Path) -> None:
+    right = {"front": ("/low", 0.3), "back": ("/high", 1.0)}
+    for parent in ("map", "base_link", ""):
+        assert _against(tmp_path, right, parent) == []
+    (line,) = _against(tmp_path, {"front": ("/low", 1.0), "back": ("/high", 0.3)}, "base_link")
+    assert line.startswith(
+        "back: the rig has it 0.70 m below front, and in the bag transforms 0.70 m above front; check"
+    )
+    (line,) = _against(tmp_path, {"front": ("/low", 0.3)}, "base_link") or [""]
+    assert "does not use /high" in line  # one alone has nothing to be compared with
+    _, line = _against(tmp_path, {"front": ("/low", 0.9)}, "map")
+    assert line.startswith(
+        "front: the rig has it 0.90 m above the floor, and in the bag transforms 0.30 m above 'map'; "
+    )
+    (line,) = _against(tmp_path, right, "base_link", high="low_laser")
+    assert line.startswith(
+        "back: the rig has it 0.70 m above front, and in the bag messages of both are of frame 'low_laser'"
+    )
+    named = {"low_laser": ("/high", 1.0), "high_laser": ("/low", 0.3)}
+    first, _ = _against(tmp_path, named, "")
+    assert first.startswith(
+        "low_laser: its messages are of the frame 'high_laser', and those of high_laser of 'low_laser'; "
+    )
+    assert _against(tmp_path, {"high_laser": ("/high", 1.0), "low_laser": ("/low", 0.3)}, "") == []
 
 
 def test_what_the_bag_does_not_tell_is_marked(tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from twin.recording.losses import lines
 from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
 from twin.recording.ros_messages import ODOMETRY, encode
+from twin.recording.transforms import Edge, TransformTree
 from twin.recording.writer import CAMERA_INFO, TF_MESSAGE, _camera_info, transform_message
 
 STAMPS = [EPOCH_NS + k * 50 * MS for k in range(40)]
@@ -274,3 +275,19 @@ def test_odometry_that_holds_no_pose_is_told_or_refused(tmp_path, n_bad, rig):
     list(recording.observations())
     said = "the pose is no rigid transform" if used else f"/odom: {n_bad} of 40 messages hold no pose"
     assert any(said in each for each in lines(recording.losses)) == (n_bad > 0)
+
+
+def test_poses_from_a_frame_on_another_branch_are_those_by_matrices() -> None:
+    """Two transforms lead down to it: with turns their order counts."""
+    names = {"mast": "map", "waist": "mast", "arm": "map", "hand": "arm"}
+    placed = {name: at(0.3 * k + 0.2, 0.5 * k + 0.4, 0.1 * k) for k, name in enumerate(names)}
+    stamps = np.arange(3) * PERIOD_NS
+    edges = {
+        name: Edge("/tf", parent, name, False, stamps, stamps, np.arange(3), np.stack([placed[name]] * 3))
+        for name, parent in names.items()
+    }
+    tree = TransformTree(edges)
+    map_from = {"waist": placed["mast"] @ placed["waist"], "hand": placed["arm"] @ placed["hand"]}
+    expected = np.linalg.inv(map_from["hand"]) @ map_from["waist"]
+    assert np.allclose(tree.static_pose("waist", "hand"), expected)
+    assert np.allclose(tree.poses("hand", "waist")[1], expected)
