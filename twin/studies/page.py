@@ -90,7 +90,6 @@ def write_page(path: Path, results: StudyResults) -> None:
         ],
         "folder": path.parent,
         "command": prepared.path.stem if prepared.path.parent == MODELS / "studies" else prepared.path,
-        "n_tried": sum(not each.failure for each in results.result.trials.values()),
         "rejected": _rejections(results),
         "seeds": len(study.held_out.seeds) if study.held_out else 0,
         **section(_plan(results, scenario, path.parent)),
@@ -267,7 +266,9 @@ def _trial_map(results: StudyResults, sensors: list[PlanSensor]) -> tuple[str, s
         (others[0].column if others else "price", results.objective.column),
         np.array([_standard_error(results, each) for each in trials]),
     )
-    return _RACE_CAPTION if study.validated else "Every placement tried.", data_uri(svg)
+    is_cover = study.search.method in ("exact", "greedy")
+    caption = "The baseline, and the best found of each number of devices." if is_cover else "Every placement tried."
+    return _RACE_CAPTION if study.validated else caption, data_uri(svg)
 
 
 def _baseline_places(results: StudyResults) -> Array:

@@ -14,16 +14,17 @@ from trackers.errors import InputError
 from trackers.plain_data import parse_json
 from trackers.text_file import read_text
 from twin.console import PlainConsole, print_table
+from twin.messages import counted
 from twin.recording.atomic_file import write_csv
 from twin.scenario import Scenario
 from twin.studies.apply_placement import apply_placement
 from twin.studies.candidate_set import BASELINE, Placement
 from twin.studies.coverage import PoseCoverage
 from twin.studies.preflight import PreparedStudy
-from twin.studies.search import Result
+from twin.studies.search import Result, n_placements
 from twin.studies.set_cover import Cover
 from twin.studies.spec import Objective
-from twin.studies.trials import Trial, placement_id
+from twin.studies.trials import Trial, losses, placement_id
 from twin.studies.validation import PairedDifference
 from twin.suites.cache import RecordingCache
 
@@ -52,6 +53,33 @@ class StudyResults:
         """The first objective."""
         return self.prepared.study.objectives[0]
 
+    @property
+    def best_of_each_count(self) -> tuple[Trial, ...]:
+        """The best trial by the first objective of every number of devices that was evaluated whole."""
+        study, candidate_set = self.prepared.study, self.prepared.candidate_set
+        n_seed = study.search.replicates[-1] if study.validated else 0
+        trials = [each for each in self.result.trials.values() if not each.failure and each is not self.baseline]
+        whole = [each for each in trials if len(each.seeds) >= n_seed]
+        best: dict[tuple[str, ...], Trial] = {}
+        for number in np.argsort(losses(whole, study.objectives, study.scenarios)[:, 0], kind="stable"):
+            devices = (candidate_set.poses[each].device for each in whole[number].placement)
+            best.setdefault(tuple(sorted(devices)), whole[number])
+        return tuple(sorted(best.values(), key=lambda each: each.price))
+
+    @property
+    def searched(self) -> str:
+        """The number of placements from which the search chose, and its method, in words."""
+        study, poses = self.prepared.study, self.prepared.candidate_set.poses
+        n_tried = sum(not each.failure for each in self.result.trials.values()) - 1
+        how = {
+            "exact": "searched exactly by coverage",
+            "greedy": "searched greedily by coverage",
+            "exhaustive": f"{n_tried} tried, all that keep the constraints",
+            "optuna": f"{n_tried} tried",
+        }
+        ways = counted(n_placements(study, self.prepared.candidate_set), "placement")
+        return f"{ways} of {counted(len(poses), 'pose')}, {how[study.search.method]}"
+
     def scenario_with(self, placement: Placement) -> Scenario:
         """Return the study's first scenario with a placement applied."""
         poses = [self.prepared.candidate_set.poses[each] for each in placement]
@@ -67,7 +95,7 @@ def summarize(results: StudyResults) -> dict[str, Any]:
             "candidate": placement_id(trial.placement),
             "places": describe_placement(results, trial.placement),
             "price": trial.price,
-            "seeds": len(trial.seeds),
+            **({"seeds": len(trial.seeds)} if results.prepared.trackers else {}),
             **{
                 each.column: number(trial.value(each, study.scenarios))
                 for each in study.objectives
@@ -80,9 +108,11 @@ def summarize(results: StudyResults) -> dict[str, Any]:
     return {
         "study": study.name,
         "objective": objective.column,
+        "searched": results.searched,
         "baseline": row(results.baseline),
         "best": row(results.best),
         "pareto": [row(each) for each in results.front],
+        "best_of_each_count": [row(each) for each in results.best_of_each_count],
         "indistinguishable": [placement_id(each.placement) for each, _ in results.indistinguishable],
         "held_out": [_plain(each) for each in results.held_out],
         "one_fewer": [{"candidate": placement_id(each), objective.column: value} for each, value in results.one_fewer],
@@ -96,7 +126,7 @@ def summarize(results: StudyResults) -> dict[str, Any]:
         ],
         "rejected": results.prepared.candidate_set.rejected,
         "candidates": len(results.result.trials),
-        "evaluated_in_this_run": results.n_evaluated,
+        **({"evaluated_in_this_run": results.n_evaluated} if results.prepared.trackers else {}),
         "seconds_of_this_run": round(results.spent_s, 1),
     }  # fmt: skip
 
@@ -161,7 +191,7 @@ def write_table(path: Path, trials: Sequence[Trial], results: StudyResults) -> N
         place = placement_id(trial.placement), describe_placement(results, trial.placement)
         row = [*place, f"{trial.price:g}"]
         row += ["" if each is None else f"{each:.6f}" for each in (trial.coverage, trial.coverage_worst)]
-        row += [str(len(trial.seeds)), trial.failure]
+        row += [str(len(trial.seeds)) if results.prepared.trackers else "", trial.failure]
         for each in study.objectives:
             if each.column in wanted:
                 row.append("" if trial.failure or not trial.seeds else f"{trial.value(each, study.scenarios):.6f}")
@@ -199,15 +229,17 @@ def print_summary(folder: Path) -> None:
 def _print(console: Console, found: dict[str, Any]) -> None:
     objective = found["objective"]
     covers = objective == "coverage"
-    shown = {each["candidate"]: each for each in (found["baseline"], found["best"], *found["pareto"])}
-    tracks = any(each["seeds"] for each in shown.values())
+    rows_of = found["baseline"], found["best"], *found["pareto"], *found.get("best_of_each_count", ())
+    shown = {each["candidate"]: each for each in rows_of}
+    tracks = any(each.get("seeds") for each in shown.values())
     heads = ["placement", objective, *([] if covers else ["coverage"]), "price", *(["seeds"] if tracks else [])]
     rows: list[list[str]] = []
     for each in shown.values():
         mark = "recommended: " if each["candidate"] == found["best"]["candidate"] else ""
         values = [_text(each.get(objective)), *([] if covers else [_text(each["coverage"])]), f"{each['price']:g}"]
         rows.append([mark + each["places"], *values, *([str(each["seeds"])] if tracks else [])])
-    print_table(heads, rows, title=f"{found['study']}: {found['candidates'] - 1} placements beside the baseline")
+    searched = found.get("searched") or f"{found['candidates'] - 1} placements beside the baseline"
+    print_table(heads, rows, title=f"{found['study']}: {searched}")
     for row in found["held_out"]:
         console.print(f"held out, {row['what']}: {_text(row['other'])} -> {_text(row['ours'])}, {_interval(row)}")
     for row in found["proven"]:

@@ -90,7 +90,7 @@ def run_study(
             evaluations.record(*first)
         result = searcher.run()
         results = _results(run, coverage, result, start)
-        for trial in results.front:
+        for trial in (*results.front, *results.best_of_each_count):
             if trial.coverage is None:
                 trial.measure_coverage(coverage)
         if any(each.kind == "coverage" for each in study.objectives) and not results.best.coverage:

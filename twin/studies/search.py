@@ -42,10 +42,7 @@ Evaluate = Callable[[Sequence[Trial], int], None]
 def check_search_size(study: Study, candidate_set: CandidateSet, source: str) -> None:
     """Raise InputError, naming `source`, for too large a search, before evaluating anything."""
     method, number = study.search.method, len(candidate_set.poses)
-    ways = sum(
-        prod(comb(len(numbers), count) for numbers, count in each)
-        for each in product(*_counts_by_device(study, candidate_set))
-    )
+    ways = n_placements(study, candidate_set)
     if method == "exhaustive" and ways > MOST_CANDIDATES:
         refuse_unless_lifted(
             f"{source}: search.method: 'exhaustive' would try {ways} placements",
@@ -56,6 +53,12 @@ def check_search_size(study: Study, candidate_set: CandidateSet, source: str) ->
             f"{source}: search.method: {method!r} keeps the bits of every candidate pose, and there are {number}",
             f"at most {_MOST_EXACT_OPTIONS}, by larger steps",
         )
+
+
+def n_placements(study: Study, candidate_set: CandidateSet) -> int:
+    """Return the number of placements among which a search chooses, those against constraints too."""
+    ways = product(*_counts_by_device(study, candidate_set))
+    return sum(prod(comb(len(numbers), count) for numbers, count in each) for each in ways if any(n for _, n in each))
 
 
 def _counts_by_device(study: Study, candidate_set: CandidateSet) -> list[list[tuple[list[int], int]]]:

@@ -222,7 +222,7 @@ def test_a_candidate_that_fails_is_a_row_with_a_reason(tmp_path: Path) -> None:
     assert "scans level" in rows[2]["rejected"] and rows[2]["replicates"] == "0" and not rows[1]["rejected"]
 
 
-def test_coverage_alone_is_searched_exactly(tmp_path: Path) -> None:
+def test_coverage_alone_is_searched_exactly(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = written(
         tmp_path,
         trackers=[],
@@ -237,6 +237,30 @@ def test_coverage_alone_is_searched_exactly(tmp_path: Path) -> None:
     assert all(0.98 <= row["greedy_over_exact"] <= 1 for row in summary["proven"])
     assert summary["best"]["coverage"] == pytest.approx(max(row["exact"] for row in summary["proven"]))
     assert summary["best"]["coverage"] >= summary["baseline"]["coverage"]
+    assert summary["searched"] == "136 placements of 16 poses, searched exactly by coverage"  # 16 alone, 120 pairs
+    assert [row["price"] for row in summary["best_of_each_count"]] == [1500, 3000]
+    assert "seeds" not in summary["best"] and "evaluated_in_this_run" not in summary  # it tracks nothing
+    print_summary(tmp_path / "out")
+    shown = " ".join(capsys.readouterr().out.split())
+    assert summary["searched"] in shown and all(
+        row["places"].split(";")[0] in shown for row in summary["best_of_each_count"]
+    )
+
+
+def test_a_number_of_devices_that_another_beats_is_shown_too(tmp_path: Path) -> None:
+    """One rig sees all that two do: two are dominated, and yet have been searched."""
+    path = written(
+        tmp_path,
+        trackers=[],
+        objectives=[{"kind": "coverage"}, {"kind": "price"}],
+        search={"method": "greedy"},
+        devices__rig__count=[1, 2],
+        held_out=None,
+        coverage={"samples": 2, "seeds": [1950], "beams": 1},
+    )
+    summary = run(path, tmp_path / "out")
+    assert {row["price"] for row in summary["pareto"]} == {1500}
+    assert [(row["price"], row["coverage"]) for row in summary["best_of_each_count"]] == [(1500, 1.0), (3000, 1.0)]
 
 
 def test_a_tracker_that_no_objective_uses_is_run_beside_the_search(
