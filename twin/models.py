@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from trackers.errors import InputError, valid_names
-from trackers.plain_data import parse_yaml
+from trackers.plain_data import deep_merge, parse_yaml
 from trackers.text_file import is_file, read_text
 
 _PACKAGE = Path(__file__).parent
@@ -133,6 +134,19 @@ _DESCRIPTION = re.compile(r"^description:.*?(?=^\w|\Z)", re.MULTILINE | re.DOTAL
 def load_yaml(name: str) -> dict[str, Any]:
     """Load a shipped YAML file by its path below `MODELS`."""
     return parse_yaml(read_text(MODELS / name, "a shipped file"), name, "a mapping")
+
+
+def scenario_sensors(name: str) -> list[str]:
+    """Name the sensors of a shipped scenario; 'drawn' where every seed draws its own."""
+    sensors = _scenario_sensors(name)
+    return ["drawn"] if "kind" in sensors else [each for each, content in sensors.items() if content is not None]
+
+
+@cache
+def _scenario_sensors(name: str) -> dict[str, Any]:
+    content = load_yaml(f"scenarios/{name}.yaml")
+    parent = content.get("extends")
+    return deep_merge({} if parent is None else _scenario_sensors(parent), content.get("sensors") or {})
 
 
 def first_description(folder: str, name: str) -> str:

@@ -62,6 +62,40 @@ def test_check_says_what_a_tracker_breaks(here: Path) -> None:
     assert "has not both update(observation) and tracks()" in _twin("check", "--tracker", "broken_one:Mine", code=1)
 
 
+NO_TRACKERS = {
+    "def __init__(self): ...": "has the methods of neither; a tracker, a class made as Class.rig, background, rng,",
+    "def update(self, observation): ...": r"a class made as Mine.rig, background, rng, \*\*options. is expected",
+}
+
+
+@pytest.mark.parametrize("number", range(len(NO_TRACKERS)))
+def test_check_says_what_a_class_must_take_and_have(here: Path, number: int) -> None:
+    body, said = list(NO_TRACKERS.items())[number]
+    Path(f"no_tracker_{number}.py").write_text(f"class Mine:\n    {body}\n")
+    with pytest.raises(InputError, match=said):
+        CliRunner().invoke(app, ["check", f"no_tracker_{number}:Mine"], catch_exceptions=False)
+    Path(f"no_sensor_{number}.py").write_text("def make(rig, background, rng): ...\n")
+    with pytest.raises(InputError, match=r"returns a sensor .* is expected; a tracker, .*, is checked by --tracker"):
+        CliRunner().invoke(app, ["check", f"no_sensor_{number}:make"], catch_exceptions=False)
+
+
+def test_list_of_scenarios_names_their_sensors() -> None:
+    for line in _twin("list", "scenarios").splitlines()[1:]:
+        name, sensors = line.split()[0], line.removesuffix(".").rpartition("Sensors: ")[2]
+        assert sensors == "drawn" if name.startswith("drawn") else ", ".join(twin.load_scenario(name).sensors)
+    assert "Sensors:" not in _twin("list")  # which is to be fast
+
+
+def test_check_of_a_room_tells_its_area_and_corners(here: Path) -> None:
+    """An L of 3 m x 1 m and 1 m x 2 m, not the box around it."""
+    area = '<custom><numeric name="walkable_area" data="0 0 3 0 3 1 1 1 1 3 0 3"/></custom>'
+    floor = (
+        '<worldbody><light pos="0 0 5"/><geom name="floor" type="box" pos="1.5 1.5 -.05" size="2 2 .05"/></worldbody>'
+    )
+    Path("l.xml").write_text(f"<mujoco>{area}{floor}</mujoco>")
+    assert "l.xml: a valid room; 5 m² to walk (6 corners, 3 m x 3 m over all); " in _twin("check", "l.xml")
+
+
 @pytest.mark.parametrize("kind", ["room", "scenario", "suite", "study"])
 def test_check_knows_the_kind_of_a_file(here: Path, kind: str) -> None:
     out = {"room": "mine.xml", "scenario": "mine"}.get(kind, "mine.yaml")

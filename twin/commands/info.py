@@ -17,11 +17,19 @@ from twin.console import print_warnings
 from twin.messages import printable
 
 _PARTS = "scenarios", "rooms", "trackers", "sensors", "suites", "studies", "faults"
+_SCHEMAS = {
+    "scenario": "twin.scenario.load:DrawableScenarioFile",
+    "suite": "twin.suites.spec:Suite",
+    "study": "twin.studies.spec:Study",
+    "rig": "trackers.rig:Rig",
+}
 _SIDE_PX = 400
 _FRAMES = 5
 _CHECKED_S = 4.0
 _PLACES = 200
 """Number of places to stand, drawn at random, that a room must have."""
+_TRACKER = "a tracker, a class made as Class(rig, background, rng, **options) with update(observation) and tracks()"
+_SENSOR = "a callable without arguments that returns a sensor with observe()"
 
 
 def list_(
@@ -54,23 +62,22 @@ def list_(
         typer.echo(bibtex(available()))
         return
     for title in _PARTS if part is None else [part]:
-        print_part(title, _described(title))
+        print_part(title, _described(title, with_sensors=part is not None))
 
 
-def _described(part: str) -> dict[str, str]:
-    """Return the entries of one part, each with one line of description."""
+def _described(part: str, *, with_sensors: bool) -> dict[str, str]:
+    """Return the entries of one part, each with a line of description; scenarios with sensors if asked, which takes a while."""
     from trackers.presets import available
     from twin import models
 
-    match part:
-        case "trackers":
-            return {name: preset.summary for name, preset in available().items()}
-        case "sensors":
-            return dict(models.SENSOR_KINDS)
-        case "faults":
-            return dict(models.FAULTS)
-        case _:
-            return {name: models.first_description(part, name) for name in models.names(part)}
+    if part == "trackers":
+        return {name: preset.summary for name, preset in available().items()}
+    if part in ("sensors", "faults"):
+        return dict(models.SENSOR_KINDS if part == "sensors" else models.FAULTS)
+    found = {name: models.first_description(part, name) for name in models.names(part)}
+    if part == "scenarios" and with_sensors:
+        return {name: f"{text} Sensors: {', '.join(models.scenario_sensors(name))}." for name, text in found.items()}
+    return found
 
 
 def print_part(title: str, entries: Mapping[str, str]) -> None:
@@ -100,19 +107,9 @@ def schema(
     """Print the JSON schema of a scenario, a suite, a study or a rig, for editors."""
     import json
 
-    if kind == "scenario":
-        from twin.scenario.load import DrawableScenarioFile as Described
-    elif kind == "suite":
-        from twin.suites.spec import Suite as Described
-    elif kind == "study":
-        from twin.studies.spec import Study as Described
-    elif kind == "rig":
-        from trackers.rig import Rig as Described
-    else:
-        raise InputError(
-            f"schema: there is none of {kind!r}; {valid_names(kind, ('scenario', 'suite', 'study', 'rig'))}"
-        )
-    typer.echo(json.dumps(Described.model_json_schema(), indent=2))
+    if kind not in _SCHEMAS:
+        raise InputError(f"schema: there is none of {kind!r}; {valid_names(kind, _SCHEMAS)}")
+    typer.echo(json.dumps(_imported(_SCHEMAS[kind], kind, "").model_json_schema(), indent=2))
 
 
 def check(
@@ -218,7 +215,11 @@ def kind_of(subject: str) -> str:
         what = "no file that is known here" if Path(subject).exists() else "there is no such file or name"
         raise InputError(f"{subject}: {what}; {valid}")
     made = _imported(subject, subject, valid)
-    return "tracker" if isinstance(made, type) and hasattr(made, "update") else "sensor"
+    if not isinstance(made, type) or hasattr(made, "observe"):
+        return "sensor"
+    if not hasattr(made, "update") and not hasattr(made, "tracks"):
+        raise InputError(f"{subject}: has the methods of neither; {_TRACKER}, or {_SENSOR}, is expected")
+    return "tracker"
 
 
 def _imported(name: str, source: str, valid: str) -> Any:
@@ -253,7 +254,7 @@ def checked_file(kind: str, name: str, allow_plugins: bool = False) -> str:
     from twin.suites.preflight import check_trackers
     from twin.suites.run import idle_changes
     from twin.suites.spec import load_suite
-    from twin.view.room_sheet import empty_world
+    from twin.view.room_sheet import empty_world, extent_text
     from twin.world.simulation import Simulation
 
     trusted = TrustedClasses(every=allow_plugins)
@@ -269,8 +270,7 @@ def checked_file(kind: str, name: str, allow_plugins: bool = False) -> str:
             scene = empty_world(name).scene
             replace(scene.ground, source=name).free_places(_PLACES, np.random.default_rng(0))
             seats = ", ".join(scene.ground.furniture) or "none"
-            wide_m, deep_m = np.ptp(np.array(scene.walkable, float), axis=0)
-            about = f"{wide_m:.3g} m x {deep_m:.3g} m to walk; seats and beds: {seats}"
+            about = f"{extent_text(scene.walkable)}; seats and beds: {seats}"
         case "suite":
             suite, path = load_suite(name)
             cases = expand(suite, path, trusted=trusted, limits=True)
@@ -312,7 +312,7 @@ def check_own_sensor(name: str) -> list[str]:
         made = make()
     except TypeError as error:
         raise InputError(
-            f"--sensor {name}: {error}; a callable without arguments that returns a sensor is expected"
+            f"--sensor {name}: {error}; {_SENSOR} is expected; {_TRACKER}, is checked by --tracker {name}"
         ) from error
     except PLUG_IN_ERRORS as error:
         return [f"making it {raised(error)}"]

@@ -54,6 +54,13 @@ def empty_world(name: str) -> World:
     return World(scenario)
 
 
+def extent_text(area: NDArray[np.float64]) -> str:
+    """Format what a walkable polygon (k, 2) [m] covers: its area, its corners, and the box around it."""
+    wide_m, deep_m = np.ptp(area, axis=0)
+    area_m2 = cv2.contourArea(np.asarray(area, dtype=np.float32))
+    return f"{area_m2:.3g} m² to walk ({len(area)} corners, {wide_m:.3g} m x {deep_m:.3g} m over all)"
+
+
 def _hints(model: mujoco.MjModel, file: Path) -> list[str]:
     light = light_of(model)
     if light >= ENOUGH_LIGHT:
@@ -99,9 +106,8 @@ def _plan(world: World, name: str) -> NDArray[np.uint8]:
         axes.annotate(f"{kind} {each.name}", (x, y), (0, -11), textcoords="offset points", ha="center", fontsize=8)
     seats = [(each.place[:2], len(f"seat {each.name}")) for each in used]
     _name_things(axes, model, data, seats, {each.furniture for each in used})
-    size = np.ptp(scene.walkable, axis=0)
     axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
-    axes.set_title(f"{name}: walkable {size[0]:.1f} m x {size[1]:.1f} m, light {light_of(model):.2g}", fontsize=11)
+    axes.set_title(f"{name}: {extent_text(scene.walkable)}", fontsize=11)
     axes.grid(alpha=0.35, linewidth=0.6)
     axes.legend(loc="upper right", fontsize=8)
     canvas.draw()
