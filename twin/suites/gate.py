@@ -311,7 +311,7 @@ def compare_results(before: Path, now: Path, out: Path | None, *, markdown: bool
         if markdown:
             print(markdown_comparison(comparison))
         else:
-            print_comparison(comparison, new, run)
+            print_comparison(comparison, new, run, page="the page of --out FILE.html" if out is None else str(out))
         if out is not None:
             write_comparison_page(out, comparison, old, new, title, run)
     if out is not None and not markdown:

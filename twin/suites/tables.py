@@ -121,8 +121,12 @@ def print_comparison(
     results: Results,
     run: tuple[ResultStore, Path] | None,
     shown: Sequence[str] = ("worse", "better"),
+    page: str = "report.html",
 ) -> None:
-    """Print worse metrics, their changes and incidents in `run` (results and folder), then better ones; notes on stderr."""
+    """Print worse metrics, their changes and incidents in `run` (results and folder), then better ones; notes on stderr.
+
+    page: the one that lists them all.
+    """
     console = PlainConsole()
     for warning in comparison.warnings:
         PlainConsole(stderr=True).print(f"twin: warning: {warning}", soft_wrap=True)
@@ -132,7 +136,7 @@ def print_comparison(
             console.print(f"{len(changes)} metric{'s' if len(changes) > 1 else ''} got {word}")
             _print_changes(changes[:_MOST_ROWS])
             if len(changes) > _MOST_ROWS:
-                console.print(f"and {len(changes) - _MOST_ROWS} more, in summary.json")
+                console.print(f"and {len(changes) - _MOST_ROWS} more that got {word}, all in {page}")
         if word == "worse" and run is not None:
             for line in dict.fromkeys(
                 incident.text() for change in changes[:_MOST_ROWS] if (incident := incident_link(change, results, *run))

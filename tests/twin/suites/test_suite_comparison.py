@@ -13,6 +13,7 @@ from twin.suites.comparison import EVERY_SCENARIO, EVERY_TRACKER, Comparison, co
 from twin.suites.metrics import GATED, allowed_by_default, worsening
 from twin.suites.permutation_test import family_wise_p, min_recordings
 from twin.suites.results import Group, GroupKey, Results, mean_over_seeds
+from twin.suites.tables import print_comparison
 
 TRACKERS = ("full", "lasers")
 SCENARIOS = tuple(f"room {k}" for k in range(6))
@@ -430,3 +431,10 @@ def test_hota_and_idf1_are_named_before_the_other_metrics_of_a_tracker() -> None
     worse = [change for change in found(results(), results(shift=shift)).worse if change.key.tracker == "full"]
     metrics = [change.metric for change in worse]
     assert metrics == sorted(metrics, key=lambda metric: {"hota": 0, "idf1": 1}.get(metric, 2)) and "mota" in metrics
+
+
+def test_rows_that_are_left_out_of_a_long_table_are_said_to_be_on_the_page(capsys: pytest.CaptureFixture[str]) -> None:
+    before, now = results(), results(shift=lambda scenario, tracker, seed, metric: worsening(metric, 0.5))
+    comparison = found(before, now)
+    print_comparison(comparison, now, None, page="compare.html")
+    assert f"and {len(comparison.worse) - 30} more that got worse, all in compare.html" in capsys.readouterr().out
