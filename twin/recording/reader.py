@@ -113,7 +113,7 @@ class Recording:
                 *absent_messages(self.sensor_topics, self.topics, times, self.stamps_ns, bag.end_ns),
             ]
             if rig is not None:
-                self._found += compare_poses(self.rig, tree, self.frames)
+                self._found += compare_poses(self.rig, tree, poses, self.frames)
             if not self.is_twin:
                 self._found += compare_lenses(bag, self.rig, self.sensor_topics.sensors)
                 self._found += odometry_losses(self.rig, self.sensor_topics, tree, poses)

@@ -221,18 +221,21 @@ _APART_M, _TURNED_DEG = 0.15, 15.0
 """A pose that differs more from that of the bag's transforms is reported; those of a drawing err by less."""
 _ON_THE_FLOOR = ("map", "world", "room", "base_footprint")
 """Names of frames whose origin is on the floor (REP 105, REP 120)."""
-_CHECK = "check topic and room_from_sensor in rig.yaml and the driver's frame_id"
+_CHECK = "the rig is taken as it is; check topic and room_from_sensor in rig.yaml and the driver's frame_id"
 
 
-def compare_poses(rig: Rig, tree: TransformTree, frames: Mapping[str, Iterable[str]]) -> list[Loss]:
-    """Return what frames and transforms of the bag contradict in the rig; `frames`: the frame_ids of each sensor's messages.
+def compare_poses(
+    rig: Rig, tree: TransformTree, poses: Mapping[str, PoseTopic], frames: Mapping[str, Iterable[str]]
+) -> list[Loss]:
+    """Return what the bag contradicts in the rig by transforms, poses of bases, and `frames`, the frame_ids of each sensor.
 
     Scanners, and the base that carries them, are compared with all on the same base, or that stand, as transforms need not
     know the rig's room; else heights with a frame on the floor, or names. Nothing is said twice of a sensor.
     """
     bases, lasers, carried = rig.odometry(), rig.lasers(), rig.mounted()
     own = {name: next(iter(each)) for name, each in frames.items() if len(set(each)) == 1 and name not in bases}
-    own = {name: each.base_frame or "" for name, each in bases.items()} | own
+    children = {topic: each.child for topic, each in poses.items()}
+    own = {name: each.base_frame or children.get(normal_topic(each.topic), "") for name, each in bases.items()} | own
     frame_of = {name: frame.strip("/") for name, frame in own.items() if frame}
     placed = {name: np.eye(4) if name in bases else rig.sensors[name].room_from_sensor.matrix for name in frame_of}
     names = sorted(placed, key=lambda name: (name not in bases, name not in lasers))
@@ -251,18 +254,16 @@ def compare_poses(rig: Rig, tree: TransformTree, frames: Mapping[str, Iterable[s
             found[first] = "", ""
             found[name] = f"the rig has it {said[0]} {first}, and in the bag {by_bag}", _CHECK + guess
     for name in [each for each in names if each not in (*bases, *found)]:
-        above = [] if name in carried else sorted(tree.ancestors([frame_of[name]]))
-        tops = [each for each in above if each.split("/")[-1] in _ON_THE_FLOOR]
-        pose = _standing_pose(tree, frame_of[name], tops[0]) if tops else None
+        tops = [each for each in sorted(tree.ancestors([frame_of[name]])) if each.split("/")[-1] in _ON_THE_FLOOR]
+        pose = _standing_pose(tree, frame_of[name], tops[0]) if tops and name not in carried else None
         bare, own_m = frame_of[name].split("/")[-1].removesuffix("_link"), placed[name][2, 3]
         if pose is not None and abs(own_m - pose[2, 3]) > _APART_M:
             by_bag = f"transforms {pose[2, 3]:.2f} m above {tops[0]!r}"
             found[name] = f"the rig has it {own_m:.2f} m above the floor, and in the bag {by_bag}", _CHECK
-        elif bare != name and frame_of.get(bare, frame_of[name]) != frame_of[name]:
+        elif bare not in (name, *found) and frame_of.get(bare, frame_of[name]) != frame_of[name]:
             what = f"its messages are of the frame {frame_of[name]!r}, and those of {bare} of {frame_of[bare]!r}"
-            found[name] = what, "their topics in rig.yaml may be exchanged"
-    taken = "the rig is taken as it is"
-    return [Loss(name, 0, 0, what, f"{do}; {taken}", always=True) for name, (what, do) in found.items() if what]
+            found[name] = what, "the rig is taken as it is; their topics in it may be exchanged"
+    return [Loss(name, 0, 0, *words, always=True) for name, words in found.items() if words[0]]
 
 
 def _standing_pose(tree: TransformTree, frame: str, base: str) -> Array | None:
@@ -310,9 +311,8 @@ def motion_warnings(
     for child, edge in tree.edges.items():
         on_it = [name for name, chain in chains.items() if child in chain]
         if on_it and edge.moves:
-            moved.setdefault(_said(f"{edge.topic} ({edge.parent} to {child})", edge.parent_from_child), []).extend(
-                on_it
-            )
+            said = _said(f"{edge.topic} ({edge.parent} to {child})", edge.parent_from_child)
+            moved.setdefault(said, []).extend(on_it)
     unmoved = {name: own for name, own in frames.items() if not any(name in each for each in moved.values())}
     return [*_circles(tree, frames), *_untold(tree, unmoved)] + [
         f"{', '.join(names)} moves: {said}; tracks are in the sensor's own moving frame, in which things that stand look like "

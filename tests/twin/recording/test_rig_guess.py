@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,14 +14,14 @@ from test_recorded_rigs import EPOCH_NS, LENS, info
 from typer.testing import CliRunner
 
 from trackers.errors import InputError
-from trackers.observations import Image
+from trackers.observations import Image, Odometry
 from trackers.rig import LaserSensor, OdometrySensor, PinholeSensor, Pose, Rig
 from twin.cli import app
 from twin.recording.losses import lines
 from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
 from twin.recording.rig_guess import describe_rig
-from twin.recording.ros_messages import encode
+from twin.recording.ros_messages import ODOMETRY, encode
 
 T = TYPESTORE.types
 STAMPS_NS = [EPOCH_NS + k * 100 * MS for k in range(20)]
@@ -160,7 +161,7 @@ def test_a_rig_that_frames_and_transforms_of_the_bag_contradict_is_told_with_bot
         assert _against(tmp_path, right, parent) == []
     (line,) = _against(tmp_path, {"front": ("/low", 1.0), "back": ("/high", 0.3)}, "base_link")
     assert line.startswith(
-        "back: the rig has it 0.70 m below front, and in the bag transforms 0.70 m above front; check"
+        "back: the rig has it 0.70 m below front, and in the bag transforms 0.70 m above front; the rig is"
     )
     (line,) = _against(tmp_path, {"front": ("/low", 0.3)}, "base_link") or [""]
     assert "does not use /high" in line  # one alone has nothing to be compared with
@@ -173,11 +174,42 @@ def test_a_rig_that_frames_and_transforms_of_the_bag_contradict_is_told_with_bot
         "back: the rig has it 0.70 m above front, and in the bag messages of both are of frame 'low_laser'"
     )
     named = {"low_laser": ("/high", 1.0), "high_laser": ("/low", 0.3)}
-    first, _ = _against(tmp_path, named, "")
+    (first,) = _against(tmp_path, named, "")
     assert first.startswith(
         "low_laser: its messages are of the frame 'high_laser', and those of high_laser of 'low_laser'; "
     )
     assert _against(tmp_path, {"high_laser": ("/high", 1.0), "low_laser": ("/low", 0.3)}, "") == []
+
+
+@pytest.mark.parametrize("odometry", [{"topic": "/odom"}, {"topic": "/tf", "frame": "odom", "base_frame": "base"}])
+def test_a_scanner_on_a_base_is_held_against_the_transforms_of_the_base(
+    tmp_path: Path, odometry: dict[str, str]
+) -> None:
+    on_base = Pose(xyz=(0.2, 0, 0.3), rpy=(0, 0, 0.5))
+    messages = [
+        *_scans("/scan", "laser"),
+        ("/tf_static", TF, STAMPS_NS[0], _transform("base", "laser", on_base, STAMPS_NS[0])),
+    ]
+    for number, stamp in enumerate(STAMPS_NS):
+        pose = Pose(xyz=(0.05 * number, 0, 0))
+        message: Any = TYPESTORE.deserialize_cdr(encode(Odometry("odom", stamp, pose.matrix)).data, ODOMETRY)
+        message = replace(message, child_frame_id="base")
+        messages += [("/tf", TF, stamp, _transform("odom", "base", pose, stamp)), ("/odom", ODOMETRY, stamp, message)]
+    write_ros2_bag(tmp_path / "bag", sorted(messages, key=lambda each: each[2]))
+
+    def lines_of(pose: Pose) -> list[str]:
+        scanner = LaserSensor(topic="/scan", mounted_on="base", room_from_sensor=pose)
+        rig = Rig(sensors={"scan": scanner, "base": OdometrySensor.model_validate({"kind": "odometry", **odometry})})
+        return lines(Recording(tmp_path / "bag", rig).losses)
+
+    assert lines_of(on_base) == []
+    (line,) = lines_of(Pose(xyz=(0.2, 0, 0.9), rpy=(0, 0, 0.5)))
+    assert line.startswith("scan: the rig has it 0.90 m above base, and in the bag transforms 0.30 m above base; ")
+    (line,) = lines_of(Pose(xyz=(0.2, 0, 0.3), rpy=(0, 0, 0.5 + np.pi / 2)))
+    assert (
+        "turned by roll 0°, pitch 0°, yaw 119° to base, and in the bag transforms turned by roll 0°, pitch 0°, yaw 29°"
+        in line
+    )
 
 
 def test_what_the_bag_does_not_tell_is_marked(tmp_path: Path) -> None:
