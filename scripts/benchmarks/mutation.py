@@ -50,6 +50,12 @@ class Bug:
         Raises NoTargetError, and ValueError where `new` has names that `old` lacks.
         """
         module = ast.parse(source)
+        node, replacement = self.change_of(module)
+        changed = _Replace(node, replacement).visit(module)
+        return ast.unparse(ast.fix_missing_locations(changed)) + "\n"
+
+    def change_of(self, module: ast.Module) -> tuple[ast.AST, ast.AST]:
+        """Return the node of a module that the mistake is made in, and what takes its place. Raises as `mutated` does."""
         definition = _definition(module, self.target)
         pattern = _pattern(self.old)
         found = [(node, bound) for node in ast.walk(definition) if (bound := match(pattern, node)) is not None]
@@ -58,9 +64,7 @@ class Bug:
                 f"{self.target}: holds {self.old!r} {len(found)} times; more than {self.occurrence} expected"
             )
         node, bound = found[self.occurrence]
-        replacement = _Fill(bound).visit(_pattern(self.new)) if self.new else ast.Pass()
-        changed = _Replace(node, replacement).visit(module)
-        return ast.unparse(ast.fix_missing_locations(changed)) + "\n"
+        return node, _Fill(bound).visit(_pattern(self.new)) if self.new else ast.Pass()
 
 
 def match(pattern: ast.AST, node: ast.AST) -> dict[str, ast.AST] | None:

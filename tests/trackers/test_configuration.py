@@ -74,7 +74,7 @@ def _fits(siblings: BaseModel, name: str, value: Any) -> bool:
 EVERY_OPTION = [(preset, path) for preset in PRESETS for path in leaves(options_of(preset))]
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=200, deadline=None)
 @given(st.data())
 def test_setting_one_option_of_a_preset_changes_that_one_alone(data: st.DataObject) -> None:
     preset, path = data.draw(st.sampled_from(EVERY_OPTION))

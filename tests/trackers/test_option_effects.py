@@ -337,7 +337,7 @@ SYSTEMS = (
 )
 
 
-N_PART = 6
+N_PART = 12
 
 
 @pytest.mark.slow

@@ -22,7 +22,7 @@ Recorded = tuple[Rig, list[Observation], list[Observation], list]
 def recorded(*changes: str) -> Recorded:
     """Rig, empty room, observations and truth of the lab's scanners."""
     truth: list = []
-    scenario = load_scenario("lab-five-people", ["duration_s=8", "seed=1007", *changes])
+    scenario = load_scenario("lab-five-people", ["duration_s=5", "seed=1007", *changes])
     with Simulation(scenario, images=False, on_truth=truth.append) as simulation:
         return simulation.rig, list(simulation.background()), list(simulation), truth
 
@@ -69,7 +69,7 @@ def usual() -> dict[str, tuple[float, float]]:
     return {tracker: followed(tracker, of) for tracker in TRACKERS}
 
 
-@pytest.mark.parametrize("rate_hz", [4.0, 9.97, 25.0])
+@pytest.mark.parametrize("rate_hz", [4.0, 25.0])
 def test_uneven_stamps_of_any_rate_are_followed(rate_hz: float, usual: dict[str, tuple[float, float]]) -> None:
     of = recorded(*both(rate_hz, "jitter_s=0.002"))
     for tracker in TRACKERS:
@@ -89,7 +89,7 @@ def test_unlike_rates_and_lost_scans_are_followed(
 ) -> None:
     of = recorded(*changes)
     for tracker in TRACKERS:
-        # in eight seconds a start that is two lost scans later is a tenth of the figure
+        # in five seconds a start that is two lost scans later is a tenth of the figure
         assert_follows(tracker, of, usual, 0.85)
 
 
@@ -99,7 +99,7 @@ def test_a_scanner_that_changes_its_rate_midway_is_followed_on(usual: dict[str, 
     kept = []
     for each in observations:
         numbers[each.sensor] += 1
-        if each.t < 4 or numbers[each.sensor] % 4 == 0:  # 20 Hz, then 5
+        if each.t < 2.5 or numbers[each.sensor] % 4 == 0:  # 20 Hz, then 5
             kept.append(each)
     seen = {each.stamp_ns for each in kept}
     truth = [frame for frame in truth if frame.stamp_ns in seen]

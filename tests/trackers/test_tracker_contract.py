@@ -33,7 +33,7 @@ from trackers.tracks import (
 
 RIG = rig()
 BACKGROUND = empty_room(np.random.default_rng(99), 5)
-WALK = straight_walk([(-1.2, 1.2), (1.2, 2.2), (0.0, 2.5)], [(0.5, 0.0), (-0.5, 0.0), (0.0, -0.2)], 20)
+WALK = straight_walk([(-1.2, 1.2), (1.2, 2.2), (0.0, 2.5)], [(0.5, 0.0), (-0.5, 0.0), (0.0, -0.2)], 16)
 HOME = synthetic_home.rig()
 """For the trackers that need a pressure floor and cameras."""
 MEETING = synthetic_meeting.rig()
@@ -60,7 +60,7 @@ def observations_of(name):
         return MEETING, synthetic_meeting.empty_room(MEETING), synthetic_meeting.observe(MEETING, walks)
     if "floor" not in name:
         return RIG, BACKGROUND, observe(WALK, 5)
-    return HOME, synthetic_home.empty_room(HOME), synthetic_home.observe(HOME, synthetic_home.walks(2, 14))
+    return HOME, synthetic_home.empty_room(HOME), synthetic_home.observe(HOME, synthetic_home.walks(2, 12))
 
 
 def world_of(name):
@@ -111,6 +111,7 @@ def test_every_preset_reports_a_frame_at_every_stamp_of_the_main_sensor(name):
 @pytest.mark.parametrize("name", BY_CLASS.values())
 def test_stamps_below_0_give_the_same_tracks(name):
     on, room, observations = world_of(name)
+    observations = [item for item in observations if item.t < observations[0].t + 1.05]
     by_ns = 1000 * NS_PER_S
     earlier = [replace(each, stamp_ns=each.stamp_ns - by_ns) for each in observations]
     first, below = (list(track_frames(make_tracker(name, on, room), on, given)) for given in (observations, earlier))

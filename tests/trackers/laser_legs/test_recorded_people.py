@@ -23,6 +23,7 @@ def test_three_people_who_walk_past_a_robot_are_three_tracks():
 
 
 @needs_data
+@pytest.mark.sample(5)  # each recording, each rate
 @pytest.mark.parametrize("every", [1, 2, 3])
 @pytest.mark.parametrize("number", [1, 2, 3])
 def test_people_by_their_labelled_legs_are_found_at_any_rate(number: int, every: int):

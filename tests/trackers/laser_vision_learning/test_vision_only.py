@@ -63,7 +63,7 @@ def test_people_who_pass_each_other_keep_their_tracks(fisheye):
 def test_nothing_of_the_contract_of_a_tracker_is_broken():
     for fisheye in (False, True):
         on = view.rig(fisheye)
-        assert check_tracker(lambda *given: VisionOnly(*given), on, film(on, 2.0), empty_room(on)) == []
+        assert check_tracker(lambda *given: VisionOnly(*given), on, film(on, 1.2), empty_room(on)) == []
 
 
 def test_who_leaves_ends_and_who_comes_starts():
@@ -122,7 +122,7 @@ def test_what_comes_twice_or_late_is_dropped_and_counted():
 def test_memory_is_flat():
     on = view.rig()
     tracker = VisionOnly(on, empty_room(on), np.random.default_rng(0))
-    pictures = film(on, 3.0)
+    pictures = film(on, 1.5)
 
     def once(start: int) -> int:
         for k, each in enumerate(pictures):

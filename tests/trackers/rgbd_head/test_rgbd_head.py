@@ -387,6 +387,7 @@ def longer():
     return observe(RIG, walks(3, 45))
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(
     ("told", "named"),
     [

@@ -112,9 +112,9 @@ def test_a_worker_process_that_is_killed_is_taken_over_with_the_same_bits():
             if k == 13:
                 with Client(cluster.scheduler_address, set_as_default=False) as client:
                     first = min(client.scheduler_info(n_workers=-1)["workers"])
-                    next(
-                        each for each in cluster.workers.values() if each.worker_address == first
-                    ).process.process.kill()
+                    nanny = next(each for each in cluster.workers.values() if each.worker_address == first)
+                    nanny.auto_restart = False  # nothing is asked of another one
+                    nanny.process.process.kill()
             frames += tracker.update(each)
         frames += tracker.finish()
     assert repr(frames) == repr(followed(made(room=room, on=on), seen))

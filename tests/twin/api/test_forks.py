@@ -89,7 +89,7 @@ CHILDREN = {
         assert os.path.exists(folder + "/run/preview.mp4")
     """,
     "while threads draw": """
-        first, stop = run(), threading.Event()
+        first, stop, drawing = run(), threading.Event(), threading.Event()
         begun = threading.Barrier(3)
         def draw():
             # Renderers that stand: what a thread computes for the first time it may hold a lock of Python 3.11's over.
@@ -97,13 +97,17 @@ CHILDREN = {
                 simulation.look(0)
                 begun.wait()
                 while not stop.is_set():
+                    drawing.wait()
                     simulation.look(0)
                     time.sleep(0.002)
         def fork(*_):
+            drawing.set()
+            time.sleep(0.02)
             child = os.fork()
             if child == 0:
                 signal.alarm(120)  # hung; a loaded machine takes its time
                 os._exit(7 if run() == first else 3)
+            drawing.clear()  # what they draw matters as the child begins
             check(child)
 
         told("by a thread")
@@ -117,9 +121,9 @@ CHILDREN = {
             thread.start()
         begun.wait()
         for _ in range(3):
-            time.sleep(0.02)
             fork()
         stop.set()
+        drawing.set()
         for thread in threads:
             thread.join()
     """,

@@ -100,7 +100,7 @@ def test_an_adult_can_use_every_drawn_seat_and_bed(tmp_path: Path) -> None:
     assert found == {"sofa", "chair", "bed"}
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(seed=strategies.integers(0, 2**31))
 def test_doors_doorways_seats_and_starts_can_all_be_reached(seed: int) -> None:
     options = DrawnRoom(kind="drawn", rooms=(1, 6), furniture_per_m2=(0.0, 0.3), pillars=(0, 8))
@@ -134,14 +134,16 @@ def test_no_piece_stands_in_another_or_in_a_pillar() -> None:
     shares = np.stack(np.meshgrid(np.linspace(0.01, 0.99, 15), np.linspace(0.01, 0.99, 15)), axis=-1).reshape(-1, 2)
     options = DrawnRoom(kind="drawn", pillars=(2, 3), furniture_per_m2=(0.15, 0.2))
     n_pair = 0
-    for seed in range(1000, 1030):
+    for seed in range(1000, 1015):
         footprints = [each.footprint() for each in draw_building(options, seed, "test").pieces]
-        for one in footprints:
-            places = one[0] + shares[:, :1] * (one[1] - one[0]) + shares[:, 1:] * (one[3] - one[0])
-            others = [other for other in footprints if other is not one]
+        places = np.array(
+            [one[0] + shares[:, :1] * (one[1] - one[0]) + shares[:, 1:] * (one[3] - one[0]) for one in footprints]
+        )
+        for k, other in enumerate(footprints):
+            others = np.delete(places, k, axis=0)
             n_pair += len(others)
-            assert not any(Area(other).contains(places).any() for other in others), seed
-    assert n_pair > 1000
+            assert not Area(other).contains(others.reshape(-1, 2)).any(), seed
+    assert n_pair > 500
 
 
 def test_a_turned_building_is_the_same_building() -> None:

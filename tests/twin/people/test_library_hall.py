@@ -154,7 +154,7 @@ def test_each_scanner_merges_people_and_parts_them_again(afternoon):
 
 def test_the_picture_shows_the_area(afternoon):
     """Of people in the area the ground point is in the picture in at least 99 of 100 frames."""
-    with Simulation(load_scenario("library-hall", ["background=none"])) as simulation:
+    with Simulation(load_scenario("library-hall", ["background=none", "people={}"])) as simulation:
         camera = simulation.true_rig.sensors["camera"]
     assert isinstance(camera, PinholeSensor)
     inside_m = np.concatenate([places(frame)[inside(frame)] for frame in afternoon.frames])

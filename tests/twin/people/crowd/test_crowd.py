@@ -42,7 +42,7 @@ def longest_stay(place, within_m=0.1):
     return longest * TICK_S
 
 
-@pytest.fixture(scope="module", params=[1000, 1001, 1002])
+@pytest.fixture(scope="module", params=[1000, pytest.param(1001, marks=pytest.mark.nightly), 1002])
 def run(request, wanderers):
     return paths(wanderers, request.param)
 

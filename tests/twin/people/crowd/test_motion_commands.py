@@ -183,7 +183,7 @@ orders = st.tuples(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(
     st.lists(orders, min_size=4, max_size=4),
     st.lists(orders, min_size=4, max_size=4),

@@ -99,6 +99,7 @@ def test_who_has_come_back_keeps_the_very_numbers():
     assert stage.qpos() is stage.standing
 
 
+@pytest.mark.sample(7)  # each height, each stature
 @pytest.mark.parametrize("stature", [1.2, 1.45, 1.75, 1.95])
 @pytest.mark.parametrize("height", [0.35, 0.45, 0.55])
 def test_sitting_down_and_up_again(stature, height):
@@ -164,6 +165,7 @@ def test_the_feet_bear_what_moves():
     assert shift[-1] == pytest.approx(0.0, abs=1e-3)
 
 
+@pytest.mark.sample(4)  # each stature, each side
 @pytest.mark.parametrize("side", [1, -1])
 @pytest.mark.parametrize("stature", [1.2, 1.75, 1.95])
 def test_lying_down_and_getting_up(side, stature):
