@@ -26,7 +26,7 @@ from trackers.filters.negative_information import radius_containing
 from trackers.filters.rows import written
 from trackers.fusion.agreement import Agreement
 from trackers.fusion.association import Pairs, pair
-from trackers.fusion.cameras import Camera, cameras_of
+from trackers.fusion.cameras import Camera, CameraSource, cameras_of
 from trackers.fusion.floors import FusedFloor
 from trackers.fusion.heads import HeadWeighing, own
 from trackers.fusion.lasers import scanners_of
@@ -101,7 +101,7 @@ class Fusion(SynchronizedTracker):
             SyncPolicy(tuple(rig.sensors), main=self._main, joined=scanners, max_wait_s=self.options.max_wait_s)
         )
         self._sees_waists = bool(self._scanners) and self._scanners[0].role == "waist"
-        no_track, n_colour = self._imm.start(np.empty((0, 2))), cameras[0].n_colour if cameras else 1
+        no_track, n_colour = self._imm.start(np.empty((0, 2))), cameras[0].camera.n_colour if cameras else 1
         self._people = People.started(no_track, np.empty((0, 2)), 0, n_colour, len(self._sources))
         self._ns: int | None = None
         self._looked_ns: dict[int, int] = {}
@@ -211,8 +211,8 @@ class Fusion(SynchronizedTracker):
         for number, chance, pairs in zip(numbers, missed, paired, strict=True):
             self._compare(people, looks[number], pairs, chance, share[number], number, ns)
         people = self._measured(people, paired, looks, ns)
-        cameras = [each for k in numbers if isinstance(each := self._sources[k], Camera) and not doubted[k]]
-        people = self._by_pictures(people, cameras, ns)
+        trusted = [each for k in numbers if isinstance(each := self._sources[k], CameraSource) and not doubted[k]]
+        people = self._by_pictures(people, list(dict.fromkeys(each.camera for each in trusted)), ns)
         for number, look in looks.items():
             if not doubted[number]:
                 people = self._manager.updated_missed(people, look, share[number], elapsed_s[number], ns)
@@ -233,7 +233,7 @@ class Fusion(SynchronizedTracker):
         shown[row] = True
         agreement.take_shown(number, share * by_others * (1 - missed), shown)
         source = self._sources[number]
-        if isinstance(source, Camera):
+        if isinstance(source, CameraSource):
             source.learn_shown(people.crowns, share * by_others, shown)
         self._doubted = agreement.doubted
         for sentence in agreement.found():

@@ -1,8 +1,8 @@
 """Camera front end: preparation of a camera's picture before tracking, for any lens; and the monitor of its calibration.
 
-Exposure is normalized to that of the empty room, the foreground is masked, and blind pictures are rejected: those of a
-covered lens or of changed light, which are foreground almost everywhere. Repeated pictures are dropped earlier, by
-`trackers.tracking.missing_frames`.
+Exposure is normalized to that of the empty room, a dark room's to a lit one's, the foreground is masked, and blind pictures
+are rejected: those of a covered lens or of changed light, which are foreground almost everywhere. Repeated pictures are
+dropped earlier, by `trackers.tracking.missing_frames`.
 
 The monitor (ours) detects a camera whose silhouettes disagree with those of the other cameras. Each camera's silhouette is
 searched for the top nearest to an estimated head. The tops of three or more cameras fix the crown by least squares, so that
@@ -36,6 +36,8 @@ _BLIND_FROM = 0.6
 """Share of foreground from which a picture is blind."""
 _EVERY = 16
 """Distance along rows and columns of the pixels at which brightness is compared."""
+_LIT = 115.0
+"""Median of the pixels' values of a lit room; pictures of a darker one are lightened to it: thresholds are for lit ones."""
 _DARKEST = 0.1
 """Brightness relative to the empty room below which the lens is covered."""
 
@@ -52,8 +54,8 @@ class FrontEndOptions(Strict):
     exposure_tolerance: float = Field(
         default=0.08,
         ge=0,
-        description="exposure is normalized where a picture is lighter or darker than the empty room by more than this share "
-        "(ours); 0: never",
+        description="exposure is normalized where a picture is lighter or darker than the empty room by more than this share, "
+        "and where the room itself is dark (ours); 0: never",
     )
 
 
@@ -83,11 +85,13 @@ class CameraFrontEnd:
         area: Area | None = None,
     ) -> None:
         self.name, self.camera = name, placed_camera(sensor)
-        self.empty_room = [each for each in empty_room if each.sensor == name and isinstance(each, Image | DepthImage)]
+        shown = [each for each in empty_room if each.sensor == name and isinstance(each, Image | DepthImage)]
+        self._tolerance = options.exposure_tolerance
+        self._gain = _gain_of(shown[-1].rgb) if shown and self._tolerance else 1.0
+        self.empty_room = [_scaled(each, self._gain) for each in shown]
         floor = shows_floor(self.camera, area) if options.shadow_region == "floor" else None
         self._foreground = Foreground(sensor.intrinsics, self.empty_room, options.foreground, floor)
         self._brightness = _brightness(self.empty_room[-1].rgb) if self.empty_room else None
-        self._tolerance = options.exposure_tolerance
 
     @property
     def learns_background(self) -> bool:
@@ -96,7 +100,7 @@ class CameraFrontEnd:
 
     def prepare(self, image: Picture) -> PreparedPicture[Picture] | None:
         """Prepare a picture; None if it is blind. Raises InputError for another size than the rig's."""
-        image = self._normalize_exposure(image)
+        image = self.normalize_exposure(image)
         hsv = hsv_of(image.rgb)
         mask = self._foreground.mask(image, hsv)
         if cv2.countNonZero(mask.view(np.uint8)) > _BLIND_FROM * mask.size:
@@ -105,10 +109,11 @@ class CameraFrontEnd:
 
     def pass_over(self, image: Image | DepthImage) -> None:
         """Learn from a picture as `prepare` does, without preparing it."""
-        self._foreground.pass_over(self._normalize_exposure(image))
+        self._foreground.pass_over(self.normalize_exposure(image))
 
-    def _normalize_exposure(self, image: Picture) -> Picture:
-        """Scale the picture's brightness to that of the empty room after a change of light."""
+    def normalize_exposure(self, image: Picture) -> Picture:
+        """Scale the picture's brightness to that of a lit room, and to that of the empty one after a change of light."""
+        image = _scaled(image, self._gain)
         before, brightness = self._brightness, _brightness(image.rgb)
         if before is None or not self._tolerance or brightness.shape != before.shape:
             return image
@@ -116,7 +121,7 @@ class CameraFrontEnd:
         gain = float(gains[(gains.size - 1) // 2] + gains[gains.size // 2]) / 2  # np.median, but faster
         if abs(gain - 1) <= self._tolerance or gain < _DARKEST:
             return image
-        return replace(image, rgb=cv2.convertScaleAbs(image.rgb, alpha=1 / gain).astype(np.uint8))
+        return _scaled(image, 1 / gain)
 
 
 def front_ends(
@@ -127,6 +132,17 @@ def front_ends(
 ) -> dict[str, CameraFrontEnd]:
     """Make the front end of each camera, by its name (see `CameraFrontEnd`)."""
     return {name: CameraFrontEnd(name, sensor, empty_room, options, area) for name, sensor in cameras.items()}
+
+
+def _scaled(image: Picture, gain: float) -> Picture:
+    if gain == 1:
+        return image
+    return replace(image, rgb=cv2.convertScaleAbs(image.rgb, alpha=gain).astype(np.uint8))
+
+
+def _gain_of(rgb: UInt8[Bytes, "height width 3"]) -> float:
+    """Return the factor by which a room is darker than a lit one."""
+    return max(1.0, _LIT / max(float(np.median(_brightness(rgb))), _DARKEST * _LIT))
 
 
 def _brightness(rgb: UInt8[Bytes, "height width 3"]) -> UInt8[Bytes, "rows columns"]:

@@ -1,19 +1,23 @@
 """Where a camera shows people: learned from those whom others measure, and over the heads of who sits."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import synthetic_meeting
 from synthetic_room import empty_room, observe, rig as room_rig, straight_walk
 from synthetic_view import rig
 
 from trackers.cameras import PlacedCamera
 from trackers.filters.imm import Imm
-from trackers.fusion.cameras import ShownPlaces, cameras_of, hidden
+from trackers.fusion.cameras import cameras_of, depths_tell_to_m, hidden
 from trackers.fusion.look import Expected
 from trackers.fusion.motion import PersonMotion
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.people import People
 from trackers.observations import Image
-from trackers.rig import placed_camera
+from trackers.rig import StereoSensor, placed_camera
+from trackers.vision.person_windows import ShownPlaces
 
 BEHIND_A_WALL, IN_VIEW = np.array([[4.0, 1.3]]), np.array([[1.0, -2.2]])
 
@@ -92,3 +96,47 @@ def test_a_look_would_miss_who_is_behind_a_standing_person_and_not_behind_a_low_
     look = camera.look({"camera": seen}, expected, seen.stamp_ns)
     assert look is not None
     assert (look.missed(np.array([[0.0], [3.0]]))[0] == 1.0) == hides
+
+
+def nobody_expected() -> Expected:
+    none = np.empty((0, 2))
+    return Expected(none, np.empty((0, 3)), none, np.empty(0), none, np.empty(0, np.bool_))
+
+
+def shown_by(depth_to_m: float, scale_depth: float = 1.0) -> dict[str, np.ndarray]:
+    """Return where the sources of one stereo camera show two people, whose depths are known up to a distance."""
+    on = synthetic_meeting.rig(1)
+    camera = on.cameras()["stereo_1"]
+    assert isinstance(camera, StereoSensor)
+    of_meeting = depths_tell_to_m(camera) ** 2
+    on = on.model_copy(
+        update={"sensors": {"stereo_1": camera.model_copy(update={"baseline_m": 0.12 * depth_to_m**2 / of_meeting})}}
+    )
+    empty = list(synthetic_meeting.empty_room(on))
+    heads = np.array([[[-0.6, -1.2, 1.6, 0.0], [0.9, 1.2, 1.6, 0.0]]])
+    (image,) = synthetic_meeting.observe(on, heads)
+    image = replace(image, depth_m=image.depth_m * np.float32(scale_depth))
+    found = {}
+    for source in cameras_of(on, empty, FusionOptions(), None, None):
+        look = source.look({"stereo_1": image}, nobody_expected(), 0)
+        found[type(source).__name__] = np.empty((0, 2)) if look is None else look.position
+    return found
+
+
+def test_depths_show_people_as_far_as_they_tell_them_apart_and_silhouettes_those_beyond():
+    near, far = np.array([-0.6, -1.2]), np.array([0.9, 1.2])  # 1.8 and 4.5 m from the camera in its corner
+    everybody, some, none = shown_by(6.0), shown_by(3.0), shown_by(6.0, scale_depth=0.0)
+    assert len(everybody["Depths"]) == 2 and not len(everybody["Silhouettes"])
+    eye_m = placed_camera(synthetic_meeting.rig(1).cameras()["stereo_1"]).eye_m[:2]
+    for found, by in ((some["Depths"], near), (some["Silhouettes"], far)):
+        assert np.arctan2(*(found - eye_m).T) == pytest.approx([np.arctan2(*(by - eye_m))], abs=0.05)
+    assert not len(none["Depths"]) and len(none["Silhouettes"]) == 2
+
+
+def test_depths_tell_farther_the_wider_the_baseline_is():
+    camera = synthetic_meeting.rig(1).cameras()["stereo_1"]
+    assert isinstance(camera, StereoSensor)
+    at = [depths_tell_to_m(camera.model_copy(update={"baseline_m": each})) for each in (0.06, 0.12, 0.24)]
+    assert np.diff(np.square(at)) == pytest.approx([at[0] ** 2, 2 * at[0] ** 2])
+    assert depths_tell_to_m(camera.model_copy(update={"mode": "ideal"})) == np.inf
+    assert 3 < depths_tell_to_m(camera.model_copy(update={"baseline_m": None})) < 6
