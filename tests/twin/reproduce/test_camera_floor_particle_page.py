@@ -172,7 +172,7 @@ def test_frames_are_drawn_with_masks_particles_floor_and_truth():
 @pytest.mark.parametrize("shadows", [False, True])
 def test_foreground_is_people_with_shadows_and_without(shadows, tmp_path):
     change = ["rendering={shadows: true, samples: 2}"] if shadows else []
-    scenario = load_scenario("movements-crossing", ["duration_s=0.6", "seed=3", *change])
+    scenario = load_scenario("movements-crossing", ["duration_s=0.3", "seed=3", *change])
     case: Any = SimpleNamespace(id="a case", resolved=dump_scenario(scenario))
     recall, precision = mask_quality(case, RecordingCache(tmp_path, 2**30))
     assert 0.95 < recall <= 1

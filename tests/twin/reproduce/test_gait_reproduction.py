@@ -40,7 +40,7 @@ pytestmark = pytest.mark.slow
 
 DATA = Path(__file__).parents[4] / "shared" / "data" / "gait"
 recorded = pytest.mark.skipif(not (DATA / SUBJECT_FILE).exists(), reason="the recording of subject01 is not there")
-SEEDS = range(3, 7)
+SEEDS = range(3, 6)
 
 
 @pytest.fixture(scope="module", autouse=True)

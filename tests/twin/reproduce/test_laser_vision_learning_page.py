@@ -42,12 +42,12 @@ from twin.suites.spec import load_suite
 
 SHORT = """
 name: short
-description: The hall and the busy place, short, crowded and without pictures.
+description: The busy place as the hall and as itself, short, crowded and without pictures.
 reports: false
 trackers: [laser-vision-learning-laser, sort]
 set: {duration_s: 4, sensors.camera: null, sensors.west.rate_hz: 7, sensors.east.rate_hz: 7}
 scenarios:
-  - {scenario: library-hall, name: hall}
+  - {scenario: library-hall-busy, name: hall}
   - {scenario: library-hall-busy, name: busy, set: {area: [[-3, -2], [3, -2], [3, 2], [-3, 2]]}}
   - {scenario: library-hall-busy, name: people-3, set: {duration_s: 2, people: {p01: {}, p02: {}, p03: {}}}}
   - scenario: library-hall-busy

@@ -39,7 +39,7 @@ name: short
 description: The paper's condition and two beyond it, short and with small pictures.
 seeds: 2
 trackers: [laser-fisheye-imm, waist-fisheye-imm, laser-imm, laser-fisheye-kalman, waist-fisheye-kalman, laser-kalman]
-set: {duration_s: 1.2, sensors.fisheye.size: [120, 120]}
+set: {duration_s: 0.8, sensors.fisheye.size: [120, 120]}
 scenarios:
   - {scenario: lab-five-people, name: people-5}
   - {scenario: lab-five-people, name: people-2, set: {people.white: null, people.black: null, people.blue: null}}
@@ -125,7 +125,7 @@ def test_every_run_of_every_column_is_a_row(folder):
     assert len(rows) == 3 * len(SEEDS) * len(COLUMNS)
     minutes = {(row["condition"], row["seed"]): float(row["person_minutes"]) for row in rows}
     for (condition, _), found in minutes.items():
-        assert found == pytest.approx((2 if condition == "people-2" else 5) * 1.2 / 60, rel=0.1)
+        assert found == pytest.approx((2 if condition == "people-2" else 5) * 0.8 / 60, rel=0.1)
     densities = {row.row for row in format_rows(folder) if row.where == DENSITY}
     assert densities == {"people-2", "people-5"}
 

@@ -7,7 +7,7 @@ import pytest
 from benchmarks.bag_drill import FAULTS, Content, clean_recording, drill, silence
 
 
-@pytest.mark.sample(16)
+@pytest.mark.sample(9)
 @pytest.mark.parametrize("seed", range(len(FAULTS)))
 def test_a_bag_with_a_fault_is_tracked_as_well_or_told_or_refused(seed, tmp_path):
     outcome = drill(seed, tmp_path)

@@ -96,7 +96,7 @@ def test_heads_without_an_environment_are_warned_of_live_and_again(tmp_path: Pat
 @pytest.mark.slow
 def test_a_camera_that_hangs_otherwise_than_believed_is_named_where_the_room_is_known(tmp_path: Path) -> None:
     told, room = Told(), tmp_path / "room.npz"
-    write_environment(load_scenario("head-trap"), [], out=room)
+    write_environment(load_scenario("head-trap"), [(0.3, -0.3), (-1.2, 0.6)], out=room)
     # in full size: stereo of 160 x 120 is too coarse for 6 degrees to show
     off = ["sensors.stereo_2.calibration_error={rpy_deg: [0, 0, 6]}", f"prior.environment={room}", *SMALL[-2:]]
     off += ["sensors.stereo_4=null"]

@@ -48,7 +48,7 @@ name: own
 extends: lab-five-people
 room: room.xml
 seed: 5
-duration_s: 1.5
+duration_s: 1.0
 background_frames: 3
 prior: {learned: {spare: spare.txt}}
 pedestrians: {file: walkers.csv}
@@ -58,6 +58,7 @@ SUITE = """
 name: mine
 description: One of everything that can be edited.
 seeds: 1
+reports: false
 trackers: ["sort", "mine_of_resumed:Mine"]
 scenarios: [{scenario: own.yaml}]
 """
@@ -126,7 +127,7 @@ def repaint(folder: Path) -> None:
 
 
 EDITS: dict[str, tuple[Callable[[Path], object], str]] = {
-    "scenario": (edit("own.yaml", "duration_s: 1.5", "duration_s: 1.2"), "scenario"),
+    "scenario": (edit("own.yaml", "duration_s: 1.0", "duration_s: 0.8"), "scenario"),
     "room": (edit("room.xml", "<worldbody>", "<worldbody><site name='new'/>"), "room"),
     "included": (lambda folder: (folder / "part.xml").write_text(part(0.3)), "room"),
     "texture": (repaint, "room"),

@@ -32,7 +32,7 @@ const placed = () => ({ name: part("name").textContent, x: field("x"), y: field(
 const find = (row) => {  // the pixel by which the sensor of this row is taken hold of: one that turns nothing when dragged
   choose(row);
   const before = placed();
-  for (let y = 2; y < drawing.clientHeight; y += 4) for (let x = 2; x < drawing.clientWidth; x += 4) {
+  for (let y = 2; y < drawing.clientHeight; y += 8) for (let x = 2; x < drawing.clientWidth; x += 8) {
     point("pointerdown", x, y); point("pointermove", x + 1, y); point("pointerup", x + 1, y);
     const { name, yaw, x: now } = placed();
     if (name === before.name && yaw === before.yaw && now !== before.x) return [x + 1, y];

@@ -203,6 +203,8 @@ def test_a_candidate_that_fails_is_a_row_with_a_reason(tmp_path: Path) -> None:
         devices__rig__walls=None,
         devices__rig__aim=None,
         devices__rig__places=places,
+        trackers=[],
+        objectives=[{"kind": "coverage"}],
         search__method="exhaustive",
         held_out=None,
     )  # the knee scanner of the second would be below the floor

@@ -100,27 +100,25 @@ def command(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> tuple[int, str,
     return done.exit_code, done.output, error
 
 
-def test_results_are_rows_that_anybody_can_read(suite: Path, tmp_path: Path) -> None:
-    run_made_up(suite, tmp_path / "out")
-    assert_whole(tmp_path / "out")
-    columns = [row[1] for row in rows(tmp_path / "out", "PRAGMA table_info(cases)")]
+def test_results_are_rows_that_anybody_can_read(made_up: Path) -> None:
+    assert_whole(made_up / "out")
+    columns = [row[1] for row in rows(made_up / "out", "PRAGMA table_info(cases)")]
     assert columns == ["case_id", "status", "attempts", "seconds", "error"]
-    columns = [row[1] for row in rows(tmp_path / "out", "PRAGMA table_info(results)")]
+    columns = [row[1] for row in rows(made_up / "out", "PRAGMA table_info(results)")]
     assert columns == ["case_id", "scenario", "seed", "overrides", "tracker", "metric", "value"]
     found = rows(
-        tmp_path / "out",
+        made_up / "out",
         "SELECT overrides, value FROM results WHERE scenario = 'shirts' AND seed = 2 AND tracker = 'laser-imm' "
         "AND metric = 'motp_m' ORDER BY overrides",
     )
     assert found == [('["people.white.shirt=\\"blue\\""]', 0.062), ('["people.white.shirt=\\"red\\""]', 0.062)]
-    assert rows(tmp_path / "out", "SELECT DISTINCT value FROM results WHERE metric = 'head_error_m.x'") == [(None,)]
+    assert rows(made_up / "out", "SELECT DISTINCT value FROM results WHERE metric = 'head_error_m.x'") == [(None,)]
 
 
-def test_workers_give_the_same_results_as_this_process(suite: Path, tmp_path: Path) -> None:
-    run_made_up(suite, tmp_path / "here")
+def test_workers_give_the_same_results_as_this_process(made_up: Path, suite: Path, tmp_path: Path) -> None:
     run_made_up(suite, tmp_path / "there", jobs=2)
     query = "SELECT * FROM results ORDER BY case_id, metric"
-    assert rows(tmp_path / "here", query) == rows(tmp_path / "there", query)
+    assert rows(made_up / "out", query) == rows(tmp_path / "there", query)
     assert not list((tmp_path / "there" / "logs").iterdir())
 
 
@@ -192,10 +190,10 @@ def test_a_disk_that_is_full_ends_the_run_and_what_was_done_stays(
 
 
 def test_results_of_two_suites_or_two_states_of_the_code_never_mix(
-    suite: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    made_up: Path, suite: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = tmp_path / "out"
-    run_made_up(suite, folder)
+    shutil.copytree(made_up / "out", folder)
     run_made_up(suite, folder, resume=True)
     with pytest.raises(InputError, match=r"was run with --set \[\]; the same"):
         run_made_up(suite, folder, resume=True, changes=["duration_s=1"])
