@@ -14,7 +14,7 @@ from benchmarks.fuzz.run import judge_mutants
 pytestmark = pytest.mark.slow
 
 _SLOW = ("scenarios", "rooms", "pedestrians", "suites", "bags", "rigs", "stores", "baselines")
-MUTANTS = dict.fromkeys(KINDS, 20) | dict.fromkeys(_SLOW, 8)
+MUTANTS = dict.fromkeys(KINDS, 12) | dict.fromkeys(_SLOW, 6)
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,7 @@ def judge() -> Iterator[Judge]:
         yield judge
 
 
-@pytest.mark.sample(8)
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("kind", MUTANTS)
 def test_bad_input_is_refused_in_a_sentence_and_does_no_harm(kind, inputs, judge, tmp_path):
     tally = judge_mutants(kind, range(MUTANTS[kind]), inputs, judge, tmp_path)

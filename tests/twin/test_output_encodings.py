@@ -73,6 +73,7 @@ def test_a_stream_shows_what_it_lacks_as_escapes(ran: Path, encoding: str) -> No
     assert done.returncode == 2 and done.stderr.startswith(b"twin: there is no scenario 'fehlt-\\u4eba'"), done.stderr
 
 
+@pytest.mark.sample(9)
 @pytest.mark.parametrize(
     ("streams", "is_lost"),
     [

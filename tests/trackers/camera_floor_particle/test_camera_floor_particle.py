@@ -106,6 +106,7 @@ def test_three_people_keep_their_numbers_and_heads_are_on_top():
         assert np.hypot(track.head_x - track.x, track.head_y - track.y) < 0.2
 
 
+@pytest.mark.sample(5)
 @pytest.mark.parametrize(
     ("what", "spoiled"),
     [

@@ -17,7 +17,7 @@ EVERY_S = 0.3
 LONGEST_PERSON_S = 400.0  # how much is looked at of a scenario with many people: half a minute for a dozen
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(5)
 @pytest.mark.parametrize("name", models.names("scenarios"))
 def test_no_bodies_pass_through_anything(name: str) -> None:
     scenario = load_scenario(name)

@@ -156,7 +156,7 @@ def suite_results(folder: Path, out: str) -> list[tuple]:
         return connection.execute(query).fetchall()
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("what", EDITS)
 def test_a_suite_goes_on_as_if_begun_after_the_edit(folder: Path, what: str, monkeypatch: pytest.MonkeyPatch) -> None:
     change, part_named = EDITS[what]

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.slow
 SHORT_S = 0.3
 
 
-@pytest.mark.sample(8)
+@pytest.mark.sample(5)
 @pytest.mark.parametrize("name", models.names("scenarios"))
 def test_a_shipped_scenario_runs_as_it_is(name: str, tmp_path: Path) -> None:
     scenario = load_scenario(name, [f"duration_s={SHORT_S}", "background_frames=3"])

@@ -19,7 +19,7 @@ SCANNED = [
 ]
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("name", SCANNED)
 def test_sort_follows_people_in_every_shipped_scenario_with_a_scanner(name: str) -> None:
     truth = []

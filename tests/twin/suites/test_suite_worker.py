@@ -30,7 +30,7 @@ seeds: [3]
 trackers: [laser-fisheye-imm, laser-imm]
 scenarios:
   - scenario: lab-five-people
-    set: {duration_s: 2, trackers.laser-imm: {trunk: {variance_m2: 0.02}}}
+    set: {duration_s: 2, sensors.fisheye.size: [240, 240], trackers.laser-imm: {trunk: {variance_m2: 0.02}}}
 """
 
 
