@@ -20,8 +20,8 @@ from twin.world.world import World
 pytestmark = pytest.mark.slow
 
 ROOMS = ("lab", "sensing_room", "meeting_room")
-SHORTEST = "sensing_room"
-"""The room that stands for the others where not every case is run: most furniture, fewest points."""
+FURNISHED = "sensing_room"
+"""The room that stands for the others where not every case is run: the one with most tops of furniture."""
 COARSE = TiltingScanner(beams=46, tilt_step_deg=4.0)
 # What has a level top below the scanner and is large enough to stand on.
 TOPS = {
@@ -40,7 +40,7 @@ def scenario(room, **more):
 
 
 @pytest.fixture(
-    scope="module", params=[pytest.param(room, marks=[pytest.mark.nightly] * (room != SHORTEST)) for room in ROOMS]
+    scope="module", params=[pytest.param(room, marks=[pytest.mark.nightly] * (room != FURNISHED)) for room in ROOMS]
 )
 def scanned(request):
     cloud, world = scan_scenario(scenario(request.param))
