@@ -26,10 +26,10 @@ from trackers.filters.negative_information import radius_containing
 from trackers.filters.rows import written
 from trackers.fusion.agreement import Agreement
 from trackers.fusion.association import Pairs, pair
-from trackers.fusion.cameras import Camera, CameraSource, cameras_of
-from trackers.fusion.floors import FusedFloor
+from trackers.fusion.camera_sources import CameraSource, cameras_of
+from trackers.fusion.cameras import Camera
+from trackers.fusion.ground_sources import FusedFloor, scanners_of
 from trackers.fusion.heads import HeadWeighing, own
-from trackers.fusion.lasers import scanners_of
 from trackers.fusion.look import Look, Source
 from trackers.fusion.motion import HEAD, PersonMotion, with_legs_free
 from trackers.fusion.options import FusionOptions

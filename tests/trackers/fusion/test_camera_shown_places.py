@@ -10,7 +10,8 @@ from synthetic_view import rig
 
 from trackers.cameras import PlacedCamera
 from trackers.filters.imm import Imm
-from trackers.fusion.cameras import cameras_of, depths_tell_to_m, hidden
+from trackers.fusion.camera_sources import cameras_of
+from trackers.fusion.cameras import depths_tell_to_m, hidden
 from trackers.fusion.look import Expected
 from trackers.fusion.motion import PersonMotion
 from trackers.fusion.options import FusionOptions
@@ -131,6 +132,9 @@ def test_depths_show_people_as_far_as_they_tell_them_apart_and_silhouettes_those
     for found, by in ((some["Depths"], near), (some["Silhouettes"], far)):
         assert np.arctan2(*(found - eye_m).T) == pytest.approx([np.arctan2(*(by - eye_m))], abs=0.05)
     assert not len(none["Depths"]) and len(none["Silhouettes"]) == 2
+    # depths tell how far off outlines are, too: that of ellipsoids is not a person's
+    by_outline = np.hypot(*(none["Silhouettes"] - far).T).min()
+    assert np.hypot(*(some["Silhouettes"] - far).T) < 0.75 * by_outline
 
 
 def test_depths_tell_farther_the_wider_the_baseline_is():

@@ -13,7 +13,7 @@ from synthetic_room import Walk, empty_room, observe, rig, straight_walk
 from trackers.arrays import Array
 from trackers.filters.imm import Imm
 from trackers.fusion.association import log_density, pair
-from trackers.fusion.lasers import scanners_of
+from trackers.fusion.ground_sources import scanners_of
 from trackers.fusion.look import NEW, Expected, Look
 from trackers.fusion.motion import LEGS, PersonMotion, seen, with_legs_free
 from trackers.fusion.options import FusionOptions
