@@ -17,6 +17,8 @@ from trackers.tracks import Detection
 
 APART_M = 0.3
 """Nobody is so near to another person who is measured [m]: a third leg there is a bag of theirs."""
+_STAYS = 0.4
+"""Share of the variance along a sight that stays: measured in the twin."""
 NEW = -2
 """Owner of a measurement that is nobody's who is known: it initiates a track, which may prove to be a hidden person's."""
 
@@ -62,6 +64,16 @@ class Look:
     observes: Float[Array, "2 s"] = field(default_factory=lambda: PLACE)
     shown: tuple[Detection, ...] = field(default=())
     evidence: Float[Array, "k"] | None = None
+
+    @property
+    def stays_m2(self) -> Float[Array, "k"]:
+        """Variances, on each axis, of what stays of the measurements' errors while people are seen alike [m²].
+
+        Of a camera's it is a share of that along the sight: people are taller or smaller, and furniture hides their legs.
+        """
+        xx, xy, yy = self.covariance[:, 0, 0], self.covariance[:, 0, 1], self.covariance[:, 1, 1]
+        along_m2 = np.hypot(xx - yy, 2 * xy)  # one axis of the covariance more than the other
+        return self.kind.offset_m**2 + _STAYS * along_m2 / 2
 
     def evidence_of(self, column: Int[Index, "p"]) -> Float[Array, "p"]:
         """Return the share of evidence of the measurements at `column`, that of a whole person."""

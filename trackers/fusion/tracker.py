@@ -246,11 +246,11 @@ class Fusion(SynchronizedTracker):
         if not row.size:
             return people
         number = np.repeat(list(looks), [each.row.size for each in paired])
-        by, kinds = [looks[n] for n in number], ("lasts_s", "offset_m", "p_detect")
+        by, kinds = [looks[n] for n in number], ("lasts_s", "p_detect")
         kind = {name: np.array([getattr(look.kind, name) for look in by]) for name in kinds}
-        place, covariance = (
+        place, covariance, stays_m2 = (
             np.concatenate([getattr(look, of)[each.column] for look, each in zip(looks.values(), paired, strict=True)])
-            for of in ("position", "covariance")
+            for of in ("position", "covariance", "stays_m2")
         )
         since_s = np.minimum((ns - people.seen_ns[row, number]) / NS_PER_S, 1.0)
         share = np.clip(since_s / kind["lasts_s"], _LEAST_SHARE, 1.0)
@@ -272,7 +272,7 @@ class Fusion(SynchronizedTracker):
         each = np.unique(row)
         people = people.changed(posture=posture, roster=people.roster.measured(each, ns, state))
         people = self._manager.detected(people, row, ratio, share * upright * evidence, kind["p_detect"])
-        offset_m2 = (np.bincount(row, kind["offset_m"] ** 2) / np.bincount(row).clip(1))[each]
+        offset_m2 = (np.bincount(row, stays_m2) / np.bincount(row).clip(1))[each]
         seen_ns, seen_at = people.seen_ns.copy(), people.seen_at.copy()
         seen_ns[row, number], seen_at[row, number] = ns, pelvis
         seat = people.positions

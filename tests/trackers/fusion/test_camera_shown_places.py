@@ -12,7 +12,7 @@ from trackers.cameras import PlacedCamera
 from trackers.filters.imm import Imm
 from trackers.fusion.camera_sources import cameras_of
 from trackers.fusion.cameras import depths_tell_to_m, hidden
-from trackers.fusion.look import Expected
+from trackers.fusion.look import Expected, Look
 from trackers.fusion.motion import PersonMotion
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.people import People
@@ -144,3 +144,20 @@ def test_depths_tell_farther_the_wider_the_baseline_is():
     assert np.diff(np.square(at)) == pytest.approx([at[0] ** 2, 2 * at[0] ** 2])
     assert depths_tell_to_m(camera.model_copy(update={"mode": "ideal"})) == np.inf
     assert 3 < depths_tell_to_m(camera.model_copy(update={"baseline_m": None})) < 6
+
+
+def test_errors_along_a_sight_stay_whichever_way_the_camera_looks_and_round_ones_do_not():
+    """A camera's covariance is long along its sight: part of that is by how tall a person is."""
+    angle = np.linspace(0.0, np.pi, 7)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]).transpose(2, 0, 1)
+    along = turn @ np.diag([0.09, 0.01]) @ turn.transpose(0, 2, 1)
+    place, nobody = np.zeros((7, 2)), np.zeros(7, np.intp)
+
+    def stays_m2(covariance: np.ndarray) -> np.ndarray:
+        kind = FusionOptions().camera
+        return Look(("camera",), kind, place, covariance, nobody, nobody, lambda at: at[0], (1.0, 1.0, 1.0)).stays_m2
+
+    assert np.ptp(stays_m2(along)) < 1e-12
+    assert (
+        stays_m2(along)[0] > stays_m2(np.tile(0.05 * np.eye(2), (7, 1, 1)))[0] == FusionOptions().camera.offset_m ** 2
+    )
