@@ -18,9 +18,11 @@ from trackers.tracks import (
     Track,
     Tracker,
     TrackFrame,
+    check_frame,
     detections_of,
     discarded,
     finish_of,
+    listed,
     losses,
     takes_any_order,
 )
@@ -130,9 +132,14 @@ class FedTracker:
             frames = self.tracker.update(observation)
             self._on_worked()
             if frames is not None:
-                completed += frames
+                completed += _frames_of(frames)
             elif observation.sensor == self._main_sensor:
-                completed.append(TrackFrame(observation.stamp_ns, tuple(self.tracker.tracks())))
+                if not hasattr(self.tracker, "tracks"):
+                    raise InputError("update() gave None; a list of TrackFrame, or a method tracks(), is expected")
+                tracks = self.tracker.tracks()
+                if not isinstance(tracks, Iterable) or isinstance(tracks, Mapping):
+                    raise InputError(f"tracks() gave {reprlib.repr(tracks)}; a list of Track is expected")
+                completed.append(TrackFrame(observation.stamp_ns, tuple(tracks)))
         return completed
 
 
@@ -156,13 +163,27 @@ def _check_kind(observation: Observation, sensor: RigSensor) -> None:
         )
 
 
+def _frames_of(given: Iterable[TrackFrame]) -> list[TrackFrame]:
+    """Return what update() gave as frames; raises InputError for anything else."""
+    try:
+        return listed(given, TrackFrame)
+    except InputError as error:
+        raise InputError(f"what update() gave: {error}") from error
+
+
+def _checked(frames: list[TrackFrame]) -> list[TrackFrame]:
+    for frame in frames:
+        check_frame(frame)
+    return frames
+
+
 def track_frames(tracker: Tracker, rig: Rig, observations: Iterable[Observation]) -> Iterator[TrackFrame]:
     """Feed observations, in order of arrival, to a tracker and yield its frames as completed.
 
     Those of sensors that the rig does not have are left out. Warns (UserWarning) of them, and where more than 2 % of the
     observations were dropped. Raises InputError for what is no observation, or does not fit its sensor.
     """
-    check_arguments(rig, observations=observations)
+    check_arguments(rig, tracker=tracker, observations=observations)
     fed = FedTracker(tracker, rig)
     n_fed, unknown = 0, Counter[str]()
     for observation in observations:
@@ -176,8 +197,8 @@ def track_frames(tracker: Tracker, rig: Rig, observations: Iterable[Observation]
             continue
         _check_kind(observation, sensor)
         n_fed += 1
-        yield from fed.update(observation)
-    yield from fed.finish()
+        yield from _checked(fed.update(observation))
+    yield from _checked(fed.finish())
     if unknown:
         of = ", ".join(f"{n} of {name!r}" for name, n in unknown.items())
         warnings.warn(

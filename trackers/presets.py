@@ -284,7 +284,7 @@ def make_tracker(
     from trackers.prior import Prior
     from trackers.rig import check_arguments
 
-    check_arguments(rig, name=name, background=background, options=options)
+    check_arguments(rig, name=name, background=background, rng=rng, options=options)
     known = PRESETS if name in PRESETS else available()  # what is installed is looked up where it is asked for
     if name in known:
         preset = known[name]

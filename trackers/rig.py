@@ -9,7 +9,7 @@ import hashlib
 import reprlib
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -279,11 +279,23 @@ class Rig(Strict):
         return validate(cls, complete(content), source)
 
 
+@runtime_checkable
+class Updated(Protocol):
+    """Object that takes observations."""
+
+    def update(self, observation: Any) -> Any: ...
+
+
 _ARGUMENTS: dict[str, tuple[type | tuple[type, ...], str]] = {
     "rig": (Rig, "a trackers.rig.Rig, as Rig.load('rig.yaml') gives it,"),
     "name": (str, "the name of a tracker"),
     "options": ((Mapping, type(None)), "a mapping of the tracker's options by name"),
     "background": (Iterable, "an iterable of observations, or a trackers.prior.Prior,"),
+    "rng": (
+        (np.random.Generator, type(None)),
+        "a numpy.random.Generator, as twin.stream(seed, 'tracker', name) gives it,",
+    ),
+    "tracker": (Updated, "an object with update(observation), as make_tracker gives it,"),
     "observations": (Iterable, "an iterable of observations, as observations() of a recording gives it,"),
 }
 
@@ -292,5 +304,5 @@ def check_arguments(rig: object, **others: object) -> None:
     """Raise InputError for arguments of another type than trackers are made and fed with; others: by name."""
     for name, given in {"rig": rig, **others}.items():
         valid, expected = _ARGUMENTS[name]
-        if not isinstance(given, valid):
+        if not isinstance(given, valid) or isinstance(given, type):
             raise InputError(f"{name} is {reprlib.repr(given)}; {expected} is expected")

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import reprlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from math import nan
-from typing import Any, Literal, Protocol, runtime_checkable
+from math import isfinite, nan
+from typing import Any, Literal, Protocol, TypeVar, get_args, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trackers.cameras.placed import PlacedCamera
+from trackers.errors import InputError
 from trackers.observations import Observation
 from trackers.rig import Rig
 
 Status = Literal["confirmed", "coasting"]
+_NUMBERS = (int, float, np.integer, np.floating, np.ndarray)
+_Frame = TypeVar("_Frame")
 
 
 class NanEqual:
@@ -121,7 +125,9 @@ class TrackFrame:
     maps: tuple[ScoreMap | Hypotheses, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
-        """Make a stamp of numpy's integers a plain one, as `Track` does with its id."""
+        """Make a stamp of numpy's integers a plain one, as `Track` does with its id, and any other iterable a tuple."""
+        if isinstance(self.tracks, Iterable) and not isinstance(self.tracks, tuple):
+            object.__setattr__(self, "tracks", tuple(self.tracks))
         if isinstance(self.stamp_ns, np.integer):
             object.__setattr__(self, "stamp_ns", int(self.stamp_ns))
 
@@ -142,6 +148,40 @@ class Tracker(Protocol):
     def update(self, observation: Observation) -> list[TrackFrame] | None: ...
 
     def tracks(self) -> list[Track]: ...
+
+
+def listed(frames: Iterable[_Frame], kind: type[_Frame]) -> list[_Frame]:
+    """Return frames as a list; raises InputError for objects of another class than `kind`."""
+    if not isinstance(frames, Iterable):
+        raise InputError(f"frames are {reprlib.repr(frames)}; an iterable of {kind.__name__} is expected")
+    found = list(frames)
+    for frame in found:
+        if not isinstance(frame, kind):
+            raise InputError(f"{reprlib.repr(frame)} is among the frames; an iterable of {kind.__name__} is expected")
+    return found
+
+
+def check_frame(frame: TrackFrame) -> None:
+    """Raise InputError for a frame whose stamp, or a track in it, is not as `Track` and `TrackFrame` describe."""
+    where = f"frame at {frame.stamp_ns!r} ns"
+    if not isinstance(frame.stamp_ns, int):
+        raise InputError(f"{where}: the stamp of an observation, a whole number of ns, is expected")
+    known: set[int] = set()
+    for track in frame.tracks if isinstance(frame.tracks, tuple) else (frame.tracks,):
+        if not isinstance(track, Track):
+            raise InputError(f"{where}: {reprlib.repr(track)} is among its tracks; objects of Track are expected")
+        if not (isinstance(track.id, int) and 1 <= track.id < 2**63):
+            raise InputError(f"{where}: id {track.id!r}; a whole number from 1 to 2**63 - 1 is expected")
+        if track.id in known:
+            raise InputError(f"{where}: id {track.id} stands there twice; each id once is expected")
+        known.add(track.id)
+        if not all(isinstance(each, _NUMBERS) and np.ndim(each) == 0 and isfinite(each) for each in (track.x, track.y)):
+            raise InputError(
+                f"{where}: id {track.id} is at ({track.x!r}, {track.y!r}); finite numbers [m] are expected"
+            )
+        if track.status not in get_args(Status):
+            valid = " or ".join(map(repr, get_args(Status)))
+            raise InputError(f"{where}: id {track.id} has the status {track.status!r}; {valid} is expected")
 
 
 class Reporting(Protocol):

@@ -13,6 +13,7 @@ from trackers.feeding import track_frames
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Odometry
 from trackers.presets import make_tracker
 from trackers.rig import LaserSensor, Rig
+from trackers.tracks import Track, TrackFrame
 
 RIG = Rig(sensors={"waist": LaserSensor(topic="/waist", role="waist"), "knee": LaserSensor(topic="/knee")})
 RANGES = np.full(90, 4.0, np.float32)
@@ -93,6 +94,7 @@ def test_observations_of_sensors_that_the_rig_lacks_are_told() -> None:
         (("sort", None), "rig is None; a trackers.rig.Rig"),
         ((None, RIG), "name is None; the name of a tracker"),
         (("sort", RIG, None), "background is None; an iterable of observations"),
+        (("sort", RIG, (), 5), "rng is 5; a numpy.random.Generator"),
         (("sort", RIG, (), None, "gate"), "options is 'gate'; a mapping of the tracker's options"),
     ],
 )
@@ -101,3 +103,47 @@ def test_a_tracker_made_with_something_else_is_refused(arguments: Any, said: str
         make_tracker(*arguments)
     with pytest.raises(InputError, match="rig is 'rig.yaml'; a trackers.rig.Rig"):
         list(track_frames(make_tracker("sort", RIG), "rig.yaml", []))  # pyright: ignore[reportArgumentType]
+
+
+class Giving:
+    """A tracker that gives the same at each call."""
+
+    def __init__(self, tracks: Any, frames: Any = None) -> None:
+        self._tracks, self._frames = tracks, frames
+
+    def update(self, observation: LaserScan) -> Any:
+        return self._frames
+
+    def tracks(self) -> Any:
+        return self._tracks
+
+
+@pytest.mark.parametrize(
+    ("tracker", "said"),
+    [
+        (Giving(None), r"tracks\(\) gave None; a list of Track is expected"),
+        (Giving({1: Track(1, 0.0, 0.0)}), r"tracks\(\) gave {.*; a list of Track is expected"),
+        (Giving([(1, 0.0, 0.0)]), r"frame at 0 ns: \(1, 0.0, 0.0\) is among its tracks; objects of Track"),
+        (Giving([Track(1, 0.0, 0.0)] * 2), "frame at 0 ns: id 1 stands there twice"),
+        (Giving([Track(1, float("nan"), 0.0)]), r"id 1 is at \(nan, 0.0\); finite numbers .m. are expected"),
+        (Giving([Track(1, "1", 0.0)]), r"id 1 is at \('1', 0.0\); finite"),  # pyright: ignore[reportArgumentType]
+        (Giving([Track(1, np.zeros(1), 0.0)]), "id 1 is at .*; finite"),  # pyright: ignore[reportArgumentType]
+        (Giving([Track(1.0, 0.0, 0.0)]), "id 1.0; a whole number from 1 to"),  # pyright: ignore[reportArgumentType]
+        (Giving([Track(1, 0.0, 0.0, status="lost")]), "'confirmed' or 'coasting' is expected"),  # pyright: ignore[reportArgumentType]
+        (Giving([], TrackFrame(0, ())), r"what update\(\) gave: frames are TrackFrame.*; an iterable of TrackFrame"),
+        (Giving([], [Track(1, 0.0, 0.0)]), "is among the frames; an iterable of TrackFrame"),
+        (Giving([], [TrackFrame(0.5, ())]), "frame at 0.5 ns: the stamp of an observation"),  # pyright: ignore[reportArgumentType]
+        (None, "tracker is None; an object with update"),
+        (Giving, "tracker is <class .*; an object with update"),
+    ],
+)
+def test_what_a_tracker_must_not_give_is_refused(tracker: Any, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        list(track_frames(tracker, RIG, [scan()]))
+
+
+def test_tracks_from_an_iterator_are_kept() -> None:
+    frames = list(track_frames(Giving(Track(k, 0.0, 0.0) for k in (1, 2)), RIG, [scan()]))
+    assert [len(frame.tracks) for frame in frames] == [2]
+    frame = TrackFrame(0, (Track(k, 0.0, 0.0) for k in (1, 2)))  # pyright: ignore[reportArgumentType]
+    assert len(frame.tracks) == 2

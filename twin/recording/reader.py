@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from trackers.arrays import Nanoseconds
-from trackers.errors import InputError
+from trackers.errors import InputError, valid_names
 from trackers.observations import NS_PER_S, Observation
 from trackers.rig import Rig, RigSensor, StereoSensor
 from trackers.text_file import AnyPath, as_path
@@ -204,9 +204,15 @@ class Recording:
     def observations(self, only: Collection[str] | None = None) -> Iterator[Observation]:
         """Yield the observations, of `only` these sensors if given, in order of arrival (log time), read one at a time.
 
-        Messages that cannot be used are left out and counted (`losses`). Raises InputError where the bag is damaged, or most
-        of a sensor's messages cannot be used.
+        Messages that cannot be used are left out and counted (`losses`). Raises InputError where the bag is damaged, most
+        of a sensor's messages cannot be used, or the rig has no such sensor.
         """
+        if only is not None:
+            only = [only] if isinstance(only, str) else list(only)
+            if unknown := [name for name in only if name not in self.rig.sensors]:
+                raise InputError(
+                    f"only: {unknown[0]!r} is no sensor of the rig; {valid_names(unknown[0], self.rig.sensors)}"
+                )
         self._reading = LeftOut()
         found = self.sensor_topics if only is None else self.sensor_topics.of(only)
         reader = replace(

@@ -7,6 +7,7 @@ numbers are the shortest decimals that read back to the same float. Room frame, 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -19,9 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.area import Area
+from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.text_file import AnyPath, as_path
-from trackers.tracks import Track, TrackFrame
+from trackers.tracks import Track, TrackFrame, listed
 from twin.recording.atomic_file import open_atomic
 from twin.tables.columns import LARGEST, MAX_INT64, CsvColumns, StampedRows
 from twin.tables.person_rows import check_plausibility, read_person_rows
@@ -235,8 +237,8 @@ def read_tracks(
 
 
 def truth_table(frames: Iterable[TruthFrame], source: str = "truth") -> TruthTable:
-    """Convert truth frames to the table that reading their file would give; raises ValueError for a repeated (stamp, id)."""
-    frames = list(frames)
+    """Convert truth frames to the table that reading their file would give; raises InputError for a repeated (stamp, id)."""
+    frames = listed(frames, TruthFrame)
     people = [(frame.stamp_ns, person) for frame in frames for person in frame.people]
     frame_stamps, stamps, ids, order = _memory_index([f.stamp_ns for f in frames], [(s, p.id) for s, p in people])
     ordered = [people[i][1] for i in order]
@@ -253,8 +255,8 @@ def truth_table(frames: Iterable[TruthFrame], source: str = "truth") -> TruthTab
 
 
 def track_table(frames: Iterable[TrackFrame], source: str = "tracks") -> TrackTable:
-    """Track frames as the table that reading their file would give; raises ValueError for a repeated (stamp, id)."""
-    frames = list(frames)
+    """Track frames as the table that reading their file would give; raises InputError for a repeated (stamp, id)."""
+    frames = listed(frames, TrackFrame)
     tracks = [(frame.stamp_ns, track) for frame in frames for track in frame.tracks]
     frame_stamps, stamps, ids, order = _memory_index(
         [f.stamp_ns for f in frames], [(s, _id(s, t.id)) for s, t in tracks]
@@ -338,8 +340,10 @@ def _numbers(rows: CsvColumns, name: str) -> NDArray[np.float64]:
 def _memory_index(
     frame_stamps: list[int], keys: list[tuple[int, int]]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], list[int]]:
-    if len(set(frame_stamps)) < len(frame_stamps) or len(set(keys)) < len(keys):
-        raise ValueError("a stamp, or an id within a stamp, is repeated; each is expected once")
+    for (stamp_ns, *ids), n in Counter([*((stamp,) for stamp in frame_stamps), *keys]).items():
+        if n > 1:
+            repeated = f"frame at {stamp_ns} ns: id {ids[0]}" if ids else f"frame at {stamp_ns} ns"
+            raise InputError(f"{repeated} stands there {n} times; each stamp, and each id within one, is expected once")
     order = sorted(range(len(keys)), key=keys.__getitem__)
     index = np.array([keys[i] for i in order], dtype=np.int64).reshape(-1, 2)
     return np.array(sorted(frame_stamps), dtype=np.int64), index[:, 0], index[:, 1], order

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from copy import deepcopy
 from functools import cache
@@ -70,8 +70,7 @@ def load_scenario(
     A room, parent or prior file given by path is relative to the file that names it. Raises InputError, every
     fault on one line.
     """
-    if isinstance(overrides, str) or not all(isinstance(each, str) for each in overrides):
-        raise InputError(f"overrides {overrides!r}: a list of texts is expected, as ['sensors.waist.rate_hz=20']")
+    overrides, suites = _texts(overrides, "overrides"), _texts(suites, "suites")
     path, folder = models.find("scenarios", str(as_path(name, "scenario"))), as_path(folder, "folder")
     content = _read(path, ())
     content = apply_overrides(content, suites)
@@ -87,6 +86,18 @@ def load_scenario(
         content = draw_scene(content, source, models.kept_room)
     _bring_pedestrians(content, source)
     return validate(Scenario, content, source)
+
+
+def _texts(given: object, what: str) -> tuple[str, ...]:
+    """Return texts as a tuple, for an iterator too; raises InputError for anything else."""
+    found = tuple(given) if isinstance(given, Iterable) and not isinstance(given, str | Mapping) else ()
+    if (
+        isinstance(given, str | Mapping)
+        or not isinstance(given, Iterable)
+        or not all(isinstance(x, str) for x in found)
+    ):
+        raise InputError(f"{what} {given!r}: a list of texts is expected, as ['sensors.waist.rate_hz=20']")
+    return found
 
 
 def _read(path: Path, children: tuple[Path, ...]) -> dict[str, Any]:

@@ -22,6 +22,7 @@ import pytest
 
 import twin
 from trackers.observations import Observation
+from trackers.tracks import TrackFrame
 from twin.scenario import Scenario
 
 SCENARIO = twin.load_scenario("lab-five-people", ["duration_s=1.0", "background_frames=2"])
@@ -173,6 +174,10 @@ def test_simulation_with_images_is_iterated_in_one_thread_and_closed_in_another(
         (lambda: twin.Simulation("lab-five-people"), "twin.load_scenario makes one"),  # pyright: ignore[reportArgumentType]
         (lambda: twin.run_scenario("lab-five-people"), "twin.load_scenario makes one"),  # pyright: ignore[reportArgumentType]
         (lambda: twin.load_scenario("lab-five-people", "seed=3"), "a list of texts is expected"),
+        (lambda: twin.load_scenario("lab-five-people", {"seed": "3"}), "a list of texts is expected"),  # pyright: ignore[reportArgumentType]
+        (lambda: twin.truth_table([TrackFrame(0, ())]), "an iterable of TruthFrame is expected"),  # pyright: ignore[reportArgumentType]
+        (lambda: twin.track_table([TrackFrame(0, ())] * 2), "frame at 0 ns stands there 2 times"),
+        (lambda: twin.track_table(TrackFrame(0, ())), "an iterable of TrackFrame is expected"),  # pyright: ignore[reportArgumentType]
         (lambda: twin.run_scenario(twin.load_scenario("pair"), trackers="sort"), r"expected, as \['sort'\]"),
         (lambda: twin.track_recording("none.mcap", trackers="sort"), r"expected, as \['sort'\]"),
         (lambda: twin.evaluate_tracks("truth.csv", "tracks.csv"), "twin.read_truth"),  # pyright: ignore[reportArgumentType]
@@ -183,9 +188,13 @@ def test_what_is_not_what_is_expected_is_refused_in_a_sentence(call: Callable[[]
         call()
 
 
-@pytest.mark.parametrize("seed", [None, 3.0, "3"])
+def test_overrides_of_an_iterator_count() -> None:
+    assert twin.load_scenario("lab-five-people", (each for each in ["duration_s=3"])).duration_s == 3  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize("seed", [None, 3.0, "3", -1, np.float64(3)])
 def test_stream_without_a_whole_seed_is_refused(seed: Any) -> None:
-    with pytest.raises(TypeError):
+    with pytest.raises(twin.InputError, match="seed is .*; a whole number from 0 on is expected"):
         twin.stream(seed, "person", "ann")
 
 

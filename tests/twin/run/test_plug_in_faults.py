@@ -128,7 +128,7 @@ FAULTS = {
     "plug_lab:BadTrack": r"what it gave raised ValueError: track 1: status 'lost' .* in the frame stamped 0.\d+ s",
     "plug_lab:Far": r"what it gave raised ValueError: 1e\+300 in a table; finite, .* in the frame stamped 0.\d+ s",
     "plug_lab:InSeconds": r"what it gave raised ValueError: frame at 0.\d+ ns after -inf ns; whole stamps must grow",
-    "plug_lab:NoFrames": r"what it gave raised TypeError: .* at the LaserScan of ",
+    "plug_lab:NoFrames": r"what it gave raised InputError: .* frames are 7; .* at the LaserScan of ",
     "plug_lab:InFinish": r"finish\(\) raised KeyError: 'rest' \(plug_lab.py, line \d+\) after the last observation",
     "plug_lab:InConstructor": r"__init__\(\) raised RuntimeError: no network \(plug_lab.py, line \d+\) before the first "
     "observation",
