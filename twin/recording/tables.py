@@ -256,15 +256,12 @@ def truth_table(frames: Iterable[TruthFrame], source: str = "truth") -> TruthTab
 
 def track_table(frames: Iterable[TrackFrame], source: str = "tracks") -> TrackTable:
     """Track frames as the table that reading their file would give; raises InputError for a repeated (stamp, id)."""
-    frames = listed(frames, TrackFrame)
-    tracks = [(frame.stamp_ns, track) for frame in frames for track in frame.tracks]
-    frame_stamps, stamps, ids, order = _memory_index(
-        [f.stamp_ns for f in frames], [(s, _id(s, t.id)) for s, t in tracks]
-    )
+    tracks = [(frame.stamp_ns, track) for frame in (frames := listed(frames, TrackFrame)) for track in frame.tracks]
+    *index, order = _memory_index([f.stamp_ns for f in frames], [(s, _id(s, t.id)) for s, t in tracks])
     ordered = [tracks[i][1] for i in order]
     status = np.array([track.status for track in ordered], dtype="<U9")
     numbers = _memory_numbers(ordered, (*_TRACK_NUMBERS, "radius95_m"))
-    return TrackTable(source, frame_stamps, stamps, ids, **dict[str, Any](numbers), status=status)
+    return TrackTable(source, *index, **dict[str, Any](numbers), status=status)
 
 
 class _RowWriter:
@@ -342,8 +339,10 @@ def _memory_index(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], list[int]]:
     for (stamp_ns, *ids), n in Counter([*((stamp,) for stamp in frame_stamps), *keys]).items():
         if n > 1:
-            repeated = f"frame at {stamp_ns} ns: id {ids[0]}" if ids else f"frame at {stamp_ns} ns"
-            raise InputError(f"{repeated} stands there {n} times; each stamp, and each id within one, is expected once")
+            who = "".join(f": id {each}" for each in ids)
+            raise InputError(
+                f"frame at {stamp_ns} ns{who} stands there {n} times; each stamp, and each id within one, is expected once"
+            )
     order = sorted(range(len(keys)), key=keys.__getitem__)
     index = np.array([keys[i] for i in order], dtype=np.int64).reshape(-1, 2)
     return np.array(sorted(frame_stamps), dtype=np.int64), index[:, 0], index[:, 1], order
