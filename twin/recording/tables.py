@@ -36,6 +36,7 @@ TRACK_COLUMNS = ("t", "id", *_TRACK_NUMBERS, "status", "radius95_m")
 STATUSES = ("confirmed", "coasting")
 
 _VISIBLE = "visible_"
+_Ns = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,12 +257,12 @@ def truth_table(frames: Iterable[TruthFrame], source: str = "truth") -> TruthTab
 
 def track_table(frames: Iterable[TrackFrame], source: str = "tracks") -> TrackTable:
     """Track frames as the table that reading their file would give; raises InputError for a repeated (stamp, id)."""
-    tracks = [(frame.stamp_ns, track) for frame in (frames := listed(frames, TrackFrame)) for track in frame.tracks]
+    frames = listed(frames, TrackFrame)
+    tracks = [(frame.stamp_ns, track) for frame in frames for track in frame.tracks]
     *index, order = _memory_index([f.stamp_ns for f in frames], [(s, _id(s, t.id)) for s, t in tracks])
     ordered = [tracks[i][1] for i in order]
-    status = np.array([track.status for track in ordered], dtype="<U9")
-    numbers = _memory_numbers(ordered, (*_TRACK_NUMBERS, "radius95_m"))
-    return TrackTable(source, *index, **dict[str, Any](numbers), status=status)
+    numbers: dict[str, Any] = dict(_memory_numbers(ordered, (*_TRACK_NUMBERS, "radius95_m")))
+    return TrackTable(source, *index, **numbers, status=np.array([track.status for track in ordered], dtype="<U9"))
 
 
 class _RowWriter:
@@ -334,12 +335,10 @@ def _numbers(rows: CsvColumns, name: str) -> NDArray[np.float64]:
     return rows.numbers(name, may_be_empty=name not in ("x", "y")) if known else np.full(len(rows), nan)
 
 
-def _memory_index(
-    frame_stamps: list[int], keys: list[tuple[int, int]]
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], list[int]]:
+def _memory_index(frame_stamps: list[int], keys: list[tuple[int, int]]) -> tuple[_Ns, _Ns, _Ns, list[int]]:
     for (stamp_ns, *ids), n in Counter([*((stamp,) for stamp in frame_stamps), *keys]).items():
         if n > 1:
-            who = "".join(f": id {each}" for each in ids)
+            who = f": id {ids[0]}" if ids else ""
             raise InputError(
                 f"frame at {stamp_ns} ns{who} stands there {n} times; each stamp, and each id within one, is expected once"
             )
