@@ -259,10 +259,11 @@ def track_table(frames: Iterable[TrackFrame], source: str = "tracks") -> TrackTa
     """Track frames as the table that reading their file would give; raises InputError for a repeated (stamp, id)."""
     frames = listed(frames, TrackFrame)
     tracks = [(frame.stamp_ns, track) for frame in frames for track in frame.tracks]
-    *index, order = _memory_index([f.stamp_ns for f in frames], [(s, _id(s, t.id)) for s, t in tracks])
+    at, stamps, ids, order = _memory_index([f.stamp_ns for f in frames], [(s, _id(s, t.id)) for s, t in tracks])
     ordered = [tracks[i][1] for i in order]
+    status = np.array([track.status for track in ordered], dtype="<U9")
     numbers: dict[str, Any] = dict(_memory_numbers(ordered, (*_TRACK_NUMBERS, "radius95_m")))
-    return TrackTable(source, *index, **numbers, status=np.array([track.status for track in ordered], dtype="<U9"))
+    return TrackTable(source, at, stamps, ids, **numbers, status=status)
 
 
 class _RowWriter:
@@ -297,8 +298,7 @@ def _id(stamp_ns: int, value: object) -> int:
 
 def seconds_cell(stamp_ns: int) -> str:
     """Format a stamp [ns] as seconds with nine decimals."""
-    whole, rest = divmod(abs(int(stamp_ns)), NS_PER_S)
-    return f"{'-' if stamp_ns < 0 else ''}{whole}.{rest:09d}"
+    return f"{'-' if stamp_ns < 0 else ''}{abs(int(stamp_ns)) // NS_PER_S}.{abs(int(stamp_ns)) % NS_PER_S:09d}"
 
 
 Value = float | str | Sequence[int] | None
@@ -338,9 +338,8 @@ def _numbers(rows: CsvColumns, name: str) -> NDArray[np.float64]:
 def _memory_index(frame_stamps: list[int], keys: list[tuple[int, int]]) -> tuple[_Ns, _Ns, _Ns, list[int]]:
     for (stamp_ns, *ids), n in Counter([*((stamp,) for stamp in frame_stamps), *keys]).items():
         if n > 1:
-            who = f": id {ids[0]}" if ids else ""
             raise InputError(
-                f"frame at {stamp_ns} ns{who} stands there {n} times; each stamp, and each id within one, is expected once"
+                f"frame at {stamp_ns} ns{''.join(map(': id {}'.format, ids))} stands there {n} times; each stamp, and each id within one, is expected once"
             )
     order = sorted(range(len(keys)), key=keys.__getitem__)
     index = np.array([keys[i] for i in order], dtype=np.int64).reshape(-1, 2)
