@@ -339,7 +339,7 @@ def _memory_index(frame_stamps: list[int], keys: list[tuple[int, int]]) -> tuple
     for (stamp_ns, *ids), n in Counter([*((stamp,) for stamp in frame_stamps), *keys]).items():
         if n > 1:
             raise InputError(
-                f"frame at {stamp_ns} ns{''.join(map(': id {}'.format, ids))} stands there {n} times; each stamp, and each id within one, is expected once"
+                f"frame at {stamp_ns} ns{''.join(map(', id {}'.format, ids))} stands there {n} times; each id and stamp once is expected"
             )
     order = sorted(range(len(keys)), key=keys.__getitem__)
     index = np.array([keys[i] for i in order], dtype=np.int64).reshape(-1, 2)
