@@ -298,7 +298,9 @@ def make_tracker(
     try:
         return maker(rig, Prior.of(background), rng, **given)
     except InputError as error:  # a class calls itself by one name, whatever it was asked for by
-        raise InputError(re.sub(r"^tracker [\w-]+: ", f"tracker {name}: ", str(error), flags=re.MULTILINE)) from error
+        raise InputError(
+            re.sub(r"^(tracker [\w-]+: )?", f"tracker {name}: ", str(error), flags=re.MULTILINE)
+        ) from error
     except TypeError as error:
         if error.__traceback__ is None or error.__traceback__.tb_next is not None:
             raise  # from within the class

@@ -336,11 +336,10 @@ def _numbers(rows: CsvColumns, name: str) -> NDArray[np.float64]:
 
 
 def _memory_index(frame_stamps: list[int], keys: list[tuple[int, int]]) -> tuple[_Ns, _Ns, _Ns, list[int]]:
-    for (stamp_ns, *ids), n in Counter([*((stamp,) for stamp in frame_stamps), *keys]).items():
+    for key, n in Counter([*((stamp,) for stamp in frame_stamps), *keys]).items():
         if n > 1:
-            raise InputError(
-                f"frame at {stamp_ns} ns{''.join(map(', id {}'.format, ids))} stands there {n} times; each id and stamp once is expected"
-            )
+            where = f"frame at {key[0]} ns" + "".join(f", id {each}" for each in key[1:])
+            raise InputError(f"{where} stands there {n} times; each stamp, and each id within it, once is expected")
     order = sorted(range(len(keys)), key=keys.__getitem__)
     index = np.array([keys[i] for i in order], dtype=np.int64).reshape(-1, 2)
     return np.array(sorted(frame_stamps), dtype=np.int64), index[:, 0], index[:, 1], order
