@@ -278,8 +278,7 @@ def make_tracker(
 
     background: observations of the empty room, or a `trackers.prior.Prior`, which the tracker is handed in any
     case; rng: the tracker's own generator; options: laid over the preset's, at every depth. Raises InputError for a name,
-    module, class or option that does not exist, naming the valid ones.
-    What is imported here runs: a name that a file holds is for the caller to refuse (see `twin.run.inputs`).
+    module, class or option that does not exist. What is imported here runs: callers refuse names that a file holds.
     """
     from trackers.prior import Prior
     from trackers.rig import check_arguments
@@ -291,16 +290,15 @@ def make_tracker(
     elif ":" in name:
         preset = Preset(name, "")
     else:
-        valid = valid_names(name, known, ", or a class of yours as module:Class", start="valid ones are")
-        raise InputError(f"tracker {name!r} is unknown; {valid}")
+        also = ", or a class of yours as module:Class"
+        raise InputError(f"tracker {name!r} is unknown; {valid_names(name, known, also, start='valid ones are')}")
     maker = _load(preset.target, name)
     given = deep_merge(preset.options, _with_current_names(maker, options or {}, name))
     try:
         return maker(rig, Prior.of(background), rng, **given)
-    except InputError as error:  # a class calls itself by one name, whatever it was asked for by
-        raise InputError(
-            re.sub(r"^(tracker [\w-]+: )?", f"tracker {name}: ", str(error), flags=re.MULTILINE)
-        ) from error
+    except InputError as error:  # a class calls itself by one name, or none
+        named = re.sub(r"^(tracker [\w-]+: )?", f"tracker {name}: ", str(error), flags=re.MULTILINE)
+        raise InputError(named) from error
     except TypeError as error:
         if error.__traceback__ is None or error.__traceback__.tb_next is not None:
             raise  # from within the class

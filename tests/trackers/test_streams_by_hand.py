@@ -12,7 +12,7 @@ from trackers.errors import InputError
 from trackers.feeding import track_frames
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Odometry
 from trackers.presets import make_tracker
-from trackers.rig import LaserSensor, Rig
+from trackers.rig import FloorSensor, LaserSensor, Rig
 from trackers.tracks import Track, TrackFrame
 
 RIG = Rig(sensors={"waist": LaserSensor(topic="/waist", role="waist"), "knee": LaserSensor(topic="/knee")})
@@ -94,6 +94,10 @@ def test_observations_of_sensors_that_the_rig_lacks_are_told() -> None:
         (("sort", None), "rig is None; a trackers.rig.Rig"),
         ((None, RIG), "name is None; the name of a tracker"),
         (("sort", RIG, None), "background is None; an iterable of observations"),
+        (
+            ("sort", Rig(sensors={"floor": FloorSensor(topic="/floor", rows=2, columns=2, pitch_m=0.2)})),
+            "^tracker sort: the rig has no laser scanner",
+        ),
         (("sort", RIG, (), 5), "rng is 5; a numpy.random.Generator"),
         (("sort", RIG, (), None, "gate"), "options is 'gate'; a mapping of the tracker's options"),
     ],
