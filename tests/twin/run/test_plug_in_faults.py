@@ -124,7 +124,7 @@ FAULTS = {
     "plug_lab:Leaves": r"update\(\) raised SystemExit: 3 \(plug_lab.py, line \d+\) at the LaserScan of ",
     "plug_lab:Closes": r"update\(\) raised GeneratorExit \(plug_lab.py, line \d+\) at the LaserScan of ",
     "plug_lab:InTracks": r"tracks\(\) raised ZeroDivisionError: division by zero \(plug_lab.py, line \d+\) at the LaserScan",
-    "plug_lab:NoTracks": r"what it gave raised TypeError: .* at the LaserScan of ",
+    "plug_lab:NoTracks": r"what it gave raised InputError: tracks.* at the LaserScan of ",
     "plug_lab:BadTrack": r"what it gave raised ValueError: track 1: status 'lost' .* in the frame stamped 0.\d+ s",
     "plug_lab:Far": r"what it gave raised ValueError: 1e\+300 in a table; finite, .* in the frame stamped 0.\d+ s",
     "plug_lab:InSeconds": r"what it gave raised ValueError: frame at 0.\d+ ns after -inf ns; whole stamps must grow",
