@@ -174,8 +174,9 @@ class TrackerCheck:
                 with warnings_silenced():
                     make_tracker(name, rig, Prior(_EmptyRoom(), None, {}), stream(0, "tracker", name))
             except InputError as error:
+                own = f"tracker {name}: "
                 for line in str(error).splitlines():
-                    self._tell(f"{listed}: {name!r} cannot work on ", title, f": {line}")
+                    self._tell(f"{listed}: {name!r} cannot work on ", title, f": {line.removeprefix(own)}")
 
     def faults(self) -> list[str]:
         """Format one sentence per fault: the suite's file, the field as written by the user, what is valid."""
