@@ -174,9 +174,10 @@ class TrackerCheck:
                 with warnings_silenced():
                     make_tracker(name, rig, Prior(_EmptyRoom(), None, {}), stream(0, "tracker", name))
             except InputError as error:
-                own = f"tracker {name}: "
                 for line in str(error).splitlines():
-                    self._tell(f"{listed}: {name!r} cannot work on ", title, f": {line.removeprefix(own)}")
+                    self._tell(
+                        f"{listed}: {name!r} cannot work on ", title, f": {line.removeprefix(f'tracker {name}: ')}"
+                    )
 
     def faults(self) -> list[str]:
         """Format one sentence per fault: the suite's file, the field as written by the user, what is valid."""
@@ -301,7 +302,7 @@ def _by_option(line: str, options: Mapping[str, Any]) -> tuple[str, str]:
     for place, part in enumerate(parts[:-1]):
         if part.split(".")[0] in options:
             return part, ": ".join(parts[place + 1 :])
-    return "", line
+    return "", ": ".join(parts[1:]) if parts[0].startswith("tracker ") else line
 
 
 @contextmanager
