@@ -104,10 +104,17 @@ class ObservationReader:
     def _messages(self, types: Mapping[str, str], joiners: Mapping[str, TurnJoiner]) -> Iterator[NumberedMessage]:
         with open_bag(self.path) as bag:
             numbers, copies = dict.fromkeys(types, -1), Copies()
+            restamped = {
+                topic: iter(again.tolist())
+                for topic in self.found.types
+                if (again := self.times[topic].restamped) is not None
+            }
 
             def numbered() -> Iterator[NumberedMessage]:
                 for topic, log_ns, data, is_ros1 in bag.encoded_messages(types, in_file_order=self.as_written):
                     if topic in self.found.types and copies.add(topic, log_ns, data, is_ros1):
+                        continue
+                    if topic in restamped and next(restamped[topic], False):
                         continue
                     numbers[topic] += 1
                     yield topic, numbers[topic], data, is_ros1

@@ -31,6 +31,8 @@ _FEWEST = 0.3
 """Least share of messages that go on where the last one ended; half of those in two sectors a turn do."""
 _MISCOUNTED = 1.5
 """Distance of angle_max from the last beam, in beams, up to which a driver counts the beams otherwise."""
+_MOST_COPIES, _FEWEST_COPIES, _ALIKE = 3, 5, 0.8
+"""Messages of one content at most, and copies, and their share at one distance, at least, of a topic sent twice."""
 _PAUSE = 3.0
 """Longest time between two sectors of a turn, in long ones (90 %) of as many sectors."""
 
@@ -44,6 +46,23 @@ def beams_of(data: bytes, is_ros1: bool, header_ends: int) -> tuple[float, float
     except struct.error:
         return float("nan"), float("nan"), 0
     return angle_min, increment, count
+
+
+def copies_restamped(content: Nanoseconds, stamp_ns: Nanoseconds) -> Mask:
+    """Return which messages (n,) repeat the ranges of an earlier one under another stamp, as a relay that restamps sends them.
+
+    content: a hash of each message after its header. A scanner that hangs repeats one scan more often; one without noise in a
+    still room, and an empty scan, come again at any distance: they are no copies.
+    """
+    _, first, which, count = np.unique(content, return_index=True, return_inverse=True, return_counts=True)
+    offset_ns = stamp_ns - stamp_ns[first[which]]
+    again = (np.arange(content.size) != first[which]) & (count[which] <= _MOST_COPIES)
+    again &= (offset_ns != 0) & (np.abs(offset_ns) <= NS_PER_S)
+    if np.count_nonzero(again) < _FEWEST_COPIES:
+        return np.zeros(content.size, np.bool_)
+    usual_ns = float(np.median(offset_ns[again]))
+    at_usual = again & (np.abs(offset_ns - usual_ns) <= 0.2 * abs(usual_ns))
+    return at_usual if np.count_nonzero(at_usual) >= _ALIKE * np.count_nonzero(again) else np.zeros_like(again)
 
 
 def turns(beams: Array, stamp_ns: Nanoseconds) -> Index | None:

@@ -6,6 +6,7 @@ from array import array
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from trackers.feeding import MAX_WAIT_S
 from trackers.observations import NS_PER_S
 from twin.recording.bag import Bag, Copies, header_of
 from twin.recording.ros_messages import LASER_SCAN
-from twin.recording.scan_messages import beams_of, turns
+from twin.recording.scan_messages import beams_of, copies_restamped, turns
 
 _FEW = 3
 _MOST_FRAMES = 20
@@ -32,7 +33,8 @@ class MessageTimes:
     turn: of a scanner that publishes a turn in several messages, the number of each message's turn (n_message,); the times
     are then those of the turns, stamped as their first message and logged as their last.
 
-    copied_ns: how much later each copy of an earlier message was logged [ns]; copies are no messages of the topic.
+    copied_ns: how much later each copy of an earlier message was logged [ns]; copies are no messages of the topic. Nor are
+    those under another stamp: restamped (of each message that is no copy of an earlier one, None: none), restamped_ns later.
     """
 
     log_ns: Nanoseconds
@@ -42,6 +44,8 @@ class MessageTimes:
     arrived: Index = field(default_factory=lambda: np.empty(0, dtype=np.intp))
     turn: Index | None = None
     copied_ns: Nanoseconds = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    restamped: Mask | None = None
+    restamped_ns: float = 0.0
 
     @property
     def n_message(self) -> int:
@@ -61,7 +65,7 @@ class _TopicTimes:
     def __init__(self, msgtype: str) -> None:
         self.log_ns, self.stamp_ns, self.is_set = array("q"), array("q"), array("b")
         self.beams = array("d") if msgtype == LASER_SCAN else None  # angle_min, angle_increment, count of each message
-        self.arrived = array("q")
+        self.arrived, self.content = array("q"), array("q")
         self.frames: Counter[str] = Counter()
         self._last: tuple[int, bytes] | None = None
 
@@ -70,6 +74,7 @@ class _TopicTimes:
         stamp_ns, frame, ends = header or (0, "", len(body))
         if self.beams is not None:
             self.beams.extend(beams_of(body, is_ros1, ends))
+            self.content.append(hash(bytes(body[ends:])))
         is_set = header is not None
         if self._last is not None and self._last[0] == stamp_ns and self._last[1] != body:
             is_set = False
@@ -85,13 +90,26 @@ class _TopicTimes:
         log_ns, stamp_ns, arrived, copied = (
             np.array(each, dtype=np.int64) for each in (self.log_ns, self.stamp_ns, self.arrived, copied_ns)
         )
-        is_set = np.array(self.is_set, dtype=bool)
-        turn = None if self.beams is None else turns(np.array(self.beams).reshape(-1, 3), stamp_ns)
-        if turn is None:
-            return MessageTimes(log_ns, stamp_ns, is_set, self.frames, arrived, copied_ns=copied)
+        is_set, more = np.array(self.is_set, dtype=bool), dict[str, Any](copied_ns=copied)
+        if self.beams is None:
+            return MessageTimes(log_ns, stamp_ns, is_set, self.frames, arrived, **more)
+        beams, content = np.array(self.beams).reshape(-1, 3), np.array(self.content, dtype=np.int64)
+        if (again := copies_restamped(content, stamp_ns)).any():
+            first = {each: stamp for each, stamp in zip(content[::-1].tolist(), stamp_ns[::-1].tolist(), strict=True)}
+            later_ns = stamp_ns[again] - np.array([first[each] for each in content[again].tolist()])
+            more |= {"restamped": again, "restamped_ns": float(np.median(later_ns))}
+            log_ns, stamp_ns, arrived, is_set, beams, content = (
+                each[~again] for each in (log_ns, stamp_ns, arrived, is_set, beams, content)
+            )
+            is_set = is_set | (stamp_ns != 0)
+            is_set[1:] &= (np.diff(stamp_ns) != 0) | (np.diff(content) == 0)
+        if (turn := turns(beams, stamp_ns)) is None:
+            return MessageTimes(log_ns, stamp_ns, is_set, self.frames, arrived, **more)
         firsts = np.flatnonzero(np.diff(turn, prepend=-1))
         lasts = np.append(firsts[1:], turn.size) - 1
-        return MessageTimes(log_ns[lasts], stamp_ns[firsts], is_set[firsts], self.frames, arrived[lasts], turn, copied)
+        return MessageTimes(
+            log_ns[lasts], stamp_ns[firsts], is_set[firsts], self.frames, arrived[lasts], turn=turn, **more
+        )
 
 
 class Unwound:

@@ -155,6 +155,13 @@ def absent_messages(
             )
             remedy = "see whether two drivers, relays or recorders wrote the topic"
             yield Loss(label, n_copy, n + n_copy, what, remedy, always=True)
+        if each.restamped is not None:
+            n_again = int(np.count_nonzero(each.restamped))
+            apart_s = each.restamped_ns / NS_PER_S
+            what = f"repeat an earlier one under a stamp {apart_s:.3g} s later: the first of each is used"
+            remedy = "see whether a relay, or a second driver, writes on the topic"
+            yield Loss(label, n_again, n + n_again, what, remedy, always=True)
+            n_copy += n_again
         if counted > n + n_copy:
             what = f"that the bag's index counts on {topic} are not there"
             yield Loss(label, counted - n - n_copy, counted, what, "the bag is damaged, or was cut")

@@ -67,6 +67,49 @@ def test_copies_of_scans_are_told_and_left_out(tmp_path: Path, by_ms: int, which
     assert silent == [] or (which == ("one",) and by_ms >= 1000 and all("two: " in line for line in silent)), said
 
 
+def restamped(messages: list[Any], by_ms: int, ranges_of: Any = lambda k, own: own) -> list[Any]:
+    """Return scans with their stamps later, and other ranges if asked."""
+    found = []
+    for k, (topic, kind, log_ns, data) in enumerate(messages):
+        message: Any = TYPESTORE.deserialize_cdr(cast("memoryview", data), LASER_SCAN)
+        stamp = time_message(message.header.stamp.sec * 10**9 + message.header.stamp.nanosec + by_ms * MS)
+        header = replace(message.header, stamp=stamp)
+        found.append((topic, kind, log_ns, replace(message, header=header, ranges=ranges_of(k, message.ranges))))
+    return found
+
+
+def noisy(k: int, own: Any) -> Any:
+    return (own + np.random.default_rng(k).normal(0, 0.01, own.size)).astype(np.float32)
+
+
+@pytest.mark.parametrize("by_ms", [50, 100, 150, 250])
+@pytest.mark.parametrize("is_late", [False, True])
+def test_copies_under_other_stamps_are_told_and_left_out(tmp_path: Path, by_ms: int, is_late: bool) -> None:
+    scans = restamped(scan_messages("/one", STAMPS), 0, noisy)
+    copied = later(restamped(scan_messages("/one", STAMPS), by_ms, noisy), by_ms * is_late)
+    rig = Rig(sensors={"one": RIG.sensors["one"]})
+    once = [each.stamp_ns for each in Recording(a_bag(tmp_path / "once", scans, []), rig).observations()]
+    recording = Recording(a_bag(tmp_path / "twice", scans, copied), rig)
+    assert [each.stamp_ns for each in recording.observations()] == once and recording.counts == {"one": 60}
+    (line,) = lines(recording.losses)
+    assert line.startswith(f"one: 60 of 120 messages repeat an earlier one under a stamp {by_ms / 1000:.3g} s later")
+
+
+@pytest.mark.parametrize(
+    "ranges_of",
+    [
+        lambda k, own: noisy(0, own),  # a still room without noise
+        lambda k, own: noisy(k // 6, own),  # a scanner that hangs now and then
+        lambda k, own: own * np.float32(np.nan) if k % 3 == 1 else noisy(k, own),  # empty scans
+    ],
+)
+def test_scans_that_come_again_by_themselves_are_no_copies(tmp_path: Path, ranges_of: Any) -> None:
+    messages = restamped(scan_messages("/one", STAMPS), 0, ranges_of)
+    recording = Recording(a_bag(tmp_path, messages, []), Rig(sensors={"one": RIG.sensors["one"]}))
+    assert len(list(recording.observations())) == 60
+    assert not any("repeat an earlier one" in line for line in lines(recording.losses))
+
+
 def test_equal_scans_without_stamps_are_no_copies(tmp_path: Path) -> None:
     messages = []
     for topic, kind, log_ns, data in scan_messages("/one", STAMPS):
