@@ -76,6 +76,13 @@ MOST_TEXT_BYTES = 64 * 1024 * 1024
 """Size above which a text file is rejected unread, since people do not write such files."""
 
 
+_PACKED = {
+    **{b"\x1f\x8b": "gzip", b"PK\x03\x04": "zip, or a spreadsheet", b"\x28\xb5\x2f\xfd": "zstd", b"BZh": "bzip2"},
+    **{b"\xfd7zXZ\0": "xz", b"7z\xbc\xaf": "7z", b"PAR1": "Parquet", b"\x89HDF\r\n": "HDF5"},
+}
+"""Formats of files that hold texts or tables but are none, by their first bytes."""
+
+
 def read_text(source: AnyPath, expected: str, most_bytes: int | None = MOST_TEXT_BYTES) -> str:
     """Read a text file in UTF-8, or in UTF-16 with a byte order mark. Raises InputError naming the file and its `expected`
     content.
@@ -97,6 +104,8 @@ def read_text(source: AnyPath, expected: str, most_bytes: int | None = MOST_TEXT
         raise InputError(f"{str(source)!r}: is no path of a file ({error}); {expected} is expected") from error
     if most_bytes is not None and len(content) > most_bytes:
         refuse_unless_lifted(f"{source}: holds more than {most_bytes / 2**20:g} MiB", f"{expected} of no more")
+    if packed := next((each for start, each in _PACKED.items() if content.startswith(start)), None):
+        raise InputError(f"{source}: is packed ({packed}); {expected} as plain text is expected, so unpack it first")
     encoding = "utf-16" if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else "utf-8"
     try:
         return content.decode(encoding).replace("\r\n", "\n").replace("\r", "\n")

@@ -159,6 +159,7 @@ def describe_rig(path: AnyPath, standing: str | None = None) -> tuple[str, list[
         if not found.lines:
             raise InputError(
                 f"{path}: has neither scans nor pictures; a bag with a topic of {LASER_SCAN} or {RAW_IMAGE} is expected"
+                f"{conversion(bag.topics.values())}"
             )
         head = [
             f"# Sensors of {path.name} ({bag.duration_s:.0f} s), as its messages tell them. {_UNDECIDED}: they do not.",

@@ -98,9 +98,8 @@ class _TopicTimes:
             first = {each: stamp for each, stamp in zip(content[::-1].tolist(), stamp_ns[::-1].tolist(), strict=True)}
             later_ns = stamp_ns[again] - np.array([first[each] for each in content[again].tolist()])
             more |= {"restamped": again, "restamped_ns": float(np.median(later_ns))}
-            log_ns, stamp_ns, arrived, is_set, beams, content = (
-                each[~again] for each in (log_ns, stamp_ns, arrived, is_set, beams, content)
-            )
+            log_ns, stamp_ns, arrived, content = (each[~again] for each in (log_ns, stamp_ns, arrived, content))
+            is_set, beams = is_set[~again], beams[~again]
             is_set = is_set | (stamp_ns != 0)
             is_set[1:] &= (np.diff(stamp_ns) != 0) | (np.diff(content) == 0)
         if (turn := turns(beams, stamp_ns)) is None:

@@ -83,7 +83,6 @@ def read_person_rows(
     one it is frame (whole numbers) or t, then id, x, y; of 5 to 8 columns also a height: x, z, y (ETH, UCY) or x, y, z. A
     row with only its time has no person, and a row without x and y says nothing of its person. A row written twice counts
     once. Raises InputError naming file, line, column and value, or the ambiguity of a table without a header.
-
     `mot`: 'truth' or 'tracks' for MOT text (`mot_columns`).
     """
     found = read_cells(path, what, most_bytes)
@@ -164,8 +163,9 @@ def _by_header(path: Path, found: Cells) -> tuple[list[str], dict[str, float], C
             raise InputError(f"{path}: line {found.header_line}: {fault}; each column name once is expected")
     for name in ("t", "id", "x", "y"):
         if name not in names and not (name == "t" and "frame" in names):
+            odd = "".join(f" ({c!r}: no such unit)" for c in found.header if re.match(rf"{name} *[\[(]", c, re.I))
             raise InputError(
-                f"{path}: line {found.header_line}: column {name!r} is missing among {','.join(found.header)}; "
+                f"{path}: line {found.header_line}: column {name!r} is missing among {','.join(found.header)}{odd}; "
                 f"{EXPECTED_COLUMNS} are expected, with units of {', '.join((*_LENGTHS, *_TIMES))}"
             )
     return names, units, replace(found, rows=found.rows[1:], lines=found.lines[1:]) if is_units else found

@@ -24,6 +24,7 @@ from trackers.rig import FisheyeSensor, LaserSensor, Rig
 from twin.recording.losses import lines
 from twin.recording.message_types import typestore
 from twin.recording.reader import Recording
+from twin.recording.rig_guess import describe_rig
 from twin.recording.ros_messages import RAW_IMAGE, STRING, encode, time_message
 from twin.recording.writer import BagWriter
 from twin.truth.frames import TruthFrame
@@ -360,3 +361,5 @@ def test_a_bag_of_scans_of_another_type_names_what_converts_them(tmp_path: Path,
             InputError, match=rf"sensor_msgs/msg/{kind}.*; `{package}` makes one of sensor_msgs/msg/{kind}$"
         ):
             Recording(tmp_path / "bag", given)
+    with pytest.raises(InputError, match=rf"neither scans nor pictures; .* is expected; `{package}` makes one of"):
+        describe_rig(tmp_path / "bag")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import re
 import sys
@@ -187,6 +188,12 @@ def read_truth_of(text: str, folder: Path):
         (BASE.encode("utf-16-le"), "line 1: holds NUL characters"),
         (BASE.encode() + b"1," * 60_000, f"line {len(ROWS) + 2}: has 120000 characters; at most 100000"),
         ("# Größe\nt,id,x,y\n".encode("latin-1"), "is not a text file in UTF-8 (line 1)"),
+        (gzip.compress(b"t,id,x,y\n0,1,2,3\n"), "is packed (gzip); a"),
+        (b"PK\x03\x04 and more", "is packed (zip, or a spreadsheet)"),
+        (
+            b"t,id,x [ft],y [ft]\n0,1,2,3\n",
+            "among t,id,x [ft],y [ft] ('x [ft]': no such unit); columns t (or frame), id, x, y",
+        ),
         (BASE.encode() + bytes(99), f"line {len(ROWS) + 2}: holds NUL characters"),
         (
             b"t,id,x,y\n1713883987987,1,2,3\n",
