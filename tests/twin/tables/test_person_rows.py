@@ -214,7 +214,7 @@ def read_truth_of(text: str, folder: Path):
             "column 'x' is missing among t,id,x [ft],y [ft] ('x [ft]': no such unit); "
             "columns t (or frame), id, x, y are expected, with units of m, ",
         ),
-        (b"t (min),id,x,y\n", "column 't' is missing among t (min),id,x,y; columns"),
+        (b"t (min),id,x,y\n", "column 't' is missing among t (min),id,x,y ('t (min)': no such unit); columns"),
         (b"1,2,3,4,5,6,1,-1,-1,-1\n", "has no header and 10 columns"),
         (b"frame,id,x,y\n0,1,2,3\n", "frame_rate_hz: is missing"),
         (b"# framerate: 5\n# framerate: 6\nframe,id,x,y\n0,1,2,3\n", "says 5 (line 1) and 6 (line 2) frames a second"),
