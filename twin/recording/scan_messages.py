@@ -33,6 +33,8 @@ _MISCOUNTED = 1.5
 """Distance of angle_max from the last beam, in beams, up to which a driver counts the beams otherwise."""
 _MOST_COPIES, _FEWEST_COPIES, _ALIKE = 3, 5, 0.8
 """Messages of one content at most, and copies, and their share at one distance, at least, of a topic sent twice."""
+_LONGEST_S = 10.0
+"""Time that no scan takes; time_increment is in ms or µs then [s]."""
 _PAUSE = 3.0
 """Longest time between two sectors of a turn, in long ones (90 %) of as many sectors."""
 
@@ -142,11 +144,11 @@ def joined(sectors: Sequence[LaserScan]) -> LaserScan:
 def with_limits(message: Any) -> tuple[Any, str]:
     """Return a LaserScan whose fields that say nothing hold ROS's "not known", and a clause on those; '' for none.
 
-    time_increment: 0; range_min (NaN or negative): 0; range_max (NaN, 0 or negative): infinite. An angle_max that is not the
+    time_increment (NaN, or a scan of ten seconds): 0; range_min (NaN or negative): 0; range_max (NaN, 0 or negative): infinite. An angle_max that is not the
     bearing of the last beam is told: bearings are by angle_min and angle_increment.
     """
     known: dict[str, float] = {}
-    if not isfinite(message.time_increment):
+    if not abs(message.time_increment) * len(message.ranges) <= _LONGEST_S:
         known["time_increment"] = 0.0
     if isnan(message.range_min) or message.range_min < 0:
         known["range_min"] = 0.0

@@ -113,6 +113,8 @@ def test_a_bag_of_sectors_gives_its_turns_with_gaps_where_sectors_were_lost(tmp_
     ("field", "value"),
     [
         *((field, np.nan) for field in ("time_increment", "range_min", "range_max")),
+        ("time_increment", 1.0),
+        ("time_increment", -1.0),
         ("range_min", -1.0),
         ("range_max", 0.0),
         ("range_max", -1.0),
