@@ -49,6 +49,7 @@ from twin.run.outcome import (
 )
 from twin.run.tracker_runner import file_name
 from twin.scenario import Scenario
+from twin.scenario.load import override_texts
 from twin.world.empty_room import empty_room
 from twin.world.world import heap_trimmed
 
@@ -83,7 +84,7 @@ def track_recording(
     the bag. Raises InputError for bad input, before anything is written, and PlugInError when every tracker has failed;
     where others are left, the result says which did.
     """
-    names = listed(trackers)
+    names, changes = listed(trackers), override_texts(changes, "changes")
     recording, out = as_path(recording, "recording"), _path(out, "out")
     rig_path, truth_path = _path(rig_path, "rig_path"), _path(truth_path, "truth_path")
     bag_copy = _path(bag_copy, "bag_copy")

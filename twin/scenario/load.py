@@ -70,7 +70,7 @@ def load_scenario(
     A room, parent or prior file given by path is relative to the file that names it. Raises InputError, every
     fault on one line.
     """
-    overrides, suites = _texts(overrides, "overrides"), _texts(suites, "suites")
+    overrides, suites = override_texts(overrides, "overrides"), override_texts(suites, "suites")
     path, folder = models.find("scenarios", str(as_path(name, "scenario"))), as_path(folder, "folder")
     content = _read(path, ())
     content = apply_overrides(content, suites)
@@ -88,16 +88,13 @@ def load_scenario(
     return validate(Scenario, content, source)
 
 
-def _texts(given: object, what: str) -> tuple[str, ...]:
+def override_texts(given: object, what: str) -> tuple[str, ...]:
     """Return texts as a tuple, for an iterator too; raises InputError for anything else."""
-    found = tuple(given) if isinstance(given, Iterable) and not isinstance(given, str | Mapping) else ()
-    if (
-        isinstance(given, str | Mapping)
-        or not isinstance(given, Iterable)
-        or not all(isinstance(x, str) for x in found)
-    ):
+    found = list(given) if isinstance(given, Iterable) and not isinstance(given, str | Mapping) else [None]
+    texts = tuple(each for each in found if isinstance(each, str))
+    if len(texts) < len(found):
         raise InputError(f"{what} {given!r}: a list of texts is expected, as ['sensors.waist.rate_hz=20']")
-    return found
+    return texts
 
 
 def _read(path: Path, children: tuple[Path, ...]) -> dict[str, Any]:

@@ -180,6 +180,10 @@ def test_simulation_with_images_is_iterated_in_one_thread_and_closed_in_another(
         (lambda: twin.track_table(TrackFrame(0, ())), "an iterable of TrackFrame is expected"),  # pyright: ignore[reportArgumentType]
         (lambda: twin.run_scenario(twin.load_scenario("pair"), trackers="sort"), r"expected, as \['sort'\]"),
         (lambda: twin.track_recording("none.mcap", trackers="sort"), r"expected, as \['sort'\]"),
+        (
+            lambda: twin.track_recording("none.mcap", trackers=["sort"], changes="trackers.sort.gate_m=1"),
+            "a list of texts is expected",
+        ),
         (lambda: twin.evaluate_tracks("truth.csv", "tracks.csv"), "twin.read_truth"),  # pyright: ignore[reportArgumentType]
     ],
 )
