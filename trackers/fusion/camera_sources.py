@@ -43,11 +43,11 @@ _SIGMAS, _LEAST_POINTS = 2.5, 12
 
 
 class CameraSource:
-    """Source of people in the pictures of one camera, at some of the distances from it."""
+    """Source of people in the pictures of one camera, up to where depths tell people apart, or beyond."""
 
-    def __init__(self, camera: Camera, kind: KindOptions, by_posture: Shares) -> None:
+    def __init__(self, camera: Camera, kind: KindOptions, by_posture: Shares, *, beyond: bool) -> None:
         self.names, self.camera = (camera.name,), camera
-        self._kind, self._by_posture = kind, by_posture
+        self._kind, self._by_posture, self._beyond = kind, by_posture, beyond
 
     @property
     def learns_background(self) -> bool:
@@ -56,7 +56,7 @@ class CameraSource:
 
     def within_reach(self, place: Float[Array, "k 2"]) -> Bool[Mask, "k"]:
         """Mark places [m] as far from the camera as people are looked for by this source."""
-        raise NotImplementedError
+        return (self.camera.away_m(place) >= self.camera.depths_to_m) == self._beyond
 
     def looked(
         self,
@@ -102,14 +102,10 @@ class Silhouettes(CameraSource):
     """People by their outlines before the empty room, as a learned model detects them, beyond what depths tell."""
 
     def __init__(self, camera: Camera, options: FusionOptions, area: ArrayLike | None) -> None:
-        super().__init__(camera, options.camera, SILHOUETTE_SHOWN)
+        super().__init__(camera, options.camera, SILHOUETTE_SHOWN, beyond=True)
         sensor, empty_room = camera.sensor, camera.front_end.empty_room
         self._foreground = Foreground(sensor.intrinsics, empty_room, SILHOUETTES)
         self._detector = PersonDetector(camera.camera, area, model=PersonModel.load(ROOMS))
-
-    def within_reach(self, place: Float[Array, "k 2"]) -> Bool[Mask, "k"]:
-        """Mark places [m] beyond the depths that tell people apart."""
-        return self.camera.away_m(place) >= self.camera.depths_to_m
 
     def look(self, observations: Mapping[str, Observation], expected: Expected, ns: int) -> Look | None:
         """Return the people in the camera's picture; None where there is none, or a blind one."""
@@ -186,12 +182,8 @@ class Depths(CameraSource):
     """Heads at the tops of what stands before the room, as far as depths tell one person from another."""
 
     def __init__(self, camera: Camera, stereo: StereoCamera, options: FusionOptions) -> None:
-        super().__init__(camera, options.stereo, DEPTH_SHOWN)
+        super().__init__(camera, options.stereo, DEPTH_SHOWN, beyond=False)
         self._stereo = stereo
-
-    def within_reach(self, place: Float[Array, "k 2"]) -> Bool[Mask, "k"]:
-        """Mark places [m] as far as depths tell people apart."""
-        return self.camera.away_m(place) < self.camera.depths_to_m
 
     def look(self, observations: Mapping[str, Observation], expected: Expected, ns: int) -> Look | None:
         """Return the heads in the camera's depths, first of those who are expected; None where there are none, or blind ones."""
