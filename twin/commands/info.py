@@ -273,7 +273,7 @@ def checked_file(kind: str, name: str, allow_plugins: bool = False) -> str:
             about = f"{extent_text(scene.walkable)}; seats and beds: {seats}"
         case "suite":
             suite, path = load_suite(name)
-            cases = expand(suite, path, trusted=trusted, limits=True)
+            cases = expand(suite, path, trusted=trusted, limits=True, scenes=True)
             print_warnings(idle_changes(cases))
             about = f"cases: {len(cases)}"
         case "study":

@@ -23,8 +23,14 @@ from twin.studies.apply_placement import apply_placement
 from twin.studies.candidate_set import CandidateSet
 from twin.studies.spec import Study, StudyScenario, load_study, scenario_key
 from twin.studies.visibility import floor_cells, is_scanner, looking_sensors
-from twin.suites.preflight import format_overrides, is_known_tracker, unknown_tracker, warnings_silenced
-from twin.world.scene import Scene, build_scene
+from twin.suites.preflight import (
+    deeper,
+    format_overrides,
+    is_known_tracker,
+    unknown_tracker,
+    warnings_silenced,
+)
+from twin.world.scene import Scene, build_scene, scene_faults
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +69,7 @@ def prepare(name: str | Path, *, seed_offset: int = 0, trusted: TrustedClasses =
     every = {f"scenarios.{key}": each for key, each in scenarios.items()}
     every |= {f"held_out.scenarios.{key}": each for key, each in others.items()}
     raise_faults([*_device_faults(study, every, path), *_tracker_faults(study, path, scenarios)])
+    raise_faults(_scene_faults(study, list(scenarios.values()), list(others.values()), path))
     chosen = tuple(choose(study.trackers, first.trackers, str(path), trusted, STUDY)) if study.trackers else ()
     scene = build_scene(first, pictures=False)
     candidate_set = CandidateSet.of(study, first, scene, str(path))
@@ -133,6 +140,30 @@ def _device_faults(study: Study, scenarios: dict[str, Scenario], path: Path) -> 
                     f"{path}: devices.{name}: {sensor!r} is a pressure floor, which lies on the floor; places or a box with "
                     "z = 0 are expected"
                 )
+
+
+def _scene_faults(study: Study, own: Sequence[Scenario], others: Sequence[Scenario], path: Path) -> Iterator[str]:
+    """Report scenarios that cannot begin with one of their seeds, by whatever is not placed."""
+    held = study.held_out
+    fields = [("scenarios", study.scenarios, own), ("held_out.scenarios", held.scenarios if held else (), others)]
+    validating = held.seeds if held else ()
+    covering = study.coverage.seeds if any(each.kind == "coverage" for each in study.objectives) else ()
+    for field, entries, scenarios in fields:
+        tracked = (
+            (*(study.seeds[: study.search.replicates[-1]] if study.trackers else ()), *validating, *covering)
+            if scenarios is own
+            else validating
+        )
+        for number, (entry, scenario) in enumerate(zip(entries, scenarios, strict=True)):
+            here = f"{field}.{number}"
+
+            def place(of: str, entry: StudyScenario = entry, here: str = here) -> str:
+                reached = next((each for path in reversed(entry.set) if (each := deeper(path, of))), None)
+                return f"{here}.set.{reached}" if reached and of else f"{here} ({entry.scenario}){f': {of}' * bool(of)}"
+
+            seeded = [scenario.model_copy(update={"seed": seed}) for seed in dict.fromkeys(tracked) or (scenario.seed,)]
+            moved = set(scenario.sensors) - study.kept_sensors(scenario)
+            yield from (f"{path}: {each}" for each in scene_faults(place, seeded, moved))
 
 
 def _tracker_faults(study: Study, path: Path, scenarios: dict[str, Scenario]) -> Iterator[str]:

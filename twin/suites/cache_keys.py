@@ -17,6 +17,7 @@ from typing import Any
 
 import trackers
 import twin
+from trackers.errors import InputError
 from trackers.plain_data import parse_yaml
 from trackers.presets import PRESETS, available
 from twin import version_of
@@ -81,6 +82,33 @@ class Provenance:
     def changed(self, before: Provenance | None) -> list[str]:
         """Name the inputs that differ; all where `before` is unknown."""
         return [name for name, digest in asdict(self).items() if before is None or getattr(before, name) != digest]
+
+
+@dataclass(frozen=True)
+class RecordedInput:
+    """Bag of a suite, its rig, the table of its truth (None without one), and a digest of all three."""
+
+    path: Path
+    rig: Path | None
+    truth: Path | None
+    digest: str
+
+    @classmethod
+    def of(cls, path: Path, rig: Path | None, truth: Path | None) -> RecordedInput:
+        """Digest the files. Raises InputError for an unreadable one."""
+        digest = hashlib.sha256()
+        for file in (*(sorted(path.rglob("*")) if path.is_dir() else [path]), rig, truth):
+            if file is None or file.is_dir():
+                digest.update(b"-")
+                continue
+            try:
+                with file.open("rb") as stream:
+                    digest.update(hashlib.file_digest(stream, "sha256").digest())
+            except OSError as error:
+                raise InputError(
+                    f"{file}: cannot be read ({error.strerror}); the file of a suite's recording is expected"
+                ) from error
+        return cls(path, rig, truth, digest.hexdigest()[:32])
 
 
 def digest_of(*parts: str | bytes) -> str:

@@ -6,25 +6,35 @@ import hashlib
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 from pathlib import Path
 
 from trackers.errors import InputError, raise_faults
+from trackers.prior import Prior
 from trackers.rig import NO_PRIOR, PriorFiles
 from trackers.text_file import refuse_unless_lifted
 from twin import models
 from twin.recording.reader import Recording
 from twin.recording.tables import read_truth
-from twin.run.inputs import NONE_TRUSTED, TrustedClasses
+from twin.run.inputs import NONE_TRUSTED, TrustedClasses, chosen_trackers, files_for, scenario_of
 from twin.run.tracker_runner import file_name
 from twin.scenario import load_scenario
 from twin.scenario.load import dump_scenario
 from twin.scenario.run_size import RunSize, check_size, size_of
 from twin.scenario.scenario import Scenario, TrackerChoice
-from twin.suites.cache_keys import Provenance, digest_of, people_key, provenance_of, recording_key, room_digest
-from twin.suites.preflight import TrackerCheck, Variant, format_overrides, variants
+from twin.suites.cache_keys import (
+    Provenance,
+    RecordedInput,
+    people_key,
+    provenance_of,
+    recording_key,
+    room_digest,
+)
+from twin.suites.preflight import TrackerCheck, Variant, format_overrides, place_of, variants
 from twin.suites.spec import Overrides, Suite
+from twin.world.scene import scene_faults
 
 MOST_CASES = 5000
 
@@ -32,33 +42,6 @@ MOST_CASES = 5000
 def with_variant(scenario: str, variant: str) -> str:
     """Name a scenario with its variant, if any."""
     return f"{scenario} ({variant})" if variant else scenario
-
-
-@dataclass(frozen=True)
-class RecordedInput:
-    """Bag of a suite, its rig, the table of its truth (None without one), and a digest of all three."""
-
-    path: Path
-    rig: Path | None
-    truth: Path | None
-    digest: str
-
-    @classmethod
-    def of(cls, path: Path, rig: Path | None, truth: Path | None) -> RecordedInput:
-        """Digest the files. Raises InputError for an unreadable one."""
-        digest = hashlib.sha256()
-        for file in (*(sorted(path.rglob("*")) if path.is_dir() else [path]), rig, truth):
-            if file is None or file.is_dir():
-                digest.update(b"-")
-                continue
-            try:
-                with file.open("rb") as stream:
-                    digest.update(hashlib.file_digest(stream, "sha256").digest())
-            except OSError as error:
-                raise InputError(
-                    f"{file}: cannot be read ({error.strerror}); the file of a suite's recording is expected"
-                ) from error
-        return cls(path, rig, truth, digest.hexdigest()[:32])
 
 
 @dataclass(frozen=True)
@@ -103,8 +86,7 @@ class Case:
                     f"{self.id}: {self.bag.path}, its rig or its truth changed after the suite was started; --resume tracks it "
                     "as it is now"
                 )
-            return
-        if recording_key(self.resolved, "") != self.recipe:
+        elif recording_key(self.resolved, "") != self.recipe:
             raise InputError(
                 f"{self.id}: its room changed after the suite was started; --resume records it as it is now"
             )
@@ -132,14 +114,15 @@ def expand(
     plug_ins: bool = True,
     trusted: TrustedClasses = NONE_TRUSTED,
     limits: bool = False,
+    scenes: bool = False,
 ) -> list[Case]:
     """Expand a suite to its cases, those of one recording in sequence.
 
     changes: 'path=value' texts for every case, which keeps its id, so that two runs can be compared; plug_ins: whether to
     check the user's own trackers too, which only some machines have; trusted: classes that the suite and its scenarios may
-    name; limits: whether to refuse a recording larger than `twin.scenario.run_size` allows. Raises InputError, one line per
-    fault, for invalid scenarios, overrides and trackers, for those that do not fit the scenario's rig, and for cases given
-    twice. Nothing is simulated.
+    name; limits: whether to refuse a recording larger than `twin.scenario.run_size` allows; scenes: whether to check, for
+    each seed, that the simulation can begin (`check_scene`). Raises InputError, one line per fault, for invalid scenarios,
+    overrides and trackers, for those that do not fit the scenario's rig, and for cases given twice. Nothing is simulated.
     """
     cases: dict[str, Case] = {}
     check = TrackerCheck(path, plug_ins=plug_ins, trusted=trusted)
@@ -164,10 +147,14 @@ def expand(
     raise_faults(faults)  # before each seed draws a room of its own
     for entry in checked:
         try:
-            found = list(_cases_of(suite, entry, path, changes, limits=limits))
+            seeded = list(_seeded(suite, entry, path, changes, limits=limits))
+            found = list(_cases_of(suite, entry, seeded))
         except InputError as error:  # of a scene drawn by one seed
             faults += [f"{path}: scenarios.{entry.number}: {line}" for line in str(error).splitlines()]
             continue
+        if scenes:
+            where = partial(place_of, entry.variant, entry.scenario_path)
+            faults += [f"{path}: {each}" for each in scene_faults(where, seeded)]
         again = []
         for case in found:
             again += [case] * (case.id in cases)
@@ -224,12 +211,12 @@ def _check_entry(
         yield _Checked(number, variant, scenario, scenario_path, digest)
 
 
-def _cases_of(suite: Suite, checked: _Checked, path: Path, changes: Sequence[str], *, limits: bool) -> Iterator[Case]:
-    entry, variant, scenario = suite.scenarios[checked.number], checked.variant, checked.scenario
-    overrides, label, described = (
-        format_overrides(variant.overrides),
-        entry.name or scenario.name,
-        _own_settings(variant),
+def _seeded(suite: Suite, checked: _Checked, path: Path, changes: Sequence[str], *, limits: bool) -> Iterator[Scenario]:
+    """Yield the variant's scenario with each of its seeds."""
+    entry, scenario, overrides = (
+        suite.scenarios[checked.number],
+        checked.scenario,
+        format_overrides(checked.variant.overrides),
     )
     for seed in entry.seeds or suite.seeds:
         of_seed = scenario
@@ -239,9 +226,21 @@ def _cases_of(suite: Suite, checked: _Checked, path: Path, changes: Sequence[str
             )
             if limits:
                 check_size(of_seed)
-        seeded = of_seed.model_copy(update={"seed": seed, "trackers": {}, "prior": NO_PRIOR})
-        resolved, people = dump_scenario(seeded), people_key(seeded)
-        room, recipe = room_digest(seeded.room), recording_key(resolved, "")
+        yield of_seed.model_copy(update={"seed": seed})
+
+
+def _cases_of(suite: Suite, checked: _Checked, seeded: Sequence[Scenario]) -> Iterator[Case]:
+    entry, variant, scenario = suite.scenarios[checked.number], checked.variant, checked.scenario
+    overrides, label, described = (
+        format_overrides(variant.overrides),
+        entry.name or scenario.name,
+        _own_settings(variant),
+    )
+    for of_seed in seeded:
+        seed = of_seed.seed
+        untracked = of_seed.model_copy(update={"trackers": {}, "prior": NO_PRIOR})
+        resolved, people = dump_scenario(untracked), people_key(untracked)
+        room, recipe = room_digest(untracked.room), recording_key(resolved, "")
         for tracker in variant.trackers:
             choice = scenario.trackers.get(tracker, TrackerChoice())
             followed = ((choice.preset or tracker, choice.options),)
@@ -292,12 +291,17 @@ def _recorded_cases(
         recording, found = Recording(bag, rig), RecordedInput.of(bag, rig, truth)
         if truth is not None:
             read_truth(truth)
+        described = scenario_of(recording)
+        files, _ = files_for(recording, described, rig, chosen)
+        prior = Prior.read((), files, recording.rig)
         name = entry.name or (bag.resolve().parent.name if bag.name == "recording.mcap" else bag.stem)
         seconds = RunSize(
             seconds=recording.duration_s, observations=recording.observation_count, n_bytes=_bytes_of(bag)
         )
         for seed, tracker in product(entry.seeds, entry.trackers or suite.trackers):
-            check.check_recorded(f"recordings.{number}.trackers", tracker, recording.rig, name)
+            (follows,) = chosen_trackers(recording, described, [tracker], chosen)
+            check.check_recorded(f"recordings.{number}.trackers", follows, recording.rig, prior, name)
+            made_from = provenance_of(f"bag {found.digest}", "", [(follows.target, follows.options)], files.digest())
             yield Case(
                 id=_case_id(name, (), seed, tracker),
                 scenario=name,
@@ -310,8 +314,8 @@ def _recorded_cases(
                 require={**suite.require.get(tracker, {}), **entry.require.get(tracker, {})},
                 resolved=f"bag {found.digest}",
                 size=seconds,
-                prior=NO_PRIOR,
-                provenance=Provenance(found.digest, "", "", digest_of(tracker, *chosen), NO_PRIOR.digest()),
+                prior=files,
+                provenance=replace(made_from, simulation=""),
                 recipe=f"bag-{found.digest}",
                 tracker_changes=chosen,
                 bag=found,

@@ -24,6 +24,7 @@ from twin.run.inputs import (
     NONE_TRUSTED,
     SCHEDULER,
     SUITE,
+    ChosenTracker,
     TrustedClasses,
     choose,
     is_untrusted_scheduler,
@@ -63,10 +64,10 @@ class Variant:
         """
         for text in reversed(self.changes):
             path = text.partition("=")[0].strip()
-            if (reached := _deeper(path, field)) is not None:
+            if (reached := deeper(path, field)) is not None:
                 return f"--set {text}: {reached}"
         for path in reversed(self.overrides):
-            if (reached := _deeper(path, field)) is not None:
+            if (reached := deeper(path, field)) is not None:
                 where = next(where for where, changes in reversed(self.sources) if path in changes)
                 return f"{where}.{reached}"
         return None
@@ -101,7 +102,7 @@ def format_overrides(changes: Overrides) -> tuple[str, ...]:
     return tuple(f"{path}={json.dumps(value, ensure_ascii=False)}" for path, value in changes.items())
 
 
-def _deeper(path: str, field: str) -> str | None:
+def deeper(path: str, field: str) -> str | None:
     """Return the longer of two paths where one contains the other, else None."""
     if field == path or field.startswith(f"{path}."):
         return field
@@ -135,25 +136,25 @@ class TrackerCheck:
         prior = self._prior(variant, scenario, rig, file)
         for name, choice in scenario.trackers.items():
             if name in available() and choice.preset not in (None, name):
-                self._tell(redefined(_place(variant, file, f"trackers.{name}.preset"), name, choice.preset))
+                self._tell(redefined(place_of(variant, file, f"trackers.{name}.preset"), name, choice.preset))
             if name not in variant.trackers and not is_known_tracker(choice.preset or name):
-                where = _place(variant, file, f"trackers.{name}.preset" if choice.preset else f"trackers.{name}")
+                where = place_of(variant, file, f"trackers.{name}.preset" if choice.preset else f"trackers.{name}")
                 self._tell(unknown_tracker(where, choice.preset or name, "a preset: next to the options"))
         for place, name in enumerate(variant.trackers):
             choice, listed = scenario.trackers.get(name, TrackerChoice()), f"{variant.listed}.{place}"
             target = choice.preset or name
             if not is_known_tracker(target):
-                where = _place(variant, file, f"trackers.{name}.preset") if choice.preset else listed
+                where = place_of(variant, file, f"trackers.{name}.preset") if choice.preset else listed
                 self._tell(unknown_tracker(where, target, f"one that the scenario {scenario.name} defines"))
             elif target not in available() and not self._trusted.has(target):
-                where = _place(variant, file, f"trackers.{name}.preset") if choice.preset else listed
+                where = place_of(variant, file, f"trackers.{name}.preset") if choice.preset else listed
                 self._tell(not_trusted(where, target, SUITE))
             elif is_untrusted_scheduler(choice, self._trusted):
-                self._tell(not_asked(_place(variant, file, f"trackers.{name}.{SCHEDULER}"), choice, SUITE))
+                self._tell(not_asked(place_of(variant, file, f"trackers.{name}.{SCHEDULER}"), choice, SUITE))
             elif prior is not None and (target in PRESETS or self._plug_ins):
                 for option, message in self._tried(target, rig, scenario, name, prior):
                     if option:
-                        self._tell(f"{_place(variant, file, f'trackers.{name}.{option}')}: {message}")
+                        self._tell(f"{place_of(variant, file, f'trackers.{name}.{option}')}: {message}")
                     else:
                         self._tell(f"{listed}: {name!r} cannot work on ", title, f": {message}")
         key = scenario.prior.model_dump_json()
@@ -163,21 +164,19 @@ class TrackerCheck:
             self._digests[key] = scenario.prior.digest()
         return self._digests[key]
 
-    def check_recorded(self, listed: str, name: str, rig: Rig, title: str) -> None:
-        """Check that a tracker can be made for the rig of a bag; `listed`: the field of the suite that names it."""
-        if not is_known_tracker(name):
-            self._tell(unknown_tracker(listed, name, "a class of your own"))
-        elif name not in available() and not self._trusted.has(name):
+    def check_recorded(self, listed: str, chosen: ChosenTracker, rig: Rig, prior: Prior, title: str) -> None:
+        """Check that a tracker can be made for the rig of a bag; `listed`: the field of the suite that names it.
+
+        prior: what its prior files hold, without the empty room.
+        """
+        name, target = chosen.name, chosen.target
+        if not is_known_tracker(target):
+            self._tell(unknown_tracker(listed, target, "a class of your own"))
+        elif name not in available() and ":" in name and not self._trusted.has(name):
             self._tell(not_trusted(listed, name, SUITE))
-        elif name in PRESETS:
-            try:
-                with warnings_silenced():
-                    make_tracker(name, rig, Prior(_EmptyRoom(), None, {}), stream(0, "tracker", name))
-            except InputError as error:
-                for line in str(error).splitlines():
-                    self._tell(
-                        f"{listed}: {name!r} cannot work on ", title, f": {line.removeprefix(f'tracker {name}: ')}"
-                    )
+        elif target in PRESETS or self._plug_ins:
+            for option, message in _faults(chosen, rig, prior, 0, has_background=True):
+                self._tell(f"{listed}: {name!r} cannot work on ", title, f": {option}{': ' * bool(option)}{message}")
 
     def faults(self) -> list[str]:
         """Format one sentence per fault: the suite's file, the field as written by the user, what is valid."""
@@ -196,7 +195,7 @@ class TrackerCheck:
         files = scenario.prior
         missing = files.missing()
         for field, path in missing.items():
-            self._tell(f"{_place(variant, file, f'prior.{field}')}: {missing_file(field, path)}")
+            self._tell(f"{place_of(variant, file, f'prior.{field}')}: {missing_file(field, path)}")
         if missing:
             return None
         environment = None
@@ -208,12 +207,12 @@ class TrackerCheck:
                 environment = self._environments[path]
                 environment.check(str(path), room=rig.room, area=rig.area)
             except InputError as error:
-                self._tell(f"{_place(variant, file, 'prior.environment')}: {error}")
+                self._tell(f"{place_of(variant, file, 'prior.environment')}: {error}")
                 return None
         try:
             others = Prior.read((), files.model_copy(update={"environment": None}), rig)
         except InputError as error:
-            self._tell(f"{_place(variant, file, 'prior.background')}: {error}")
+            self._tell(f"{place_of(variant, file, 'prior.background')}: {error}")
             return None
         return Prior(others.background, environment, others.learned)
 
@@ -222,7 +221,8 @@ class TrackerCheck:
         files = scenario.prior.model_dump_json()
         key = (target, json.dumps(options, sort_keys=True), rig.model_dump_json(), scenario.background, files)
         if key not in self._made:
-            self._made[key] = list(_faults(target, rig, scenario, name, options, prior))
+            chosen, has_background = ChosenTracker(name, target, options), scenario.background != "none"
+            self._made[key] = list(_faults(chosen, rig, prior, scenario.seed, has_background))
         return self._made[key]
 
     def _rig(self, scenario: Scenario) -> Rig:
@@ -256,22 +256,24 @@ def unknown_tracker(where: str, target: str, also: str) -> str:
     return f"{where}: there is no tracker {target!r}; {valid_names(target, available(), f', module:Class, or {also}')}"
 
 
-def _place(variant: Variant, file: Path, field: str) -> str:
+def place_of(variant: Variant, file: Path, field: str) -> str:
     """Locate a field in the user's input: in the suite, on the command line, or else in the scenario's file."""
+    if not field:
+        return f"scenarios.{variant.number}"
     return variant.written(field) or f"scenarios.{variant.number}.scenario: {file}: {field}"
 
 
 def _faults(
-    target: str, rig: Rig, scenario: Scenario, name: str, options: Mapping[str, Any], prior: Prior
+    chosen: ChosenTracker, rig: Rig, prior: Prior, seed: int, has_background: bool
 ) -> Iterator[tuple[str, str]]:
     """Yield the faults of making a tracker: the option's path ("" without one), and the message."""
-    background = _EmptyRoom()
+    background, target, options = _EmptyRoom(), chosen.target, chosen.options
     try:
         with warnings_silenced():
             handed = replace(prior, background=background)
-            tracker = make_tracker(target, rig, handed, stream(scenario.seed, "tracker", name), options)
+            tracker = make_tracker(target, rig, handed, stream(seed, "tracker", chosen.name), options)
     except InputError as error:
-        unlike_a_run = background.asked and scenario.background != "none"
+        unlike_a_run = background.asked and has_background
         if target in PRESETS or not unlike_a_run:
             yield from (_by_option(line, options) for line in str(error).splitlines())
         return

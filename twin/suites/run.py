@@ -62,7 +62,9 @@ def run_suite(
     if limits:
         check_case_count(suite, path)
     progress.planned(counted(suite.n_case, "case"))
-    cases = expand(suite, path, changes, plug_ins=workers.scheduler is None, trusted=trusted, limits=limits)
+    cases = expand(
+        suite, path, changes, plug_ins=workers.scheduler is None, trusted=trusted, limits=limits, scenes=True
+    )
     check(cases)
     for warning in (*idle_changes(cases), *_idle_of_command(changes, cases)):
         progress.warned(warning)

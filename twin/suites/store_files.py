@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from trackers.errors import InputError
+from twin.messages import counted
 from twin.run.out_folder import locked_folder
-from twin.suites.expansion import Case
-from twin.suites.store import EXPECTED, ResultStore, fault_of_file
+from twin.suites.expansion import Case, with_variant
+from twin.suites.store import EXPECTED, ResultStore, StoredCase, fault_of_file
 
 RESULTS_FILE = "results.sqlite"
 
@@ -122,9 +123,20 @@ def _sound(path: Path) -> Iterator[None]:
 def _check_same(store: ResultStore, cases: Sequence[Case], facts: Mapping[str, Any]) -> None:
     held = store.facts()
     where = f"--resume: {store.path}"
-    if held.get("suite") != facts.get("suite") or {each.id for each in store.cases()} != {case.id for case in cases}:
+    if held.get("suite") != facts.get("suite"):
         raise InputError(
-            f"{where}: holds the suite {held.get('suite')!r} with other cases; the same suite, or another folder, is expected"
+            f"{where}: holds the suite {held.get('suite')!r}, not {facts.get('suite')!r}; the same suite, or another folder, is "
+            "expected"
+        )
+    there, asked = {each.id: each for each in store.cases()}, {each.id: each for each in cases}
+    missing = [each for name, each in asked.items() if name not in there]
+    left_out = [each for name, each in there.items() if name not in asked]
+    if missing or left_out:
+        lacks = [f"lacks {_named(missing)}"] if missing else []
+        lacks += [f"has {_named(left_out)} besides"] if left_out else []
+        raise InputError(
+            f"{where}: was made of other cases of the suite {held.get('suite')!r}: it {' and '.join(lacks)}; the suite as it "
+            "was, or another folder, is expected"
         )
     if held.get("changes") != facts.get("changes"):
         raise InputError(f"{where}: was run with --set {held.get('changes')}; the same, or another folder, is expected")
@@ -133,6 +145,13 @@ def _check_same(store: ResultStore, cases: Sequence[Case], facts: Mapping[str, A
             f"{where}: was made by other code, and results of two versions must not mix; another folder is expected "
             "(recordings that are still good are not made again)"
         )
+
+
+def _named(cases: Sequence[Case | StoredCase]) -> str:
+    """Name the first of some cases, by what a suite's file says of it, and count the others."""
+    first, *more = cases
+    one = ", ".join((with_variant(first.scenario, first.variant), f"seed {first.seed}", first.tracker))
+    return f"{one}, and {counted(len(more), 'more case')}" if more else one
 
 
 @contextmanager

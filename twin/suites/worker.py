@@ -36,8 +36,8 @@ from twin.scenario import Scenario
 from twin.scenario.load import dump_scenario
 from twin.sensors.render import OffscreenRenderer
 from twin.suites.cache import RecordingCache, digests_of
-from twin.suites.cache_keys import people_key, recording_key, whole_code
-from twin.suites.expansion import Case, RecordedInput
+from twin.suites.cache_keys import RecordedInput, people_key, recording_key, whole_code
+from twin.suites.expansion import Case
 from twin.world.world import PrecomputedScene, precompute_motion
 
 RECORDING, TRUTH = "recording.mcap", "truth.csv"

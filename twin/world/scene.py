@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,18 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.errors import InputError, valid_names
-from twin.instant.snapshot import FootShapes, base_body
+from twin.instant.snapshot import FootShapes, Snapshot, base_body
 from twin.people.body.appearance import BodyAppearance, appearance_of
 from twin.people.body.proportions import REFERENCE_STATURE_M
 from twin.people.crowd.bases import MovingBases
 from twin.people.crowd.ground import Ground
 from twin.people.crowd.routes import Routes
-from twin.people.population import Population, put_in_place
+from twin.people.population import Population, put_in_place, randomized
 from twin.people.poses import HISTORY_S, TICK_S, PopulationMotion, PrecomputedPoses
 from twin.people.posture.body_measures import BodyMeasures
 from twin.people.posture.side_seating import side_poses
 from twin.people.script.actor import approaches
 from twin.people.script.recorded import known_start, start_places
+from twin.room.building import check_mounts
 from twin.room.furniture import Bed, Seat
 from twin.room.mjcf import set_planes
 from twin.scenario import Scenario
@@ -83,25 +84,17 @@ def build_scene(scenario: Scenario, *, pictures: bool = True) -> Scene:
     not fit into it.
     """
     room = empty_room(scenario)
-    spec, walkable = room.spec.copy(), room.walkable
-    set_planes(spec, room.model, room.data, walkable, _places_of_sensors(scenario))
-    area = np.array(scenario.area, dtype=float) if scenario.area is not None else walkable
-    _check_furniture(scenario, room.furniture)
-    source = f"scenario {scenario.name!r}"
-    routes = _routes(room, source)
-    check_placement(scenario, area, walkable, routes, room.fitting_people())
-    ground = Ground(area, walkable, room.obstacles, routes, room.furniture, source)
-    names = tuple(sorted(scenario.people))
-    appearances = {name: appearance_of(scenario.people[name], stream(scenario.seed, "looks", name)) for name in names}
+    ground, appearances = _checked(scenario, room)
+    spec, names = room.spec.copy(), tuple(appearances)
+    set_planes(spec, room.model, room.data, room.walkable, _places_of_sensors(scenario))
     ids = {name: number for number, name in enumerate(scenario.people, start=1)}
     looks = {name: appearances[name] for name in body_pools(scenario.people)[0].names}
-    _check_starts(scenario, ground, appearances)  # before bodies are made, of which hundreds take long
-    _add_bases(spec, scenario, routes)
+    _add_bases(spec, scenario, ground.routes)
     return Scene(
         room=spec,
         room_file=room.path,
-        area=area,
-        walkable=walkable,
+        area=ground.area,
+        walkable=room.walkable,
         floor=room.floor,
         ground=ground,
         names=names,
@@ -110,6 +103,59 @@ def build_scene(scenario: Scenario, *, pictures: bool = True) -> Scene:
         bodies=Bodies.in_room(spec, room.path, names, ids, looks, pictures=pictures),
         pictures=pictures,
     )
+
+
+def check_scene(scenario: Scenario, moved: Collection[str] = ()) -> None:
+    """Raise InputError where a simulation of the scenario could not begin: for its area, people, seats or mounts.
+
+    moved: sensors whose mounts are not those of the scenario. No body is made but of people who sit or lie, so that a suite
+    can check all its scenarios before the first runs.
+    """
+    room = empty_room(scenario)
+    ground, appearances = _checked(scenario, room)
+    _add_bases(room.spec.copy(), scenario, ground.routes)
+    names = tuple(appearances)
+    _check_seats(scenario, ground, names, lambda number: (BodyMeasures.of([appearances[names[number]]]), 0))
+    empty = Snapshot(0.0, room.model, room.data, np.zeros(room.model.ngeom, dtype=np.int16))
+    check_mounts(scenario, [name for name in scenario.sensors if name not in moved], empty, room.floor)
+
+
+def scene_faults(
+    place: Callable[[str], str], scenarios: Sequence[Scenario], moved: Collection[str] = ()
+) -> Iterator[str]:
+    """Yield what keeps simulations of a scenario, one for each seed, from beginning: its area, people, seats, mounts.
+
+    place: returns where a field is written, "" for the scenario itself; moved: sensors that are placed later. A field is
+    named once, with the seeds where it is at fault; nothing is simulated.
+    """
+    found: dict[str, list[tuple[int, str]]] = {}
+    for scenario in scenarios:
+        try:
+            check_scene(randomized(scenario), moved)
+        except InputError as error:
+            field, colon, rest = str(error).removeprefix(f"scenario {scenario.name!r}: ").partition(": ")
+            is_field = colon and " " not in field and field.split(".")[0] in Scenario.model_fields
+            fault = (field, rest) if is_field else ("", str(error))
+            found.setdefault(fault[0], []).append((scenario.seed, fault[1]))
+    for field, faults in found.items():
+        (seed, fault), *more = faults
+        others = f", and {len(more)} more of {len(scenarios)} seeds," * bool(more)
+        drawn = "" if len(faults) == len(scenarios) else f"with seed {seed}{others} "
+        yield f"{place(field)}: {drawn}{fault}"
+
+
+def _checked(scenario: Scenario, room: EmptyRoom) -> tuple[Ground, dict[str, BodyAppearance]]:
+    """Return the ground and the people's looks, by sorted name; raise InputError for what does not fit into the room."""
+    area = np.array(scenario.area, dtype=float) if scenario.area is not None else room.walkable
+    _check_furniture(scenario, room.furniture)
+    source = f"scenario {scenario.name!r}"
+    routes = _routes(room, source)
+    check_placement(scenario, area, room.walkable, routes, room.fitting_people())
+    ground = Ground(area, room.walkable, room.obstacles, routes, room.furniture, source)
+    names = sorted(scenario.people)
+    appearances = {name: appearance_of(scenario.people[name], stream(scenario.seed, "looks", name)) for name in names}
+    _check_starts(scenario, ground, appearances)  # before bodies are made, of which hundreds take long
+    return ground, appearances
 
 
 def _check_starts(scenario: Scenario, ground: Ground, appearances: Mapping[str, BodyAppearance]) -> None:
@@ -165,7 +211,7 @@ def populate(scenario: Scenario, scene: Scene) -> Population:
     """Make the scenario's people, each with a random stream of their own."""
     streams = {name: stream(scenario.seed, "person", name) for name in scene.names}
     measures = BodyMeasures.in_room(scene.model, scene.appearances, scene.bodies.names)
-    _check_seats(scenario, scene, measures)
+    _check_seats(scenario, scene.ground, scene.names, lambda number: (measures, number))
     source = f"scenario {scenario.name!r}"
     housings = driven(scenario)
     bases = None
@@ -182,10 +228,15 @@ def foot_shapes(scene: Scene) -> FootShapes:
     return FootShapes(*(np.array([getattr(each, measure) for each in lengths], dtype=float) for measure in measures))
 
 
-def _check_seats(scenario: Scenario, scene: Scene, measures: BodyMeasures) -> None:
-    """Raise InputError where a seat or bed of a script is unreachable, or two people start on one seat."""
+def _check_seats(
+    scenario: Scenario, ground: Ground, names: Sequence[str], measured: Callable[[int], tuple[BodyMeasures, int]]
+) -> None:
+    """Raise InputError where a seat or bed of a script is unreachable, or two people start on one seat.
+
+    measured: returns the measures of some people, and a person's place among them, by the place in `names`.
+    """
     seated: dict[str, str] = {}
-    for number, name in enumerate(scene.names):
+    for number, name in enumerate(names):
         for place, action in enumerate(scenario.people[name].script):
             if isinstance(action, Sit) and action.seated and (other := seated.setdefault(action.seat, name)) != name:
                 raise InputError(
@@ -196,7 +247,7 @@ def _check_seats(scenario: Scenario, scene: Scene, measures: BodyMeasures) -> No
                 continue
             asked, kind = (action.seat, "seat") if isinstance(action, Sit) else (action.bed, "bed")
             field = f"scenario {scenario.name!r}: people.{name}.script.{place}.{kind}"
-            _check_seat(scene.ground.furniture[asked], measures, number, scene.ground.routes, field)
+            _check_seat(ground.furniture[asked], *measured(number), ground.routes, field)
 
 
 def _check_seat(furniture: Seat | Bed, measures: BodyMeasures, person: int, routes: Routes, field: str) -> None:

@@ -23,6 +23,7 @@ from twin.suites.cluster import Workers
 PLACE = {"xyz": [0, 3.6, 0.95], "yaw_deg": -90}
 AMID = {"xyz": [0, 1.5, 0.95]}
 OUTSIDE = {"xyz": [40, 40, 0.95]}
+FAR = [[0, 1], [30, 1], [30, 2], [0, 2]]
 
 
 @pytest.mark.slow
@@ -99,6 +100,9 @@ def test_every_fault_is_named_at_once(tmp_path: Path) -> None:
         ({"trackers": ["laser-omm"]}, "trackers.0: there is no tracker 'laser-omm'; did you mean 'laser-imm'? valid are "),
         ({"devices__rig__together": ["waste"]},
          "devices.rig.together: lab-five-people has no sensor 'waste'; did you mean 'waist'? valid are waist, knee"),
+        ({"scenarios__0__set__area": FAR}, "scenarios.0.set.area: the edge from [0, 1] to [30, 1] is outside the room's"),
+        ({"held_out__scenarios": [{"scenario": "lab-five-people", "set": {"sensors.fisheye.mount.xyz": [0, 9, 1]}}]},
+         "held_out.scenarios.0.set.sensors.fisheye.mount.xyz: [0, 9, 1] is inside 'wall_far' of the room"),
         ({"devices__rig__walls": None}, "no place is given; places, walls, ceiling or box is expected"),
         ({"devices__rig__together": None}, "one of sensors, together and housing is expected"),
         ({"scenarios__0__scenario": "lab"}, "scenarios.0.scenario: there is no scenario 'lab'"),

@@ -53,7 +53,7 @@ def told(tmp_path: Path, text: str, *changes: str, plug_ins: bool = True) -> lis
     path = tmp_path / "s.yaml"
     path.write_text("name: s\nseeds: 1\n" + text)
     try:
-        expand(*load_suite(path), changes, plug_ins=plug_ins, trusted=TrustedClasses(every=True))
+        expand(*load_suite(path), changes, plug_ins=plug_ins, trusted=TrustedClasses(every=True), scenes=True)
     except InputError as error:
         lines = str(error).splitlines()
         assert all(line.startswith(f"{path}: ") for line in lines), lines
@@ -62,6 +62,10 @@ def told(tmp_path: Path, text: str, *changes: str, plug_ins: bool = True) -> lis
 
 
 LAB = "scenarios: [{scenario: lab-five-people, %s}]\n"
+FAR = "[[0, 1], [30, 1], [30, 2], [0, 2]]"
+TOO_FAR = (
+    "the edge from [0, 1] to [30, 1] is outside the room's walkable area at [16.15, 1]; x -2.3 to 2.3 m, y 0.35 to "
+)
 
 
 @pytest.mark.parametrize(
@@ -111,6 +115,38 @@ LAB = "scenarios: [{scenario: lab-five-people, %s}]\n"
 )
 def test_a_wrong_tracker_is_told_where_it_was_written(tmp_path: Path, text: str, said: str) -> None:
     assert told(tmp_path, text)[0].startswith(said)
+
+
+@pytest.mark.parametrize(
+    ("text", "change", "said"),
+    [
+        (f"set: {{area: {FAR}}}\n" + LAB % "name: a", "", f"set.area: {TOO_FAR}"),
+        (LAB % f"set: {{area: {FAR}}}", "", f"scenarios.0.set.area: {TOO_FAR}"),
+        (LAB % f"grid: {{area: [null, {FAR}]}}", "", f"scenarios.0.grid.area: {TOO_FAR}"),
+        (LAB % "name: a", f"area={FAR}", f"--set area={FAR}: area: {TOO_FAR}"),
+        (
+            LAB % "variants: [{}, {sensors.waist.mount.xyz: [0, 9, 1]}]",
+            "",
+            "scenarios.0.variants.1.sensors.waist.mount.xyz: [0, 9, 1] is inside 'wall_far' of",
+        ),
+        (
+            LAB % "set: {people.white.script: {kind: sit, seat: throne}}",
+            "",
+            "scenarios.0.set.people.white.script.0.seat: lab has no seat 'throne'; ",
+        ),
+        (
+            LAB
+            % "seeds: 9, set: {people.white.start: [0, 1], people.white.script: {kind: stand}, randomize.start_m: 2}",
+            "",
+            "scenarios.0.set.people.white.start: with seed 1, and ",
+        ),
+    ],
+)
+def test_a_scenario_that_cannot_begin_is_told_before_any_case(
+    tmp_path: Path, text: str, change: str, said: str
+) -> None:
+    (line,) = told(tmp_path, "trackers: [sort]\n" + text, *([change] if change else []))
+    assert line.startswith(said)
 
 
 def test_every_fault_of_every_scenario_is_told_once(tmp_path: Path) -> None:

@@ -18,8 +18,10 @@ from twin.cli import app
 from twin.recording.bag import open_bag
 from twin.recording.bag_files import McapFile
 from twin.recording.reader import Recording
+from twin.run.inputs import TrustedClasses
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
+from twin.suites.cache_keys import Provenance
 from twin.suites.expansion import expand
 from twin.suites.run import _idle_of_command
 from twin.suites.spec import load_suite
@@ -111,6 +113,29 @@ def test_case_is_another_one_once_its_bag_has_changed(bags: Path, tmp_path: Path
     assert after.provenance.changed(before.provenance) == ["scenario"]
     with pytest.raises(InputError, match="changed after the suite was started"):
         before.check_files()
+
+
+def test_case_of_a_bag_is_another_one_once_its_tracker_or_its_prior_files_have_changed(
+    bags: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Results of a resumed run must belong to the class and the files as they are now."""
+    own, learned = tmp_path / "own_sort.py", tmp_path / "learned.npz"
+    text = "from trackers.sort import Sort\n\n\nclass Mine(Sort):\n    pass\n"
+    own.write_text(text)
+    learned.write_bytes(b"one")
+    monkeypatch.syspath_prepend(tmp_path)
+    suite, path = load_suite(_suite(tmp_path, f"recording: {bags / 'lab/recording.mcap'}, trackers: ['own_sort:Mine']"))
+
+    def made_from() -> Provenance:
+        (case,) = expand(suite, path, [f"prior.learned.mine={learned}"], trusted=TrustedClasses(every=True))
+        case.check_files()
+        return case.provenance
+
+    before = made_from()
+    own.write_text(text + "    # edited\n")
+    assert made_from().changed(before) == ["tracker"]
+    learned.write_bytes(b"two")
+    assert made_from().changed(before) == ["tracker", "prior"]
 
 
 def test_suite_of_nothing_is_refused(tmp_path: Path) -> None:

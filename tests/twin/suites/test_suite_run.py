@@ -202,7 +202,14 @@ def test_results_of_two_suites_or_two_states_of_the_code_never_mix(
         with pytest.raises(InputError, match=r"was made by other code, and results of two versions must not mix"):
             run_made_up(suite, folder, resume=True)
     suite.write_text(SUITE.replace("seeds: 4", "seeds: 3"))
-    with pytest.raises(InputError, match=r"holds the suite 'made-up' with other cases"):
+    with pytest.raises(InputError, match=r"it has plain, seed 3, laser-imm, and 5 more cases besides; the suite as"):
+        run_made_up(suite, folder, resume=True)
+    suite.write_text(SUITE.replace("red, blue", "red, green"))
+    lacks = r"it lacks shirts \(people.white.shirt=green\), seed 0, laser-imm, and 7 more cases and has shirts \(.*=blue\), "
+    with pytest.raises(InputError, match=lacks):
+        run_made_up(suite, folder, resume=True)
+    suite.write_text(SUITE.replace("name: made-up", "name: other"))
+    with pytest.raises(InputError, match=r"holds the suite 'made-up', not 'other'; the same"):
         run_made_up(suite, folder, resume=True)
 
 
