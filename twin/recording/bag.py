@@ -31,6 +31,7 @@ from trackers.text_file import refuse_unless_lifted
 from twin.recording.bag_damage import describe_damage, reason_unreadable
 from twin.recording.bag_files import BagPath
 from twin.recording.bounded_readers import MOST_CHUNK_BYTES, open_reader
+from twin.recording.losses import Loss
 from twin.recording.message_types import normal_type, typestore
 from twin.recording.scan_messages import CDR_BYTES
 
@@ -119,6 +120,13 @@ class Bag:
                 others[msgtype] = others.get(msgtype, 0) + count
             topics[name] = Topic(known.msgtype, known.message_count + count, others)
         return topics
+
+    @property
+    def unread(self) -> list[Loss]:
+        """Files of a bag folder that are not there, or that its metadata.yaml does not name."""
+        remedy = f"`ros2 bag reindex {self._path.name}` writes it of all files that are there"
+        clauses = getattr(getattr(self._reader, "storage", None), "unread", ())
+        return [Loss("metadata.yaml", 0, 0, each, remedy, always=True) for each in clauses]
 
     @property
     def duration_s(self) -> float:

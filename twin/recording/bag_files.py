@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import shutil
 import struct
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
@@ -18,10 +19,12 @@ from types import TracebackType
 from typing import Any, Self
 from urllib.parse import quote
 
+from rosbags import rosbag2
 from rosbags.interfaces import Connection, ConnectionExtRosbag1, Qos
-from rosbags.rosbag2 import StoragePlugin, Writer, metadata, writer
+from rosbags.rosbag2 import StoragePlugin, Writer, metadata, storage_mcap, storage_sqlite3, writer
 
 from trackers.errors import InputError
+from trackers.plain_data import dump_yaml, parse_yaml, parse_yaml_value
 from twin.recording.atomic_file import unwritable
 from twin.recording.bag_damage import MCAP_MAGIC
 from twin.recording.message_types import typestore
@@ -29,6 +32,8 @@ from twin.recording.message_types import typestore
 _NO_HASH = "RIHS00_" + 64 * "0"
 """Hash that ROS 2 writes for a type whose hash is not set."""
 
+_METADATA = "metadata.yaml"
+_parse_qos = metadata.parse_qos
 _kept_qos_texts = lru_cache(maxsize=64)(lambda qos: metadata.dump_qos_v8(list(qos)))
 # The library formats the same few QoS twice for every topic.
 writer.dump_qos_v8 = lambda qos: _kept_qos_texts(tuple(qos))  # pyright: ignore[reportPrivateImportUsage]
@@ -162,6 +167,72 @@ def _type_hash(msgtype: str) -> str:
     return store.hash_rihs01(msgtype) if msgtype in store.types else _NO_HASH
 
 
+_QOS_TIMES = ("deadline", "lifespan", "liveliness_lease_duration")
+_CONVENTIONS = "avoid_ros_namespace_conventions"
+_QOS_KINDS = ("history", "reliability", "durability", "liveliness")
+
+
+def _whole_qos(offered: Any) -> list[Qos]:
+    """Read the QoS of a topic, of which nothing depends: a field that is missing or no number is unknown, or 0."""
+    try:
+        listed = parse_yaml_value(offered, "offered_qos_profiles") if isinstance(offered, str) else offered
+    except InputError:
+        return []
+    whole = []
+    for each in listed if isinstance(listed, list) else ():
+        given = each if isinstance(each, dict) else {}
+        times = {name: value if isinstance(value := given.get(name), dict) else {} for name in _QOS_TIMES}
+        whole.append(
+            {name: value if isinstance(value := given.get(name), int | str) else "unknown" for name in _QOS_KINDS}
+            | {name: {key: _count_in(time, key) for key in ("sec", "nsec")} for name, time in times.items()}
+            | {"depth": _count_in(given, "depth"), "avoid_ros_namespace_conventions": bool(given.get(_CONVENTIONS))}
+        )
+    return _parse_qos(whole)
+
+
+def _count_in(mapping: Mapping[str, Any], key: str) -> int:
+    value = mapping.get(key)
+    return value if isinstance(value, int) else 0
+
+
+for _module in (rosbag2.reader, storage_mcap, storage_sqlite3):
+    vars(_module)["parse_qos"] = _whole_qos
+
+
+def readable_metadata(folder: Path) -> tuple[str | None, tuple[str, ...]]:
+    """Return the metadata.yaml of a bag folder as the library reads it (None: as it is), and a clause per unread file.
+
+    Files are named by any path; of several, those that are not there are left out. How topics are offered stands in the
+    files too.
+    """
+    try:
+        content = parse_yaml((folder / _METADATA).read_text(encoding="utf-8-sig"), _METADATA, "metadata")
+        about = content["rosbag2_bagfile_information"]
+        named = [re.split(r"[\\/]", each)[-1] for each in about["relative_file_paths"]]
+        topics = [each["topic_metadata"] for each in about["topics_with_message_count"]]
+        for each in topics:
+            each.pop("offered_qos_profiles", None)
+    except (InputError, OSError, UnicodeDecodeError, KeyError, TypeError, AttributeError):
+        return None, ()  # the library says what is wrong
+    missing = [each for each in named if not (folder / each).exists()]
+    unpacked = [each.removesuffix(".zstd") for each in named]
+    if len(missing) == len(named) and all((folder / each).exists() for each in unpacked):
+        named, about["compression_mode"] = unpacked, ""
+    if 0 < len(missing) < len(named):
+        named = [each for each in named if each not in missing]
+    else:
+        missing = []
+    held = [each.name for each in folder.iterdir() if re.search(r"\.(mcap|db3)(\.zstd)?$", each.name)]
+    beside = sorted(set(held) - set(named) - {each.removesuffix(".zstd") for each in named})
+    about["relative_file_paths"] = named
+    kinds = {each.removesuffix(".zstd").rpartition(".")[-1] for each in named}
+    if kinds == {"mcap"} or kinds == {"db3"}:
+        about["storage_identifier"] = "mcap" if kinds == {"mcap"} else "sqlite3"
+    unread = [f"names {', '.join(missing)}, and no such file is there: without the messages in it"] if missing else []
+    unread += [f"does not name {', '.join(beside)}, which lies beside it and is not read"] if beside else []
+    return dump_yaml(content), tuple(unread)
+
+
 _HEADER, _FOOTER, _SCHEMA, _DATA_END = 0x01, 0x02, 0x03, 0x0F
 _PROFILE = struct.pack("<I", 4) + b"ros2"
 _FOOTER_BYTES = 37  # with the magic at the end
@@ -185,6 +256,11 @@ class BagPath(type(Path())):
         if self.suffix == ".mcap" and (args or (options.get("mode"),))[0] == "rb":
             return _McapShown(self)
         return super().open(*args, **options)
+
+    def read_text(self, *args: Any, **options: Any) -> str:
+        """Read the file; of a bag's metadata, what the library can read (see `readable_metadata`)."""
+        whole = readable_metadata(Path(self).parent)[0] if self.name == _METADATA else None
+        return super().read_text(*args, **options) if whole is None else whole
 
 
 class _McapShown(io.BufferedReader):

@@ -11,7 +11,6 @@ import io
 import struct
 import sys
 from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
-from copy import copy
 from functools import lru_cache, partial
 from heapq import heappop, heappush
 from itertools import count
@@ -33,6 +32,7 @@ from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 from trackers.errors import InputError
 from trackers.text_file import are_limits_lifted, check_limit, refuse_unless_lifted
 from twin.recording.bag_damage import MCAP_MAGIC
+from twin.recording.bag_files import readable_metadata
 
 if sys.version_info >= (3, 14):
     from compression import zstd
@@ -212,8 +212,11 @@ class _FolderReader(DirectoryReader):
     """ROS 2 bag folder whose files and messages keep the limits when unpacked."""
 
     STORAGE_PLUGINS: Mapping[str, type[Any]] = MappingProxyType({"mcap": _McapReader, "sqlite3": _SqliteReader})
+    unread: tuple[str, ...] = ()
+    """What of the folder is not read, a clause each."""
 
     def open(self) -> None:
+        _, self.unread = readable_metadata(Path(str(self.path)))
         for packed in sorted(self.path.glob("*.zst*")):  # unpacked where metadata.yaml says so, on opening
             with packed.open("rb") as stream:
                 n_bytes = zstd_bound(stream)
@@ -221,6 +224,19 @@ class _FolderReader(DirectoryReader):
         super().open()
         for each in self.storages:
             each.are_messages_packed = self.metadata.compression_mode == "message"
+        self._complete_topics()
+
+    def _complete_topics(self) -> None:
+        """Take what the files say of their topics where the metadata lacks a topic, or says otherwise how it is offered."""
+        named = {(each.topic, each.msgtype): each for each in self.connections}
+        found: dict[tuple[str, str], Connection] = {}
+        for each in (connection for file in self.storages for connection in file.connections):
+            key = each.topic, each.msgtype
+            so_far = named.get(key) or found.get(key) or each._replace(id=0, msgcount=0, owner=self)
+            count = so_far.msgcount if key in named else so_far.msgcount + each.msgcount
+            found[key] = so_far._replace(ext=each.ext, msgcount=count)
+        numbered = (named | found).values()
+        self.connections = [each._replace(id=number) for number, each in enumerate(numbered, start=1)]
 
     def messages(
         self, connections: Collection[Connection], start: int | None = None, stop: int | None = None
@@ -231,14 +247,22 @@ class _FolderReader(DirectoryReader):
         while waiting or heads:
             if waiting and (not heads or waiting[-1][1].metadata.start_time <= heads[0][0]):
                 place, file = waiting.pop()
-                alone = copy(self)  # the library's reader of all files, with one
-                alone.storages = [file]
-                read = super(_FolderReader, alone).messages(connections, start, stop)
+                read = self._of_file(file, connections, start, stop)
             else:
                 _, place, message, read = heappop(heads)
                 yield message
             if (following := next(read, None)) is not None:
                 heappush(heads, (following[1], place, following, read))
+
+    def _of_file(self, file: Any, connections: Collection[Connection], start: int | None, stop: int | None) -> Messages:
+        """Read the messages of one file, by topic and type: how a topic was offered may differ from file to file."""
+        wanted = {(each.topic, each.msgtype): each for each in connections or self.connections}
+        own = {each.id: wanted[key] for each in file.connections if (key := (each.topic, each.msgtype)) in wanted}
+        if own:
+            for connection, log_time_ns, data in file.messages(
+                [each for each in file.connections if each.id in own], start, stop
+            ):
+                yield own[connection.id], log_time_ns, zstd.decompress(data) if file.are_messages_packed else data
 
 
 class _Ros2Reader(rosbag2.Reader):

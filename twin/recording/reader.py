@@ -104,8 +104,7 @@ class Recording:
             self.start_ns = 0 if self.is_twin else self._first_stamp_ns(right)
             self.jumps_ns = tuple(each - self.start_ns for each in right.jumps_ns)
             self.stamps_ns = {topic: right.stamps_ns[label(topic)] - self.start_ns for topic in times}
-            if self._in_stamp_order:
-                silent.append(OF_NO_ORDER)
+            silent += [*bag.unread, *[OF_NO_ORDER] * self._in_stamp_order]
             self._found = [
                 *silent,
                 *self.sensor_topics.losses,

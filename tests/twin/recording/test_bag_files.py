@@ -68,6 +68,62 @@ def test_a_bag_in_several_files_is_read_by_time_however_they_divide_it(tmp_path,
     assert stamps_in(folder / "whole") == STAMPS
 
 
+@pytest.fixture(params=[StoragePlugin.SQLITE3, StoragePlugin.MCAP], ids=["db3", "mcap"])
+def split(request, tmp_path):
+    """A bag in three files of ten messages each, its suffix and the content of its metadata.yaml."""
+    suffix = "mcap" if request.param is StoragePlugin.MCAP else "db3"
+    folder, messages = tmp_path / "split", scan_messages("/scan", STAMPS)
+    folder.mkdir()
+    for n in range(3):
+        write_ros2_bag(tmp_path / f"p{n}", messages[10 * n : 10 * n + 10], request.param)
+        shutil.copy(tmp_path / f"p{n}" / f"p{n}.{suffix}", folder)
+    metadata = parse_yaml((tmp_path / "p0" / "metadata.yaml").read_text(), "metadata.yaml", "metadata")
+    about = metadata["rosbag2_bagfile_information"]
+    about["relative_file_paths"] = [f"p{n}.{suffix}" for n in range(3)]
+    about["message_count"] = about["topics_with_message_count"][0]["message_count"] = len(STAMPS)
+    about["duration"]["nanoseconds"] = STAMPS[-1] - STAMPS[0]
+    return folder, suffix, about
+
+
+def rewritten(folder, about, as_written=lambda text: text):
+    (folder / "metadata.yaml").write_bytes(as_written(dump_yaml({"rosbag2_bagfile_information": about})).encode())
+    return folder
+
+
+def test_metadata_is_read_in_whatever_way_tools_write_it(split):
+    """Each of these is refused, or leaves every message unread, by the library alone."""
+    folder, suffix, about = split
+    for offered in (None, "", [], "- history: 3\n  depth: 0", [{"history": "keep_last"}], "- [", [{"depth": "x"}]):
+        about["topics_with_message_count"][0]["topic_metadata"]["offered_qos_profiles"] = offered
+        assert stamps_in(rewritten(folder, about)) == STAMPS
+    windows = {**about, "relative_file_paths": [rf"logs\p{n}.{suffix}" for n in range(3)]}
+    packed = {**about, "relative_file_paths": [f"p{n}.{suffix}.zstd" for n in range(3)], "compression_mode": "FILE"}
+    other = {**about, "storage_identifier": "mcap" if suffix == "db3" else "sqlite3"}
+    for changed in (
+        windows,
+        packed | {"compression_format": "zstd"},
+        other,
+        {**about, "topics_with_message_count": []},
+    ):
+        assert stamps_in(rewritten(folder, changed)) == STAMPS
+    assert stamps_in(rewritten(folder, about, lambda text: "\ufeff" + text.replace("\n", "\r\n"))) == STAMPS
+
+
+def test_a_file_that_metadata_does_not_name_or_that_is_not_there_is_told(split):
+    folder, suffix, about = split
+    assert not Recording(rewritten(folder, about)).losses
+    fewer = {**about, "relative_file_paths": [f"p{n}.{suffix}" for n in (0, 2)]}
+    first, *_ = Recording(rewritten(folder, fewer)).losses
+    assert first.is_reported and first.line.startswith(
+        f"metadata.yaml: does not name p1.{suffix}, which lies beside it"
+    )
+    assert stamps_in(folder) == STAMPS[:10] + STAMPS[20:]
+    (folder / f"p1.{suffix}").unlink()
+    first, *_ = Recording(rewritten(folder, about)).losses
+    assert first.line.startswith(f"metadata.yaml: names p1.{suffix}, and no such file is there")
+    assert "`ros2 bag reindex split`" in first.line and stamps_in(folder) == STAMPS[:10] + STAMPS[20:]
+
+
 def test_a_pipe_is_refused_not_waited_for(tmp_path):
     os.mkfifo(tmp_path / "pipe.mcap")
     with pytest.raises(InputError, match="is a pipe or a device"):
