@@ -213,7 +213,7 @@ class _FolderReader(DirectoryReader):
 
     STORAGE_PLUGINS: Mapping[str, type[Any]] = MappingProxyType({"mcap": _McapReader, "sqlite3": _SqliteReader})
     unread: tuple[str, ...] = ()
-    """What of the folder is not read, a clause each."""
+    """Files of the folder that are not read, a clause each."""
 
     def open(self) -> None:
         _, self.unread = readable_metadata(Path(str(self.path)))
