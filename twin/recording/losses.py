@@ -10,7 +10,7 @@ from __future__ import annotations
 from array import array
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -48,7 +48,8 @@ _DARK, _HOLES = "show one colour throughout, but for noise", "have no distance i
 class Loss:
     """Messages of a sensor that were lost or corrected, the total, and the reason as a clause after 'messages'.
 
-    remedy: what to do, or to type. always: reported even if few. A total of 0 means unknown.
+    remedy: what to do, or to type. always: reported even if few. A total of 0 means unknown. topic: stands for {topic} in
+    `what`, so that what many sensors have in common is one warning.
     """
 
     sensor: str
@@ -57,6 +58,7 @@ class Loss:
     what: str
     remedy: str = ""
     always: bool = False
+    topic: str = ""
 
     @property
     def is_reported(self) -> bool:
@@ -68,7 +70,12 @@ class Loss:
         """The loss as a warning, on one line."""
         end = f"; {self.remedy}" if self.remedy else ""
         counted = f"{self.count} of {self.total} messages " if self.total else ""
-        return f"{self.sensor}: {counted}{self.what}{end}"
+        return f"{self.sensor}: {counted}{self.said}{end}"
+
+    @property
+    def said(self) -> str:
+        """The reason, with its topic."""
+        return self.what.replace("{topic}", self.topic)
 
     @property
     def document(self) -> dict[str, Any]:
@@ -77,14 +84,27 @@ class Loss:
             "sensor": self.sensor,
             "count": self.count,
             "total": self.total,
-            "what": self.what,
+            "what": self.said,
             "remedy": self.remedy or None,
         }
 
 
 def lines(losses: Iterable[Loss]) -> list[str]:
-    """Format the warnings: one line per reported loss."""
-    return [loss.line for loss in losses if loss.is_reported]
+    """Format the warnings: one line per reported loss, and one for the same, uncounted, of several sensors."""
+    alike: dict[tuple[object, ...], list[Loss]] = {}
+    for loss in losses:
+        if loss.is_reported:
+            counted = (loss.sensor, loss.count, loss.total) if loss.total else ()
+            alike.setdefault((loss.what, loss.remedy, *counted), []).append(loss)
+    return [_of_all(each).line for each in alike.values()]
+
+
+def _of_all(losses: Sequence[Loss]) -> Loss:
+    """Return one loss of the sensors, and of the topics, of several."""
+    sensors, topics = (
+        ", ".join(dict.fromkeys(each)) for each in zip(*((x.sensor, x.topic) for x in losses), strict=True)
+    )
+    return replace(losses[0], sensor=sensors, topic=topics)
 
 
 def missing(sensor: str, stamps_ns: Nanoseconds, from_ns: int, to_ns: int) -> Loss | None:

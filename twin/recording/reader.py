@@ -32,6 +32,7 @@ from twin.recording.sensor_topics import (
     odometry_losses,
     sensor_topics,
     times_of,
+    unnamed_frames,
     unusable_poses,
     unused_topics,
 )
@@ -104,18 +105,15 @@ class Recording:
             self.start_ns = 0 if self.is_twin else self._first_stamp_ns(right)
             self.jumps_ns = tuple(each - self.start_ns for each in right.jumps_ns)
             self.stamps_ns = {topic: right.stamps_ns[label(topic)] - self.start_ns for topic in times}
-            silent += [*bag.unread, *[OF_NO_ORDER] * self._in_stamp_order]
-            self._found = [
-                *silent,
-                *self.sensor_topics.losses,
-                *right.losses,
-                *absent_messages(self.sensor_topics, self.topics, times, self.stamps_ns, bag.end_ns),
-            ]
+            silent += [*bag.unread, *[OF_NO_ORDER] * self._in_stamp_order, *self.sensor_topics.losses, *right.losses]
+            absent = absent_messages(self.sensor_topics, self.topics, times, self.stamps_ns, bag.end_ns)
+            self._found = [*silent, *absent]
             if rig is not None:
                 self._found += compare_poses(self.rig, tree, poses, self.frames)
             if not self.is_twin:
                 self._found += compare_lenses(bag, self.rig, self.sensor_topics.sensors)
                 self._found += odometry_losses(self.rig, self.sensor_topics, tree, poses)
+                self._found += unnamed_frames(self.rig, tree, self.frames, is_given=rig is not None)
                 self._found += unusable_poses(tree, self._frames_of_rig(), poses, self.sensor_topics.sensors)
             self.logged_after_ns = self._logged_after_ns()
             mounted = {*self.rig.mounted(), *self.rig.odometry()}

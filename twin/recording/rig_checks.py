@@ -1,7 +1,4 @@
-"""A rig against its bag: lenses from CameraInfo, poses and motion from frames, odometry and transforms.
-
-Lenses that rig.yaml leaves out are taken from there; what it contradicts is reported.
-"""
+"""A rig against its bag: lenses from CameraInfo, also for rigs without; poses and motion from frames, odometry, transforms."""
 
 from __future__ import annotations
 
@@ -248,11 +245,12 @@ def compare_poses(
             continue
         if said := _differ(placed[first], placed[name], pose, turns=turns):
             is_one = frame_of[name] == frame_of[first]
-            by_bag = f"messages of both are of frame {frame_of[name]!r}" if is_one else f"transforms {said[1]} {first}"
-            is_swapped = _differ(placed[name], placed[first], pose, turns=turns) is None
-            guess = f": those of {first} and {name} seem to be exchanged" if is_swapped else ""
-            found[first] = "", ""
-            found[name] = f"the rig has it {said[0]} {first}, and in the bag {by_bag}", _CHECK + guess
+            one = f"messages of both are of frame {frame_of[name]!r}, which would hide exchanged topics"
+            by_bag = one if is_one else f"transforms {said[1]} {first}"
+            is_swapped = not is_one and _differ(placed[name], placed[first], pose, turns=turns) is None
+            guess = f": those of {first} and {name} seem to be exchanged" * is_swapped
+            words = f"the rig has it {said[0]} {first}, and in the bag {by_bag}", _CHECK + guess
+            found |= {first: ("", ""), name: words}
     for name in [each for each in names if each not in (*bases, *found)]:
         tops = [each for each in sorted(tree.ancestors([frame_of[name]])) if each.split("/")[-1] in _ON_THE_FLOOR]
         pose = _standing_pose(tree, frame_of[name], tops[0]) if tops and name not in carried else None

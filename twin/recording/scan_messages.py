@@ -20,6 +20,7 @@ import numpy as np
 from trackers.arrays import Array, Index, Mask, Nanoseconds
 from trackers.observations import NS_PER_S, LaserScan
 from trackers.rig import Rig
+from twin.messages import counted
 
 CDR_BYTES = 4
 """Head of a message encoded as CDR."""
@@ -188,6 +189,7 @@ class _Looks:
 
     def __init__(self) -> None:
         self.examined_ns: int | None = None
+        self.n_beams: list[int] = []
         self.widths_m: list[float] = []
         self.near_m: list[float] = []
         self.middle_m: list[float] = []
@@ -196,6 +198,7 @@ class _Looks:
 
     def add(self, scan: LaserScan, *, stands: bool) -> None:
         """Add a scan; of a scanner that moves, only the distances count."""
+        self.n_beams += [scan.ranges_m.size] * bool(scan.ranges_m.size)
         beam = np.flatnonzero(np.isfinite(scan.ranges_m) & (scan.ranges_m > 0))
         ranges, angles = scan.ranges_m[beam].astype(np.float64), scan.angles_rad[beam]
         if not beam.size:
@@ -222,7 +225,11 @@ class _Looks:
                 self.widths_m.append(float(np.linalg.norm(places[part[-1]] - places[part[0]])))
 
     def sentence(self) -> str:
-        """Describe what contradicts ranges in metres; '' where nothing does."""
+        """Describe what contradicts ranges in metres, or that there are too few; '' where nothing does."""
+        usual = int(np.median(self.n_beams or [_FEWEST_BEAMS]))
+        if usual < _FEWEST_BEAMS:
+            said = f"has {counted(usual, 'beam')} in a scan, of which {_FEWEST_BEAMS} side by side show a person"
+            return f"{said}; a scanner of more beams is expected"
         if len(self.near_m) < _FEWEST_LOOKS:
             return ""
         nearest_m, middle_m = min(self.near_m), float(np.median(self.middle_m))
@@ -243,7 +250,7 @@ class _Looks:
 
 
 class RangeUnits:
-    """Examines the scans of a run for ranges that cannot be in metres."""
+    """Examines the scans of a run for ranges that cannot be in metres, and for too few beams to show anybody."""
 
     def __init__(self, rig: Rig) -> None:
         self._stands = {name: sensor.mounted_on is None for name, sensor in rig.lasers().items()}
@@ -258,6 +265,6 @@ class RangeUnits:
         looks.add(scan, stands=self._stands[scan.sensor])
 
     def warnings(self, unused: Collection[str] = ()) -> dict[str, str]:
-        """Return a sentence for each scanner whose ranges cannot be in metres; unused: scanners left out."""
+        """Return a sentence for each scanner whose scans are no use to trackers; unused: scanners left out."""
         found = {name: looks.sentence() for name, looks in self._looks.items() if name not in unused}
         return {name: f"{name}: {sentence}" for name, sentence in found.items() if sentence}

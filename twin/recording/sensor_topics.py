@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from trackers.arrays import Nanoseconds
-from trackers.errors import InputError
+from trackers.errors import InputError, valid_names
 from trackers.observations import NS_PER_S, Odometry
 from trackers.rig import OdometrySensor, Rig, RigSensor, StereoSensor, normal_topic
 from twin.recording.bag import Topic
@@ -114,8 +114,9 @@ def add_transforms(found: SensorTopics, tree: TransformTree, rig: Rig, source: s
 
 def absent(sensor: str, topic: str, why: str) -> Loss:
     """Return the loss of a sensor without any message."""
-    remedy = "see whether its driver ran and its topic was recorded, or take it from rig.yaml"
-    return Loss(sensor, 0, 0, f"no message on {topic} ({why}): tracked without it", remedy, always=True)
+    remedy = "see whether its driver ran and its topic was recorded, or leave it out of rig.yaml"
+    what = f"no message on {{topic}} ({why}): tracked without"
+    return Loss(sensor, 0, 0, what, remedy, always=True, topic=topic)
 
 
 def absent_messages(
@@ -294,6 +295,29 @@ def unusable_poses(
             edge = tree.edges.get(child)
             n_read = len(edge.stamps_ns) if edge is not None and edge.parent == parent else 0
             yield Loss("transforms", count, count + n_read, f"of {child!r} in {parent!r} {no_pose}", remedy)
+
+
+def unnamed_frames(
+    rig: Rig, tree: TransformTree, frames: Mapping[str, Collection[str]], *, is_given: bool
+) -> Iterator[Loss]:
+    """Yield the sensors whose frames no transform names, in a bag whose transforms name others; `frames`: of each sensor.
+
+    is_given: True for a rig of the user's. That may be of sensors that are in no tree at all: then nothing is told. Nor is it
+    where something in the tree moves, which `motion_warnings` tells.
+    """
+    known = {frame for edge in tree.edges.values() for frame in (edge.child, edge.parent)}
+    bases = rig.odometry()
+    own = {name: {frame.strip("/") for frame in each} for name, each in frames.items() if each and name not in bases}
+    strange = {name: each for name, each in own.items() if not each & known}
+    if not known or any(edge.moves for edge in tree.edges.values()) or (is_given and len(strange) == len(own)):
+        return
+    for name, each in strange.items():
+        frame = sorted(each)[0]
+        what = (
+            f"its frame {frame!r} is in no transform of the bag; {valid_names(frame, sorted(known), start='they name')}"
+        )
+        remedy = "its pose in the rig is taken as it is" if is_given else "its tracks leave in its own frame"
+        yield Loss(name, 0, 0, what, f"{remedy}; see the driver's frame_id", always=True)
 
 
 def _jumps(name: str, stamps_ns: Nanoseconds, poses: Poses) -> Iterator[Loss]:

@@ -111,6 +111,9 @@ def test_a_sensor_that_stops_and_one_without_a_message_are_named(tmp_path):
     write_ros2_bag(tmp_path / "none", of_waist_and_knee(lambda k, scan: None))
     (line,) = lines(Recording(tmp_path / "none", RIG).losses)
     assert line.startswith("waist: no message on /high (the bag has no such topic)")
+    several = {name: LaserSensor(topic=f"/{name}") for name in ("high", "left", "right")}
+    (line,) = lines(Recording(tmp_path / "none", Rig(sensors={"knee": RIG.sensors["knee"], **several})).losses)
+    assert line.startswith("high, left, right: no message on /high, /left, /right (the bag has no such topic)")
     alone = Recording(tmp_path / "none", Rig(sensors={"knee": RIG.sensors["knee"]}))
     assert lines(alone.losses) == []
 

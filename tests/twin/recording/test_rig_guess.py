@@ -173,6 +173,12 @@ def test_a_rig_that_frames_and_transforms_of_the_bag_contradict_is_told_with_bot
     assert line.startswith(
         "back: the rig has it 0.70 m above front, and in the bag messages of both are of frame 'low_laser'"
     )
+    assert "which would hide exchanged topics" in line
+    (line,) = _against(tmp_path, right, "base_link", high="high_lase")
+    assert line.startswith(
+        "back: its frame 'high_lase' is in no transform of the bag; did you mean 'high_laser'? they name "
+    )
+    assert _against(tmp_path, right, "base_link", low="", high="other") == []  # a tree of other things
     named = {"low_laser": ("/high", 1.0), "high_laser": ("/low", 0.3)}
     (first,) = _against(tmp_path, named, "")
     assert first.startswith(

@@ -216,6 +216,17 @@ def test_ranges_wholly_in_another_unit_are_told(unit: float, width_m: float | No
     assert ("what moves is " if is_seen else "sees nothing nearer than ") in said["waist"]
 
 
+@pytest.mark.parametrize("n_beam", [0, 1, 2, 3])
+def test_a_scanner_of_too_few_beams_to_show_anybody_is_told(n_beam: int) -> None:
+    checks = RangeUnits(RIG)
+    for scan in room_scans(1.0, 0.5)[:9]:
+        checks.add(replace(scan, ranges_m=scan.ranges_m[270 : 270 + n_beam]))
+    said = {1: "waist: has 1 beam in a scan, of which 3 side", 2: "waist: has 2 beams in a scan, of which 3 side"}
+    assert checks.warnings().get("waist", "").startswith(said.get(n_beam, "")) and bool(checks.warnings()) == (
+        n_beam in said
+    )
+
+
 def test_of_a_scanner_with_another_unit_nothing_else_is_told(tmp_path) -> None:
     """In metres by its limits' word, a beam is 2.6 m from the next where the walls are."""
     messages = []
