@@ -25,6 +25,7 @@ from trackers.tracks import (
     listed,
     losses,
     takes_any_order,
+    warn_of_used_iterator,
 )
 
 MAX_WAIT_S = 0.3
@@ -199,6 +200,8 @@ def track_frames(tracker: Tracker, rig: Rig, observations: Iterable[Observation]
         n_fed += 1
         yield from _checked(fed.update(observation))
     yield from _checked(fed.finish())
+    if not n_fed + unknown.total() and isinstance(observations, Iterator):
+        warn_of_used_iterator("observations", stacklevel=3)
     if unknown:
         of = ", ".join(f"{n} of {name!r}" for name, n in unknown.items())
         warnings.warn(

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from math import isfinite, nan
 from typing import Any, Literal, Protocol, TypeVar, get_args, runtime_checkable
+from warnings import warn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -151,14 +152,27 @@ class Tracker(Protocol):
 
 
 def listed(frames: Iterable[_Frame], kind: type[_Frame]) -> list[_Frame]:
-    """Return frames as a list; raises InputError for objects of another class than `kind`."""
+    """Return frames as a list; raises InputError for objects of another class than `kind`.
+
+    Warns (UserWarning) of an iterator that gives none, as one that is used up does.
+    """
     if not isinstance(frames, Iterable):
         raise InputError(f"frames are {reprlib.repr(frames)}; an iterable of {kind.__name__} is expected")
     found = list(frames)
+    if not found and isinstance(frames, Iterator):
+        warn_of_used_iterator("frames", stacklevel=4)
     for frame in found:
         if not isinstance(frame, kind):
             raise InputError(f"{reprlib.repr(frame)} is among the frames; an iterable of {kind.__name__} is expected")
     return found
+
+
+def warn_of_used_iterator(of: str, stacklevel: int) -> None:
+    """Warn that an iterator gave nothing, and why that may be."""
+    said = (
+        f"no {of} came: an iterator gives what it has once; a new one, or a list of {of} for several uses, is expected"
+    )
+    warn(said, stacklevel=stacklevel)
 
 
 def check_frame(frame: TrackFrame) -> None:

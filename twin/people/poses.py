@@ -82,8 +82,9 @@ class PoseHistory:
         place = t / TICK_S
         if not oldest <= place <= self.tick + 1e-6:
             raise ValueError(
-                f"t = {t} s is not between {oldest * TICK_S:.2f} and {self.tick * TICK_S:.2f} s: advance(t) first, and "
-                f"look back by at most {HISTORY_S} s"
+                f"t = {t} s is not between {oldest * TICK_S:.2f} and {self.tick * TICK_S:.2f} s, for which "
+                f"people are kept: time goes forward, and {HISTORY_S:g} s back; looks in order of time, or another Simulation, "
+                "are expected"
             )
         before = min(int(place + 1e-9), self.tick)
         share = max(place - before, 0.0)  # a time rounded to just before its tick is at it, so that no load is below 0

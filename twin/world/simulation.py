@@ -12,7 +12,7 @@ from typing import NoReturn, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.errors import InputError
+from trackers.errors import InputError, valid_names
 from trackers.observations import NS_PER_S, Observation
 from trackers.rig import OdometrySensor, Rig
 from twin.instant.snapshot import FootShapes, Snapshot
@@ -43,7 +43,7 @@ from twin.truth.frames import Box, TruthDetail, TruthFrame
 from twin.truth.visibility import PersonImaging, person_boxes, sees_any_of, sensor_view
 from twin.world.scene import foot_shapes
 from twin.world.truth_details import TruthDetails
-from twin.world.world import PrecomputedScene, World, trim_heap
+from twin.world.world import LONGEST_LOOK_S, PrecomputedScene, World, trim_heap
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -203,7 +203,8 @@ class Simulation:
             if self._coming is not None and self._coming.gi_running:
                 why = "is in the loop of another thread"
             raise RuntimeError(
-                f"the simulation of {self.scenario.name!r} {why}; make another Simulation to iterate again"
+                f"the simulation of {self.scenario.name!r} {why}; make another Simulation to iterate again, "
+                "of the same bits, or keep its observations in a list"
             )
         if self._coming is None:
             self._coming = self._deliver()
@@ -231,7 +232,10 @@ class Simulation:
     def look(self, stamp_ns: int, sensors: Iterable[str] | None = None) -> dict[str, Observation]:
         """Return observations at one stamp, by sensor (None: all), outside their schedule; without those of silent ones."""
         looks = {}
-        for name in self._sensors if sensors is None else sensors:
+        self._check_time(stamp_ns / NS_PER_S)
+        for name in self._sensors if sensors is None else [sensors] if isinstance(sensors, str) else sensors:
+            if name not in self._sensors:
+                raise InputError(f"there is no sensor {name!r}; {valid_names(name, self._sensors)}")
             timed = self._sensors[name]
             if self._timing[name].dropout == 1 or MessageFaults(name, self.scenario.faults, 0).loses_all(stamp_ns):
                 continue
@@ -247,14 +251,22 @@ class Simulation:
     def person_images(self, t: float, cameras: Collection[str] | None = None) -> dict[str, NDArray[np.int16]]:
         """Return the person that each pixel shows at time t [s], by camera (`PersonImaging.person_image`); of `cameras` alone
         if given."""
+        self._check_time(t)
         snapshot = self.world.snapshot(t)
         found = self._cameras().items()
         return {name: each.person_image(snapshot) for name, each in found if cameras is None or name in cameras}
 
     def snapshot(self, t: float) -> Snapshot:
         """Return the world at time t [s], after reporting the truth of every stamp until then."""
+        self._check_time(t)
         self._tell_truth_until(t)
         return self.world.snapshot(t)
+
+    def _check_time(self, t: float) -> None:
+        """Raise InputError for a time [s] after the end, beyond what a sensor may look past it."""
+        if not t <= self.scenario.duration_s + LONGEST_LOOK_S:
+            end = f"the end of {self.scenario.name!r} at {self.scenario.duration_s:g} s"
+            raise InputError(f"t = {t:g} s: is after {end}; a time before, or a longer duration_s, is expected")
 
     def gl_info(self) -> GlInfo | None:
         """OpenGL of the renderer; None in a run without cameras."""

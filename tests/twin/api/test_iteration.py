@@ -160,6 +160,34 @@ def test_tracker_used_for_a_second_run_warns_that_it_drops_all() -> None:
             list(twin.track_frames(tracker, simulation.rig, scans))
 
 
+def test_iterator_that_is_used_up_is_told_where_it_gives_nothing() -> None:
+    """Of an empty table nothing else would tell that frames, or observations, had gone to another loop before."""
+    with twin.Simulation(SCENARIO, images=False) as simulation:
+        rig, observations = simulation.rig, iter(simulation)
+        frames = twin.track_frames(twin.make_tracker("sort", rig), rig, observations)
+        assert list(frames)
+        with pytest.warns(UserWarning, match="no frames came: an iterator gives what it has once") as shown:
+            assert not len(twin.track_table(frames).id)
+        assert shown[0].filename == __file__
+        with pytest.warns(UserWarning, match="no observations came: an iterator gives what it has once"):
+            assert not list(twin.track_frames(twin.make_tracker("sort", rig), rig, observations))
+
+
+def test_look_at_what_is_not_there_is_refused_in_a_sentence() -> None:
+    with twin.Simulation(SCENARIO, images=False) as simulation:
+        assert simulation.look(0, "waist").keys() == {"waist"}
+        with pytest.raises(twin.InputError, match="no sensor 'wast'; did you mean 'waist'"):
+            simulation.look(0, ["wast"])
+        for call in (simulation.snapshot, simulation.boxes, lambda t: simulation.look(t * 10**9)):
+            for t in (1e9, float("nan")):
+                with pytest.raises(
+                    twin.InputError, match=r"is after the end of 'lab-five-people' at 1 s; a time before"
+                ):
+                    call(t)
+        with pytest.raises(ValueError, match="time goes forward, and 3 s back; looks in order of time, or another"):
+            simulation.look(-(10**9))
+
+
 def test_simulation_with_images_is_iterated_in_one_thread_and_closed_in_another() -> None:
     scenario = twin.load_scenario("lab-five-people", ["duration_s=0.3"])
     simulation = twin.Simulation(scenario)
