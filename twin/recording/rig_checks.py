@@ -214,8 +214,10 @@ def _field(message: Any, name: str) -> Any:
     return getattr(message, name, None) if hasattr(message, name) else getattr(message, name.upper())
 
 
-_APART_M, _TURNED_DEG = 0.15, 15.0
-"""A pose that differs more from that of the bag's transforms is reported; those of a drawing err by less."""
+_APART_M = 0.15
+"""A pose that puts people this far from where the bag's transforms do is reported: HOTA falls by .1, MOTA from .3 m on."""
+_FAR_M, _LEAST_TURN_DEG = 5.0, 1.0
+"""Distance of people from a scanner without an area, and the turn that is never reported."""
 _ON_THE_FLOOR = ("map", "world", "room", "base_footprint")
 """Names of frames whose origin is on the floor (REP 105, REP 120)."""
 _CHECK = "the rig is taken as it is; check topic and room_from_sensor in rig.yaml and the driver's frame_id"
@@ -238,22 +240,22 @@ def compare_poses(
     names = sorted(placed, key=lambda name: (name not in bases, name not in lasers))
     found: dict[str, tuple[str, str]] = {}
     for first, name in combinations(names, 2):
-        turns = name in lasers  # the frame of a camera may be that of its body
-        pose = _standing_pose(tree, frame_of[name], frame_of[first])
+        least_deg = _turn_deg(rig, name) if name in lasers else np.inf  # the frame of a camera may be that of its body
+        pose = tree.standing_pose(frame_of[name], frame_of[first])
         is_apart = carried.get(first, first if first in bases else None) != carried.get(name)
         if pose is None or is_apart or first not in (*bases, *lasers) or {first, name} & found.keys():
             continue
-        if said := _differ(placed[first], placed[name], pose, turns=turns):
+        if said := _differ(placed[first], placed[name], pose, least_deg):
             is_one = frame_of[name] == frame_of[first]
             one = f"messages of both are of frame {frame_of[name]!r}, which would hide exchanged topics"
             by_bag = one if is_one else f"transforms {said[1]} {first}"
-            is_swapped = not is_one and _differ(placed[name], placed[first], pose, turns=turns) is None
+            is_swapped = not is_one and _differ(placed[name], placed[first], pose, least_deg) is None
             guess = f": those of {first} and {name} seem to be exchanged" * is_swapped
             words = f"the rig has it {said[0]} {first}, and in the bag {by_bag}", _CHECK + guess
             found |= {first: ("", ""), name: words}
     for name in [each for each in names if each not in (*bases, *found)]:
         tops = [each for each in sorted(tree.ancestors([frame_of[name]])) if each.split("/")[-1] in _ON_THE_FLOOR]
-        pose = _standing_pose(tree, frame_of[name], tops[0]) if tops and name not in carried else None
+        pose = tree.standing_pose(frame_of[name], tops[0]) if tops and name not in carried else None
         bare, own_m = frame_of[name].split("/")[-1].removesuffix("_link"), placed[name][2, 3]
         if pose is not None and abs(own_m - pose[2, 3]) > _APART_M:
             by_bag = f"transforms {pose[2, 3]:.2f} m above {tops[0]!r}"
@@ -264,18 +266,14 @@ def compare_poses(
     return [Loss(name, 0, 0, *words, always=True) for name, words in found.items() if words[0]]
 
 
-def _standing_pose(tree: TransformTree, frame: str, base: str) -> Array | None:
-    """Return the pose (4, 4) of a frame in another; None where transforms do not tell it, or it moves there."""
-    if frame == base:
-        return np.eye(4)
-    try:
-        edges = [edge for way in tree.path(frame, base) for edge in way]
-    except InputError:
-        return None
-    return None if any(edge.moves for edge in edges) else tree.static_pose(frame, base)
+def _turn_deg(rig: Rig, name: str) -> float:
+    """Return the turn of a scanner that moves people by `_APART_M`, at the mean distance of the area's corners [degrees]."""
+    sensor, corners = rig.sensors[name], np.array(rig.area or [], dtype=float).reshape(-1, 2)
+    from_it = np.hypot(*(corners - sensor.room_from_sensor.xyz[:2]).T) if name not in rig.mounted() else corners[:0]
+    return max(np.degrees(_APART_M / (from_it.mean() if from_it.size else _FAR_M)), _LEAST_TURN_DEG)
 
 
-def _differ(pose: Array, other: Array, said: Array, *, turns: bool) -> tuple[str, str] | None:
+def _differ(pose: Array, other: Array, said: Array, least_deg: float) -> tuple[str, str] | None:
     """Return the rig's and the bag's (`said`, (4, 4)) words for another pose seen from a pose; None where they agree."""
     own = np.linalg.inv(pose) @ other
     here, there = (pose[:3, :3] @ each[:3, 3] for each in (own, said))
@@ -283,9 +281,9 @@ def _differ(pose: Array, other: Array, said: Array, *, turns: bool) -> tuple[str
         first, second = (f"{abs(z):.2f} m {'above' if z > 0 else 'below'}" for z in (here[2], there[2]))
     elif np.linalg.norm(here - there) > _APART_M:
         first, second = (f"[{x:.2f}, {y:.2f}, {z:.2f}] m from" for x, y, z in (here, there))
-    elif turns and displacement(np.stack([own, said]))[1] > _TURNED_DEG:
+    elif displacement(np.stack([own, said]))[1] > least_deg:
         rolled = (np.degrees(Pose.from_transform(each).rpy) for each in (own, said))
-        first, second = (f"turned by roll {x:.0f}°, pitch {y:.0f}°, yaw {z:.0f}° to" for x, y, z in rolled)
+        first, second = (f"turned by roll {x:.3g}°, pitch {y:.3g}°, yaw {z:.3g}° to" for x, y, z in rolled)
     else:
         return None
     return first, second

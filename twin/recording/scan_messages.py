@@ -4,7 +4,8 @@ Several drivers publish each packet of a turning scanner as a LaserScan of its o
 Trackers take a scan for a whole look around, so that the sectors of a turn are joined to one scan.
 
 A driver whose ranges and limits are all in another unit contradicts itself nowhere. It is known by the width of what moves, and
-by a room in which nothing is near (`RangeUnits`).
+by a room in which nothing is near (`RangeUnits`). Feet are not told: what moves is then as wide as two people side by side, and
+goes as fast as people run.
 """
 
 from __future__ import annotations

@@ -175,6 +175,16 @@ class TransformTree:
             passed.append(here)
         return edges
 
+    def standing_pose(self, frame: str, base: str) -> Poses | None:
+        """Return the pose (4, 4) of a frame in another; None where transforms do not tell it, or it moves there."""
+        if frame == base:
+            return np.eye(4)
+        try:
+            edges = [edge for way in self.path(frame, base) for edge in way]
+        except InputError:
+            return None
+        return None if any(edge.moves for edge in edges) else self.static_pose(frame, base)
+
     def may_carry(self, base: str, frames: Collection[str]) -> bool:
         """Return whether a base may carry frames that are not below it; `frames`: with all above them.
 
