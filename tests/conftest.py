@@ -7,11 +7,13 @@ from collections import defaultdict
 from collections.abc import Generator, Iterator
 
 import pytest
-import shape_checks
 from hypothesis import settings
 
 # Before anything imports mujoco: tests that use its own renderer draw through EGL too.
 os.environ["MUJOCO_GL"] = "egl"
+# Before anything imports numpy, and as the command does: matrices are small, and a thread of BLAS that waits for the next
+# one spins, for a quarter of the time of the trackers' tests.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 OURS = ("twin", "trackers")
 
@@ -22,6 +24,9 @@ settings.load_profile("untimed")
 # As the command does; Python's 700 new objects cost a tenth of some folders' time, since everything tested stays loaded.
 gc.set_threshold(10_000)
 gc.disable()  # until everything is collected, all of which stays
+
+import shape_checks  # noqa: E402
+import worker_memory  # noqa: E402
 
 # Before anything imports them: calls into the trackers have their arguments' and results' types and shapes checked.
 shape_checks.install()
@@ -70,18 +75,13 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 @pytest.hookimpl(wrapper=True, trylast=True)
 def pytest_runtest_teardown(item: pytest.Function, nextitem: pytest.Item | None) -> Generator[None, object, object]:
-    """Free what a file's own caches keep after its last test: recordings, worlds and pictures for no other file."""
+    """Free what tests leave, before it adds up: recordings, worlds and pictures for no other file."""
     result = yield
     if nextitem is None or nextitem.path != item.path:
-        from twin.world.world import trim_heap
-
         assert item.module is not None
-        for each in vars(item.module).values():
-            if getattr(each, "__module__", None) == item.module.__name__ and hasattr(each, "cache_clear"):
-                each.cache_clear()
-        gc.collect()
-        gc.freeze()  # what is left, modules and caches of the code, stays: searching it costs a quarter of a second a file
-        trim_heap()
+        worker_memory.end_file(item.module)
+    else:
+        worker_memory.collect_if_grown()
     return result
 
 
