@@ -14,6 +14,8 @@ FARTHEST_M = 10_000.0
 """Greatest distance of objects from the room's origin [m]."""
 ENDLESS_M = 50.0
 """Half the side of an infinite plane [m]."""
+_LARGEST_MESH_M, _SMALLEST_MESH_M = 20.0, 0.005
+"""Least side of a mesh beyond which, and greatest below which, it is of another unit [m]: no thing in a room is 20 m deep."""
 _SIDES = 24  # of the polygon for a circle
 
 
@@ -64,6 +66,24 @@ def check_extent(model: mujoco.MjModel, data: mujoco.MjData, source: str) -> Non
         raise InputError(
             f"{source}: {name!r} reaches {reach_m[geom]:.3g} m from the room's origin; at most {FARTHEST_M:g} m is expected"
         )
+
+
+def unlikely_meshes(model: mujoco.MjModel) -> list[str]:
+    """Return a sentence on the meshes of a room whose size is that of another unit than metres; none without any."""
+    sizes: dict[str, Array] = {}
+    for geom in np.flatnonzero((model.geom_type == mujoco.mjtGeom.mjGEOM_MESH) & stands_still(model)).tolist():
+        mesh = model.geom_dataid[geom]
+        first = model.mesh_vertadr[mesh]
+        size_m = np.ptp(model.mesh_vert[first : first + model.mesh_vertnum[mesh]], axis=0)
+        if size_m.min() > _LARGEST_MESH_M or size_m.max() < _SMALLEST_MESH_M:
+            sizes[model.mesh(mesh).name or f"mesh {mesh}"] = size_m
+    if not sizes:
+        return []
+    (name, size_m), *more = sizes.items()
+    others = f", and {len(more)} more are as far off" * bool(more)
+    return [
+        f'room: the mesh {name!r} is {size_m.max():.3g} m long{others}; a mesh in mm has scale="0.001 0.001 0.001", one in m none'
+    ]
 
 
 def _cube(x: list[float], y: list[float], z: list[float]) -> Array:

@@ -31,13 +31,15 @@ from numpy.typing import NDArray
 from trackers.area import meets_itself_at
 from trackers.arrays import Array
 from trackers.errors import InputError
-from twin.geometry.geom_hull import ENDLESS_M, hull_points, stands_still
+from twin.geometry.geom_hull import ENDLESS_M, hull_points, stands_still, unlikely_meshes
 from twin.geometry.polygon import ConvexHull, QhullError, counter_clockwise, inset, polygon_area
 from twin.room.obstacles import KEEP_FROM_EDGE_M, OBSTACLE_REACH_M, is_in_the_way
 
 Mask = NDArray[np.uint8]
 
 _CELL_M, _MOST_CELLS = 0.02, 2000
+_COARSEST_M = 0.2
+"""Greatest cell: a door of 0.8 m is four."""
 _BEYOND_M = 10.0
 _WALL_FROM_M, _WALL_TO_M = 0.5, 1.8
 _DOOR_M = 1.5
@@ -65,6 +67,13 @@ def walkable_area(model: mujoco.MjModel, data: mujoco.MjData, floor: Sequence[Ar
     """
     walls, standing = standing_footprints(model, data)
     plan = Plan.over(floor, standing, common_direction(walls or floor))
+    if plan.cell_m > _COARSEST_M:
+        wide_m = float(np.ptp(np.concatenate(floor), axis=0).max())
+        raise InputError(
+            f"{source}: its floor is {wide_m:.0f} m wide, as of a room in mm or cm; lengths in metres, a floor of at most "
+            f"{_COARSEST_M * _MOST_CELLS:.0f} m, or a numeric walkable_area under <custom>, is expected"
+            + "".join(f"; {each}" for each in unlikely_meshes(model))
+        )
     wall = plan.drawn(walls)
     ground = plan.within(_closed(plan.drawn(floor), plan.cells(_SEAM_M))) & ~wall
     outdoors = outdoors_of(plan.drawn(standing), plan)

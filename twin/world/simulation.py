@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from trackers.errors import InputError, valid_names
 from trackers.observations import NS_PER_S, Observation
 from trackers.rig import OdometrySensor, Rig
+from twin.geometry.geom_hull import unlikely_meshes
 from twin.instant.snapshot import FootShapes, Snapshot
 from twin.people.population import Population, randomized
 from twin.people.script.recorded import (
@@ -341,7 +342,7 @@ class Simulation:
         ]
         close = describe_close_calls(close_calls(self.scenario.people, self.scenario.duration_s))
         late = describe_late_actions(self.scenario.people, self.scenario.duration_s)
-        late += describe_late_starts(self.scenario) + describe_circles(self.scenario)
+        late += describe_late_starts(self.scenario) + describe_circles(self.scenario) + unlikely_meshes(empty.model)
         if not any(WALKING_WARNING in each for each in self.scenario.warnings):  # a file of paths was judged as a whole
             late += describe_speeds(self.scenario.people)
         messages = [*self.scenario.warnings, *blind, *dark, *late, *([f"people: {close}"] if close else [])]

@@ -331,6 +331,29 @@ def test_a_thing_without_measure_is_named(tmp_path: Path, geom: str) -> None:
         scene_of(tmp_path, f'<geom name="moon" type="box" {geom}/>')
 
 
+@pytest.mark.parametrize("per_m", [100, 1000])
+def test_a_room_in_another_unit_is_refused_with_its_size(tmp_path: Path, per_m: int) -> None:
+    floor = f'<geom type="plane" size="{4 * per_m} {3 * per_m} 1"/>'
+    wall = f'<geom type="box" pos="0 {3 * per_m} {per_m}" size="{4 * per_m} {0.1 * per_m} {per_m}"/>'
+    with pytest.raises(
+        InputError, match=f"mine.xml: its floor is {8 * per_m} m wide, as of a room in mm or cm; lengths"
+    ):
+        build_scene(scenario_of(tmp_path, f"<mujoco><worldbody>{floor}{wall}</worldbody></mujoco>"))
+
+
+@pytest.mark.parametrize(
+    ("scale", "said"), [(1, ""), (40, "'m' is 56.6 m long; a mesh in mm has"), (1e-3, "'m' is 0.00141 m long;")]
+)
+def test_a_mesh_in_another_unit_is_told(tmp_path: Path, scale: float, said: str) -> None:
+    write(tmp_path / "rooms/thing.obj", TETRAHEDRON)
+    asset = f'<asset><mesh name="m" file="thing.obj" scale="{scale} {scale} {scale}"/></asset>'
+    thing = f'<geom type="mesh" mesh="m" pos="{-2.5 if scale < 2 else 60} -1 0.3"/>'
+    room = f"<mujoco>{asset}<worldbody>{SHELL}{thing}</worldbody></mujoco>"
+    with Simulation(scenario_of(tmp_path, room), images=False) as simulation:
+        told = [each for each in simulation.warnings if "the mesh" in each]
+        assert len(told) == bool(said) and said in "".join(told)
+
+
 @pytest.mark.parametrize(
     ("element", "said"),
     [
