@@ -66,7 +66,7 @@ _RUN_BY = {"study": "twin study run", "suite": "twin suite run", "scenario": "tw
 def check_kind(content: Mapping[str, Any], kind: str, path: Path) -> None:
     """Raise InputError where the fields of a file are those of another kind, naming the command that runs it."""
     found = [each for each, fields in _SIGNS.items() if any(field in content for field in fields)]
-    if found and kind not in found:
+    if found and (kind not in found or (kind == "suite" and all(each in content for each in _SIGNS["study"]))):
         raise InputError(f"{path}: is a {found[0]}, which `{_RUN_BY[found[0]]}` runs; a {kind} is expected")
 
 

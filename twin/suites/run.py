@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import time
 from collections import Counter, defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -127,6 +128,7 @@ def _facts(suite: Suite, path: Path, cases: Sequence[Case], changes: Sequence[st
         "changes": list(changes),
         "tolerances": {name: each.model_dump() for name, each in suite.tolerances.items()},
         "requirements": [asdict(each) for each in requirements],
+        "reports": suite.reports,
         "seconds": 0.0,
         "renderers": [],
         "tracker_warnings": {},
@@ -145,7 +147,11 @@ def _run_cases(
     by_id = {case.id: case for case in cases}
     done = {each.id for each in store.cases() if each.status == DONE}
     facts = store.facts()
-    renderers, tracker_warnings = set(facts["renderers"]), dict(facts.get("tracker_warnings", {}))
+    renderers = set(facts["renderers"])
+    # of cases that are done again, nothing of before is kept
+    held = {text: [each for each in ids if each in done] for text, ids in facts.get("warned_cases", {}).items()}
+    warned_cases: dict[str, list[str]] = {text: ids for text, ids in held.items() if ids}
+    _note_warnings(store, warned_cases)
     warned: set[str] = set()
     code = whole_code()
 
@@ -161,11 +167,12 @@ def _run_cases(
                 progress.warned(warning)
         warned.update(result.warnings)
         for each in result.tracker_warnings:
-            if each not in tracker_warnings:  # once, whatever its number of cases
+            if each not in warned_cases:  # once, whatever its number of cases
                 progress.warned(f"{case.id}: {each}")
-            tracker_warnings[each] = tracker_warnings.get(each, 0) + 1
+            warned_cases.setdefault(each, []).append(case.id)
         if result.tracker_warnings:
-            store.note(tracker_warnings=tracker_warnings)
+            _note_warnings(store, warned_cases)
+        shutil.rmtree(folder / "cases" / case.id, ignore_errors=True)  # what an earlier state of the case has left
         _write_files(folder / "cases" / case.id, result.files)
         recorded = RecordingInfo(result.recording, result.people, result.scatter_m)
         store.finished(case, end.attempts, end.seconds, flatten_metrics(result.metrics), result.incidents, recorded)
@@ -190,9 +197,23 @@ def _run_cases(
     def state(now: State) -> None:
         progress.state(replace(now, done=now.done + len(done)))
 
+    for sentence in _without_page(facts.get("reports", True), cases, done):
+        progress.warned(sentence)
     logs = folder / "logs"
     logs.mkdir(exist_ok=True)
     run_tasks(tasks, function, TaskListener(lambda task, number: store.started(task.id, number), ended, state), logs)
+
+
+def _note_warnings(store: ResultStore, warned_cases: Mapping[str, Sequence[str]]) -> None:
+    """Store the trackers' warnings, each with the cases that gave it, and their number."""
+    store.note(warned_cases=warned_cases, tracker_warnings={text: len(ids) for text, ids in warned_cases.items()})
+
+
+def _without_page(had_pages: bool, cases: Sequence[Case], done: Collection[str]) -> list[str]:
+    """Return a sentence on the finished cases that have no page of their own, though the suite now wants one."""
+    lacking = [each for each in cases if each.id in done and each.report and not had_pages]
+    said = f"--resume: {counted(len(lacking), 'finished case')} of {len(cases)} have no page, as reports was false"
+    return [f"{said}; another folder gives each one"] if lacking else []
 
 
 def _draw_filmstrips(

@@ -94,9 +94,11 @@ class Facts(Typed):
     changes: list[str]
     tolerances: dict[str, Tolerance]
     requirements: list[Requirement] = Field(default_factory=list)
+    reports: bool = True  # as the run began
     seconds: FiniteFloat
     renderers: list[str]
     tracker_warnings: dict[str, int] = Field(default_factory=dict)
+    warned_cases: dict[str, list[str]] = Field(default_factory=dict)  # by warning
     recipes: dict[str, str] = Field(default_factory=dict)  # inputs of each case's recording
     filmstrips: dict[str, FiniteFloat] = Field(default_factory=dict)
     baseline: str | None = None

@@ -26,6 +26,7 @@ from twin.suites import run as suite_run, store_files
 from twin.suites.cache import RecordingCache
 from twin.suites.cluster import Workers
 from twin.suites.comparison import SuiteOutcome
+from twin.suites.dask_runner import ProgressListener
 from twin.suites.page import write_page
 from twin.suites.run import run_suite
 from twin.suites.spec import load_suite
@@ -223,6 +224,29 @@ def test_what_trackers_doubt_is_told_once_and_kept(
     page = (folder / "report.html").read_text()
     for doubt, n_case in warned.items():
         assert told.count(doubt) == 1 and f"{doubt} ({n_case} case" in page
+
+
+def test_what_a_case_has_left_goes_when_it_is_done_again_for_an_edited_scenario(suite: Path, tmp_path: Path) -> None:
+    folder, scenario = tmp_path / "out", suite.with_name("own.yaml")
+    scenario.write_text("extends: lab-five-people\nname: own\nduration_s: 2\n")
+    suite.write_text(
+        "name: own\nseeds: 2\ntrackers: [laser-kalman]\nreports: false\nscenarios: [{scenario: own.yaml}]\n"
+    )
+    run_made_up(suite, folder)
+    with read_store(folder) as store:
+        left = folder / "cases" / store.cases()[0].id
+    left.mkdir(parents=True, exist_ok=True)
+    (left / "worst.jpg").write_bytes(b"of the scenario as it was")
+    said: list[str] = []
+    scenario.write_text(scenario.read_text().replace("duration_s: 2", "duration_s: 3"))
+    run_made_up(suite, folder, resume=True, progress=ProgressListener(warned=said.append))
+    assert any("2 of 2 results are done again" in each and "scenario changed since" in each for each in said)
+    with read_store(folder) as store:
+        assert set(store.facts()["tracker_warnings"].values()) == {2}
+    assert not (left / "worst.jpg").exists()
+    suite.write_text(suite.read_text().replace("reports: false", "reports: true"))
+    run_made_up(suite, folder, resume=True, progress=ProgressListener(warned=said.append))
+    assert said[-1].startswith("--resume: 2 finished cases of 2 have no page, as reports was false; another folder")
 
 
 def test_the_gate_passes_then_fails_and_says_where_to_look(
