@@ -12,11 +12,11 @@ import numpy as np
 
 from trackers.area import Area
 from trackers.arrays import Array, Bool, Float, Index, Int, Mask
-from trackers.camera_floor_particle.loads import Loads
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions, ExclusionOptions, MotionOptions
 from trackers.filters.particle import Cloud, LikelihoodStage, ParticleFilter, cascade
 from trackers.filters.rows import Rows
 from trackers.likelihood.colour import point_log_likelihood, window_log_likelihood
+from trackers.likelihood.floor import Loads
 from trackers.tracking.roster import Roster
 from trackers.vision.views import Views, padded_roots
 

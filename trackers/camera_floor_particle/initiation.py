@@ -15,13 +15,13 @@ import numpy as np
 from trackers.arrays import Array, Bool, Float, Mask
 from trackers.camera_floor_particle import body
 from trackers.camera_floor_particle.body import PAN_BINS, BodyTracks
-from trackers.camera_floor_particle.loads import Loads
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
 from trackers.camera_floor_particle.pan import GRID, around, unit
 from trackers.cameras.placed import through_people
 from trackers.filters.gating import distances
 from trackers.filters.particle import Cloud
 from trackers.filters.rows import Rows
+from trackers.likelihood.floor import Loads
 from trackers.tracking.roster import Roster
 from trackers.tracking.track_manager import TrackManager
 from trackers.vision.views import BINS, Views, WindowOptions

@@ -16,12 +16,12 @@ from numpy.typing import ArrayLike
 from trackers.arrays import Bool, Mask
 from trackers.camera_floor_particle.body import CROWN_M, BodyFilter, BodyTracks
 from trackers.camera_floor_particle.initiation import Initiation, hull_over
-from trackers.camera_floor_particle.loads import FloorFrontEnd, Loads
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
 from trackers.camera_floor_particle.pan import HeadFilter, unit
 from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.filters.rows import written
+from trackers.likelihood.floor import FloorClusterOptions, FloorFrontEnd, Loads
 from trackers.observations import NS_PER_S, FloorFrame, Observation
 from trackers.rig import Rig
 from trackers.tracking.synced_frames import SyncedFrame, SynchronizedTracker, SyncPolicy
@@ -172,7 +172,11 @@ class CameraFloorParticle(SynchronizedTracker):
         area = self._manager.area
         self._views = CameraViews(front_ends(cameras, empty_room, self.options.front_end, area))
         empty_floor = [each for each in empty_room if isinstance(each, FloorFrame) and each.sensor == self._floor]
-        self._loads = FloorFrontEnd(rig.floors()[self._floor], empty_floor, self.options)
+        of, management = self.options, self.options.track_management
+        clusters = FloorClusterOptions(least_value=of.least_value)
+        self._loads = FloorFrontEnd(
+            rig.floors()[self._floor], empty_floor, clusters, of.load, management.least_load_n, management.stuck_s
+        )
         self._bodies, self._heads = BodyFilter(self.options, area), HeadFilter(self.options, area)
         self._initiation = Initiation(self.options, self._manager, len(cameras))
         self._cameras, self._calibration = tuple(cameras), CalibrationMonitor(len(cameras), _OFF_M)

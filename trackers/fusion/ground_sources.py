@@ -11,7 +11,6 @@ Mori et al., who divide a cluster's load by particles (eq. 3).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -24,7 +23,7 @@ from trackers.fusion.options import FusionOptions, KindOptions
 from trackers.fusion.posture import FLOOR_SHOWN, LEGS_SHOWN, TRUNK_SHOWN
 from trackers.laser.group import ScannerGroup, scanners_by_role
 from trackers.laser.layer import KneeOptions, LayerOptions, WaistOptions
-from trackers.likelihood.floor import FloorClusterOptions, floor_clusters
+from trackers.likelihood.floor import FloorClusterOptions, FloorFrontEnd
 from trackers.likelihood.legs import LegOptions, legs_ahead_m, may_be_new, pair_legs
 from trackers.observations import FloorFrame, LaserScan, Observation
 from trackers.rig import FloorSensor, Rig, Role
@@ -38,8 +37,6 @@ _LEAST_N = 60.0
 """Load from which it is a person's: a child's on one foot [N]."""
 _LINKED_M = 0.45
 """Unexplained clusters nearer than this are the feet of one person [m]."""
-_MOST_LOADED = 0.5
-"""Share of the elements from which a frame is that of a broken floor."""
 
 
 class Scanners:
@@ -156,22 +153,18 @@ class FusedFloor:
 
     def __init__(self, name: str, floor: FloorSensor, empty_room: Sequence[Observation], kind: KindOptions) -> None:
         self.names, self._floor, self._kind = (name,), floor, kind
-        frames = [each.values for each in empty_room if isinstance(each, FloorFrame) and each.sensor == name]
-        shape = (floor.rows, floor.columns)
-        self._own = np.rint(np.median(frames, axis=0) if frames else np.zeros(shape)).astype(np.uint8)
+        frames = [each for each in empty_room if isinstance(each, FloorFrame) and each.sensor == name]
+        self._front_end = FloorFrontEnd(floor, frames, FloorClusterOptions())
 
     def look(self, observations: Mapping[str, Observation], expected: Expected, ns: int) -> Look | None:
         """Return the middles of the loads of expected people, and clusters of what none of them explains."""
         frame = observations.get(self.names[0])
         if not isinstance(frame, FloorFrame):
             return None
-        values = frame.values
-        if values.shape == self._own.shape:  # another size is refused below, in words
-            values = values - np.minimum(values, self._own)
-        found = floor_clusters(replace(frame, values=values), self._floor, FloorClusterOptions())
-        loaded = found.cell_load_n > 0
-        if loaded.mean() > _MOST_LOADED:
+        found = self._front_end.clusters(frame)
+        if found is None:
             return None
+        loaded = found.cell_load_n > 0
         place, load_n = self._floor.centres[loaded], found.cell_load_n[loaded]
         feet = expected.place + expected.legs
         closeness = np.exp(-0.5 * (distances(feet, place) / _NEAR_M) ** 2)

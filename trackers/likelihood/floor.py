@@ -1,4 +1,4 @@
-"""Pressure floors and the room: clusters of loaded elements, and likelihoods of a position.
+"""Pressure floors and the room: front end, clusters of loaded elements, and likelihoods of a position.
 
 Clusters tell places and loads of people. By them, the likelihood is the share of a cluster's load there (Mori et al., eq. 3); by
 the room, a head is in free space, at plausible heights (Suzuki et al., eq. 8).
@@ -6,21 +6,27 @@ the room, a head is in free space, at plausible heights (Suzuki et al., eq. 8).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, FiniteFloat, PositiveInt
 from scipy import ndimage
 
-from trackers.arrays import Array, Float, Index, Int
+from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.configuration import Strict
 from trackers.environment.model import Environment
 from trackers.errors import InputError
-from trackers.observations import FloorFrame
+from trackers.observations import NS_PER_S, FloorFrame
 from trackers.rig import FloorSensor
 
 _EIGHT_NEIGHBOURS = np.ones((3, 3), dtype=bool)
+_OLDEST_S = 0.35
+"""Greatest age of a usable frame."""
+_MOST_LOADED = 0.5
+"""Share of loaded elements from which the floor is broken."""
 
 
 class FloorClusterOptions(Strict):
@@ -124,6 +130,101 @@ class FloorLikelihood:
             with np.errstate(divide="ignore"):
                 return np.log(share)
         return np.log(share + np.exp(self.options.no_load))
+
+
+@dataclass(frozen=True, eq=False)
+class Loads:
+    """Clusters of one frame, and the likelihood of positions by them."""
+
+    clusters: FloorClusters
+    floor: FloorSensor
+    likelihood: FloorLikelihood
+
+    def cluster_near(self, places: Float[Array, "n 2"], within_m: float) -> Bool[Mask, "n k"]:
+        """Return a mask of the clusters with an element within this distance of each place [m]."""
+        number = self.clusters.cluster_of_cell
+        loaded = number >= 0
+        away = np.linalg.norm(places[:, None] - self.floor.centres[loaded], axis=-1)  # (n, elements)
+        near = np.zeros((len(places), len(self.clusters)), np.bool_)
+        person, element = (away < within_m).nonzero()
+        near[person, number[loaded][element]] = True
+        return near
+
+
+class FloorFrontEnd:
+    """Front end of one floor: its newest frame without what the empty room bears.
+
+    empty_room: its frames without people; least_load_n: what a person weighs at least [N];
+    stuck_s: time after which a load over which no camera shows a person is the floor's own [s]; None: never.
+    """
+
+    def __init__(
+        self,
+        floor: FloorSensor,
+        empty_room: Sequence[FloorFrame],
+        clusters: FloorClusterOptions,
+        load: FloorLikelihoodOptions = FloorLikelihoodOptions(),
+        least_load_n: float = 0.0,
+        stuck_s: float | None = None,
+    ) -> None:
+        self._floor, self._cluster_options, self._load_options = floor, clusters, load
+        self._least_load_n, self._stuck_s = least_load_n, stuck_s
+        shape = (floor.rows, floor.columns)
+        frames = [frame.values for frame in empty_room]
+        median = np.median(frames, axis=0) if frames else np.zeros(shape)
+        self._own = np.rint(median).astype(np.uint8)
+        self._alone_ns: NDArray[np.int64] = np.zeros(shape, np.int64)  # time since when loaded without a person; 0: not
+        self._last: tuple[FloorFrame, Loads | None] | None = None
+        self._is_broken, self._most_n = False, 0.0
+
+    @property
+    def warning(self) -> str | None:
+        """Reason why the floor has shown no person yet; None if it has, or has reported nothing at all."""
+        if self._last is None or self._most_n >= self._least_load_n:
+            return None
+        what = "weight almost everywhere" if self._is_broken else "no person's weight"
+        return f"has borne {what} so far, which is what finds people"
+
+    def loads(self, frame: FloorFrame | None, ns: int) -> Loads | None:
+        """Return the newest frame's loads at stamp ns; None if it is too old, missing or of a broken floor."""
+        if frame is None or ns - frame.stamp_ns > _OLDEST_S * NS_PER_S:
+            return None
+        if self._last is None or self._last[0] is not frame:
+            clusters = self.clusters(frame)
+            self._is_broken = clusters is None
+            self._last = frame, None
+            if clusters is not None:
+                self._most_n = max(self._most_n, float(clusters.load_n.max(initial=0.0)))
+                likelihood = FloorLikelihood.of(clusters, self._floor, self._load_options)
+                self._last = frame, Loads(clusters, self._floor, likelihood)
+        return self._last[1]
+
+    def clusters(self, frame: FloorFrame) -> FloorClusters | None:
+        """Return the clusters of a frame beyond what the empty room bears; None if the floor is broken.
+
+        Raises InputError for a frame of another size than the rig's floor.
+        """
+        values = frame.values
+        if values.shape == self._own.shape:  # another size is refused below, in words
+            values = values - np.minimum(values, self._own)
+        clusters = floor_clusters(replace(frame, values=values), self._floor, self._cluster_options)
+        return None if (clusters.cluster_of_cell >= 0).mean() > _MOST_LOADED else clusters
+
+    def is_new(self, frame: FloorFrame | None) -> bool:
+        """Return whether the frame has not been processed before."""
+        return frame is not None and (self._last is None or self._last[0] is not frame)
+
+    def learn_own(self, loads: Loads, empty: Bool[Mask, "k"], ns: int) -> None:
+        """Learn clusters over which cameras see no person for a while as the floor's own load (ours)."""
+        if self._stuck_s is None:
+            return
+        number = loads.clusters.cluster_of_cell
+        alone = (number >= 0) & np.append(empty, False)[number]
+        self._alone_ns = np.where(alone, np.where(self._alone_ns > 0, self._alone_ns, ns), 0)
+        stuck = alone & (ns - self._alone_ns > self._stuck_s * NS_PER_S)
+        if stuck.any() and self._last is not None:
+            self._own = np.where(stuck, self._last[0].values, self._own)
+            self._last = None
 
 
 class EnvironmentLikelihoodOptions(Strict):

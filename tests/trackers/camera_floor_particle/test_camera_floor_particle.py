@@ -15,7 +15,6 @@ from synthetic_home import LOAD, PERIOD_S, empty_room, observe, rig, walks
 from trackers.area import Area, Pose
 from trackers.camera_floor_particle.body import PAN_BINS, BodyFilter, excluded, smoothed
 from trackers.camera_floor_particle.initiation import hull_over
-from trackers.camera_floor_particle.loads import FloorFrontEnd
 from trackers.camera_floor_particle.options import (
     CameraFloorParticleOptions,
     ExclusionOptions,
@@ -37,6 +36,7 @@ from trackers.errors import InputError
 from trackers.feeding import track_frames
 from trackers.filters.circular import diffused, drawn
 from trackers.filters.particle import Cloud
+from trackers.likelihood.floor import FloorClusterOptions, FloorFrontEnd, FloorLikelihoodOptions
 from trackers.observations import NS_PER_S, FloorFrame, Image
 from trackers.presets import make_tracker
 from trackers.rig import placed_camera
@@ -244,11 +244,10 @@ def test_a_stuck_element_is_nobody_and_hides_nobody():
 
 @pytest.mark.parametrize(("stuck_s", "n_cluster"), [(1.0, 0), (None, 1)])
 def test_a_load_over_which_no_camera_shows_a_person_is_the_floors_own_after_a_while(stuck_s, n_cluster):
-    options = CameraFloorParticleOptions.model_validate({"track_management": {"stuck_s": stuck_s}})
     floor = next(iter(RIG.floors().values()))
     values = np.zeros((floor.rows, floor.columns), np.uint8)
     values[2:4, 2:4] = LOAD
-    front_end = FloorFrontEnd(floor, [], options)
+    front_end = FloorFrontEnd(floor, [], FloorClusterOptions(), stuck_s=stuck_s)
     found = []
     for ns in range(NS_PER_S, 4 * NS_PER_S, NS_PER_S // 5):
         loads = front_end.loads(FloorFrame("floor", ns, values), ns)
@@ -354,14 +353,13 @@ def test_the_load_over_a_cluster_is_its_share_by_element_or_smoothed():
     values = np.zeros((14, 18), np.uint8)
     values[3, 4], values[3, 5] = 100, 50
     centres = floor.centres[3, [4, 5, 9]].T
-    paper = CameraFloorParticleOptions.model_validate({"load": {"smoothing_m": 0.0, "no_load": "drop"}})
-    loads = FloorFrontEnd(floor, [], paper).loads(FloorFrame("floor", 0, values), 0)
+    paper = FloorLikelihoodOptions(smoothing_m=0.0, no_load="drop")
+    loads = FloorFrontEnd(floor, [], FloorClusterOptions(), paper).loads(FloorFrame("floor", 0, values), 0)
     assert loads is not None
     load_n = floor.load_n(values)
     share = np.exp(loads.likelihood.log_likelihood(centres))
     np.testing.assert_allclose(share, [load_n[3, 4] / load_n.sum(), load_n[3, 5] / load_n.sum(), 0.0])
-    ours = CameraFloorParticleOptions()
-    smoothed = FloorFrontEnd(floor, [], ours).loads(FloorFrame("floor", 0, values), 0)
+    smoothed = FloorFrontEnd(floor, [], FloorClusterOptions()).loads(FloorFrame("floor", 0, values), 0)
     assert smoothed is not None
     between = smoothed.likelihood.log_likelihood(centres)
     assert between[0] > between[2] > -np.inf
@@ -395,7 +393,7 @@ def test_a_camera_that_hangs_elsewhere_is_named_while_somebody_walks(believed, d
 
 
 def test_old_and_broken_frames_say_nothing():
-    watch = FloorFrontEnd(RIG.floors()["floor"], [], CameraFloorParticleOptions())
+    watch = FloorFrontEnd(RIG.floors()["floor"], [], FloorClusterOptions())
     frame = FloorFrame("floor", 0, np.full((14, 18), 90, np.uint8))
     assert watch.loads(frame, 0) is None and watch.loads(None, 0) is None
     assert watch.loads(replace(frame, values=np.zeros((14, 18), np.uint8)), round(PERIOD_S * 20 * NS_PER_S)) is None
