@@ -52,7 +52,13 @@ class HeadEvidenceOptions(Strict):
 class ColourIdentityOptions(Strict):
     """Options of identities: what is remembered of people, and who comes out of hiding."""
 
-    memory: float = Field(default=0.8, ge=0, lt=1, description="share of the old colours that is kept by a look")
+    memory: float = Field(default=0.8, ge=0, lt=1, description="share of the old stature that is kept by a look")
+    learns_s: float = Field(
+        default=8.0, gt=0, description="time constant in which the colours of clothes are learned [s]"
+    )
+    recall_s: float = Field(
+        default=300.0, ge=0, description="who has left is known again by clothes for so long [s]; 0: never"
+    )
     gate: float = Field(
         default=4.0,
         ge=0,

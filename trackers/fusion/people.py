@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 
 from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.filters.imm import ImmState
-from trackers.filters.rows import written
+from trackers.filters.rows import Rows, written
 from trackers.fusion.heads import Heads
 from trackers.fusion.look import Expected
 from trackers.fusion.motion import CROWN_M, HEAD, PLACE, crowns_over, drifted, seen_over_modes
 from trackers.fusion.options import HeadEvidenceOptions
 from trackers.fusion.posture import OFF_BODY, Posture
+from trackers.observations import NS_PER_S
 from trackers.tracking.roster import NEVER_NS, ImmTracks, Roster
-from trackers.vision.histogram import Appearance
+from trackers.vision.histogram import chi_squared_distance
 
 _USUAL_STATURE_M, _STATURE_M, _LEAST_STATURE_M = 1.7, 0.2, 1.0
 """Mean and standard deviation of statures that are not known, and that of small children [m]: who is lower does not stand."""
@@ -25,12 +26,73 @@ _SINKS, _SURE_M = 0.005, 0.06
 
 
 @dataclass(frozen=True, eq=False)
+class Clothes(Rows):
+    """Colours of the clothes of n people: of each identity, and as its track has shown them lately."""
+
+    LATELY_S: ClassVar[float] = 0.4
+    """Time constant of what a track has shown lately [s]; no look counts more than half."""
+
+    reference: Float[Array, "n bins"]  # histogram of the person's clothes
+    n_look: Int[Index, "n"]  # looks learned; 0: not known
+    learned_ns: Int[Index, "n"]  # stamp of the last of them
+    lately: Float[Array, "n bins"]  # histogram of the last looks
+    looked_ns: Int[Index, "n"]  # stamp of the last of them
+
+    @classmethod
+    def unknown(cls, n: int, n_colour: int) -> Self:
+        """Make clothes at which nobody has looked."""
+        none, never = np.zeros((n, n_colour)), np.full(n, NEVER_NS)
+        return cls(none, np.zeros(n, np.int64), never, none, never)
+
+    @property
+    def known(self) -> Bool[Mask, "n"]:
+        """Mark the clothes that have been looked at."""
+        return self.n_look > 0
+
+    def looked(
+        self,
+        row: Int[Index, "k"],
+        histogram: Float[Array, "k bins"],
+        doubtful: Bool[Mask, "k"],
+        ns: int,
+        learns_s: float,
+    ) -> Self:
+        """Return the clothes after clear looks at those at `row`; doubtful: looks that may be at another person's."""
+        since_s = (ns - self.looked_ns[row]) / NS_PER_S
+        first = self.n_look[row] == 0
+        kept = np.where(first, 0.0, np.maximum(np.exp(-since_s / self.LATELY_S), 0.5))[:, None]
+        lately = written(self.lately, row, kept * self.lately[row] + (1 - kept) * histogram)
+        looked_ns = written(self.looked_ns, row, ns)
+        row, histogram = row[~doubtful], histogram[~doubtful]
+        since_s, n_look = (ns - self.learned_ns[row]) / NS_PER_S, self.n_look[row]
+        kept = np.minimum(np.exp(-since_s / learns_s), 1 - 1 / (n_look + 1))[:, None]  # a mean at first
+        reference = written(self.reference, row, kept * self.reference[row] + (1 - kept) * histogram)
+        return type(self)(
+            reference, written(self.n_look, row, n_look + 1), written(self.learned_ns, row, ns), lately, looked_ns
+        )
+
+    def distance(self, tracks: Self) -> Float[Array, "n k"]:
+        """Return χ² distances of these clothes and those that tracks have shown lately, NaN where either are not known."""
+        away = chi_squared_distance(self.reference, tracks.lately)
+        return np.where(self.known[:, None] & tracks.known, away, np.nan)
+
+    def of(self, identity: Self) -> Self:
+        """Return the clothes of identities, where they are known, on tracks that have shown these lately."""
+        known = identity.known
+        return self.changed(
+            reference=np.where(known[:, None], identity.reference, self.reference),
+            n_look=np.where(known, identity.n_look, self.n_look),
+            learned_ns=np.where(known, identity.learned_ns, self.learned_ns),
+        )
+
+
+@dataclass(frozen=True, eq=False)
 class People(ImmTracks):
     """n tracks, oldest first."""
 
     roster: Roster[ImmState]
     heads: Heads
-    clothes: Appearance
+    clothes: Clothes
     stature_m: Float[Array, "n"]  # NaN: not known
     place: Float[Array, "n 2"]  # after the last measurement [m]
     offset_m2: Float[Array, "n"]  # variance of what stays of the errors, on each axis
@@ -47,7 +109,7 @@ class People(ImmTracks):
         return cls(
             roster=Roster.started(state, ns),
             heads=Heads.over(n),
-            clothes=Appearance.started(np.zeros((n, n_colour)), np.zeros(n, np.int64)),
+            clothes=Clothes.unknown(n, n_colour),
             stature_m=np.full(n, np.nan),
             place=place,
             offset_m2=np.zeros(n),
@@ -125,3 +187,10 @@ class People(ImmTracks):
         sure = variance_m2 < _SURE_M**2
         first = np.where((stands > 0.5) & sure & (crown > _LEAST_STATURE_M), crown, np.nan)
         return self.changed(stature_m=written(self.stature_m, row, np.where(np.isnan(old), first, learned)))
+
+    def identified_as(self, identity: Self) -> Self:
+        """Return the tracks as those of other identities: numbers, clothes and statures; what they show lately stays theirs."""
+        roster = self.roster.changed(
+            id=identity.roster.id, confirmed=identity.confirmed, born_ns=identity.roster.born_ns
+        )
+        return self.changed(roster=roster, clothes=self.clothes.of(identity.clothes), stature_m=identity.stature_m)

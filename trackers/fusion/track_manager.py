@@ -1,7 +1,4 @@
-"""Track management of `fusion`: existence by likelihood ratios, whatever sensor shows a person or does not; re-identification.
-
-Tracks that come out of hiding take up their identities by clothes, and by how far their people can have walked.
-"""
+"""Track management of `fusion`: existence by likelihood ratios, whatever sensor shows a person or does not."""
 
 from __future__ import annotations
 
@@ -9,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackers.arrays import Array, Bool, Float, Index, Int, Mask
-from trackers.filters.gating import distances, max_weight_assignment
+from trackers.filters.gating import distances
 from trackers.filters.imm import Imm
 from trackers.filters.negative_information import (
     existence_after_detection,
@@ -20,8 +17,9 @@ from trackers.filters.negative_information import (
 )
 from trackers.filters.rows import written
 from trackers.fusion.association import EXPLAINED, LEAST_EXISTENCE, explained
+from trackers.fusion.identity import Identities
 from trackers.fusion.look import APART_M, NEW, Look, round_covariance
-from trackers.fusion.options import ColourIdentityOptions, FusionOptions
+from trackers.fusion.options import FusionOptions
 from trackers.fusion.people import People
 from trackers.fusion.posture import REACH
 from trackers.observations import NS_PER_S
@@ -52,7 +50,7 @@ class FusionTrackManager(TrackManager):
     def __init__(self, options: FusionOptions, corners: ArrayLike | None, imm: Imm) -> None:
         super().__init__(options.track_management, corners)
         self._rules, self._step_s, self._imm = options.track_management, options.step_s, imm
-        self._identity = options.identity
+        self.identities = Identities(options.identity)
         self._scanned_ns: dict[str, int] = {}
 
     def initiated(self, people: People, looks: dict[int, Look], paired: list[Int[Index, "p"]], ns: int) -> People:
@@ -112,7 +110,7 @@ class FusionTrackManager(TrackManager):
     def after_gap(self, people: People, last_ns: int, ns: int) -> People:
         """Return the tracks still followed at a look; none after a gap in all sensors longer than `coast_s`."""
         gap = ns - last_ns > nanoseconds(self._rules.coast_s)
-        return people.select(np.zeros(len(people), np.bool_)) if gap else people
+        return self._ended(people, np.full(len(people), gap), ns)
 
     def aged(self, people: People, elapsed_s: float) -> People:
         """Return the tracks some time later: people sit and lie down now and then."""
@@ -222,7 +220,7 @@ class FusionTrackManager(TrackManager):
     def confirmed(self, people: People, ns: int, elapsed_s: float) -> People:
         """Confirm tracks that were measured long and often enough, and that exist."""
         new = self.to_confirm(people.roster, ns, round(elapsed_s * NS_PER_S)) & (people.existence > _SURE)
-        people, new = reidentified(people, new, ns, self._identity)
+        people, new = self.identities.recognized(people, new, ns)
         return people.changed(roster=self.confirm(people.roster, new))
 
     def is_fresh(self, people: People, ns: int) -> Bool[Mask, "n"]:
@@ -257,52 +255,11 @@ class FusionTrackManager(TrackManager):
         exists = people.existence > np.where(people.confirmed, _LEAST_CONFIRMED, _LEAST_TENTATIVE)
         if self.area is not None:
             lasting |= people.confirmed & (people.existence > 0.5)
-        return people.select(inside & lasting & exists)
+        return self._ended(people, ~(inside & lasting & exists), ns)
 
-
-_HIDDEN_S = 0.2
-"""A track that has not been measured for longer may be the one that comes up elsewhere [s]."""
-_EVEN = 0.35
-"""Distance of colours at which two looks are as likely one person's as two people's."""
-_COLOUR = 12.0
-"""Log-likelihood ratio per distance of colours: measured in the twin."""
-
-
-def colour_distance(first: People, second: People) -> Float[Array, "n k"]:
-    """Return χ² distances of the clothes of tracks, that of an even ratio where either is not known."""
-    distance = first.clothes.distance(second.clothes.reference, second.clothes.known)
-    return np.full((len(first), len(second)), _EVEN) if distance is None else np.nan_to_num(distance, nan=_EVEN)
-
-
-def reidentified(
-    people: People, new: Bool[Mask, "n"], ns: int, options: ColourIdentityOptions
-) -> tuple[People, Bool[Mask, "n"]]:
-    """Let tracks that are about to be confirmed go on with the identities of hidden ones whose people they can be.
-
-    Each takes that of the likeliest, by colours and by how far they are apart for both covariances: that of a hidden track is how
-    far its person may have gone where nobody looks. The hidden track ends. Returns the tracks, and which of them are still to be
-    confirmed.
-    """
-    gap_s = (ns - people.roster.measured_ns) / NS_PER_S
-    hidden = np.flatnonzero(people.confirmed & (gap_s > _HIDDEN_S) & (people.existence > 0.5))
-    fresh = np.flatnonzero(new)
-    if not fresh.size or not hidden.size or not options.gate:
-        return people, new
-    before, after = people.select(hidden), people.select(fresh)
-    off = after.positions - before.positions[:, None]
-    square = np.einsum("nka,nkab,nkb->nk", off, np.linalg.inv(before.covariance[:, None] + after.covariance), off)
-    log_ratio = _COLOUR * (_EVEN - colour_distance(before, after)) - 0.5 * square
-    old, now = max_weight_assignment(0.5 * options.gate**2 + log_ratio)
-    if not old.size:
-        return people, new
-    old, now = hidden[old], fresh[now]
-    new = written(new, now, False)
-    before, after = people.select(old), people.select(now)
-    known = before.clothes.known
-    after = after.changed(
-        roster=after.roster.changed(id=before.roster.id, confirmed=before.confirmed, born_ns=before.roster.born_ns),
-        clothes=after.clothes.replaced(known, before.clothes.select(known)),
-        stature_m=before.stature_m,
-    )
-    stays = written(np.ones(len(people), np.bool_), old, False)
-    return people.replaced(now, after).select(stays), new[stays]
+    def _ended(self, people: People, ends: Bool[Mask, "n"], ns: int) -> People:
+        """Return the tracks without those that end, whose people are remembered."""
+        if not ends.any():
+            return people
+        self.identities.remember(people.select(ends), ns)
+        return people.select(~ends)

@@ -339,9 +339,7 @@ class Fusion(SynchronizedTracker):
         looked = np.flatnonzero(clear.any(axis=0))
         if looked.size:
             histograms = np.einsum("cn,cnb->nb", clear / np.maximum(clear.sum(axis=0), 1), [each for each, _ in seen])
-            memory, doubtful = self.options.identity.memory, np.zeros(looked.size, np.bool_)
-            clothes = people.clothes.learned(looked, histograms[looked], doubtful, 0, memory)
-            people = people.changed(clothes=clothes)
+            people = self._manager.identities.looked(people, looked, histograms[looked], ns)
         return people
 
 

@@ -1,0 +1,140 @@
+"""Identities of `fusion`: who comes out of hiding, who comes back, and whose clothes say that two tracks have changed people.
+
+The clothes of each person are learned slowly, and what a track has shown lately beside them. A new track goes on with the
+identity of a hidden one, or of one that has ended, whose person it can be; and identities change places where the clothes shown
+lately are another person's rather than the track's own (joint assignment over a window: doubtful looks are not learned).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackers.arrays import Array, Bool, Float, Index, Int, Mask
+from trackers.filters.gating import distances, max_weight_assignment
+from trackers.filters.rows import written
+from trackers.fusion.options import ColourIdentityOptions
+from trackers.fusion.people import People
+from trackers.observations import NS_PER_S
+from trackers.vision.histogram import chi_squared_distance
+
+_HIDDEN_S = 0.2
+"""A track that has not been measured for longer may be the one that comes up elsewhere [s]."""
+_EVEN = 0.35
+"""Distance of colours at which two looks are as likely one person's as two people's."""
+_COLOUR, _MOST = 12.0, 4.5
+"""Log-likelihood ratio per distance of colours, and at most: measured in the twin."""
+_START_M, _WALKS_M_S = 0.5, 1.0
+"""Standard deviations of where a person who has left comes up: at once [m], and by the time since [m/s]."""
+_CHANGED = 4.0
+"""Log-likelihood ratio from which two tracks have changed people."""
+_FEWEST = 8
+"""Looks by which clothes are known well enough to tell that."""
+_DOUBTFUL = 0.1
+"""A look that is nearer by so much to the clothes of another person, in distance of colours, is not learned."""
+_PATIENCE_S = 5.0
+"""Clothes, or the light, have changed after doubtful looks for so long [s]."""
+
+
+class Identities:
+    """Keeps who has left, and gives tracks the identities of the people whom they show."""
+
+    def __init__(self, options: ColourIdentityOptions) -> None:
+        self._options = options
+        self._left: People | None = None
+
+    def remember(self, people: People, ns: int) -> None:
+        """Keep tracks that end at stamp ns, if they are confirmed and their clothes are known."""
+        self._left = self._left_of(people, ns).joined(people.select(people.confirmed & people.clothes.known))
+
+    def recognized(self, people: People, new: Bool[Mask, "n"], ns: int) -> tuple[People, Bool[Mask, "n"]]:
+        """Let tracks that are about to be confirmed go on with the identities of the people whom they can be.
+
+        Each takes that of the likeliest, by colours and by how far they are apart: a hidden track's covariance is how far its
+        person may have gone where nobody looks; who has left walks on, and is known by the clothes alone. The hidden track ends.
+        Returns the tracks, and which of them are still to be confirmed.
+        """
+        gap_s = (ns - people.roster.measured_ns) / NS_PER_S
+        hidden = np.flatnonzero(people.confirmed & (gap_s > _HIDDEN_S) & (people.existence > 0.5))
+        fresh, left = np.flatnonzero(new), self._left_of(people, ns)
+        if not fresh.size or not (hidden.size or len(left)) or not self._options.gate:
+            return people, new
+        before, after = people.select(hidden), people.select(fresh)
+        off = after.positions - before.positions[:, None]
+        square = np.einsum("nka,nkab,nkb->nk", off, np.linalg.inv(before.covariance[:, None] + after.covariance), off)
+        alike = before.clothes.distance(after.clothes)
+        of_hidden = 0.5 * self._options.gate**2 + _COLOUR * (_EVEN - np.nan_to_num(alike, nan=_EVEN)) - 0.5 * square
+        old, now = max_weight_assignment(np.concatenate([of_hidden, _of_left(left, after, ns)]))
+        if not old.size:
+            return people, new
+        now, is_left = fresh[now], old >= hidden.size
+        identity = before.joined(left).select(old)
+        self._left = left.select(written(np.ones(len(left), np.bool_), old[is_left] - hidden.size, False))
+        stays = written(np.ones(len(people), np.bool_), hidden[old[~is_left]], False)
+        return people.replaced(now, people.select(now).identified_as(identity)).select(stays), written(new, now, False)[
+            stays
+        ]
+
+    def looked(self, people: People, row: Int[Index, "k"], histogram: Float[Array, "k bins"], ns: int) -> People:
+        """Return people after clear looks at the clothes of those at `row`, each with the identity that its looks tell."""
+        clothes, options = people.clothes, self._options
+        own = chi_squared_distance(clothes.reference[row], histogram).diagonal()
+        told = people.confirmed[row] & clothes.known[row] & (own > _DOUBTFUL)
+        told &= ns - clothes.learned_ns[row] < _PATIENCE_S * NS_PER_S
+        doubtful = np.zeros(row.size, np.bool_)
+        if told.any():
+            away = chi_squared_distance(clothes.reference, histogram[told])
+            theirs = (people.confirmed & clothes.known)[:, None] & (np.arange(len(people))[:, None] != row[told])
+            doubtful[told] = np.where(theirs, away, np.inf).min(axis=0) < own[told] - _DOUBTFUL
+        people = people.changed(clothes=clothes.looked(row, histogram, doubtful, ns, options.learns_s))
+        return self._changed_places(people, row, ns) if options.gate else people
+
+    def _changed_places(self, people: People, row: Int[Index, "k"], ns: int) -> People:
+        """Return people with the identities exchanged of the two tracks that say most clearly that they have changed people.
+
+        The second may be of who has left; the identity of the first has then left in its place.
+        """
+        clothes, left, n = people.clothes, self._left_of(people, ns), len(people)
+        sure = people.confirmed & (clothes.n_look >= _FEWEST)
+        seen = np.flatnonzero(sure & (ns - clothes.looked_ns <= clothes.LATELY_S * NS_PER_S))
+        body = row[sure[row]]
+        unlike = _log_ratio(chi_squared_distance(clothes.reference[body], clothes.lately[body]).diagonal()) < 0
+        if not unlike.any():
+            return people
+        body, ratio = body[unlike], np.zeros((n, n))
+        ratio[:, seen] = _log_ratio(chi_squared_distance(clothes.reference, clothes.lately[seen]))
+        own = ratio.diagonal()
+        other = np.where(
+            sure[:, None], ratio - own, -np.inf
+        )  # of identities and tracks: this one's rather than its own
+        back = np.zeros((n, n))
+        back[seen] = other.T[seen]
+        gain = np.concatenate([other + back, _of_left(left, people, ns) - own])[:, body]
+        i, k = np.unravel_index(gain.argmax(), gain.shape)
+        if gain[i, k] <= _CHANGED:
+            return people
+        first = body[[k]]
+        if i < n:
+            both = np.array([first[0], i])
+            return people.replaced(both, people.select(both).identified_as(people.select(both[::-1])))
+        gone = np.array([i - n])
+        identity, track = left.select(gone), people.select(first)
+        self._left = left.replaced(gone, track)
+        return people.replaced(first, track.identified_as(identity))
+
+    def _left_of(self, people: People, ns: int) -> People:
+        """Return who has left lately enough, none at first."""
+        if self._left is None:
+            return people.select(np.zeros(len(people), np.bool_))
+        return self._left.select(ns - self._left.roster.measured_ns < self._options.recall_s * NS_PER_S)
+
+
+def _log_ratio(distance: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """Return the log-likelihood ratio of looks at one person against two, by the distance of their colours."""
+    return np.clip(_COLOUR * (_EVEN - distance), -_MOST, _MOST)
+
+
+def _of_left(left: People, people: People, ns: int) -> Float[Array, "l n"]:
+    """Return the log-likelihood ratio of tracks as people who have left, against others; −∞ where colours tell nothing."""
+    sigma_m = _START_M + _WALKS_M_S * (ns - left.roster.measured_ns) / NS_PER_S
+    square = (distances(left.place, people.positions) / sigma_m[:, None]) ** 2
+    return np.nan_to_num(_log_ratio(left.clothes.distance(people.clothes)), nan=-np.inf) - 0.5 * square
