@@ -78,13 +78,14 @@ class Identities:
         """Return people after clear looks at the clothes of those at `row`, each with the identity that its looks tell."""
         clothes, options = people.clothes, self._options
         own = chi_squared_distance(clothes.reference[row], histogram).diagonal()
-        told = people.confirmed[row] & clothes.known[row] & (own > _DOUBTFUL)
-        told &= ns - clothes.learned_ns[row] < _PATIENCE_S * NS_PER_S
+        unlike = people.confirmed[row] & clothes.known[row] & (own > _DOUBTFUL)
+        unlike &= ns - clothes.learned_ns[row] < _PATIENCE_S * NS_PER_S
         doubtful = np.zeros(row.size, np.bool_)
-        if told.any():
-            away = chi_squared_distance(clothes.reference, histogram[told])
-            theirs = (people.confirmed & clothes.known)[:, None] & (np.arange(len(people))[:, None] != row[told])
-            doubtful[told] = np.where(theirs, away, np.inf).min(axis=0) < own[told] - _DOUBTFUL
+        if unlike.any():
+            others = (people.confirmed & clothes.known)[:, None] & (np.arange(len(people))[:, None] != row[unlike])
+            away = np.where(others, chi_squared_distance(clothes.reference, histogram[unlike]), np.inf)
+            departed = chi_squared_distance(self._left_of(people, ns).clothes.reference, histogram[unlike])
+            doubtful[unlike] = np.concatenate([away, departed]).min(axis=0) < own[unlike] - _DOUBTFUL
         people = people.changed(clothes=clothes.looked(row, histogram, doubtful, ns, options.learns_s))
         return self._changed_places(people, row, ns) if options.gate else people
 
@@ -116,9 +117,9 @@ class Identities:
         if i < n:
             both = np.array([first[0], i])
             return people.replaced(both, people.select(both).identified_as(people.select(both[::-1])))
-        gone = np.array([i - n])
-        identity, track = left.select(gone), people.select(first)
-        self._left = left.replaced(gone, track)
+        departed = np.array([i - n])
+        identity, track = left.select(departed), people.select(first)
+        self._left = left.replaced(departed, track)
         return people.replaced(first, track.identified_as(identity))
 
     def _left_of(self, people: People, ns: int) -> People:

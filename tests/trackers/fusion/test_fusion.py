@@ -134,6 +134,8 @@ def test_points_of_the_unit_gaussian_have_its_mean_and_covariance() -> None:
 SEEN_ELSEWHERE = {
     "max_wait_s": "tests/trackers/tracking/test_synced_frames.py: a sensor that is late",
     "identity.gate": "a person who comes out of hiding",
+    "identity.learns_s": "test_fusion_identity.py: two tracks that have changed people",
+    "identity.recall_s": "test_fusion_identity.py: a person who has left",
     "track_management.area_margin_m": "a person who leaves the area",
     "track_management.tentative_coast_s": "a person who flickers",
     "track_management.coast_s": "a person whom nothing shows for seconds",

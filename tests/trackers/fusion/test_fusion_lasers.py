@@ -19,11 +19,10 @@ from trackers.fusion.motion import LEGS, PersonMotion, seen, with_legs_free
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.people import People
 from trackers.fusion.posture import LEGS_SHOWN, SILHOUETTE_SHOWN
-from trackers.fusion.track_manager import FusionTrackManager, reidentified
+from trackers.fusion.track_manager import FusionTrackManager
 from trackers.observations import NS_PER_S, LaserScan
 from trackers.presets import make_tracker
 from trackers.tracking.roster import NEVER_NS
-from trackers.vision.histogram import Appearance
 
 WALK = straight_walk([(-1.2, 1.2), (1.2, 2.2), (0.0, 2.8)], [(0.5, 0.0), (-0.5, 0.0), (0.0, -0.2)], 24)
 EMPTY = list(empty_room(np.random.default_rng(1)))
@@ -377,33 +376,3 @@ def test_two_hidden_people_who_may_be_at_one_place_stay_two() -> None:
         for _ in range(10):
             known = manager.without_doubles(known, 0.1)
         assert len(known) == left
-
-
-@pytest.mark.parametrize(
-    ("sigma_m", "clothes", "goes_on"),
-    [
-        (0.1, None, False),
-        (0.3, None, True),
-        (0.1, (0, 0), True),
-        (0.3, (0, 1), False),
-    ],
-)
-def test_a_new_track_is_a_hidden_person_who_may_have_come_there_and_looks_so(
-    sigma_m: float, clothes: tuple[int, int] | None, goes_on: bool
-) -> None:
-    """0.6 m from where a person is hidden, known to 0.1 m or 0.3 m: the clothes tell whom another person comes up as."""
-    now, people = NS_PER_S, people_at((0.0, 0.0), (0.6, 0.0))
-    state = people.state
-    known = replace(state, covariance=state.covariance * np.array([(sigma_m / 0.1) ** 2, 1.0]))
-    roster = people.roster.changed(
-        state=known,
-        id=np.array([7, 0]),
-        confirmed=np.array([True, False]),
-        measured_ns=np.array([now - NS_PER_S, now]),
-    )
-    people = people.changed(roster=roster)
-    if clothes is not None:
-        people = people.changed(clothes=Appearance.started(np.eye(2)[list(clothes)], np.ones(2, np.int64)))
-    after, to_confirm = reidentified(people, np.array([False, True]), now, FusionOptions().identity)
-    assert after.roster.id.tolist() == ([7] if goes_on else [7, 0])
-    assert to_confirm.any() != goes_on

@@ -1,0 +1,133 @@
+"""Identities in `fusion`: who comes out of hiding, who comes back, and two tracks that have changed people."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from trackers.filters.imm import Imm
+from trackers.fusion.identity import Identities
+from trackers.fusion.motion import PersonMotion
+from trackers.fusion.options import ColourIdentityOptions
+from trackers.fusion.people import People
+from trackers.observations import NS_PER_S
+
+COLOURS = np.eye(3)
+"""Histograms that share no bin."""
+LOOK_NS = NS_PER_S // 10
+
+
+def people_at(*places: tuple[float, float], ids: tuple[int, ...]) -> People:
+    """Make tracks at places [m]; those of id 0 are tentative."""
+    at = np.array(places)
+    people = People.started(Imm(PersonMotion()).start(at, None, 0.1**2), at, 0, len(COLOURS), 1)
+    roster = people.roster.changed(id=np.array(ids), confirmed=np.array(ids) > 0)
+    return people.changed(existence=np.full(len(at), 0.99), roster=roster)
+
+
+def looked(identities: Identities, people: People, colours: list[int], looks: int, ns: int) -> tuple[People, int]:
+    """Look at everybody several times, whose clothes have these colours; return people and the stamp after."""
+    for _ in range(looks):
+        people = people.changed(roster=people.roster.changed(measured_ns=np.full(len(people), ns)))
+        people = identities.looked(people, np.arange(len(people)), COLOURS[colours], ns)
+        ns += LOOK_NS
+    return people, ns
+
+
+@pytest.mark.parametrize(
+    ("sigma_m", "clothes", "goes_on"),
+    [
+        (0.1, None, False),
+        (0.3, None, True),
+        (0.1, [0, 0], True),
+        (0.3, [0, 1], False),
+    ],
+)
+def test_a_new_track_is_a_hidden_person_who_may_have_come_there_and_looks_so(
+    sigma_m: float, clothes: list[int] | None, goes_on: bool
+) -> None:
+    """0.6 m from where a person is hidden, known to 0.1 m or 0.3 m: the clothes tell whom another person comes up as."""
+    identities, now = Identities(ColourIdentityOptions()), NS_PER_S
+    people = people_at((0.0, 0.0), (0.6, 0.0), ids=(7, 0))
+    if clothes is not None:
+        people, _ = looked(identities, people, clothes, 1, 0)
+    state = people.state
+    known = replace(state, covariance=state.covariance * np.array([(sigma_m / 0.1) ** 2, 1.0]))
+    people = people.changed(roster=people.roster.changed(state=known, measured_ns=np.array([0, now])))
+    after, to_confirm = identities.recognized(people, np.array([False, True]), now)
+    assert after.roster.id.tolist() == ([7] if goes_on else [7, 0])
+    assert to_confirm.any() != goes_on
+
+
+@pytest.mark.parametrize(
+    ("away_s", "moved_m", "colour", "options", "comes_back"),
+    [
+        (5.0, 2.0, 0, {}, True),
+        (5.0, 2.0, 1, {}, False),
+        (5.0, 2.0, None, {}, False),
+        (1.0, 9.0, 0, {}, False),
+        (20.0, 9.0, 0, {}, True),
+        (20.0, 9.0, 0, {"recall_s": 15.0}, False),
+        (5.0, 2.0, 0, {"recall_s": 0.0}, False),
+        (5.0, 2.0, 0, {"gate": 0.0}, False),
+    ],
+)
+def test_who_has_left_is_known_again_by_clothes_where_one_can_have_walked_to(
+    away_s: float, moved_m: float, colour: int | None, options: dict[str, float], comes_back: bool
+) -> None:
+    identities = Identities(ColourIdentityOptions(**options))
+    people, ns = looked(identities, people_at((0.0, 0.0), ids=(7,)), [0], 5, 0)
+    identities.remember(people, ns)
+    people, now = people_at((moved_m, 0.0), ids=(0,)), ns + round(away_s * NS_PER_S)
+    if colour is not None:
+        people, _ = looked(identities, people, [colour], 1, now)
+    after, to_confirm = identities.recognized(people, np.array([True]), now)
+    assert after.roster.id.tolist() == ([7] if comes_back else [0])
+    assert to_confirm.all() != comes_back
+    again, _ = identities.recognized(people, np.array([True]), now)
+    assert again.roster.id.tolist() == [0], "nobody comes back twice"
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1)])
+def test_identities_change_places_once_clothes_say_so_and_not_by_one_look(order: tuple[int, ...]) -> None:
+    """Two of three people exchange their tracks behind each other: whoever wears a colour has its number, in any order."""
+    identities, where = Identities(ColourIdentityOptions()), np.array([(0.0, 0.0), (1.0, 0.0), (5.0, 0.0)])
+    people = people_at(*where[list(order)].tolist(), ids=tuple(k + 1 for k in order))
+    people, ns = looked(identities, people, list(order), 20, 0)
+    changed = [{0: 1, 1: 0, 2: 2}[k] for k in order]
+    people, ns = looked(identities, people, changed, 1, ns)
+    assert people.roster.id.tolist() == [k + 1 for k in order]
+    people, ns = looked(identities, people, changed, 9, ns)
+    assert people.roster.id.tolist() == [k + 1 for k in changed]
+    stays, _ = looked(identities, people, changed, 20, ns)
+    assert stays.roster.id.tolist() == [k + 1 for k in changed]
+
+
+def test_a_track_that_has_gone_over_to_somebody_who_had_left_takes_that_number() -> None:
+    """And who was followed before has left, and is known again."""
+    identities = Identities(ColourIdentityOptions())
+    people, ns = looked(identities, people_at((0.0, 0.0), (1.0, 0.0), ids=(1, 2)), [0, 1], 20, 0)
+    identities.remember(people.select(np.array([1])), ns)
+    people, ns = looked(identities, people.select(np.array([0])), [1], 10, ns)
+    assert people.roster.id.tolist() == [2]
+    new, _ = looked(identities, people_at((0.5, 0.0), ids=(0,)), [0], 1, ns)
+    after, _ = identities.recognized(new, np.array([True]), ns)
+    assert after.roster.id.tolist() == [1]
+
+
+@pytest.mark.parametrize(("learns_s", "is_kept"), [(8.0, True), (0.1, False)])
+def test_clothes_that_nobody_else_wears_are_learned_as_the_light_changes(learns_s: float, is_kept: bool) -> None:
+    """After a second in another colour a slow reference is still rather the old one, a fast one is not."""
+    identities = Identities(ColourIdentityOptions(learns_s=learns_s))
+    people, ns = looked(identities, people_at((0.0, 0.0), ids=(1,)), [0], 20, 0)
+    people, _ = looked(identities, people, [2], 10, ns)
+    assert people.roster.id.tolist() == [1]
+    assert (people.clothes.reference[0] @ COLOURS[0] > 0.5) == is_kept
+
+
+def test_the_same_clothes_change_nothing() -> None:
+    identities = Identities(ColourIdentityOptions())
+    people, _ = looked(identities, people_at((0.0, 0.0), (0.3, 0.0), ids=(1, 2)), [0, 0], 60, 0)
+    assert people.roster.id.tolist() == [1, 2]
