@@ -8,6 +8,13 @@ from pathlib import Path
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 _SQLITE_MAGIC = b"SQLite format 3\0"
 _ROS1_MAGIC = b"#ROSBAG V"
+_KINDS = {
+    ".bag": (_ROS1_MAGIC, "ROS 1 bag"),
+    ".mcap": (MCAP_MAGIC, "MCAP file"),
+    ".db3": (_SQLITE_MAGIC, "SQLite file"),
+}
+_PACKED = {b"\x1f\x8b": "gunzip", b"PK\x03\x04": "unzip", b"BZh": "bunzip2", b"\xfd7zXZ": "unxz", b"7z\xbc\xaf": "7z x"}
+"""Tools that unpack a file, by its first bytes."""
 _STORAGES = (".mcap", ".db3")
 _HEAD_BYTES = 4096
 """A ROS 1 bag's header is padded to this length; its fields come in any order."""
@@ -17,30 +24,33 @@ def reason_unreadable(path: Path) -> str:
     """Describe, as a clause, why an existing bag cannot be opened; empty if no reason is found."""
     if path.is_dir():
         return _unreadable_folder(path)
-    if path.suffix not in (".bag", *_STORAGES):
+    if path.suffix.lower() not in (".bag", *_STORAGES):
         return _other_file(path)
     with path.open("rb") as stream:
         head = stream.read(_HEAD_BYTES)
     if not head:
         return "is empty, 0 bytes: its recorder wrote nothing, or it was copied in part"
-    kinds = {
-        ".bag": (_ROS1_MAGIC, "ROS 1 bag"),
-        ".mcap": (MCAP_MAGIC, "MCAP file"),
-        ".db3": (_SQLITE_MAGIC, "SQLite file"),
-    }
-    magic, kind = kinds[path.suffix]
+    magic, kind = _KINDS[path.suffix.lower()]
     if head[: len(magic)] == magic[: len(head)]:
         return _unfinished(path, head)
-    others = [(suffix, name) for suffix, (other, name) in kinds.items() if head.startswith(other)]
-    if others:
-        return f"is no {kind} but a {others[0][1]}: a name that ends in {others[0][0]} makes it one that is read"
+    if other := _kind_by_content(head):
+        return f"is no {kind} but {other}"
     return f"is no {kind}: it does not begin with {magic.decode('ascii', 'replace').strip()!r}"
+
+
+def _kind_by_content(head: bytes) -> str:
+    """Describe what a file is by its first bytes, and what makes it one that is read; empty for anything else."""
+    for suffix, (magic, kind) in _KINDS.items():
+        if head.startswith(magic):
+            return f"a {kind}: a name that ends in {suffix} makes it one that is read"
+    packed = next((tool for magic, tool in _PACKED.items() if head.startswith(magic)), "")
+    return f"a packed file: `{packed}` gives the bag in it" if packed else ""
 
 
 def _unfinished(path: Path, head: bytes) -> str:
     """Describe, as a clause, why a file with the right beginning is incomplete; empty where it is complete."""
     size = path.stat().st_size
-    if path.suffix == ".mcap":
+    if path.suffix.lower() == ".mcap":
         with path.open("rb") as stream:
             stream.seek(max(size - len(MCAP_MAGIC), 0))
             ends_well = size > len(MCAP_MAGIC) and stream.read() == MCAP_MAGIC
@@ -49,7 +59,7 @@ def _unfinished(path: Path, head: bytes) -> str:
                 "is an MCAP file without its end: the recorder was stopped while it wrote, or the copy is not whole; "
                 f"`mcap recover {path.name} -o whole.mcap` saves what is there"
             )
-    elif path.suffix == ".bag":
+    elif path.suffix.lower() == ".bag":
         if not head.startswith(b"#ROSBAG V2.0\n"):
             version = head.split(b"\n")[0].decode("ascii", "replace")
             return f"is a ROS 1 bag of another version ({version}); `rosbag fix` makes one of version 2.0 of it"
@@ -93,7 +103,9 @@ def _other_file(path: Path) -> str:
         return "is a ROS 1 bag that was not closed; `rosbag reindex` and the name without .active make it whole"
     if path.suffix in (".zstd", ".zst"):
         return f"is compressed; `zstd -d {path.name}` unpacks it, or its folder with metadata.yaml is read as it is"
-    return "is not named like a bag"
+    with path.open("rb") as stream:
+        held = _kind_by_content(stream.read(_HEAD_BYTES))
+    return f"is {held}" if held else "is not named like a bag"
 
 
 def describe_damage(path: Path, reason: str) -> str:
@@ -108,7 +120,7 @@ def describe_damage(path: Path, reason: str) -> str:
             return f"its metadata.yaml cannot be used ({reason}); `ros2 bag reindex {path.name}` writes a new one"
     if reason.startswith("Unindexed MCAP messages"):
         return f"has no index, and its messages are in no order; `mcap recover {path.name} -o whole.mcap` writes one that has"
-    suffixes = {path.suffix} if path.is_file() else {each.suffix for each in path.glob("*")}
+    suffixes = {path.suffix.lower()} if path.is_file() else {each.suffix for each in path.glob("*")}
     if ".mcap" in suffixes:
         tool = f"`mcap recover {path.name}` saves what can be read"
     elif ".db3" in suffixes:

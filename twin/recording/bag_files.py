@@ -248,6 +248,11 @@ class BagPath(type(Path())):
     messages: it is given the profile, and such schemas without their text.
     """
 
+    @property
+    def suffix(self) -> str:
+        """The end of the name in small letters: Windows writes .BAG."""
+        return super().suffix.lower()
+
     def __format__(self, spec: str) -> str:
         return quote(str(self)) if self.suffix == ".db3" else format(str(self), spec)
 

@@ -168,8 +168,9 @@ def absent_messages(
             yield Loss(label, counted - n - n_copy, counted, what, "the bag is damaged, or was cut")
         (frame, most), *_ = each.frames.most_common(1) or [("", n)]
         if most < n:
-            others = ", ".join(repr(other) for other in each.frames if other != frame)
-            what = f"are of frame {others}, the others of {frame!r}: two sensors on one topic"
+            others = [repr(other) for other in each.frames if other != frame]
+            more = f" and {len(others) - 5} more" * (len(others) > 5)
+            what = f"are of frame {', '.join(others[:5])}{more}, the others of {frame!r}: two sensors on one topic"
             yield Loss(label, n - most, n, what, "a topic for each sensor is expected")
 
 

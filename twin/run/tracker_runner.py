@@ -157,8 +157,8 @@ class TrackerRunner:
         if self._is_finished and is_enough and anybody is not False:
             who = "people were there" if anybody else "whether anybody was there is not known"
             return [f"reports no track in any of {n} frames, and detects something in {detected} of them; {who}"]
-        if self._is_finished and detected and not is_enough:
-            return [f"reports no track of what it detects: too few frames, {n}"]
+        if self._is_finished and not is_enough and (detected or anybody is not False):
+            return [f"reports no track{' of what it detects' if detected else ''}: too few frames, {n}"]
         return []
 
     def _note_silence(self, frames: Sequence[TrackFrame]) -> None:

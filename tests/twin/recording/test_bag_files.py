@@ -44,6 +44,8 @@ def test_a_bag_is_read_whatever_its_name_is(bags, tmp_path, name, suffix):
     assert stamps_in(tmp_path / name) == STAMPS
     shutil.copy(bags / suffix / f"{suffix}.{suffix}", tmp_path / f"{name}.{suffix}")
     assert stamps_in(tmp_path / f"{name}.{suffix}") == STAMPS
+    (tmp_path / f"{name}.{suffix}").rename(tmp_path / f"{name}.{suffix.upper()}")
+    assert stamps_in(tmp_path / f"{name}.{suffix.upper()}") == STAMPS
 
 
 @pytest.mark.parametrize("storage", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -311,6 +312,8 @@ def test_truth_that_is_something_else(tmp_path):
 def test_files_that_are_no_bags(tmp_path):
     (tmp_path / "notes.txt").write_text("hello")
     (tmp_path / "notes.bag").write_text("hello")
+    (tmp_path / "walk.bag.gz").write_bytes(gzip.compress(b"#ROSBAG V2.0"))
+    (tmp_path / "walk").write_bytes(b"#ROSBAG V2.0\n")
     (tmp_path / "notes.mcap").write_text("hello, this is text and longer than a footer of a bag would be")
     for folder, names in {
         "folder": (),
@@ -324,6 +327,8 @@ def test_files_that_are_no_bags(tmp_path):
         "missing.bag": "does not exist",
         "notes.txt": "is not named like a bag",
         "notes.bag": "is no ROS 1 bag",
+        "walk.bag.gz": "is a packed file: `gunzip` gives the bag in it",
+        "walk": "is a ROS 1 bag: a name that ends in .bag makes it one that is read",
         "notes.mcap": "is no MCAP file",
         "folder": "is a folder without metadata.yaml",
         "run": "is the folder of a run, whose bag is .*run/recording.mcap",
