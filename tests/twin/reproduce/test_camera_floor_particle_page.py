@@ -36,6 +36,7 @@ from twin.reproduce.camera_floor_particle.results import (
     VARIANTS,
     closest_pair_s,
     draw_debug_state,
+    frame_at,
     lowest_head_s,
     mask_quality,
     read_conditions,
@@ -177,3 +178,11 @@ def test_foreground_is_people_with_shadows_and_without(shadows, tmp_path):
     recall, precision = mask_quality(case, RecordingCache(tmp_path, 2**30))
     assert 0.95 < recall <= 1
     assert 0.8 < precision <= 1
+
+
+@pytest.mark.parametrize(("at_s", "stamp_ns"), [(0.0, 1), (2e-9, 2), (3e-9, 3), (9.0, 3)])
+def test_a_picture_shows_the_frame_of_its_time_or_the_last_one_that_a_tracker_holds_back(at_s: float, stamp_ns: int):
+    """A tracker reports two frames of three late, the last one at the end."""
+    frames = [[], [TrackFrame(1, ())], [TrackFrame(2, ())], []]
+    tracker: Any = SimpleNamespace(update=lambda each: frames[each], finish=lambda: [TrackFrame(3, ())])
+    assert frame_at(tracker, range(4), at_s).stamp_ns == stamp_ns  # pyright: ignore[reportArgumentType]

@@ -6,7 +6,7 @@ Recordings are replayed through the tracker, with changed options or up to one d
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from trackers.area import Area
 from trackers.camera_floor_particle.tracker import DebugState
-from trackers.observations import NS_PER_S, FloorFrame, Image
+from trackers.observations import NS_PER_S, FloorFrame, Image, Observation
 from trackers.presets import make_tracker
 from trackers.prior import Prior
 from trackers.rig import Rig
@@ -252,14 +252,32 @@ def frame_picture(case: Case, cache: RecordingCache, t_s: float) -> bytes:
     with case_recording(case, cache) as entry:
         bag = Recording(entry / RECORDING)
         tracker: Any = make_tracker(OURS, bag.rig, Prior.of(bag.background), stream(case.seed, "tracker", OURS), None)
-        floors, frames = {}, []
-        for observation in bag.observations():
-            frames = tracker.update(observation)
-            if frames and frames[-1].stamp_ns >= t_s * NS_PER_S:
-                break
-            if isinstance(observation, FloorFrame):
-                floors[observation.sensor] = observation
-        return draw_debug_state(tracker.debug_state(), frames[-1], bag.rig, floors, _poses(entry / TRUTH, t_s))
+        floors: dict[str, FloorFrame] = {}
+        frame = frame_at(tracker, _kept(bag.observations(), floors), t_s)
+        return draw_debug_state(tracker.debug_state(), frame, bag.rig, floors, _poses(entry / TRUTH, t_s))
+
+
+def frame_at(tracker: Any, observations: Iterable[Observation], t_s: float) -> TrackFrame:
+    """Track up to a time; return the frame of that look, or the last one where the observations end before.
+
+    Raises IndexError where the tracker has no frame at all.
+    """
+    frames: list[TrackFrame] = []
+    for observation in observations:
+        frames += tracker.update(observation)
+        if frames and frames[-1].stamp_ns >= t_s * NS_PER_S:
+            break
+    else:
+        frames += tracker.finish()
+    return frames[-1]
+
+
+def _kept(observations: Iterable[Observation], floors: dict[str, FloorFrame]) -> Iterator[Observation]:
+    """Yield observations, and keep the floors' newest."""
+    for each in observations:
+        yield each
+        if isinstance(each, FloorFrame):
+            floors[each.sensor] = each
 
 
 _START_S = 1.5
