@@ -189,6 +189,7 @@ def test_new_suite_and_study_are_ones(here: Path) -> None:
     [
         (["new", "tracker", "--out", "my-own.py"], "the name of a Python module"),
         (["new", "room", "--out", "room.yaml"], "ending in .xml"),
+        (["new", "scenario", "--out", "office.yaml"], "is a folder's, into which scenario.yaml is written; office is"),
         (["view", "lab", "--at", "3"], "lab is a room"),
         (["view", "lab", "--to", "0"], "lab is a room"),
         (["list", "robots"], "valid are scenarios, rooms"),

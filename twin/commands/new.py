@@ -176,6 +176,10 @@ def scenario(
     from twin.scenario import load_scenario
     from twin.scenario.load import dump_scenario
 
+    if out.suffix in (".yaml", ".yml"):
+        raise InputError(
+            f"--out {out}: is a folder's, into which scenario.yaml is written; {out.with_suffix('')} is expected"
+        )
     path, room = out / "scenario.yaml", out / "room.xml"
     if not drawn and (set_ or seed is not None):
         option = "--set" if set_ else "--seed"

@@ -125,6 +125,7 @@ def evaluate_with_details(
         notes=(
             *truth.notes,
             *tracks.notes,
+            *_wide_gate(gate_m),
             *_without_identity(truth, tracks),
             *aligned.notes,
             *_all_outside(frames, scores.persons, truth.source),
@@ -169,6 +170,16 @@ def _all_outside(frames: Sequence[Frame], n_owed: int, source: str) -> list[str]
         f"{source}: nobody is in the area in any of {len(frames)} frames, so that nobody is to be tracked; an area in which "
         "people are, or in_area of 1 where they are to be tracked, is expected"
     ]
+
+
+_WIDEST_GATE_M = 3.0
+"""Distance over which a track is no track of a person."""
+
+
+def _wide_gate(gate_m: float) -> list[str]:
+    """Return a note on a gate within which tracks match people elsewhere in the room."""
+    said = f"gate: {gate_m:g} m matches tracks with people across a room; metres, 0.5 or 1 for instance, are expected"
+    return [said] if gate_m > _WIDEST_GATE_M else []
 
 
 _MANY_ROWS = 20

@@ -114,6 +114,12 @@ def test_the_gate_decides_what_matches():
     wide = evaluate_tracks(truth, tracks, gate_m=1.0)
     assert wide["gate_m"] == 1.0
     assert wide["at_1m"] == {name: wide[name] for name in wide["at_1m"]}
+    for gate_m, is_told in ((1.0, False), (50.0, True)):
+        notes = evaluate_with_details(truth, tracks, gate_m=gate_m).notes
+        assert (
+            any(each.startswith("gate: 50 m matches tracks with people across a room; metres") for each in notes)
+            == is_told
+        )
 
 
 @pytest.mark.parametrize("gate_m", [0.0, -1.0, np.nan, np.inf])
