@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import heapq
 import reprlib
-import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
@@ -25,7 +24,8 @@ from trackers.tracks import (
     listed,
     losses,
     takes_any_order,
-    warn_of_used_iterator,
+    used_iterator,
+    warn_user,
 )
 
 MAX_WAIT_S = 0.3
@@ -178,11 +178,16 @@ def _checked(frames: list[TrackFrame]) -> list[TrackFrame]:
     return frames
 
 
-def track_frames(tracker: Tracker, rig: Rig, observations: Iterable[Observation]) -> Iterator[TrackFrame]:
+def track_frames(
+    tracker: Tracker,
+    rig: Rig,
+    observations: Iterable[Observation],
+    on_warning: Callable[[str], object] = warn_user,
+) -> Iterator[TrackFrame]:
     """Feed observations, in order of arrival, to a tracker and yield its frames as completed.
 
-    Those of sensors that the rig does not have are left out. Warns (UserWarning) of them, and where more than 2 % of the
-    observations were dropped. Raises InputError for what is no observation, or does not fit its sensor.
+    Those of sensors that the rig does not have are left out. Warns (UserWarning, or `on_warning`) of them, and where more than
+    2 % of the observations were dropped. Raises InputError for what is no observation, or does not fit its sensor.
     """
     check_arguments(rig, tracker=tracker, observations=observations)
     fed = FedTracker(tracker, rig)
@@ -201,20 +206,18 @@ def track_frames(tracker: Tracker, rig: Rig, observations: Iterable[Observation]
         yield from _checked(fed.update(observation))
     yield from _checked(fed.finish())
     if not n_fed + unknown.total() and isinstance(observations, Iterator):
-        warn_of_used_iterator("observations", stacklevel=3)
+        on_warning(used_iterator("observations"))
     if unknown:
         of = ", ".join(f"{n} of {name!r}" for name, n in unknown.items())
-        warnings.warn(
+        on_warning(
             f"{unknown.total()} of {n_fed + unknown.total()} observations were left out ({of}): the rig has no such sensor; its "
-            f"sensors are {', '.join(rig.sensors)}",
-            stacklevel=2,
+            f"sensors are {', '.join(rig.sensors)}"
         )
     if fed.losses.total() > NOTED_LOSS * n_fed:
         reasons = "; ".join(f"{sensor or 'unknown sensor'}: {n} {why}" for (sensor, why), n in fed.losses.items())
-        warnings.warn(
+        on_warning(
             f"{fed.losses.total()} of {n_fed} observations were dropped ({reasons}); observations in order of arrival, and a "
-            "new tracker for each run, are expected",
-            stacklevel=2,
+            "new tracker for each run, are expected"
         )
 
 

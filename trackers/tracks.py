@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import reprlib
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from math import isfinite, nan
@@ -160,19 +161,26 @@ def listed(frames: Iterable[_Frame], kind: type[_Frame]) -> list[_Frame]:
         raise InputError(f"frames are {reprlib.repr(frames)}; an iterable of {kind.__name__} is expected")
     found = list(frames)
     if not found and isinstance(frames, Iterator):
-        warn_of_used_iterator("frames", stacklevel=4)
+        warn_user(used_iterator("frames"))
     for frame in found:
         if not isinstance(frame, kind):
             raise InputError(f"{reprlib.repr(frame)} is among the frames; an iterable of {kind.__name__} is expected")
     return found
 
 
-def warn_of_used_iterator(of: str, stacklevel: int) -> None:
-    """Warn that an iterator gave nothing, and why that may be."""
-    said = (
+def warn_user(warning: str) -> None:
+    """Show a warning as Python does (UserWarning), at the line of the user's own code."""
+    frame, level = sys._getframe(1), 2  # pyright: ignore[reportPrivateUsage]
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").split(".")[0] in ("trackers", "twin"):
+        frame, level = frame.f_back, level + 1
+    warn(warning, stacklevel=level)
+
+
+def used_iterator(of: str) -> str:
+    """Format the warning that an iterator gave nothing, and why that may be."""
+    return (
         f"no {of} came: an iterator gives what it has once; a new one, or a list of {of} for several uses, is expected"
     )
-    warn(said, stacklevel=stacklevel)
 
 
 def check_frame(frame: TrackFrame) -> None:

@@ -15,6 +15,7 @@ from trackers.prior import Prior
 from trackers.tracks import unused_sensors
 from twin.evaluate import evaluate_with_details
 from twin.evaluate.summary import Evaluation
+from twin.messages import no_warning
 from twin.recording.situation_table import situation_table
 from twin.recording.tables import TruthTable, track_table, truth_table
 from twin.run.inputs import ChosenTracker
@@ -123,7 +124,8 @@ def evaluate_placement(work: EvaluationTask) -> dict[str, Evaluation]:
         tracker = None
         try:
             tracker = make_tracker(each.target, rig, prior, rng, each.options)
-            tracks = track_table(track_frames(tracker, rig, observations))
+            # what a placement lets a tracker drop is in its metrics
+            tracks = track_table(track_frames(tracker, rig, observations, no_warning))
         except PLUG_IN_ERRORS as error:
             if each.target in PRESETS or (tracker is None and isinstance(error, InputError)):
                 raise

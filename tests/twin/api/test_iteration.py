@@ -156,8 +156,9 @@ def test_tracker_used_for_a_second_run_warns_that_it_drops_all() -> None:
         scans = list(simulation)
         tracker = twin.make_tracker("sort", simulation.rig, simulation.background())
         assert list(twin.track_frames(tracker, simulation.rig, scans))
-        with pytest.warns(UserWarning, match="of 20 observations were dropped .* a new tracker for each run"):
-            list(twin.track_frames(tracker, simulation.rig, scans))
+        with pytest.warns(UserWarning, match="of 20 observations were dropped .* a new tracker for each run") as shown:
+            twin.track_table(twin.track_frames(tracker, simulation.rig, scans))
+        assert shown[0].filename == __file__
 
 
 def test_iterator_that_is_used_up_is_told_where_it_gives_nothing() -> None:

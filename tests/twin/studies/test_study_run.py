@@ -8,6 +8,7 @@ import errno
 import json
 import os
 import re
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -116,6 +117,17 @@ def test_figures_and_tracks_are_those_of_a_run(whole: tuple[Path, Path, dict], t
     )
     whole_figures = evaluate_task(work)["sort"]
     assert not {key for key in theirs if whole_figures.get(key) != theirs[key] and not key.startswith("ms_per_frame")}
+
+
+def test_placement_that_a_tracker_drops_scans_of_is_evaluated_as_well_where_warnings_are_errors(tmp_path: Path) -> None:
+    """`python -W error` rejected the placement of a scanner whose scans were dropped, and another was recommended."""
+    hangs = "faults.one={sensor: waist, kind: freeze, from_s: 0.2, to_s: 1}"
+    changes = ["duration_s=1", "sensors.fisheye=null", "sensors.knee=null", hangs]
+    scenario = load_scenario("lab-five-people", changes)
+    work = EvaluationTask(scenario, (ChosenTracker("sort", "sort"),), RecordingCache(tmp_path, 10**9), whole_code())
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert evaluate_task(work)["sort"]["misses"]
 
 
 class KilledError(Exception):
