@@ -16,7 +16,6 @@ from trackers.fusion.look import Expected, Look, detections_of, round_covariance
 from trackers.fusion.motion import HEAD_PLACE, OUTLINE
 from trackers.fusion.options import FusionOptions, KindOptions
 from trackers.fusion.posture import DEPTH_SHOWN, SILHOUETTE_SHOWN, Shares
-from trackers.likelihood.stereo_head import RangeOptions
 from trackers.observations import DepthImage, Image, Observation
 from trackers.rig import Rig
 from trackers.tracking.track_manager import clear_of
@@ -154,7 +153,7 @@ class Silhouettes(CameraSource):
         ahead = (position - eye_m[:2]) / away_m[:, None]
         along_m, aside_m = ahead @ points, np.stack([-ahead[:, 1], ahead[:, 0]], axis=1) @ points
         before = np.einsum("ka,kab,kb->k", ahead, covariance, ahead)
-        by_depth = RangeOptions().sigma(away_m**2 + (eye_m[2] - _CHEST_M) ** 2) ** 2
+        by_depth = camera.depth_errors.sigma(away_m**2 + (eye_m[2] - _CHEST_M) ** 2) ** 2
         off_m = along_m + _FRONT_M - away_m[:, None]
         own = (np.abs(aside_m) < _ASIDE_M) & (np.abs(off_m) < _SIGMAS * np.sqrt(before + by_depth)[:, None])
         shown = own.sum(axis=1) >= _LEAST_POINTS
@@ -207,7 +206,7 @@ class Depths(CameraSource):
         drop_m = np.maximum(1.2 - head[:, 2], 0.0)
         sight = head - self.camera.camera.eye_m
         squared = (sight**2).sum(axis=1)
-        along_m2 = RangeOptions().sigma(squared) ** 2 / squared
+        along_m2 = self.camera.depth_errors.sigma(squared) ** 2 / squared
         covariance = round_covariance(self._kind.sigma_m**2 + (0.5 * drop_m) ** 2)
         covariance += along_m2[:, None, None] * sight[:, :2, None] * sight[:, None, :2]
         starts = (owner < 0) & clear_of(head[:, :2], expected.place, _OWN_M)

@@ -53,9 +53,10 @@ class Camera:
         self.name, self.sensor = name, sensor
         self.front_end = CameraFrontEnd(name, sensor, empty_room, FrontEndOptions(), area)
         self.camera: PlacedCamera = self.front_end.camera
-        self.stereo, self._tells_to_m = None, 0.0
+        self.stereo, self.depth_errors, self._tells_to_m = None, RangeOptions(), 0.0
         if isinstance(sensor, StereoSensor):
-            self.stereo, self._tells_to_m = StereoCamera(self.front_end, sensor, None), depths_tell_to_m(sensor)
+            self.stereo, self.depth_errors = StereoCamera(self.front_end, sensor, None), depth_errors(sensor)
+            self._tells_to_m = depths_tell_to_m(self.depth_errors)
         self.shown = ShownPlaces(self.camera)
         self.picture = packed_without_depth(np.zeros((1, 1, 3), np.uint8), np.zeros((1, 1), np.bool_))
         """The newest picture."""
@@ -146,15 +147,19 @@ def hidden(
     return meets & (along < 1) & (distances(points[:, :2], crowns[:, :2]) >= _SAME_M)
 
 
-def depths_tell_to_m(sensor: StereoSensor) -> float:
-    """Return the distance up to which a stereo camera's depths are as exact as half a body is deep [m].
+def depth_errors(sensor: StereoSensor) -> RangeOptions:
+    """Return how exact a stereo camera's distances are; those of a usual one where its baseline is not known.
 
     The error of a distance z is that of the disparity times z² / (f b), f the focal length [px] and b the baseline.
     """
     if sensor.mode == "ideal":
-        return np.inf
-    usual = RangeOptions()
-    per_m = usual.sigma_per_m
-    if sensor.baseline_m is not None:
-        per_m = _DISPARITY_PX / (sensor.intrinsics.fx * sensor.baseline_m)
-    return float(np.sqrt((_HALF_BODY_M - usual.sigma_m) / per_m))
+        return RangeOptions(sigma_per_m=0.0)
+    if sensor.baseline_m is None:
+        return RangeOptions()
+    return RangeOptions(sigma_per_m=_DISPARITY_PX / (sensor.intrinsics.fx * sensor.baseline_m))
+
+
+def depths_tell_to_m(errors: RangeOptions) -> float:
+    """Return the distance up to which depths with these errors are as exact as half a body is deep [m]."""
+    per_m = errors.sigma_per_m
+    return float(np.sqrt((_HALF_BODY_M - errors.sigma_m) / per_m)) if per_m else np.inf

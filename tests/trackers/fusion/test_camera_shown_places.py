@@ -11,7 +11,7 @@ from synthetic_view import rig
 from trackers.cameras import PlacedCamera
 from trackers.filters.imm import Imm
 from trackers.fusion.camera_sources import cameras_of
-from trackers.fusion.cameras import depths_tell_to_m, hidden
+from trackers.fusion.cameras import depth_errors, depths_tell_to_m, hidden
 from trackers.fusion.look import Expected, Look
 from trackers.fusion.motion import PersonMotion
 from trackers.fusion.options import FusionOptions
@@ -109,7 +109,7 @@ def shown_by(depth_to_m: float, scale_depth: float = 1.0) -> dict[str, np.ndarra
     on = synthetic_meeting.rig(1)
     camera = on.cameras()["stereo_1"]
     assert isinstance(camera, StereoSensor)
-    of_meeting = depths_tell_to_m(camera) ** 2
+    of_meeting = depths_tell_to_m(depth_errors(camera)) ** 2
     on = on.model_copy(
         update={"sensors": {"stereo_1": camera.model_copy(update={"baseline_m": 0.12 * depth_to_m**2 / of_meeting})}}
     )
@@ -139,11 +139,16 @@ def test_depths_show_people_as_far_as_they_tell_them_apart_and_silhouettes_those
 
 def test_depths_tell_farther_the_wider_the_baseline_is():
     camera = synthetic_meeting.rig(1).cameras()["stereo_1"]
-    assert isinstance(camera, StereoSensor)
-    at = [depths_tell_to_m(camera.model_copy(update={"baseline_m": each})) for each in (0.06, 0.12, 0.24)]
+
+    def to_m(**of: object) -> float:
+        changed = camera.model_copy(update=of)
+        assert isinstance(changed, StereoSensor)
+        return depths_tell_to_m(depth_errors(changed))
+
+    at = [to_m(baseline_m=each) for each in (0.06, 0.12, 0.24)]
     assert np.diff(np.square(at)) == pytest.approx([at[0] ** 2, 2 * at[0] ** 2])
-    assert depths_tell_to_m(camera.model_copy(update={"mode": "ideal"})) == np.inf
-    assert 3 < depths_tell_to_m(camera.model_copy(update={"baseline_m": None})) < 6
+    assert to_m(mode="ideal") == np.inf
+    assert 3 < to_m(baseline_m=None) < 6
 
 
 def test_errors_along_a_sight_stay_whichever_way_the_camera_looks_and_round_ones_do_not():
