@@ -284,9 +284,11 @@ def reproduce(
     _check_options(name, {"--seeds": seeds, "--runs": runs}, own)
     from twin.console import print_paths, progress
     from twin.reproduce.results import print_results
+    from twin.run.out_folder import check_others
 
     reproduction = REPRODUCTIONS[name]
     folder = out if out is not None else Path("out") / f"reproduce-{name}"
+    check_others(folder, () if resume else ("report.html",), "results.json")
     request = Request(name, seed, seeds or reproduction.n_seed, runs, suite, jobs, resume, data)
     with progress() as report:
         results, written = reproduction.run(folder, request, report)

@@ -161,6 +161,21 @@ def check_copy(source: Path, target: Path) -> None:
         raise InputError(f"--bag {target}: is not the name of a recording; a name ending in .mcap is expected")
     if target.exists() and (not target.is_file() or target.resolve() == source.resolve()):
         raise InputError(f"--bag {target}: is the recording itself or a folder; the name of another file is expected")
+    if target.exists() and not _is_copy(target):
+        raise InputError(
+            f"--bag {target}: is there already, and no copy with tracks; the name of a new file is expected"
+        )
+
+
+def _is_copy(path: Path) -> bool:
+    """Return True for a bag with topics of tracks, as an earlier run leaves it."""
+    from twin.recording.bag import open_bag
+
+    try:
+        with open_bag(path) as bag:
+            return any(name.startswith("/tracks/") for name in bag.topics)
+    except InputError:
+        return False
 
 
 def _store_for(connection: Connection) -> Typestore | None:

@@ -6,7 +6,7 @@ import json
 import os
 import shutil
 import socket
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
 
@@ -16,6 +16,8 @@ from twin.recording.atomic_file import partial_path, unwritable, write_atomic
 LOCK = ".twin.lock"
 MADE = ".made-by-twin.json"
 """List of the files that twin wrote into a folder; others are never overwritten or removed."""
+EXPORTED = ".made-by-twin-export.json"
+"""The same of a folder of `twin export`, with paths."""
 
 _SUBFOLDER = "tracks"
 _LONGEST_LIST_BYTES = 1_000_000
@@ -60,14 +62,27 @@ def out_folder(path: Path, names: Sequence[str]) -> Iterator[OutFolder]:
     """
     with locked_folder(path):
         made = _read_made(path)
-        for name in names:
-            if (path / name).exists() and name not in made:
-                raise InputError(
-                    f"--out {path}: holds {name}, which twin did not write; an empty folder, or one of an earlier run, "
-                    "is expected"
-                )
+        _check_others(path, set(names) - made)
         _clear_leftovers(path, made | set(names) | {MADE})
         yield OutFolder(path, names, made)
+
+
+def check_others(folder: Path, names: Iterable[str], sign: str) -> None:
+    """Raise InputError for a file of one of these names that is not twin's; `sign`: name of one that only twin writes there.
+
+    Folders of suites, studies and the like hold it from the start, or as soon as they are whole.
+    """
+    if not (folder / sign).exists():
+        _check_others(folder, names)
+
+
+def _check_others(folder: Path, names: Iterable[str]) -> None:
+    for name in sorted(names):
+        if (folder / name).exists():
+            raise InputError(
+                f"--out {folder}: holds {name}, which twin did not write; an empty folder, or one of an earlier run, "
+                "is expected"
+            )
 
 
 @contextmanager
@@ -163,20 +178,17 @@ def _clear_leftovers(folder: Path, names: set[str]) -> None:
 def whole_folder(path: Path) -> Iterator[Path]:
     """Yield a hidden folder beside `path`, which takes that name when the block ends normally; else it is removed.
 
-    It replaces a folder made by this function. Raises InputError where another folder or file exists, and where it cannot be
-    written or the disk is full.
+    It replaces a folder made by this function, with nothing else in it. Raises InputError where another folder or file
+    exists, and where it cannot be written or the disk is full.
     """
     path = Path(os.path.abspath(path))
-    if path.exists() and not (path / MADE).is_file() and not (path.is_dir() and not any(path.iterdir())):
-        raise InputError(
-            f"--out {path}: exists and was not made by `twin export`; the name of a new folder is expected"
-        )
+    _check_replaceable(path)
     partial = partial_path(path)
     replaced = path.with_name(f".{path.name}.{os.getpid()}.replaced")
     try:
         partial.mkdir(parents=True)
         yield partial
-        (partial / MADE).write_text("[]", encoding="utf-8")
+        (partial / EXPORTED).write_text(json.dumps(sorted(_files_in(partial))), encoding="utf-8")
         if path.exists():
             os.replace(path, replaced)
         os.replace(partial, path)
@@ -185,3 +197,31 @@ def whole_folder(path: Path) -> Iterator[Path]:
     finally:
         shutil.rmtree(partial, ignore_errors=True)
         shutil.rmtree(replaced, ignore_errors=True)
+
+
+def _files_in(folder: Path) -> set[str]:
+    """Return the paths of all files in a folder, relative to it."""
+    return {each.relative_to(folder).as_posix() for each in folder.rglob("*") if not each.is_dir() or each.is_symlink()}
+
+
+def _check_replaceable(path: Path) -> None:
+    """Raise InputError for what is no folder of `twin export`, or has files beside those that it wrote."""
+    if not path.exists() or (path.is_dir() and not any(path.iterdir())):
+        return
+    listed, former = path / EXPORTED, path / MADE
+    try:
+        if listed.is_file() and not listed.is_symlink():
+            made = json.loads(listed.read_text(encoding="utf-8"))
+            others = sorted(_files_in(path) - {EXPORTED, *made})
+        elif former.is_file() and former.read_text(encoding="utf-8") == "[]":  # without a list, in versions before
+            others = []
+        else:
+            raise InputError(
+                f"--out {path}: exists and was not made by `twin export`; the name of a new folder is expected"
+            )
+    except (ValueError, TypeError, OSError) as error:
+        raise InputError(f"{listed}: cannot be read ({error}); the name of a new folder is expected") from error
+    if others:
+        raise InputError(
+            f"--out {path}: holds {others[0]}, which `twin export` did not write; the name of a new folder is expected"
+        )

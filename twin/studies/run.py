@@ -19,6 +19,7 @@ from twin.recording.atomic_file import write_atomic
 from twin.report.palette import data_uri
 from twin.room.building import check_mounts
 from twin.run.inputs import NONE_TRUSTED, TrustedClasses
+from twin.run.out_folder import check_others
 from twin.scenario import Scenario, load_scenario
 from twin.scenario.load import dump_scenario
 from twin.studies.apply_placement import write_scenario
@@ -31,7 +32,7 @@ from twin.studies.preflight import prepare
 from twin.studies.results import StudyResults, summarize, write_table
 from twin.studies.search import Result, Searcher, check_search_size
 from twin.studies.spec import Coverage
-from twin.studies.store import FILE, open_store
+from twin.studies.store import FILE, WRITTEN, open_store
 from twin.studies.trials import TrialRunner, losses, pareto_fronts
 from twin.studies.validation import (
     displaced_differences,
@@ -135,14 +136,7 @@ def _results(run: TrialRunner, coverage: PoseCoverage, result: Result, start_s: 
 
 def write_results(folder: Path, results: StudyResults) -> dict[str, Path]:
     """Write every file except the evaluations, each under its name when complete; return their paths."""
-    files = {
-        "candidates": folder / "candidates.csv",
-        "pareto": folder / "pareto.csv",
-        "recommended": folder / "recommended.yaml",
-        "study": folder / "study.yaml",
-        "summary": folder / "summary.json",
-        "report": folder / "report.html",
-    }
+    files = {Path(name).stem: folder / name for name in WRITTEN}
     study = results.prepared.study
     trials = list(results.result.trials.values())
     write_table(files["candidates"], trials, results)
@@ -169,6 +163,7 @@ def write_coverage(scenario: Scenario, folder: Path, asked: Coverage) -> dict[st
     asked: beams, px_per_m and samples count. Raises InputError without scanners and cameras, for a sensor inside a wall or
     outside the building, and where a field given is of sensors that are not there.
     """
+    check_others(folder, (_SCENARIO, "coverage.html"), "coverage.json")
     names, samples = looking_sensors(scenario), asked.samples
     _check_sensors(scenario, names, asked)
     precomputed = PrecomputedScene.of(scenario, precompute_motion(scenario))

@@ -15,7 +15,7 @@ from pydantic import ConfigDict, FiniteFloat, TypeAdapter, ValidationError
 from trackers.configuration import Typed
 from trackers.errors import InputError
 from twin.recording.atomic_file import write_atomic
-from twin.run.out_folder import locked_folder
+from twin.run.out_folder import check_others, locked_folder
 from twin.studies.worker import EvaluationTask, evaluate_task
 from twin.suites.cache_keys import Provenance, digest_of, whole_code
 from twin.suites.cluster import Workers
@@ -25,6 +25,8 @@ from twin.suites.store_files import rerun_warning
 from twin.suites.tasks import State, Task, TaskListener, TaskResult
 
 FILE = "evaluations.jsonl"
+WRITTEN = ("candidates.csv", "pareto.csv", "recommended.yaml", "study.yaml", "summary.json", "report.html")
+"""Files of a finished study."""
 _LIMIT_S = 1800.0
 
 
@@ -166,6 +168,7 @@ def open_store(
     path, head = folder / FILE, {"study": study, "code": whole_code()}
     with ExitStack() as stack:
         stack.enter_context(locked_folder(folder))
+        check_others(folder, WRITTEN, FILE)
         before = _head(path)
         if before is not None and not resume:
             raise InputError(

@@ -296,6 +296,8 @@ def compare_results(before: Path, now: Path, out: Path | None, *, markdown: bool
 
     `markdown`: print a table in Markdown instead.
     """
+    if out is not None and out.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"--out {out}: is not the name of a page; a name ending in .html is expected")
     old, new = read_results(before), read_results(now)
     if not set(old.groups) & set(new.groups):
         raise InputError(

@@ -11,11 +11,12 @@ from typing import Any
 
 from trackers.errors import InputError
 from twin.messages import counted
-from twin.run.out_folder import locked_folder
+from twin.run.out_folder import check_others, locked_folder
 from twin.suites.expansion import Case, with_variant
 from twin.suites.store import EXPECTED, ResultStore, StoredCase, fault_of_file
 
 RESULTS_FILE = "results.sqlite"
+_WRITTEN = ("summary.json", "report.html", "junit.xml", "cases", "logs")
 
 _OF_SUITE = ("description", "reference", "tolerances", "requirements")
 """Facts by which results are judged: those of the present suite hold."""
@@ -43,6 +44,7 @@ def open_store(
                 f"--out {folder}: holds the results of an earlier run; --resume to do the rest of it, or another folder, "
                 "is expected"
             )
+        check_others(folder, _WRITTEN, RESULTS_FILE)
         with _connected(path) as connection:
             store = ResultStore(connection, path)
             if exists and _is_defined(connection, path):

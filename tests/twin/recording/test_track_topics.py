@@ -97,7 +97,12 @@ def test_tracking_adds_tracks_to_a_copy(runs: tuple[Path, Path], tmp_path: Path)
 
 def test_a_copy_that_cannot_be_is_refused_before_anything_is_written(runs: tuple[Path, Path], tmp_path: Path) -> None:
     plain = runs[1] / "recording.mcap"
-    for target, words in ((plain, "is the recording itself"), (tmp_path / "copy.bag", r"ending in \.mcap")):
+    (tmp_path / "other.mcap").write_bytes(plain.read_bytes())
+    refused = (plain, "is the recording itself"), (tmp_path / "copy.bag", r"ending in \.mcap")
+    for target, words in (
+        *refused,
+        (tmp_path / "other.mcap", "is there already, and no copy with tracks; the name of"),
+    ):
         with pytest.raises(InputError, match=words):
             track_recording(plain, trackers=["laser-imm"], out=tmp_path / "none", video=False, bag_copy=target)
     assert not (tmp_path / "none").exists()

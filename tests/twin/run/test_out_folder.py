@@ -6,6 +6,7 @@ import json
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -14,8 +15,14 @@ from trackers.errors import InputError
 from twin.recording.atomic_file import open_atomic
 from twin.run import live as twin_run, outcome as twin_results
 from twin.run.live import run_scenario
-from twin.run.out_folder import LOCK, MADE, locked_folder, out_folder
+from twin.run.out_folder import LOCK, MADE, locked_folder, out_folder, whole_folder
 from twin.scenario import load_scenario
+from twin.studies import store as study_store
+from twin.studies.run import write_coverage
+from twin.studies.spec import Coverage
+from twin.suites import store_files
+from twin.suites.cluster import Workers
+from twin.suites.dask_runner import ProgressListener
 
 pytestmark = pytest.mark.slow
 
@@ -160,3 +167,54 @@ def test_a_lock_is_no_way_to_another_file(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be written"), locked_folder(tmp_path):
         pass
     assert (tmp_path / "mine").read_text() == "mine"
+
+
+def exported(path: Path) -> None:
+    with whole_folder(path) as partial:
+        (partial / "gt").mkdir()
+        (partial / "gt" / "gt.txt").write_text("1,1")
+
+
+def test_an_export_replaces_its_own_folder_and_no_other(tmp_path: Path) -> None:
+    """`twin export RUN --out RUN` removed the run."""
+    exported(tmp_path / "mot")
+    exported(tmp_path / "mot")
+    (tmp_path / "mot" / "gt" / "notes.txt").write_text("mine")
+    with pytest.raises(InputError, match=r"holds gt/notes.txt, which `twin export` did not write"):
+        exported(tmp_path / "mot")
+    write(tmp_path / "run", "metrics.json")
+    with pytest.raises(InputError, match=r"run: exists and was not made by `twin export`; the name of a new folder"):
+        exported(tmp_path / "run")
+    assert (tmp_path / "run" / "metrics.json").exists() and (tmp_path / "mot" / "gt" / "notes.txt").exists()
+    assert not [each.name for each in tmp_path.iterdir() if each.name not in ("mot", "run")]
+
+
+def _suite(folder: Path) -> None:
+    with store_files.open_store(folder, [], {}, resume=False):
+        pass
+
+
+def _study(folder: Path) -> None:
+    with study_store.open_store(folder, {}, Workers(jobs=1), False, ProgressListener(), lambda n, now: None):
+        pass
+
+
+def _coverage(folder: Path) -> None:
+    write_coverage(load_scenario("lab-five-people", ["duration_s=0.1"]), folder, Coverage(samples=1))
+
+
+@pytest.mark.parametrize(
+    ("begin", "name"),
+    [(_suite, "report.html"), (_suite, "summary.json"), (_study, "study.yaml"), (_coverage, "scenario.yaml")],
+)
+def test_no_file_that_twin_did_not_write_is_written_over(
+    begin: Callable[[Path], None], name: str, tmp_path: Path
+) -> None:
+    """`twin study coverage scenario.yaml --out .` replaced the scenario by its resolved form, a study its own file."""
+    (tmp_path / name).write_text("mine")
+    with pytest.raises(
+        InputError, match=f"holds {name}, which twin did not write; an empty folder, or one of an earlier"
+    ):
+        begin(tmp_path)
+    assert [(each.name, each.read_text()) for each in tmp_path.iterdir()] == [(name, "mine")]
+    begin(tmp_path / "new")
