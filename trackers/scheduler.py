@@ -25,14 +25,15 @@ def connected(address: str, said: str, direct: bool = False) -> Client:
     """
     from distributed import Client
 
-    _check(address, said)
+    check_scheduler(address, said)
     try:
         return Client(address, timeout=_CONNECT_S, set_as_default=False, direct_to_workers=direct or None)
     except (OSError, ValueError, TypeError) as error:
         raise InputError(f"{said}: nobody answers there ({error or type(error).__name__}); {_EXPECTED}") from error
 
 
-def _check(address: str, said: str) -> None:
+def check_scheduler(address: str, said: str) -> None:
+    """Raise InputError for an invalid address or one where nothing answers, without Dask."""
     try:
         parts = urlsplit(address if "://" in address else f"tcp://{address}")
         host, port = parts.hostname, parts.port

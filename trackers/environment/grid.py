@@ -67,6 +67,8 @@ SMALLEST_VOXEL_M, LARGEST_VOXEL_M = 0.01, 0.5
 MOST_VOXELS = 100_000_000
 """Greatest number of voxels of a grid: trackers use some 30 bytes for each."""
 
+_AT_ONCE = 50_000
+"""Number of points or rays worked at once: of millions, what is worked out of each would take several times their memory."""
 _SHORT_OF_END = 1.0
 """Number of voxels before its end in which a ray frees nothing: ranges are noisy, and surfaces are hit obliquely."""
 
@@ -105,6 +107,10 @@ class Grid:
     def _cells(self, points: Float[Array, "n axes"]) -> tuple[Int[Index, "axes n"], Bool[Mask, "n"]]:
         """Return the index of the cell along each axis, 0 outside, and which are inside."""
         axes = points.shape[1]
+        if len(points) > _AT_ONCE:
+            starts = range(0, len(points), _AT_ONCE)
+            cells, insides = zip(*(self._cells(points[first : first + _AT_ONCE]) for first in starts), strict=True)
+            return np.concatenate(cells, axis=1), np.concatenate(insides)
         # One row per axis: numpy is several times faster along long rows.
         place = (np.ascontiguousarray(points.T) - self.origin_m[:axes, None]) * (1 / self.voxel_m)
         if not np.isfinite(place).all():
@@ -129,7 +135,9 @@ def count_rays(cloud: PointCloud, grid: Grid) -> tuple[UInt32[Counts, "size"], U
     np.add.at(hits, flat[inside], np.uint32(1))
     passes = np.zeros(grid.size, dtype=np.uint32)
     for station, origin in enumerate(cloud.origins_m):
-        _march(cloud.points_m[cloud.station == station], origin, grid, passes)
+        points = cloud.points_m[cloud.station == station]
+        for first in range(0, len(points), _AT_ONCE):
+            _march(points[first : first + _AT_ONCE], origin, grid, passes)
     return hits, passes
 
 

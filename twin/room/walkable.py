@@ -185,7 +185,10 @@ def outdoors_of(standing: Mask, plan: Plan) -> Mask:
     middles = cv2.erode(1 - standing, _square(door), borderType=cv2.BORDER_CONSTANT, borderValue=1)
     number = _numbered(middles.astype(np.uint8))
     rim = np.concatenate([number[0], number[-1], number[:, 0], number[:, -1]])
-    from_outside = np.isin(number, np.unique(rim[rim > 0])).astype(np.uint8)
+    touches_rim = np.zeros(int(number.max()) + 1, dtype=np.uint8)
+    touches_rim[rim] = 1
+    touches_rim[0] = 0
+    from_outside = touches_rim[number]
     return cv2.dilate(from_outside, _square(door)).astype(np.uint8)
 
 
@@ -209,16 +212,17 @@ def _without_dead_ends(area: Mask, cells: int, only_at: Mask | None = None) -> M
     number = _numbered(wide)
     narrow = _numbered(area & ~wide)
     count = int(narrow.max()) + 1
-    adjacent = [
-        np.stack([narrow[here], number[there]]).reshape(2, -1)
-        for one, other in ((_FAR, _NEAR), (_RIGHT, _LEFT))
-        for here, there in ((one, other), (other, one))
-    ]
-    pairs = np.unique(np.concatenate([each[:, (each > 0).all(axis=0)] for each in adjacent], axis=1), axis=1)
-    stays = np.bincount(pairs[0], minlength=count) >= 2
+    n_wide = int(number.max()) + 1
+    touching = []
+    for one, other in ((_FAR, _NEAR), (_RIGHT, _LEFT)):
+        for here, there in ((one, other), (other, one)):
+            both = (narrow[here] > 0) & (number[there] > 0)
+            touching.append(narrow[here][both].astype(np.int64) * n_wide + number[there][both])
+    leads_to = np.unique(np.concatenate(touching)) // n_wide
+    stays = np.bincount(leads_to, minlength=count) >= 2
     if only_at is not None:
         is_elsewhere = np.ones(count, dtype=bool)
-        is_elsewhere[np.unique(narrow[only_at > 0])] = False
+        is_elsewhere[narrow[only_at > 0]] = False
         stays |= is_elsewhere
     stays[0] = False
     return wide | stays[narrow].astype(np.uint8)

@@ -32,7 +32,7 @@ from twin.studies.preflight import prepare
 from twin.studies.results import StudyResults, summarize, write_table
 from twin.studies.search import Result, Searcher, check_search_size
 from twin.studies.spec import Coverage
-from twin.studies.store import FILE, WRITTEN, open_store
+from twin.studies.store import FILE, WRITTEN, check_folder, open_store
 from twin.studies.trials import TrialRunner, losses, pareto_fronts
 from twin.studies.validation import (
     displaced_differences,
@@ -78,12 +78,13 @@ def run_study(
     folder = out if out is not None else Path("out") / f"study-{study.name}"
     cache = RecordingCache(cache_folder(), cache_limit_bytes())
     check_search_size(study, prepared.candidate_set, str(prepared.path))
+    facts = study.model_dump(mode="json", by_alias=True)
+    check_folder(folder, facts, resume)  # before the first evaluation, which takes a run
     run = TrialRunner(prepared, cache)
     coverage = PoseCoverage(study, prepared.candidate_set, cache)
     searcher = Searcher(study, prepared.candidate_set, coverage, run.evaluate)
     run.trials = searcher.result.trials
     first = None if resume and (folder / FILE).exists() else run.check_metrics()
-    facts = study.model_dump(mode="json", by_alias=True)
     listener = ProgressListener(warned=print_warning)
     with open_store(folder, facts, place, resume, listener, run.progress) as evaluations:
         run.evaluations = evaluations

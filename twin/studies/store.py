@@ -151,6 +151,40 @@ class EvaluationStore:
         return [self._recorded[job.id][1] for job in jobs]
 
 
+def check_folder(folder: Path, study: Mapping[str, Any], resume: bool) -> None:
+    """Raise InputError for a folder that `open_store` would refuse, and leave it as it is."""
+    with locked_folder(folder):
+        _is_started(folder / FILE, _head_of(study), resume)
+
+
+def _head_of(study: Mapping[str, Any]) -> dict[str, Any]:
+    return {"study": study, "code": whole_code()}
+
+
+def _is_started(path: Path, head: Mapping[str, Any], resume: bool) -> bool:
+    """Return True for a file to go on with. Raises InputError for one that is another's, or that must be there or must not."""
+    folder, study = path.parent, head["study"]
+    check_others(folder, WRITTEN, FILE)
+    before = _head(path)
+    if before is not None and not resume:
+        raise InputError(
+            f"--out {folder}: holds the results of an earlier run; --resume, or another folder, is expected"
+        )
+    if before is None and resume:
+        raise InputError(f"--resume: {folder}: there is nothing to resume; a folder of an interrupted run is expected")
+    if before is not None and before.get("code") != head["code"]:
+        raise InputError(
+            f"--resume: {path}: was made by other code, and results of two versions must not mix; another folder is expected"
+        )
+    if before is not None and before.get("study") != json.loads(json.dumps(study)):
+        changed = [key for key in study if before["study"].get(key) != json.loads(json.dumps(study[key]))]
+        raise InputError(
+            f"--resume: {path}: was made of another study ({', '.join(changed) or 'some fields are gone'} changed); the same "
+            "study, or another folder, is expected"
+        )
+    return before is not None
+
+
 @contextmanager
 def open_store(
     folder: Path,
@@ -165,34 +199,15 @@ def open_store(
     study: content of its file. Raises InputError for a folder with earlier results without `resume`, and for those of
     another study or code with it. Evaluations whose inputs changed (scenario, room, trackers, prior files) are done again.
     """
-    path, head = folder / FILE, {"study": study, "code": whole_code()}
+    path, head = folder / FILE, _head_of(study)
     with ExitStack() as stack:
         stack.enter_context(locked_folder(folder))
-        check_others(folder, WRITTEN, FILE)
-        before = _head(path)
-        if before is not None and not resume:
-            raise InputError(
-                f"--out {folder}: holds the results of an earlier run; --resume, or another folder, is expected"
-            )
-        if before is None and resume:
-            raise InputError(
-                f"--resume: {folder}: there is nothing to resume; a folder of an interrupted run is expected"
-            )
-        if before is not None and before.get("code") != head["code"]:
-            raise InputError(
-                f"--resume: {path}: was made by other code, and results of two versions must not mix; another folder is expected"
-            )
-        if before is not None and before.get("study") != json.loads(json.dumps(study)):
-            changed = [key for key in study if before["study"].get(key) != json.loads(json.dumps(study[key]))]
-            raise InputError(
-                f"--resume: {path}: was made of another study ({', '.join(changed) or 'some fields are gone'} changed); the same "
-                "study, or another folder, is expected"
-            )
+        is_started = _is_started(path, head, resume)
         evaluations = EvaluationStore(folder, open_workers(place, stack, listener), progress, listener.warned)
-        if before is None:
-            write_atomic(path, with_checksum(head) + "\n")
-        else:
+        if is_started:
             evaluations.read()
+        else:
+            write_atomic(path, with_checksum(head) + "\n")
         yield evaluations
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, cast
 
 from trackers.errors import InputError
-from trackers.scheduler import connected
+from trackers.scheduler import check_scheduler, connected
 
 if TYPE_CHECKING:
     from distributed import Client, LocalCluster
@@ -180,7 +180,8 @@ class Workers:
 def parse_workers(jobs: int | None, scheduler: str | None, resource: list[str] | None) -> Workers:
     """Make the workers chosen by the command's options.
 
-    Raises InputError where both kinds are given, for a bad resource, and for one without a scheduler.
+    Raises InputError where both kinds are given, for a bad resource, for one without a scheduler, and where no scheduler
+    answers: before the cases are checked, which takes seconds.
     """
     if scheduler is not None and jobs is not None:
         raise InputError(
@@ -190,4 +191,7 @@ def parse_workers(jobs: int | None, scheduler: str | None, resource: list[str] |
         raise InputError(
             f"--resource {' --resource '.join(resource)}: is of a scheduler's workers; --scheduler ADDRESS beside it is expected"
         )
-    return Workers(jobs, scheduler, read_resources(resource or []))
+    workers = Workers(jobs, scheduler, read_resources(resource or []))
+    if scheduler is not None:
+        check_scheduler(scheduler, f"--scheduler {scheduler}")
+    return workers

@@ -51,7 +51,7 @@ def assert_same(kept: list[NDArray], whole: list[NDArray]) -> None:
     ("name", "eye_m"),
     [
         ("lab-five-people", (0.0, 1.2, 1.5)),
-        ("library-hall", (0.0, 0.0, 2.5)),
+        ("library-hall-busy", (0.0, 0.0, 2.5)),
         ("home-cameras", (0.2, 0.0, 1.8)),
         ("drawn", (0.0, 0.0, 1.9)),
     ],

@@ -23,6 +23,7 @@ from twin.scenario import load_scenario
 from twin.studies import run as study_run, store
 from twin.studies.results import print_summary
 from twin.studies.run import run_study, write_results
+from twin.studies.trials import TrialRunner
 from twin.studies.worker import EvaluationTask, evaluate_task
 from twin.suites.cache import RecordingCache
 from twin.suites.cache_keys import whole_code
@@ -197,12 +198,18 @@ def test_two_workers_find_what_one_does(whole: tuple[Path, Path, dict], tmp_path
 def test_another_study_or_code_is_not_resumed(
     whole: tuple[Path, Path, dict], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """And that is said before the first evaluation."""
     path, before, _ = whole
+    monkeypatch.setattr(TrialRunner, "check_metrics", lambda self: pytest.fail("an evaluation was begun"))
     other = written(tmp_path, search__candidates=7)
     with pytest.raises(InputError, match=r"was made of another study \(search changed\)"):
         run(other, before, resume=True)
     with pytest.raises(InputError, match="there is nothing to resume"):
         run(path, tmp_path / "nothing", resume=True)
+    with pytest.raises(InputError, match="--out .*: cannot be written"):
+        run(path, path / "beneath a file")
+    with pytest.raises(InputError, match="holds the results of an earlier run"):
+        run(path, before)
     monkeypatch.setattr(store, "whole_code", lambda: "0123")
     with pytest.raises(InputError, match="was made by other code"):
         run(path, before, resume=True)
