@@ -17,6 +17,7 @@ from trackers.errors import InputError
 from twin.environment.scan import HEIGHT_M, TiltingScanner, chosen_stations, given_stations, scan_room
 from twin.messages import OnProgress, no_progress
 from twin.recording.atomic_file import atomic_path
+from twin.run.out_folder import check_others
 from twin.scenario import Scenario
 from twin.sensors.laser_noise import LASER_NOISE
 from twin.world.world import World
@@ -166,6 +167,7 @@ def write_environment(
     for option, path, suffix in (("--out", out, ".npz"), ("--cloud", cloud_path, ".ply")):
         if path is not None and path.suffix.lower() != suffix:
             raise InputError(f"{option} {path}: a name ending in {suffix} is expected")
+    check_others(out.parent, (out.with_suffix(".png").name,), out.name)
     cloud, world = scan_scenario(scenario, stations, noise=noise, on_progress=on_progress)
     environment = build_environment(cloud, room=scenario.room_name, area=world.scene.area, options=options)
     files = {"environment": out, "picture": out.with_suffix(".png")}

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from trackers.errors import InputError
+from twin.environment.run import write_environment
 from twin.recording.atomic_file import open_atomic
 from twin.run import live as twin_run, outcome as twin_results
 from twin.run.live import run_scenario
@@ -203,9 +204,19 @@ def _coverage(folder: Path) -> None:
     write_coverage(load_scenario("lab-five-people", ["duration_s=0.1"]), folder, Coverage(samples=1))
 
 
+def _environment(folder: Path) -> None:
+    write_environment(load_scenario("lab-five-people"), [(0.0, 1.5)], out=folder / "empty.npz")
+
+
 @pytest.mark.parametrize(
     ("begin", "name"),
-    [(_suite, "report.html"), (_suite, "summary.json"), (_study, "study.yaml"), (_coverage, "scenario.yaml")],
+    [
+        (_environment, "empty.png"),
+        (_suite, "report.html"),
+        (_suite, "summary.json"),
+        (_study, "study.yaml"),
+        (_coverage, "scenario.yaml"),
+    ],
 )
 def test_no_file_that_twin_did_not_write_is_written_over(
     begin: Callable[[Path], None], name: str, tmp_path: Path
