@@ -178,6 +178,10 @@ def _checked(frames: list[TrackFrame]) -> list[TrackFrame]:
     return frames
 
 
+_FEW, _DENSEST_NS = 10, 200_000
+"""Observations too few to judge their rate, and the mean time between two that no rig goes below: 5 kHz."""
+
+
 def track_frames(
     tracker: Tracker,
     rig: Rig,
@@ -191,7 +195,7 @@ def track_frames(
     """
     check_arguments(rig, tracker=tracker, observations=observations)
     fed = FedTracker(tracker, rig)
-    n_fed, unknown = 0, Counter[str]()
+    n_fed, unknown, span_ns = 0, Counter[str](), (0, 0)
     for observation in observations:
         if not isinstance(observation, Observation):
             raise InputError(
@@ -202,11 +206,16 @@ def track_frames(
             unknown[observation.sensor] += 1
             continue
         _check_kind(observation, sensor)
+        span_ns = (span_ns[0] if n_fed else observation.stamp_ns), observation.stamp_ns
         n_fed += 1
         yield from _checked(fed.update(observation))
     yield from _checked(fed.finish())
     if not n_fed + unknown.total() and isinstance(observations, Iterator):
         on_warning(used_iterator("observations"))
+    if n_fed > _FEW and 0 < (gap_ns := (span_ns[1] - span_ns[0]) / n_fed) < _DENSEST_NS:
+        on_warning(
+            f"observations come every {gap_ns:.3g} ns on average; stamp_ns in nanoseconds, s * 10**9, is expected"
+        )
     if unknown:
         of = ", ".join(f"{n} of {name!r}" for name, n in unknown.items())
         on_warning(

@@ -115,6 +115,15 @@ def listed(trackers: Sequence[str]) -> list[str]:
     return names
 
 
+def check_choices(truth: str, **switches: object) -> None:
+    """Raise InputError for another part of the truth than runs keep, and for a switch that is neither True nor False."""
+    if truth not in ("all", "positions"):
+        raise InputError(f"truth {truth!r}: 'all' or 'positions' is expected")
+    for name, value in switches.items():
+        if not isinstance(value, bool):
+            raise InputError(f"{name} {value!r}: True or False is expected")
+
+
 def choose(
     names: Sequence[str],
     defined: Mapping[str, TrackerChoice],

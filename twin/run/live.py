@@ -27,7 +27,7 @@ from twin.recording.writer import BagWriter
 from twin.report.birdseye import Site
 from twin.report.page import RunFacts
 from twin.run.feed import Feed, open_feed
-from twin.run.inputs import NONE_TRUSTED, ChosenTracker, TrustedClasses, choose, listed
+from twin.run.inputs import NONE_TRUSTED, ChosenTracker, TrustedClasses, check_choices, choose, listed
 from twin.run.out_folder import OutFolder, out_folder
 from twin.run.outcome import (
     RunResult,
@@ -84,6 +84,7 @@ def run_scenario(
     """
     if not isinstance(scenario, Scenario):
         raise InputError(f"{scenario!r} is no Scenario; twin.load_scenario makes one of a name or file")
+    check_choices(truth, video=video, images=images)
     names = listed(trackers) if trackers is not None else list(scenario.trackers) or [DEFAULT_TRACKER]
     folder = as_path(out, "out") if out is not None else Path("out") / f"{scenario.name}-{scenario.seed}"
     source = source or f"scenario {scenario.name}"

@@ -85,6 +85,8 @@ def track_recording(
     where others are left, the result says which did.
     """
     names, changes = listed(trackers), override_texts(changes, "changes")
+    if not names:
+        raise InputError("trackers: none is named; a list of names, as ['sort'], is expected")
     recording, out = as_path(recording, "recording"), _path(out, "out")
     rig_path, truth_path = _path(rig_path, "rig_path"), _path(truth_path, "truth_path")
     bag_copy = _path(bag_copy, "bag_copy")

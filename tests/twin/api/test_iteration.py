@@ -12,6 +12,7 @@ import threading
 import weakref
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import replace
 from functools import cache
 from itertools import islice
 from multiprocessing import get_context
@@ -174,6 +175,15 @@ def test_iterator_that_is_used_up_is_told_where_it_gives_nothing() -> None:
             assert not list(twin.track_frames(twin.make_tracker("sort", rig), rig, observations))
 
 
+@pytest.mark.parametrize(("ns_per_s", "is_told"), [(1, True), (10**6, True), (10**9, False)])
+def test_stamps_in_another_unit_than_nanoseconds_are_told(ns_per_s: int, is_told: bool) -> None:
+    with twin.Simulation(SCENARIO, images=False) as simulation:
+        scans = [replace(each, stamp_ns=round(each.stamp_ns * ns_per_s / 1e9)) for each in simulation]
+        said: list[str] = []
+        list(twin.track_frames(twin.make_tracker("sort", simulation.rig), simulation.rig, scans, said.append))
+    assert any("stamp_ns in nanoseconds, s * 10**9, is expected" in each for each in said) == is_told
+
+
 def test_look_at_what_is_not_there_is_refused_in_a_sentence() -> None:
     with twin.Simulation(SCENARIO, images=False) as simulation:
         assert simulation.look(0, "waist").keys() == {"waist"}
@@ -209,6 +219,9 @@ def test_simulation_with_images_is_iterated_in_one_thread_and_closed_in_another(
         (lambda: twin.track_table(TrackFrame(0, ())), "an iterable of TrackFrame is expected"),  # pyright: ignore[reportArgumentType]
         (lambda: twin.run_scenario(twin.load_scenario("pair"), trackers="sort"), r"expected, as \['sort'\]"),
         (lambda: twin.track_recording("none.mcap", trackers="sort"), r"expected, as \['sort'\]"),
+        (lambda: twin.track_recording("none.mcap", trackers=[]), r"none is named; a list of names, as \['sort'\]"),
+        (lambda: twin.run_scenario(SCENARIO, truth="none"), "'all' or 'positions' is expected"),  # pyright: ignore[reportArgumentType]
+        (lambda: twin.run_scenario(SCENARIO, video="no"), "video 'no': True or False is expected"),  # pyright: ignore[reportArgumentType]
         (
             lambda: twin.track_recording("none.mcap", trackers=["sort"], changes="trackers.sort.gate_m=1"),
             "a list of texts is expected",
