@@ -30,7 +30,16 @@ from twin.suites.spec import Suite
 from twin.suites.store import DONE, FAILED, RecordingInfo, Requirement, ResultStore
 from twin.suites.store_files import open_store
 from twin.suites.tasks import State, Task, TaskListener, TaskResult
-from twin.suites.worker import WORST, CaseResult, CaseWork, Incident, run_case
+from twin.suites.worker import (
+    NO_RENDERER,
+    WORST,
+    CaseResult,
+    CaseWork,
+    Incident,
+    renderer_of,
+    resolved_scenario,
+    run_case,
+)
 
 _MAX_FILMSTRIPS = 24
 
@@ -55,8 +64,8 @@ def run_suite(
     changes: 'path=value' texts for every case; trusted: classes that the suite and its scenarios may name; function: handles
     a case, importable by workers (None: `run_case`); limits: whether to refuse implausible numbers of cases, people and
     bytes; check: called with the cases before the first starts, to raise for what they lack. A failed case is noted, and the
-    rest goes on. Raises InputError for an invalid suite, without a scheduler's answer, and for a folder with other results;
-    also where the disk is full or the workers are gone, which keeps all results so far.
+    rest goes on. Raises InputError for an invalid suite, without a scheduler's answer or OpenGL, and for a folder with other
+    results; also where the disk is full or the workers are gone, which keeps all results so far.
     """
     progress, workers = progress or ProgressListener(), workers or Workers()
     # The user's own classes on a scheduler's workers are not known here.
@@ -73,6 +82,7 @@ def run_suite(
     progress.planned(f"{counted(len(recordings), 'recording')}: {total(recordings.values())}")
     if workers.scheduler is None:  # workers elsewhere have caches of their own
         cache.check()
+        _check_rendering(cases)
     with ExitStack() as stack:
         # A scheduler may not answer, our processes always start: check it before claiming the folder.
         elsewhere = open_workers(workers, stack, progress) if workers.scheduler is not None else None
@@ -84,6 +94,14 @@ def run_suite(
         _run_cases(store, folder, cases, cache, run_tasks, progress, function or run_case)
         _draw_filmstrips(store, folder, cases, cache, run_tasks, progress)
         store.note(seconds=before_s + time.perf_counter() - start)
+
+
+def _check_rendering(cases: Sequence[Case]) -> None:
+    """Raise InputError where a scenario has cameras and this machine cannot render."""
+    firsts = {case.scenario: case for case in cases if case.bag is None}
+    any(
+        renderer_of(resolved_scenario(each)) != NO_RENDERER for each in firsts.values()
+    )  # one that renders does for all
 
 
 def _idle_of_command(changes: Sequence[str], cases: Sequence[Case]) -> list[str]:

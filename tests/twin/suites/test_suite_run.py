@@ -22,6 +22,7 @@ from typer.testing import CliRunner
 
 from trackers.errors import InputError
 from twin.commands.batch import suite_app as app
+from twin.scenario import Scenario
 from twin.suites import run as suite_run, store_files
 from twin.suites.cache import RecordingCache
 from twin.suites.cluster import Workers
@@ -224,6 +225,20 @@ def test_what_trackers_doubt_is_told_once_and_kept(
     page = (folder / "report.html").read_text()
     for doubt, n_case in warned.items():
         assert told.count(doubt) == 1 and f"{doubt} ({n_case} case" in page
+
+
+def test_a_suite_with_cameras_is_refused_where_nothing_renders_and_leaves_nothing(
+    suite: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each case failed, with exit code 1."""
+
+    def renderer_of(scenario: Scenario) -> str:
+        raise InputError("cannot render: no OpenGL")
+
+    monkeypatch.setattr(suite_run, "renderer_of", renderer_of)
+    with pytest.raises(InputError, match="cannot render"):
+        run_made_up(suite, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
 
 
 def test_what_a_case_has_left_goes_when_it_is_done_again_for_an_edited_scenario(suite: Path, tmp_path: Path) -> None:
