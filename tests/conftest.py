@@ -28,6 +28,8 @@ gc.disable()  # until everything is collected, all of which stays
 import shape_checks  # noqa: E402
 import worker_memory  # noqa: E402
 
+worker_memory.map_large_arrays()
+
 # Before anything imports them: calls into the trackers have their arguments' and results' types and shapes checked.
 shape_checks.install()
 
