@@ -43,7 +43,7 @@ from twin.run.outcome import (
 )
 from twin.run.tracker_runner import file_name
 from twin.scenario import Scenario
-from twin.scenario.load import dump_scenario
+from twin.scenario.load import check_scenario, dump_scenario
 from twin.scenario.scenario import describe_conditions
 from twin.streams import stream
 from twin.truth.frames import TruthDetail, TruthFrame
@@ -82,8 +82,7 @@ def run_scenario(
     without effect on results. Every file appears under its name when complete. Raises InputError for bad input, before
     anything is written, and PlugInError when every tracker has failed; with others left, the result names the failed ones.
     """
-    if not isinstance(scenario, Scenario):
-        raise InputError(f"{scenario!r} is no Scenario; twin.load_scenario makes one of a name or file")
+    check_scenario(scenario)
     check_choices(truth, video=video, images=images)
     names = listed(trackers) if trackers is not None else list(scenario.trackers) or [DEFAULT_TRACKER]
     folder = as_path(out, "out") if out is not None else Path("out") / f"{scenario.name}-{scenario.seed}"

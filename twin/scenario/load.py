@@ -263,6 +263,18 @@ def _index(items: list[Any], part: str, override: str) -> int:
     return int(part)
 
 
+def check_scenario(scenario: object) -> None:
+    """Raise InputError for what is no Scenario, and for a copy (`model_copy`) with fields or values that are not valid."""
+    if not isinstance(scenario, Scenario):
+        raise InputError(f"{scenario!r} is no Scenario; twin.load_scenario makes one of a name or file")
+    source = f"scenario {vars(scenario).get('name')!r}"
+    for name in sorted(vars(scenario).keys() - Scenario.model_fields.keys()):
+        raise InputError(
+            f"{source}: {name}: unknown key; {valid_names(name, Scenario.model_fields, start='valid here:')}"
+        )
+    validate(Scenario, scenario.model_dump(mode="json", exclude_none=True, warnings=False), source)
+
+
 def dump_scenario(scenario: Scenario) -> str:
     """Write the resolved scenario as YAML that runs again to the same bits."""
     content = scenario.model_dump(mode="json", exclude_none=True)

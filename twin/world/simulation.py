@@ -30,6 +30,7 @@ from twin.room.building import check_mounts
 from twin.room.mjcf import DARK_LIGHT, light_of
 from twin.scenario import Scenario
 from twin.scenario.housings import assumed_sensor, base_of, driven, held_sensor, odometry_sensor
+from twin.scenario.load import check_scenario
 from twin.scenario.scenario import describe_circles, describe_late_starts
 from twin.scenario.sensors import CAMERA_KINDS, build_sensor
 from twin.sensors.floor import Floor
@@ -93,8 +94,7 @@ class Simulation:
         feet: bool = True,
         drawn: bool = False,
     ) -> None:
-        if not isinstance(scenario, Scenario):
-            raise InputError(f"{scenario!r} is no Scenario; twin.load_scenario makes one of a name or file")
+        check_scenario(scenario)
         self.scenario = scenario = randomized(scenario)
         self._descriptions = {
             name: held_sensor(scenario, name)

@@ -220,6 +220,14 @@ def test_simulation_with_images_is_iterated_in_one_thread_and_closed_in_another(
         (lambda: twin.run_scenario(twin.load_scenario("pair"), trackers="sort"), r"expected, as \['sort'\]"),
         (lambda: twin.track_recording("none.mcap", trackers="sort"), r"expected, as \['sort'\]"),
         (lambda: twin.track_recording("none.mcap", trackers=[]), r"none is named; a list of names, as \['sort'\]"),
+        (
+            lambda: twin.run_scenario(SCENARIO.model_copy(update={"duration_s": -1})),
+            "duration_s: a number greater than 0 is",
+        ),
+        (
+            lambda: twin.Simulation(SCENARIO.model_copy(update={"durations": 3})),
+            "durations: unknown key; did you mean 'duration_s",
+        ),
         (lambda: twin.run_scenario(SCENARIO, truth="none"), "'all' or 'positions' is expected"),  # pyright: ignore[reportArgumentType]
         (lambda: twin.run_scenario(SCENARIO, video="no"), "video 'no': True or False is expected"),  # pyright: ignore[reportArgumentType]
         (
