@@ -27,6 +27,10 @@ _START_M, _WALKS_M_S = 0.5, 1.0
 """Standard deviations of where a person who has left comes up: at once [m], and by the time since [m/s]."""
 _CHANGED = 4.0
 """Log-likelihood ratio from which two tracks have changed people."""
+_UNKNOWN = 2.0
+"""Log-likelihood ratio against which a person wears what one has not learned: in other light, or from another side."""
+_SEEN_S = 1.0
+"""A look no longer ago tells whether the other track has changed its person, too [s]."""
 _FEWEST = 8
 """Looks by which clothes are known well enough to tell that."""
 _DOUBTFUL = 0.1
@@ -86,7 +90,9 @@ class Identities:
             away = np.where(others, chi_squared_distance(clothes.reference, histogram[unlike]), np.inf)
             departed = chi_squared_distance(self._left_of(people, ns).clothes.reference, histogram[unlike])
             doubtful[unlike] = np.concatenate([away, departed]).min(axis=0) < own[unlike] - _DOUBTFUL
-        people = people.changed(clothes=clothes.looked(row, histogram, doubtful, ns, options.learns_s))
+        people = people.changed(
+            clothes=clothes.looked(row, histogram, people.positions[row], doubtful, ns, options.learns_s)
+        )
         return self._changed_places(people, row, ns) if options.gate else people
 
     def _changed_places(self, people: People, row: Int[Index, "k"], ns: int) -> People:
@@ -96,17 +102,17 @@ class Identities:
         """
         clothes, left, n = people.clothes, self._left_of(people, ns), len(people)
         sure = people.confirmed & (clothes.n_look >= _FEWEST)
-        seen = np.flatnonzero(sure & (ns - clothes.looked_ns <= clothes.LATELY_S * NS_PER_S))
+        seen = np.flatnonzero(sure & (ns - clothes.looked_ns <= _SEEN_S * NS_PER_S))
         body = row[sure[row]]
         unlike = _log_ratio(chi_squared_distance(clothes.reference[body], clothes.lately[body]).diagonal()) < 0
         if not unlike.any():
             return people
         body, ratio = body[unlike], np.zeros((n, n))
         ratio[:, seen] = _log_ratio(chi_squared_distance(clothes.reference, clothes.lately[seen]))
-        own = ratio.diagonal()
-        other = np.where(
-            sure[:, None], ratio - own, -np.inf
-        )  # of identities and tracks: this one's rather than its own
+        ratio[:, seen] += _log_walked(clothes.learned_at, ns - clothes.learned_ns, people.positions[seen])
+        own = np.maximum(ratio.diagonal(), -_UNKNOWN)
+        # of identities and tracks: this one's rather than its own
+        other = np.where(sure[:, None], ratio - own, -np.inf)
         back = np.zeros((n, n))
         back[seen] = other.T[seen]
         gain = np.concatenate([other + back, _of_left(left, people, ns) - own])[:, body]
@@ -134,8 +140,15 @@ def _log_ratio(distance: Float[Array, "*n"]) -> Float[Array, "*n"]:
     return np.clip(_COLOUR * (_EVEN - distance), -_MOST, _MOST)
 
 
+def _log_walked(
+    place: Float[Array, "l 2"], since_ns: Int[Index, "l"], there: Float[Array, "n 2"]
+) -> Float[Array, "l n"]:
+    """Return the log-likelihood of people to be at places [m] some time after they were elsewhere [m], in that of their peak."""
+    sigma_m = _START_M + _WALKS_M_S * since_ns / NS_PER_S
+    return -0.5 * (distances(place, there) / sigma_m[:, None]) ** 2
+
+
 def _of_left(left: People, people: People, ns: int) -> Float[Array, "l n"]:
     """Return the log-likelihood ratio of tracks as people who have left, against others; −∞ where colours tell nothing."""
-    sigma_m = _START_M + _WALKS_M_S * (ns - left.roster.measured_ns) / NS_PER_S
-    square = (distances(left.place, people.positions) / sigma_m[:, None]) ** 2
-    return np.nan_to_num(_log_ratio(left.clothes.distance(people.clothes)), nan=-np.inf) - 0.5 * square
+    ratio = np.nan_to_num(_log_ratio(left.clothes.distance(people.clothes)), nan=-np.inf)
+    return ratio + _log_walked(left.place, ns - left.roster.measured_ns, people.positions)

@@ -35,6 +35,7 @@ class Clothes(Rows):
     reference: Float[Array, "n bins"]  # histogram of the person's clothes
     n_look: Int[Index, "n"]  # looks learned; 0: not known
     learned_ns: Int[Index, "n"]  # stamp of the last of them
+    learned_at: Float[Array, "n 2"]  # and where the person was then [m]
     lately: Float[Array, "n bins"]  # histogram of the last looks
     looked_ns: Int[Index, "n"]  # stamp of the last of them
 
@@ -42,7 +43,7 @@ class Clothes(Rows):
     def unknown(cls, n: int, n_colour: int) -> Self:
         """Make clothes at which nobody has looked."""
         none, never = np.zeros((n, n_colour)), np.full(n, NEVER_NS)
-        return cls(none, np.zeros(n, np.int64), never, none, never)
+        return cls(none, np.zeros(n, np.int64), never, np.full((n, 2), np.nan), none, never)
 
     @property
     def known(self) -> Bool[Mask, "n"]:
@@ -53,22 +54,27 @@ class Clothes(Rows):
         self,
         row: Int[Index, "k"],
         histogram: Float[Array, "k bins"],
+        place: Float[Array, "k 2"],
         doubtful: Bool[Mask, "k"],
         ns: int,
         learns_s: float,
     ) -> Self:
-        """Return the clothes after clear looks at those at `row`; doubtful: looks that may be at another person's."""
+        """Return the clothes after clear looks at those at `row`, at places [m]; doubtful: that may be at another person's."""
         since_s = (ns - self.looked_ns[row]) / NS_PER_S
         first = self.n_look[row] == 0
         kept = np.where(first, 0.0, np.maximum(np.exp(-since_s / self.LATELY_S), 0.5))[:, None]
         lately = written(self.lately, row, kept * self.lately[row] + (1 - kept) * histogram)
         looked_ns = written(self.looked_ns, row, ns)
-        row, histogram = row[~doubtful], histogram[~doubtful]
+        row, histogram, place = row[~doubtful], histogram[~doubtful], place[~doubtful]
         since_s, n_look = (ns - self.learned_ns[row]) / NS_PER_S, self.n_look[row]
         kept = np.minimum(np.exp(-since_s / learns_s), 1 - 1 / (n_look + 1))[:, None]  # a mean at first
-        reference = written(self.reference, row, kept * self.reference[row] + (1 - kept) * histogram)
         return type(self)(
-            reference, written(self.n_look, row, n_look + 1), written(self.learned_ns, row, ns), lately, looked_ns
+            reference=written(self.reference, row, kept * self.reference[row] + (1 - kept) * histogram),
+            n_look=written(self.n_look, row, n_look + 1),
+            learned_ns=written(self.learned_ns, row, ns),
+            learned_at=written(self.learned_at, row, place),
+            lately=lately,
+            looked_ns=looked_ns,
         )
 
     def distance(self, tracks: Self) -> Float[Array, "n k"]:
@@ -83,6 +89,7 @@ class Clothes(Rows):
             reference=np.where(known[:, None], identity.reference, self.reference),
             n_look=np.where(known, identity.n_look, self.n_look),
             learned_ns=np.where(known, identity.learned_ns, self.learned_ns),
+            learned_at=np.where(known[:, None], identity.learned_at, self.learned_at),
         )
 
 

@@ -127,6 +127,22 @@ def test_clothes_that_nobody_else_wears_are_learned_as_the_light_changes(learns_
     assert (people.clothes.reference[0] @ COLOURS[0] > 0.5) == is_kept
 
 
+def test_a_track_that_looks_like_another_one_which_still_looks_so_keeps_its_person() -> None:
+    """Its clothes are then others than those learned, as in another light: the other one has not changed its person."""
+    identities = Identities(ColourIdentityOptions())
+    people, ns = looked(identities, people_at((0.0, 0.0), (1.0, 0.0), ids=(1, 2)), [0, 1], 20, 0)
+    people, _ = looked(identities, people, [1, 1], 20, ns)
+    assert people.roster.id.tolist() == [1, 2]
+
+
+@pytest.mark.parametrize(("apart_m", "change"), [(1.0, True), (9.0, False)])
+def test_tracks_change_people_only_as_far_as_these_can_have_walked(apart_m: float, change: bool) -> None:
+    identities = Identities(ColourIdentityOptions())
+    people, ns = looked(identities, people_at((0.0, 0.0), (apart_m, 0.0), ids=(1, 2)), [0, 1], 20, 0)
+    people, _ = looked(identities, people, [1, 0], 10, ns)
+    assert (people.roster.id.tolist() == [2, 1]) == change
+
+
 def test_the_same_clothes_change_nothing() -> None:
     identities = Identities(ColourIdentityOptions())
     people, _ = looked(identities, people_at((0.0, 0.0), (0.3, 0.0), ids=(1, 2)), [0, 0], 60, 0)
