@@ -69,9 +69,9 @@ def test_the_past_is_kept_for_a_while_and_no_longer(wanderers):
     population = make_population(wanderers, 2)
     population.advance(HISTORY_S + 4.0)
     population.qpos(4.5)
-    with pytest.raises(ValueError, match="advance"):
+    with pytest.raises(ValueError, match="people are kept"):
         population.qpos(2.0)
-    with pytest.raises(ValueError, match="advance"):
+    with pytest.raises(ValueError, match="people are kept"):
         population.qpos(HISTORY_S + 5.0)
 
 
