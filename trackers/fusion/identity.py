@@ -74,9 +74,8 @@ class Identities:
         identity = before.joined(left).select(old)
         self._left = left.select(written(np.ones(len(left), np.bool_), old[is_left] - hidden.size, False))
         stays = written(np.ones(len(people), np.bool_), hidden[old[~is_left]], False)
-        return people.replaced(now, people.select(now).identified_as(identity)).select(stays), written(new, now, False)[
-            stays
-        ]
+        people = people.replaced(now, people.select(now).identified_as(identity))
+        return people.select(stays), written(new, now, False)[stays]
 
     def looked(self, people: People, row: Int[Index, "k"], histogram: Float[Array, "k bins"], ns: int) -> People:
         """Return people after clear looks at the clothes of those at `row`, each with the identity that its looks tell."""
@@ -102,7 +101,7 @@ class Identities:
         """
         clothes, left, n = people.clothes, self._left_of(people, ns), len(people)
         sure = people.confirmed & (clothes.n_look >= _FEWEST)
-        seen = np.flatnonzero(sure & (ns - clothes.looked_ns <= _SEEN_S * NS_PER_S))
+        seen = sure & (ns - clothes.looked_ns <= _SEEN_S * NS_PER_S)
         body = row[sure[row]]
         unlike = _log_ratio(chi_squared_distance(clothes.reference[body], clothes.lately[body]).diagonal()) < 0
         if not unlike.any():
@@ -113,8 +112,7 @@ class Identities:
         own = np.maximum(ratio.diagonal(), -_UNKNOWN)
         # of identities and tracks: this one's rather than its own
         other = np.where(sure[:, None], ratio - own, -np.inf)
-        back = np.zeros((n, n))
-        back[seen] = other.T[seen]
+        back = np.where(seen[:, None], other.T, 0.0)
         gain = np.concatenate([other + back, _of_left(left, people, ns) - own])[:, body]
         i, k = np.unravel_index(gain.argmax(), gain.shape)
         if gain[i, k] <= _CHANGED:

@@ -98,10 +98,9 @@ def run_suite(
 
 def _check_rendering(cases: Sequence[Case]) -> None:
     """Raise InputError where a scenario has cameras and this machine cannot render."""
-    firsts = {case.scenario: case for case in cases if case.bag is None}
-    any(
-        renderer_of(resolved_scenario(each)) != NO_RENDERER for each in firsts.values()
-    )  # one that renders does for all
+    for case in {case.scenario: case for case in cases if case.bag is None}.values():
+        if renderer_of(resolved_scenario(case)) != NO_RENDERER:  # one that renders does for all
+            return
 
 
 def _idle_of_command(changes: Sequence[str], cases: Sequence[Case]) -> list[str]:
