@@ -21,7 +21,7 @@ from rosbags.interfaces import Connection, ConnectionExtRosbag2
 from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 from rosbags.serde import SerdeError
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from trackers.errors import InputError
@@ -32,7 +32,7 @@ from twin.recording.bag_damage import describe_damage, reason_unreadable
 from twin.recording.bag_files import BagPath
 from twin.recording.bounded_readers import MOST_CHUNK_BYTES, open_reader
 from twin.recording.losses import Loss
-from twin.recording.message_types import normal_type, typestore
+from twin.recording.message_types import TRANSFORM_MESSAGES, normal_type, typestore
 from twin.recording.scan_messages import CDR_BYTES
 
 if sys.version_info >= (3, 14):
@@ -67,8 +67,14 @@ _EXPECTED = "a whole ROS 1 .bag, ROS 2 bag folder, .mcap or .db3 is expected"
 
 @cache
 def _ros1_typestore() -> Typestore:
-    """Return the messages of ROS 1, whose code is generated when first needed."""
-    return get_typestore(Stores.ROS1_NOETIC)
+    """Return the messages of ROS 1, whose code is generated when first needed.
+
+    rosbags' own are those of common_msgs: transforms, of tf2_msgs and tf, are not among them.
+    """
+    store = get_typestore(Stores.ROS1_NOETIC)
+    for msgtype in TRANSFORM_MESSAGES:
+        store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", msgtype))
+    return store
 
 
 @dataclass(frozen=True, slots=True)

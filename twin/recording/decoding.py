@@ -16,11 +16,11 @@ from trackers.observations import Image, LaserScan, Observation
 from trackers.rig import Rig
 from twin.recording.bag import Copies, Topic, decoded, open_bag
 from twin.recording.depth_images import DepthPairs, decode_depth, match_images
+from twin.recording.message_types import TRANSFORM_MESSAGES
 from twin.recording.ros_messages import LASER_SCAN, check_fits, from_message, stamp_of
 from twin.recording.scan_messages import TurnJoiner, with_limits
 from twin.recording.sensor_clock import MessageTimes
 from twin.recording.sensor_topics import LeftOut, SensorTopics, poses_of
-from twin.recording.transforms import TRANSFORMS
 
 NumberedMessage = tuple[str, int, bytes, bool]
 """Topic, number on it, encoded message, is_ros1."""
@@ -56,7 +56,7 @@ class ObservationReader:
             if name in colours
         }
         of_bases = {edge.topic for edge, _ in found.transforms.values()}
-        types = found.types | {topic: self.topics[topic].type_among(TRANSFORMS) or "" for topic in of_bases}
+        types = found.types | {topic: self.topics[topic].type_among(TRANSFORM_MESSAGES) or "" for topic in of_bases}
         joiners = {topic: TurnJoiner(turn) for topic in found.types if (turn := self.times[topic].turn) is not None}
         for topic, number, data, is_ros1 in self._messages(types, joiners):
             if topic in of_bases:

@@ -58,6 +58,9 @@ visualization_msgs/MeshFile: string filename, uint8[] data
 visualization_msgs/UVCoordinate: float32 u, float32 v
 """
 
+TRANSFORM_MESSAGES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+"""Types of `/tf` and `/tf_static`: of tf2, and of ROS 1's tf, with the same fields."""
+
 TYPESTORE = Typestore()
 """Store of the types above."""
 

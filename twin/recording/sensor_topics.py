@@ -286,7 +286,12 @@ def unusable_poses(
 
     used: topics of sensors, of which the same is told as they are read.
     """
-    no_pose, remedy = "hold no pose (a quaternion of length 0, or NaN) and were left out", "see what publishes them"
+    no_pose, remedy = (
+        "hold no pose (a quaternion of length 0, NaN, damaged bytes) and were left out",
+        "see what publishes them",
+    )
+    for topic, (count, total) in tree.undecodable.items():
+        yield Loss(topic, count, total, "are no transforms, by their bytes, and were left out", remedy)
     for topic, each in poses.items():
         if each.unusable and topic not in used:
             yield Loss(topic, each.unusable, each.unusable + len(each.poses), no_pose, remedy)

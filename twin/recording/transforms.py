@@ -20,10 +20,10 @@ from trackers.arrays import Nanoseconds
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from twin.recording.bag import Bag, decoded
+from twin.recording.message_types import TRANSFORM_MESSAGES
 from twin.recording.ros_messages import ODOMETRY, matrix_of, stamp_of
 from twin.recording.topics import TF_STATIC
 
-TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 MOVED_M = 0.1
 TURNED_DEG = 2.0
@@ -118,7 +118,8 @@ class TransformTree:
     """The frames of a bag, each with the edge to its parent, by the child's name.
 
     A frame with two parents keeps the one of most messages; `doubled` names the others. `unusable`: number of transforms by
-    child and parent that hold no pose, as a quaternion of length 0.
+    child and parent that hold no pose, as a quaternion of length 0. `undecodable`: how many messages of
+    how many, by topic.
     """
 
     def __init__(
@@ -126,23 +127,31 @@ class TransformTree:
         edges: Mapping[str, Edge],
         doubled: Iterable[str] = (),
         unusable: Mapping[tuple[str, str], int] | None = None,
+        undecodable: Mapping[str, tuple[int, int]] | None = None,
     ) -> None:
         self.edges = dict(edges)
         self.doubled = tuple(doubled)
         self.unusable = dict(unusable or {})
+        self.undecodable = dict(undecodable or {})
 
     @classmethod
     def read(cls, bag: Bag, *, in_file_order: bool = False) -> TransformTree:
-        """Read all transforms of a bag; messages and transforms that cannot be used are left out."""
-        types = {name: kind for name, topic in bag.topics.items() if (kind := topic.type_among(TRANSFORMS)) is not None}
+        """Read all transforms of a bag; messages and transforms that cannot be used are counted."""
+        types = {
+            name: kind
+            for name, topic in bag.topics.items()
+            if (kind := topic.type_among(TRANSFORM_MESSAGES)) is not None
+        }
         found: dict[tuple[str, str], _Growing] = {}
         unusable: Counter[tuple[str, str]] = Counter()
+        undecodable: Counter[str] = Counter()
         numbers = dict.fromkeys(types, -1)
         for topic, log_ns, data, is_ros1 in bag.encoded_messages(types, in_file_order=in_file_order):
             numbers[topic] += 1
             try:
                 message = decoded(data, types[topic], is_ros1)
             except InputError:
+                undecodable[topic] += 1
                 continue
             for each in message.transforms:
                 parent, child = each.header.frame_id.strip("/"), each.child_frame_id.strip("/")
@@ -159,7 +168,7 @@ class TransformTree:
                 doubled.append(f"{child} (of {edges[child].parent} and {parent})")
             else:
                 edges[child] = growing.edge(parent, child)
-        return cls(edges, doubled, unusable)
+        return cls(edges, doubled, unusable, {topic: (n, numbers[topic] + 1) for topic, n in undecodable.items()})
 
     def chain(self, frame: str) -> list[Edge]:
         """Return the edges from a frame up to its root; raises InputError for a tree that goes in a circle there."""
@@ -313,7 +322,7 @@ class PoseTopic:
 
 
 def read_poses(bag: Bag) -> dict[str, PoseTopic]:
-    """Read the topics of Odometry and PoseWithCovarianceStamped; messages that cannot be used are left out."""
+    """Read the topics of Odometry and PoseWithCovarianceStamped; messages that hold no pose are counted."""
     valid = (ODOMETRY, _POSE)
     types = {name: kind for name, topic in bag.topics.items() if (kind := topic.type_among(valid)) is not None}
     found: dict[str, tuple[str, _Growing]] = {}
@@ -322,6 +331,7 @@ def read_poses(bag: Bag) -> dict[str, PoseTopic]:
         try:
             message = decoded(data, types[topic], is_ros1)
         except InputError:
+            unusable[topic] += 1
             continue
         matrix = matrix_of(message.pose.pose.position, message.pose.pose.orientation)
         child = getattr(message, "child_frame_id", "").strip("/")
@@ -330,6 +340,8 @@ def read_poses(bag: Bag) -> dict[str, PoseTopic]:
             growing.add(stamp_of(message), log_ns, 0, matrix)
         else:
             unusable[topic] += 1
+    for topic in unusable:
+        found.setdefault(topic, ("", _Growing(topic)))
     edges = {topic: (child, growing.edge("", child)) for topic, (child, growing) in found.items()}
     return {
         topic: PoseTopic(types[topic], child, edge.stamps_ns, edge.parent_from_child, unusable[topic])

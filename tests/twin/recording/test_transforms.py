@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from benchmarks.bag_drill import EPOCH_NS
 from recorded import MS, scan_messages, write_ros2_bag
+from rosbags import rosbag1
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.stores.ros2_humble import tf2_msgs__msg__TFMessage as TFMessage
 
 from trackers.area import Pose
@@ -43,6 +45,21 @@ def bag(folder, messages):
     return folder / "bag"
 
 
+def ros1_bag(folder, messages, tf_type):
+    """The same as a robot with ROS 1 records it; rosbags knows no transforms of ROS 1."""
+    store, kinds = get_typestore(Stores.ROS1_NOETIC), {TF_MESSAGE: tf_type}
+    for each in {TF_MESSAGE, tf_type}:
+        store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", each))
+    with rosbag1.Writer(folder / "robot.bag") as writer:
+        connections = {}
+        for topic, kind, log_ns, message in messages:
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kinds.get(kind, kind), typestore=store)
+            data = message if isinstance(message, memoryview) else TYPESTORE.serialize_cdr(message, kind)
+            writer.write(connections[topic], log_ns, TYPESTORE.cdr_to_ros1(data, kind))
+    return folder / "robot.bag"
+
+
 def driving(base: str = "base_link"):
     """A base that goes ahead at 1 m/s while it turns, seen every other stamp in front of a scanner on a mast."""
     moved = [tf(ns, "odom", base, at(0.05 * k, 0.02 * k)) for k, ns in enumerate(STAMPS)]
@@ -53,11 +70,15 @@ def of_kind(recording, kind):
     return [each for each in recording.observations() if isinstance(each, kind)]
 
 
-def test_a_bag_with_a_tree_mounts_its_scanner_on_what_moves(tmp_path):
+@pytest.mark.parametrize("ros1_type", [None, TF_MESSAGE, "tf/msg/tfMessage"])
+def test_a_bag_with_a_tree_mounts_its_scanner_on_what_moves(tmp_path, ros1_type):
     messages = [*driving(), tf(STAMPS[0], "mast", "waist", at(0.1, 0.3), "/tf_static")]
     messages += [tf(ns, "base_link", "wheel", at(0.0, 0.3 * k)) for k, ns in enumerate(STAMPS)]
     messages += [tf(ns, "map", "odom", at(3.0)) for ns in STAMPS[::10]]
-    recording = Recording(bag(tmp_path, messages))
+    if ros1_type is None:
+        recording = Recording(bag(tmp_path, messages))
+    else:
+        recording = Recording(ros1_bag(tmp_path, [*scan_messages("/scan", STAMPS[::2]), *messages], ros1_type))
     scanner, base = recording.rig.sensors["scan"], recording.rig.sensors["odometry"]
     assert isinstance(scanner, LaserSensor) and isinstance(base, OdometrySensor)
     assert (scanner.mounted_on, base.frame, base.base_frame) == ("odometry", "odom", "base_link")
@@ -253,6 +274,15 @@ def test_transforms_that_hold_no_pose_are_told_where_they_carry_a_sensor(tmp_pat
         f"transforms: {n} of {n} messages of {child!r} in {parent!r}"
         for parent in {"base_link": ["odom"], "mast": ["base_link"]}.get(child, [])
     ]
+
+
+def test_transforms_that_are_none_by_their_bytes_are_told(tmp_path):
+    messages = driving()
+    for k in range(10):
+        topic, kind, log_ns, _ = messages[k]
+        messages[k] = (topic, kind, log_ns, memoryview(b"\0\1\0\0\xff"))
+    told = [each for each in lines(Recording(bag(tmp_path, messages)).losses) if "are no transforms" in each]
+    assert [each.split(" are")[0] for each in told] == ["/tf: 10 of 40 messages"]
 
 
 @pytest.mark.parametrize("n_bad", [0, 1, 10, 40])
