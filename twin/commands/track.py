@@ -157,7 +157,7 @@ def evaluate(
     from twin.recording.situation_table import read_situations
     from twin.recording.tables import read_tracks, read_truth
     from twin.recording.truth_tables import MOST_TABLE_BYTES, on_clock_of_tracks
-    from twin.tables.headerless import sequence_info
+    from twin.tables.contents import sequence_info
 
     if not 0 < gate < float("inf"):
         raise InputError(f"--gate {gate}: is not a distance; a number of metres above 0 is expected")

@@ -25,8 +25,9 @@ from trackers.observations import NS_PER_S
 from trackers.text_file import AnyPath, as_path
 from trackers.tracks import Track, TrackFrame, listed
 from twin.recording.atomic_file import open_atomic
-from twin.tables.columns import LARGEST, MAX_INT64, CsvColumns, StampedRows
-from twin.tables.person_rows import check_plausibility, read_person_rows
+from twin.tables.columns import LARGEST, MAX_INT64, CsvColumns
+from twin.tables.contents import StampedRows, check_plausibility
+from twin.tables.person_rows import read_person_rows
 from twin.truth.frames import PersonTruth, TruthFrame
 
 TRUTH_NUMBERS = ("x", "y", "z", "yaw", "head_x", "head_y", "head_z", "head_yaw", "vx", "vy")

@@ -19,7 +19,8 @@ from trackers.rig import Point2
 from trackers.text_file import MOST_TEXT_BYTES
 from twin.scenario.action import JUMP_M_S
 from twin.tables.columns import MAX_INT64
-from twin.tables.person_rows import check_plausibility, label_order, read_person_rows
+from twin.tables.contents import check_plausibility, label_order
+from twin.tables.person_rows import read_person_rows
 
 _SLOWEST_S = 10.0
 """Greatest gap between rows from which walking can be interpolated."""

@@ -9,6 +9,7 @@ import csv
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
 from decimal import Decimal
 from itertools import chain
 from math import isfinite, nan
@@ -175,24 +176,6 @@ _SHOWN = 60
 _Value = TypeVar("_Value")
 
 
-class StampedRows:
-    """Base of tables in columns, ordered by stamp: each frame once, also those without rows, and the stamp of each row."""
-
-    frame_stamps_ns: NDArray[np.int64]
-    stamps_ns: NDArray[np.int64]
-
-    @property
-    def t(self) -> NDArray[np.float64]:
-        """Stamps [s], (n,)."""
-        return self.stamps_ns / NS_PER_S
-
-    def frames(self) -> Iterator[tuple[int, range]]:
-        """Yield the stamp of each frame [ns], and its rows."""
-        starts = np.searchsorted(self.stamps_ns, self.frame_stamps_ns).tolist()
-        ends = np.searchsorted(self.stamps_ns, self.frame_stamps_ns, side="right").tolist()
-        yield from zip(self.frame_stamps_ns.tolist(), map(range, starts, ends), strict=True)
-
-
 @dataclass(frozen=True)
 class CsvColumns:
     """Cells of a CSV file by column, as text, with the line of each row."""
@@ -219,7 +202,9 @@ class CsvColumns:
     def stamps_ns(self, name: str) -> NDArray[np.int64]:
         """Convert decimal seconds to integer nanoseconds, to the nearest, (n,); exact, unlike via a float."""
         unit = Decimal(repr(self.units.get(name, 1.0)))
-        other = ", or a header with the unit, as t_ms," if "".join(self.cells[name][:1]).strip().isdecimal() else ""
+        first = "".join(self.cells[name][:1]).strip()
+        other = ", or a header with the unit, as t_ms," if first.isdecimal() else ""
+        other = ", or a date and time as 2024-03-01T12:00:00.5Z," if ":" in first else other
         valid = f"a time in seconds{other}" if unit == 1 else "a time"
         return np.array(self._convert(name, lambda text: _stamp_ns(text, unit), valid), dtype=np.int64)
 
@@ -334,7 +319,23 @@ def columns_of(source: str, names: Sequence[str], found: Cells, units: Mapping[s
     return CsvColumns(source, dict(zip(names, columns, strict=True)), found.lines, units or {})
 
 
+_DATE = re.compile(r"(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d(?::\d\d)?)(?:[.,](\d+))? ?(Z|[+-]\d\d(?::?\d\d)?)?", re.IGNORECASE)
+"""A date and time of ISO 8601: day, clock, fraction of a second, zone."""
+
+
+def lacks_zone(text: str) -> bool:
+    """Return whether a cell holds a date and time of no zone, which is read as UTC."""
+    date = _DATE.fullmatch(text.strip())
+    return date is not None and date[4] is None
+
+
 def _stamp_ns(text: str, unit: Decimal) -> int:
+    if (date := _DATE.fullmatch(text.strip())) is not None:
+        day, clock, fraction, zone = date.groups()
+        whole = datetime.fromisoformat(f"{day}T{clock}{(zone or 'Z').upper()}") - datetime(1970, 1, 1, tzinfo=UTC)
+        text, unit = f"{whole // timedelta(seconds=1)}.{fraction or 0}", Decimal(1)
+        if whole < timedelta(0):
+            raise ValueError
     seconds = Decimal(_plain(text.strip())) if unit == 1 else Decimal(_plain(text.strip())) / unit
     if not seconds.is_finite() or abs(seconds) > _MAX_STAMP_S:
         raise ValueError

@@ -1,12 +1,9 @@
-"""Rows of people over time: one reader for truth, tracks and recorded paths, with checks of plausibility.
-
-Implausible walking speeds and coordinates, such as a column of heights, are rejected or warned about.
-"""
+"""Rows of people over time: one reader for truth, tracks and recorded paths."""
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,22 +11,40 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
-from twin.tables.columns import MAX_INT64, MISSING, Cells, CsvColumns, columns_of, is_number, read_cells, split_line
-from twin.tables.headerless import EXPECTED_COLUMNS, HEIGHT_SPREAD_M, mot_columns, name_columns
+from twin.tables.columns import (
+    MISSING,
+    Cells,
+    CsvColumns,
+    columns_of,
+    is_number,
+    lacks_zone,
+    read_cells,
+    split_line,
+)
+from twin.tables.contents import EXPECTED_COLUMNS, PersonRows, label_order, mot_columns, name_columns
 
 _NAMES = {
-    "t": ("t", "time", "timestamp", "stamp", "seconds", "secs", "sec"),
+    "t": ("t", "time", "timestamp", "stamp", "headerstampsec", "headerstampsecs", "stampsec", "datetime",
+          "seconds", "secs", "sec"),
     "frame": ("frame", "frames", "frameid", "framenumber", "framenr", "frameno", "framenum", "fr"),
     "id": ("id", "trackid", "personid", "persid", "pid", "pedid", "pedestrian", "pedestrianid", "agentid", "agent",
-           "objectid", "objid", "person", "ped", "targetid"),
-    "x": ("x", "posx", "xpos", "worldx", "xworld", "positionx", "posepositionx"),
-    "y": ("y", "posy", "ypos", "worldy", "yworld", "positiony", "posepositiony"),
-    "z": ("z", "posz", "zpos", "worldz", "zworld", "positionz", "posepositionz"),
+           "objectid", "objid", "person", "ped", "targetid", "trackingid", "subjectid", "participantid"),
+    **{axis: tuple(form.replace("?", axis) for form in ("?", "pos?", "?pos", "world?", "?world", "?coord", "position?",
+       "posepos?", "poseposition?", "poseposeposition?", "location?", "translation?")) for axis in "xyz"},
 }  # fmt: skip
-"""Other names of a column, without case, blanks, points, dashes and underscores."""
-_NANOSECONDS = ("nanosec", "nanosecs", "nanoseconds", "nsec", "nsecs")
+"""Other names of a column, without case, blanks, points, dashes and underscores, and the prefix `field.` of `rostopic echo`."""
+_LABELS = ("name", "label", "track", "uuid", "uid", "subject", "participant", "target", "object")
+"""Names of the column of people in a table that has none of those above."""
+_NANOSECONDS = re.compile(r"(?:t|time|timestamp|stamp|headerstamp|)(?:nanosecs?|nanoseconds?|nsecs?)")
 _LENGTHS = {"m": 1.0, "metre": 1.0, "metres": 1.0, "meter": 1.0, "meters": 1.0, "dm": 10.0, "cm": 100.0, "mm": 1000.0}
 _TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e3, "us": 1e6, "µs": 1e6, "ns": 1e9}
+_UNIT_WORDS = {
+    "secs": "s", "second": "s", "seconds": "s", "msec": "ms", "msecs": "ms", "millisecond": "ms", "milliseconds": "ms",
+    "usec": "us", "usecs": "us", "microsecond": "us", "microseconds": "us",
+    "centimetre": "cm", "centimetres": "cm", "centimeter": "cm", "centimeters": "cm",
+    "millimetre": "mm", "millimetres": "mm", "millimeter": "mm", "millimeters": "mm",
+}  # fmt: skip
+"""Other names of units."""
 _NO_UNIT = ("", "-", "1", "#", "none")
 _WITH_UNIT = re.compile(r"(.+?)\s*(?:/\s*|[\[(]\s*|_)([a-zµ]+)\s*[\])]?", re.IGNORECASE)
 _IN_BRACKETS = re.compile(r"(.+?)\s*[\[(]\s*(.*?)\s*[\])]")
@@ -40,33 +55,6 @@ _UNIT = re.compile(
     r"(?:units?|coordinates|\bx\b.*\by\b).*?(?:\bin\b|:|=)\s*[\[(]?\s*(mm|cm|dm|m|met(?:er|re)s?)\b", re.IGNORECASE
 )
 _LENGTH_COLUMNS = ("x", "y", "z", "head_x", "head_y", "head_z", "vx", "vy")
-
-
-@dataclass(frozen=True)
-class PersonRows:
-    """Rows of a table with a person, by stamp, then in the file's order; and notes on guesses in reading them."""
-
-    frame_stamps_ns: NDArray[np.int64]  # (f,) all distinct stamps, ascending, also those without people
-    rows: CsvColumns  # n rows; lengths in metres by their units
-    stamps_ns: NDArray[np.int64]  # (n,)
-    labels: list[str]  # n: the person of each row
-    notes: tuple[str, ...]
-
-    def ids(self) -> NDArray[np.int64]:
-        """Return a number per row's person (n,), from 1 on: the labels if all are such numbers, else counted by label."""
-        counted = {label: number for number, label in self.counted().items()}
-        return np.array([counted.get(label) or int(label) for label in self.labels], dtype=np.int64)
-
-    def counted(self) -> dict[int, str]:
-        """Return the label of each number that `ids` counts; none where the labels are numbers from 1 on."""
-        labels = sorted(set(self.labels), key=label_order)
-        whole = all(label.isdecimal() and 0 < int(label) <= MAX_INT64 for label in labels)
-        return {} if whole else dict(enumerate(labels, start=1))
-
-
-def label_order(label: str) -> tuple[int, int, str]:
-    """Return the sort key of a label: numbers first, by value."""
-    return (0, int(label), "") if label.isdecimal() else (1, 0, label)
 
 
 def read_person_rows(
@@ -110,10 +98,14 @@ def read_person_rows(
     if "t" not in names:
         rate_hz = _rate(path, found, frame_rate_hz, rate_field, notes)
         columns = replace(columns, cells={**columns.cells, "t": columns.cells["frame"]}, units={**units, "t": rate_hz})
-    elif (rest := next((name for name in columns.cells if _bare(name.lower()) in _NANOSECONDS), None)) is not None:
+    elif (
+        rest := next((name for name in columns.cells if _NANOSECONDS.fullmatch(_bare(name.lower()))), None)
+    ) is not None:
         whole, part = columns.integers("t", 0).tolist(), columns.integers(rest, 0).tolist()
         t = [f"{s + ns // NS_PER_S}.{ns % NS_PER_S:09d}" for s, ns in zip(whole, part, strict=True)]
         columns = replace(columns, cells={**columns.cells, "t": t})
+    if any(lacks_zone(text) for text in columns.cells["t"][:1]):
+        notes.append(f"{path}: t has no time zone; UTC is taken")
     if "t" in names and frame_rate_hz is not None:
         notes.append(f"{path}: holds seconds (t); {rate_field} {frame_rate_hz:g} is not used")
     return _ordered(columns, [*notes, *_rows_in_comments(path, found, len(names))])
@@ -141,7 +133,7 @@ def _by_header(path: Path, found: Cells) -> tuple[list[str], dict[str, float], C
     names: list[str] = []
     units: dict[str, float] = {}
     below = found.rows[0] if found.rows and not any(map(is_number, found.rows[0])) else []
-    below_units = [cell.strip("[]()/ ").lower() for cell in below]
+    below_units = [_UNIT_WORDS.get(unit, unit) for unit in (cell.strip("[]()/ ").lower() for cell in below)]
     known = {*_LENGTHS, *_TIMES, *_NO_UNIT, "m/s", "cm/s", "rad", "deg"}
     is_units = bool(below) and any(below_units) and all(cell in known for cell in below_units)
     for place, cell in enumerate(found.header):
@@ -155,6 +147,11 @@ def _by_header(path: Path, found: Cells) -> tuple[list[str], dict[str, float], C
                 raise InputError(f"{where}: {unit!r} is no unit of it; one of {', '.join(valid)} is expected")
             units[name] = valid[unit]
         names.append(name)
+    for missing, others in (("t", _NANOSECONDS.fullmatch), ("id", _LABELS.__contains__)):
+        places = [place for place, cell in enumerate(names) if others(_bare(cell.lower()))]
+        if missing not in names and len(places) == 1:
+            names[places[0]] = missing
+            units |= {"t": _TIMES["ns"]} if missing == "t" else {}
     for name in names:
         if name and names.count(name) > 1:
             twice = [repr(cell) for cell, own in zip(found.header, names, strict=True) if own == name]
@@ -178,7 +175,8 @@ def _column(cell: str) -> tuple[str, str | None]:
     if bracketed is not None and _bare(bracketed[1]) in _NAMES["id"]:
         return "id", None  # whatever is said of it, as [-]
     split = bracketed or _WITH_UNIT.fullmatch(plain)
-    unit = split[2] if split is not None and split[2] in (*_LENGTHS, *_TIMES) else None
+    said = None if split is None else _UNIT_WORDS.get(split[2], split[2])
+    unit = said if said in (*_LENGTHS, *_TIMES) else None
     word = split[1] if split is not None and unit is not None else plain
     for name, others in _NAMES.items():
         if _bare(word) in others:
@@ -187,7 +185,7 @@ def _column(cell: str) -> tuple[str, str | None]:
 
 
 def _bare(word: str) -> str:
-    return re.sub(r"[\s._-]", "", word)
+    return re.sub(r"^field\.|[\s._-]", "", word)
 
 
 def _rate(path: Path, found: Cells, given: float | None, field: str, notes: list[str]) -> float:
@@ -267,84 +265,3 @@ def _without_repeats(
         line = columns.lines[int(order[repeats[0]])]
         notes.append(f"{columns.source}: {len(repeats)} rows, as that on line {line}, stand there twice and count once")
     return np.delete(order, repeats)
-
-
-WALKING_M_S = (0.5, 2.5)
-"""Range of median walking speeds of a recording of pedestrians [m/s]."""
-WALKING_WARNING = "in the median, where"
-"""Words of a warning about walking speeds."""
-IMPOSSIBLE_M_S = 12.0
-"""Speed that no runner reaches [m/s]."""
-_LEAST_WAY_M = 1.0
-_MOVING_SHARE = 0.2
-"""Share of a person's greatest speed below which they stand, at any unit and rate."""
-_SPAN_S = 0.5
-"""Least time span of speeds: noise of positions does not count as walking [s]."""
-
-
-def check_plausibility(found: PersonRows) -> tuple[str, ...]:
-    """Return warnings about a table of people; raise InputError where its layout cannot be as guessed."""
-    source = found.rows.source
-    x, y = (found.rows.numbers(name, may_be_empty=False) for name in "xy")
-    z = found.rows.numbers("z", may_be_empty=True) if "z" in found.rows.cells else np.zeros(0)
-    notes = [_height(source, x, y, z[np.isfinite(z)], len(set(found.labels)))]
-    speed = walking_speed(found, x, y)
-    slowest, fastest = WALKING_M_S
-    if speed is not None and not slowest <= speed <= fastest:
-        text = f"{source}: people walk at {speed:.3g} m/s {WALKING_WARNING} {slowest:g} to {fastest:g} m/s are usual"
-        text += f"; {_remedy(speed, found)}"
-        if speed > IMPOSSIBLE_M_S:
-            raise InputError(f"{text} are expected")
-        notes.append(f"{text} may be wrong")
-    return tuple(note for note in notes if note)
-
-
-def walking_speed(found: PersonRows, x: NDArray[np.float64], y: NDArray[np.float64]) -> float | None:
-    """Compute the median over walking people of their median speed while they move [m/s]; None without any."""
-    number = found.ids()
-    order = np.lexsort((found.stamps_ns, number))
-    medians = []
-    for rows in np.split(order, np.flatnonzero(np.diff(number[order])) + 1):
-        speed = speed_along(found.stamps_ns[rows] / NS_PER_S, x[rows], y[rows])
-        if speed is not None:
-            medians.append(speed)
-    return float(np.median(medians)) if medians else None
-
-
-def speed_along(t: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]) -> float | None:
-    """Compute the median speed of a path [s], [m] while the person moves [m/s]; None for one who goes nowhere."""
-    if t.size < 2:
-        return None
-    apart = max(1, min(t.size - 1, round(_SPAN_S / float(np.median(np.diff(t))))))
-    speeds = np.hypot(x[apart:] - x[:-apart], y[apart:] - y[:-apart]) / (t[apart:] - t[:-apart])
-    moving = speeds[speeds > _MOVING_SHARE * np.quantile(speeds, 0.95)]
-    is_walk = moving.size and max(np.ptp(x), np.ptp(y)) >= _LEAST_WAY_M
-    return float(np.median(moving)) if is_walk else None
-
-
-def _remedy(speed: float, found: PersonRows) -> str:
-    """Name the unit or rate that would make the speed usual."""
-    slowest, fastest = WALKING_M_S
-    for unit, size in (("cm", 100.0), ("mm", 1000.0)):
-        if slowest <= speed / size <= fastest:
-            return f"lengths in {unit} would fit: a header that says so, as x/{unit}, or another unit of time"
-    if "frame" in found.rows.cells:
-        rate_hz = found.rows.units["t"] * 1.3 / speed
-        return f"a frame rate of about {rate_hz:.2g} Hz would fit: the rate {found.rows.units['t']:g} Hz, or the unit of x and y,"
-    return "the unit of t, or of x and y,"
-
-
-def _height(source: str, x: NDArray[np.float64], y: NDArray[np.float64], z: NDArray[np.float64], n_person: int) -> str:
-    """Warn where x or y varies like heights; raise InputError where the column z varies like coordinates instead."""
-    if x.size < 2:
-        return ""
-    wide = {name: float(np.ptp(np.quantile(each, [0.05, 0.95]))) for name, each in (("x", x), ("y", y))}
-    flat, other = ("x", "y") if wide["x"] < wide["y"] else ("y", "x")
-    if wide[flat] >= HEIGHT_SPREAD_M or wide[other] < 3 * HEIGHT_SPREAD_M or n_person < 2:
-        return ""
-    text = f"{source}: {flat} looks like a height: it varies by {wide[flat]:.2g} m where {other} varies by {wide[other]:.3g} m"
-    if z.size > 1 and (across := float(np.ptp(np.quantile(z, [0.05, 0.95])))) > 3 * HEIGHT_SPREAD_M:
-        raise InputError(
-            f"{text} and z by {across:.3g} m; a header that calls the two coordinates of the floor x and y is expected"
-        )
-    return f"{text}; if it is one, a header that calls the two coordinates of the floor x and y is needed"

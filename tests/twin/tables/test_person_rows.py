@@ -17,7 +17,8 @@ from twin.cli import app, main
 from twin.evaluate import evaluate_with_details
 from twin.recording.tables import read_tracks, read_truth
 from twin.scenario.pedestrians import Pedestrians, people_from
-from twin.tables.person_rows import check_plausibility, read_person_rows
+from twin.tables.contents import check_plausibility
+from twin.tables.person_rows import read_person_rows
 
 RATE_HZ = 10
 CASES = Path(__file__).parents[4] / "shared" / "cases" / "21-csv-dialects"
@@ -46,6 +47,10 @@ def table(separator: str, names: str, cells, rows=ROWS, end: str = "\n") -> str:
 
 def plain(f, i, x, y):
     return f"{f / RATE_HZ:.1f}", str(i), f"{x:.3f}", f"{y:.3f}"
+
+
+def dated(f: int, between: str, zone: str) -> str:
+    return f"1970-01-01{between}{f // 36000:02d}:{f // 600 % 60:02d}:{f // 10 % 60:02d}.{f % 10}{zone}"
 
 
 def frames(f, i, x, y):
@@ -101,6 +106,18 @@ SECONDS = {
     "pixels beside metres": table(
         ",", "t id x|[px] y|[px] x|[m] y|[m]", lambda *r: (*plain(*r)[:2], "9", "9", *plain(*r)[2:])
     ).replace("|", " "),
+    "a frame beside the time": table(
+        ",", "Frame Time|(Seconds) name X Y", lambda f, *r: (str(f), *plain(f, *r))
+    ).replace("|", " "),
+    "messages of ROS in columns": table(
+        ",",
+        "header.stamp.sec header.stamp.nanosec field.id pose.pose.position.x pose.pose.position.y pose.pose.orientation.w",
+        lambda f, *r: (str(f // 10), str(f % 10 * 10**8), *plain(f, *r)[1:], "1"),
+    ),
+    "nanoseconds alone": table(",", "stamp_nanosec id x y", lambda f, *r: (str(f * 10**8), *plain(f, *r)[1:])),
+    "dates": table(",", "timestamp id x y", lambda f, *r: (dated(f, "T", "Z"), *plain(f, *r)[1:])),
+    "dates with an offset": table(",", "t id x y", lambda f, *r: (dated(f + 72000, " ", "+0200"), *plain(f, *r)[1:])),
+    "dates without a zone": table(",", "datetime id x y", lambda f, *r: (dated(f, " ", ""), *plain(f, *r)[1:])),
     "ids beyond 64 bits": table(
         ",", "t id x y", lambda f, i, x, y: (plain(f, i, x, y)[0], str(i + 2**70), *plain(f, i, x, y)[2:])
     ),
@@ -198,6 +215,10 @@ def read_truth_of(text: str, folder: Path):
             b"t,id,x,y\n1e999999999,1,2,3\n",
             "line 2: t is '1e999999999'; a time in seconds is expected",
         ),
+        (
+            b"t,id,x,y\n2024-13-01T12:00:00Z,1,2,3\n",
+            "a time in seconds, or a date and time as 2024-03-01T12:00:00.5Z, is",
+        ),
         (b"t,id,x,y\n0,1,1e300,3\n", "line 2: x is '1e300'; a number of at most 1e+12 is"),
         (b"", "is empty"),
         (b"# nothing\n", "is empty"),
@@ -233,11 +254,12 @@ def test_a_table_that_says_nothing_sure_is_refused_in_a_sentence(read, text: byt
 
 
 @pytest.mark.parametrize("factor", [0.1, 0.3, 1.0, 1.5, 3.0, 30.0, 100.0, 1000.0])
-@pytest.mark.parametrize("layout", ["t", "frame"])
+@pytest.mark.parametrize("layout", ["t", "frame", "frame t"])
 def test_a_speed_at_which_no_person_walks_is_noted_or_refused(factor: float, layout: str, tmp_path: Path) -> None:
     path = tmp_path / "table.csv"
-    path.write_text(table(",", f"{layout} id x y", plain if layout == "t" else frames, walk(1.3 * factor)))
-    rate_hz = None if layout == "t" else RATE_HZ
+    cells = {"t": plain, "frame": frames, "frame t": lambda f, *r: (str(f), *plain(f, *r))}[layout]
+    path.write_text(table(",", f"{layout} id x y", cells, walk(1.3 * factor)))
+    rate_hz = RATE_HZ if layout == "frame" else None
     if 1.3 * factor > 12:
         for read in (
             lambda: read_truth(path, None, rate_hz),

@@ -16,7 +16,7 @@ from twin.people.crowd.ground import Ground
 from twin.scenario.action import RecordedPath
 from twin.scenario.behaviour import Action, Run, Walk
 from twin.scenario.person import Person
-from twin.tables.person_rows import WALKING_M_S, WALKING_WARNING, speed_along
+from twin.tables.contents import WALKING_M_S, WALKING_WARNING, speed_along
 
 if TYPE_CHECKING:
     from scipy.interpolate import PchipInterpolator

@@ -1,4 +1,4 @@
-"""Tables of people without a header: columns identified by their number and content.
+"""Rows of people, judged by their contents: columns without a header named, heights and walking speeds checked.
 
 People's paths are smooth, and heights vary little; a table with several plausible readings is rejected.
 """
@@ -6,7 +6,7 @@ People's paths are smooth, and heights vary little; a table with several plausib
 from __future__ import annotations
 
 import configparser
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import isfinite, nan
 from pathlib import Path
@@ -15,8 +15,55 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.errors import InputError
+from trackers.observations import NS_PER_S
 from trackers.text_file import check_limit, read_text
-from twin.tables.columns import Cells, CsvColumns, columns_of, is_number
+from twin.tables.columns import MAX_INT64, Cells, CsvColumns, columns_of, is_number
+
+
+class StampedRows:
+    """Base of tables in columns, ordered by stamp: each frame once, also those without rows, and the stamp of each row."""
+
+    frame_stamps_ns: NDArray[np.int64]
+    stamps_ns: NDArray[np.int64]
+
+    @property
+    def t(self) -> NDArray[np.float64]:
+        """Stamps [s], (n,)."""
+        return self.stamps_ns / NS_PER_S
+
+    def frames(self) -> Iterator[tuple[int, range]]:
+        """Yield the stamp of each frame [ns], and its rows."""
+        starts = np.searchsorted(self.stamps_ns, self.frame_stamps_ns).tolist()
+        ends = np.searchsorted(self.stamps_ns, self.frame_stamps_ns, side="right").tolist()
+        yield from zip(self.frame_stamps_ns.tolist(), map(range, starts, ends), strict=True)
+
+
+@dataclass(frozen=True)
+class PersonRows:
+    """Rows of a table with a person, by stamp, then in the file's order; and notes on guesses in reading them."""
+
+    frame_stamps_ns: NDArray[np.int64]  # (f,) all distinct stamps, ascending, also those without people
+    rows: CsvColumns  # n rows; lengths in metres by their units
+    stamps_ns: NDArray[np.int64]  # (n,)
+    labels: list[str]  # n: the person of each row
+    notes: tuple[str, ...]
+
+    def ids(self) -> NDArray[np.int64]:
+        """Return a number per row's person (n,), from 1 on: the labels if all are such numbers, else counted by label."""
+        counted = {label: number for number, label in self.counted().items()}
+        return np.array([counted.get(label) or int(label) for label in self.labels], dtype=np.int64)
+
+    def counted(self) -> dict[int, str]:
+        """Return the label of each number that `ids` counts; none where the labels are numbers from 1 on."""
+        labels = sorted(set(self.labels), key=label_order)
+        whole = all(label.isdecimal() and 0 < int(label) <= MAX_INT64 for label in labels)
+        return {} if whole else dict(enumerate(labels, start=1))
+
+
+def label_order(label: str) -> tuple[int, int, str]:
+    """Return the sort key of a label: numbers first, by value."""
+    return (0, int(label), "") if label.isdecimal() else (1, 0, label)
+
 
 HEIGHT_SPREAD_M = 0.6
 """Range of heads, pelvises or floors: a column that varies less may be a height [m]."""
@@ -198,3 +245,84 @@ def _is_height_last(path: Path, people: NDArray[np.intp], last: NDArray[np.float
 
 def _is_whole(text: str) -> bool:
     return is_number(text) and float(text).is_integer()
+
+
+WALKING_M_S = (0.5, 2.5)
+"""Range of median walking speeds of a recording of pedestrians [m/s]."""
+WALKING_WARNING = "in the median, where"
+"""Words of a warning about walking speeds."""
+IMPOSSIBLE_M_S = 12.0
+"""Speed that no runner reaches [m/s]."""
+_LEAST_WAY_M = 1.0
+_MOVING_SHARE = 0.2
+"""Share of a person's greatest speed below which they stand, at any unit and rate."""
+_SPAN_S = 0.5
+"""Least time span of speeds: noise of positions does not count as walking [s]."""
+
+
+def check_plausibility(found: PersonRows) -> tuple[str, ...]:
+    """Return warnings about a table of people; raise InputError where its layout cannot be as guessed."""
+    source = found.rows.source
+    x, y = (found.rows.numbers(name, may_be_empty=False) for name in "xy")
+    z = found.rows.numbers("z", may_be_empty=True) if "z" in found.rows.cells else np.zeros(0)
+    notes = [_height(source, x, y, z[np.isfinite(z)], len(set(found.labels)))]
+    speed = walking_speed(found, x, y)
+    slowest, fastest = WALKING_M_S
+    if speed is not None and not slowest <= speed <= fastest:
+        text = f"{source}: people walk at {speed:.3g} m/s {WALKING_WARNING} {slowest:g} to {fastest:g} m/s are usual"
+        text += f"; {_remedy(speed, found)}"
+        if speed > IMPOSSIBLE_M_S:
+            raise InputError(f"{text} are expected")
+        notes.append(f"{text} may be wrong")
+    return tuple(note for note in notes if note)
+
+
+def walking_speed(found: PersonRows, x: NDArray[np.float64], y: NDArray[np.float64]) -> float | None:
+    """Compute the median over walking people of their median speed while they move [m/s]; None without any."""
+    number = found.ids()
+    order = np.lexsort((found.stamps_ns, number))
+    medians = []
+    for rows in np.split(order, np.flatnonzero(np.diff(number[order])) + 1):
+        speed = speed_along(found.stamps_ns[rows] / NS_PER_S, x[rows], y[rows])
+        if speed is not None:
+            medians.append(speed)
+    return float(np.median(medians)) if medians else None
+
+
+def speed_along(t: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]) -> float | None:
+    """Compute the median speed of a path [s], [m] while the person moves [m/s]; None for one who goes nowhere."""
+    if t.size < 2:
+        return None
+    apart = max(1, min(t.size - 1, round(_SPAN_S / float(np.median(np.diff(t))))))
+    speeds = np.hypot(x[apart:] - x[:-apart], y[apart:] - y[:-apart]) / (t[apart:] - t[:-apart])
+    moving = speeds[speeds > _MOVING_SHARE * np.quantile(speeds, 0.95)]
+    is_walk = moving.size and max(np.ptp(x), np.ptp(y)) >= _LEAST_WAY_M
+    return float(np.median(moving)) if is_walk else None
+
+
+def _remedy(speed: float, found: PersonRows) -> str:
+    """Name the unit or rate that would make the speed usual."""
+    slowest, fastest = WALKING_M_S
+    for unit, size in (("cm", 100.0), ("mm", 1000.0)):
+        if slowest <= speed / size <= fastest:
+            return f"lengths in {unit} would fit: a header that says so, as x/{unit}, or another unit of time"
+    if found.rows.cells.get("frame") == found.rows.cells["t"]:
+        rate_hz = found.rows.units["t"] * 1.3 / speed
+        return f"a frame rate of about {rate_hz:.2g} Hz would fit: the rate {found.rows.units['t']:g} Hz, or the unit of x and y,"
+    return "the unit of t, or of x and y,"
+
+
+def _height(source: str, x: NDArray[np.float64], y: NDArray[np.float64], z: NDArray[np.float64], n_person: int) -> str:
+    """Warn where x or y varies like heights; raise InputError where the column z varies like coordinates instead."""
+    if x.size < 2:
+        return ""
+    wide = {name: float(np.ptp(np.quantile(each, [0.05, 0.95]))) for name, each in (("x", x), ("y", y))}
+    flat, other = ("x", "y") if wide["x"] < wide["y"] else ("y", "x")
+    if wide[flat] >= HEIGHT_SPREAD_M or wide[other] < 3 * HEIGHT_SPREAD_M or n_person < 2:
+        return ""
+    text = f"{source}: {flat} looks like a height: it varies by {wide[flat]:.2g} m where {other} varies by {wide[other]:.3g} m"
+    if z.size > 1 and (across := float(np.ptp(np.quantile(z, [0.05, 0.95])))) > 3 * HEIGHT_SPREAD_M:
+        raise InputError(
+            f"{text} and z by {across:.3g} m; a header that calls the two coordinates of the floor x and y is expected"
+        )
+    return f"{text}; if it is one, a header that calls the two coordinates of the floor x and y is needed"
