@@ -84,7 +84,7 @@ def test_a_command_loads_only_what_it_needs() -> None:
         "sys.argv[1:] = ['list', 'rooms']" + ends + "import twin.run.live, twin.world.simulation, twin.sensors.laser"
     )
     for code, heavy in (
-        (listing, ("numpy", "scipy", "mujoco", "cv2", "matplotlib", "rosbags", "jinja2")),
+        (listing, ("numpy", "scipy", "mujoco", "cv2", "matplotlib", "rosbags", "jinja2", "rich")),
         (
             running,
             (

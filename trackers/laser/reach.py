@@ -149,9 +149,8 @@ class _Scanner:
         """Keep the farthest return of each bearing, of the latest scan too."""
         ranges, _, bearing = self._polar()
         np.maximum.at(self._farthest_m, bearing, ranges)
-        met = np.zeros(self._n_look.shape, np.bool_)
-        met[bearing[:, None], _bins(ranges)[:, None] + np.array([-1, 0, 1])] = True
-        self._n_look += met
+        # once per cell, however many beams meet it
+        self._n_look[bearing[:, None], _bins(ranges)[:, None] + np.array([-1, 0, 1])] += 1
 
     def witness(self, places: Float[Array, "n 2"]) -> tuple[Bool[Mask, "n"], Bool[Mask, "n"]]:
         """Return masks of places of moving bodies [m]: shown as moving here too, and seen past, with a return behind."""

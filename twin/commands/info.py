@@ -13,7 +13,6 @@ import typer
 from trackers.errors import PLUG_IN_ERRORS, InputError, PlugInError, valid_names
 from twin import version_of
 from twin.commands.memory import EXIT_FELL_SHORT
-from twin.console import print_warnings
 from twin.messages import printable
 
 _PARTS = "scenarios", "rooms", "trackers", "sensors", "suites", "studies", "faults"
@@ -244,6 +243,7 @@ def checked_file(kind: str, name: str, allow_plugins: bool = False) -> str:
     import numpy as np
 
     from trackers.rig import Rig
+    from twin.console import print_warnings
     from twin.recording.rig_guess import undecided_lines
     from twin.run.feed import unfit_scanners
     from twin.run.inputs import TrustedClasses

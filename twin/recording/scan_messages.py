@@ -172,6 +172,7 @@ _LOOKS_NS = NS_PER_S // 5
 """Least time between two scans of a scanner that are examined for its unit [ns]."""
 _BEARINGS, _STEP, _STEPS = 720, 0.1, 140
 """Bearings, and steps of distance in logarithms from a millimetre on, in which returns are counted."""
+_AROUND = np.array([-1, 0, 1])
 _STANDS = 5
 """Looks at a return of about the same bearing and distance after which it is of a thing."""
 _NEARER = 0.8
@@ -204,8 +205,9 @@ class _Looks:
         ranges, angles = scan.ranges_m[beam].astype(np.float64), scan.angles_rad[beam]
         if not beam.size:
             return
-        self.near_m.append(float(np.quantile(ranges, 0.01)))
-        self.middle_m.append(float(np.median(ranges)))
+        nearest_first = np.sort(ranges)
+        self.near_m.append(float(nearest_first[ranges.size // 100]))
+        self.middle_m.append(float(nearest_first[ranges.size // 2]))
         if not stands:
             return
         bearing = np.floor(angles / (2 * pi) * _BEARINGS).astype(np.intp) % _BEARINGS
@@ -213,17 +215,16 @@ class _Looks:
         moved = (ranges < _NEARER * self._farthest_m[bearing]) & (self._n_look[bearing, step] < _STANDS)
         self._measure(beam[moved], ranges[moved], angles[moved])
         np.maximum.at(self._farthest_m, bearing, ranges)
-        met = np.zeros(self._n_look.shape, np.bool_)
-        met[bearing[:, None], step[:, None] + np.array([-1, 0, 1])] = True
-        self._n_look += met
+        self._n_look[bearing[:, None], step[:, None] + _AROUND] += 1  # once per cell, however many beams meet it
 
     def _measure(self, beam: Index, ranges: Array, angles: Array) -> None:
         """Measure the widths of things that move, from the first beam on each to the last [m]."""
         goes_on = (np.diff(beam) == 1) & (np.abs(np.diff(ranges)) < _EVEN * ranges[:-1])
-        places = np.stack([ranges * np.cos(angles), ranges * np.sin(angles)], axis=1)
-        for part in np.split(np.arange(beam.size), np.flatnonzero(~goes_on) + 1):
-            if part.size >= _FEWEST_BEAMS:
-                self.widths_m.append(float(np.linalg.norm(places[part[-1]] - places[part[0]])))
+        ends = np.flatnonzero(~goes_on)
+        first, last = np.append(0, ends + 1), np.append(ends, beam.size - 1)
+        many = last - first + 1 >= _FEWEST_BEAMS
+        places = ranges * np.exp(1j * angles)
+        self.widths_m += np.abs(places[last[many]] - places[first[many]]).tolist()
 
     def sentence(self) -> str:
         """Describe what contradicts ranges in metres, or that there are too few; '' where nothing does."""
