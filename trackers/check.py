@@ -86,7 +86,9 @@ def check_tracker(
 
 
 def raised(error: BaseException) -> str:
-    """Return the error and the line of its author: the last outside of installed packages."""
+    """Return the error and the line of its author: the last outside of installed packages; a sentence of ours as it is."""
+    if isinstance(error, InputError):
+        return str(error)
     steps = traceback.extract_tb(error.__traceback__)
     own = [step for step in steps if "site-packages" not in step.filename] or steps
     where = "".join(f" ({Path(step.filename).name}, line {step.lineno})" for step in own[-1:])

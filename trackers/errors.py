@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from difflib import get_close_matches
 
@@ -42,3 +43,15 @@ def valid_names(
     near = get_close_matches(str(given).casefold(), folded, n=1)
     hint = f"did you mean {folded[near[0]]!r}? " if near else ""
     return f"{hint}{start} {', '.join(folded.values()) + also or none}"
+
+
+def check_no_path(name: str, source: str) -> None:
+    """Raise InputError, naming `source`, for a path in the place of module:Class, with what to write instead."""
+    module, _, own = name.partition(":")
+    if "/" not in module and not module.endswith((".py", ".")) and not module.startswith("."):
+        return
+    way = os.path.relpath(module.removesuffix(".py") or ".")
+    named = f"{way.replace('/', '.')}:{own or 'Class'}"
+    if way.startswith("."):
+        named = f"{os.path.basename(way).strip('.') or 'module'}:{own or 'Class'}, from its folder or with that in PYTHONPATH,"
+    raise InputError(f"{source}: is a path; {named} is expected")

@@ -137,11 +137,22 @@ class FedTracker:
             elif observation.sensor == self._main_sensor:
                 if not hasattr(self.tracker, "tracks"):
                     raise InputError("update() gave None; a list of TrackFrame, or a method tracks(), is expected")
-                tracks = self.tracker.tracks()
-                if not isinstance(tracks, Iterable) or isinstance(tracks, Mapping):
-                    raise InputError(f"tracks() gave {reprlib.repr(tracks)}; a list of Track is expected")
-                completed.append(TrackFrame(observation.stamp_ns, tuple(tracks)))
+                completed.append(TrackFrame(observation.stamp_ns, self._tracks()))
         return completed
+
+    def _tracks(self) -> tuple[Track, ...]:
+        """Return the tracker's tracks; raises InputError for anything else."""
+        if not callable(self.tracker.tracks):
+            raise InputError(
+                f"tracks is {reprlib.repr(self.tracker.tracks)}; a method that returns a list of Track is expected"
+            )
+        tracks = self.tracker.tracks()
+        if not isinstance(tracks, Iterable) or isinstance(tracks, Mapping):
+            raise InputError(f"tracks() gave {reprlib.repr(tracks)}; a list of Track is expected")
+        for each in (held := tuple(tracks)):
+            if not isinstance(each, Track):
+                raise InputError(f"tracks() gave {reprlib.repr(each)} among them; a list of Track is expected")
+        return held
 
 
 _CLASSES: dict[str, tuple[type, ...]] = {

@@ -16,7 +16,7 @@ from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
 from trackers.camera_floor_particle import rules as floor_rules
-from trackers.errors import InputError, valid_names
+from trackers.errors import InputError, check_no_path, valid_names
 from trackers.laser_fisheye_imm.rules import PAPER_RULES, paper_options
 from trackers.laser_vision_learning import rules as learning_rules
 from trackers.paper_rules import PaperRule
@@ -285,6 +285,7 @@ def make_tracker(
 
     check_arguments(rig, name=name, background=background, rng=rng, options=options)
     known = PRESETS if name in PRESETS else available()  # what is installed is looked up where it is asked for
+    check_no_path(name, f"tracker {name!r}")
     if name in known:
         preset = known[name]
     elif ":" in name:
@@ -335,12 +336,10 @@ def _load(target: str, name: str) -> Any:
         # a module that the plug-in itself fails to import is its fault, and stays loud
         if error.name is None or not (module_name == error.name or module_name.startswith(f"{error.name}.")):
             raise
-        of_file = module_name.removesuffix(".py").replace("/", ".").strip(".")
-        hint = f"did you mean {f'{of_file}:{class_name}'!r}? " if module_name.endswith(".py") else ""
         raise InputError(
-            f"tracker {name!r}: there is no module {error.name!r}, installed or in {os.getcwd()}; {hint}module:Class is expected"
+            f"tracker {name!r}: there is no module {error.name!r}, installed or in {os.getcwd()}; module:Class is expected"
         ) from error
-    except ValueError as error:  # an empty or relative module name
+    except ValueError as error:  # an empty module name
         raise InputError(f"tracker {name!r}: {module_name!r} names no module; module:Class is expected") from error
     maker = getattr(module, class_name, None)
     if not callable(maker):

@@ -118,6 +118,17 @@ def test_a_class_of_ones_own_by_module_and_name(tmp_path, monkeypatch):
         make_tracker("my_lab_treker:Mine", on)
     with pytest.raises(InputError, match="module:Class"):
         make_tracker(":Mine", on)
+    monkeypatch.chdir(tmp_path)
+    for path, instead in {
+        "./lab/my.py:Mine": "lab.my:Mine is",
+        "lab/my.py": "lab.my:Class is",
+        "my.py": "my:Class is",
+        f"{tmp_path}/my.py:Mine": "my:Mine is",
+        "../my.py:Mine": "my:Mine, from its folder or with that in PYTHONPATH, is",
+        ".my:Mine": "my:Mine, from its folder",
+    }.items():
+        with pytest.raises(InputError, match=f"is a path; {instead}"):
+            make_tracker(path, on)
     with pytest.raises(ModuleNotFoundError, match="a_library_nobody_has"):  # a fault of the plug-in stays loud
         make_tracker("my_broken_tracker:Mine", on)
 

@@ -127,7 +127,7 @@ class Giving:
     [
         (Giving(None), r"tracks\(\) gave None; a list of Track is expected"),
         (Giving({1: Track(1, 0.0, 0.0)}), r"tracks\(\) gave {.*; a list of Track is expected"),
-        (Giving([(1, 0.0, 0.0)]), r"frame at 0 ns: \(1, 0.0, 0.0\) is among its tracks; objects of Track"),
+        (Giving([(1, 0.0, 0.0)]), r"tracks\(\) gave \(1, 0.0, 0.0\) among them; a list of Track"),
         (Giving([Track(1, 0.0, 0.0)] * 2), "frame at 0 ns: id 1 stands there twice"),
         (Giving([Track(1, float("nan"), 0.0)]), r"id 1 is at \(nan, 0.0\); finite numbers .m. are expected"),
         (Giving([Track(1, "1", 0.0)]), r"id 1 is at \('1', 0.0\); finite"),  # pyright: ignore[reportArgumentType]

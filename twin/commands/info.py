@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from trackers.errors import PLUG_IN_ERRORS, InputError, PlugInError, valid_names
+from trackers.errors import PLUG_IN_ERRORS, InputError, PlugInError, check_no_path, valid_names
 from twin import version_of
 from twin.commands.memory import EXIT_FELL_SHORT
 from twin.messages import printable
@@ -194,9 +194,8 @@ def kind_of(subject: str) -> str:
         "suite": models.names("suites"),
         "study": models.names("studies"),
     }
-    for kind, names in known.items():
-        if subject in names:
-            return kind
+    if found := next((kind for kind, names in known.items() if subject in names), None):
+        return found
     if Path(subject).suffix == ".xml":
         return "room"
     if Path(subject).suffix in (".yaml", ".yml"):
@@ -211,6 +210,7 @@ def kind_of(subject: str) -> str:
             raise InputError(f"{subject}: is no scenario, suite, study or rig; `twin schema KIND` describes the fields")
         return best
     if ":" not in subject:
+        check_no_path(subject if subject.endswith(".py") else "", subject)
         what = "no file that is known here" if Path(subject).exists() else "there is no such file or name"
         raise InputError(f"{subject}: {what}; {valid}")
     made = _imported(subject, subject, valid)
@@ -227,9 +227,9 @@ def _imported(name: str, source: str, valid: str) -> Any:
 
     from trackers.check import raised
 
-    module, _, attribute = name.partition(":")
+    check_no_path(name, source)
     try:
-        return getattr(import_module(module), attribute)
+        return getattr(import_module(name.partition(":")[0]), name.partition(":")[2])
     except (ImportError, AttributeError, ValueError) as error:
         raise InputError(f"{source}: {error}; {valid}") from error
     except PLUG_IN_ERRORS as error:

@@ -64,7 +64,8 @@ def check_extent(model: mujoco.MjModel, data: mujoco.MjData, source: str) -> Non
     for geom in np.flatnonzero(~(reach_m <= FARTHEST_M))[:1].tolist():
         name = model.geom(geom).name or f"geom {geom}"
         raise InputError(
-            f"{source}: {name!r} reaches {reach_m[geom]:.3g} m from the room's origin; at most {FARTHEST_M:g} m is expected"
+            f"{source}: {name!r} reaches {reach_m[geom]:.3g} m from the room's origin; lengths in metres, at most "
+            f"{FARTHEST_M:g} m, are expected"
         )
 
 

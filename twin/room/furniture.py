@@ -10,6 +10,7 @@ z is up in both. One body may hold several seats: a bench, a sofa.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 import mujoco
@@ -26,6 +27,11 @@ _UPRIGHT = 0.99
 _AROUND_M = 1.5
 _LOW_M = 0.05
 """Height above a seat at which a geom is over it, such as a lamp, not part of it [m]."""
+_HIGH_M = {SEAT: (0.15, 1.0), BED: (0.05, 1.2)}
+"""Heights of what people can sit down and lie down on [m]."""
+_OFF_TOP_M = 0.1
+"""Greatest distance of a site from the top of its furniture, such as a cushion that is not modelled [m]."""
+_NEARLY = re.compile(r"(seat|bed)(?:[-_. ].*|\d+)?", re.IGNORECASE)
 _LEFT_AHEAD = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """Rotates points (n, 3), as rows, so that left becomes ahead; its transpose: right becomes ahead."""
 
@@ -77,7 +83,8 @@ class Bed:
 def furniture_of(model: mujoco.MjModel, source: str = "room") -> dict[str, Seat | Bed]:
     """Return the seats and beds of a room by NAME, in the order of the file, without attached people.
 
-    Raises InputError, naming `source`, for a site without furniture under it, one that is not level, and a name used twice.
+    Raises InputError, naming `source`, for a site without furniture under it, one that is not level or not on top, a height on
+    which nobody sits or lies, and a name used twice.
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -99,6 +106,8 @@ def furniture_of(model: mujoco.MjModel, source: str = "room") -> dict[str, Seat 
             )
         if turn[2, 2] < _UPRIGHT:
             raise InputError(f"{source}: site {full!r} is not level; its z axis is expected to point up")
+        if not name:
+            raise InputError(f"{source}: site {full!r} has no name of its own; one such as {kind}left is expected")
         if name in found:
             raise InputError(
                 f"{source}: two places are called {name!r}; a name of its own for each seat and bed is expected"
@@ -110,6 +119,7 @@ def furniture_of(model: mujoco.MjModel, source: str = "room") -> dict[str, Seat 
             raise InputError(
                 f"{source}: site {full!r} is not over its furniture; the middle of a seat or mattress is expected"
             )
+        _check_height(model, data, place, kind, f"{source}: site {full!r}")
         yaw = float(np.arctan2(turn[1, 0], turn[0, 0]))
         furniture, members = model.body(body).name or f"body {body}", frozenset(int(geom) for geom in geoms)
         left, right = (max(_reach(points @ side) for points in local) for side in (_LEFT_AHEAD, _LEFT_AHEAD.T))
@@ -121,6 +131,32 @@ def furniture_of(model: mujoco.MjModel, source: str = "room") -> dict[str, Seat 
         else:
             found[name] = Bed(name, place, yaw, furniture, members, np.array([left, right]))
     return found
+
+
+def nearly_furniture(model: mujoco.MjModel) -> list[str]:
+    """Return a sentence for each site that is called nearly like a seat or bed, and so is none."""
+    names = [model.site(site).name for site in range(model.nsite)]
+    return [
+        f"{name}: is no {match[1].lower()}; a site called {match[1].lower()}_NAME, in small letters, is expected for one"
+        for name in names
+        if (match := _NEARLY.fullmatch(name)) is not None and not name.startswith((SEAT, BED))
+    ]
+
+
+def _check_height(model: mujoco.MjModel, data: mujoco.MjData, place: Array, kind: str, source: str) -> None:
+    """Raise InputError, naming `source`, for a place (3,) [m] that is not on top of something as high as a seat or bed."""
+    (low_m, high_m), what = _HIGH_M[kind], kind.removesuffix("_")
+    if not low_m <= place[2] <= high_m:
+        raise InputError(
+            f"{source} is {place[2]:.3g} m high; lengths in metres, and a {what} of {low_m:g} to {high_m:g} m, are expected"
+        )
+    above = place + np.array([0.0, 0.0, _OFF_TOP_M])
+    way_m = mujoco.mj_ray(model, data, above, np.array([0.0, 0.0, -1.0]), None, 1, -1, np.zeros(1, dtype=np.int32))
+    if not 0 < way_m <= 2 * _OFF_TOP_M:
+        raise InputError(
+            f"{source} is not on top of its furniture: nothing is level there between {place[2] - _OFF_TOP_M:.2f} and "
+            f"{above[2]:.2f} m; the height of the {what}'s top is expected"
+        )
 
 
 def _reach(points: Array) -> float:

@@ -223,11 +223,14 @@ def plug_in_fault(chosen: ChosenTracker, tracker: Any, error: BaseException, whe
     steps = list(traceback.walk_tb(error.__traceback__))
     module = chosen.target.partition(":")[0] if tracker is None else type(tracker).__module__
     called = chosen.target if tracker is None else f"{module}:{type(tracker).__qualname__}"
+    name_of = "" if chosen.name == called else f"tracker {chosen.name}: "
     theirs = [step for step in steps if _module(step[0]) == module]
+    if isinstance(error, ValueError) and not theirs and (method := _method(steps, tracker, module)) == _GIVEN:
+        of_ours = "" if isinstance(error, InputError) else f"{method}: "
+        return f"{name_of}{called}: {of_ours}{first_line(str(error))} {when or _given(steps)}"
     what = f"{type(error).__name__}: {first_line(str(error))}".rstrip(": ")
     where = "".join(f" ({Path(frame.f_code.co_filename).name}, line {line})" for frame, line in theirs[-1:])
-    name = "" if chosen.name == called else f"tracker {chosen.name}: "
-    return f"{name}{called}: {_method(steps, tracker, module)} raised {what}{where} {when or _given(steps)}"
+    return f"{name_of}{called}: {_method(steps, tracker, module)} raised {what}{where} {when or _given(steps)}"
 
 
 def _as_named(fault: str, chosen: ChosenTracker) -> str:
@@ -242,6 +245,9 @@ def first_line(text: str) -> str:
     return next((line.strip() for line in text.splitlines() if line.strip()), "")
 
 
+_GIVEN = "what it gave"
+
+
 def _method(steps: list[tuple[FrameType, int]], tracker: Any, module: str) -> str:
     """Return the tracker's method called; 'what it gave' for a fault of its result."""
     for frame, _ in steps:
@@ -249,7 +255,7 @@ def _method(steps: list[tuple[FrameType, int]], tracker: Any, module: str) -> st
             return "the import" if frame.f_code.co_name == "<module>" else f"{frame.f_code.co_name}()"
         if tracker is not None and any(each is tracker for each in frame.f_locals.values()) and _is_theirs(frame):
             return f"{frame.f_code.co_name}()"
-    return "the constructor" if tracker is None else "what it gave"
+    return "the constructor" if tracker is None else _GIVEN
 
 
 def _is_theirs(frame: FrameType) -> bool:

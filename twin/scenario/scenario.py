@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import PurePath
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
-from pydantic import ConfigDict, Field, JsonValue, model_serializer, model_validator
+from pydantic import BeforeValidator, ConfigDict, Field, JsonValue, model_serializer, model_validator
 
 from trackers.area import Polygon
 from trackers.configuration import Strict, Typed
@@ -80,6 +80,17 @@ class Rendering(Strict):
 
 
 PLAIN = Rendering()
+
+
+def _without_classes(value: object) -> object:
+    """Raise ValueError where options stand under a class, whose name is no name of a field."""
+    for key in value if isinstance(value, dict) else ():
+        if isinstance(key, str) and ":" in key:
+            raise ValueError(
+                f"options of {key} stand under a name of your own, as {{mine: {{preset: '{key}'}}}}, by which it is then run "
+                "(--tracker mine); such a name is expected"
+            )
+    return value
 
 
 class TrackerChoice(Typed):
@@ -161,7 +172,7 @@ class Scenario(Strict):
     faults: dict[Name, FaultDescription] = Field(
         default={}, description="what goes wrong with which sensor, and from when to when"
     )
-    trackers: dict[Name, TrackerChoice] = Field(
+    trackers: Annotated[dict[Name, TrackerChoice], BeforeValidator(_without_classes)] = Field(
         default={}, description="trackers with changed options, by the name to call them by"
     )
     prior: PriorFiles = Field(

@@ -19,7 +19,9 @@ Metres = Annotated[FiniteFloat, Field(ge=0, le=1000)]
 
 
 def _one_is_both(value: object) -> object:
-    """Turn 0.9, or `[0.9]`, into the range from and to it."""
+    """Turn 0.9, or `[0.9]`, into the range from and to it; raise ValueError for a list of more than two."""
+    if isinstance(value, list) and len(value) > 2 and all(type(each) in (int, float) for each in value):
+        raise ValueError(f"the first and the last alone, as [{min(value):g}, {max(value):g}], are expected")
     if isinstance(value, int | float) and not isinstance(value, bool):
         return [value, value]
     return [value[0], value[0]] if isinstance(value, list | tuple) and len(value) == 1 else value

@@ -159,7 +159,9 @@ Text = Annotated[str, single("a text")]
 
 OwnName = Annotated[Name, single("a name of letters, digits, '-' and '_', a letter first,")]
 
-TrackerName = Annotated[str, single("the name of a tracker, as laser-imm, or module:Class")]
+TrackerName = Annotated[
+    str, single("the name of a tracker, as laser-imm, or module:Class (options stand in set: {trackers: {NAME: {…}}}),")
+]
 
 _TRACKERS = "a list of trackers' names, as in [laser-imm],"
 

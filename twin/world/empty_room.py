@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -119,8 +120,10 @@ def _limits() -> tuple[str | None, bool]:
 
 
 def _own_walkable_area(spec: mujoco.MjSpec, path: Path) -> Array | None:
-    """Return the polygon (k, 2) [m] in the room's `<custom><numeric name="walkable_area"/>`, None where the room has
-    none."""
+    """Return the polygon (k, 2) [m] in the room's `<custom><numeric name="walkable_area"/>`, None where the room has none.
+
+    Raises InputError for one that is no polygon, or is called otherwise.
+    """
     for numeric in spec.numerics:
         if numeric.name == "walkable_area":
             data = np.array(numeric.data, dtype=float)
@@ -136,4 +139,9 @@ def _own_walkable_area(spec: mujoco.MjSpec, path: Path) -> Array | None:
             except ValueError as error:
                 raise InputError(f"{path}: walkable_area: {error}") from error
             return corners
+    for custom in (*spec.numerics, *spec.texts):
+        if re.sub("[^a-z]", "", custom.name.lower()) == "walkablearea":
+            raise InputError(
+                f'{path}: {custom.name}: is not read; <numeric name="walkable_area" data="x1 y1 x2 y2 ..."/> is expected'
+            )
     return None

@@ -24,7 +24,7 @@ from twin.people.posture.side_seating import side_poses
 from twin.people.script.actor import approaches
 from twin.people.script.recorded import known_start, start_places
 from twin.room.building import check_mounts
-from twin.room.furniture import Bed, Seat
+from twin.room.furniture import Bed, Seat, nearly_furniture
 from twin.room.mjcf import set_planes
 from twin.scenario import Scenario
 from twin.scenario.behaviour import Lie, Sit
@@ -260,10 +260,10 @@ def _check_seat(furniture: Seat | Bed, measures: BodyMeasures, person: int, rout
 
 
 def unusable_furniture(scene: Scene) -> list[str]:
-    """Return a sentence for each seat and bed of a room to which an adult of usual size cannot come."""
+    """Return a sentence for each seat and bed of a room to which an adult of usual size cannot come, or that is called amiss."""
     adult = Person(height_m=REFERENCE_STATURE_M, build=1.0, bag="none")
     measures = BodyMeasures.of([appearance_of(adult, np.random.default_rng(0))])
-    faults = []
+    faults = nearly_furniture(scene.model)
     for name, furniture in scene.ground.furniture.items():
         try:
             field = f"{'seat' if isinstance(furniture, Seat) else 'bed'}_{name}"

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from trackers.errors import InputError
-from twin.room.furniture import Bed, Seat, furniture_of
+from twin.room.furniture import Bed, Seat, furniture_of, nearly_furniture
 
 CHAIR = """<body name="chair" pos="1 2 0" euler="0 0 90">
   <site name="seat_anna" pos="0 0 0.45"/>
@@ -60,8 +60,24 @@ def test_a_lamp_over_the_seat_is_not_its_front():
         (CHAIR.replace('pos="0 0 0.45"', 'pos="0 0 0.45" euler="60 0 0"'), "'seat_anna' is not level"),
         (CHAIR + BED.replace("bed_low", "bed_anna"), "two places are called 'anna'"),
         (CHAIR.replace('pos="0 0 0.45"', 'pos="3 0 0.45"'), "'seat_anna' is not over"),
+        (CHAIR.replace('pos="0 0 0.45"', 'pos="0 0 0.7"'), "'seat_anna' is not on top of its furniture"),
+        (BED.replace("0 0.05 0.5", "0 0.05 0.3"), "'bed_low' is not on top of its furniture"),
+        (
+            CHAIR.replace('pos="0 0 0.45"', 'pos="0 0 1.48"'),
+            "1.48 m high; lengths in metres, and a seat of 0.15 to 1 m",
+        ),
+        (CHAIR.replace("seat_anna", "seat_"), "'seat_' has no name of its own"),
     ],
 )
 def test_sites_that_make_no_sense(bodies, message):
     with pytest.raises(InputError, match=message):
         furniture_of(model(bodies))
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"), [("Seat_1", "seat"), ("SEAT-a", "seat"), ("seat2", "seat"), ("Bed 3", "bed")]
+)
+def test_sites_that_are_called_nearly_like_a_seat_are_named(name, kind):
+    (line,) = nearly_furniture(model(CHAIR + BED.replace("bed_low", name)))
+    assert line.startswith(f"{name}: is no {kind}; a site called {kind}_NAME")
+    assert nearly_furniture(model(CHAIR + BED.replace("bed_low", "bedside_lamp"))) == []

@@ -69,6 +69,13 @@ class NoTracks(Fine):
     def tracks(self):
         return None
 
+class Rows(Fine):
+    def tracks(self):
+        return [(1, 0.0, 1.5)]
+
+class Property(Fine):
+    tracks = []
+
 class BadTrack(Fine):
     def tracks(self):
         return [Track(id=1, x=0.0, y=1.5, status="lost")]
@@ -124,11 +131,13 @@ FAULTS = {
     "plug_lab:Leaves": r"update\(\) raised SystemExit: 3 \(plug_lab.py, line \d+\) at the LaserScan of ",
     "plug_lab:Closes": r"update\(\) raised GeneratorExit \(plug_lab.py, line \d+\) at the LaserScan of ",
     "plug_lab:InTracks": r"tracks\(\) raised ZeroDivisionError: division by zero \(plug_lab.py, line \d+\) at the LaserScan",
-    "plug_lab:NoTracks": r"what it gave raised InputError: tracks.* at the LaserScan of ",
-    "plug_lab:BadTrack": r"what it gave raised ValueError: track 1: status 'lost' .* in the frame stamped 0.\d+ s",
-    "plug_lab:Far": r"what it gave raised ValueError: 1e\+300 in a table; finite, .* in the frame stamped 0.\d+ s",
-    "plug_lab:InSeconds": r"what it gave raised ValueError: frame at 0.\d+ ns after -inf ns; whole stamps must grow",
-    "plug_lab:NoFrames": r"what it gave raised InputError: .* frames are 7; .* at the LaserScan of ",
+    "plug_lab:NoTracks": r"tracks\(\) gave None; .* at the LaserScan of ",
+    "plug_lab:Rows": r"tracks\(\) gave \(1, 0.0, 1.5\) among them; a list of Track is expected at the LaserScan of ",
+    "plug_lab:Property": r"tracks is \[\]; a method that returns a list of Track is expected at the LaserScan of ",
+    "plug_lab:BadTrack": r"what it gave: track 1: status 'lost' .* in the frame stamped 0.\d+ s",
+    "plug_lab:Far": r"what it gave: 1e\+300 in a table; finite, .* in the frame stamped 0.\d+ s",
+    "plug_lab:InSeconds": r"what it gave: frame at 0.\d+ ns after -inf ns; whole stamps must grow",
+    "plug_lab:NoFrames": r"what update\(\) gave: frames are 7; .* at the LaserScan of ",
     "plug_lab:InFinish": r"finish\(\) raised KeyError: 'rest' \(plug_lab.py, line \d+\) after the last observation",
     "plug_lab:InConstructor": r"__init__\(\) raised RuntimeError: no network \(plug_lab.py, line \d+\) before the first "
     "observation",

@@ -213,3 +213,11 @@ def test_a_name_that_yaml_reads_as_no_text_is_told_where_it_stands(
         assert str(caught.value) == f"{path}: {field}: {said}"
     else:
         assert list(getattr(load_scenario(path), field)) == [name.strip("'")]
+
+
+def test_options_of_a_class_stand_under_a_name_of_its_own() -> None:
+    changes = ["trackers={mine: {preset: 'my_lab:Mine', gate_m: 1}}"]
+    assert load_scenario("lab-five-people", changes).trackers["mine"].preset == "my_lab:Mine"
+    for change in ("trackers={'my_lab:Mine': {gate_m: 1}}", "trackers.my_lab:Mine.gate_m=1"):
+        with pytest.raises(InputError, match=r"trackers: options of my_lab:Mine stand under .*preset: 'my_lab:Mine'"):
+            load_scenario("lab-five-people", [change])

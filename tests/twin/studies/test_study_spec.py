@@ -88,6 +88,8 @@ def test_every_fault_is_named_at_once(tmp_path: Path) -> None:
     [
         ({"devices__rig__walls__height_m": [2, 1]}, "height_m: 2 to 1 is upside down; the lower end first is expected, as in"),
         ({"devices__rig__count": [3, 1]}, "count: 3 to 1 is upside down"),
+        ({"devices__rig__count": [1, 2, 3]}, "count: the first and the last alone, as [1, 3], are expected (got [1, 2, 3])"),
+        ({"devices__rig__walls__height_m": [0.9, 2, 1]}, "height_m: the first and the last alone, as [0.9, 2], are"),
         ({"held_out__seeds": [1000]}, "held_out.seeds: 1000 is a search seed too; others than 1000, 1001 are expected"),
         ({"objectives": [{"kind": "coverage"}]}, "held_out: validates trackers' metrics, and no objective is one"),
         ({"devices__rig__walls": None, "devices__rig__aim": None, "devices__rig__ceiling": {"every_m": 50}},

@@ -169,7 +169,11 @@ def test_bad_suites_are_told_with_the_field(tmp_path: Path, text: str, said: str
             "trackers: laser-imm",
             "trackers: a list of trackers' names, as in [laser-imm], is expected (got 'laser-imm')",
         ),
-        ("trackers: [[a]]", "trackers.0: the name of a tracker, as laser-imm, or module:Class is expected (got ['a'])"),
+        (
+            "trackers: [[a]]",
+            "trackers.0: the name of a tracker, as laser-imm, or module:Class (options stand in "
+            "set: {trackers: {NAME: {…}}}), is expected (got ['a'])",
+        ),
         (
             "scenarios: lab",
             "scenarios: a list of scenarios, as in [{scenario: lab-five-people}], is expected (got 'lab')",

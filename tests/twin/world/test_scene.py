@@ -226,6 +226,15 @@ def test_a_walkable_area_that_is_no_polygon_is_refused(tmp_path: Path, data: str
         build_scene(in_room(tmp_path, data))
 
 
+@pytest.mark.parametrize("name", ["walkable-area", "WalkableArea"])
+def test_a_walkable_area_under_another_name_is_refused(tmp_path: Path, name: str) -> None:
+    room = in_room(tmp_path, "0 0 1 0 1 1")
+    (path,) = tmp_path.glob("*.xml")
+    path.write_text(path.read_text().replace("walkable_area", name))
+    with pytest.raises(InputError, match=rf"room\.xml: {name}: is not read; <numeric name"):
+        build_scene(room)
+
+
 def test_a_walkable_area_that_crosses_itself_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"room\.xml: walkable_area: .* crosses or touches itself at \[0, 1\]"):
         build_scene(in_room(tmp_path, "-1 0  1 0  -1 2  1 2", "area=null"))
