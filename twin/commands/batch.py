@@ -84,7 +84,7 @@ def run_suite(
 def show_suite(
     folders: Annotated[
         list[Path],
-        typer.Argument(metavar="FOLDER...", help="A folder of `twin suite run`; the cases of several are pooled."),
+        typer.Argument(metavar="FOLDER", help="A folder of `twin suite run`; the cases of several are pooled."),
     ],
     markdown: Annotated[
         bool, typer.Option("--markdown", help="Verdict and means, for a README or a pull request.")

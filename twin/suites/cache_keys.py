@@ -8,9 +8,11 @@ import json
 import os
 import sys
 import sysconfig
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from functools import cache
+from glob import glob
 from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import Any
@@ -109,6 +111,29 @@ class RecordedInput:
                     f"{file}: cannot be read ({error.strerror}); the file of a suite's recording is expected"
                 ) from error
         return cls(path, rig, truth, digest.hexdigest()[:32])
+
+
+def bags_of(folder: Path, recording: str) -> dict[Path, str]:
+    """Return the bags of a path or pattern relative to a folder, each with its name.
+
+    That is the name of its file or folder, with those of the folders above that tell it from the others. Raises InputError for
+    none.
+    """
+    bags = [folder / recording]
+    if not bags[0].exists():
+        bags = sorted(folder / each for each in glob(recording, root_dir=folder, recursive=True))
+    if not bags:
+        raise InputError(f"recording: no bag is {folder / recording}; a bag, or a pattern of several, is expected")
+    parts = []
+    for bag in bags:
+        *above, last = bag.resolve().parts
+        own = [] if last == "recording.mcap" else [last if bag.is_dir() else Path(last).stem]
+        parts.append([*above, *own])
+    names = [each[-1] for each in parts]
+    for depth in range(2, max(map(len, parts))):
+        held = Counter(names)
+        names = ["-".join(each[-depth:]) if held[name] > 1 else name for each, name in zip(parts, names, strict=True)]
+    return dict(zip(bags, names, strict=True))
 
 
 def digest_of(*parts: str | bytes) -> str:

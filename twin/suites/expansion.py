@@ -27,6 +27,7 @@ from twin.scenario.scenario import Scenario, TrackerChoice
 from twin.suites.cache_keys import (
     Provenance,
     RecordedInput,
+    bags_of,
     people_key,
     provenance_of,
     recording_key,
@@ -274,27 +275,19 @@ def _recorded_cases(
 ) -> Iterator[Case]:
     """Yield the cases of an entry of `recordings`: bag × seed × tracker."""
     entry = suite.recordings[number]
-    bags = (
-        sorted(path.parent.glob(entry.recording))
-        if not Path(entry.recording).is_absolute()
-        else [Path(entry.recording)]
-    )
-    if not bags:
-        raise InputError(
-            f"recording: no bag is {path.parent / entry.recording}; a bag, or a pattern of several, is expected"
-        )
+    bags = bags_of(path.parent, entry.recording)
     if entry.name is not None and len(bags) > 1:
         raise InputError(f"name: {entry.name} would be that of {len(bags)} bags; no name, or one bag, is expected")
     rig, truth = (None if each is None else path.parent / each for each in (entry.rig, entry.truth))
     chosen = tuple(change for change in changes if change.partition("=")[0].split(".")[0] in ("trackers", "prior"))
-    for bag in bags:
+    for bag, own_name in bags.items():
         recording, found = Recording(bag, rig), RecordedInput.of(bag, rig, truth)
         if truth is not None:
             read_truth(truth)
         described = scenario_of(recording)
         files, _ = files_for(recording, described, rig, chosen)
         prior = Prior.read((), files, recording.rig)
-        name = entry.name or (bag.resolve().parent.name if bag.name == "recording.mcap" else bag.stem)
+        name = entry.name or own_name
         seconds = RunSize(
             seconds=recording.duration_s, observations=recording.observation_count, n_bytes=_bytes_of(bag)
         )

@@ -71,10 +71,13 @@ def run_suite(
     # The user's own classes on a scheduler's workers are not known here.
     if limits:
         check_case_count(suite, path)
-    progress.planned(counted(suite.n_case, "case"))
+    if not suite.recordings:  # a pattern may stand for many
+        progress.planned(counted(suite.n_case, "case"))
     cases = expand(
         suite, path, changes, plug_ins=workers.scheduler is None, trusted=trusted, limits=limits, scenes=True
     )
+    if suite.recordings:
+        progress.planned(counted(len(cases), "case"))
     check(cases)
     for warning in (*idle_changes(cases), *_idle_of_command(changes, cases)):
         progress.warned(warning)

@@ -21,7 +21,7 @@ from twin.recording.reader import Recording
 from twin.run.inputs import TrustedClasses
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
-from twin.suites.cache_keys import Provenance
+from twin.suites.cache_keys import Provenance, bags_of
 from twin.suites.expansion import expand
 from twin.suites.run import _idle_of_command
 from twin.suites.spec import load_suite
@@ -57,24 +57,50 @@ def _run(suite: Path, out: Path, *options: str):
 def test_truth_of_the_bag_and_of_a_table_give_the_same_and_none_gives_counts(bags: Path, tmp_path: Path) -> None:
     topics = set(Recording(bags / "lab/recording.mcap").topics)
     assert {"/waist/scan", "/room/markers"} <= topics
+    for name in ("bare", "again"):
+        shutil.copy(bags / "bare.mcap", tmp_path / f"{name}.mcap")
     suite = _suite(
         bags,
         "recording: lab/recording.mcap",
         "recording: lab/recording.mcap, name: table, truth: truth.csv",
-        'recording: "ba*.mcap", rig: rig.yaml, require: {sort: {track_count: "<= 9", tracks_per_frame: ">= 1"}}',
+        f'recording: "{tmp_path}/*.mcap", '
+        'rig: rig.yaml, require: {sort: {track_count: "<= 9", tracks_per_frame: ">= 1"}}',
     )
     done = _run(suite, tmp_path / "out", "--baseline", str(tmp_path / "base.json"), "--update-baseline")
     assert done.exit_code == 0, done.output
     rows = {
         row["scenario"]: row["metrics"] for row in json.loads((tmp_path / "out/summary.json").read_text())["groups"]
     }
-    assert set(rows) == {"lab", "table", "bare"}
+    assert set(rows) == {"lab", "table", "bare", "again"} and "planned: 4 cases\n" in done.output
     assert rows["lab"]["mota"]["mean"] > 0.5
     assert rows["lab"]["mota"] == rows["table"]["mota"]
     assert rows["bare"].get("mota", {"mean": None})["mean"] is None
-    assert "2 of 2 requirements met" in done.output
+    assert "4 of 4 requirements met" in done.output
     again = _run(suite, tmp_path / "again", "--baseline", str(tmp_path / "base.json"))
     assert again.exit_code == 0, again.output
+
+
+@pytest.mark.parametrize(
+    ("pattern", "names"),
+    [
+        ("*/walk.mcap", ["b-walk", "walk[1]-walk"]),
+        ("**/*.mcap", ["b-walk", "other", "walk[1]", "walk[1]-walk"]),
+        ("walk[[]1].mcap", ["walk[1]"]),
+        ("walk[1].mcap", ["walk[1]"]),
+        ("day.0*", ["day.01", "day.02"]),
+        ("*/recording.mcap", ["one", "two"]),
+    ],
+)
+@pytest.mark.parametrize("is_absolute", [False, True])
+def test_a_pattern_names_each_bag(tmp_path: Path, pattern: str, names: list[str], is_absolute: bool) -> None:
+    folder = tmp_path / "a"
+    bags = ["b/walk.mcap", "walk[1]/walk.mcap", "walk[1].mcap", "c/other.mcap"] if "recording" not in pattern else []
+    for bag in [*bags, "one/recording.mcap", "two/recording.mcap"][: len(bags) or 2]:
+        (folder / bag).parent.mkdir(parents=True, exist_ok=True)
+        (folder / bag).touch()
+    for bag in ("day.01", "day.02"):
+        (folder / bag).mkdir()
+    assert sorted(bags_of(folder, str(folder / pattern) if is_absolute else pattern).values()) == names
 
 
 def test_requirement_that_is_not_met_fails(bags: Path, tmp_path: Path) -> None:
