@@ -19,6 +19,7 @@ from trackers.observations import Observation
 from trackers.rig import Rig
 
 Status = Literal["confirmed", "coasting"]
+_STATUSES = get_args(Status)
 _NUMBERS = (int, float, np.integer, np.floating, np.ndarray)
 _Frame = TypeVar("_Frame")
 
@@ -201,8 +202,8 @@ def check_frame(frame: TrackFrame) -> None:
             raise InputError(
                 f"{where}: id {track.id} is at ({track.x!r}, {track.y!r}); finite numbers [m] are expected"
             )
-        if track.status not in get_args(Status):
-            valid = " or ".join(map(repr, get_args(Status)))
+        if track.status not in _STATUSES:
+            valid = " or ".join(map(repr, _STATUSES))
             raise InputError(f"{where}: id {track.id} has the status {track.status!r}; {valid} is expected")
 
 

@@ -102,6 +102,8 @@ def pair_off(
     Legs are paired from the closest up, at most `pair_m` apart, so that two people side by side, whose own legs are closer
     than the neighbours', stay two. sufficient: legs that count as a person even alone (None: all).
     """
+    if not len(legs):
+        return legs, np.empty(0, np.intp)
     free = np.ones(len(legs), np.bool_)
     people = []
     first, second, apart = _pairs(legs, pair_m)

@@ -29,6 +29,9 @@ _N_PLACE = 8
 _PLACES = np.linspace(0.0, 1.0, _N_PLACE)
 N_FEATURE = _N_PLACE + 7
 _NEAREST_M = 0.1
+_SIDES = _N_PLACE + np.arange(4)  # right, left, hidden before, hidden after
+_MIRROR = np.concatenate([np.arange(_N_PLACE)[::-1], _SIDES[[1, 0, 3, 2]], np.arange(_SIDES[-1] + 1, N_FEATURE)])
+_SIGNS = np.where(np.isin(np.arange(N_FEATURE), _SIDES[:2]), -1.0, 1.0)
 
 
 def outline_features(
@@ -61,9 +64,8 @@ def outline_features(
 
 
 def mirrored(features: Float[Array, "k features"]) -> Float[Array, "k features"]:
-    """Return the features of the mirrored outlines."""
-    right, left, before, after, *rest = features[:, _N_PLACE:].T
-    return np.column_stack([features[:, _N_PLACE - 1 :: -1], -left, -right, after, before, *rest])
+    """Return the features of the mirrored outlines: the other way round, with the sides exchanged and of the other sign."""
+    return features[:, _MIRROR] * _SIGNS
 
 
 @dataclass(frozen=True, eq=False)

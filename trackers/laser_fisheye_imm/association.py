@@ -48,6 +48,9 @@ class Costs:
     @classmethod
     def of(cls, people: LaserTracks, measured: PositionLikelihood, options: LaserFisheyeImmOptions) -> Costs:
         """Return the costs of k measurements of one kind."""
+        if not len(measured.position):
+            nothing = np.empty((len(people), 0))
+            return cls(nothing, nothing, nothing > 0)
         distance, log_likelihood = measured.evaluated(people.state)
         pair = distance
         if options.clutter_density_m2 is not None:
@@ -109,7 +112,8 @@ class Association:
         cost = Costs.of(people, trunks, options)
         colour = people.clothes.distance(seen.histograms, seen.comparable)
         looks = self._unknown_colour if colour is None else self._by_colour(colour)
-        trunk_of = written(np.full(len(people), -1), *associate([self._explained(cost, looks)]))
+        by_trunks = associate([self._explained(cost, looks)])
+        trunk_of = written(np.full(len(people), -1), *by_trunks)
         walkers = self._walkers(seen, trunk_of)
         n_walker = len(walkers.position)
         no_legs = np.ones((len(people), n_trunk + n_walker), np.bool_)
@@ -127,10 +131,10 @@ class Association:
             looks = np.concatenate([looks, np.full(unknown.shape, self._unknown_colour)], axis=1)
         track, taken = associate(
             [
-                self._explained(cost, looks, trunk < 0),
                 self._explained(cost, looks, no_legs),
                 *self._re_identified(cost, looks, colour, position, single | weak),
-            ]
+            ],
+            by_trunks,
         )
         new = left_over(len(position), taken)
         new = new[~weak[new]]

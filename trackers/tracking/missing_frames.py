@@ -65,11 +65,9 @@ class StaleFrameDetector:
         if not isinstance(observation, LaserScan):
             return False
         ranges = observation.ranges_m
-        if np.count_nonzero(np.isnan(ranges)) == ranges.size:
-            return True
         limited = (ranges >= observation.range_min_m) & (ranges <= observation.range_max_m)
         n_return = int(np.count_nonzero(limited & (ranges < np.inf)))
-        if n_return == 0 and self._n_return.get(observation.sensor, 0) >= _LEAST:
+        if n_return == 0 and (self._n_return.get(observation.sensor, 0) >= _LEAST or np.isnan(ranges).all()):
             return True
         self._n_return[observation.sensor] = n_return
         return False

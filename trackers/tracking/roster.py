@@ -101,19 +101,24 @@ class Stage:
     unpaired: Float[Array, "n"] | None = None
 
 
-def associate(stages: Sequence[Stage]) -> tuple[Int[Index, "p"], Int[Index, "p"]]:
-    """Return pairs (tracks, measurements) by the global nearest neighbour of each stage in turn.
+_NO_PAIRS = np.empty(0, np.intp), np.empty(0, np.intp)
+
+
+def associate(
+    stages: Sequence[Stage], paired: tuple[Int[Index, "before"], Int[Index, "before"]] = _NO_PAIRS
+) -> tuple[Int[Index, "p"], Int[Index, "p"]]:
+    """Return pairs (tracks, measurements) by the global nearest neighbour of each stage in turn, after those `paired` before.
 
     Tracks and measurements paired in one stage are excluded from later ones. Pairs are in the order of their stages.
     """
-    rows, columns = np.empty(0, np.intp), np.empty(0, np.intp)
+    rows, columns = paired
     for stage in stages:
-        if not np.count_nonzero(stage.tracks):
-            continue
         allowed = stage.tracks[:, None].repeat(stage.terms[0].shape[1], axis=1)
         for veto in stage.vetoes:
             allowed &= ~veto
         allowed[rows] = allowed[:, columns] = False
+        if not np.count_nonzero(allowed):
+            continue
         cost = sum(stage.terms[1:], start=stage.terms[0])
         if stage.unpaired is None:
             more_rows, more_columns = global_nearest_neighbour(cost, allowed)

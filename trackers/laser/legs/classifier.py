@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -51,16 +52,19 @@ class Forest:
 
     def leaves(self, features: Float[Array, "k features"]) -> Float[Array, "m k"]:
         """Return the leaf of each tree that each sample comes to."""
-        (m, n_question), k = self.feature.shape, len(features)
-        flat, row = features.ravel(), np.arange(k)[:, None] * features.shape[1]
-        feature, threshold, leaf = self.feature.ravel(), self.threshold.ravel(), self.leaf.ravel()
-        first = np.arange(m) * n_question  # the first question of each tree among all
-        place = first + 1 + (features.take(self.feature[:, 0], axis=1) > self.threshold[:, 0])  # (k, m)
-        for _ in range(n_question.bit_length() - 1):
+        flat, row = features.ravel(), np.arange(len(features)) * features.shape[1]
+        place = np.arange(len(self.leaf))[:, None]
+        for feature, threshold in self._depths:
             value = flat.take(feature.take(place, mode="clip") + row, mode="clip")
-            place = 2 * place + (1 - first) + (value > threshold.take(place, mode="clip"))
-        found = leaf.take(place - n_question + np.arange(m), mode="clip")
-        return np.ascontiguousarray(found.T)  # sums over trees are of this order
+            place = 2 * place + (value > threshold.take(place, mode="clip"))
+        return self.leaf.take(place, mode="clip")
+
+    @cached_property
+    def _depths(self) -> list[tuple[Int[Index, "asked"], Float[Array, "asked"]]]:
+        """Features and thresholds by depth, tree by tree, so that question i goes on to 2 i or 2 i + 1 of the next."""
+        starts = 2 ** np.arange(self.feature.shape[1].bit_length() + 1) - 1
+        questions = [slice(*ends) for ends in pairwise(starts.tolist())]
+        return [(self.feature[:, each].ravel(), self.threshold[:, each].ravel()) for each in questions]
 
 
 @dataclass(frozen=True, eq=False)
