@@ -132,7 +132,7 @@ def _current(kinds: Sequence[Any], content: Any, source: str, at: tuple[str, ...
     for kind in of_kind(kinds, content.get("kind")):
         former |= getattr(kind, "former_names", {})
         content = without_fixed(content, _fixed(kind), source, at)
-    if any("." in each for each in former):
+    if any("." in each for pair in former.items() for each in pair):
         content, former = moved(content, former, source, at), {}
     result = {}
     for key, value in content.items():

@@ -210,6 +210,16 @@ def test_options_that_moved_between_groups_are_read_at_their_former_paths(caplog
     assert given["life"] == {"radius_m": 2.0, "hits": 3, "coast": 4}
 
 
+class _Flat(Strict):
+    former_names: ClassVar = {"gate_m": "gate.gate_m"}
+
+    gate: _Gate = _Gate()
+
+
+def test_an_option_that_moved_into_a_group_is_read_at_its_former_name() -> None:
+    assert validate(_Flat, {"gate_m": 2.0}, "flat.yaml").gate.gate_m == 2.0
+
+
 def test_a_moved_option_given_twice_and_a_fixed_one_of_another_value_are_refused() -> None:
     for content, words in (
         ({"life": {"radius_m": 2.0}, "gate": {"gate_m": 1.0}}, ["life.radius_m", "gate.gate_m", "one of them"]),

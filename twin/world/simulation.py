@@ -200,16 +200,16 @@ class Simulation:
 
     def deliveries(self) -> Iterator[Delivered]:
         """Yield every observation with message and truth, in order of arrival, from where the last loop stopped."""
-        if why := self._over:
-            if self._coming is not None and self._coming.gi_running:
-                why = "is in the loop of another thread"
-            raise RuntimeError(
-                f"the simulation of {self.scenario.name!r} {why}; make another Simulation to iterate again, "
-                "of the same bits, or keep its observations in a list"
-            )
+        self._check_going("is in the loop of another thread" if self._coming and self._coming.gi_running else "")
         if self._coming is None:
             self._coming = self._deliver()
         return (delivered for delivered in self._coming)  # a loop that is left closes its own iterator, not this one
+
+    def _check_going(self, why: str = "") -> None:
+        """Raise RuntimeError where the simulation has ended, or for another reason."""
+        if why := why or self._over:
+            instead = "make another Simulation to iterate again, of the same bits, or keep its observations in a list"
+            raise RuntimeError(f"the simulation of {self.scenario.name!r} {why}; {instead}")
 
     def _deliver(self) -> Generator[Delivered]:
         self._over = stopped = "was stopped by an error"
@@ -218,6 +218,7 @@ class Simulation:
             read = self.as_read(encoded)
             self._over = ""
             yield Delivered(encoded, delivery.arrival_ns, delivery.reading, read, delivery.stamp_ns)
+            self._check_going()  # closed meanwhile
             self._over = stopped
         self._tell_truth_until(self.scenario.duration_s)
         if self._details is not None:

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import threading
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
@@ -104,6 +104,15 @@ def test_loop_where_nothing_comes_any_more_is_refused(
         for begin in (iter, twin.Simulation.deliveries):
             with pytest.raises(RuntimeError, match=re.escape(f"'lab-five-people' {said}; make another Simulation")):
                 begin(simulation)
+
+
+@pytest.mark.parametrize("begin", [iter, twin.Simulation.deliveries])
+def test_an_iterator_of_a_closed_simulation_says_so(begin: Callable[[twin.Simulation], Iterator[object]]) -> None:
+    with twin.Simulation(SCENARIO, images=False) as simulation:
+        coming = begin(simulation)
+        next(coming)
+    with pytest.raises(RuntimeError, match="is closed; make another Simulation"):
+        next(coming)
 
 
 def test_what_is_left_in_the_middle_is_freed_without_the_collector() -> None:
