@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import PurePath
 from typing import Annotated, ClassVar, Literal
 
@@ -259,15 +259,22 @@ def describe_conditions(scenario: Scenario) -> list[str]:
     return messages
 
 
-def describe_late_starts(scenario: Scenario) -> list[str]:
-    """Describe faults, changes of light and sensors that begin only after the end of the run, one sentence each."""
+def describe_late_starts(scenario: Scenario, there: Collection[str]) -> list[str]:
+    """Describe faults, changes of light and sensors that begin only after the end of the run, one sentence each, and faults of
+    sensors that are not `there`, as without images.
+    """
     end_s = scenario.duration_s
     times = [
         *((f"sensors.{name}.phase_s", sensor.phase_s, "never looks") for name, sensor in scenario.sensors.items()),
         *((f"faults.{name}.from_s", fault.from_s, "never begins") for name, fault in scenario.faults.items()),
         *((f"lights.{n}.at_s", change.at_s, "never comes") for n, change in enumerate(scenario.lights)),
     ]
+    left_out = {name: [each for each in fault.sensor if each not in there] for name, fault in scenario.faults.items()}
     return [
+        f"faults.{name}: does not show in {', '.join(each)}, which the run leaves out"
+        for name, each in left_out.items()
+        if each
+    ] + [
         f"{field}: {at_s:g} s is not before the end at {end_s:g} s: {never}"
         for field, at_s, never in times
         if at_s >= end_s

@@ -342,8 +342,8 @@ class Simulation:
             for _ in range(bool(self._cameras()) and light_of(empty.model) < DARK_LIGHT)
         ]
         close = describe_close_calls(close_calls(self.scenario.people, self.scenario.duration_s))
-        late = describe_late_actions(self.scenario.people, self.scenario.duration_s)
-        late += describe_late_starts(self.scenario) + describe_circles(self.scenario) + unlikely_meshes(empty.model)
+        late = [*describe_late_starts(self.scenario, self._sensors), *describe_circles(self.scenario)]
+        late += describe_late_actions(self.scenario.people, self.scenario.duration_s) + unlikely_meshes(empty.model)
         if not any(WALKING_WARNING in each for each in self.scenario.warnings):  # a file of paths was judged as a whole
             late += describe_speeds(self.scenario.people)
         messages = [*self.scenario.warnings, *blind, *dark, *late, *([f"people: {close}"] if close else [])]

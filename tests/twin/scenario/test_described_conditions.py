@@ -58,8 +58,17 @@ def test_changes_of_the_light_are_named_with_their_times() -> None:
 
 
 def test_what_would_begin_after_the_end_is_told_and_nothing_else() -> None:
-    assert describe_late_starts(load_scenario("lab-five-people", TOO_LATE)) == NEVER
-    assert describe_late_starts(load_scenario("lab-faults")) == []
+    late, faults = load_scenario("lab-five-people", TOO_LATE), load_scenario("lab-faults")
+    assert describe_late_starts(late, late.sensors) == NEVER
+    assert describe_late_starts(faults, faults.sensors) == []
+
+
+def test_faults_of_a_sensor_that_is_left_out_are_told():
+    told = describe_late_starts(load_scenario("lab-faults"), ["waist", "knee"])
+    assert [each.partition(":")[0] for each in told] == [
+        f"faults.{name}" for name in ("congested", "thumb", "dirt", "camera_clock")
+    ]
+    assert all(each.endswith("does not show in fisheye, which the run leaves out") for each in told)
 
 
 def test_what_would_begin_after_the_end_is_a_warning_of_a_run_its_report_and_a_view(
