@@ -191,10 +191,15 @@ class _SensorsOfBag:
             self._add(topic, first_frame(bag, topic), "laser", [])
         pictures = {topic: first_frame(bag, topic) for topic in self._with_messages(*PICTURES)}
         depths = {topic: frame for topic, frame in pictures.items() if self._is_depth(topic)}
-        for topic, frame in pictures.items():
-            if topic not in depths:
-                depth = next((other for other in depths if frame and depths[other] == frame), None)
-                self._add_camera(topic, frame, depth)
+        beside = {topic: self._depth_beside(frame, depths) for topic, frame in pictures.items() if topic not in depths}
+        for topic, depth in beside.items():
+            self._add_camera(topic, pictures[topic], depth)
+        for topic, frame in depths.items():
+            if topic not in beside.values():
+                self.undecided.append(
+                    f"{topic}: distances of frame {frame!r}, in which no colour picture is, are left out; a stereo camera's "
+                    "depth_topic, aligned to its colour, is expected for them"
+                )
         for name, base in self._bases.items():
             fields = {"topic": base.topic, "frame": base.frame, "base_frame": base.base_frame}
             lines = [f"    {field}: {_plain(text)}" for field, text in fields.items() if text]
@@ -211,6 +216,10 @@ class _SensorsOfBag:
             message = decoded(data, msgtype, is_ros1)
             return any(each in getattr(message, "format", getattr(message, "encoding", "")) for each in _DEPTHS)
         return False
+
+    def _depth_beside(self, frame: str, depths: Mapping[str, str]) -> str | None:
+        """Return the topic of depth pictures in the frame of a colour picture."""
+        return next((topic for topic in depths if frame and depths[topic] == frame), None)
 
     def _name(self, topic: str) -> str:
         """Return the name of a topic's sensor, its own among all."""
@@ -233,7 +242,12 @@ class _SensorsOfBag:
             sensor = {"kind": kind, "topic": topic}
             intrinsics = with_intrinsics(self._bag, {"sensors": {"it": sensor}})["sensors"]["it"]["intrinsics"]
             typed = ", ".join(f"{field}: {value}" for field, value in intrinsics.items())
-            remark = f"  # {_UNDECIDED}: no CameraInfo tells a field of view" if kind == "fisheye" else ""
+            remark = ""
+            if kind == "fisheye":
+                self.undecided.append(
+                    f"{self._name(topic)}: no CameraInfo tells a field of view; field_of_view_rad is expected"
+                )
+                remark = f"  # {_UNDECIDED}: no CameraInfo tells a field of view"
             fields.append(f"    intrinsics: {{{typed}}}{remark}")
         self._add(topic, frame, kind, fields)
 

@@ -27,6 +27,7 @@ T = TYPESTORE.types
 STAMPS_NS = [EPOCH_NS + k * 100 * MS for k in range(20)]
 SCAN = "sensor_msgs/msg/LaserScan"
 TF = "tf2_msgs/msg/TFMessage"
+RAW_IMAGE = "sensor_msgs/msg/Image"
 
 
 def _transform(parent: str, child: str, pose: Pose, stamp_ns: int) -> Any:
@@ -238,15 +239,26 @@ def test_a_turn_is_told_where_it_moves_people_by_as_much_as_another_place_would(
         assert bool(turned) == (factor > 1)
 
 
+def _depth(frame: str) -> Any:
+    header = T["std_msgs/msg/Header"](T["builtin_interfaces/msg/Time"](EPOCH_NS // 10**9, 0), frame)
+    return T[RAW_IMAGE](header, 2, 2, "16UC1", 0, 4, np.full(8, 1, np.uint8))
+
+
 def test_what_the_bag_does_not_tell_is_marked(tmp_path: Path) -> None:
     messages = [*_scans("/a/scan", "a"), *_scans("/a_scan", "b")]  # of one name but for the slash
     messages += [("/cam/image_raw/compressed", e.msgtype, s, e.data) for s, e in _pictures()]
+    messages += [("/round/image_raw/compressed", e.msgtype, s, e.data) for s, e in _pictures()]
+    fisheye = info(distortion_model="equidistant", d=np.zeros(4))
+    messages.append(("/round/camera_info", "sensor_msgs/msg/CameraInfo", STAMPS_NS[0], fisheye))
+    messages.append(("/depth", RAW_IMAGE, STAMPS_NS[0], _depth("elsewhere")))
     write_ros2_bag(tmp_path / "bag", sorted(messages, key=lambda each: each[2]))
     out = tmp_path / "rig.yaml"
     result = CliRunner().invoke(app, ["new", "rig", str(tmp_path / "bag"), "--out", str(out)])
     assert result.exit_code == 0
     assert result.stdout.split() == ["rig", str(out), "next", "twin", "check", str(out)]
-    assert out.read_text().count("CHECK: no transform") == 3
+    assert out.read_text().count("CHECK: no transform") == 4
+    assert "round_image_raw_compressed: no CameraInfo tells a field of view" in result.stderr
+    assert "/depth: distances of frame 'elsewhere', in which no colour picture is, are left out" in result.stderr
     assert "cam_image_raw_compressed: the bag does not tell its lens" in result.stderr
     with pytest.raises(InputError, match=r"sensors.cam_image_raw_compressed.intrinsics is missing"):
         Recording(tmp_path / "bag", out)
