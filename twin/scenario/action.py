@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from math import hypot
 from typing import Annotated, Literal
@@ -115,3 +116,9 @@ def check_ranges(**ranges: tuple[float, float]) -> None:
     for name, (low, high) in ranges.items():
         if not 0 <= low <= high:
             raise ValueError(f"{name} [{low:g}, {high:g}] is not a range; the smaller number first, none negative")
+
+
+def check_repeat(waypoints: Sequence[Point2], repeat: bool) -> None:
+    """Raise ValueError for a way that is to be repeated, and leads nowhere else."""
+    if repeat and len(set(waypoints)) == 1:
+        raise ValueError(f"repeat: {list(waypoints[0])} is the only waypoint; two or more, or no repeat, are expected")

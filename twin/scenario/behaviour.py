@@ -24,6 +24,7 @@ from twin.scenario.action import (
     TimedAction,
     WalkSpeed,
     check_ranges,
+    check_repeat,
 )  # fmt: skip
 
 
@@ -69,6 +70,11 @@ class Walk(TimedAction):
         default=None, description="somebody by name, or a place [x, y] [m], to keep facing; none: the way ahead"
     )
 
+    @model_validator(mode="after")
+    def _goes_on(self) -> Walk:
+        check_repeat(self.waypoints, self.repeat)
+        return self
+
 
 class Run(TimedAction):
     """Run through waypoints, around furniture and people, then stop; with `repeat`, over and over."""
@@ -77,6 +83,11 @@ class Run(TimedAction):
     waypoints: tuple[Point2, ...] = Field(min_length=1, description="places in the room frame [m], in order")
     speed_m_s: RunSpeed = Field(default=3.0, description="running speed [m/s]")
     repeat: bool = Field(default=False, description="whether to begin again after the last waypoint, over and over")
+
+    @model_validator(mode="after")
+    def _goes_on(self) -> Run:
+        check_repeat(self.waypoints, self.repeat)
+        return self
 
 
 class Turn(TimedAction):

@@ -12,6 +12,7 @@ from trackers.configuration import Strict
 from trackers.errors import valid_names
 from trackers.rig import Name, OdometrySensor, Point2, Pose, Rig, RigSensor
 from trackers.rig_sensors import check_height, check_layer
+from twin.scenario.action import check_repeat
 from twin.scenario.mount import CalibrationError, Mount, Mounted
 from twin.scenario.sensors import FloorDescription
 from twin.sensors.odometry import OdometryDescription
@@ -36,6 +37,11 @@ class PathDrive(_Drives):
     kind: Literal["path"] = Field(description="the drive: along waypoints")
     waypoints: tuple[Point2, ...] = Field(min_length=1, description="places to pass in the room frame [m]")
     repeat: bool = Field(default=False, description="whether to start over at the first waypoint")
+
+    @model_validator(mode="after")
+    def _goes_on(self) -> PathDrive:
+        check_repeat(self.waypoints, self.repeat)
+        return self
 
 
 class FollowDrive(_Drives):

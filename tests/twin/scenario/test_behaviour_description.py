@@ -50,7 +50,15 @@ def test_every_action_is_read() -> None:
     ("script", "said"),
     [
         ([{"kind": "stand"}, {"kind": "bend"}], "stand never ends"),
-        ([{"kind": "walk", "waypoints": [[0, 0]], "repeat": True}, {"kind": "bend"}], "walk never ends"),
+        ([{"kind": "walk", "waypoints": [[0, 0], [1, 0]], "repeat": True}, {"kind": "bend"}], "walk never ends"),
+        (
+            [{"kind": "walk", "waypoints": [[0, 0]], "repeat": True}],
+            r"repeat: \[0.0, 0.0\] is the only waypoint; two or more",
+        ),
+        (
+            [{"kind": "run", "waypoints": [[0, 0], [0, 0]], "repeat": True}],
+            r"repeat: \[0.0, 0.0\] is the only waypoint",
+        ),
         ([{"kind": "turn"}], "exactly one of to_deg, by_deg and towards"),
         ([{"kind": "turn", "to_deg": 1, "by_deg": 1}], "exactly one of"),
         ([{"kind": "look", "at": [0, 0], "yaw_deg": 3}], "both at and yaw_deg"),

@@ -122,6 +122,10 @@ NEVER = {
         "ben: {start: [5.3, 2], script: {kind: leave, to: [5.6, 2.2]}}}",
         "anna does not follow ben, who has left, at 4.0 s",
     ),
+    "too far for the hand": (
+        "{anna: {start: [1, 1], script: {kind: reach, point: [5, 1, 1]}}}",
+        "anna cannot reach (5.0, 1.0, 1.0), which is 3.",
+    ),
     "somebody stands there": (
         "{anna: {start: [1, 1.5], script: {kind: walk, waypoints: [[3, 1.5]]}}, ben: {start: [3, 1.5], script: {kind: stand}}}",
         "which others have taken",

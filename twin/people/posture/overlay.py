@@ -106,8 +106,11 @@ def arm_angles(point: Array, side: float, measures: BodyMeasures) -> tuple[Array
     return pitch, side * roll, side * turn, elbow
 
 
-def help_of_trunk(point: Array, left: bool, hips_up: float, measures: BodyMeasures, person: int, stands: bool) -> Array:
-    """Return turn, bend, lean to the right [rad] and lowering of the hips [m], (4,), with which one hand reaches a point.
+def help_of_trunk(
+    point: Array, left: bool, hips_up: float, measures: BodyMeasures, person: int, stands: bool
+) -> tuple[Array, float]:
+    """Return turn, bend, lean to the right [rad] and lowering of the hips [m], (4,), with which one hand reaches a point, and
+    how much too far that is [m].
 
     point (3,): from the ground under the hips, x ahead, y left [m]; hips_up: height of the hip joints [m]; stands: False for
     a seated person, who does not lower the hips. The least effort of all sufficient candidates; where none suffices, the one
@@ -133,7 +136,7 @@ def help_of_trunk(point: Array, left: bool, hips_up: float, measures: BodyMeasur
     short = np.maximum(np.linalg.norm(point - place, axis=-1) - (arm - _SPARE_M), 0.0)
     effort = bend**2 + 0.6 * turn**2 + 1.5 * lean**2 + (3.0 * drop / leg) ** 2
     best = int(np.argmin(effort + 1e3 * short))
-    return np.array([turn[best], bend[best], lean[best], drop[best]])
+    return np.array([turn[best], bend[best], lean[best], drop[best]]), float(short[best])
 
 
 _SIDES = np.array([1.0, -1.0])

@@ -152,11 +152,11 @@ class Postures:
         self._idle = False
         self._bend.go(person, 0.0, 0.7 + 0.6 * self._bend.value[0, person])
 
-    def reach(self, person: int, point: Array, hand: Hand = "auto") -> None:
+    def reach(self, person: int, point: Array, hand: Hand = "auto") -> float:
         """Bring the middle of a hand to a point (3,) in the room [m]; auto: the free hand, or the one on the point's side.
 
         Trunk and knees give what the arm does not reach, from the present position of the body. Beyond that the hand gets as
-        near as it can.
+        near as it can; returned is how much too far the point is [m], 0 for who lies.
         """
         point = np.asarray(point, dtype=float)
         self._must(person, point.shape == (3,) and bool(np.isfinite(point).all()), f"reach {point}", "reaches x, y, z")
@@ -166,10 +166,10 @@ class Postures:
         nearer_left = bool(local[1] >= 0) if holds_left == holds_right else bool(holds_right)
         left = nearer_left if hand == "auto" else hand == "left"
         number = 0 if left else 1
-        needs = np.zeros(4)
+        needs, short_m = np.zeros(4), 0.0
         if self._aim[person] != _LIES and self._lying[person] == 0:
             stands = self._aim[person] == _STANDS
-            needs = help_of_trunk(local, left, float(hips[2]), self.measures, person, stands)
+            needs, short_m = help_of_trunk(local, left, float(hips[2]), self.measures, person, stands)
             needs[1] = max(needs[1] - self._bend.goal(person)[0], 0.0)
         now = self._points.value[:, person].copy()
         weights = self._hands.goal(person)
@@ -184,6 +184,7 @@ class Postures:
         weights[number] = 1.0
         self._hands.go(person, weights, duration)
         self._help.go(person, needs, duration)
+        return short_m
 
     def withdraw(self, person: int) -> None:
         """Take hands and trunk back."""

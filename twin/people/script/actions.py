@@ -53,6 +53,8 @@ _TURNS_ASIDE = [radians(turn) for step in range(0, 181, 15) for turn in ((step, 
 """Turns before a bend, the least first [rad]."""
 _WAITS_FOR_ROOM_S = 6.0
 """Time after which a bend or a reach is given up for want of room [s]."""
+_SHORT_M = 0.1
+"""Distance between hand and point from which on a reach is told as too short, the length of fingers [m]."""
 _BESIDE_THINGS_M, _STEP_M = 0.28, 0.1
 """Room beside the head and the hanging arms of who bends [m], and the step between the places where it is looked for [m]."""
 _UNDER_HIPS_M = 0.15
@@ -247,7 +249,8 @@ def _reach(actor: Actor, action: Reach) -> Commands:
     stretch = complex(*way) / max(float(np.hypot(*way)), 1e-6) * far_m
     places = actor.here + np.linspace(0.3, 1.0, 8)[:, None] * np.array([stretch.real, stretch.imag])
     if (yield from _room_for(actor, lambda: _clear_of_others(actor, places))):
-        postures.reach(number, point, action.hand)
+        if (short_m := postures.reach(number, point, action.hand)) > _SHORT_M:
+            actor.misses(f"cannot reach {action.point}, which is {short_m:.2f} m too far")
         yield from _settled(actor, action.for_s, "reach", stretch)
         postures.withdraw(number)
         yield from _settled(actor, 0.0, "reach", stretch)
