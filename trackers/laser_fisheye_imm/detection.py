@@ -110,21 +110,17 @@ class Detector:
             self._waist_scans |= {name: synced.observations[name] for name in names if name in synced.observations}
         sufficient = self._groups["knee"].sufficient(legs) if "knee" in self._groups else np.empty(0, np.bool_)
         image = None if self._camera is None else synced.observations.get(self._camera)
-        if self._projector is None or not isinstance(image, Image):
-            nothing = np.zeros(len(trunks), np.bool_)
-            return Seen(trunks, legs, sufficient, np.zeros((len(trunks), self.histogram.size)), nothing, nothing)
-        expected = (self._intrinsics.height, self._intrinsics.width, 3)
-        if image.rgb.shape != expected:
-            raise InputError(
-                f"image of {image.sensor!r} has shape {image.rgb.shape}; the rig's intrinsics say {expected}"
-            )
-        own = trunks.select(trunks.scanner[:, 0])  # they come first; the others have no window
-        windows = self._projector.windows(own)
-        histograms = self.histogram.of_windows(image.rgb, windows.pixels, windows.inside)
-        without = len(trunks) - len(own)
-        if without:
-            histograms = np.concatenate([histograms, np.zeros((without, self.histogram.size))])
-        usable, clear = (np.pad(each, (0, without)) for each in (windows.usable, windows.clear))
+        histograms, (usable, clear) = np.zeros((len(trunks), self.histogram.size)), np.zeros((2, len(trunks)), np.bool_)
+        if self._projector is not None and isinstance(image, Image):
+            expected = (self._intrinsics.height, self._intrinsics.width, 3)
+            if image.rgb.shape != expected:
+                raise InputError(
+                    f"image of {image.sensor!r} has shape {image.rgb.shape}; the rig's intrinsics say {expected}"
+                )
+            own = trunks.select(trunks.scanner[:, 0])  # they come first; the others have no window
+            windows, n = self._projector.windows(own), len(own)
+            histograms[:n] = self.histogram.of_windows(image.rgb, windows.pixels, windows.inside)
+            usable[:n], clear[:n] = windows.usable, windows.clear
         return Seen(trunks, legs, sufficient, histograms, usable, clear)
 
     def _scanned(self, synced: SyncedFrame, role: Role) -> Detections:
