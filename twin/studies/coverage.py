@@ -122,6 +122,16 @@ class PoseCoverage:
             self._bits[pose] = self.targets.visibility_bits(alone, names)
         return self._bits[pose]
 
+    def blind_devices(self) -> dict[str, int]:
+        """Return the devices none of whose poses shows anything, each with the number of its poses; none that was not worked."""
+        poses: dict[str, list[int]] = {}
+        for pose, each in enumerate(self._layout.poses):
+            poses.setdefault(each.device, []).append(pose)
+        seen = {pose for pose, bits in self._bits.items() if bits.any()}
+        return {
+            device: len(own) for device, own in poses.items() if self._bits.keys() >= set(own) and seen.isdisjoint(own)
+        }
+
     def covered(self, placement: Placement) -> NDArray[np.uint64]:
         """Return the rows (words,) that enough sensors of a placement see, including fixed ones."""
         if placement == BASELINE:

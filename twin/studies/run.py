@@ -100,6 +100,11 @@ def run_study(
                 f"{prepared.path}: coverage: no placement shows anything as it asks: by at least {study.coverage.at_least}, with "
                 f"{study.coverage.beams} beams or {study.coverage.px_per_m:g} px/m; the recommended one is as good as any"
             )
+        for device, n_pose in coverage.blind_devices().items():
+            print_warning(
+                f"{prepared.path}: devices.{device}: shows nothing of the area or of people from any of {n_pose} poses; another "
+                "height, direction or place is expected"
+            )
         yield results, folder
 
 

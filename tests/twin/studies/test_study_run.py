@@ -10,8 +10,10 @@ import os
 import re
 import warnings
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from command_line import twin
 from small_study import written as written_small
@@ -21,6 +23,7 @@ from twin.run.inputs import ChosenTracker
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
 from twin.studies import run as study_run, store
+from twin.studies.coverage import PoseCoverage
 from twin.studies.results import print_summary
 from twin.studies.run import run_study, write_results
 from twin.studies.trials import TrialRunner
@@ -311,7 +314,16 @@ def test_coverage_that_no_placement_reaches_is_told(tmp_path: Path, capsys: pyte
         coverage={"samples": 4, "seeds": [1950], "at_least": 8},
     )
     assert run(path, tmp_path / "out")["best"]["coverage"] == 0
-    assert "coverage: no placement shows anything as it asks: by at least 8" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "coverage: no placement shows anything as it asks: by at least 8" in told and "devices.rig" not in told
+
+
+def test_a_device_that_shows_nothing_from_any_pose_is_found() -> None:
+    coverage: Any = object.__new__(PoseCoverage)
+    coverage._layout = SimpleNamespace(poses=[SimpleNamespace(device=device) for device in "aabbc"])
+    nothing, some = np.zeros((1, 2), dtype=np.uint64), np.ones((1, 2), dtype=np.uint64)
+    coverage._bits = {0: nothing, 1: some, 2: nothing, 3: nothing}
+    assert coverage.blind_devices() == {"b": 2}
 
 
 def test_what_coverage_finds_is_tracked_and_judged_by_every_figure(tmp_path: Path) -> None:
