@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -121,14 +122,11 @@ class Sort(SynchronizedTracker):
         """Return the tracks to report for the last frame, in the order of their starts."""
         roster = self.roster
         shown = self.manager.reported(roster, self.ns).nonzero()[0]
-        measured = measured_now(roster, self.ns)
+        measured = measured_now(roster, self.ns)[shown].tolist()
+        rows = zip(roster.id[shown].tolist(), roster.state.mean[shown].tolist(), measured, strict=True)
         return [
-            Track(
-                int(roster.id[k]),
-                *roster.state.mean[k, [0, 2, 1, 3]].tolist(),
-                status="confirmed" if measured[k] else "coasting",
-            )
-            for k in shown
+            Track(number, x, y, vx, vy, status="confirmed" if is_measured else "coasting")
+            for number, (x, vx, y, vy), is_measured in rows
         ]
 
     def _work_all(self, synced_frames: list[SyncedFrame]) -> list[TrackFrame]:
@@ -164,13 +162,18 @@ class Sort(SynchronizedTracker):
 
     def _predict(self, last_ns: int) -> None:
         """Predict all filters to the frame's stamp; a track just missed is likelier to stop than to walk on."""
-        dt = (self.ns - last_ns) / NS_PER_S
-        F = np.stack(
-            [of_both_axes(np.array([[1, dt], [0, keep]])) for keep in (np.exp(-dt / self.options.slowdown_s), 1)]
-        )
-        Q = of_both_axes(np.outer([dt**2 / 2, dt], [dt**2 / 2, dt])) * self.options.acceleration_m_s2**2
+        F, Q = _motion((self.ns - last_ns) / NS_PER_S, self.options.slowdown_s, self.options.acceleration_m_s2)
         in_sight = measured_now(self.roster, last_ns).astype(int)
         self.roster = self.roster.changed(state=self.roster.state.predicted(F[in_sight], Q))
+
+
+@lru_cache(maxsize=16)
+def _motion(
+    dt: float, slowdown_s: float, acceleration_m_s2: float
+) -> tuple[Float[Array, "2 4 4"], Float[Array, "4 4"]]:
+    """Return F of tracks that coast and of those in sight, and Q, over `dt` [s]; read-only, kept for the usual periods."""
+    F = np.stack([of_both_axes(np.array([[1, dt], [0, keep]])) for keep in (np.exp(-dt / slowdown_s), 1)])
+    return F, of_both_axes(np.outer([dt**2 / 2, dt], [dt**2 / 2, dt])) * acceleration_m_s2**2
 
 
 def of_both_axes(block: Float[Array, "2 2"]) -> Float[Array, "4 4"]:

@@ -371,13 +371,8 @@ _BY_FILE = {
         ("top a voxel too high", "_tops", "_A[2] - 1", "_A[2]"),
     ],
     "trackers/sort.py": [
-        ("those in sight slow down", "Sort._predict", "(np.exp(-_A / _B), 1)", "(1, np.exp(-_A / _B))"),
-        (
-            "acceleration not squared",
-            "Sort._predict",
-            "self.options.acceleration_m_s2 ** 2",
-            "self.options.acceleration_m_s2",
-        ),
+        ("those in sight slow down", "_motion", "(np.exp(-_A / _B), 1)", "(1, np.exp(-_A / _B))"),
+        ("acceleration not squared", "_motion", "acceleration_m_s2 ** 2", "acceleration_m_s2"),
     ],
     "twin/sensors/laser.py": [
         ("rotation transposed", "Laser.__init__", "_A.T", "_A"),
