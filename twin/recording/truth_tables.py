@@ -206,6 +206,11 @@ def read_own_truth(path: Path, recording: Recording) -> TruthTable:
     return on_clock_of(table, recording.start_ns, recording.duration_s, str(recording.path))
 
 
+_QUARTER_NS = 900 * NS_PER_S
+_MOST_HOURS = 14
+"""Greatest offset of a time zone; all are quarters of an hour."""
+
+
 def on_clock_of(table: TruthTable, start_ns: int, duration_s: float, recording: str) -> TruthTable:
     """Return a table on the clock of a recording that begins at the stamp `start_ns` [ns], which is t = 0 there.
 
@@ -221,6 +226,10 @@ def on_clock_of(table: TruthTable, start_ns: int, duration_s: float, recording: 
             moved = {"frame_stamps_ns": stamps - moved_ns, "stamps_ns": table.stamps_ns - moved_ns}
             return replace(table, **moved) if moved_ns else table
     by_stamp = f", or by its stamps from {start_ns / NS_PER_S:.3f} s on" if start_ns else ""
+    hours = round((stamps[0] - start_ns) / _QUARTER_NS) / 4
+    moved_ns = start_ns + round(4 * hours) * _QUARTER_NS
+    if start_ns and 0 < abs(hours) <= _MOST_HOURS and stamps[-1] >= moved_ns and stamps[0] <= moved_ns + end_ns:
+        by_stamp += f", {abs(hours):g} h {'before' if hours > 0 else 'after'} that, as in another time zone"
     raise InputError(
         f"{table.source}: t is from {stamps[0] / NS_PER_S:.3f} to {stamps[-1] / NS_PER_S:.3f} s, and {recording} goes from 0 to "
         f"{duration_s:.3f} s{by_stamp}; t on the recording's clock is expected"

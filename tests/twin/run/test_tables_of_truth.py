@@ -70,6 +70,12 @@ def test_t_counts_from_the_start_or_is_the_stamp_itself(tmp_path: Path) -> None:
     np.testing.assert_array_equal(on_clock_of(stamped, start_ns, 3.0, "bag").stamps_ns, table.stamps_ns)
     with pytest.raises(InputError, match=r"bag goes from 0 to 0\.300 s"):
         on_clock_of(table, start_ns, 0.3, "bag")
+    for hours, told in ((1, "1 h before that"), (-9.5, "9.5 h after that"), (20, None), (0.1, None)):
+        stamps = {name: getattr(stamped, name) + round(hours * 3600e9) for name in ("frame_stamps_ns", "stamps_ns")}
+        with pytest.raises(InputError, match="on the recording's clock") as refused:
+            on_clock_of(replace(stamped, **stamps), start_ns, 3.0, "bag")
+        assert ("as in another time zone" in str(refused.value)) == (told is not None)
+        assert (told or "") in str(refused.value)
 
 
 def test_a_table_of_stamps_is_evaluated_by_the_stamp_at_which_the_tracks_begin(tmp_path: Path) -> None:
