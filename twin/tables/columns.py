@@ -320,13 +320,7 @@ def columns_of(source: str, names: Sequence[str], found: Cells, units: Mapping[s
 
 
 _DATE = re.compile(r"(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d(?::\d\d)?)(?:[.,](\d+))? ?(Z|[+-]\d\d(?::?\d\d)?)?", re.IGNORECASE)
-"""A date and time of ISO 8601: day, clock, fraction of a second, zone."""
-
-
-def lacks_zone(text: str) -> bool:
-    """Return whether a cell holds a date and time of no zone, which is read as UTC."""
-    date = _DATE.fullmatch(text.strip())
-    return date is not None and date[4] is None
+"""A date and time of ISO 8601: day, clock, fraction of a second, zone (UTC without)."""
 
 
 def _stamp_ns(text: str, unit: Decimal) -> int:

@@ -17,7 +17,6 @@ from twin.tables.columns import (
     CsvColumns,
     columns_of,
     is_number,
-    lacks_zone,
     read_cells,
     split_line,
 )
@@ -104,8 +103,6 @@ def read_person_rows(
         whole, part = columns.integers("t", 0).tolist(), columns.integers(rest, 0).tolist()
         t = [f"{s + ns // NS_PER_S}.{ns % NS_PER_S:09d}" for s, ns in zip(whole, part, strict=True)]
         columns = replace(columns, cells={**columns.cells, "t": t})
-    if any(lacks_zone(text) for text in columns.cells["t"][:1]):
-        notes.append(f"{path}: t has no time zone; UTC is taken")
     if "t" in names and frame_rate_hz is not None:
         notes.append(f"{path}: holds seconds (t); {rate_field} {frame_rate_hz:g} is not used")
     return _ordered(columns, [*notes, *_rows_in_comments(path, found, len(names))])
