@@ -87,8 +87,9 @@ class GaitState:
         return self.floor[VELOCITY] + turning * np.exp(1j * self.rows[HEADING])
 
 
-def heel_and_pelvis(state: GaitState, skeleton: Skeleton) -> tuple[Array, Array, Array]:
-    """Return pitch of the feet (2, n) [rad], yaw (n,) [rad] and height (n,) [m] of the pelvis.
+def heel_and_pelvis(state: GaitState, skeleton: Skeleton) -> tuple[Array, Array, Array, Planar, Planar, Array]:
+    """Return pitch of the feet (2, n) [rad], yaw (n,) [rad] and height (n,) [m] of the pelvis, and the ends of the legs:
+    places of hips and ankles (2, n) [m], and the ankles' height (2, n) [m].
 
     Heels come up as far as the legs need to reach the hips; where that does not suffice the pelvis comes down. It does not
     in a regular gait, where its height is that of the loads' motion.
@@ -102,7 +103,7 @@ def heel_and_pelvis(state: GaitState, skeleton: Skeleton) -> tuple[Array, Array,
         1.0 - 2.0 * state.rows[FEET_LOAD], 0.0
     )
     allowed = ankle_height + np.sqrt(np.maximum(reach, 0.0)) + free
-    return pitch, yaw, np.minimum(height, np.minimum(allowed[0], allowed[1]))
+    return pitch, yaw, np.minimum(height, np.minimum(allowed[0], allowed[1])), hips, ankle, ankle_height
 
 
 def feet_pitch(state: GaitState, skeleton: Skeleton) -> Array:
@@ -148,11 +149,8 @@ def foot_loads(state: GaitState, skeleton: Skeleton) -> FootLoads:
 
 def joint_coordinates(state: GaitState, skeleton: Skeleton) -> Array:
     """Return `qpos` (n, NQ_PERSON), laid out as `twin.people.body.person_spec.JOINTS`."""
-    pitch, yaw, height = heel_and_pelvis(state, skeleton)
+    pitch, yaw, height, hips, ankle, ankle_height = heel_and_pelvis(state, skeleton)
     pelvis, rows = state.pelvis, state.rows
-    facing = np.exp(1j * yaw)
-    hips = pelvis + 1j * skeleton.hip_offset * facing
-    ankle, ankle_height = _ankles(state, pitch, skeleton)
     feet_yaw = rows[FEET_YAW]
     # a leg too short for its swinging foot draws the foot nearer
     over, up = hips - ankle, height - ankle_height
