@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import time
 from collections import Counter, defaultdict
@@ -155,6 +156,10 @@ def _facts(suite: Suite, path: Path, cases: Sequence[Case], changes: Sequence[st
     }
 
 
+_WITH_NUMBER = re.compile(r"[\w-]*\d[\w.-]*")
+"""A number, or a name that holds one, as those of drawn people."""
+
+
 def _run_cases(
     store: ResultStore,
     folder: Path,
@@ -171,6 +176,7 @@ def _run_cases(
     # of cases that are done again, nothing of before is kept
     held = {text: [each for each in ids if each in done] for text, ids in facts.get("warned_cases", {}).items()}
     warned_cases: dict[str, list[str]] = {text: ids for text, ids in held.items() if ids}
+    kinds = {_WITH_NUMBER.sub("#", text): text for text in warned_cases}
     _note_warnings(store, warned_cases)
     warned: set[str] = set()
     code = whole_code()
@@ -187,9 +193,10 @@ def _run_cases(
                 progress.warned(warning)
         warned.update(result.warnings)
         for each in result.tracker_warnings:
-            if each not in warned_cases:  # once, whatever its number of cases
+            first = kinds.setdefault(_WITH_NUMBER.sub("#", each), each)
+            if first not in warned_cases:  # once, whatever its number of cases, and whatever numbers it holds
                 progress.warned(f"{case.id}: {each}")
-            warned_cases.setdefault(each, []).append(case.id)
+            warned_cases.setdefault(first, []).append(case.id)
         if result.tracker_warnings:
             _note_warnings(store, warned_cases)
         shutil.rmtree(folder / "cases" / case.id, ignore_errors=True)  # what an earlier state of the case has left
@@ -225,7 +232,7 @@ def _run_cases(
 
 
 def _note_warnings(store: ResultStore, warned_cases: Mapping[str, Sequence[str]]) -> None:
-    """Store the trackers' warnings, each with the cases that gave it, and their number."""
+    """Store the warnings of trackers and scenarios, each with the cases that gave it, and their number."""
     store.note(warned_cases=warned_cases, tracker_warnings={text: len(ids) for text, ids in warned_cases.items()})
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
@@ -58,6 +59,7 @@ _START_S = 1.0
 
 _MOST_EVENTS = 20
 
+_WARNINGS = "warnings.json"
 _DIGEST = 16
 """Number of characters of a recording's digest that distinguish it from all others."""
 
@@ -88,7 +90,7 @@ class CaseResult:
     """Result of a case: the tracker's entry of `metrics.json`, incidents, the files of its folder, provenance.
 
     recording: digest of the recorded bits; people: of the people's motion; scatter_m: noise of each scanner's ranges, by its
-    position; tracker_warnings: warnings of the tracker.
+    position; tracker_warnings: of the tracker, and of its scenario.
     """
 
     metrics: dict[str, Any]
@@ -133,7 +135,14 @@ def run_case(work: CaseWork) -> CaseResult:
             people=people_digest(entry / TRUTH),
             scatter_m=range_scatter_m(entry / RECORDING, scenario),
             warnings=tuple(warnings),
+            tracker_warnings=(*tracked.tracker_warnings, *_warnings_in(entry)),
         )
+
+
+def _warnings_in(entry: Path) -> list[str]:
+    """Return the warnings of the scenario of a recording in the cache."""
+    path = entry / _WARNINGS
+    return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else []
 
 
 def resolved_scenario(case: Case) -> Scenario:
@@ -160,7 +169,11 @@ def _renderer() -> str:
 
 def record(scenario: Scenario, folder: Path, precomputed: PrecomputedScene | None = None) -> None:
     """Simulate a scenario into a folder: its recording, and the truth as a table. `precomputed`: precomputed motion, if any."""
-    run_scenario(scenario, trackers=[], out=folder, video=False, precomputed=precomputed)
+    result = run_scenario(
+        scenario, trackers=[], out=folder, video=False, precomputed=precomputed, on_warning=no_warning
+    )
+    of_scenario = [each for each in result.warnings if each.startswith(("scenario ", "people: "))]
+    (folder / _WARNINGS).write_text(json.dumps(of_scenario), encoding="utf-8")
 
 
 def case_recording(

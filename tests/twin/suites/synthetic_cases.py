@@ -36,5 +36,5 @@ def result_of(work: CaseWork) -> CaseResult:
         recording=f"{case.scenario} {case.seed} {noise}",
         people=f"{case.scenario} {case.seed} people",
         scatter_m={"scanner at 0, 0, 0.95": 0.008 * noise},
-        tracker_warnings=(f"{case.tracker}: doubts everything",),
+        tracker_warnings=(f"{case.tracker}: doubts everything from {case.seed}.5 s on",),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -30,7 +31,11 @@ seeds: [3]
 trackers: [laser-fisheye-imm, laser-imm]
 scenarios:
   - scenario: lab-five-people
-    set: {duration_s: 2, sensors.fisheye.size: [240, 240], trackers.laser-imm: {trunk: {variance_m2: 0.02}}}
+    set:
+      duration_s: 2
+      faults: {late: {sensor: waist, kind: dropout, probability: 1, from_s: 9}}
+      sensors.fisheye.size: [240, 240]
+      trackers.laser-imm: {trunk: {variance_m2: 0.02}}
 """
 
 
@@ -56,13 +61,16 @@ def test_a_case_has_the_figures_of_a_run_and_the_second_tracker_renders_nothing(
     scenario = load_scenario("lab-five-people", [*cases[0].overrides, "seed=3"])
     document = run_scenario(scenario, trackers=[case.tracker for case in cases], out=tmp_path, video=False).metrics
     assert document is not None
-    first = run_case(CaseWork(cases[0], cache, whole_code()))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # what a scenario warns of is a result
+        first = run_case(CaseWork(cases[0], cache, whole_code()))
     assert "OpenGL" in first.renderer
     monkeypatch.setattr(worker, "run_scenario", None)  # whoever records now fails
     second = run_case(CaseWork(cases[1], cache, whole_code()))
     for case, result in zip(cases, (first, second), strict=True):
         assert without_cost(result.metrics) == without_cost(document["trackers"][case.tracker])
         assert set(result.files) == {"report.html", "metrics.json", f"tracks/{case.tracker}.csv"}
+        assert any("faults.late.from_s: 9 s is not before the end" in each for each in result.tracker_warnings)
         assert result.incidents[0].kind == "worst" and 1.0 <= result.incidents[0].t_s <= 2.0
     short = run_case(CaseWork(replace(cases[1], report=False), cache, whole_code()))
     assert without_cost(short.metrics) == without_cost(second.metrics) and short.incidents == second.incidents
