@@ -204,7 +204,8 @@ def _describe_path_error(error: OSError) -> str | None:
         return f"{error.filename}: {error.strerror}; the path of a file or folder is expected"
     if error.errno not in _UNWRITABLE:
         return None
-    return f"{error.filename or 'output'}: {error.strerror}; a folder that can be written, with space, is expected"
+    named = re.sub(r"(^|/)\.([^/]+)\.\d+\.partial$", r"\1\2", str(error.filename or "output"))  # by its name when whole
+    return f"{named}: {error.strerror}; a folder that can be written, with space, is expected"
 
 
 def _check_arguments(arguments: Sequence[str]) -> None:

@@ -77,6 +77,19 @@ def write_csv(path: Path, rows: Iterable[Iterable[object]]) -> None:
         csv.writer(stream, lineterminator="\n").writerows(rows)
 
 
+def check_writable(path: Path) -> None:
+    """Raise InputError where a file of this name could not be written, before the work for it; leaves nothing."""
+    folder = next(each for each in path.absolute().parents if each.exists())
+    probe = folder / partial_path(path).name
+    try:
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise unwritable(path, error) from error
+
+
 def partial_path(path: Path) -> Path:
     """Return the hidden path beside a file or folder for writing it until complete."""
     return path.with_name(f".{path.name}.{os.getpid()}.partial")

@@ -20,6 +20,7 @@ from trackers.observations import NS_PER_S
 from trackers.tracks import TrackFrame
 from twin.messages import OnWarning
 from twin.recording import topics
+from twin.recording.atomic_file import check_writable
 from twin.recording.bag_files import McapFile
 from twin.recording.message_types import TYPESTORE, TFMessage, normal_type
 from twin.recording.ros_messages import STRING, string_message
@@ -165,6 +166,7 @@ def check_copy(source: Path, target: Path) -> None:
         raise InputError(
             f"--bag {target}: is there already, and no copy with tracks; the name of a new file is expected"
         )
+    check_writable(target)
 
 
 def _is_copy(path: Path) -> bool:

@@ -21,7 +21,7 @@ from trackers.plain_data import parse_json
 from trackers.text_file import read_text
 from twin.console import print_paths
 from twin.models import cache_folder
-from twin.recording.atomic_file import write_atomic
+from twin.recording.atomic_file import check_writable, write_atomic
 from twin.run.inputs import NONE_TRUSTED, TrustedClasses
 from twin.suites.cache import RecordingCache, cache_limit_bytes
 from twin.suites.cluster import Workers
@@ -170,6 +170,8 @@ def run_gate(
     suite, path = load_suite(name)
     suite = suite.with_seed_offset(seed_offset)
     folder = out if out is not None else Path("out") / f"suite-{suite.name}"
+    if baseline is not None and update_baseline:
+        check_writable(baseline)
     before = _baseline_of(suite, baseline, update_baseline)
     cache = RecordingCache(cache_folder(), cache_limit_bytes())
     with suite_progress() as progress, _resume_hint():

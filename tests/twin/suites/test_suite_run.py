@@ -480,6 +480,10 @@ def test_a_case_that_fails_is_exit_1_in_every_report_and_the_rest_is_there(
             ["run", "smoke", "--scheduler", "tcp://nobody.invalid:1"],
             r"^--scheduler tcp://nobody.invalid:1: nobody answers",
         ),
+        (
+            ["run", "smoke", "--baseline", "/dev/null/b.json", "--update-baseline"],
+            r"^/dev/null/b.json: cannot be written \(Not a directory\)",
+        ),
         (["run", "smoke", "--update-baseline"], r"^--update-baseline: .*--baseline FILE is expected"),
         (["run", "smoke", "--baseline", "none.json"], r"^none.json: cannot be read \(No such file"),
         (["run", "smoke", "--set", "durations=3"], r"durations: unknown key; did you mean 'duration_s'"),
