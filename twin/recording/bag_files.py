@@ -293,6 +293,7 @@ class _McapShown(io.BufferedReader):
             return []
         patches = []
         op, size = self._record()
+        data_start = self.tell() + size
         content = self.read(size) if op == _HEADER and 8 <= size < 1 << 20 else b""
         if content and content[:8] != _PROFILE:
             patches.append((8 + 9, _PROFILE + content[8:]))
@@ -302,9 +303,9 @@ class _McapShown(io.BufferedReader):
         footer_start = self.tell()
         footer = self.read(_FOOTER_BYTES)
         summary_start = struct.unpack_from("<Q", footer, 9)[0] if footer[0] == _FOOTER else 0
-        if not 0 < summary_start < footer_start:
+        if not 0 <= summary_start < footer_start:
             return patches
-        self.seek(summary_start)
+        self.seek(summary_start or data_start)  # without a summary the library reads the data from its start
         while self.tell() < footer_start:
             op, size = self._record()
             place = self.tell()

@@ -156,7 +156,9 @@ def text(value: bytes) -> bytes:
     return struct.pack("<I", len(value)) + value
 
 
-def an_mcap_file(encoding: bytes, schema_encoding: bytes, messages: list[tuple[int, bytes]]) -> bytes:
+def an_mcap_file(
+    encoding: bytes, schema_encoding: bytes, messages: list[tuple[int, bytes]], has_summary: bool = True
+) -> bytes:
     """One topic of scans, each message by log time, as the format's specification has it; no chunks."""
     written = b"\xff no text" if schema_encoding == b"protobuf" else b"float32 angle_min"
     schema = record(3, struct.pack("<H", 1), text(b"sensor_msgs/LaserScan"), text(schema_encoding), text(written))
@@ -166,11 +168,14 @@ def an_mcap_file(encoding: bytes, schema_encoding: bytes, messages: list[tuple[i
     times = struct.pack("<QQ", messages[0][0], messages[-1][0])
     statistics = record(11, struct.pack("<QHIIII", len(data), 1, 1, 0, 0, 0), times, counts)
     body = MAGIC + record(1, text(b"ros1"), text(b"by hand")) + schema + channel + b"".join(data) + record(15, bytes(4))
+    if not has_summary:
+        return body + record(2, struct.pack("<QQI", 0, 0, 0)) + MAGIC
     return body + schema + channel + statistics + record(2, struct.pack("<QQI", len(body), 0, 0)) + MAGIC
 
 
+@pytest.mark.parametrize("has_summary", [True, False])
 @pytest.mark.parametrize("schema_encoding", [b"ros1msg", b"protobuf", b""])
-def test_an_mcap_file_of_ros_1_is_read(tmp_path, schema_encoding):
+def test_an_mcap_file_of_ros_1_is_read(tmp_path, schema_encoding, has_summary):
     store = get_typestore(Stores.ROS1_NOETIC)
     kinds, said = store.types, []
     for stamp_ns in STAMPS:
@@ -182,9 +187,9 @@ def test_an_mcap_file_of_ros_1_is_read(tmp_path, schema_encoding):
             scan.ranges_m, np.zeros(0, np.float32),
         )  # fmt: skip
         said.append((stamp_ns, bytes(store.serialize_ros1(message, "sensor_msgs/msg/LaserScan"))))
-    (tmp_path / "ros1.mcap").write_bytes(an_mcap_file(b"ros1", schema_encoding, said))
+    (tmp_path / "ros1.mcap").write_bytes(an_mcap_file(b"ros1", schema_encoding, said, has_summary))
     assert stamps_in(tmp_path / "ros1.mcap") == STAMPS
-    (tmp_path / "other.mcap").write_bytes(an_mcap_file(b"protobuf", schema_encoding, said))
+    (tmp_path / "other.mcap").write_bytes(an_mcap_file(b"protobuf", schema_encoding, said, has_summary))
     with pytest.raises(InputError, match=r"/scan \(sensor_msgs/msg/LaserScan encoded as protobuf\)"):
         Recording(tmp_path / "other.mcap")
 
