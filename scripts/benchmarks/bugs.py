@@ -158,14 +158,14 @@ _BY_FILE = {
         (
             "the hidden taken for seen",
             "Association._unpaired",
-            "np.maximum(self.missed, _LEAST_MISSED)",
-            "np.maximum(1 - self.missed, _LEAST_MISSED)",
+            "np.maximum(self.missed(_A), _LEAST_MISSED)",
+            "np.maximum(1 - self.missed(_A), _LEAST_MISSED)",
         ),
         (
             "the deleted paired as readily",
-            "_unpaired",
-            "(1 - _A + _A * np.maximum(_B, _C)) / _A",
-            "1 - _A + _A * np.maximum(_B, _C)",
+            "_cost_unpaired",
+            "(1 - _A + _A * _B) / _A",
+            "1 - _A + _A * _B",
         ),
         (
             "every measurement is proof",

@@ -10,7 +10,7 @@ measurement.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -88,15 +88,15 @@ class Matches:
 class Association:
     """Pairing of one frame: global nearest neighbour on likelihood ratios, or d = N + w E, within the validation regions.
 
-    people: predicted to stamp ns (the frame before was at last_ns); missed: how probably the frame would not show each of them;
-    sees_waists: whether trunks are looked for, without which legs are all that shows a person; knows_room: whether the background
-    was captured, or else is learned from the scans, so that a tentative track may be a flicker of the room, and takes no legs;
-    knees: where the middle of the legs of each upright person is from the body's axis [m]; origins: where the scanners of
-    each role are [m]. Without these, nothing is known of what a leg hides.
+    people: predicted to stamp ns (the frame before was at last_ns); missed: how probably the frame would not show those at an
+    index, asked only where it decides; sees_waists: whether trunks are looked for, without which legs are all that shows a
+    person; knows_room: whether the background was captured, or else is learned from the scans, so that a tentative track may be
+    a flicker of the room, and takes no legs; knees: where the middle of the legs of each upright person is from the body's
+    axis [m]; origins: where the scanners of each role are [m]. Without these, nothing is known of what a leg hides.
     """
 
     people: LaserTracks
-    missed: Float[Array, "n"]
+    missed: Callable[[Int[Index, "k"]], Float[Array, "k"]]
     knees: Float[Array, "n 2"]
     options: LaserFisheyeImmOptions
     ns: int
@@ -129,13 +129,10 @@ class Association:
             unknown = np.full((len(people), n_walker), np.nan)  # of legs no colours are seen
             colour = np.concatenate([colour, unknown], axis=1)
             looks = np.concatenate([looks, np.full(unknown.shape, self._unknown_colour)], axis=1)
-        track, taken = associate(
-            [
-                self._explained(cost, looks, no_legs),
-                *self._re_identified(cost, looks, colour, position, single | weak),
-            ],
-            by_trunks,
-        )
+        stages = self._re_identified(cost, looks, colour, position, single | weak)
+        if n_walker:
+            stages.insert(0, self._explained(cost, looks, no_legs))
+        track, taken = associate(stages, by_trunks)
         new = left_over(len(position), taken)
         new = new[~weak[new]]
         variance = np.concatenate([trunks.variance_m2, by_legs.variance_m2])
@@ -205,15 +202,26 @@ class Association:
         self, cost: Costs, looks: Float[Array, "n k"] | float, without: Bool[Mask, "*#n k"] | bool = False
     ) -> Stage:
         """Pair tracks with explained measurements, except those in `without`; looks: the cost of their colours."""
-        return Stage(self._all, [cost.pair + looks], [cost.out_of_gate | without], self._unpaired)
+        total, impossible = cost.pair + looks, cost.out_of_gate | without
+        return Stage(self._all, [total], [impossible], self._unpaired(total, impossible))
 
-    @cached_property
-    def _unpaired(self) -> Float[Array, "n"] | None:
-        """Cost of each track without a measurement, −2 ln (1 − e + e m) / e; None: as many pairs as possible (paper)."""
+    def _unpaired(self, cost: Float[Array, "n k"], impossible: Bool[Mask, "n k"]) -> Float[Array, "n"] | None:
+        """Return the cost of each track without a measurement, by its m; None: as many pairs as possible (paper).
+
+        A measurement that costs more than by the least m is never taken, and one that costs less than by m = 1 always, where no
+        other competes. So few tracks need their m, which costs more than all the rest here; the others have the least.
+        """
         if self.options.clutter_density_m2 is None:
             return None
-        e = np.maximum(self.people.existence, _LEAST_EXISTENCE)
-        return -2 * np.log((1 - e + e * np.maximum(self.missed, _LEAST_MISSED)) / e)
+        existence = np.maximum(self.people.existence, _LEAST_EXISTENCE)
+        unpaired, least = (_cost_unpaired(existence, m) for m in (_LEAST_MISSED, 1.0))
+        possible = ~impossible & (cost < unpaired[:, None])
+        n_track, n_measurement = possible.sum(axis=0), possible.sum(axis=1)
+        taken = (n_measurement == 1) & (possible & (n_track == 1) & (cost < least[:, None])).any(axis=1)
+        unsure = ((n_measurement > 0) & ~taken).nonzero()[0]
+        if unsure.size:
+            unpaired[unsure] = _cost_unpaired(existence[unsure], np.maximum(self.missed(unsure), _LEAST_MISSED))
+        return unpaired
 
     def _re_identified(
         self,
@@ -270,6 +278,11 @@ class Association:
         measured_ns = self.people.roster.measured_ns
         hidden = (self.ns - measured_ns > nanoseconds(1.5 * self.options.step_s)) & (measured_ns < self.last_ns)
         return hidden & ~self.people.posture.lying
+
+
+def _cost_unpaired(existence: Float[Array, "n"], missed: Float[Array, "n"] | float) -> Float[Array, "n"]:
+    """Return the cost of tracks without a measurement, −2 ln (1 − e + e m) / e."""
+    return -2 * np.log((1 - existence + existence * missed) / existence)
 
 
 def _colour_cost(cost: Float[Array, "n k"]) -> Float[Array, "n k"]:

@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from trackers.arrays import Array, Bool, Float, Mask
+from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.filters.imm import Imm, Motion
@@ -167,7 +167,10 @@ class LaserFisheyeImm(SynchronizedTracker):
             return self._detector.missed(synced, points) ** share
 
         state, velocity = self._people.state, self._imm.velocity(self._people.state)
-        chance_missed = miss_probability(state, missed, velocity)
+
+        def chance_missed(track: Int[Index, "k"]) -> Float[Array, "k"]:
+            return miss_probability(state.select(track), missed, velocity[:, track])
+
         times = synced.ns, self._last_ns
         knees, origins = self._knees(velocity), self._detector.origins
         at = Association(self._people, chance_missed, knees, self.options, *times, waists, knows_room, origins)

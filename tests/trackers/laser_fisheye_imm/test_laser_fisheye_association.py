@@ -13,6 +13,7 @@ from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import LaserTracks
 from trackers.laser_fisheye_imm.rules import PAPER
 from trackers.observations import NS_PER_S
+from trackers.tracking.roster import Stage, associate
 
 PERIOD_S, NOW = 0.1, NS_PER_S
 
@@ -41,9 +42,8 @@ def followed(people: LaserTracks, measured_ns: np.ndarray) -> LaserTracks:
 def associated(people: LaserTracks, options: LaserFisheyeImmOptions, ns: int, **given) -> Association:
     """Of a moment that all but surely shows whoever was seen at the last, and hardly who was not."""
     seen_lately = ns - people.roster.measured_ns < round(1.5 * PERIOD_S * NS_PER_S)
-    return Association(
-        people, np.where(seen_lately, 0.05, 0.9), np.zeros((len(people), 2)), options, ns, ns - NS_PER_S // 10, **given
-    )
+    missed = np.where(seen_lately, 0.05, 0.9).__getitem__
+    return Association(people, missed, np.zeros((len(people), 2)), options, ns, ns - NS_PER_S // 10, **given)
 
 
 def matched(trunks: Detections, legs: Detections, /, **options) -> Matches:
@@ -259,7 +259,7 @@ def of_one(measured: Detections, unseen: float, existence: float = 1.0, trunk: b
     seen = Seen(trunks, legs, np.ones(len(legs), np.bool_), np.zeros((len(trunks), 4)), nothing, nothing)
     given = LaserFisheyeImmOptions.model_validate(options)
     return Association(
-        people, np.array([unseen]), np.zeros((len(people), 2)), given, NOW, NOW - NS_PER_S // 10
+        people, np.array([unseen]).__getitem__, np.zeros((len(people), 2)), given, NOW, NOW - NS_PER_S // 10
     ).matches(seen)
 
 
@@ -319,3 +319,28 @@ def test_a_look_costs_its_weight_about_what_is_even_and_never_more_than_that_it_
     assert alike == pytest.approx(-6, abs=0.1)
     assert even == unknown == pytest.approx(0, abs=0.02)
     assert 10 < other < -2 * np.log(0.005)
+
+
+def test_the_chance_of_a_miss_is_asked_only_where_it_decides_and_the_pairs_are_those_of_all():
+    rng, n_asked, n_all = np.random.default_rng(0), 0, 0
+    for _ in range(300):
+        n, k = rng.integers(1, 6, size=2)
+        missed, existence = rng.uniform(0.001, 1, n), rng.uniform(0.01, 1, n)
+        asked: list[int] = []
+
+        def of(track: np.ndarray, missed: np.ndarray = missed, asked: list[int] = asked) -> np.ndarray:
+            asked += track.tolist()
+            return missed[track]
+
+        place = rng.normal(size=(n, 2))
+        state = Imm().start(place, np.zeros((n, 2)), 0.02, np.full(n, 0.1))
+        people = LaserTracks.started(state, place, 0, np.zeros((n, 4)), np.zeros(n, np.int64))
+        people = people.changed(existence=existence)
+        at = Association(people, of, np.zeros((n, 2)), LaserFisheyeImmOptions(), NOW, NOW - NS_PER_S // 10)
+        cost, impossible = rng.normal(0, 8, (n, k)), rng.random((n, k)) < 0.6
+        of_all = -2 * np.log((1 - existence + existence * missed) / existence)
+        unpaired, everybody = at._unpaired(cost, impossible), np.ones(n, np.bool_)
+        some, each = (associate([Stage(everybody, [cost], [impossible], of)]) for of in (unpaired, of_all))
+        assert np.array_equal(some, each)
+        n_asked, n_all = n_asked + len(asked), n_all + n
+    assert 0 < n_asked < 0.7 * n_all
