@@ -188,6 +188,8 @@ def test_new_suite_and_study_are_ones(here: Path) -> None:
     ("arguments", "said"),
     [
         (["new", "tracker", "--out", "my-own.py"], "the name of a Python module"),
+        (["new", "tracker", "--out", "numpy.py"], "numpy is a word or a module of Python's, or installed"),
+        (["new", "tracker", "--out", "class.py"], "class is a word or a module of Python's"),
         (["new", "room", "--out", "room.yaml"], "ending in .xml"),
         (["new", "scenario", "--out", "office.yaml"], "is a folder's, into which scenario.yaml is written; office is"),
         (["view", "lab", "--at", "3"], "lab is a room"),

@@ -247,6 +247,9 @@ def _filled(template: str, path: Path) -> str:
 
 
 def _write(what: str, text: str, path: Path, suffix: str) -> None:
+    from importlib.util import find_spec
+    from keyword import iskeyword
+
     from twin.console import print_paths
     from twin.recording.atomic_file import write_atomic
 
@@ -257,6 +260,10 @@ def _write(what: str, text: str, path: Path, suffix: str) -> None:
         raise InputError(f"--out {path}: is no file for a {what}; {expected} is expected")
     if path.exists():
         raise InputError(f"--out {path}: is there already; the name of a new file is expected")
+    if suffix == ".py" and (iskeyword(path.stem) or find_spec(path.stem) is not None):
+        raise InputError(
+            f"--out {path}: {path.stem} is a word or a module of Python's, or installed; another name is expected"
+        )
     write_atomic(path, text)
     file = quote(str(path))
     following = {
