@@ -193,7 +193,7 @@ class _Looks:
         self.examined_ns: int | None = None
         self.n_beams: list[int] = []
         self.widths_m: list[float] = []
-        self.near_m: list[float] = []
+        self.nearest_m = inf
         self.middle_m: list[float] = []
         self._farthest_m = np.zeros(_BEARINGS)
         self._n_look = np.zeros((_BEARINGS, _STEPS + 2), np.int32)
@@ -201,12 +201,14 @@ class _Looks:
     def add(self, scan: LaserScan, *, stands: bool) -> None:
         """Add a scan; of a scanner that moves, only the distances count."""
         self.n_beams += [scan.ranges_m.size] * bool(scan.ranges_m.size)
+        if self.nearest_m <= _NEAREST_M:  # these are metres, whatever follows
+            return
         beam = np.flatnonzero(np.isfinite(scan.ranges_m) & (scan.ranges_m > 0))
         ranges, angles = scan.ranges_m[beam].astype(np.float64), scan.angles_rad[beam]
         if not beam.size:
             return
         nearest_first = np.sort(ranges)
-        self.near_m.append(float(nearest_first[ranges.size // 100]))
+        self.nearest_m = min(self.nearest_m, float(nearest_first[ranges.size // 100]))
         self.middle_m.append(float(nearest_first[ranges.size // 2]))
         if not stands:
             return
@@ -232,11 +234,11 @@ class _Looks:
         if usual < _FEWEST_BEAMS:
             said = f"has {counted(usual, 'beam')} in a scan, of which {_FEWEST_BEAMS} side by side show a person"
             return f"{said}; a scanner of more beams is expected"
-        if len(self.near_m) < _FEWEST_LOOKS:
+        if len(self.middle_m) < _FEWEST_LOOKS or self.nearest_m <= _NEAREST_M:
             return ""
-        nearest_m, middle_m = min(self.near_m), float(np.median(self.middle_m))
+        nearest_m, middle_m = self.nearest_m, float(np.median(self.middle_m))
         expected = "ranges and limits in m are expected, not in cm or inches"
-        if len(self.widths_m) >= _FEWEST_THINGS and nearest_m > _NEAREST_M:
+        if len(self.widths_m) >= _FEWEST_THINGS:
             width_m = float(np.median(self.widths_m))
             if width_m > _WIDEST_M:
                 return (
@@ -245,7 +247,7 @@ class _Looks:
                 )
         if nearest_m > _NO_ROOM_M[0] and middle_m > _NO_ROOM_M[1]:
             return (
-                f"sees nothing nearer than {nearest_m:.3g} m in {len(self.near_m)} scans, and half of all beyond "
+                f"sees nothing nearer than {nearest_m:.3g} m in {len(self.middle_m)} scans, and half of all beyond "
                 f"{middle_m:.3g} m, where it shows nobody; {expected}"
             )
         return ""
