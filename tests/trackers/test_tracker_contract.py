@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import synthetic_home
 import synthetic_meeting
+import threadpoolctl  # scikit-learn's
 from synthetic_room import empty_room, observe, rig, straight_walk
 
 from trackers.check import CORRUPTIONS, check_tracker
@@ -119,6 +120,18 @@ def test_stamps_below_0_give_the_same_tracks(name):
     assert [(frame.stamp_ns - by_ns, frame.tracks) for frame in first] == [
         (each.stamp_ns, each.tracks) for each in below
     ]
+
+
+@pytest.mark.parametrize("name", BY_CLASS.values())
+def test_tracks_do_not_depend_on_how_many_threads_multiply(name):
+    on, room, observations = world_of(name)
+    observations = [item for item in observations if item.t < observations[0].t + 1.05]
+    frames = []
+    for threads in (1, 2):
+        with threadpoolctl.threadpool_limits(threads, "blas"):
+            frames.append(list(track_frames(make_tracker(name, on, room), on, observations)))
+    assert len(frames[0]) >= 2
+    assert repr(frames[0]) == repr(frames[1])
 
 
 class Stub:

@@ -39,6 +39,8 @@ ROOMS = Path(__file__).with_name("room_person_model.npz")
 """Learned from drawn rooms too, whose cameras hang in corners and look past furniture."""
 _PARTS = ("into", "into_bias", "out", "out_bias")
 _OUTPUTS = {"nearness": 1, "offset": 2}
+_BLOCK = 16
+"""Windows whose products with the weights of a layer no BLAS shares out."""
 _LARGEST_WEIGHT, _LARGEST_M = 1e4, 10.0
 _ARRAYS = {"deviation_m": ArraySpec("f", (2,), 1e-6, _LARGEST_M)} | {
     f"{name}_{part}": ArraySpec("f", shape, -_LARGEST_WEIGHT, _LARGEST_WEIGHT)
@@ -61,8 +63,15 @@ class Network:
     out_bias: Float32[Singles, "outputs"]
 
     def __call__(self, inputs: Float32[Singles, "n inputs"]) -> Float32[Singles, "n outputs"]:
-        """Return the outputs of n windows."""
-        return np.maximum(inputs @ self.into + self.into_bias, 0) @ self.out + self.out_bias
+        """Return the outputs of n windows.
+
+        They are taken in blocks: BLAS shares out larger products among its threads, and rounds by their number.
+        """
+        n, width = inputs.shape
+        blocks = np.zeros((-(-n // _BLOCK), _BLOCK, width), np.float32)
+        blocks.reshape(-1, width)[:n] = inputs
+        hidden = np.maximum(blocks @ self.into + self.into_bias, 0)
+        return (hidden @ self.out + self.out_bias).reshape(-1, self.out.shape[1])[:n]
 
     def symmetrized(self, *signs: float) -> Network:
         """Average the outputs for a window and for its mirror image; signs: of each output in the mirror image."""

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import threadpoolctl  # scikit-learn's
 
 from trackers.errors import InputError
 from trackers.vision.person_detector import INPUTS, SHIPPED, PersonModel
@@ -13,6 +14,16 @@ def test_the_shipped_model_is_small_and_needs_no_pickle():
     assert model.nearness(np.zeros((3, INPUTS), np.float32)).shape == (3, 1)
     assert model.offset(np.zeros((0, INPUTS), np.float32)).shape == (0, 2)
     assert (model.deviation_m < 0.2).all()
+
+
+@pytest.mark.parametrize("count", [1, 15, 16, 17, 300])
+def test_a_window_is_judged_alike_beside_any_others_and_by_any_number_of_threads(count: int):
+    model, inputs = PersonModel.load().symmetrized(), np.random.default_rng(0).random((300, INPUTS), np.float32)
+    for network in (model.nearness, model.offset):
+        with threadpoolctl.threadpool_limits(1, "blas"):
+            alone = network(inputs[:count])
+        with threadpoolctl.threadpool_limits(2, "blas"):
+            np.testing.assert_array_equal(network(inputs)[:count], alone)
 
 
 def test_a_model_read_is_the_model_written(tmp_path):
