@@ -169,6 +169,11 @@ def describe_rig(path: AnyPath, standing: str | None = None) -> tuple[str, list[
         area = "# area: [[-2, -2], [2, -2], [2, 2], [-2, 2]]  # polygon in which people are tracked; none: everywhere"
         text = "\n".join([*head, *found.lines, area, ""])
         undecided = list(found.undecided)
+        for topic, each in bag.topics.items():
+            if hint := conversion([each]):
+                undecided.append(
+                    f"{topic}: no sensor reads {each.msgtype}; {LASER_SCAN} or {RAW_IMAGE} is expected{hint}"
+                )
         try:
             Rig.parse(text, "the rig")
         except InputError as error:

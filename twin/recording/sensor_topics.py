@@ -189,12 +189,15 @@ def topics_of(topics: Mapping[str, Topic], *msgtypes: str) -> list[str]:
 _CONVERTERS = {
     "sensor_msgs/msg/PointCloud2": "pointcloud_to_laserscan",
     "sensor_msgs/msg/MultiEchoLaserScan": "laser_proc",
+    "ffmpeg_image_transport_msgs/msg/FFMPEGPacket": "image_transport",
+    "foxglove_msgs/msg/CompressedVideo": "foxglove_compressed_video_transport",
+    "theora_image_transport/msg/Packet": "image_transport",
 }
-"""ROS package that makes a LaserScan of a type that is not read."""
+"""ROS package that makes a LaserScan, or pictures, of a type that is not read."""
 
 
 def conversion(topics: Iterable[Topic]) -> str:
-    """Name the package that makes scans of what these topics hold; "" where none does."""
+    """Name the package that makes scans or pictures of what these topics hold; "" where none does."""
     known = {each.msgtype: _CONVERTERS[each.msgtype] for each in topics if each.msgtype in _CONVERTERS}
     return "".join(f"; `{package}` makes one of {kind}" for kind, package in known.items())
 

@@ -251,6 +251,8 @@ def test_what_the_bag_does_not_tell_is_marked(tmp_path: Path) -> None:
     fisheye = info(distortion_model="equidistant", d=np.zeros(4))
     messages.append(("/round/camera_info", "sensor_msgs/msg/CameraInfo", STAMPS_NS[0], fisheye))
     messages.append(("/depth", RAW_IMAGE, STAMPS_NS[0], _depth("elsewhere")))
+    cloud = T["sensor_msgs/msg/PointCloud2"](_depth("a").header, 0, 0, [], False, 0, 0, np.zeros(0, np.uint8), True)
+    messages.append(("/points", "sensor_msgs/msg/PointCloud2", STAMPS_NS[0], cloud))
     write_ros2_bag(tmp_path / "bag", sorted(messages, key=lambda each: each[2]))
     out = tmp_path / "rig.yaml"
     result = CliRunner().invoke(app, ["new", "rig", str(tmp_path / "bag"), "--out", str(out)])
@@ -258,6 +260,8 @@ def test_what_the_bag_does_not_tell_is_marked(tmp_path: Path) -> None:
     assert result.stdout.split() == ["rig", str(out), "next", "twin", "check", str(out)]
     assert out.read_text().count("CHECK: no transform") == 4
     assert "round_image_raw_compressed: no CameraInfo tells a field of view" in result.stderr
+    assert "/points: no sensor reads sensor_msgs/msg/PointCloud2" in result.stderr
+    assert "`pointcloud_to_laserscan` makes one" in result.stderr
     assert "/depth: distances of frame 'elsewhere', in which no colour picture is, are left out" in result.stderr
     assert "cam_image_raw_compressed: the bag does not tell its lens" in result.stderr
     with pytest.raises(InputError, match=r"sensors.cam_image_raw_compressed.intrinsics is missing"):
