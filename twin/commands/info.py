@@ -254,7 +254,7 @@ def checked_file(kind: str, name: str, allow_plugins: bool = False) -> str:
     from twin.suites.preflight import check_trackers
     from twin.suites.run import idle_changes
     from twin.suites.spec import load_suite
-    from twin.view.room_sheet import empty_world, extent_text
+    from twin.view.room_sheet import empty_world, extent_text, left_out
     from twin.world.simulation import Simulation
 
     trusted = TrustedClasses(every=allow_plugins)
@@ -268,12 +268,12 @@ def checked_file(kind: str, name: str, allow_plugins: bool = False) -> str:
             about = f"people: {len(scenario.people)}, sensors: {', '.join(scenario.sensors)}, {scenario.duration_s:g} s"
         case "room":
             scene = empty_world(name).scene
+            print_warnings(left_out(name))
             replace(scene.ground, source=name).free_places(_PLACES, np.random.default_rng(0))
             seats = ", ".join(scene.ground.furniture) or "none"
             about = f"{extent_text(scene.walkable)}; seats and beds: {seats}"
         case "suite":
-            suite, path = load_suite(name)
-            cases = expand(suite, path, trusted=trusted, limits=True, scenes=True)
+            cases = expand(*load_suite(name), trusted=trusted, limits=True, scenes=True)
             print_warnings(idle_changes(cases))
             about = f"cases: {len(cases)}"
         case "study":

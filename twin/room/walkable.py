@@ -53,8 +53,12 @@ _RIGHT, _LEFT = (slice(None), slice(1, None)), (slice(None), slice(-1))
 _SHIFT = 8  # fractional bits of OpenCV's coordinates
 ENCLOSED_M2 = 4.0
 _LEAST_M2 = 1.0
+_PART_M2, _SLIT_M = 0.5, 0.3
+"""Least part of a room that is worth a word [m²], and its least width [m]."""
 _WAY_M, _BAY_M = 0.4, 0.6
 """Widths of the area below which people cannot pass, and below which they walk only if it leads on [m]."""
+NARROWEST_DOOR_M = 0.85
+"""Width of a gap in a wall from which on it joins two rooms, whatever its place on the grid [m]."""
 _ROUGH_M = (0.03, 0.06, 0.12, 0.2)
 _MARGINS_M = (KEEP_FROM_EDGE_M + 0.03, KEEP_FROM_EDGE_M + 0.1)
 """Distances of routes and of wanderers' goals from the polygon's edge, for both of which it must be wide enough [m]."""
@@ -85,6 +89,36 @@ def walkable_area(model: mujoco.MjModel, data: mujoco.MjData, floor: Sequence[Ar
         f"{source}: its floor leaves nowhere to walk: no part of {_LEAST_M2:g} m² is free {OBSTACLE_REACH_M:g} m off the "
         "walls; a larger floor at z = 0, or a numeric walkable_area under <custom>, is expected"
     )
+
+
+def rooms_left_out(
+    model: mujoco.MjModel, data: mujoco.MjData, floor: Sequence[Array], area: Array
+) -> list[tuple[float, Array]]:
+    """Return the size [m²], and a place (2,) [m], of each part that walls enclose and a walkable area (k, 2) leaves out.
+
+    Its gap is too narrow a door, or it is too small for an area of its own. `data` needs kinematics.
+    """
+    walls, standing = standing_footprints(model, data)
+    plan = Plan.over(floor, standing, common_direction(walls or floor))
+    if plan.cell_m > _COARSEST_M:
+        return []
+    inside = plan.within(_closed(plan.drawn(floor), plan.cells(_SEAM_M))) & ~plan.drawn(walls)
+    outdoors = outdoors_of(plan.drawn(standing), plan)
+    inside &= ~outdoors
+    is_outdoors = np.count_nonzero(_walked(inside, outdoors, plan)) * plan.cell_m**2 < ENCLOSED_M2
+    margin = _square(2 * plan.cells(OBSTACLE_REACH_M))
+    rest = cv2.erode(inside, margin, borderType=cv2.BORDER_CONSTANT, borderValue=0).astype(np.uint8)
+    if not is_outdoors:
+        own = cv2.fillPoly(np.zeros_like(rest), [np.round(plan.cells_of(area)).astype(np.int32)], 1)
+        rest &= 1 - cv2.dilate(own, _square(plan.cells(_SLIT_M))).astype(np.uint8)
+    _, number, stats, _ = cv2.connectedComponentsWithStats(_opened(rest, plan.cells(_SLIT_M)), connectivity=4)
+    found = []
+    for part in np.flatnonzero(stats[:, cv2.CC_STAT_AREA] * plan.cell_m**2 >= _PART_M2).tolist():
+        if part > 0:  # 0 is all around
+            deepest = cv2.distanceTransform((number == part).astype(np.uint8), cv2.DIST_L2, 3)
+            place = np.array(np.unravel_index(deepest.argmax(), deepest.shape))[None, ::-1]
+            found.append((float(stats[part, cv2.CC_STAT_AREA] * plan.cell_m**2), plan.places(place.astype(float))[0]))
+    return found
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from twin.room.mjcf import DARK_LIGHT, ENOUGH_LIGHT, light_of
 from twin.scenario import Scenario
 from twin.sensors.render import OffscreenRenderer
 from twin.view.free_camera import CameraSpace, overview
+from twin.world.empty_room import empty_room
 from twin.world.world import World
 
 _TILE_PX = (760, 640)
@@ -46,12 +47,20 @@ def write_room(name: str, path: Path) -> list[str]:
 
 def empty_world(name: str) -> World:
     """Build a room, shipped or a user's file, without people and sensors. Raises InputError for an invalid room."""
+    return World(_scenario_of(name))
+
+
+def left_out(name: str) -> list[str]:
+    """Return a sentence for each part that the walls of a room enclose and its walkable area leaves out."""
+    return empty_room(_scenario_of(name)).left_out()
+
+
+def _scenario_of(name: str) -> Scenario:
     fields: dict[str, Any] = {
         field: each.get_default(call_default_factory=True) for field, each in Scenario.model_fields.items()
     }
     fields |= {"name": Path(name).stem, "room": name, "duration_s": 1.0, "people": {}, "sensors": {}}
-    scenario = Scenario.model_construct(None, **fields)  # a scenario without sensors is invalid
-    return World(scenario)
+    return Scenario.model_construct(None, **fields)  # a scenario without sensors is invalid
 
 
 def extent_text(area: NDArray[np.float64]) -> str:

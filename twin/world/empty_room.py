@@ -24,7 +24,7 @@ from twin.room.floor import check_floor_under, floor_hull, floor_of
 from twin.room.furniture import Bed, Seat, furniture_of
 from twin.room.mjcf import compiled, load_room
 from twin.room.obstacles import MOST_OBSTACLES, OBSTACLE_REACH_M, Obstacle, obstacles_of, within_reach
-from twin.room.walkable import walkable_area
+from twin.room.walkable import NARROWEST_DOOR_M, rooms_left_out, walkable_area
 from twin.scenario import Scenario
 from twin.scenario.person import Person
 
@@ -73,6 +73,17 @@ class EmptyRoom:
     def outline(self) -> list[Array]:
         """Convex outlines (k, 2) [m] of what stands in the room, for plans."""
         return room_outline(self.model, self.data)
+
+    def left_out(self) -> list[str]:
+        """Return a sentence for each part that walls enclose and the walkable area, computed from them, leaves out."""
+        if _own_walkable_area(self.spec, self.path) is not None:
+            return []
+        pieces = floor_of(self.model, self.data, str(self.path))
+        return [
+            f"{self.path.name}: {size_m2:.3g} m² around [{x:.1f}, {y:.1f}], which walls enclose, are not in the walkable area; a "
+            f"gap of {NARROWEST_DOOR_M:g} m that leads there, or a numeric walkable_area under <custom>, is expected"
+            for size_m2, (x, y) in rooms_left_out(self.model, self.data, pieces, self.walkable)
+        ]
 
     def fitting_people(self) -> set[Person]:
         """Return the people known to fit between walls and furniture, for the checks of placement to extend."""

@@ -13,7 +13,7 @@ from twin.geometry.polygon import inset, polygon_area
 from twin.people.crowd.routes import Routes
 from twin.room.floor import floor_of
 from twin.room.obstacles import OBSTACLE_REACH_M
-from twin.room.walkable import walkable_area
+from twin.room.walkable import NARROWEST_DOOR_M, rooms_left_out, walkable_area
 
 pytestmark = pytest.mark.slow
 
@@ -56,6 +56,28 @@ def area_in(model: mujoco.MjModel) -> np.ndarray:
     Routes(corners, [])  # wide enough for ways
     assert inset(corners, 0.25) is not None  # and for wanderers
     return corners
+
+
+def left_out_of(world: str) -> list[tuple[float, np.ndarray]]:
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{world}</worldbody></mujoco>")
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return rooms_left_out(model, data, floor_of(model, data, "room.xml"), area_in(model))
+
+
+@pytest.mark.parametrize(("gap", "left_out"), [(0.6, 1), (0.8, 1), (NARROWEST_DOOR_M, 0), (1.2, 0)])
+def test_a_room_behind_a_gap_that_nobody_fits_through_is_told(gap: float, left_out: int) -> None:
+    half = (2 - gap / 2) / 2
+    found = left_out_of(ENDLESS + four_walls(4, 2) + wall(-1, 2 - half, 0.05, half) + wall(-1, half - 2, 0.05, half))
+    assert len(found) == left_out
+    for size_m2, (x, y) in found:
+        assert 8 < size_m2 < 11 and -4 < x < -1 and abs(y) < 2
+
+
+def test_walls_around_too_little_are_told_where_people_walk_outdoors() -> None:
+    ((size_m2, place),) = left_out_of(ENDLESS + four_walls(0.7, 0.7))
+    assert 0.5 < size_m2 < 1 and np.abs(place).max() < 0.3
+    assert left_out_of(ENDLESS + four_walls(4, 2) + wall(0, 0, 0.3, 0.3)) == []
 
 
 def overlap(one: np.ndarray, other: np.ndarray) -> float:
