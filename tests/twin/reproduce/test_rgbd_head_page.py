@@ -117,7 +117,10 @@ def test_results_hold_the_papers_figures_what_each_cue_is_worth_and_where_errors
 
 @pytest.mark.parametrize(
     ("change", "words"),
-    [({"name": "elsewhere"}, "none is named sequence-1"), ({"trackers": (OURS,)}, "sequence-1 is run without paper")],
+    [
+        ({"name": "elsewhere"}, "none is named sequence-1"),
+        ({"trackers": (OURS,)}, "sequence-1 is run without rgbd-head-paper"),
+    ],
 )
 def test_suites_without_the_experiments_are_refused(change, words):
     suite, path = load_suite(OURS)

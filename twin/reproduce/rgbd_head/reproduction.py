@@ -69,12 +69,11 @@ from twin.reproduce.suite_runs import (
 from twin.scenario import load_scenario
 from twin.suites.spec import Suite
 
-_ALIKE = "rgbd-head-paper"
 _WAYS: Mapping[str, tuple[str, bool]] = {
-    "colour without environment": (f"{_ALIKE}-colour", False),
-    "colour": (f"{_ALIKE}-colour", True),
-    "both cues without environment": (f"{_ALIKE}-no-environment", False),
-    "both cues": (_ALIKE, True),
+    "colour without environment": (f"{PAPER}-colour", False),
+    "colour": (f"{PAPER}-colour", True),
+    "both cues without environment": (f"{PAPER}-no-environment", False),
+    "both cues": (PAPER, True),
     "ours": (OURS, True),
 }
 """The trap's systems: preset, and whether it is given the environment."""
@@ -91,7 +90,7 @@ def options_of(preset: str, truth: TruthTable) -> dict[str, Any]:
 def spread_results(seen: LoadedRecording, n_run: int, on_progress: OnProgress) -> list[ResultRow]:
     """Compute table 3: the spread of runs on one recording with other random numbers, of ours and of the paper's system."""
     spreads = {}
-    for number, preset in enumerate((OURS, _ALIKE)):
+    for number, preset in enumerate((OURS, PAPER)):
         runs, options = {}, options_of(preset, seen.truth)
         for seed in range(n_run):
             on_progress("runs of one recording", number * n_run + seed, 2 * n_run)
@@ -102,7 +101,7 @@ def spread_results(seen: LoadedRecording, n_run: int, on_progress: OnProgress) -
             for name, of in (("mean", np.mean), ("largest", np.max))
         }
     printed = {"XY mean": 0.36, "XY largest": 0.68, "Z mean": 0.27, "Z largest": 0.50}
-    alike = {name: SystemValue(_ALIKE, value, (value, value)) for name, value in spreads[_ALIKE].items()}
+    alike = {name: SystemValue(PAPER, value, (value, value)) for name, value in spreads[PAPER].items()}
     return [
         ResultRow(SPREAD, "spread", name, printed[name], value, (value, value), "cm", n_run, alike[name])
         for name, value in spreads[OURS].items()
@@ -228,7 +227,7 @@ def _figure_10(seen: LoadedRecording, runs: SuiteRuns) -> bytes:
     """Draw the paper's two cues, in the camera nearest to the head."""
     at_s = _SHOWN_S[FIRST][1]
     head = _head(case_tracks(runs.first_cases(FIRST)[OURS], runs), at_s)
-    tracker = seen.tracker(_ALIKE, 0, options_of(_ALIKE, seen.truth))
+    tracker = seen.tracker(PAPER, 0, options_of(PAPER, seen.truth))
     for observation in seen.observations:
         frames = tracker.update(observation)
         if frames and frames[-1].stamp_ns >= at_s * 1e9:

@@ -157,8 +157,8 @@ def _found_s(near: list[tuple[int, bool]]) -> float:
     return next(((stamp - near[0][0]) / NS_PER_S for stamp, here in near if here), np.nan)
 
 
-OURS, PAPER, BASELINE = "rgbd-head", "paper", "silhouettes"
-"""Trackers of the suite: ours; the paper's system (`rgbd-head-paper` from a known start); silhouettes alone, the baseline."""
+OURS, PAPER, BASELINE = "rgbd-head", "rgbd-head-paper", "silhouettes"
+"""Trackers of the suite: ours; the paper's system from a known start; silhouettes alone, the baseline."""
 FIRST, SECOND, TRAP, PEOPLE = "sequence-1", "sequence-2", "trap", "three-people"
 NEEDED = (FIRST, SECOND, TRAP, PEOPLE)
 EXPERIMENTS, SPREAD, CAUGHT = "experiments", "runs of one recording", "runs of the trap"
