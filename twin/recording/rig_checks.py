@@ -15,6 +15,7 @@ from trackers.errors import InputError
 from trackers.rig import CameraSensor, Pose, Rig, normal_topic
 from twin.recording.bag import Bag
 from twin.recording.losses import Loss
+from twin.recording.sensor_clock import topic_of_frame
 from twin.recording.transforms import Poses, PoseTopic, TransformTree, displacement
 
 _TYPE = "sensor_msgs/msg/CameraInfo"
@@ -42,14 +43,15 @@ def compare_lenses(bag: Bag, rig: Rig, sensors: Mapping[str, str]) -> list[Loss]
     return losses
 
 
-def _infos(bag: Bag, topics: Iterable[str]) -> dict[str, Any]:
-    """Return the CameraInfo of each of these topics of images that has one: the first with a lens, else the first.
-
-    A driver may publish some before it has read the calibration, with a matrix of zeros.
+def _infos(bag: Bag, topics: Iterable[str], *, by_frame: bool = False) -> dict[str, Any]:
+    """Return the CameraInfo of each of these topics of images that has one: the first with a lens (a driver may publish zeros
+    before), else the first. by_frame: one of the images' frame stands in for one in their namespace.
     """
     waiting: dict[str, list[str]] = {}
+    owned = {_info_topic(name) for name, each in bag.topics.items() if "Image" in each.msgtype}
     for topic in topics:
         info = _info_topic(topic)
+        info = topic_of_frame(bag, topic, _TYPE, owned) if by_frame and info not in bag.topics else info
         if info in bag.topics and bag.topics[info].msgtype == _TYPE:
             waiting.setdefault(info, []).append(topic)
     found: dict[str, Any] = {}
@@ -146,7 +148,7 @@ def _lens(content: Mapping[str, Any], lens: Intrinsics) -> Intrinsics:
 
 def kind_of_lens(bag: Bag, topic: str) -> str:
     """Return the kind of camera that the CameraInfo beside a topic of images tells: camera, fisheye, or '' for none."""
-    message, is_rectified = _infos(bag, [topic]).get(topic), _is_rectified(topic)
+    message, is_rectified = _infos(bag, [topic], by_frame=True).get(topic), _is_rectified(topic)
     if message is None or _projection(message, is_rectified=is_rectified)[0] is None:
         return ""
     model = "" if is_rectified else message.distortion_model
@@ -170,7 +172,7 @@ def with_intrinsics(bag: Bag, content: Any) -> Any:
         and each.get("intrinsics") is None
         and isinstance(each.get("topic"), str)
     }
-    infos = _infos(bag, lacking.values())
+    infos = _infos(bag, lacking.values(), by_frame=True)
     filled = dict(sensors)
     for name, topic in lacking.items():
         found = _intrinsics_of(infos.get(topic), _info_topic(topic), name, sensors[name])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from array import array
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -172,6 +172,17 @@ def first_frame(bag: Bag, topic: str) -> str:
         if (header := header_of(data, is_ros1)) is not None:
             return header[1].strip("/")
     return ""
+
+
+def topic_of_frame(bag: Bag, topic: str, msgtype: str, but: Collection[str]) -> str:
+    """Return the only topic of a type whose messages are of the frame of those on another topic; '' for none and several.
+
+    but: topics that are others'.
+    """
+    frame = first_frame(bag, topic) if topic in bag.topics else ""
+    of_type = [name for name, each in bag.topics.items() if each.msgtype == msgtype and name not in but]
+    same = [name for name in of_type if frame and first_frame(bag, name) == frame]
+    return same[0] if len(same) == 1 else ""
 
 
 _AHEAD = 5

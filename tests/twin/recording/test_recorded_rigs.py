@@ -76,6 +76,19 @@ def told(bag: Path, lens: Any = LENS, topic: str = "/cam/image_raw/compressed") 
     return [line for line in lines(Recording(bag, rig).losses) if "camera_info" in line]
 
 
+@pytest.mark.parametrize(("frame", "known"), [("cam", True), ("another", False)])
+def test_a_camera_info_under_any_name_is_that_of_the_pictures_of_its_frame(
+    tmp_path: Path, frame: str, known: bool
+) -> None:
+    message = info()
+    message.header.frame_id = frame
+    text, undecided = describe_rig(a_bag(tmp_path, message, said_on="/drivers/calibration"))
+    assert any("the bag does not tell its lens" in each for each in undecided) != known
+    if known:
+        camera = Rig.parse(text, "text").sensors["cam_image_raw_compressed"]
+        assert isinstance(camera, PinholeSensor) and camera.intrinsics == LENS
+
+
 SAME = {
     "as the rig says": info(),
     "zeros at the end of the coefficients": info(d=[*LENS.distortion, 0, 0, 0], distortion_model="rational_polynomial"),
