@@ -23,6 +23,10 @@ _NEAR_M = 4.0
 _WITHIN_M = 0.1
 """Distance of points from a known surface that counts as on it."""
 _EVERY = 8
+_FITS, _SIGMAS = 0.5, 2.0
+"""Least share of points on known surfaces after a turn that counts, and its gain in standard deviations: far and slanting
+surfaces fit hardly by any turn, and then by chance best after one or another.
+"""
 _AXES = np.array([axis for axis in itertools.product((-1, 0, 1), repeat=3) if any(axis)], float)
 """Axes of the cube: of the picture, and between them, in both senses."""
 
@@ -121,7 +125,9 @@ def is_turned(camera: PlacedCamera, depth_m: Float[Singles, "height width"], env
         turns = Rotation.from_rotvec(np.radians(turn_deg) * (axes if turn_deg else axes[:1]))
         return max(environment.agreement(turn.apply(off) + camera.eye_m, _WITHIN_M) for turn in turns)
 
-    return max(map(agreement, TURNS_DEG)) > max(agreement(0.0), agreement(_TOLERATED_DEG))
+    as_is, after = max(agreement(0.0), agreement(_TOLERATED_DEG)), max(map(agreement, TURNS_DEG))
+    sigma = np.sqrt(after * (1 - after) + 1 / len(off)) / np.sqrt(len(off))
+    return bool(after >= _FITS and after - as_is > _SIGMAS * sigma)
 
 
 def silhouettes_off_rad(
