@@ -149,6 +149,7 @@ class Footprints:
             start[number], end[number] = corners[used], np.roll(corners, -1)[used]
         way = (end - start).ravel()
         self._sides = most
+        self._has_inside = np.array([len(each.corners) > 2 for each in obstacles], dtype=bool)
         self._length = np.abs(way)
         self._along = way / self._length
         self._turn_back = self._along.conj()
@@ -170,19 +171,20 @@ class Footprints:
 
         Inside an obstacle the distance is negative and the direction points further in, away from the nearest border.
         """
-        count = len(places)
         local = places[:, None] * self._turn_back - self._origin  # (n, edges): along each edge, and to the left of it
-        left = local.imag.copy()
-        beyond = local.real - np.minimum(np.maximum(local.real, 0.0), self._length)
+        along, left = local.real.copy(), local.imag.copy()
+        beyond = along - np.minimum(np.maximum(along, 0.0), self._length)
         square = beyond * beyond + left * left
-        shape = (count, len(self), self._sides)
+        shape = (len(places), len(self), self._sides)
         edge = square.reshape(shape).argmin(axis=2) + self._first  # (n, m)
-        place = edge + (np.arange(count) * len(self._length))[:, None]
-        offset = beyond.take(place) + 1j * left.take(place)
+        place = edge + (np.arange(len(places)) * len(self._length))[:, None]
+        offset = local.take(place)
+        maybe_inside = (offset.imag > 0) & self._has_inside
+        offset.real = beyond.take(place)
         distance = np.sqrt(square.take(place))
-        inside = left.reshape(shape).min(axis=2) > 0
         towards = offset * self._along.take(edge) / -np.maximum(distance, 1e-9)
-        if np.count_nonzero(inside):
+        if np.count_nonzero(maybe_inside):
+            inside = left.reshape(shape).min(axis=2) > 0
             return np.where(inside, -towards, towards), np.where(inside, -distance, distance)
         return towards, distance
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -95,12 +96,12 @@ class BodyMeasures:
         """Return the measures of some of the people, by index or mask."""
         return BodyMeasures(**{field.name: getattr(self, field.name)[people] for field in fields(self)})
 
-    @property
+    @cached_property
     def leg(self) -> Array:
         """Hip to ankle, (n,) [m]."""
         return self.thigh + self.shank
 
-    @property
+    @cached_property
     def arm(self) -> Array:
         """Shoulder to the middle of the hand, (n,) [m]."""
         return self.upper_arm + self.grip
@@ -110,7 +111,7 @@ class BodyMeasures:
         up = self.waist + self.neck + self.head_up + self.head_ahead
         return float(up[person] * np.sin(min(angle_rad, 0.5 * np.pi)) + _HEAD_RADIUS_M)
 
-    @property
+    @cached_property
     def scale(self) -> Array:
         """Leg length relative to the reference person's, (n,)."""
         reference = proportions_of(REFERENCE_STATURE_M)

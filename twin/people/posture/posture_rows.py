@@ -75,6 +75,7 @@ class CentreOfMass:
 
     def __init__(self, measures: BodyMeasures) -> None:
         self._measures = measures
+        self._standing = hips_up(np.zeros((POSTURE_ROWS, len(measures))), measures)
         self._up = np.zeros(len(measures))
         self._rate = np.zeros(len(measures))
 
@@ -100,10 +101,9 @@ class CentreOfMass:
         self._up, self._rate = self._height(rows), np.zeros(len(self._measures))
 
     def _height(self, rows: Array) -> Array:
-        rest = hips_up(np.zeros_like(rows), self._measures)
         lean = rows[PELVIS_PITCH] + rows[SPINE_PITCH]
         upper = _UPPER_BODY_SHARE * _UPPER_BODY_UP * self._measures.stature * (np.cos(lean) - 1.0)
-        return (_UPPER_BODY_SHARE + _THIGHS_SHARE) * (hips_up(rows, self._measures) - rest) + upper
+        return (_UPPER_BODY_SHARE + _THIGHS_SHARE) * (hips_up(rows, self._measures) - self._standing) + upper
 
 
 def hips_up(rows: Array, measures: BodyMeasures) -> Array:

@@ -7,7 +7,7 @@ and lie still, on the back and with the hands on the thighs; legs are not crosse
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,6 +74,7 @@ class Postures:
         count = len(measures)
         self.measures = measures
         self.rows = np.zeros((POSTURE_ROWS, count))
+        self._written = self.rows  # those of all but the centre of mass and the gaze
         self._place, self._heading = place.copy(), heading.copy()
         self._idle = True  # all stand or walk, without other commands
         self._all = np.ones(count, dtype=bool)
@@ -118,10 +119,9 @@ class Postures:
             self._seated[:, person] = *side.hips, yaw
             self._turns.take(person, side, seated_pose(seat, self.measures, person), yaw, side.standing_place)
             self._turns.progress[person] = 1.0
-        rows = np.zeros_like(self.rows)
-        self._write(rows)
-        self._mass.begin(rows)
-        self.rows = rows
+        self._write()
+        self._mass.begin(self._written)
+        self.rows = self._written.copy()
 
     def lie(self, person: int, bed: Bed) -> None:
         """Lie down on a bed; the person must stand before the edge of their `LyingPose`."""
@@ -218,15 +218,18 @@ class Postures:
 
     def done(self, person: int, part: Part | None = None) -> bool:
         """Return whether the last command is reached, of one part or (None) of all."""
-        done = {
-            "body": self._sitting[person] == (self._aim[person] >= _SITS)
-            and not self.turning()[person]
-            and self._lying[person] == (self._aim[person] == _LIES),
-            "bend": not self._bend.moving[person],
-            "reach": not (self._hands.moving[person] or self._points.moving[person] or self._help.moving[person]),
-            "look": self._gaze.done(person),
-        }
-        return bool(all(done.values()) if part is None else done[part])
+        match part:
+            case "body":
+                down, flat = self._aim[person] >= _SITS, self._aim[person] == _LIES
+                here = self._sitting[person] == down and self._lying[person] == flat
+                return bool(here and not self.turning()[person])
+            case "bend":
+                return not self._bend.moving[person]
+            case "reach":
+                return not (self._hands.moving[person] or self._points.moving[person] or self._help.moving[person])
+            case "look":
+                return self._gaze.done(person)
+        return all(self.done(person, each) for each in get_args(Part))
 
     def may_walk(self) -> NDArray[np.bool_]:
         """Return a mask (n,) of the people on their feet who may be sent about."""
@@ -250,20 +253,21 @@ class Postures:
         if self._idle:
             return
         moves = (self._sitting != (self._aim >= _SITS)) | (self._lying != (self._aim == _LIES))
-        if moves.any() or self.turning().any():
+        is_still = not (moves.any() or self.turning().any())
+        if not is_still:
             self._move(dt)
-        for profile in (self._bend, self._hands, self._points, self._help):
-            profile.step(dt)
-        weights = (self._sitting, self._bend.value, self._hands.value, self._help.value)
-        rows = np.zeros_like(self.rows)
-        if any(weight.any() for weight in weights):
-            self._write(rows)
+        profiles = (self._bend, self._hands, self._points, self._help)
+        if not is_still or any(profile.moving.any() for profile in profiles):
+            for profile in profiles:
+                profile.step(dt)
+            self._write()
+        rows = self._written.copy()
         self._mass.step(rows, dt)
         if not self._gaze.idle():
             head, body = heads_of(self.measures, place, heading, rows)
             self._gaze.step(dt, head, body, rows)
         self.rows = rows
-        moving = any(profile.moving.any() for profile in (self._bend, self._hands, self._points, self._help))
+        moving = any(profile.moving.any() for profile in profiles)
         self._idle = not (moving or self._aim.any() or rows.any() or self._mass.moves or not self._gaze.idle())
 
     def _move(self, dt: float) -> None:
@@ -277,8 +281,11 @@ class Postures:
         sitting = self._sitting + np.where(down, dt / SIT_DOWN_S, 0.0) - np.where(rises, dt / STAND_UP_S, 0.0)
         self._sitting = np.minimum(np.maximum(sitting, 0.0), 1.0)
 
-    def _write(self, rows: Array) -> None:
-        """Write rows (POSTURE_ROWS, n) of all people with more than a gaze."""
+    def _write(self) -> None:
+        """Write the rows (POSTURE_ROWS, n) of all people with more than a gaze anew."""
+        self._written = rows = np.zeros_like(self.rows)
+        if not any(each.any() for each in (self._sitting, self._bend.value, self._hands.value, self._help.value)):
+            return
         scale, stature = self.measures.scale, self.measures.stature
         who = np.nonzero(self._sitting > 0)[0]
         if len(who):
