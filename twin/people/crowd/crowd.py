@@ -111,6 +111,7 @@ class Crowd:
         self._speed = np.zeros(count)
         self._braking = np.full(count, BRAKING_M_S2)
         self._slow_down = np.full(count, _PASSES)  # greatest speed per distance to the goal [1/s]
+        self._halts = np.zeros(count, dtype=bool)
         self._slow_late = np.full(count, _PASSES)  # greatest square of the speed per distance to the goal [m/s²]
         self._arrive_m = np.zeros(count)
         self._going = np.zeros(count)  # 1 walks, 0 stands
@@ -141,6 +142,7 @@ class Crowd:
             self._goal[person] = complex(*command.goal)
         self._speed[person] = command.speed_m_s
         self._braking[person] = BRAKING_M_S2 + RUNNER_BRAKES_PER_S * max(command.speed_m_s - BRISK_M_S, 0.0)
+        self._halts[person] = command.halt
         self._slow_down[person] = HALT_PER_S if command.halt else _PASSES
         self._slow_late[person] = 2.0 * self._braking[person] if command.halt else _PASSES
         self._arrive_m[person] = command.arrive_m
@@ -180,7 +182,7 @@ class Crowd:
 
     def halting(self, within_m: float) -> Mask:
         """Return a mask (n,) of the people about to halt at a goal less than `within_m` [m] away."""
-        return (self._distance < within_m) & (self._slow_down < _PASSES) & self.present
+        return (self._distance < within_m) & self._halts & self.present
 
     def taken(self) -> Mask:
         """Return a mask (n,) of the people about to halt at a goal that another occupies."""
@@ -231,13 +233,12 @@ class Crowd:
             outwards, room = np.concatenate([outwards, to_arms], axis=1), np.concatenate([room, off_arms], axis=1)
         normals = np.concatenate([towards, outwards], axis=1)  # (n, n + edges + obstacles)
         gap = distance - self._least_apart(rows, towards, facing)
-        comes_on = 0.0
         if anybody_driven:  # they will not brake: the other gets the whole gap, less their own motion
             gap = np.where(driven, 2.0 * gap, gap)
-            comes_on = np.maximum(-(towards.conj() * before).real, 0.0) * driven
         free = np.concatenate([0.5 * gap, room], axis=1)
         limit = np.sqrt((2 * self._braking[rows, None]) * np.maximum(free, 0.0))
-        limit[:, : len(place)] -= comes_on
+        if anybody_driven:
+            limit[:, : len(place)] -= np.maximum(-(towards.conj() * before).real, 0.0) * driven
         if np.count_nonzero(self._keeps_step):
             limit[:, : len(place)] += room_made(
                 self._companions[rows][:, rows], self._keeps_step[rows], towards, before
@@ -274,7 +275,9 @@ class Crowd:
     def arms_in(self) -> Array | float:
         """Return the fraction by which each holds in the left and the right arm, (2, n); 0 where all are far apart."""
         between = self.place - self.place[:, None]
-        apart = np.where(self.present & self.present[:, None], np.abs(between) + self._self_far, np.inf)
+        apart = np.abs(between) + self._self_far
+        if np.count_nonzero(self.present) < len(apart):
+            apart = np.where(self.present & self.present[:, None], apart, np.inf)
         turned_back = self.facing.conj()[:, None]
         return arms_in(apart, between * turned_back, self._gap_m, self._to_things * turned_back)
 

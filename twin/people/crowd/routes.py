@@ -122,6 +122,8 @@ class Routes:
     @staticmethod
     def _sees(start: Array, end: Array, shapes: _Convex, border: _Border) -> Mask:
         """Return which straight ways start to end (n, 2) cross no shape and stay within the border."""
+        if border.surrounds(start) and border.surrounds(end):
+            return ~shapes.crossed(start, end)
         seen = ~border.cuts(start, end)
         # costlier tests only for the ways left
         seen[seen] = ~shapes.crossed(start[seen], end[seen])
@@ -176,7 +178,10 @@ class _Convex:
         """Return whether straight ways start to end (n, 2) cross the inside of any polygon, (n,) (Cyrus and Beck's
         clipping).
         """
+        crossed = np.zeros(len(start), dtype=bool)
         way, shape = np.nonzero(self._comes_near(start, end))
+        if not len(way):
+            return crossed
         depth = self._offset[shape] - np.einsum("pc,pkc->pk", start[way], self._normal[shape])  # positive: inside of it
         speed = np.einsum("pc,pkc->pk", (end - start)[way], self._normal[shape])  # outwards
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -185,7 +190,6 @@ class _Convex:
         enters = np.where(speed < 0, share, -np.inf).max(axis=1)
         adjacent = ((speed == 0) & (depth <= 0)).any(axis=1)
         inside = np.maximum(enters, 0.0) < np.minimum(leaves, 1.0) - 1e-12
-        crossed = np.zeros(len(start), dtype=bool)
         crossed[way[inside & ~adjacent]] = True
         return crossed
 
@@ -208,6 +212,12 @@ class _Border:
         self.inside, self.around = Area(corners), Area(corners, TOLERANCE_M)
         self._corners, self._following = corners, np.roll(corners, -1, axis=0)
         self._edge = self._following - corners
+        kernel = inset(corners, 4 * TOLERANCE_M) if _is_convex(corners) else None
+        self._kernel = None if kernel is None else Area(kernel)
+
+    def surrounds(self, places: Array) -> bool:
+        """Return whether the polygon is convex and holds all places (n, 2) well off its border, so all ways between them."""
+        return self._kernel is not None and bool(self._kernel.contains(places).all())
 
     def cuts(self, start: Array, end: Array) -> Mask:
         """Return which straight ways start to end (n, 2) properly cross an edge."""

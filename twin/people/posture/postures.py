@@ -218,18 +218,15 @@ class Postures:
 
     def done(self, person: int, part: Part | None = None) -> bool:
         """Return whether the last command is reached, of one part or (None) of all."""
-        match part:
-            case "body":
-                down, flat = self._aim[person] >= _SITS, self._aim[person] == _LIES
-                here = self._sitting[person] == down and self._lying[person] == flat
-                return bool(here and not self.turning()[person])
-            case "bend":
-                return not self._bend.moving[person]
-            case "reach":
-                return not (self._hands.moving[person] or self._points.moving[person] or self._help.moving[person])
-            case "look":
-                return self._gaze.done(person)
-        return all(self.done(person, each) for each in get_args(Part))
+        if part is None:
+            return all(self.done(person, each) for each in get_args(Part))
+        if part == "body":
+            goal = self._aim[person] >= _SITS, self._aim[person] == _LIES
+            return (self._sitting[person], self._lying[person]) == goal and not self.turning()[person]
+        if part == "look":
+            return self._gaze.done(person)
+        profiles = (self._bend,) if part == "bend" else (self._hands, self._points, self._help)
+        return not any(profile.moving[person] for profile in profiles)
 
     def may_walk(self) -> NDArray[np.bool_]:
         """Return a mask (n,) of the people on their feet who may be sent about."""
@@ -253,11 +250,10 @@ class Postures:
         if self._idle:
             return
         moves = (self._sitting != (self._aim >= _SITS)) | (self._lying != (self._aim == _LIES))
-        is_still = not (moves.any() or self.turning().any())
-        if not is_still:
+        if bodies_move := moves.any() or self.turning().any():
             self._move(dt)
         profiles = (self._bend, self._hands, self._points, self._help)
-        if not is_still or any(profile.moving.any() for profile in profiles):
+        if bodies_move or any(profile.moving.any() for profile in profiles):
             for profile in profiles:
                 profile.step(dt)
             self._write()
