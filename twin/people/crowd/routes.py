@@ -67,12 +67,10 @@ class Routes:
 
         An end closer to furniture than the radius is left or reached directly.
         """
-        start, goal = np.asarray(start, dtype=float), np.asarray(goal, dtype=float)
-        if not (self._stands(start) and self._stands(goal)):
+        ends = start, goal = np.array([start, goal], dtype=float)
+        if not self._stand(ends):
             return None
-        if self._open:
-            return goal[None].copy()
-        if self._leg(start, goal[None], goal)[0]:
+        if self._open or self._leg(start, goal[None], goal)[0]:
             return goal[None].copy()
         leaves, arrives = self._leg(start, self._nodes), self._leg(goal, self._nodes)
         first, last = np.flatnonzero(leaves), np.flatnonzero(arrives)
@@ -94,10 +92,15 @@ class Routes:
             passed.append(node)
         return np.concatenate([nodes[passed[::-1]], goal[None]])
 
+    def is_straight(self, start: Array, goal: Array) -> bool:
+        """Return whether the shortest way from start to goal (2,) [m] passes no corner."""
+        ends = start, goal = np.array([start, goal], dtype=float)
+        return self._stand(ends) and (self._open or bool(self._leg(start, goal[None], goal)[0]))
+
     def reachable(self, place: Array) -> bool:
         """Return whether a place (2,) [m] is reachable from the larger part of the free floor."""
         place = np.asarray(place, dtype=float)
-        if not self._stands(place):
+        if not self._stand(place[None]):
             return False
         return not len(self._nodes) or bool((self._leg(place, self._nodes) & self._main).any())
 
@@ -106,9 +109,9 @@ class Routes:
         inside = self._wide.contains(np.asarray(place, dtype=float)[None])[0]
         return frozenset(name for name, close in zip(self._furniture, inside, strict=True) if close)
 
-    def _stands(self, place: Array) -> bool:
-        """Return whether a person can stand at a place (2,), possibly close to furniture."""
-        return bool(self._border.around.contains(place[None])[0] and not self._close.contains(place[None]).any())
+    def _stand(self, places: Array) -> bool:
+        """Return whether people can stand at all places (n, 2), possibly close to furniture."""
+        return bool(self._border.around.contains(places).all()) and not self._close.contains(places).any()
 
     def _leg(self, end: Array, others: Array, also: Array | None = None) -> Mask:
         """Return which straight ways from an end (2,) to others (n, 2) are free, ignoring furniture close to the end or to
@@ -165,6 +168,8 @@ class _Convex:
 
     def _padded(self, most: int) -> tuple[Array, Array]:
         more = most - self._offset.shape[1]
+        if not more:
+            return self._normal, self._offset
         return (
             np.pad(self._normal, ((0, 0), (0, more), (0, 0))),
             np.pad(self._offset, ((0, 0), (0, more)), constant_values=1.0),

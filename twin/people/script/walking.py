@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from math import cos, inf, sin
 from typing import Any
 
@@ -330,10 +331,8 @@ def has_room(
     """
     routes, crowd = actor.context.ground.routes, actor.context.crowd
     points = [np.array([at.real, at.imag]) for at in (place, adjacent, adjacent + velocity * ahead_s)]
-    for start, end in ((points[0], points[1]), (points[1], points[2])):
-        way = routes.way(start, end)
-        if way is None or len(way) > 1:
-            return False
+    if not all(routes.is_straight(start, end) for start, end in pairwise(points)):
+        return False
     others = crowd.present.copy()
     others[[actor.number, *together]] = False
     gap, drift = crowd.place[others] - adjacent, crowd.velocity[others] - velocity

@@ -121,6 +121,7 @@ def test_routes_never_cross_what_is_kept_free(obstacles, start, goal):
     way = routes.way(start, goal)
     back = routes.way(goal, start)
     assert (way is None) == (back is None)
+    assert routes.is_straight(start, goal) == (way is not None and len(way) == 1)
     if way is None:
         return
     np.testing.assert_array_equal(way[-1], goal)
