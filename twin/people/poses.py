@@ -16,9 +16,9 @@ from twin.instant.snapshot import Feet, on_the_floor
 from twin.people.body.appearance import BodyAppearance
 from twin.people.body.proportions import Skeleton
 from twin.people.gait.gait import GRAVITY_M_S2
-from twin.people.gait.gait_state import FLOOR_ROWS, HEADING, ROWS, GaitState, foot_loads, joint_coordinates
+from twin.people.gait.gait_state import FLOOR_ROWS, HEADING, ROWS, GaitState, foot_loads, joint_coordinates, pelvis_yaw
 from twin.people.posture.body_measures import BodyMeasures
-from twin.people.posture.overlay import overlay_postures
+from twin.people.posture.overlay import overlay_postures, pelvis_over_floor
 from twin.people.posture.posture_rows import POSTURE_ROWS, active, faced, pressure_shift_m, support
 
 TICK_S = 0.025
@@ -191,8 +191,8 @@ class Poses(ABC):
             return np.zeros(len(self), dtype=complex)
         ends = []
         for state, posture in around:
-            qpos = self._coordinates(state, posture)
-            ends.append(qpos[:, 0] + 1j * qpos[:, 1] - state.pelvis)
+            place = state.pelvis
+            ends.append(pelvis_over_floor(place, pelvis_yaw(state, self._skeleton), posture) - place)
         return (ends[1] - ends[0]) / TICK_S
 
 

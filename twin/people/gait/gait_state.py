@@ -119,9 +119,14 @@ def _feet_pitch(state: GaitState, hips: Planar, height: Array, skeleton: Skeleto
 
 def _hips(state: GaitState, skeleton: Skeleton) -> tuple[Array, Planar, Array]:
     """Return yaw of the pelvis (n,) [rad], places of the hips (2, n) [m] and their height (n,) [m] as the loads have it."""
-    yaw = state.rows[HEADING] - _TWIST_PER_STRIDE * _stride(state) / skeleton.scale
+    yaw = pelvis_yaw(state, skeleton)
     hips = state.pelvis + 1j * skeleton.hip_offset * np.exp(1j * yaw)
     return yaw, hips, _STANDS_AT * skeleton.leg + skeleton.ankle_height + state.rows[BOB]
+
+
+def pelvis_yaw(state: GaitState, skeleton: Skeleton) -> Array:
+    """Return the yaw of the pelvis, (n,) [rad]."""
+    return state.rows[HEADING] - _TWIST_PER_STRIDE * _stride(state) / skeleton.scale
 
 
 class FootLoads(NamedTuple):

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.arrays import Array
+from trackers.arrays import Array, Planar
 from twin.people.body.person_spec import ARM, JOINT_PLACE, LEG, SIDES
 from twin.people.body.proportions import (
     about_x,
@@ -31,13 +31,13 @@ from twin.people.posture.posture_rows import (
     FREE_ANGLES,
     HANDS,
     HELD,
+    HELD_HIGH,
     LEGS,
     LOOK,
     LOOK_TO,
     NECK_PITCH,
     PELVIS_PITCH,
-    PLACE_X,
-    PLACE_Y,
+    PLACE_XY,
     PLACE_YAW,
     PLACE_Z,
     PROP,
@@ -183,26 +183,43 @@ def _overlaid(standing: Array, rows: Array, measures: BodyMeasures) -> Array:
 
 def _move_pelvis(q: Array, stands: Array, feet: list[tuple[Array, Array]], rows: Array) -> None:
     """Move the pelvis to its held position, then back and down over the feet, and tilt it."""
-    yaw = np.arctan2(stands[:, 1, 0], stands[:, 0, 0])
-    over, high, faces = rows[HELD]
-    new_yaw = (1 - faces) * yaw + rows[PLACE_YAW]
-    new_yaw = np.where(faces > 0, new_yaw + faces * 2 * np.pi * _windings(yaw, rows, faces), new_yaw)
-    q[:, 0] = (1 - over) * q[:, 0] + rows[PLACE_X]
-    q[:, 1] = (1 - over) * q[:, 1] + rows[PLACE_Y]
-    q[:, 2] = (1 - high) * q[:, 2] + rows[PLACE_Z]
+    q[:, :2], aback, yaw, new_yaw = _over_floor(q[:, :2], stands, rows)
+    q[:, 2] = (1 - rows[HELD_HIGH]) * q[:, 2] + rows[PLACE_Z]
     # no leg gets longer as the hips go back: the pelvis comes down for it, not the knees
-    back = rows[BACK]
-    aback = np.stack([back * np.cos(new_yaw), back * np.sin(new_yaw)], axis=-1)
     up = np.full(len(q), np.inf)
     for ankle, _ in feet:
         gap = q[:, :3] - ankle
         farther = np.sum((gap[:, :2] - aback) ** 2, axis=-1) - np.sum(gap[:, :2] ** 2, axis=-1)
         up = np.minimum(up, ankle[:, 2] + np.sqrt(np.maximum(gap[:, 2] ** 2 - farther, 0.0)))
-    q[:, 2] = np.where(back > 0, up, q[:, 2]) - rows[DROP]
+    q[:, 2] = np.where(rows[BACK] > 0, up, q[:, 2]) - rows[DROP]
     q[:, :2] -= aback
     tilt = quaternion_product(quaternion_about(2, -yaw), q[:, 3:7])
     turn = quaternion_product(quaternion_about(2, new_yaw), quaternion_about(1, rows[PELVIS_PITCH]))
     q[:, 3:7] = quaternion_product(turn, tilt)
+
+
+def _over_floor(place: Array, stands: Array, rows: Array) -> tuple[Array, Array, Array, Array]:
+    """Return where pelvises are held over the floor and how far they are back from there, (m, 2) each [m]; yaw before and then.
+
+    place (m, 2): before [m]; stands (m, 3, 3): room_from_pelvis before.
+    """
+    yaw = np.arctan2(stands[:, 1, 0], stands[:, 0, 0])
+    over, _, faces = rows[HELD]
+    new_yaw = (1 - faces) * yaw + rows[PLACE_YAW]
+    new_yaw = np.where(faces > 0, new_yaw + faces * 2 * np.pi * _windings(yaw, rows, faces), new_yaw)
+    aback = rows[BACK][:, None] * np.stack([np.cos(new_yaw), np.sin(new_yaw)], axis=-1)
+    return (1 - over)[:, None] * place + rows[PLACE_XY].T, aback, yaw, new_yaw
+
+
+def pelvis_over_floor(place: Planar, yaw: Array, rows: Array) -> Planar:
+    """Return where postures bring pelvises over the floor, as `overlay_postures` does, x + iy (n,) [m].
+
+    place (n,) and yaw (n,) [rad]: standing or walking.
+    """
+    stands = matrix_of(quaternion_about(2, yaw))
+    held, aback, *_ = _over_floor(np.stack([place.real, place.imag], axis=-1), stands, rows)
+    x, y = (held - aback).T
+    return x + 1j * y
 
 
 def _windings(yaw: Array, rows: Array, faces: Array) -> Array:
