@@ -127,7 +127,7 @@ def foretold() -> Iterator[Figure]:
             alone = apply_placement(study, scenario, [candidate_set.poses[int(each)]])
             seeds = [alone.model_copy(update={"seed": seed, "trackers": {}}) for seed in range(2700, 2704)]
             figures = [
-                evaluate_task(EvaluationTask(one, (ChosenTracker("sort", "sort"),), cache, whole_code()))
+                evaluate_task(EvaluationTask(one, (ChosenTracker("sort", "sort"),), cache, whole_code())).metrics
                 for one in seeds
             ]
             hota.append(float(np.mean([one["sort"]["hota"] or 0.0 for one in figures])))

@@ -47,6 +47,8 @@ class StudyResults:
     n_evaluated: int
     spent_s: float
     cache: RecordingCache
+    warnings: tuple[str, ...] = ()
+    """Warnings of the scenarios with their own and the recommended placement, each kind once."""
 
     @property
     def objective(self) -> Objective:
@@ -124,6 +126,7 @@ def summarize(results: StudyResults) -> dict[str, Any]:
             {"devices": count, "greedy": _covered(first), "greedy_bound": first.bound, **_proof(first, best)}
             for count, first, best in results.result.proven
         ],
+        "warnings": list(results.warnings),
         "rejected": results.prepared.candidate_set.rejected,
         "candidates": len(results.result.trials),
         **({"evaluated_in_this_run": results.n_evaluated} if results.prepared.trackers else {}),

@@ -33,7 +33,7 @@ from twin.studies.results import StudyResults, summarize, write_table
 from twin.studies.search import Result, Searcher, check_search_size
 from twin.studies.spec import Coverage
 from twin.studies.store import FILE, WRITTEN, check_folder, open_store
-from twin.studies.trials import TrialRunner, losses, pareto_fronts
+from twin.studies.trials import TrialRunner, losses, pareto_fronts, placement_id
 from twin.studies.validation import (
     displaced_differences,
     held_out_differences,
@@ -92,6 +92,7 @@ def run_study(
             evaluations.record(*first)
         result = searcher.run()
         results = _results(run, coverage, result, start)
+        print_warnings(results.warnings)
         for trial in (*results.front, *results.best_of_each_count):
             if trial.coverage is None:
                 trial.measure_coverage(coverage)
@@ -132,11 +133,13 @@ def _results(run: TrialRunner, coverage: PoseCoverage, result: Result, start_s: 
     held = [row for each in study.validated for row in held_out_differences(run, best, each)]
     less = values_with_one_fewer(run, coverage, best)
     off = displaced_differences(run, best, study.validated[0]) if study.validated else []
+    shown, evaluations = {placement_id(BASELINE), placement_id(best.placement)}, run.evaluations
     return StudyResults(
         run.prepared, coverage, result, baseline, best, tuple(sorted(front, key=lambda each: each.price)),
         tuple(indistinguishable(tried, best, objective, study)), tuple(held), tuple(less), tuple(off),
         tuple(rank_correlations(tried, candidate_set, objective, study)),
-        run.evaluations.n_evaluated if run.evaluations is not None else 0, time.perf_counter() - start_s, run.cache,
+        evaluations.n_evaluated if evaluations is not None else 0, time.perf_counter() - start_s, run.cache,
+        tuple(evaluations.warnings_of(shown)) if evaluations is not None else (),
     )  # fmt: skip
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,7 +21,7 @@ from twin.suites.cache_keys import Provenance, digest_of, whole_code
 from twin.suites.cluster import Workers
 from twin.suites.dask_runner import ProgressListener, RunTasks, open_workers
 from twin.suites.metrics import check_ranges
-from twin.suites.store_files import rerun_warning
+from twin.suites.store_files import kind_of_warning, rerun_warning
 from twin.suites.tasks import State, Task, TaskListener, TaskResult
 
 FILE = "evaluations.jsonl"
@@ -48,10 +48,11 @@ class Job:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The metrics of each tracker, or an error."""
+    """The metrics of each tracker with the warnings of the scenario, or an error."""
 
     metrics: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)
     error: str = ""
+    warnings: tuple[str, ...] = ()
 
 
 class _Line(Typed):
@@ -63,6 +64,7 @@ class _Line(Typed):
     made_from: dict[str, str]
     figures: dict[str, dict[str, FiniteFloat | None]]
     error: str
+    warnings: tuple[str, ...] = ()
 
 
 _LINE = TypeAdapter(_Line)
@@ -91,7 +93,8 @@ class EvaluationStore:
         """Append an outcome. Raises InputError where the file cannot be written."""
         self._recorded[job.id] = job.made_from, outcome
         made_from = json.loads(job.made_from.write())
-        line = with_checksum({"id": job.id, "made_from": made_from, "figures": outcome.metrics, "error": outcome.error})
+        content = {"id": job.id, "made_from": made_from, "figures": outcome.metrics, "error": outcome.error}
+        line = with_checksum(content | ({"warnings": list(outcome.warnings)} if outcome.warnings else {}))
         try:
             with self._path.open("a", encoding="utf-8") as stream:
                 stream.write(line + "\n")
@@ -119,7 +122,7 @@ class EvaluationStore:
                 continue
             self._recorded[content.id] = (
                 Provenance.read(json.dumps(content.made_from)),
-                Outcome(content.figures, content.error),
+                Outcome(content.figures, content.error, content.warnings),
             )
             good.append(line)
         if cut_off or len(good) < len(lines):
@@ -138,7 +141,12 @@ class EvaluationStore:
         by_id = {f"evaluation-{number}": job for number, job in enumerate(new.values())}
 
         def ended(end: TaskResult) -> None:
-            done = Outcome(end.value) if end.status == "done" else Outcome(error=end.error.splitlines()[0])
+            failed = end.status != "done"
+            done = (
+                Outcome(error=end.error.splitlines()[0])
+                if failed
+                else Outcome(end.value.metrics, "", end.value.warnings)
+            )
             self.record(by_id[end.task.id], done)
 
         def state(now: State) -> None:
@@ -149,6 +157,11 @@ class EvaluationStore:
             self._run_tasks(tasks, evaluate_task, TaskListener(ended=ended, state=state), None)
             self.n_evaluated += len(new)
         return [self._recorded[job.id][1] for job in jobs]
+
+    def warnings_of(self, keys: Collection[str]) -> list[str]:
+        """Return the warnings of the scenarios with these placements, by their keys; of each kind the first."""
+        lines = (each for id, (_, done) in self._recorded.items() if id.split(" ")[0] in keys for each in done.warnings)
+        return list({kind_of_warning(each): each for each in [*lines][::-1]}.values())[::-1]
 
 
 def check_folder(folder: Path, study: Mapping[str, Any], resume: bool) -> None:

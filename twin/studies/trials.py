@@ -187,16 +187,16 @@ class TrialRunner:
             return None
         key, scenario = next(iter(self.prepared.scenarios.items()))
         job = self.job(placement_id(BASELINE), key, scenario, self.study.seeds[0])
-        metrics = evaluate_task(job.work)
+        metrics = (found := evaluate_task(job.work)).metrics
         for each in objectives:
-            found = metrics[each.tracker or ""]
-            if found.get(each.metric or "") is None:
-                valid = [name for name, value in found.items() if value is not None and "ms_per_frame" not in name]
+            of_tracker = metrics[each.tracker or ""]
+            if of_tracker.get(each.metric or "") is None:
+                valid = [name for name, value in of_tracker.items() if value is not None and "ms_per_frame" not in name]
                 raise InputError(
                     f"{self.prepared.path}: objectives.{self.study.objectives.index(each)}.metric: {each.tracker} gives no "
                     f"{each.metric} on {scenario.name}; {valid_names(each.metric, valid)}"
                 )
-        return job, Outcome(metrics)
+        return job, Outcome(metrics, warnings=found.warnings)
 
     def metric_by_seed(
         self,

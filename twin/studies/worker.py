@@ -83,8 +83,8 @@ def _timing(scenario: Scenario) -> str:
     return repr([(name, each.model_dump(include=_TIMING)) for name, each in scenario.sensors.items()])
 
 
-def evaluate_placement(work: EvaluationTask) -> dict[str, Evaluation]:
-    """Evaluate each tracker, by name.
+def evaluate_placement(work: EvaluationTask) -> tuple[dict[str, Evaluation], list[str]]:
+    """Evaluate each tracker, by name; return the warnings of the scenario too.
 
     Raises InputError where the placement cannot be simulated or tracked, PlugInError where a tracker of the user's raises.
     """
@@ -110,6 +110,7 @@ def evaluate_placement(work: EvaluationTask) -> dict[str, Evaluation]:
             simulation.world.pose_cache = cached.pose_caches.get(timing) or PoseCache(scene.person_of_geom)
         prior = Prior.read(simulation.background(), scenario.prior, simulation.rig)
         observations, rig = list(simulation), simulation.rig
+        warnings = [*simulation.warnings, *simulation.late()]
         if simulation.world.pose_cache is not None and len(body_pools(scenario.people)) == 1:
             cached.pose_caches[timing] = (
                 simulation.world.pose_cache
@@ -131,7 +132,7 @@ def evaluate_placement(work: EvaluationTask) -> dict[str, Evaluation]:
                 raise
             raise PlugInError(plug_in_fault(each, tracker, error)) from error
         found[each.name] = evaluate_with_details(truth, tracks, situations=pairs, unused=unused_sensors(tracker))
-    return found
+    return found, warnings
 
 
 def _check_files(scenario: Scenario, made: Provenance) -> None:
@@ -143,23 +144,34 @@ def _check_files(scenario: Scenario, made: Provenance) -> None:
             raise InputError(f"{what} changed after the study was started; --resume evaluates with what it is now")
 
 
-def evaluate_task(work: EvaluationTask) -> dict[str, dict[str, float | None]]:
-    """Return the metrics of each tracker, by dotted path."""
+@dataclass(frozen=True)
+class Evaluated:
+    """The metrics of each tracker, by dotted path, and the warnings of the scenario."""
+
+    metrics: dict[str, dict[str, float | None]]
+    warnings: tuple[str, ...]
+
+
+def evaluate_task(work: EvaluationTask) -> Evaluated:
+    """Return the metrics of each tracker, and the warnings of the scenario."""
     if work.code != whole_code():
         raise InputError(
             "the worker's code is not that of the study's process; the same version everywhere is expected"
         )
     if work.made_from is not None:
         _check_files(work.scenario, work.made_from)
-    metrics = {name: flatten_metrics(each.metrics) for name, each in evaluate_placement(work).items()}
-    if work.details:
-        return metrics
-    return {name: {key: each[key] for key in each if not key.startswith(DETAILED)} for name, each in metrics.items()}
+    found, warnings = evaluate_placement(work)
+    metrics = {name: flatten_metrics(each.metrics) for name, each in found.items()}
+    if not work.details:
+        metrics = {
+            name: {key: each[key] for key in each if not key.startswith(DETAILED)} for name, each in metrics.items()
+        }
+    return Evaluated(metrics, tuple(warnings))
 
 
 def matched_errors(work: EvaluationTask, tracker: str) -> NDArray[np.float64]:
     """Return matched people (n, 3): x, y of the person [m] and the distance to their track [m]."""
-    evaluation = evaluate_placement(work)[tracker]
+    evaluation = evaluate_placement(work)[0][tracker]
     truth = _cached_scene(work.cache, work.scenario).truth[_timing(work.scenario)]
     keys = {(int(t), int(i)): row for row, (t, i) in enumerate(zip(truth.stamps_ns, truth.id, strict=True))}
     rows = [keys[int(t), int(i)] for t, i in zip(evaluation.match_stamps_ns, evaluation.match_person_ids, strict=True)]

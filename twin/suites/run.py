@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import shutil
 import time
 from collections import Counter, defaultdict
@@ -29,7 +28,7 @@ from twin.suites.metrics import flatten_metrics
 from twin.suites.results import collect_results, worst_cases
 from twin.suites.spec import Suite
 from twin.suites.store import DONE, FAILED, RecordingInfo, Requirement, ResultStore
-from twin.suites.store_files import open_store
+from twin.suites.store_files import kind_of_warning, open_store
 from twin.suites.tasks import State, Task, TaskListener, TaskResult
 from twin.suites.worker import (
     NO_RENDERER,
@@ -156,10 +155,6 @@ def _facts(suite: Suite, path: Path, cases: Sequence[Case], changes: Sequence[st
     }
 
 
-_WITH_NUMBER = re.compile(r"[\w-]*\d[\w.-]*")
-"""A number, or a name that holds one, as those of drawn people."""
-
-
 def _run_cases(
     store: ResultStore,
     folder: Path,
@@ -176,7 +171,7 @@ def _run_cases(
     # of cases that are done again, nothing of before is kept
     held = {text: [each for each in ids if each in done] for text, ids in facts.get("warned_cases", {}).items()}
     warned_cases: dict[str, list[str]] = {text: ids for text, ids in held.items() if ids}
-    kinds = {_WITH_NUMBER.sub("#", text): text for text in warned_cases}
+    kinds = {kind_of_warning(text): text for text in warned_cases}
     _note_warnings(store, warned_cases)
     warned: set[str] = set()
     code = whole_code()
@@ -193,7 +188,7 @@ def _run_cases(
                 progress.warned(warning)
         warned.update(result.warnings)
         for each in result.tracker_warnings:
-            first = kinds.setdefault(_WITH_NUMBER.sub("#", each), each)
+            first = kinds.setdefault(kind_of_warning(each), each)
             if first not in warned_cases:  # once, whatever its number of cases, and whatever numbers it holds
                 progress.warned(f"{case.id}: {each}")
             warned_cases.setdefault(first, []).append(case.id)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sqlite3
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -18,8 +19,16 @@ from twin.suites.store import EXPECTED, ResultStore, StoredCase, fault_of_file
 RESULTS_FILE = "results.sqlite"
 _WRITTEN = ("summary.json", "report.html", "junit.xml", "cases", "logs")
 
+_WITH_NUMBER = re.compile(r"[\w-]*\d[\w.-]*")
+"""A number, or a name that holds one, as those of drawn people."""
+
 _OF_SUITE = ("description", "reference", "tolerances", "requirements")
 """Facts by which results are judged: those of the present suite hold."""
+
+
+def kind_of_warning(text: str) -> str:
+    """Return a warning without the numbers in it, by which cases that differ in a seed are warned of once."""
+    return _WITH_NUMBER.sub("#", text)
 
 
 @contextmanager

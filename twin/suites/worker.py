@@ -39,7 +39,7 @@ from twin.sensors.render import OffscreenRenderer
 from twin.suites.cache import RecordingCache, digests_of
 from twin.suites.cache_keys import RecordedInput, people_key, recording_key, whole_code
 from twin.suites.expansion import Case
-from twin.world.world import PrecomputedScene, precompute_motion
+from twin.world.world import PrecomputedScene, precompute_people
 
 RECORDING, TRUTH = "recording.mcap", "truth.csv"
 
@@ -140,7 +140,7 @@ def run_case(work: CaseWork) -> CaseResult:
 
 
 def _warnings_in(entry: Path) -> list[str]:
-    """Return the warnings of the scenario of a recording in the cache."""
+    """Return the warnings of the scenario of a recording or a motion in the cache."""
     path = entry / _WARNINGS
     return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else []
 
@@ -263,10 +263,12 @@ def cached_motion(cache: RecordingCache, scenario: Scenario) -> PrecomputedScene
     """Load the scenario's motion from the cache, or compute it. Raises InputError as a simulation does."""
 
     def make(folder: Path) -> None:
-        precompute_motion(scenario).save(folder / _FILE)
+        motion, late = precompute_people(scenario)
+        motion.save(folder / _FILE)
+        (folder / _WARNINGS).write_text(json.dumps(late), encoding="utf-8")
 
     with cache.recording(people_key(scenario), make) as (entry, _):
-        return PrecomputedScene.of(scenario, PopulationMotion.load(entry / _FILE))
+        return PrecomputedScene.of(scenario, PopulationMotion.load(entry / _FILE), _warnings_in(entry))
 
 
 _PLACE_M = 1e-4

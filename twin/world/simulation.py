@@ -17,7 +17,7 @@ from trackers.observations import NS_PER_S, Observation
 from trackers.rig import OdometrySensor, Rig
 from twin.geometry.geom_hull import unlikely_meshes
 from twin.instant.snapshot import FootShapes, Snapshot
-from twin.people.population import Population, randomized
+from twin.people.population import randomized
 from twin.people.script.recorded import (
     WALKING_WARNING,
     close_calls,
@@ -321,12 +321,8 @@ class Simulation:
         return details
 
     def late(self) -> list[str]:
-        """Describe people who have not arrived in twice the time that their way takes, at the latest time shown.
-
-        Unknown for precomputed people.
-        """
-        people = self.world.people
-        return [f"people: {each}" for each in people.late()] if isinstance(people, Population) else []
+        """Describe people who have not arrived in twice the time that their way takes, at the latest time shown."""
+        return [f"people: {each}" for each in self.world.late()]
 
     def _warnings(self) -> tuple[str, ...]:
         empty, scene = self.world.empty_snapshot(0.0), self.world.scene

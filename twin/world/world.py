@@ -57,15 +57,19 @@ class PoseCache:
 
 @dataclass(frozen=True, eq=False)
 class PrecomputedScene:
-    """Compiled initial scene of a scenario, and its people's motion; for scenarios with the same people."""
+    """Compiled initial scene of a scenario, and its people's motion; for scenarios with the same people.
+
+    late: a description of each person who had not arrived at the end.
+    """
 
     scene: Scene
     motion: PopulationMotion
+    late: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, scenario: Scenario, motion: PopulationMotion) -> PrecomputedScene:
+    def of(cls, scenario: Scenario, motion: PopulationMotion, late: Sequence[str] = ()) -> PrecomputedScene:
         """Build the scene of the scenario's people. Raises InputError as `build_scene` does."""
-        return cls(build_scene(randomized(scenario)), motion)
+        return cls(build_scene(randomized(scenario)), motion, tuple(late))
 
     def scene_for(self, scenario: Scenario) -> Scene:
         """Return the scene for one world, with its own model if the world changes its light."""
@@ -76,8 +80,14 @@ class PrecomputedScene:
 
 def precompute_motion(scenario: Scenario) -> PopulationMotion:
     """Step a scenario's people to its end and return their motion. Raises InputError as `build_scene` does."""
+    return precompute_people(scenario)[0]
+
+
+def precompute_people(scenario: Scenario) -> tuple[PopulationMotion, list[str]]:
+    """Return the people's motion, as `precompute_motion`, and a description of each person who has not arrived at the end."""
     scenario = randomized(scenario)
-    return populate(scenario, build_scene(scenario, pictures=False)).motion(scenario.duration_s + LONGEST_LOOK_S)
+    people = populate(scenario, build_scene(scenario, pictures=False))
+    return people.motion(scenario.duration_s + LONGEST_LOOK_S), people.late()
 
 
 _OUT_OF_THE_ROOM_M = -100.0
@@ -113,6 +123,7 @@ class World:
             if precomputed is not None
             else populate(scenario, self.scene)
         )
+        self._late = () if precomputed is None else precomputed.late
         self.data = mujoco.MjData(self.scene.model)
         self._lighting = self._lit()
         self._ids = np.array([self.scene.ids[name] for name in self.scene.names], dtype=np.int16)
@@ -128,6 +139,10 @@ class World:
         """People stepped here; raises in a precomputed world."""
         assert isinstance(self.people, Population), "people who move as before have no scripts"
         return self.people
+
+    def late(self) -> list[str]:
+        """Describe people who have not arrived in twice the time that their way takes, at the latest time shown."""
+        return self.people.late() if isinstance(self.people, Population) else list(self._late)
 
     def snapshot(self, t: float) -> Snapshot:
         """Pose the world at time t [s] since the start; valid until the next snapshot is taken."""

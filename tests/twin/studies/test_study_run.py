@@ -47,8 +47,9 @@ def _own_cache(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def written(folder: Path, **changes: Any) -> Path:
-    """Write the small study for the cheapest tracker, with changes by dotted path."""
-    return written_small(folder, **{"trackers": ["sort"], **changes})
+    """Write the small study for the cheapest tracker, with a fault after the end, and changes by dotted path."""
+    late = {"late": {"sensor": "waist", "kind": "dropout", "probability": 1, "from_s": 9}}
+    return written_small(folder, **{"trackers": ["sort"], "scenarios.0.set.faults": late, **changes})
 
 
 def run(path: Path, out: Path, jobs: int = 1, *, page: bool = False, **options: Any) -> dict[str, Any]:
@@ -74,6 +75,13 @@ def whole(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> tuple[Path, 
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROOMTWIN_CACHE", str(cache))
         return path, folder / "whole", run(path, folder / "whole", page=True)
+
+
+def test_what_scenarios_warn_of_is_told_once(whole: tuple[Path, Path, dict]) -> None:
+    _, out, summary = whole  # two seeds of two placements and more: none of them with an effect of the fault
+    (warning,) = summary["warnings"]
+    assert "faults.late.from_s: 9 s is not before the end" in warning
+    assert (out / "report.html").read_text().count("faults.late.from_s: 9 s") == 1
 
 
 def test_a_run_leaves_its_answers(whole: tuple[Path, Path, dict], capsys: pytest.CaptureFixture[str]) -> None:
@@ -103,7 +111,8 @@ def test_figures_and_tracks_are_those_of_a_run(whole: tuple[Path, Path, dict], t
     best = summary["best"]["candidate"]
     row = next(each for each in rows if each["id"].startswith(f"{best} ") and each["id"].endswith(" 1001"))
     scenario = load_scenario(out / "recommended.yaml", ["seed=1001"])
-    metrics = run_scenario(scenario, trackers=["sort"], out=tmp_path / "run", video=False).metrics
+    with pytest.warns(UserWarning, match="never begins"):
+        metrics = run_scenario(scenario, trackers=["sort"], out=tmp_path / "run", video=False).metrics
     assert metrics is not None
     ours, theirs = row["figures"]["sort"], flatten_metrics(metrics["trackers"]["sort"])
     differ = {key for key in theirs if ours.get(key) != theirs[key]}
@@ -119,7 +128,7 @@ def test_figures_and_tracks_are_those_of_a_run(whole: tuple[Path, Path, dict], t
         whole_code(),
         details=True,
     )
-    whole_figures = evaluate_task(work)["sort"]
+    whole_figures = evaluate_task(work).metrics["sort"]
     assert not {key for key in theirs if whole_figures.get(key) != theirs[key] and not key.startswith("ms_per_frame")}
 
 
@@ -131,7 +140,7 @@ def test_placement_that_a_tracker_drops_scans_of_is_evaluated_as_well_where_warn
     work = EvaluationTask(scenario, (ChosenTracker("sort", "sort"),), RecordingCache(tmp_path, 10**9), whole_code())
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert evaluate_task(work)["sort"]["misses"]
+        assert evaluate_task(work).metrics["sort"]["misses"]
 
 
 class KilledError(Exception):

@@ -10,6 +10,8 @@ import pytest
 from trackers.errors import InputError
 from twin.run.live import run_scenario
 from twin.scenario import Scenario, load_scenario
+from twin.suites.cache import RecordingCache
+from twin.suites.worker import cached_motion
 from twin.view.activities import verb
 from twin.world.simulation import Simulation
 from twin.world.world import World
@@ -141,6 +143,14 @@ def test_whatever_of_a_script_is_never_done_is_told(people: str, told: str, tmp_
     room.write_text(room.read_text().replace("</worldbody>", f"{FENCE}</worldbody>"))
     late = at_end(World(scenario), 7.0).population.late()
     assert any(told in each for each in late), late
+
+
+def test_who_has_not_arrived_is_told_of_precomputed_people_too(tmp_path: Path) -> None:
+    scenario = scene(tmp_path, NEVER["somebody stands there"][0], duration_s=7.0)
+    cache = RecordingCache(tmp_path / "cache", 10**9)
+    for _ in range(2):  # made, and read from the cache
+        (told,) = World(scenario, cached_motion(cache, scenario)).late()
+        assert "which others have taken" in told
 
 
 def test_two_people_on_one_seat_from_the_start_are_refused(tmp_path: Path) -> None:
