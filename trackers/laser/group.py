@@ -91,7 +91,12 @@ class ScannerGroup:
     @property
     def learns_background(self) -> bool:
         """True with a scanner without scans of the empty room."""
-        return any(layer.learns_background for layer in self.layers.values())
+        return bool(self.learning)
+
+    @property
+    def learning(self) -> tuple[str, ...]:
+        """The scanners without scans of the empty room."""
+        return tuple(name for name, layer in self.layers.items() if layer.learns_background)
 
     @property
     def is_learning(self) -> bool:

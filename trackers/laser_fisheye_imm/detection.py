@@ -98,6 +98,12 @@ class Detector:
         return any(group.learns_background for group in self._groups.values())
 
     @property
+    def learning(self) -> list[str]:
+        """The scanners without scans of the empty room, where others have some; else empty."""
+        learning = [name for group in self._groups.values() for name in group.learning]
+        return [] if len(learning) == sum(len(group.names) for group in self._groups.values()) else learning
+
+    @property
     def is_learning(self) -> bool:
         """True once such a scanner has reported; a silent one does not affect the others' background."""
         return any(group.is_learning for group in self._groups.values())

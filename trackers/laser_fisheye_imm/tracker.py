@@ -92,7 +92,9 @@ class LaserFisheyeImm(SynchronizedTracker):
         self._last_ns = 0  # of the frame before
         self._seen: list[tuple[int, Seen]] = []
         if self.background_learned_causally:
-            logger.warning("no scans of the empty room: the background is learned from the scans as they come")
+            learning = ", ".join(self._detector.learning)
+            which = f" by {learning}, as there are by the others" if learning else ""
+            logger.warning("no scans of the empty room%s: the background is learned from the scans as they come", which)
 
     @property
     def unused_sensors(self) -> list[str]:

@@ -109,9 +109,30 @@ def rooms_left_out(
     margin = _square(2 * plan.cells(OBSTACLE_REACH_M))
     rest = cv2.erode(inside, margin, borderType=cv2.BORDER_CONSTANT, borderValue=0).astype(np.uint8)
     if not is_outdoors:
-        own = cv2.fillPoly(np.zeros_like(rest), [np.round(plan.cells_of(area)).astype(np.int32)], 1)
-        rest &= 1 - cv2.dilate(own, _square(plan.cells(_SLIT_M))).astype(np.uint8)
-    _, number, stats, _ = cv2.connectedComponentsWithStats(_opened(rest, plan.cells(_SLIT_M)), connectivity=4)
+        rest &= 1 - cv2.dilate(plan.filled(area), _square(plan.cells(_SLIT_M))).astype(np.uint8)
+    return _parts(rest, plan)
+
+
+def parts_cut_off(
+    model: mujoco.MjModel, data: mujoco.MjData, floor: Sequence[Array], area: Array
+) -> list[tuple[float, Array]]:
+    """Return the size [m²], and a place (2,) [m], of each part of an area (k, 2) [m] that walls divide from its largest one.
+
+    `data` needs kinematics.
+    """
+    walls, standing = standing_footprints(model, data)
+    if not walls:
+        return []
+    plan = Plan.over([*floor, area], [*standing, area], common_direction(walls))
+    margin = _square(2 * plan.cells(OBSTACLE_REACH_M))
+    free = plan.filled(area) & (1 - cv2.dilate(plan.drawn(walls), margin).astype(np.uint8))
+    parts = sorted(_parts(free, plan), key=lambda part: part[0])
+    return [] if plan.cell_m > _COARSEST_M else parts[:-1]
+
+
+def _parts(mask: Mask, plan: Plan) -> list[tuple[float, Array]]:
+    """Return the size [m²], and the innermost place (2,) [m], of each part that is neither small nor a slit."""
+    _, number, stats, _ = cv2.connectedComponentsWithStats(_opened(mask, plan.cells(_SLIT_M)), connectivity=4)
     found = []
     for part in np.flatnonzero(stats[:, cv2.CC_STAT_AREA] * plan.cell_m**2 >= _PART_M2).tolist():
         if part > 0:  # 0 is all around
@@ -157,6 +178,12 @@ class Plan:
             cells = self.cells_of(shape)
             cv2.fillConvexPoly(mask, np.round(cells * 2**_SHIFT).astype(np.int32), 1, shift=_SHIFT)
         return mask
+
+    def filled(self, polygon: Array) -> Mask:
+        """Draw any simple polygon (k, 2) [m] filled with 1."""
+        return cv2.fillPoly(
+            np.zeros(self.shape, np.uint8), [np.round(self.cells_of(polygon)).astype(np.int32)], 1
+        ).astype(np.uint8)
 
     def within(self, mask: Mask) -> Mask:
         """Return the mask without the edge of the grid."""

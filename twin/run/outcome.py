@@ -191,7 +191,7 @@ def tracker_notes(runners: Sequence[TrackerRunner], faults: Mapping[str, Fault])
             continue
         if background_learned_causally(each.tracker):
             notes.append(
-                f"{each.name}: no scans of the empty room; the background was learned from the scans as they came."
+                f"{each.name}: sensors without a recording of the empty room; their background was learned from what came."
             )
     return notes
 

@@ -51,7 +51,7 @@ def empty_world(name: str) -> World:
 
 
 def left_out(name: str) -> list[str]:
-    """Return a sentence for each part that the walls of a room enclose and its walkable area leaves out."""
+    """Return a sentence for each part that the walls of a room keep from its walkable area."""
     return empty_room(_scenario_of(name)).left_out()
 
 

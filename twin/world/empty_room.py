@@ -24,7 +24,7 @@ from twin.room.floor import check_floor_under, floor_hull, floor_of
 from twin.room.furniture import Bed, Seat, furniture_of
 from twin.room.mjcf import compiled, load_room
 from twin.room.obstacles import MOST_OBSTACLES, OBSTACLE_REACH_M, Obstacle, obstacles_of, within_reach
-from twin.room.walkable import NARROWEST_DOOR_M, rooms_left_out, walkable_area
+from twin.room.walkable import NARROWEST_DOOR_M, parts_cut_off, rooms_left_out, walkable_area
 from twin.scenario import Scenario
 from twin.scenario.person import Person
 
@@ -75,10 +75,14 @@ class EmptyRoom:
         return room_outline(self.model, self.data)
 
     def left_out(self) -> list[str]:
-        """Return a sentence for each part that walls enclose and the walkable area, computed from them, leaves out."""
-        if _own_walkable_area(self.spec, self.path) is not None:
-            return []
+        """Return a sentence for each part that a computed walkable area leaves out, or that walls divide from the own one."""
         pieces = floor_of(self.model, self.data, str(self.path))
+        if _own_walkable_area(self.spec, self.path) is not None:
+            return [
+                f"{self.path.name}: walkable_area: walls divide {size_m2:.3g} m² around [{x:.1f}, {y:.1f}] from the rest; an "
+                f"area within its walls, or a gap of {NARROWEST_DOOR_M:g} m between the parts, is expected"
+                for size_m2, (x, y) in parts_cut_off(self.model, self.data, pieces, self.walkable)
+            ]
         return [
             f"{self.path.name}: {size_m2:.3g} m² around [{x:.1f}, {y:.1f}], which walls enclose, are not in the walkable area; a "
             f"gap of {NARROWEST_DOOR_M:g} m that leads there, or a numeric walkable_area under <custom>, is expected"

@@ -226,6 +226,18 @@ def test_without_an_empty_room_the_background_is_learned_and_said_so(caplog):
     assert not crossing_tracked()[1].background_learned_causally
 
 
+def test_scanners_without_an_empty_room_are_named_where_others_have_one(caplog):
+    lasers = sorted(rig().lasers())
+    for lacking in ([], lasers[:1], lasers):
+        caplog.clear()
+        with caplog.at_level(logging.WARNING):
+            make_tracker(
+                "laser-fisheye-imm", rig(), [each for each in BACKGROUND if each.sensor not in lacking], None, {}
+            )
+        assert ("learned" in caplog.text) == bool(lacking)
+        assert [each for each in lasers if each in caplog.text] == (lacking if len(lacking) < len(lasers) else [])
+
+
 def test_with_a_learned_background_nobody_is_a_person_before_they_moved():
     """Something that appears and stands may be furniture seen anew: only walking tells."""
     standing = straight_walk([(0.0, 1.5)], [(0.0, 0.0)], 30)

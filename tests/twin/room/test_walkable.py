@@ -13,7 +13,7 @@ from twin.geometry.polygon import inset, polygon_area
 from twin.people.crowd.routes import Routes
 from twin.room.floor import floor_of
 from twin.room.obstacles import OBSTACLE_REACH_M
-from twin.room.walkable import NARROWEST_DOOR_M, rooms_left_out, walkable_area
+from twin.room.walkable import NARROWEST_DOOR_M, parts_cut_off, rooms_left_out, walkable_area
 
 pytestmark = pytest.mark.slow
 
@@ -78,6 +78,18 @@ def test_walls_around_too_little_are_told_where_people_walk_outdoors() -> None:
     ((size_m2, place),) = left_out_of(ENDLESS + four_walls(0.7, 0.7))
     assert 0.5 < size_m2 < 1 and np.abs(place).max() < 0.3
     assert left_out_of(ENDLESS + four_walls(4, 2) + wall(0, 0, 0.3, 0.3)) == []
+
+
+@pytest.mark.parametrize(("beyond_m", "gap", "cut_off"), [(-0.3, 0, 0), (0.2, 0, 0), (1, 0, 1), (1, 0.6, 1), (1, 1, 0)])
+def test_an_area_drawn_beyond_walls_that_nobody_passes_is_told(beyond_m: float, gap: float, cut_off: int) -> None:
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{ENDLESS}{four_walls(3, 2, gap)}</worldbody></mujoco>")
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    half = np.array([3, 2]) + beyond_m
+    area = half * [[-1, -1], [1, -1], [1, 1], [-1, 1]]
+    found = parts_cut_off(model, data, floor_of(model, data, "room.xml"), area)
+    assert len(found) == cut_off
+    assert all((np.abs(place) > [3, 2]).any() and size_m2 > 10 for size_m2, place in found)
 
 
 def overlap(one: np.ndarray, other: np.ndarray) -> float:
