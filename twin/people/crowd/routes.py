@@ -125,7 +125,7 @@ class Routes:
     @staticmethod
     def _sees(start: Array, end: Array, shapes: _Convex, border: _Border) -> Mask:
         """Return which straight ways start to end (n, 2) cross no shape and stay within the border."""
-        if border.surrounds(start) and border.surrounds(end):
+        if border.surrounds(start, end):
             return ~shapes.crossed(start, end)
         seen = ~border.cuts(start, end)
         # costlier tests only for the ways left
@@ -220,9 +220,14 @@ class _Border:
         kernel = inset(corners, 4 * TOLERANCE_M) if _is_convex(corners) else None
         self._kernel = None if kernel is None else Area(kernel)
 
-    def surrounds(self, places: Array) -> bool:
-        """Return whether the polygon is convex and holds all places (n, 2) well off its border, so all ways between them."""
-        return self._kernel is not None and bool(self._kernel.contains(places).all())
+    def surrounds(self, start: Array, end: Array) -> bool:
+        """Return whether all straight ways start to end (n, 2), from inside, are well off the border, as is found quickly:
+        between ends within a convex polygon, and where each is shorter than the gap around its start.
+        """
+        if self._kernel is not None:
+            return bool(self._kernel.contains(np.concatenate([start, end])).all())
+        reach_m = np.linalg.norm(end - start, axis=1) + 4 * TOLERANCE_M
+        return bool((reach_m**2 < _gap_square(self._corners, self._following, start)).all())
 
     def cuts(self, start: Array, end: Array) -> Mask:
         """Return which straight ways start to end (n, 2) properly cross an edge."""

@@ -58,6 +58,12 @@ def test_ways_lead_around_the_corners_of_the_area():
     _, places = least_gap([box("far", 50, 50, 1, 1)], [-1.5, 3.5], way)
     assert len(way) == 3
     assert Area(BAY, 1e-6).contains(places).all()
+    starts, steps = np.random.default_rng(1).normal([[[0, 2]], [[0, 0]]], [[[1]], [[0.5]]], (2, 200, 2))
+    straight = np.array([routes.is_straight(*ends) for ends in zip(starts, starts + steps, strict=True)])
+    places = starts + np.linspace(0, 1, 50)[:, None, None] * steps
+    inside = Area(BAY, 1e-6).contains(places.reshape(-1, 2)).reshape(50, -1).all(axis=0)
+    np.testing.assert_array_equal(straight, inside)
+    assert 50 < inside.sum() < 150
 
 
 def test_no_way_into_a_closed_corner_or_furniture_or_out():
