@@ -37,7 +37,7 @@ def test_large_cycles_are_freed_between_two_tests_and_small_ones_left_to_python(
         small = left_in_a_cycle(GROWTH_MIB / 4)
         collect_if_grown()
         assert small() is not None
-        large = left_in_a_cycle(GROWTH_MIB)
+        large = left_in_a_cycle(3 * GROWTH_MIB)  # however much the system takes back meanwhile
         collect_if_grown()
         assert small() is None and large() is None
     finally:
