@@ -112,6 +112,20 @@ def quaternion_of(rotation: NDArray[np.float64]) -> tuple[float, float, float, f
     return x / length, y / length, z / length, w / length
 
 
+def displacement(poses: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the largest translation [m] and rotation [deg] of poses (n, 4, 4) from the first one."""
+    away_m = np.linalg.norm(poses[:, :3, 3] - poses[0, :3, 3], axis=1)
+    turns_rad = rotation_angles(poses[0, :3, :3].T @ poses[:, :3, :3])
+    return float(away_m.max()), math.degrees(float(turns_rad.max()))
+
+
+def rotation_angles(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the angles (n,) of rotation matrices (n, 3, 3) [rad]."""
+    from scipy.spatial.transform import Rotation  # takes a while to load
+
+    return Rotation.from_matrix(rotations).magnitude()
+
+
 class Pose(Strict):
     """A rigid transform: `xyz` [m], then `rpy` roll, pitch, yaw [rad] about the fixed x, y, z axes (as in URDF)."""
 

@@ -219,6 +219,10 @@ class Rig(Strict):
         """Return the odometry of moving bases by name."""
         return {name: sensor for name, sensor in self.sensors.items() if isinstance(sensor, OdometrySensor)}
 
+    def topics(self) -> list[str]:
+        """Return the topics of the sensors, with a slash in front."""
+        return [normal_topic(each.topic) for each in self.sensors.values()]
+
     def mounted(self) -> dict[str, str]:
         """Return the name of the odometry on whose base a sensor moves, by sensor; those that stand are left out."""
         bases = {name: getattr(sensor, "mounted_on", None) for name, sensor in self.sensors.items()}

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from array import array
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.area import rotation_angles
 from trackers.arrays import Nanoseconds
 from trackers.feeding import LATE, NOTED_LOSS
 from trackers.observations import NS_PER_S, DepthImage, Image, LaserScan, Observation
@@ -177,6 +178,28 @@ def crowded(sensor: str, stamps_ns: Nanoseconds, usual: float = 0.5) -> Loss | N
         "the clock of the recorder was set back, or two drivers write on one topic; record again, or cut the bag there"
     )
     return Loss(sensor, count, stamps_ns.size, what, remedy)
+
+
+_FASTEST_MPS, _FASTEST_RADPS = 15.0, 20.0
+_SLACK_M, _SLACK_RAD = 0.3, 0.3
+"""No base among people is faster; the slack is for stamps that jitter."""
+
+
+def _steps_too_far(stamps_ns: Nanoseconds, poses: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the numbers of the poses to which a base would have had to go faster than any does."""
+    steps = np.linalg.inv(poses[:-1]) @ poses[1:]
+    passed_s = np.abs(np.diff(stamps_ns)) / NS_PER_S
+    far = np.linalg.norm(steps[:, :3, 3], axis=1) > _FASTEST_MPS * passed_s + _SLACK_M
+    turned = rotation_angles(steps[:, :3, :3]) if len(steps) else np.zeros(0)
+    return np.flatnonzero(far | (turned > _FASTEST_RADPS * passed_s + _SLACK_RAD)) + 1
+
+
+def pose_jumps(name: str, stamps_ns: Nanoseconds, poses: NDArray[np.float64]) -> Iterator[Loss]:
+    """Yield a loss where the poses (n, 4, 4) of a base jump further than any base drives."""
+    if (where := _steps_too_far(stamps_ns, poses)).size:
+        when = ", ".join(f"{(stamps_ns[k] - stamps_ns[0]) / NS_PER_S:.2f} s" for k in where[:5])
+        what = f"jump, further than any base drives, at {when} from the first"
+        yield Loss(name, where.size, len(poses), what, "trackers take them as they come", always=True)
 
 
 class ObservationLog:

@@ -20,6 +20,7 @@ builtin_interfaces/Duration: int32 sec, uint32 nanosec
 builtin_interfaces/Time: int32 sec, uint32 nanosec
 geometry_msgs/Point: float64 x, float64 y, float64 z
 geometry_msgs/Pose: geometry_msgs/Point position, geometry_msgs/Quaternion orientation
+geometry_msgs/PoseStamped: std_msgs/Header header, geometry_msgs/Pose pose
 geometry_msgs/PoseWithCovariance: geometry_msgs/Pose pose, float64[36] covariance
 geometry_msgs/Quaternion: float64 x, float64 y, float64 z, float64 w
 geometry_msgs/Transform: geometry_msgs/Vector3 translation, geometry_msgs/Quaternion rotation

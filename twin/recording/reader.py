@@ -22,7 +22,7 @@ from twin.recording.decoding import ObservationReader
 from twin.recording.losses import Loss, crowded
 from twin.recording.rig_checks import compare_lenses, compare_poses, motion_warnings, with_intrinsics
 from twin.recording.rig_guess import guess_rig, undecided_lines
-from twin.recording.ros_messages import MSGTYPES, STRING
+from twin.recording.ros_messages import LASER_SCAN, MSGTYPES, STRING
 from twin.recording.sensor_clock import MessageTimes, all_pause, first_frame, read_times, read_times_as_written
 from twin.recording.sensor_topics import (
     LeftOut,
@@ -32,6 +32,7 @@ from twin.recording.sensor_topics import (
     odometry_losses,
     sensor_topics,
     times_of,
+    topics_of,
     unnamed_frames,
     unusable_poses,
     unused_topics,
@@ -73,14 +74,15 @@ class Recording:
             self.is_twin = carried is not None
             self.scenario_yaml = self._text(bag, topics.SCENARIO)
             is_its_own = self.is_twin and rig is None
-            tree = TransformTree({}) if is_its_own else TransformTree.read(bag)
+            given = None if rig is None and carried is None else self._given_rig(bag, rig, carried)
+            near = topics_of(self.topics, LASER_SCAN) if given is None else given[0].topics()
+            tree = TransformTree({}) if is_its_own else TransformTree.read(bag, near)
             poses = {} if self.is_twin else read_poses(bag)
             silent: list[Loss] = []
-            if rig is None and carried is None:
-                self.rig, silent = guess_rig(path, self.topics, tree, poses, partial(first_frame, bag))
-                source = "the rig"
-            else:
-                self.rig, source = self._given_rig(bag, rig, carried)
+            if given is None:
+                guessed, silent = guess_rig(path, self.topics, tree, poses, partial(first_frame, bag))
+                given = guessed, "the rig"
+            self.rig, source = given
             if rig is not None and not isinstance(rig, Rig):
                 silent += undecided_lines(rig)
             self.sensor_topics = sensor_topics(path, self.topics, self.rig, source)
@@ -146,7 +148,8 @@ class Recording:
         if not set_back_ns:
             return None
         if self.sensor_topics.transforms:
-            add_transforms(self.sensor_topics, TransformTree.read(bag, in_file_order=True), self.rig, source)
+            tree = TransformTree.read(bag, self.rig.topics(), in_file_order=True)
+            add_transforms(self.sensor_topics, tree, self.rig, source)
         return written, list(self._set_back(written, set_back_ns))
 
     @property

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
+from trackers.area import displacement
 from trackers.arrays import Array
 from trackers.cameras import FisheyeIntrinsics, Intrinsics, PinholeIntrinsics
 from trackers.errors import InputError
@@ -16,7 +17,7 @@ from trackers.rig import CameraSensor, Pose, Rig, normal_topic
 from twin.recording.bag import Bag
 from twin.recording.losses import Loss
 from twin.recording.sensor_clock import topic_of_frame
-from twin.recording.transforms import Poses, PoseTopic, TransformTree, displacement
+from twin.recording.transforms import Poses, PoseTopic, TransformTree
 
 _TYPE = "sensor_msgs/msg/CameraInfo"
 _TRANSPORTS = ("compressed", "compressedDepth")
@@ -301,21 +302,22 @@ def motion_warnings(
     what a sensor stands, for a gap or a circle, while something in it moves, is a cause, too.
     """
     chains = {name: tree.ancestors(own) for name, own in frames.items()}
-    moved: dict[str, list[str]] = {}
+    moved: dict[tuple[str, str], list[str]] = {}
     for topic, each in poses.items():
         for name, chain in chains.items():
             if each.moves and (each.child in chain or tree.may_carry(each.child, chain)):
-                moved.setdefault(_said(topic, each.poses), []).append(name)
+                verb = "moves if it is on it" if each.is_of_anything and each.child not in chain else "moves"
+                moved.setdefault((verb, _said(topic, each.poses)), []).append(name)
     for child, edge in tree.edges.items():
         on_it = [name for name, chain in chains.items() if child in chain]
         if on_it and edge.moves:
             said = _said(f"{edge.topic} ({edge.parent} to {child})", edge.parent_from_child)
-            moved.setdefault(said, []).extend(on_it)
+            moved.setdefault(("moves", said), []).extend(on_it)
     unmoved = {name: own for name, own in frames.items() if not any(name in each for each in moved.values())}
     return [*_circles(tree, frames), *_untold(tree, unmoved)] + [
-        f"{', '.join(names)} moves: {said}; tracks are in the sensor's own moving frame, in which things that stand look like "
+        f"{', '.join(names)} {verb}: {said}; tracks are in the sensor's own moving frame, in which things that stand look like "
         "people. A rig.yaml with odometry (`kind: odometry`), on which the sensor is `mounted_on`, is expected"
-        for said, names in moved.items()
+        for (verb, said), names in moved.items()
     ]
 
 

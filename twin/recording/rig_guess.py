@@ -191,7 +191,11 @@ class _SensorsOfBag:
         self._bases: dict[str, OdometrySensor] = {}
         self._names: dict[str, str] = {}
         self.lines: list[str] = []
-        self.undecided: list[str] = []
+        self.undecided = [
+            f"transforms give a frame two places, {each}: two robots or two drivers; a bag of each, or frames of their own, is "
+            "expected"
+            for each in self._tree.doubled
+        ]
         for topic in self._with_messages(LASER_SCAN):
             self._add(topic, first_frame(bag, topic), "laser", [])
         pictures = {topic: first_frame(bag, topic) for topic in self._with_messages(*PICTURES)}

@@ -15,10 +15,10 @@ from trackers.observations import NS_PER_S, Odometry
 from trackers.rig import OdometrySensor, Rig, RigSensor, StereoSensor, normal_topic
 from twin.recording.bag import Topic
 from twin.recording.depth_images import DepthPairs, tolerance_ns
-from twin.recording.losses import Loss, crowded, missing
+from twin.recording.losses import Loss, crowded, missing, pose_jumps
 from twin.recording.ros_messages import LASER_SCAN, MSGTYPES, PICTURES
 from twin.recording.sensor_clock import MessageTimes
-from twin.recording.transforms import Edge, Poses, PoseTopic, TransformTree, jumps
+from twin.recording.transforms import Edge, Poses, PoseTopic, TransformTree
 
 _BACKGROUND = "/background/"
 _FEW = 3
@@ -270,16 +270,18 @@ def poses_of(found: SensorTopics, stamps: Mapping[str, Nanoseconds], topic: str,
 def odometry_losses(
     rig: Rig, found: SensorTopics, tree: TransformTree, poses: Mapping[str, PoseTopic]
 ) -> Iterator[Loss]:
-    """Yield what is wrong with the poses of each base: that they jump, and frames above it that have two parents."""
+    """Yield what is wrong with the poses of each base: that they jump, and frames that have two places."""
     for topic, name in found.sensors.items():
         if topic in found.transforms:
             edge, moved = found.transforms[topic]
-            yield from _jumps(name, edge.times_ns, moved)
+            yield from pose_jumps(name, edge.times_ns, moved)
             if tree.doubled:
-                what = f"transforms give a frame two parents, {', '.join(tree.doubled[:5])}: two robots or two drivers"
-                yield Loss(name, 0, 0, what, "the parent of most messages is taken", always=True)
+                what = f"transforms give a frame two places, {', '.join(tree.doubled[:5])}: two robots or two drivers"
+                yield Loss(
+                    name, 0, 0, what, "the one in the sensor's namespace, or of most messages, is taken", always=True
+                )
         elif isinstance(rig.sensors[name], OdometrySensor) and topic in poses:
-            yield from _jumps(name, poses[topic].stamps_ns, poses[topic].poses)
+            yield from pose_jumps(name, poses[topic].stamps_ns, poses[topic].poses)
 
 
 def unusable_poses(
@@ -327,10 +329,3 @@ def unnamed_frames(
         )
         remedy = "its pose in the rig is taken as it is" if is_given else "its tracks leave in its own frame"
         yield Loss(name, 0, 0, what, f"{remedy}; see the driver's frame_id", always=True)
-
-
-def _jumps(name: str, stamps_ns: Nanoseconds, poses: Poses) -> Iterator[Loss]:
-    if (where := jumps(stamps_ns, poses)).size:
-        when = ", ".join(f"{(stamps_ns[k] - stamps_ns[0]) / NS_PER_S:.2f} s" for k in where[:5])
-        what = f"jump, further than any base drives, at {when} from the first"
-        yield Loss(name, where.size, len(poses), what, "trackers take them as they come", always=True)

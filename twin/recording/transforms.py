@@ -11,11 +11,11 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import degrees
 
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.area import displacement
 from trackers.arrays import Nanoseconds
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
@@ -25,39 +25,13 @@ from twin.recording.ros_messages import ODOMETRY, matrix_of, stamp_of
 from twin.recording.topics import TF_STATIC
 
 _POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
+_OF_ANYTHING = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/TransformStamped")
+"""Types of poses of a base, as of motion capture, or of a person, a goal or a thing."""
 MOVED_M = 0.1
 TURNED_DEG = 2.0
 """Error of odometry on a robot that stands; a person at 5 m is then off by less than the width of a body."""
 
 Poses = NDArray[np.float64]  # (n, 4, 4)
-
-
-def displacement(poses: Poses) -> tuple[float, float]:
-    """Return the largest translation [m] and rotation [deg] of poses (n, 4, 4) from the first one."""
-    away_m = np.linalg.norm(poses[:, :3, 3] - poses[0, :3, 3], axis=1)
-    turns_rad = _angles(poses[0, :3, :3].T @ poses[:, :3, :3])
-    return float(away_m.max()), degrees(float(turns_rad.max()))
-
-
-def _angles(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the angles (n,) of rotation matrices (n, 3, 3) [rad]."""
-    from scipy.spatial.transform import Rotation  # takes a while to load
-
-    return Rotation.from_matrix(rotations).magnitude()
-
-
-_FASTEST_MPS, _FASTEST_RADPS = 15.0, 20.0
-_SLACK_M, _SLACK_RAD = 0.3, 0.3
-"""No base among people is faster; the slack is for stamps that jitter."""
-
-
-def jumps(stamps_ns: Nanoseconds, poses: Poses) -> NDArray[np.intp]:
-    """Return the numbers of the poses to which a base would have had to go faster than any does."""
-    steps = np.linalg.inv(poses[:-1]) @ poses[1:]
-    passed_s = np.abs(np.diff(stamps_ns)) / NS_PER_S
-    far = np.linalg.norm(steps[:, :3, 3], axis=1) > _FASTEST_MPS * passed_s + _SLACK_M
-    turned = _angles(steps[:, :3, :3]) if len(steps) else np.zeros(0)
-    return np.flatnonzero(far | (turned > _FASTEST_RADPS * passed_s + _SLACK_RAD)) + 1
 
 
 def moves(poses: Poses) -> bool:
@@ -89,6 +63,11 @@ class Edge:
         """True where the child moves in its parent's frame."""
         return not self.is_static and moves(self.parent_from_child)
 
+    def contradicts(self, other: Edge) -> bool:
+        """Return True where another edge of the same frames tells other poses."""
+        steps = np.linalg.inv(self.at(other.times_ns)) @ other.parent_from_child
+        return moves(np.concatenate([np.eye(4)[None], steps]))
+
     @cached_property
     def times_ns(self) -> Nanoseconds:
         """Times of the poses [ns]: the stamps, or where these are all the same (0, as a rule) the log times."""
@@ -117,9 +96,8 @@ _STANDING = ("map", "odom", "world", "earth", "room")
 class TransformTree:
     """The frames of a bag, each with the edge to its parent, by the child's name.
 
-    A frame with two parents keeps the one of most messages; `doubled` names the others. `unusable`: number of transforms by
-    child and parent that hold no pose, as a quaternion of length 0. `undecodable`: how many messages of
-    how many, by topic.
+    A frame with two parents, or on two topics, keeps one; `doubled` names the others. `unusable`: number of transforms by child
+    and parent that hold no pose, as a quaternion of length 0. `undecodable`: how many messages of how many, by topic.
     """
 
     def __init__(
@@ -135,14 +113,18 @@ class TransformTree:
         self.undecodable = dict(undecodable or {})
 
     @classmethod
-    def read(cls, bag: Bag, *, in_file_order: bool = False) -> TransformTree:
-        """Read all transforms of a bag; messages and transforms that cannot be used are counted."""
+    def read(cls, bag: Bag, near: Iterable[str] = (), *, in_file_order: bool = False) -> TransformTree:
+        """Read all transforms of a bag; messages and transforms that cannot be used are counted.
+
+        near: topics of sensors; of two robots with the same frames, transforms in the namespace of these are preferred.
+        """
+        near = tuple(near)
         types = {
             name: kind
             for name, topic in bag.topics.items()
             if (kind := topic.type_among(TRANSFORM_MESSAGES)) is not None
         }
-        found: dict[tuple[str, str], _Growing] = {}
+        found: dict[tuple[str, str, str], _Growing] = {}
         unusable: Counter[tuple[str, str]] = Counter()
         undecodable: Counter[str] = Counter()
         numbers = dict.fromkeys(types, -1)
@@ -159,15 +141,18 @@ class TransformTree:
                 if not np.isfinite(matrix).all():
                     unusable[child, parent] += 1
                 elif parent != child:
-                    growing = found.setdefault((child, parent), _Growing(topic))
+                    growing = found.setdefault((child, parent, topic), _Growing(topic))
                     growing.add(stamp_of(each), log_ns, numbers[topic], matrix)
         edges: dict[str, Edge] = {}
         doubled = []
-        for (child, parent), growing in sorted(found.items(), key=lambda item: -len(item[1].stamps)):
-            if child in edges:
-                doubled.append(f"{child} (of {edges[child].parent} and {parent})")
-            else:
-                edges[child] = growing.edge(parent, child)
+        best_first = sorted(found.items(), key=lambda item: (_remoteness(item[0][2], near), -len(item[1].stamps)))
+        for (child, parent, topic), growing in best_first:
+            edge = growing.edge(parent, child)
+            kept = edges.setdefault(child, edge)
+            if kept.parent != parent:
+                doubled.append(f"{child} (of {kept.parent} and {parent})")
+            elif kept is not edge and kept.contradicts(edge):
+                doubled.append(f"{child} (of {parent} by {kept.topic} and by {topic})")
         return cls(edges, doubled, unusable, {topic: (n, numbers[topic] + 1) for topic, n in undecodable.items()})
 
     def chain(self, frame: str) -> list[Edge]:
@@ -269,6 +254,12 @@ class TransformTree:
         return main, np.ascontiguousarray(whole)
 
 
+def _remoteness(topic: str, near: Collection[str]) -> int:
+    """Return 0 for a topic in a namespace of others, 1 for one in none, 2 for one in another."""
+    namespace = topic[: topic.rindex("/") + 1]
+    return 1 if namespace == "/" else 0 if any(each.startswith(namespace) for each in near) else 2
+
+
 class _Growing:
     def __init__(self, topic: str) -> None:
         self.topic = topic
@@ -286,7 +277,7 @@ class _Growing:
         poses = np.array(self.values).reshape(-1, 4, 4)
         kept, copied_ns = self._firsts(stamps, log, poses)
         rows = stamps[kept], log[kept], number[kept], poses[kept]
-        return Edge(self.topic, parent, child, self.topic == TF_STATIC, *rows, copied_ns)
+        return Edge(self.topic, parent, child, self.topic.endswith(TF_STATIC), *rows, copied_ns)
 
     @staticmethod
     def _firsts(stamps: Nanoseconds, log: Nanoseconds, poses: Poses) -> tuple[NDArray[np.intp], Nanoseconds]:
@@ -317,13 +308,19 @@ class PoseTopic:
 
     @cached_property
     def moves(self) -> bool:
-        """True where the base moves."""
-        return len(self.poses) > 0 and moves(self.poses)
+        """True where the base moves; goals, which come now and then, do not."""
+        is_seldom = self.is_of_anything and (len(self.poses) < 2 or np.median(np.diff(self.stamps_ns)) > NS_PER_S)
+        return len(self.poses) > 0 and not is_seldom and moves(self.poses)
+
+    @property
+    def is_of_anything(self) -> bool:
+        """True for poses that may be of a person or a thing."""
+        return self.msgtype in _OF_ANYTHING
 
 
 def read_poses(bag: Bag) -> dict[str, PoseTopic]:
-    """Read the topics of Odometry and PoseWithCovarianceStamped; messages that hold no pose are counted."""
-    valid = (ODOMETRY, _POSE)
+    """Read the topics of Odometry, PoseWithCovarianceStamped, and poses of anything; messages without a pose are counted."""
+    valid = (ODOMETRY, _POSE, *_OF_ANYTHING)
     types = {name: kind for name, topic in bag.topics.items() if (kind := topic.type_among(valid)) is not None}
     found: dict[str, tuple[str, _Growing]] = {}
     unusable: Counter[str] = Counter()
@@ -333,7 +330,11 @@ def read_poses(bag: Bag) -> dict[str, PoseTopic]:
         except InputError:
             unusable[topic] += 1
             continue
-        matrix = matrix_of(message.pose.pose.position, message.pose.pose.orientation)
+        if types[topic] == _OF_ANYTHING[1]:
+            matrix = matrix_of(message.transform.translation, message.transform.rotation)
+        else:
+            pose = message.pose if types[topic] == _OF_ANYTHING[0] else message.pose.pose
+            matrix = matrix_of(pose.position, pose.orientation)
         child = getattr(message, "child_frame_id", "").strip("/")
         _, growing = found.setdefault(topic, (child, _Growing(topic)))
         if np.isfinite(matrix).all():

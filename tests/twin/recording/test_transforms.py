@@ -276,6 +276,51 @@ def test_transforms_that_hold_no_pose_are_told_where_they_carry_a_sensor(tmp_pat
     ]
 
 
+@pytest.mark.parametrize("ahead_m", [0.0, 3.0])
+@pytest.mark.parametrize("mine", ["/a/tf", "/b/tf"])
+def test_of_two_robots_with_the_same_frames_the_one_of_the_rig_is_taken(tmp_path, mine, ahead_m):
+    """Poses of both were taken for those of one, in silence; a relay of the same poses is none of another robot."""
+    messages = []
+    for topic, kind, log_ns, message in driving():
+        for name, x in (("/a", 0.0), ("/b", ahead_m)):
+            (each,) = message.transforms
+            other = tf(log_ns - 5 * MS, each.header.frame_id, each.child_frame_id, at(0.0))[3].transforms[0]
+            place = replace(each.transform.translation, x=each.transform.translation.x + x * (topic == "/tf"))
+            other = replace(other, transform=replace(each.transform, translation=place))
+            messages.append((name + topic, kind, log_ns, TFMessage([other])))
+    rig = Rig(sensors={**RIG.sensors, "robot": OdometrySensor(topic=mine, frame="odom", base_frame="mast")})
+    recording = Recording(bag(tmp_path, messages), rig)
+    poses = of_kind(recording, Odometry)
+    assert len(poses) == 40
+    assert poses[0].frame_from_base[0, 3] == pytest.approx(0.2 + ahead_m * (mine == "/b/tf"))
+    told = [each for each in lines(recording.losses) if "two places" in each]
+    assert [re.sub(r".*places, ([^:]*):.*", r"\1", each) for each in told] == (
+        [f"base_link (of odom by {mine} and by {'/a/tf' if mine == '/b/tf' else '/b/tf'})"] if ahead_m else []
+    )
+
+
+@pytest.mark.parametrize(
+    ("kind", "every", "told"),
+    [
+        ("geometry_msgs/msg/PoseStamped", 1, ["scan moves if it is on it"]),
+        ("geometry_msgs/msg/TransformStamped", 1, ["scan moves"]),
+        ("geometry_msgs/msg/PoseStamped", 39, []),  # goals
+    ],
+)
+def test_poses_of_motion_capture_are_told(tmp_path, kind, every, told):
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    messages = [tf(STAMPS[0], "base_link", "waist", at(0.1), "/tf_static")]
+    for k, ns in list(enumerate(STAMPS))[::every]:
+        each = tf(ns, "world", "base_link", at(0.1 * k))[3].transforms[0]
+        place = each.transform.translation
+        pose = store.types["geometry_msgs/msg/Pose"](
+            store.types["geometry_msgs/msg/Point"](place.x, place.y, place.z), each.transform.rotation
+        )
+        is_transform = kind.endswith("TransformStamped")
+        messages.append(("/pose", kind, ns, each if is_transform else store.types[kind](each.header, pose)))
+    assert [each.split(":")[0] for each in Recording(bag(tmp_path, messages)).moving] == told
+
+
 def test_transforms_that_are_none_by_their_bytes_are_told(tmp_path):
     messages = driving()
     for k in range(10):
