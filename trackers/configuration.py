@@ -50,12 +50,13 @@ def _without_conversions(schema: Any, number: Callable[[Any], Any] | None = None
     if not isinstance(schema, dict):
         return schema
     kind = schema.get("type")
-    if kind == "function-before" and schema["function"]["function"] in (_number, _number_of_key):
+    if kind == "function-before" and schema["function"]["function"] in (_number, _number_of_key, _flag):
         return schema  # a nested model
     if kind in ("int", "float"):
         return core_schema.no_info_before_validator_function(number, _bounded(schema))  # pyright: ignore[reportArgumentType]
     if kind == "bool":
-        return schema | {"strict": True}
+        flag = schema | {"strict": True}
+        return core_schema.no_info_before_validator_function(_flag, flag)  # pyright: ignore[reportArgumentType]
     values = ("default", "metadata", "serialization") if isinstance(kind, str) else ()  # else the fields by name
     return {
         key: part if key in values else _without_conversions(part, _number_of_key if key == "keys_schema" else number)
@@ -76,6 +77,10 @@ def _number(value: Any) -> Any:
     if isinstance(value, bool | np.bool_ | str | bytes):
         raise PydanticCustomError("number_type", "a number is expected")
     return value
+
+
+def _flag(value: Any) -> Any:
+    return bool(value) if isinstance(value, np.bool_) else value
 
 
 def _number_of_key(value: Any) -> Any:

@@ -7,6 +7,7 @@ from math import isfinite
 from types import NoneType, UnionType
 from typing import Annotated, Any, ClassVar, Literal, get_args
 
+import numpy as np
 import pytest
 import synthetic_home
 import synthetic_meeting
@@ -83,6 +84,18 @@ def test_setting_one_option_of_a_preset_changes_that_one_alone(data: st.DataObje
     given_options = deep_merge(PRESETS[preset].options, nested(path, value))
     after = leaves(validate(type(before), given_options, "options"))
     assert after == leaves(before) | {path: value}
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.data())
+def test_options_take_scalars_of_numpy(data: st.DataObject) -> None:
+    preset, path = data.draw(st.sampled_from(EVERY_OPTION))
+    before = options_of(preset)
+    value = data.draw(valid_values(before, path))
+    kinds = {bool: np.bool_, int: np.int64, float: np.float64, str: np.str_}
+    given_options = deep_merge(PRESETS[preset].options, nested(path, kinds.get(type(value), lambda same: same)(value)))
+    after = leaves(validate(type(before), given_options, "options"))
+    assert after == leaves(before) | {path: value} and type(after[path]).__module__ != "numpy"
 
 
 @pytest.mark.parametrize(

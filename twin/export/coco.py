@@ -34,7 +34,9 @@ def export_coco(recordings: Sequence[Recorded], out: Path, *, simulate: bool = T
     usable = [each for each in recordings if each.recording.rig.cameras() and each.has_truth]
     for each in recordings:
         if each not in usable:
-            each.on_warning(f"{each.recording.path}: has no camera or no truth: left out")
+            each.on_warning(
+                f"{each.recording.path}: has no camera or no truth: left out; --truth FILE.csv gives a truth"
+            )
     if not usable:
         raise InputError("--format coco: no recording has a camera and truth; one whose people are known is expected")
     with ExitStack() as stack:

@@ -121,7 +121,9 @@ class _SequenceWriter:
                 f"axes of {view.name}"
             )
         if self._truth is None:
-            recorded.on_warning(f"{recorded.recording.path}: holds no truth: label_02 is left out")
+            recorded.on_warning(
+                f"{recorded.recording.path}: holds no truth: label_02 is left out; --truth FILE.csv gives it"
+            )
         if not self._scanners:
             recorded.on_warning(f"{recorded.recording.path}: has neither scanner nor depth: velodyne stays empty")
         with ExitStack() as stack:

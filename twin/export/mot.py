@@ -76,7 +76,9 @@ def export_mot(recordings: Sequence[Recorded], out: Path, *, hz: float | None = 
             labeller = open_labeller(stack, recorded, simulate=hz is not None, hz=hz)
             sequences += _cameras(recorded, out, labeller, detections)
         if not recorded.has_truth:
-            recorded.on_warning(f"{recorded.recording.path}: holds no truth: gt/gt.txt is left out")
+            recorded.on_warning(
+                f"{recorded.recording.path}: holds no truth: gt/gt.txt is left out; --truth FILE.csv gives it"
+            )
     (out / "gt/seqmaps").mkdir(parents=True)
     (out / "gt/seqmaps" / f"{BENCHMARK}.txt").write_text("name\n" + "".join(f"{name}\n" for name in sequences))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
@@ -222,7 +223,7 @@ def _track(case: Case, recording: Path, names: Mapping[int, str], bag: RecordedI
         if result.metrics is not None:
             metrics = result.metrics["trackers"][case.tracker] | metrics
         evaluation = result.evaluations.get(case.tracker)
-        own = result.tracker_warnings
+        own, here = result.tracker_warnings, f"{folder}{os.sep}"  # which is gone when its warnings are read
         files = [table, *(each for each in ("report.html", "metrics.json") if (folder / each).is_file())]
         return CaseResult(
             metrics=metrics,
@@ -230,8 +231,10 @@ def _track(case: Case, recording: Path, names: Mapping[int, str], bag: RecordedI
             files={each: (folder / each).read_bytes() for each in files},
             renderer=NO_RENDERER,
             recording="" if bag is None else bag.digest[:_DIGEST],
-            warnings=tuple(f"{recording.name}: {each}" for each in result.warnings if each not in own),
-            tracker_warnings=own,
+            warnings=tuple(
+                f"{recording.name}: {each.replace(here, '')}" for each in result.warnings if each not in own
+            ),
+            tracker_warnings=tuple(each.replace(here, "") for each in own),
         )
 
 

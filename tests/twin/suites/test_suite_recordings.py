@@ -54,6 +54,15 @@ def _run(suite: Path, out: Path, *options: str):
     return CliRunner().invoke(app, ["suite", "run", str(suite), "--out", str(out), "--jobs", "1", *options])
 
 
+def test_warnings_name_no_folder_of_a_case_that_is_gone(bags: Path, tmp_path: Path) -> None:
+    head, *rows = (bags / "truth.csv").read_text().splitlines()
+    apart = [f"{t},{id_},{float(x) + 9},{rest}" for t, id_, x, rest in (row.split(",", 3) for row in rows)]
+    (tmp_path / "moved.csv").write_text("\n".join([head, *apart]))
+    told = _run(_suite(bags, f"recording: lab/recording.mcap, truth: {tmp_path}/moved.csv"), tmp_path / "out").output
+    assert "tracks/sort.csv: " in told and "roomtwin-case" not in told
+    assert "roomtwin-case" not in (tmp_path / "out/summary.json").read_text()
+
+
 def test_truth_of_the_bag_and_of_a_table_give_the_same_and_none_gives_counts(bags: Path, tmp_path: Path) -> None:
     topics = set(Recording(bags / "lab/recording.mcap").topics)
     assert {"/waist/scan", "/room/markers"} <= topics
