@@ -278,7 +278,12 @@ def odometry_losses(
             if tree.doubled:
                 what = f"transforms give a frame two places, {', '.join(tree.doubled[:5])}: two robots or two drivers"
                 yield Loss(
-                    name, 0, 0, what, "the one in the sensor's namespace, or of most messages, is taken", always=True
+                    name,
+                    0,
+                    0,
+                    what,
+                    "the one in the sensor's namespace, of most messages, or the first, is taken",
+                    always=True,
                 )
         elif isinstance(rig.sensors[name], OdometrySensor) and topic in poses:
             yield from pose_jumps(name, poses[topic].stamps_ns, poses[topic].poses)

@@ -27,8 +27,7 @@ from twin.recording.topics import TF_STATIC
 _POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 _OF_ANYTHING = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/TransformStamped")
 """Types of poses of a base, as of motion capture, or of a person, a goal or a thing."""
-MOVED_M = 0.1
-TURNED_DEG = 2.0
+MOVED_M, TURNED_DEG = 0.1, 2.0
 """Error of odometry on a robot that stands; a person at 5 m is then off by less than the width of a body."""
 
 Poses = NDArray[np.float64]  # (n, 4, 4)
@@ -113,12 +112,11 @@ class TransformTree:
         self.undecodable = dict(undecodable or {})
 
     @classmethod
-    def read(cls, bag: Bag, near: Iterable[str] = (), *, in_file_order: bool = False) -> TransformTree:
+    def read(cls, bag: Bag, near: Collection[str] = (), *, in_file_order: bool = False) -> TransformTree:
         """Read all transforms of a bag; messages and transforms that cannot be used are counted.
 
         near: topics of sensors; of two robots with the same frames, transforms in the namespace of these are preferred.
         """
-        near = tuple(near)
         types = {
             name: kind
             for name, topic in bag.topics.items()
@@ -153,6 +151,8 @@ class TransformTree:
                 doubled.append(f"{child} (of {kept.parent} and {parent})")
             elif kept is not edge and kept.contradicts(edge):
                 doubled.append(f"{child} (of {parent} by {kept.topic} and by {topic})")
+            elif edge.is_static and moves(edge.parent_from_child):
+                doubled.append(f"{child} (of {parent}, which {topic} changes)")
         return cls(edges, doubled, unusable, {topic: (n, numbers[topic] + 1) for topic, n in undecodable.items()})
 
     def chain(self, frame: str) -> list[Edge]:

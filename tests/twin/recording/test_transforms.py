@@ -299,6 +299,16 @@ def test_of_two_robots_with_the_same_frames_the_one_of_the_rig_is_taken(tmp_path
     )
 
 
+@pytest.mark.parametrize("yaw", [0.2, 1.2])
+def test_a_static_transform_that_changes_is_told(tmp_path, yaw):
+    again = tf(STAMPS[20], "mast", "waist", at(0.1, yaw), "/tf_static")
+    recording = Recording(
+        bag(tmp_path, [*driving(), tf(STAMPS[0], "mast", "waist", at(0.1, 0.2), "/tf_static"), again])
+    )
+    told = [each for each in lines(recording.losses) if "waist (of mast, which /tf_static changes)" in each]
+    assert len(told) == (yaw != 0.2)
+
+
 @pytest.mark.parametrize(
     ("kind", "every", "told"),
     [
