@@ -173,7 +173,10 @@ def _motion(
 ) -> tuple[Float[Array, "2 4 4"], Float[Array, "4 4"]]:
     """Return F of tracks that coast and of those in sight, and Q, over `dt` [s]; read-only, kept for the usual periods."""
     F = np.stack([of_both_axes(np.array([[1, dt], [0, keep]])) for keep in (np.exp(-dt / slowdown_s), 1)])
-    return F, of_both_axes(np.outer([dt**2 / 2, dt], [dt**2 / 2, dt])) * acceleration_m_s2**2
+    Q = of_both_axes(np.outer([dt**2 / 2, dt], [dt**2 / 2, dt])) * acceleration_m_s2**2
+    F.setflags(write=False)
+    Q.setflags(write=False)
+    return F, Q
 
 
 def of_both_axes(block: Float[Array, "2 2"]) -> Float[Array, "4 4"]:

@@ -75,25 +75,18 @@ def _fits(siblings: BaseModel, name: str, value: Any) -> bool:
 EVERY_OPTION = [(preset, path) for preset in PRESETS for path in leaves(options_of(preset))]
 
 
+_OF_NUMPY = {bool: np.bool_, int: np.int64, float: np.float64, str: np.str_}
+
+
+@pytest.mark.parametrize("kinds", [{}, _OF_NUMPY], ids=["python", "numpy"])
 @settings(max_examples=200, deadline=None)
 @given(st.data())
-def test_setting_one_option_of_a_preset_changes_that_one_alone(data: st.DataObject) -> None:
+def test_setting_one_option_of_a_preset_changes_that_one_alone(kinds: dict[type, type], data: st.DataObject) -> None:
     preset, path = data.draw(st.sampled_from(EVERY_OPTION))
     before = options_of(preset)
     value = data.draw(valid_values(before, path))
-    given_options = deep_merge(PRESETS[preset].options, nested(path, value))
-    after = leaves(validate(type(before), given_options, "options"))
-    assert after == leaves(before) | {path: value}
-
-
-@settings(max_examples=30, deadline=None)
-@given(st.data())
-def test_options_take_scalars_of_numpy(data: st.DataObject) -> None:
-    preset, path = data.draw(st.sampled_from(EVERY_OPTION))
-    before = options_of(preset)
-    value = data.draw(valid_values(before, path))
-    kinds = {bool: np.bool_, int: np.int64, float: np.float64, str: np.str_}
-    given_options = deep_merge(PRESETS[preset].options, nested(path, kinds.get(type(value), lambda same: same)(value)))
+    given_value = kinds.get(type(value), lambda same: same)(value)
+    given_options = deep_merge(PRESETS[preset].options, nested(path, given_value))
     after = leaves(validate(type(before), given_options, "options"))
     assert after == leaves(before) | {path: value} and type(after[path]).__module__ != "numpy"
 
