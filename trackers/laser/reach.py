@@ -35,7 +35,7 @@ _HEIGHTS_M = 0.05, 1.5
 """Heights at which a beam meets an adult: above the soles, below the top of the head [m]."""
 _TALLEST_M, _LEVEL_M = 2.2, 0.01
 """Height above which a level beam meets nobody [m]; rise of one by the rounding of its pose's angles, as of one upside down."""
-_CONTRADICTED = 1 / 3
+_CONTRADICTED = 1 / 4
 """Share of the places of moving bodies past which another scanner sees, above which a warning is made."""
 _FEWEST, _MOST_PLACES = 40, 100
 """Places seen past, in all, for a warning; and those compared in one scan."""

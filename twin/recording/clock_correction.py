@@ -26,6 +26,8 @@ _OTHER_CLOCK_S = 0.5
 """Age beyond that of other sensors from which a sensor is on another clock [s]; no tracker would wait for such a delay
 anyway.
 """
+_YOUNG = 0.05
+"""Share of the messages that are younger than those by whose age a clock is known where most were held up."""
 _PACE = 0.05
 """Greatest deviation of the pace of all stamps from that of the log times that is no other pace."""
 _SIMULATED_S = 1e8
@@ -99,14 +101,14 @@ def correct_clocks(
                 clock.stamp = clock.stamp + np.rint((clock.slope - slope) * (clock.log - since_ns)).astype(np.int64)
     common, names = _common_level(telling, slope, since_ns)
     stamps: dict[str, Nanoseconds] = {}
-    ahead_s: dict[str, float] = {}
+    levels: dict[str, float] = {}
     for name, clock in clocks.items():
         found, used = _levelled(clock, slope, since_ns, common, names, moves=not keeps_stamps)
         losses += found
         stamps[name] = used
         if clock.main.size and clock.tells:
             age = (clock.log - used).astype(float) - slope * (clock.log - since_ns)
-            ahead_s[name] = (common - float(np.median(age[clock.main]))) / NS_PER_S
+            levels[name] = float(age[clock.main].min())  # held up messages tell no other clock
     if not keeps_stamps and (pace := _other_pace(list(clocks.values()))) is not None:
         losses.append(pace)
     jumps_ns = () if keeps_stamps else _common_jumps(clocks, stamps)
@@ -120,6 +122,10 @@ def correct_clocks(
     for name, each in times.items():
         stamps.setdefault(name, each.stamp_ns)
     untold = frozenset(name for name, clock in clocks.items() if clock.set.size and not clock.tells)
+    others = {
+        name: [level for other, level in levels.items() if other != name] or [own] for name, own in levels.items()
+    }
+    ahead_s = {name: (float(np.median(others[name])) - own) / NS_PER_S for name, own in levels.items()}
     return CorrectedClocks(stamps, losses, ahead_s, jumps_ns, untold)
 
 
@@ -207,6 +213,12 @@ def _noise(clock: SensorClock, rows: Index) -> float:
     return float(np.median(np.abs(steps))) if steps.size else 0.0
 
 
+def _level(age: Array) -> float:
+    """Return the usual age of messages [ns]; where most were held up, that of the youngest, which tell the clock."""
+    usual, young = np.quantile(age, [0.5, _YOUNG])
+    return float(young if usual - young > _OTHER_CLOCK_S * NS_PER_S else usual)
+
+
 def _common_level(clocks: list[SensorClock], slope: float, since_ns: int) -> tuple[float, list[str]]:
     """Return the most frequent age [ns] of messages, and the sensors that have it; of two equally frequent ones the smaller."""
     levels = []
@@ -214,7 +226,7 @@ def _common_level(clocks: list[SensorClock], slope: float, since_ns: int) -> tup
         age = clock.age(slope, since_ns)
         for number in range(clock.part.max() + 1):
             rows = clock.part == number
-            levels.append((float(np.median(age[rows])), int(np.count_nonzero(rows)), clock.name))
+            levels.append((_level(age[rows]), int(np.count_nonzero(rows)), clock.name))
     if not levels:
         return 0.0, []
     levels.sort()
@@ -234,7 +246,7 @@ def _levelled(
     n, stamp, age = clock.log.size, clock.stamp.copy(), clock.age(slope, since_ns)
     found: list[Loss] = []
     parts = [np.flatnonzero(clock.part == number) for number in range(clock.part.max() + 1)] if clock.tells else []
-    levels = [float(np.median(age[rows])) for rows in parts]
+    levels = [_level(age[rows]) for rows in parts]
     near = [k for k, level in enumerate(levels) if abs(level - common) <= _OTHER_CLOCK_S * NS_PER_S]
     is_stated = clock.offset_ns != 0
     most = max(range(len(parts)), key=lambda k: parts[k].size, default=None)

@@ -91,7 +91,7 @@ class RecordingCache:
         try:
             found, made = True, False
             fcntl.flock(lock, fcntl.LOCK_SH)
-            while (fault := _fault(entry)) is not None:
+            while (fault := fault_of(entry)) is not None:
                 found = False
                 if made and entry.exists():
                     raise InputError(
@@ -99,7 +99,7 @@ class RecordingCache:
                         "sound disk is expected"
                     )
                 fcntl.flock(lock, fcntl.LOCK_EX)
-                if (fault := _fault(entry)) is not None:  # no other process has made it meanwhile
+                if (fault := fault_of(entry)) is not None:  # no other process has made it meanwhile
                     if entry.exists():
                         warn(f"{entry}: {fault}; the recording is made again")
                         self._drop(entry)
@@ -119,7 +119,7 @@ class RecordingCache:
         partial = Path(tempfile.mkdtemp(prefix=f"{_MAKING}{entry.name}.", dir=self._entries))
         try:
             make(partial)
-            _write_sums(partial)
+            write_sums(partial)
             os.replace(partial, entry)
         except BaseException as error:
             shutil.rmtree(partial, ignore_errors=True)
@@ -199,8 +199,11 @@ class RecordingCache:
             os.close(lock)
 
 
-def _write_sums(folder: Path) -> None:
-    sums = {path.name: _digest(path) for path in sorted(folder.iterdir()) if path.is_file()}
+def write_sums(folder: Path) -> None:
+    """Write the digest of each file of a folder into it, for `fault_of`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    files = [path for path in sorted(folder.rglob("*")) if path.is_file() and path.name != _SUMS]
+    sums = {path.relative_to(folder).as_posix(): _digest(path) for path in files}
     (folder / _SUMS).write_text(json.dumps(sums), encoding="utf-8")
 
 
@@ -209,8 +212,8 @@ def digests_of(entry: Path) -> dict[str, str]:
     return json.loads((entry / _SUMS).read_text(encoding="utf-8"))
 
 
-def _fault(entry: Path) -> str | None:
-    """Describe the difference between a recording and what was written; None without one."""
+def fault_of(entry: Path) -> str | None:
+    """Describe the difference between a folder's files and what was written; None without one."""
     if not entry.exists():
         return "is not there"
     try:

@@ -18,7 +18,7 @@ from twin.recording.atomic_file import write_atomic
 from twin.run.inputs import NONE_TRUSTED, TrustedClasses, unused_changes
 from twin.run.outcome import versions
 from twin.scenario.run_size import total
-from twin.suites.cache import RecordingCache
+from twin.suites.cache import RecordingCache, write_sums
 from twin.suites.cache_keys import Provenance, whole_code
 from twin.suites.cluster import Workers
 from twin.suites.dask_runner import ProgressListener, RunTasks, open_workers
@@ -196,6 +196,7 @@ def _run_cases(
             _note_warnings(store, warned_cases)
         shutil.rmtree(folder / "cases" / case.id, ignore_errors=True)  # what an earlier state of the case has left
         _write_files(folder / "cases" / case.id, result.files)
+        write_sums(folder / "cases" / case.id)
         recorded = RecordingInfo(result.recording, result.people, result.scatter_m)
         store.finished(case, end.attempts, end.seconds, flatten_metrics(result.metrics), result.incidents, recorded)
         if result.renderer not in renderers:

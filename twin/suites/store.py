@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -200,17 +200,17 @@ class ResultStore:
                 "INSERT INTO cases VALUES (?, ?, 0, NULL, NULL)", [(case.id, WAITING) for case in cases]
             )
 
-    def resume(self, cases: Sequence[Case]) -> dict[str, list[str]]:
-        """Reset cases that were running when the run was killed, that failed, or whose inputs changed, so that they run
-        again.
+    def resume(self, cases: Sequence[Case], damaged: Collection[str] = ()) -> dict[str, list[str]]:
+        """Reset cases that were running when the run was killed, that failed, or whose inputs or files changed.
 
-        Returns the changed inputs (fields of `Provenance`) of finished cases, by case_id.
+        Returns the changed inputs (fields of `Provenance`, or the files, of those `damaged`) of finished cases, by case_id.
         """
         held = dict(self._connection.execute("SELECT case_id, made_from FROM definitions"))
         done = {
             case_id for (case_id,) in self._connection.execute("SELECT case_id FROM cases WHERE status = ?", (DONE,))
         }
         changed = {case.id: case.provenance.changed(Provenance.read(held[case.id])) for case in cases}
+        changed |= {case_id: [*changed[case_id], "its files in cases/"] for case_id in damaged}
         ids = [(case_id,) for case_id, parts in changed.items() if parts]
         with self._writing():
             for table in ("results", "moments", "recordings", "scanners"):

@@ -13,6 +13,7 @@ from typing import Any
 from trackers.errors import InputError
 from twin.messages import counted
 from twin.run.out_folder import check_others, locked_folder
+from twin.suites.cache import fault_of
 from twin.suites.expansion import Case, with_variant
 from twin.suites.store import EXPECTED, ResultStore, StoredCase, fault_of_file
 
@@ -42,8 +43,9 @@ def open_store(
     """Open the results in `folder` for writing, locked during the block.
 
     A new file holds the cases and `facts`; `resume` continues an earlier one. Cases whose inputs changed (scenario, room,
-    tracker, prior files) are run again, with a warning to `warn`. Raises InputError where another process writes, where
-    results exist without `resume`, and where they are of other cases, or of another suite, other changes or other code.
+    tracker, prior files), or whose files did, are run again, with a warning to `warn`. Raises InputError where another process
+    writes, where results exist without `resume`, and where they are of other cases, or of another suite, other changes or
+    other code.
     """
     path = folder / RESULTS_FILE
     with locked_folder(folder):
@@ -60,7 +62,8 @@ def open_store(
                 with _sound(path):
                     _check_whole(connection, path)
                     _check_same(store, cases, facts)
-                    changed = store.resume(cases)
+                    damaged = {each.id for each in cases if fault_of(folder / "cases" / each.id)}
+                    changed = store.resume(cases, damaged)
                 store.note(**{name: facts[name] for name in _OF_SUITE if name in facts})
                 if changed:
                     warn(rerun_warning(changed, len(cases)))

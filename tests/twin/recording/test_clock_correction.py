@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from recorded import MS, a_scan, write_ros2_bag
 
 from trackers.errors import InputError
+from trackers.feeding import LATE
 from trackers.rig import LaserSensor, Rig
 from trackers.tracks import Track, TrackFrame
-from twin.recording.losses import lines
+from twin.recording.losses import dropped_by, lines
 from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
 from twin.recording.ros_messages import LASER_SCAN, encode, time_message
@@ -44,14 +45,15 @@ def true(k: int) -> int:
     return EPOCH_NS + REGULAR[k]
 
 
-def a_bag(folder, waist: Said = true, knee: Said = true, logged: Said = true, n: int = N, **changes):
-    """Scans of two scanners with these stamps in their headers, by default all right."""
+def a_bag(folder, waist: Said = true, knee: Said = true, logged: Said | dict[str, Said] = true, n: int = N, **changes):
+    """Scans of two scanners with these stamps in their headers, by default all right; log times: by topic, or of both."""
     messages = []
     for topic, said in (("/high", waist), ("/low", knee)):
         for k in range(n):
             message: Any = TYPESTORE.deserialize_cdr(encode(a_scan(REGULAR[k], seed=len(topic))).data, LASER_SCAN)
             header = replace(message.header, stamp=time_message(said(k)))
-            messages.append((topic, LASER_SCAN, logged(k), replace(message, header=header, **changes)))
+            log_ns = (logged[topic] if isinstance(logged, dict) else logged)(k)
+            messages.append((topic, LASER_SCAN, log_ns, replace(message, header=header, **changes)))
     write_ros2_bag(folder / "bag", sorted(messages, key=lambda message: message[2]))
     return folder / "bag"
 
@@ -110,6 +112,23 @@ def test_another_clock_is_moved_onto_that_of_the_others_and_the_offset_is_told(t
     again = Recording(bag, Rig(sensors=RIG.sensors | stated))
     assert lines(again.losses) == []
     np.testing.assert_allclose(stamps_of(again)["knee"], REGULAR, rtol=0, atol=1 * MS)
+
+
+@pytest.mark.parametrize("off_s", [-0.4, 0.45])
+def test_the_offset_that_is_told_where_trackers_would_not_wait_is_the_whole(tmp_path, off_s):
+    recording = Recording(a_bag(tmp_path, knee=lambda k: true(k) + round(off_s * NS_PER_S)), RIG)
+    assert lines(recording.losses) == [] and recording.ahead_s == pytest.approx({"knee": off_s, "waist": -off_s})
+    (loss,) = dropped_by("sort", {("knee", LATE): N}, {"knee": N}, recording.ahead_s)
+    assert f"`time_offset_s: {-off_s:.3f}` for knee in rig.yaml" in loss.remedy
+
+
+def test_messages_that_are_held_up_are_of_no_other_clock(tmp_path):
+    held = {"/high": lambda k: true(k), "/low": lambda k: true(min(k // 25 * 25 + 24, N - 1))}  # handed on every 2.5 s
+    recording = Recording(a_bag(tmp_path, logged=held), RIG)
+    assert {name: sorted(each) for name, each in stamps_of(recording).items()} == dict.fromkeys(RIG.sensors, REGULAR)
+    assert not any("another clock" in line for line in lines(recording.losses))
+    (loss,) = dropped_by("sort", {("knee", LATE): N}, {"knee": N}, recording.ahead_s)
+    assert "see what holds the messages up" in loss.remedy
 
 
 @pytest.mark.parametrize("ppm", [-50_000, 30_000])

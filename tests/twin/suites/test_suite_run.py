@@ -242,6 +242,23 @@ def test_a_suite_with_cameras_is_refused_where_nothing_renders_and_leaves_nothin
     assert not (tmp_path / "out").exists()
 
 
+def test_a_finished_case_whose_files_were_cut_or_lost_is_done_again(made_up: Path, tmp_path: Path) -> None:
+    shutil.copytree(made_up, tmp_path / "copy")
+    folder = tmp_path / "copy/out"
+    cut, lost, *_ = pages = sorted((folder / "cases").glob("*/report.html"))
+    before = [page.read_bytes() for page in pages]
+    os.truncate(cut, 9)
+    lost.unlink()
+    said: list[str] = []
+    run_made_up(tmp_path / "copy/made-up.yaml", folder, resume=True, progress=ProgressListener(warned=said.append))
+    (line,) = said
+    assert (
+        line.startswith(f"--resume: 2 of {N_CASE} results are done again (") and "its files in cases/ changed" in line
+    )
+    assert_whole(folder)
+    assert [page.read_bytes() for page in pages] == before
+
+
 def test_what_a_case_has_left_goes_when_it_is_done_again_for_an_edited_scenario(suite: Path, tmp_path: Path) -> None:
     folder, scenario = tmp_path / "out", suite.with_name("own.yaml")
     scenario.write_text("extends: lab-five-people\nname: own\nduration_s: 2\n")
