@@ -68,6 +68,14 @@ def gap_between(first: Array, second: Array) -> float:
     return float(min(edge_gaps(first, second).min(), edge_gaps(second, first).min()))
 
 
+def thickness_m(corners: Array) -> float:
+    """Return the least distance of two parallels that hold a convex polygon (k, 2) between them [m]."""
+    edges = np.roll(corners, -1, axis=0) - corners
+    edges = edges[np.linalg.norm(edges, axis=1) > 1e-9]
+    normals = np.column_stack([-edges[:, 1], edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
+    return float(np.ptp(corners @ normals.T, axis=0).min())
+
+
 def inset(corners: Array, margin_m: float) -> Array | None:
     """Return the simple polygon (k, 2) shrunk by a margin [m], with the sense of rotation kept; None if too narrow.
 

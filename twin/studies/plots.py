@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array
+from twin.geometry.polygon import thickness_m
 from twin.report.metrics_table import format_number
 from twin.report.palette import INK, QUIET, SHADE, plot_style, to_svg
 from twin.room.building import Building, room_outline
+from twin.room.walkable import standing_footprints
 from twin.scenario import Scenario
 from twin.scenario.housings import in_the_room
 from twin.scenario.sensors import FloorDescription
@@ -29,7 +31,7 @@ _BAR_MM = 6.0
 _SCALES = (10, 20, 25, 50, 100, 150, 200, 250, 500, 1000)
 _MARGIN_M = 0.4
 _WALL_M = 0.4
-"""Thickness above which a wall is drawn as furniture [m]."""
+"""Thickness from which what is as high as a wall is drawn as furniture, a wardrobe for instance [m]."""
 _SHORTEST_MM = 9.0
 _TEXT_PT = 7.0
 """Size of all text on the plan."""
@@ -113,9 +115,10 @@ def floor_plan(
                 axes.plot(x, y, "x", color=_OLD, markersize=5, zorder=4)
         for each in {(round(each.x, 2), round(each.y, 2)): each for each in reversed(sensors)}.values():
             _dimensions(axes, each, building, scale)
+        m_per_pt = scale * 0.0254 / 72
         _directions(axes, sensors, 0.007 * scale)
-        _numbered(axes, sensors, _DOT_PT)
-        _names(axes, sensors, 0.0085 * scale)
+        _numbered(axes, sensors, m_per_pt)
+        _names(axes, sensors, 0.0085 * scale, m_per_pt)
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xticks=[], yticks=[])
         for side in axes.spines.values():
             side.set_visible(False)
@@ -170,24 +173,28 @@ def _dimensions(axes: Axes, sensor: PlanSensor, building: Building, scale: int) 
         axes.annotate("", tuple(here[:2]), tuple(foot), arrowprops=arrow)
         if 1000 * gap_m / scale < _SHORTEST_MM:  # listed in the table
             continue
-        share = (0.35, 0.5, 0.65)[sensor.number % 3]  # numbers of coinciding lines stay apart
+        share = (0.3, 0.5, 0.7)[sensor.number % 3]  # numbers of coinciding lines stay apart
         at = here[:2] + share * (foot - here[:2]) + 0.0012 * scale * along
         turn = 90 - (90 - np.rad2deg(np.arctan2(*(foot - here[:2])[::-1]))) % 180  # along the line, never upside down
         _write(axes, at, f"{gap_m:.2f}", color=_ACCENT, rotation=turn)
 
 
-def _names(axes: Axes, sensors: Sequence[PlanSensor], reach_m: float) -> None:
-    """Write name and yaw of each sensor beyond its arrow; those of one place and direction one below the other."""
-    alike: dict[tuple[float, ...], list[PlanSensor]] = {}
+def _names(axes: Axes, sensors: Sequence[PlanSensor], reach_m: float, m_per_pt: float) -> None:
+    """Write name and yaw of each sensor beyond its arrow, or where the next line is free of other names."""
+    line_m, written = 1.5 * _TEXT_PT * m_per_pt, list[tuple[float, float, float]]()  # left, right, y
     for each in sensors:
-        alike.setdefault((round(each.x, 2), round(each.y, 2), round(each.yaw_deg)), []).append(each)
-    for group in alike.values():
-        x, y = group[0].ahead(reach_m)
-        along = np.cos(np.deg2rad(group[0].yaw_deg))
+        x, y = each.ahead(reach_m)
+        along = np.cos(np.deg2rad(each.yaw_deg))
         side = "center" if abs(along) < 0.5 else "left" if along > 0 else "right"
-        up = "center" if abs(along) > 0.85 else "bottom" if y > group[0].y else "top"
-        text = "\n".join(each.label() for each in group)
-        _write(axes, (x, y), text, ha=side, va=up)
+        step = line_m if y > each.y and abs(along) <= 0.85 else -line_m
+        if abs(along) <= 0.85:
+            y += step / 2  # the text begins or ends there
+        width = 0.62 * _TEXT_PT * m_per_pt * len(each.label())
+        left = x - width * {"left": 0.0, "center": 0.5, "right": 1.0}[side]
+        while any(left < end and start < left + width and abs(y - at) < 0.99 * line_m for start, end, at in written):
+            y += step
+        written.append((left, left + width, y))
+        _write(axes, (x, y), each.label(), ha=side)
 
 
 def _room(axes: Axes, building: Building, area: Array) -> None:
@@ -196,12 +203,11 @@ def _room(axes: Axes, building: Building, area: Array) -> None:
     mujoco.mj_kinematics(building.model, data)
     size_m = np.ptp(building.outline, axis=0)
     for polygon in room_outline(building.model, data):
-        extent_m = np.ptp(polygon, axis=0)
-        if (extent_m >= 0.9 * size_m).all():  # around or under the whole room
-            continue
-        is_wall = (extent_m < _WALL_M).any() and extent_m.max() > 3 * _WALL_M
-        fill, edge = ("#7a838f", "#4a525c") if is_wall else ("#d5d9df", "#a9b0bb")
-        axes.fill(*polygon.T, facecolor=fill, edgecolor=edge, linewidth=0.5, zorder=2)
+        if (np.ptp(polygon, axis=0) < 0.9 * size_m).any():  # neither around nor under the whole room
+            axes.fill(*polygon.T, facecolor="#d5d9df", edgecolor="#a9b0bb", linewidth=0.5, zorder=2)
+    for wall in standing_footprints(building.model, data)[0]:
+        if thickness_m(wall) < _WALL_M:
+            axes.fill(*wall.T, facecolor="#7a838f", edgecolor="#4a525c", linewidth=0.5, zorder=2)
     for pane in room_outline(building.model, data, glass_only=True):
         axes.fill(*pane.T, facecolor="#bfe3f2", edgecolor="#3b9fc4", linewidth=0.5, zorder=2)
     for piece in building.open_edges():
@@ -210,16 +216,21 @@ def _room(axes: Axes, building: Building, area: Array) -> None:
     axes.set_aspect("equal")
 
 
-def _numbered(axes: Axes, sensors: Sequence[PlanSensor], size: float) -> None:
-    """Draw dots with the sensors' numbers; sensors one above the other share a dot."""
-    at: dict[tuple[float, float], list[str]] = {}
+def _numbered(axes: Axes, sensors: Sequence[PlanSensor], m_per_pt: float) -> None:
+    """Draw dots with the sensors' numbers; sensors whose dots would overlap share one, in their middle."""
+    groups: list[list[PlanSensor]] = []
     for each in sensors:
-        at.setdefault((round(each.x, 2), round(each.y, 2)), []).append(str(each.number))
-    for (x, y), numbers in at.items():
-        axes.plot(x, y, "o", color=INK, markersize=size * (1 + 0.4 * (len(numbers) - 1)), zorder=7)
-        axes.text(
-            x, y, ",".join(numbers), color="white", fontsize=0.74 * size, ha="center", va="center_baseline", zorder=8
-        )
+        near = (group for group in groups if np.hypot(each.x - group[0].x, each.y - group[0].y) < _DOT_PT * m_per_pt)
+        if group := next(near, None):
+            group.append(each)
+        else:
+            groups.append([each])
+    for group in groups:
+        x, y = np.mean([[each.x, each.y] for each in group], axis=0)
+        numbers = ",".join(str(each.number) for each in group)
+        axes.plot(x, y, "o", color=INK, markersize=_DOT_PT * (1 + 0.4 * (len(group) - 1)), zorder=7)
+        style = {"color": "white", "fontsize": 0.74 * _DOT_PT, "ha": "center", "va": "center_baseline", "zorder": 8}
+        axes.text(x, y, numbers, **style)
 
 
 def heat_map(
@@ -263,7 +274,7 @@ def heat_map(
                 zorder=2.6,
             )
         _directions(axes, sensors, 0.09 * float(size.max()))
-        _numbered(axes, sensors, _DOT_PT)
+        _numbered(axes, sensors, 0.0036 * float(size.max()))  # of a map that is some 280 points wide
         axes.set(xlabel="x [m]", ylabel="y [m]")
         axes.grid(False)
         bar = figure.colorbar(image, ax=axes, shrink=0.8, label=label)

@@ -124,7 +124,7 @@ def _results(run: TrialRunner, coverage: PoseCoverage, result: Result, start_s: 
         )
     loss = losses(mine, study.objectives, study.scenarios)
     front = [each for each, number in zip(mine, pareto_fronts(loss), strict=True) if number == 0]
-    best = mine[int(np.argmin(loss[:, 0]))]
+    best = mine[int(np.lexsort(loss.T[::-1])[0])]  # of equals by the first objective, the best by the next
     if study.cheapest_within is not None:
         near = np.flatnonzero(loss[:, 0] <= loss[:, 0].min() + study.cheapest_within + 1e-12)
         best = mine[min(near, key=lambda place: (mine[place].price, loss[place, 0]))]

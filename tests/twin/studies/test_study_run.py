@@ -280,6 +280,22 @@ def test_coverage_alone_is_searched_exactly(tmp_path: Path, capsys: pytest.Captu
     )
 
 
+def test_of_placements_that_cover_alike_the_cheapest_is_recommended(tmp_path: Path) -> None:
+    path = written(
+        tmp_path,
+        trackers=[],
+        objectives=[{"kind": "coverage"}, {"kind": "price"}],
+        search={"method": "greedy"},
+        devices__rig__count=[1, 2],
+        held_out=None,
+        coverage={"samples": 2, "seeds": [1950], "beams": 1},
+        constraints__cable={"from": [2.9, 2.9, 0.3], "price_per_m": 10},
+    )
+    summary = run(path, tmp_path / "out")
+    assert summary["best"]["candidate"] in [row["candidate"] for row in summary["pareto"]]
+    assert summary["best"]["price"] < summary["baseline"]["price"]
+
+
 def test_a_number_of_devices_that_another_beats_is_shown_too(tmp_path: Path) -> None:
     """One rig sees all that two do: two are dominated, and yet have been searched."""
     path = written(
