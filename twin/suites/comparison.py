@@ -329,4 +329,5 @@ def significance(change: Change) -> str:
     if (case := change.collapse) is not None:
         by, allowed = (format_metric(change.metric, each).split()[0] for each in (case.by, case.allowed))
         parts = [f"seed {case.seed} worse by {by} (allowed in one case: {allowed})"]
-    return ", ".join([*parts, *([f"p {p:.3f}"] if p <= ALPHA or not parts else [])])
+    chance = f"p {p:.3f}" if p >= 0.0005 else "p < 0.001"
+    return ", ".join([*parts, *([chance] if p <= ALPHA or not parts else [])])

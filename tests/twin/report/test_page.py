@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import replace
 from html import unescape
 from html.parser import HTMLParser
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 from synthetic_run import SyntheticRun, stage
 
+import twin.report
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.rig import LaserSensor, Rig
@@ -310,3 +312,33 @@ def test_stills_show_every_sensor_in_the_frame_with_the_most_tracks(synthetic: S
         picture = cv2.imdecode(np.frombuffer(still.jpeg, np.uint8), cv2.IMREAD_COLOR)
         assert picture is not None
         assert picture.shape[1] / picture.shape[0] == pytest.approx(still.aspect)
+
+
+PAGES = sorted(Path(twin.report.__file__).parents[1].glob("*/*.html.j2"))
+
+
+def schemes(page: str) -> Iterator[dict[str, str]]:
+    """Yield the colours of a page by name, light and dark."""
+    light, dark = re.findall(r":root \{(.*?)\}", page, re.DOTALL)[:2]
+    colours = dict(re.findall(r"--([\w-]+): (#\w{6})\b", light))
+    yield colours
+    yield colours | dict(re.findall(r"--([\w-]+): (#\w{6})\b", dark))
+
+
+def luminance(colour: str) -> float:
+    values = [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
+    linear = [each / 12.92 if each <= 0.03928 else ((each + 0.055) / 1.055) ** 2.4 for each in values]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def test_text_of_every_page_has_the_contrast_of_wcag_aa_in_light_and_dark() -> None:
+    pages = {each: text for each in PAGES if ":root {" in (text := each.read_text("utf-8"))}
+    assert len(pages) >= 3
+    for path, text in pages.items():
+        names = set(re.findall(r"(?<![-\w])color: var\(--([\w-]+)\)", text))
+        names |= set(re.findall(r"\btext[^{}]*\{[^}]*?(?<![-\w])fill: var\(--([\w-]+)\)", text))
+        for colours in schemes(text):
+            for name in names:
+                for ground in ("paper", "card"):
+                    light, dark = sorted((luminance(colours[name]), luminance(colours[ground])), reverse=True)
+                    assert (light + 0.05) / (dark + 0.05) >= 4.5, f"{path.name}: {name} on {ground}"

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
+from trackers.plain_data import dump_yaml
 from twin.scenario import load_scenario
 from twin.studies.candidate_set import building_of
 from twin.studies.devices import Cable, Constraints, KeepFreeZone
@@ -62,24 +64,31 @@ def test_all_text_has_one_size(lab) -> None:
     assert len(sizes) == len(texts) and np.ptp(sizes) < 0.05
 
 
-CLOSET = """<mujoco><worldbody>
-<geom name="floor" type="box" pos="0 0 -0.05" size="2 2 0.05"/>
-<geom name="west" type="box" pos="-2.05 0 1.3" size="0.05 2.1 1.3"/><geom name="east" type="box" pos="2.05 0 1.3" size="0.05 2.1 1.3"/>
-<geom name="south" type="box" pos="0 -2.05 1.3" size="2 0.05 1.3"/><geom name="north_west" type="box" pos="-1.6 2.05 1.3" size="0.4 0.05 1.3"/>
-<geom name="sideboard" type="box" pos="-0.5 -1.8 0.4" size="0.9 0.15 0.4"/><geom name="north_east" type="box" pos="1.0 2.05 1.3" size="1.0 0.05 1.3"/>
-</worldbody></mujoco>"""
+BOXES = {  # middle and half the size [m]
+    "floor": ("0 0 -0.05", "2 2 0.05"),
+    "west": ("-2.05 0 1.3", "0.05 2.1 1.3"),
+    "east": ("2.05 0 1.3", "0.05 2.1 1.3"),
+    "south": ("0 -2.05 1.3", "2 0.05 1.3"),
+    "beside_the_door": ("-1.6 2.05 1.3", "0.4 0.05 1.3"),
+    "north": ("1.0 2.05 1.3", "1.0 0.05 1.3"),
+    "sideboard": ("-0.5 -1.8 0.4", "0.9 0.15 0.4"),
+}
 
 
 def test_walls_are_told_from_furniture_by_height_and_labels_of_near_sensors_keep_apart(tmp_path: Path) -> None:
-    (tmp_path / "closet.xml").write_text(CLOSET, "utf-8")
-    mounts = {"low": (0.0, -1.5), "by_it": (0.05, -1.45), "far": (1.5, 1.0)}
-    sensors = "".join(f"  {name}: {{kind: laser, rate_hz: 10, mount: {{xyz: [{x}, {y}, 1]}}}}\n" for name, (x, y) in mounts.items())
-    (tmp_path / "closet.yaml").write_text(f"name: closet\nroom: closet.xml\nduration_s: 1\npeople: {{}}\nsensors:\n{sensors}", "utf-8")
+    geoms = "".join(f'<geom name="{name}" type="box" pos="{at}" size="{half}"/>' for name, (at, half) in BOXES.items())
+    (tmp_path / "closet.xml").write_text(f"<mujoco><worldbody>{geoms}</worldbody></mujoco>", "utf-8")
+    content: dict[str, Any] = {"name": "closet", "room": "closet.xml", "duration_s": 1, "people": {}, "sensors": {}}
+    for name, x, y in (("low", 0.0, -1.5), ("by_it", 0.05, -1.45), ("far", 1.5, 1.0)):
+        content["sensors"][name] = {"kind": "laser", "rate_hz": 10, "mount": {"xyz": [x, y, 1]}}
+    (tmp_path / "closet.yaml").write_text(dump_yaml(content), "utf-8")
     scenario = load_scenario(tmp_path / "closet.yaml", [])
     scene = build_scene(scenario)
     svg, *_ = plan_of((scenario, scene, building_of(scene)), Constraints())
     drawn = ElementTree.tostring(svg, encoding="unicode")
-    assert drawn.count("fill: #7a838f") == 5 and drawn.count("fill: #d5d9df") == 6  # five walls; each, and the sideboard
+    assert (
+        drawn.count("fill: #7a838f") == 5 and drawn.count("fill: #d5d9df") == 6
+    )  # five walls; each, and the sideboard
     texts = list(svg.iter("{http://www.w3.org/2000/svg}text"))
     assert {"1,2", "3"} <= {each.text for each in texts}
     lines = [float(each.get("y", "nan")) for each in texts if each.text in ("low 0°", "by_it 0°")]
