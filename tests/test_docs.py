@@ -227,6 +227,14 @@ def test_every_column_of_the_truth_is_explained_in_its_order(table: str, columns
     assert tuple(re.findall(r"`(\w+)`", explained)) == columns
 
 
+def test_the_reference_holds_every_kind_of_observation_and_of_sensor() -> None:
+    text = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
+    for module, ends in (("observations", ("Scan", "Image", "Frame", "Odometry")), ("rig_sensors", ("Sensor",))):
+        source = (ROOT / "trackers" / f"{module}.py").read_text(encoding="utf-8")
+        for name in re.findall(r"^class ([A-Z]\w+)\(", source, re.MULTILINE):
+            assert not name.endswith(ends) or f"::: trackers.{module}.{name}\n" in text, name
+
+
 class TestFigures:
     """Measured values come from docs/figures.json, each with its command, commit and n."""
 

@@ -1,6 +1,6 @@
 """Build the documentation: assemble the pages in out/site, fill in figures and references, and hand them to zensical.
 
-scripts/docs [--gallery] [--serve]
+scripts/docs [--no-gallery] [--serve]
 """
 
 from __future__ import annotations
@@ -77,7 +77,10 @@ def main() -> None:
     """Assemble, build, check."""
     parser = argparse.ArgumentParser(prog="scripts/docs", description="Build the documentation into out/docs.")
     parser.add_argument(
-        "--gallery", action="store_true", help="draw the missing pictures of the gallery first (minutes)"
+        "--gallery",
+        action=argparse.BooleanOptionalAction,
+        default=True,
+        help="draw the missing pictures of the gallery first: minutes the first time",
     )
     parser.add_argument("--serve", action="store_true", help="show the pages at localhost while they are written")
     arguments = parser.parse_args()

@@ -1,4 +1,4 @@
-"""Draw the pictures of the gallery that are missing: `scripts/docs --gallery`."""
+"""Draw the pictures of the gallery that are missing, for `scripts/docs`."""
 
 from __future__ import annotations
 
@@ -57,17 +57,18 @@ def write_webp(path: Path, rgb: NDArray[np.uint8]) -> None:
 
 def _scenario(page: str, name: str, drawn: str) -> NDArray[np.uint8]:
     from twin.scenario import load_scenario
+    from twin.view import write_room
     from twin.view.contact_sheet import drawn_view
 
     if page == "scenarios":
         scenario = load_scenario(name)
         return drawn_view(scenario, round(scenario.duration_s / 2, 1), TILE_PX)[0]
     with tempfile.TemporaryDirectory() as folder:
+        if page == "rooms":
+            write_room(name, Path(folder) / "room.png")
+            return _read_rgb(Path(folder) / "room.png")
         path = Path(folder) / "shown.yaml"
         path.write_text(drawn, encoding="utf-8")
-        if page == "rooms":  # room and plan; the third tile is the plan again
-            shown_rgb = drawn_view(load_scenario(path), 0.0, TILE_PX)[0]
-            return shown_rgb[:, : 2 * shown_rgb.shape[1] // 3]
         return drawn_view(load_scenario(path), 6.0, TILE_PX)[0]
 
 
@@ -77,7 +78,11 @@ def _sheet() -> NDArray[np.uint8]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "drawn.png"
         write_drawn("drawn", [], range(DRAWN_SEED, DRAWN_SEED + DRAWN_COUNT), 5.0, path)
-        return np.asarray(cv2.imread(str(path)), dtype=np.uint8)[..., ::-1]
+        return _read_rgb(path)
+
+
+def _read_rgb(path: Path) -> NDArray[np.uint8]:
+    return np.asarray(cv2.imread(str(path)), dtype=np.uint8)[..., ::-1]
 
 
 def _study(name: str) -> NDArray[np.uint8]:

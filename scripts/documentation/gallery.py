@@ -1,6 +1,6 @@
 """Gallery: everything that is shipped, each with a picture, a line and its YAML.
 
-Pictures are drawn into out/gallery by `scripts/docs --gallery`, each under a name with the digest of what it shows, so that only
+Pictures are drawn into out/gallery by `scripts/docs`, each under a name with the digest of what it shows, so that only
 what changed is drawn again. A page without them says how to draw them.
 """
 
@@ -70,16 +70,7 @@ def shown() -> Iterator[tuple[str, str, str, str, str]]:
         yield "scenarios", name, models.first_description("scenarios", name), text, text
     for name in models.names("rooms"):
         text = (models.MODELS / "rooms" / f"{name}.xml").read_text(encoding="utf-8")
-        scanner = {"kind": "laser", "rate_hz": 10, "field_of_view_deg": 360, "mount": {"xyz": [0, 0.5, 1.2]}}
-        described = {
-            "name": name.replace("_", "-"),
-            "room": name,
-            "duration_s": 1,
-            "people": {},
-            "sensors": {"scanner": scanner},
-        }
-        empty = yaml.safe_dump(described)
-        yield "rooms", name, _first_comment(text), f"room: {name}\n", empty
+        yield "rooms", name, _first_comment(text), f"room: {name}\n", text
     for kind, sensor in _SENSORS.items():
         text = yaml.safe_dump({"sensors": {kind: sensor}}, sort_keys=False, default_flow_style=None)
         yield "sensors", kind, models.SENSOR_KINDS[kind], text, yaml.safe_dump(_home({kind: sensor}))
@@ -123,7 +114,7 @@ def pictures() -> dict[str, Path]:
 def _image(path: Path, said: str) -> str:
     if path.is_file():
         return f"![{said}](pictures/{path.parent.name}/{path.name})"
-    return "*No picture has been drawn: `scripts/docs --gallery` draws all.*"
+    return "*No picture has been drawn: `scripts/docs` without `--no-gallery` draws all.*"
 
 
 _INTRODUCTIONS = {
@@ -133,7 +124,8 @@ _INTRODUCTIONS = {
     ),
     "rooms": (
         "Rooms",
-        "A room is an MJCF file; [MJCF in rooms](../mjcf.md) lists the elements. `room: NAME` puts one into a scenario.",
+        "A room is an MJCF file; [MJCF in rooms](../mjcf.md) lists the elements. `room: NAME` puts one into a scenario, "
+        "`twin view NAME` draws it.",
     ),
     "sensors": (
         "Sensors and faults",

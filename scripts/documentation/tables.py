@@ -158,7 +158,7 @@ def all_of_kind(kind: str) -> str:
     names = [name for name, each in read_figures().items() if each["kind"] == kind]
     if not names:
         return f"*docs/figures.json holds none yet; sources of the kind `{kind}` in figures.yaml can be measured.*"
-    return "\n\n".join(f"### {name}\n\n{figures_table(name)}" for name in names)
+    return "\n\n".join(f"### {name.removeprefix(f'{kind}-')}\n\n{figures_table(name)}" for name in names)
 
 
 def _bold(text: str, figure: Figure, rivals: Sequence[Figure | None]) -> str:

@@ -107,7 +107,7 @@ search: {{method: exact, limit_s: 30}}
 """
 
 TRACKER = '''\
-"""A tracker of your own: clusters of one scanner, each taken for the nearest track.
+"""A tracker of your own: clusters of one scanner, each assigned to the nearest track.
 
 Check it: twin check {module}:Mine
 Run it:   twin run lab-five-people --tracker {module}:Mine --no-images
@@ -119,7 +119,7 @@ from trackers.laser.layer import LaserLayer, WaistOptions
 from trackers.tracks import Track
 
 _FARTHEST_M = 0.5  # from a track to the cluster that continues it
-_COAST_S = 0.5  # so long a track lives without one
+_COAST_S = 0.5  # a track without a cluster for longer than this is deleted
 
 
 class Mine:
@@ -208,7 +208,7 @@ def room(out: Annotated[Path, typer.Option(metavar="FILE.xml", help="File to wri
 
 @app.command(epilog="Example: twin new tracker --out mine.py; twin check mine:Mine")
 def tracker(out: Annotated[Path, typer.Option(metavar="FILE.py", help="File to write.")] = Path("mine.py")) -> None:
-    """Write a tracker of 40 lines: clusters of one scanner, each taken for the nearest track."""
+    """Write a tracker of 40 lines: clusters of one scanner, each assigned to the nearest track."""
     _write("tracker", _filled(TRACKER, out), out, ".py")
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import models
+from twin.geometry.geom_hull import hull_points
 from twin.report.palette import LAYER_COLOURS, hex_colour
 from twin.report.scene_pictures import check_picture_name, render_picture, tile_pictures, write_png
 from twin.room.building import room_outline
@@ -118,7 +119,7 @@ def _plan(world: World, name: str) -> NDArray[np.uint8]:
     axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
     axes.set_title(f"{name}: {extent_text(scene.walkable)}", fontsize=11)
     axes.grid(alpha=0.35, linewidth=0.6)
-    axes.legend(loc="upper right", fontsize=8)
+    figure.legend(loc="outside lower right", fontsize=8, frameon=False)
     canvas.draw()
     rgba = np.asarray(canvas.buffer_rgba())
     return cv2.cvtColor(cv2.resize(rgba, _TILE_PX), cv2.COLOR_RGBA2RGB).astype(np.uint8)
@@ -133,9 +134,10 @@ def _name_things(
     """
     letter = np.ptp(data.geom_xpos[:, :2], axis=0) * _LETTER
     for geom in np.argsort(-model.geom_rbound, kind="stable"):
-        body, radius, (x, y, z) = model.geom_bodyid[geom], model.geom_rbound[geom], data.geom_xpos[geom]
+        body, radius, (x, y, _) = model.geom_bodyid[geom], model.geom_rbound[geom], data.geom_xpos[geom]
         name = model.body(body).name if body else model.geom(geom).name
-        is_low = z + radius > _LOW_M and z - radius < _TALL_M and radius < _WIDE_M
+        heights = points[:, 2] if (points := hull_points(model, data, geom)) is not None else np.array([np.inf])
+        is_low = heights.max() > _LOW_M and heights.min() < _TALL_M and radius < _WIDE_M
         is_free = all((np.abs(each - (x, y)) > letter * ((count + len(name)) / 2, 1)).any() for each, count in taken)
         if name and name not in named and is_low and is_free:
             axes.text(x, y, name, fontsize=6.5, color="#4a5160", ha="center", va="center", clip_on=True)
