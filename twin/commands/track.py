@@ -302,7 +302,7 @@ def _recordings(
         own, changes = facts.get("file", ""), facts["changes"]
         suite_name = own if os.path.isfile(own) else facts["suite"]
     suite, file = load_suite(suite_name)
-    cases = expand(suite, file, changes, plug_ins=False)
+    cases = expand(suite, file, changes, runs=False)
     if held is not None and held != {case.id for case in cases}:
         raise InputError(
             f"{source}: holds the results of other cases than {file} has; the suite as it was run is expected"

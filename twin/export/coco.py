@@ -34,9 +34,7 @@ def export_coco(recordings: Sequence[Recorded], out: Path, *, simulate: bool = T
     usable = [each for each in recordings if each.recording.rig.cameras() and each.has_truth]
     for each in recordings:
         if each not in usable:
-            each.on_warning(
-                f"{each.recording.path}: has no camera or no truth: left out; --truth FILE.csv gives a truth"
-            )
+            each.on_warning(f"{each.title}: has no camera or no truth: left out; --truth FILE.csv gives a truth")
     if not usable:
         raise InputError("--format coco: no recording has a camera and truth; one whose people are known is expected")
     with ExitStack() as stack:
@@ -107,7 +105,7 @@ def _add_pictures(recorded: Recorded, labeller: Labeller, out: Path, images: _Js
         for label in each.labels:
             annotations.add({"id": annotations.count + 1, "image_id": image_id, **_annotation(label)})
     if images.count == before:
-        recorded.on_warning(f"{recorded.recording.path}: no picture has labels; --labels-hz labels any")
+        recorded.on_warning(f"{recorded.title}: no picture has labels; --labels-hz labels any")
 
 
 def _annotation(label: Label) -> dict[str, Any]:

@@ -117,15 +117,13 @@ class _SequenceWriter:
             (self._root / "image_02" / self._name).mkdir()
         else:
             recorded.on_warning(
-                f"{recorded.recording.path}: has no pinhole camera: image_02 is left out, boxes are -1, and labels are in the "
+                f"{recorded.title}: has no pinhole camera: image_02 is left out, boxes are -1, and labels are in the "
                 f"axes of {view.name}"
             )
         if self._truth is None:
-            recorded.on_warning(
-                f"{recorded.recording.path}: holds no truth: label_02 is left out; --truth FILE.csv gives it"
-            )
+            recorded.on_warning(f"{recorded.title}: holds no truth: label_02 is left out; --truth FILE.csv gives it")
         if not self._scanners:
-            recorded.on_warning(f"{recorded.recording.path}: has neither scanner nor depth: velodyne stays empty")
+            recorded.on_warning(f"{recorded.title}: has neither scanner nor depth: velodyne stays empty")
         with ExitStack() as stack:
             self._frames = stack.enter_context((self._root / "frames" / f"{self._name}.csv").open("w"))
             self._frames.write("frame,t\n")

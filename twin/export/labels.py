@@ -295,7 +295,7 @@ def check_same_people(recorded: Recorded, simulation: Simulation, truth: TruthFr
         x, y = places.get(person.id, (nan, nan))
         if not np.hypot(x - person.x, y - person.y) <= _ELSEWHERE_M:
             raise InputError(
-                f"{recorded.recording.path}: person {person.id} is not where the bag's scenario, simulated here, has them at "
+                f"{recorded.title}: person {person.id} is not where the bag's scenario, simulated here, has them at "
                 f"{truth.stamp_ns / NS_PER_S:g} s: another version made the bag; --labels bag is expected"
             )
 

@@ -35,6 +35,7 @@ from twin.export.labels import Label, Labeller, open_labeller, upright_boxes
 from twin.export.pictures import ExportedPicture, Recorded, frame_rate_hz, pictures
 from twin.recording.tables import TrackTable, seconds_cell
 from twin.run.feed import write_detections
+from twin.run.tracker_runner import file_name
 
 BENCHMARK = "roomtwin-all"
 _PERSON, _DISTRACTOR = 1, 8
@@ -76,9 +77,7 @@ def export_mot(recordings: Sequence[Recorded], out: Path, *, hz: float | None = 
             labeller = open_labeller(stack, recorded, simulate=hz is not None, hz=hz)
             sequences += _cameras(recorded, out, labeller, detections)
         if not recorded.has_truth:
-            recorded.on_warning(
-                f"{recorded.recording.path}: holds no truth: gt/gt.txt is left out; --truth FILE.csv gives it"
-            )
+            recorded.on_warning(f"{recorded.title}: holds no truth: gt/gt.txt is left out; --truth FILE.csv gives it")
     (out / "gt/seqmaps").mkdir(parents=True)
     (out / "gt/seqmaps" / f"{BENCHMARK}.txt").write_text("name\n" + "".join(f"{name}\n" for name in sequences))
 
@@ -94,7 +93,7 @@ class _Sequence:
         self.truth = self._open(stack, self.folder / "gt/gt.txt") if has_truth else None
         self.detections = self._open(stack, self.folder / "det/det.txt")
         self.tracks = {
-            each: self._open(stack, out / "trackers" / BENCHMARK / each / "data" / f"{name}.txt")
+            each: self._open(stack, out / "trackers" / BENCHMARK / file_name(each) / "data" / f"{name}.txt")
             for each in recorded.tracks
         }
 
@@ -146,7 +145,7 @@ def _cameras(recorded: Recorded, out: Path, labeller: Labeller | None, detection
             sequence.finish(lens.width, lens.height, suffixes[name])
     if missing := [name for name in cameras if name not in sequences]:
         recorded.on_warning(
-            f"{recorded.recording.path}: no labelled picture of {', '.join(missing)}: left out; --labels-hz labels any"
+            f"{recorded.title}: no labelled picture of {', '.join(missing)}: left out; --labels-hz labels any"
         )
     return [sequence.name for sequence in sequences.values()]
 
@@ -226,7 +225,7 @@ def _detections(recorded: Recorded) -> PlaceRows:
                 [(round(float(row["t"]) * NS_PER_S), row["x"], row["y"]) for row in csv.DictReader(table)], dtype=float
             ).reshape(-1, 3)
     else:
-        recorded.on_warning(f"{recorded.recording.path}: has no scanner: det/det.txt stays empty")
+        recorded.on_warning(f"{recorded.title}: has no scanner: det/det.txt stays empty")
     rows = rows[np.argsort(rows[:, 0], kind="stable")]
     count, stamps_ns = len(rows), rows[:, 0].astype(np.int64)
     return PlaceRows(np.unique(stamps_ns), stamps_ns, np.full(count, -1), rows[:, 1:], np.full(count, np.nan))

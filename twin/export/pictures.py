@@ -2,7 +2,7 @@
 
 A recording is a bag with the people's names and the tracks of its run, with its truth on demand. A picture's number counts
 those of its camera from 1 in the order in which they arrived, in every format. Bytes are copied where the message holds a
-JPEG or PNG; raw and other pictures become PNG, which loses nothing. `export_images` writes a folder per camera.
+JPEG or PNG; raw and other pictures become PNG. `export_images` writes a folder per camera.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _LONGEST_S = 1e9
 class Recorded:
     """Recording, the name of its exported sequence, the tracks of its run by tracker, and the user's truth, if any.
 
-    rig: that was given; own_truth: taken instead of the bag's, at the stamps of the sensors at which it is known.
+    rig: that was given; own_truth: taken instead of the bag's, where it is known at the sensors' stamps; title: for warnings.
     """
 
     name: str
@@ -60,6 +60,7 @@ class Recorded:
     rig: Rig | AnyPath | None = None
     own_truth: TruthTable | None = None
     on_warning: OnWarning = lambda warning: None
+    title: str = ""
 
     @cached_property
     def scenario(self) -> Scenario | None:
@@ -95,8 +96,7 @@ def open_recorded(
     """Open a bag, or the folder of a run or of `twin track`; its tracks are those of `tables` by tracker, else of the folder
     or the bag. Its rig is `rig`, else the one with which `twin track` made the folder.
 
-    `name`: of its sequence (default: that of the run or the bag); `truth`: table to take instead of the bag's truth. Raises
-    InputError for a path that is none of these.
+    `name`: of its sequence; default: that of the run or bag. `truth`: table to take instead of the bag's. Raises InputError.
     """
     path = as_path(path, "recording")
     is_run = path.is_dir() and ((path / RECORDING).is_file() or (path / ABOUT).is_file())
@@ -106,8 +106,8 @@ def open_recorded(
     if tables is None and is_run:
         tables = {each.stem: each for each in sorted((path / "tracks").glob("*.csv"))}
     tracks = _tracks_in(recording) if tables is None else {each: read_tracks(file) for each, file in tables.items()}
-    name = name or (path.resolve().name if is_run else _bag_name(path.resolve()))
-    return Recorded(name, recording, tracks, of_run, own, on_warning)
+    own_name = path.resolve().name if is_run else _bag_name(path.resolve())
+    return Recorded(name or own_name, recording, tracks, of_run, own, on_warning, name or str(recording.path))
 
 
 def _own_truth(path: Path, recording: Recording, on_warning: OnWarning) -> TruthTable:
@@ -245,7 +245,7 @@ def pictures(recorded: Recorded, cameras: Collection[str], *, depth: bool = Fals
                 content, suffix = _depth_file(message, camera) if is_depth else _colour_file(message, camera)
             except InputError as error:
                 if topic not in warned:
-                    recorded.on_warning(f"{recording.path}: topic {topic}: left out what is no picture: {error}")
+                    recorded.on_warning(f"{recorded.title}: topic {topic}: left out what is no picture: {error}")
                 warned.add(topic)
                 continue
             yield ExportedPicture(camera, number, stamp_ns, content, suffix, is_depth)

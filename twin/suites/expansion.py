@@ -114,6 +114,7 @@ def expand(
     *,
     plug_ins: bool = True,
     trusted: TrustedClasses = NONE_TRUSTED,
+    runs: bool = True,
     limits: bool = False,
     scenes: bool = False,
 ) -> list[Case]:
@@ -121,12 +122,13 @@ def expand(
 
     changes: 'path=value' texts for every case, which keeps its id, so that two runs can be compared; plug_ins: whether to
     check the user's own trackers too, which only some machines have; trusted: classes that the suite and its scenarios may
-    name; limits: whether to refuse a recording larger than `twin.scenario.run_size` allows; scenes: whether to check, for
-    each seed, that the simulation can begin (`check_scene`). Raises InputError, one line per fault, for invalid scenarios,
-    overrides and trackers, for those that do not fit the scenario's rig, and for cases given twice. Nothing is simulated.
+    name; runs: False where no tracker will run, so that none is checked; limits: whether to refuse a recording larger than
+    `twin.scenario.run_size` allows; scenes: whether to check, for each seed, that the simulation can begin (`check_scene`).
+    Raises InputError, one line per fault, for invalid scenarios, overrides and trackers, for those that do not fit the
+    scenario's rig, and for cases given twice. Nothing is simulated.
     """
     cases: dict[str, Case] = {}
-    check = TrackerCheck(path, plug_ins=plug_ins, trusted=trusted)
+    check = TrackerCheck(path, plug_ins=plug_ins, trusted=trusted, runs=runs)
     faults = [
         f"--set {change}: a suite has its seeds under seeds:; --seed N, which adds to each, is expected"
         for change in changes

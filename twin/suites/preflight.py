@@ -113,12 +113,15 @@ class TrackerCheck:
     """Checker that each tracker can be made for each rig with its options and without a background; collects the faults.
 
     plug_ins: whether the user's own classes are on this machine too, and not only on a cluster's workers; trusted: those
-    that the suite and its scenarios may name. A plug-in that raises anything but an InputError, or raises after reading the
-    empty room, is left to its cases: its behaviour on real data is unknown here.
+    that the suite and its scenarios may name; runs: False where none will run, so that every tracker passes. A plug-in that
+    raises anything but an InputError, or raises after reading the empty room, is left to its cases: its behaviour on real
+    data is unknown here.
     """
 
-    def __init__(self, suite: Path, *, plug_ins: bool = True, trusted: TrustedClasses = NONE_TRUSTED) -> None:
-        self._suite = suite
+    def __init__(
+        self, suite: Path, *, plug_ins: bool = True, trusted: TrustedClasses = NONE_TRUSTED, runs: bool = True
+    ) -> None:
+        self._suite, self._runs = suite, runs
         self._plug_ins = plug_ins
         self._trusted = trusted
         self._walkable: dict[str, tuple[Point2, ...]] = {}
@@ -134,13 +137,13 @@ class TrackerCheck:
         """
         rig = self._rig(scenario)
         prior = self._prior(variant, scenario, rig, file)
-        for name, choice in scenario.trackers.items():
+        for name, choice in scenario.trackers.items() if self._runs else ():
             if name in available() and choice.preset not in (None, name):
                 self._tell(redefined(place_of(variant, file, f"trackers.{name}.preset"), name, choice.preset))
             if name not in variant.trackers and not is_known_tracker(choice.preset or name):
                 where = place_of(variant, file, f"trackers.{name}.preset" if choice.preset else f"trackers.{name}")
                 self._tell(unknown_tracker(where, choice.preset or name, "a preset: next to the options"))
-        for place, name in enumerate(variant.trackers):
+        for place, name in enumerate(variant.trackers if self._runs else ()):
             choice, listed = scenario.trackers.get(name, TrackerChoice()), f"{variant.listed}.{place}"
             target = choice.preset or name
             if not is_known_tracker(target):
@@ -170,6 +173,8 @@ class TrackerCheck:
         prior: what its prior files hold, without the empty room.
         """
         name, target = chosen.name, chosen.target
+        if not self._runs:
+            return
         if not is_known_tracker(target):
             self._tell(unknown_tracker(listed, target, "a class of your own"))
         elif name not in available() and ":" in name and not self._trusted.has(name):

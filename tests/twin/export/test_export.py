@@ -492,10 +492,12 @@ def test_a_folder_of_suite_results_is_exported_with_the_tracks_in_it(
     Path("short.yaml").write_text(_SCENARIO)
     Path("suites").mkdir()
     Path("suites/mine.yaml").write_text(
-        "name: smoke\nseeds: [1000]\ntrackers: [sort]\nscenarios: "
+        "name: smoke\nseeds: [1000]\ntrackers: [sort, 'trackers.sort:Sort']\nscenarios: "
         "[{scenario: ../short.yaml, set: {sensors.depth: null, sensors.low: null}}]\n"
     )
-    done = CliRunner().invoke(app, ["suite", "run", "suites/mine.yaml", "--jobs", "1", "--out", "results"])
+    done = CliRunner().invoke(
+        app, ["suite", "run", "suites/mine.yaml", "--jobs", "1", "--out", "results", "--allow-plugins"]
+    )
     assert done.exit_code == 0, (done.output, done.exception)
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(tmp_path / "elsewhere")
@@ -505,6 +507,7 @@ def test_a_folder_of_suite_results_is_exported_with_the_tracks_in_it(
 
     (exported,) = out.glob("trackers/*/sort/data/*-ground.txt")
     assert len(np.loadtxt(exported, delimiter=",")) == len(read_tracks(table).x) > 0
+    assert list(out.glob("trackers/*/trackers.sort-Sort/data/*-ground.txt"))  # a class, which the export does not run
     edited = Path("../suites/mine.yaml").read_text().replace("[1000]", "[1001]")
     Path("../suites/mine.yaml").write_text(edited)
     told = CliRunner().invoke(app, ["export", "../results", "--format", "mot", "--out", "other"])
