@@ -28,6 +28,7 @@ SHIFT = 4  # cv2 draws at 1/16 pixel
 _SHELL_M2 = 4.0
 _SAME_PLACE_PX = 12.0
 _LETTER_PX = 6.5  # approximate width of a letter
+_LINE_PX = 14
 _FARTHEST_PX = 20_000  # clipping distance, as int32 would overflow
 
 
@@ -315,13 +316,21 @@ def sensor_names_svg(view: FloorView, rig: Rig, silent: Collection[str] = ()) ->
         else:
             together.append((at, [name]))
     parts = []
+    written: list[tuple[float, float, float, int]] = []  # left and right end, line of the first name, names below
     for (x, y), names in together:
         text = ", ".join(f"{name}: silent" if name in silent else name for name in names)
-        left = x + 9 + _LETTER_PX * len(text) > view.width_px
-        x, anchor = (x - 9, "end") if left else (x + 9, "start")
+        long_px, row = _LETTER_PX * len(text), 0
+        turned = x + 9 + long_px > view.width_px
+        x, anchor = (x - 9, "end") if turned else (x + 9, "start")
         y = min(max(y, 14.0), view.height_px - 22.0)  # clear of the metres along the edge
+        left = x - long_px if turned else x
+        for other_left, other_right, line, below in written:
+            if left < other_right and other_left < left + long_px and abs(y - line) < _LINE_PX:
+                y, row = line, max(row, below + 1)
+        written.append((left, left + long_px, y, row))
+        shift = f' dy="{-1.15 * row:.2f}em"' if row else ""
         parts.append(
-            f'<text class="sensor-name halo" x="{x:.1f}" y="{y - 5:.1f}" text-anchor="{anchor}">{escape(text)}</text>'
+            f'<text class="sensor-name halo" x="{x:.1f}" y="{y - 5:.1f}"{shift} text-anchor="{anchor}">{escape(text)}</text>'
         )
     return "".join(parts)
 

@@ -81,6 +81,11 @@ def test_sensors_on_the_plan_have_their_names() -> None:
     assert (both, starts) == ("waist, knee", "start")
     assert (alone, ends) == ("far-one", "end")  # it would leave the picture
     assert 0 < float(left) < float(right) < 400
+    near = Rig(sensors={**rig.sensors, "beside": at(0.2, 1), "next": at(0.4, 1)}, area=rig.area)
+    rows = re.findall(
+        r' y="([0-9.]+)"(?: dy="(-[0-9.]+)em")? [^>]*>(?:beside|next|waist)', sensor_names_svg(view, near)
+    )
+    assert len({y for y, _ in rows}) == 1 and len({dy for _, dy in rows}) == 3  # lines of their own, whatever the size
 
 
 def test_thinned_path_stays_within_a_third_of_a_pixel() -> None:
