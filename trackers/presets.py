@@ -60,11 +60,11 @@ _BAI = "Bai, Takahashi: Identification and Tracking Using Laser and Vision of Ma
 _SONG = "Song, Zhao, Cui, Shao, Shibasaki, Zha: Fusion of Laser and Vision for Multiple Targets Tracking via On-line Learning"
 _MORI = (
     "Mori, Matsumoto, Shimosaka, Noguchi, Sato: Multiple Persons Tracking with Data Fusion of Multiple Cameras "
-    "and Floor Sensors Using Particle Filters"
+    "and Floor Sensors Using Particle Filters (M2SFA2 2008)"
 )
 _SUZUKI = (
     "Suzuki, Iwasaki, Kobayashi, Sato, Sugimoto: "
-    "Incorporating Environment Models for Improving Vision-Based Tracking of People"
+    "Incorporating Environment Models for Improving Vision-Based Tracking of People (Systems and Computers in Japan 38, 2007)"
 )
 _HEADS = "trackers.rgbd_head.tracker:RgbdHead"
 _START = {"start": "where each head is at a time, and faces"}

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from trackers.errors import InputError
+from twin import models
 
 
 def _each_path_once(changes: list[str] | None) -> list[str] | None:
@@ -39,8 +41,27 @@ def _allow_room_root(folder: Path | None) -> Path | None:
     return folder
 
 
+def completed_from(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
+    """Return what completes these names in a shell, which completes paths by itself."""
+    return lambda incomplete: [name for name in names() if name.startswith(incomplete)]
+
+
+def shipped(*folders: str) -> Callable[[str], list[str]]:
+    """Return what completes the names of what is shipped in these folders, of models, in a shell."""
+    return completed_from(lambda: [name for folder in folders for name in models.names(folder)])
+
+
+def _presets() -> Iterable[str]:
+    from trackers.presets import available
+
+    return available()
+
+
 ScenarioName = Annotated[
-    str, typer.Argument(help="Name of a shipped scenario (see `twin list`) or path of a YAML file.")
+    str,
+    typer.Argument(
+        help="Name of a shipped scenario (see `twin list`) or path of a YAML file.", autocompletion=shipped("scenarios")
+    ),
 ]
 
 
@@ -56,7 +77,12 @@ Out = Annotated[Path | None, typer.Option(help="Folder for the results; default:
 Duration = Annotated[float | None, typer.Option(metavar="S", help="Seconds to simulate; default: the scenario's.")]
 Trackers = Annotated[
     list[str] | None,
-    typer.Option("--tracker", metavar="NAME", help="A preset, one the scenario defines, or module:Class. Repeatable."),
+    typer.Option(
+        "--tracker",
+        metavar="NAME",
+        help="A preset, one the scenario defines, or module:Class. Repeatable.",
+        autocompletion=completed_from(_presets),
+    ),
 ]
 AllowPlugins = Annotated[
     bool, typer.Option("--allow-plugins", help="Run the classes (module:Class) that the scenario itself names.")

@@ -464,3 +464,21 @@ def test_a_sensor_outside_the_building_is_refused_by_all_that_look_from_it(
     done = twin(*command.split(), LAB, "--set", changed, "--out", "out", cwd=tmp_path)
     assert done.returncode == 2 and said in done.stderr and "Traceback" not in done.stderr
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("twin run lab-fi", "lab-five-people"),
+        ("twin view library_", "library_hall"),
+        ("twin track walk.bag --tracker laser-l", "laser-legs"),
+        ("twin suite run smo", "smoke"),
+        ("twin reproduce rgbd", "rgbd-head"),
+        ("twin run ./mine", ""),  # a path: the shell's own completion goes on
+    ],
+)
+def test_a_shell_completes_names_of_what_is_shipped(line: str, expected: str) -> None:
+    asked = {"_TWIN_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": str(line.count(" "))}
+    script = [sys.executable, "-c", "import sys; from twin.__main__ import main; sys.argv[0] = 'twin'; main()"]
+    told = subprocess.run(script, env={**os.environ, **asked}, capture_output=True, text=True, check=False)
+    assert told.stdout.split() == expected.split()

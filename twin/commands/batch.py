@@ -20,7 +20,9 @@ from twin.options import (
     SetOfCases,
     SetOfScenario,
     command_group,
+    completed_from,
     overrides,
+    shipped,
 )
 from twin.reproduce.registry import REPRODUCTIONS, Request
 
@@ -30,7 +32,12 @@ study_app = command_group("Where should the sensors go, how many, and what is lo
 
 @suite_app.command("run", epilog="Example: twin suite run smoke --jobs 2 --baseline models/suites/baselines/smoke.json")
 def run_suite(
-    suite: Annotated[str, typer.Argument(help="Name of a shipped suite (see `twin list`) or path of a YAML file.")],
+    suite: Annotated[
+        str,
+        typer.Argument(
+            help="Name of a shipped suite (see `twin list`) or path of a YAML file.", autocompletion=shipped("suites")
+        ),
+    ],
     jobs: Jobs = None,
     scheduler: Scheduler = None,
     resource: Resource = None,
@@ -143,7 +150,12 @@ Out = Annotated[Path | None, typer.Option(help="Folder for the results.")]
 
 @study_app.command("run", epilog="Example: twin study run lab-scanner-place --jobs 2 --out out/place")
 def run_study(
-    study: Annotated[str, typer.Argument(help="Name of a shipped study (see `twin list`) or path of a YAML file.")],
+    study: Annotated[
+        str,
+        typer.Argument(
+            help="Name of a shipped study (see `twin list`) or path of a YAML file.", autocompletion=shipped("studies")
+        ),
+    ],
     jobs: Jobs = None,
     scheduler: Scheduler = None,
     resource: Resource = None,
@@ -239,7 +251,11 @@ def _names_with(option: str) -> str:
 
 def reproduce(
     name: Annotated[
-        str, typer.Argument(help=" or ".join(f"{name} ({each.summary})" for name, each in REPRODUCTIONS.items()) + ".")
+        str,
+        typer.Argument(
+            help=" or ".join(f"{name} ({each.summary})" for name, each in REPRODUCTIONS.items()) + ".",
+            autocompletion=completed_from(lambda: REPRODUCTIONS),
+        ),
     ],
     seeds: Annotated[
         int | None,

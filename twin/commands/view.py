@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from trackers.errors import InputError
-from twin.options import NoLimits, RoomRoot, Seed, Set, overrides
+from twin.options import NoLimits, RoomRoot, Seed, Set, overrides, shipped
 
 if TYPE_CHECKING:
     from twin.scenario import Scenario
@@ -21,6 +21,7 @@ def view(
         typer.Argument(
             help="Name of a shipped scenario or room (see `twin list`), or path of a YAML or MJCF file; "
             "--drawn shows rooms drawn at random without it.",
+            autocompletion=shipped("scenarios", "rooms"),
             show_default=False,
         ),
     ] = None,
