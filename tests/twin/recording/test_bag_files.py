@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import sqlite3
@@ -273,3 +274,11 @@ def test_messages_that_only_the_journal_holds_are_not_passed_over(bags, tmp_path
 def test_each_failure_says_what_it_is(tmp_path, name, content, said):
     (tmp_path / name).write_bytes(content)
     assert said in refused(tmp_path / name)
+
+
+@pytest.mark.parametrize(("table", "said"), [("results", "it has none"), ("topics", "it has topics")])
+def test_a_database_of_something_else_is_not_called_damaged(tmp_path, table, said):
+    with contextlib.closing(sqlite3.connect(tmp_path / "a#b.db3")) as connection:
+        connection.execute(f"CREATE TABLE {table} (id INTEGER)")
+    sentence = refused(tmp_path / "a#b.db3")
+    assert "is a SQLite database but no bag" in sentence and said in sentence and "damaged" not in sentence
