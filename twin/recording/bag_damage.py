@@ -122,8 +122,10 @@ def describe_damage(path: Path, reason: str) -> str:
             return f"its metadata.yaml cannot be used ({reason}); `ros2 bag reindex {path.name}` writes a new one"
     if reason.startswith("Unindexed MCAP messages"):
         return f"has no index, and its messages are in no order; `mcap recover {path.name} -o whole.mcap` writes one that has"
-    if "missing tables" in reason and path.is_file() and (tables := _tables(path)) is not None:
-        return f"is a SQLite database but no bag: of the tables topics and messages it has {tables or 'none'}"
+    for database in (path,) if path.is_file() else sorted(path.glob("*.db3")):
+        if f"{database.name} or database missing tables" in reason and (tables := _tables(database)) is not None:
+            its = "" if database is path else f"its {database.name} "
+            return f"{its}is a SQLite database but no bag: of the tables topics and messages it has {tables or 'none'}"
     suffixes = {path.suffix.lower()} if path.is_file() else {each.suffix for each in path.glob("*")}
     if ".mcap" in suffixes:
         tool = f"`mcap recover {path.name}` saves what can be read"
@@ -136,7 +138,7 @@ def describe_damage(path: Path, reason: str) -> str:
 
 def _tables(path: Path) -> str | None:
     """Name those of a bag's tables that a database has; None where it cannot be read."""
-    query = "SELECT name FROM sqlite_master WHERE name IN ('topics', 'messages') ORDER BY name"
+    query = "SELECT name FROM sqlite_master WHERE type = 'table' AND name IN ('topics', 'messages') ORDER BY name"
     try:
         with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as connection:
             return ", ".join(name for (name,) in connection.execute(query))
