@@ -122,8 +122,9 @@ def describe_damage(path: Path, reason: str) -> str:
             return f"its metadata.yaml cannot be used ({reason}); `ros2 bag reindex {path.name}` writes a new one"
     if reason.startswith("Unindexed MCAP messages"):
         return f"has no index, and its messages are in no order; `mcap recover {path.name} -o whole.mcap` writes one that has"
-    for database in (path,) if path.is_file() else sorted(path.glob("*.db3")):
-        if f"{database.name} or database missing tables" in reason and (tables := _tables(database)) is not None:
+    databases = (path,) if path.is_file() else sorted(path.glob("*.db3"))
+    for database in databases if "missing tables" in reason else ():
+        if (tables := _tables(database)) not in (None, "messages, topics"):
             its = "" if database is path else f"its {database.name} "
             return f"{its}is a SQLite database but no bag: of the tables topics and messages it has {tables or 'none'}"
     suffixes = {path.suffix.lower()} if path.is_file() else {each.suffix for each in path.glob("*")}
