@@ -71,7 +71,7 @@ class _Change:
 
 _USUAL = _Change("at the usual rate")
 _LOST_OR_UNLIKE = (
-    _Change("with a tenth lost", dropout=_LOST),
+    _Change("with a tenth lost", dropout=_LOST, least=0.97 * (1 - _LOST)),  # at a lost frame nothing is reported
     _Change("with unlike rates", (_USUAL_HZ, 0.7 * _USUAL_HZ, 1.3 * _USUAL_HZ)),
 )
 

@@ -24,8 +24,7 @@ is p (A. P. Dawid, "The well-calibrated Bayesian", J. American Statistical Assoc
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from math import inf
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -79,23 +78,16 @@ class PersonFrames:
 def person_frames(frames: Sequence[Frame], matches: Sequence[FrameMatches], gate_m: float) -> PersonFrames:
     """Judge every person in every frame; `matches`: correspondence at the same gate of people inside the area and outside."""
     person_id, there = _padded([frame.person_ids for frame in frames], NO_ID)  # (f, n): n slots per frame
-    track_id, _ = _padded([frame.track_ids for frame in frames], NO_ID)  # (f, m)
-    person_xy, _ = _padded([frame.person_xy for frame in frames], np.nan)
-    track_xy, _ = _padded([frame.track_xy for frame in frames], np.nan)
     inside, _ = _padded([frame.in_area for frame in frames], False)
-    gap = person_xy[:, :, None] - track_xy[:, None]
-    distance = np.hypot(gap[..., 0], gap[..., 1])  # (f, n, m)
-    near = distance <= gate_m  # NaN is near no person
-    owner = _owners(frames, matches, track_id)  # (f, m)
-    followed = near.any(axis=2)
-    nearest = _nearest(np.where(near, distance, np.inf), owner[:, None] == person_id[..., None])
-    track, of = (np.where(followed, _pick(each, nearest), NO_ID) for each in (track_id, owner))
-    own = of == person_id
+    owner_of = _owners(frames, matches)
+    each = [_in_frame(frame, owner_of(frame.track_ids), gate_m) for frame in frames]
+    track, of, is_astray, n_nowhere = (list(part) for part in zip(*each, strict=True))
+    track, of = (_padded(part, NO_ID)[0] for part in (track, of))
+    astray = _padded(is_astray, False)[0]
+    followed = track != NO_ID
+    own = followed & (of == person_id)
     wrong = followed & ~own & (of != NO_ID)
-    wrong |= _switches(person_id, track, followed & own)
-    nowhere = (track_id != NO_ID) & ~near.any(axis=1)
-    theirs = (owner[:, None] == person_id[..., None]) & nowhere[:, None]
-    astray = ~followed & theirs.any(axis=2)
+    wrong |= _switches(person_id, track, own)
     ids = np.unique(person_id[there])
     row, column = np.searchsorted(ids, person_id[there]), np.nonzero(there)[0]
 
@@ -110,8 +102,29 @@ def person_frames(frames: Sequence[Frame], matches: Sequence[FrameMatches], gate
         missed=by_person(~followed & ~astray),
         wrong=by_person(wrong),
         astray=by_person(astray),
-        false_locations=nowhere.sum(axis=1),
+        false_locations=np.array(n_nowhere, dtype=np.int64),
     )
+
+
+def _in_frame(
+    frame: Frame, owner: NDArray[np.int64], gate_m: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_], int]:
+    """Return the track nearest to each person (n,), its owner (NO_ID: no track near), who is astray, and the false locations.
+
+    owner: of each track (m,). Of several tracks at one place a person's own is the nearest.
+    """
+    distance = frame.distances_m  # (n, m)
+    near = distance <= gate_m
+    followed, nowhere = near.any(axis=1), ~near.any(axis=0)
+    theirs = owner == frame.person_ids[:, None]
+    if not distance.size:
+        none = np.full(frame.person_ids.shape, NO_ID, dtype=np.int64)
+        return none, none, none == 0, int(nowhere.sum())
+    at_place = near & (distance == np.where(near, distance, np.inf).min(axis=1, keepdims=True))
+    own = theirs & at_place
+    which = np.where(own.any(axis=1), own.argmax(axis=1), at_place.argmax(axis=1))
+    track, of = (np.where(followed, each[which], NO_ID) for each in (frame.track_ids, owner))
+    return track, of, ~followed & (theirs & nowhere).any(axis=1), int(nowhere.sum())
 
 
 def _padded(rows: Sequence[NDArray[Any]], fill: float) -> tuple[NDArray[Any], NDArray[np.bool_]]:
@@ -123,34 +136,24 @@ def _padded(rows: Sequence[NDArray[Any]], fill: float) -> tuple[NDArray[Any], ND
     return whole, theirs
 
 
-def _nearest(distance: NDArray[np.float64], own: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Find each person's nearest track (f, n) by distances (f, n, m); of several at one place an own one."""
-    if not distance.size:
-        return np.zeros(distance.shape[:2], dtype=np.intp)
-    at_place = distance == distance.min(axis=2, keepdims=True)
-    own = own & at_place
-    return np.where(own.any(axis=2), own.argmax(axis=2), at_place.argmax(axis=2))
-
-
-def _pick(of_track: NDArray[np.int64], which: NDArray[np.intp]) -> NDArray[np.int64]:
-    """Index `of_track` (f, m) with each person's track `which` (f, n)."""
-    if not of_track.size:
-        return np.full(which.shape, NO_ID, dtype=np.int64)
-    return np.take_along_axis(of_track, which, axis=1)
-
-
-def _owners(frames: Sequence[Frame], matches: Sequence[FrameMatches], track_id: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Find the person each track (f, m) belongs to; NO_ID for tracks never matched while confirmed."""
+def _owners(
+    frames: Sequence[Frame], matches: Sequence[FrameMatches]
+) -> Callable[[NDArray[np.int64]], NDArray[np.int64]]:
+    """Return a function that finds the person each track id belongs to; NO_ID for tracks never matched while confirmed."""
     pairs = [
         np.stack([frame.track_ids[found.columns], frame.person_ids[found.rows]])[:, frame.confirmed[found.columns]]
         for frame, found in zip(frames, matches, strict=True)
     ]
     tracks, persons = np.concatenate(pairs, axis=1)
     known, first = np.unique(tracks, return_index=True)
-    if not known.size:
-        return np.full(track_id.shape, NO_ID, dtype=np.int64)
-    place = np.minimum(np.searchsorted(known, track_id), known.size - 1)
-    return np.where(known[place] == track_id, persons[first][place], NO_ID)
+
+    def owner_of(track_ids: NDArray[np.int64]) -> NDArray[np.int64]:
+        if not known.size:
+            return np.full(track_ids.shape, NO_ID, dtype=np.int64)
+        place = np.minimum(np.searchsorted(known, track_ids), known.size - 1)
+        return np.where(known[place] == track_ids, persons[first][place], NO_ID)
+
+    return owner_of
 
 
 def _switches(person_id: NDArray[np.int64], track_id: NDArray[np.int64], own: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -258,92 +261,3 @@ def calibration_curve(metrics: Mapping[str, Any]) -> list[tuple[float, float]]:
     nested = metrics.get(WITHIN) or {}
     found = [(each, metrics.get(f"{WITHIN}.{each}", nested.get(str(each)))) for each in CLAIMED_PERCENT]
     return [(each / 100, share) for each, share in found if share is not None]
-
-
-_NEARLY_ALL, _EXPLAINED, _FEW, _LEAST_ROWS = 0.9, 0.5, 0.1, 10
-"""Shares of tracks near people with which their stamps, and their places, are as they should be, the share with which they cannot
-be, and the tracks needed to say so."""
-
-
-def misplaced(judged: Sequence[Frame], gate_m: float, source: str) -> str:
-    """Return a note where the tracks of the table `source` are near nobody, or where another unit or frame explains them better.
-
-    Tried are other units of length, quarter turns and mirrored axes, another origin, and an offset between the clocks. Empty
-    where the places are as they should be, or the tracks too few to say.
-    """
-    frames = [each for each in judged if each.person_ids.size and each.track_ids.size]
-    if sum(each.track_ids.size for each in frames) < _LEAST_ROWS:
-        return ""
-    distance_m = _nearest_m(frames, lambda xy: xy)
-    is_near = float((distance_m <= gate_m).mean())
-    if is_near >= _NEARLY_ALL:
-        return ""
-    near, median_m = _near_later(frames, gate_m)
-    is_late = median_m <= 0.5 * np.median(distance_m) and max(near.values()) >= (1 + is_near) / 2
-    if is_near >= _EXPLAINED and not is_late:
-        return ""
-    people, tracks = (np.median(np.concatenate(places), axis=0) for places in _places(frames))
-    changes: dict[str, Callable[[NDArray[np.float64]], NDArray[np.float64]]] = {
-        "lengths in dm": lambda xy: xy / 10,
-        "lengths in cm": lambda xy: xy / 100,
-        "lengths in mm": lambda xy: xy / 1000,
-        "x and y in each other's place": lambda xy: xy[:, ::-1],
-        "x the other way round": lambda xy: xy * (-1, 1),
-        "y the other way round": lambda xy: xy * (1, -1),
-        "both axes the other way round": lambda xy: -xy,
-        "a quarter turn to the left": lambda xy: xy[:, ::-1] * (-1, 1),
-        "a quarter turn to the right": lambda xy: xy[:, ::-1] * (1, -1),
-        "-y for x and -x for y": lambda xy: -xy[:, ::-1],
-        f"an origin {np.hypot(*(tracks - people)):.3g} m away": lambda xy: xy - (tracks - people),
-    }
-    near |= {how: float((_nearest_m(frames, changed) <= gate_m).mean()) for how, changed in changes.items()}
-    best = max(near, key=lambda how: near[how])  # the first of several: the time
-    is_explained = is_late or near[best] >= max(_EXPLAINED, 2 * is_near)
-    if not is_explained and is_near > _FEW:
-        return ""
-    text = f"{source}: {is_near:.0%} of {distance_m.size} tracks are within {gate_m:g} m of a person, "
-    text += f"half of them farther than {np.median(distance_m):.3g} m"
-    if is_explained:
-        text += f"; {best} would bring {near[best]:.0%} there"
-        if best.startswith("t "):
-            return f"{text}; t on the clock of the truth is expected"
-    return f"{text}; x and y in metres, in the frame of the truth, are expected"
-
-
-_MOST_LATE_S, _SAMPLED = 3.0, 100
-"""Greatest offset between the clocks of truth and tracks that is tried [s], and the frames that it is tried on."""
-
-
-def _near_later(frames: Sequence[Frame], gate_m: float) -> tuple[dict[str, float], float]:
-    """Return the share of tracks near people of other frames, by the change of t that brings most of them nearest.
-
-    And their median distance then [m]; nothing and infinity where the frames are too few.
-    """
-    stamps_s = np.array([each.stamp_ns for each in frames]) / NS_PER_S
-    period_s = float(np.median(np.diff(stamps_s))) if len(frames) > 1 else 0.0
-    most = min(len(frames) // 2, int(_MOST_LATE_S / period_s)) if period_s else 0
-    found: list[tuple[float, int, float]] = []
-    for later in (*range(-most, 0), *range(1, most + 1)):
-        first = np.arange(max(0, -later), len(frames) - max(0, later))
-        first = first[:: -(-len(first) // _SAMPLED)]
-        first = first[np.abs(stamps_s[first + later] - stamps_s[first] - later * period_s) < 0.5 * period_s]
-        moved = [replace(frames[number], person_xy=frames[number + later].person_xy) for number in first]
-        if sum(each.track_ids.size for each in moved) >= _LEAST_ROWS:
-            distance_m = _nearest_m(moved, lambda xy: xy)
-            found.append((float(np.median(distance_m)), later, float((distance_m <= gate_m).mean())))
-    if not found:
-        return {}, inf
-    median_m, later, share = min(found)
-    return {f"t of the tracks {abs(later) * period_s:.3g} s {'later' if later > 0 else 'earlier'}": share}, median_m
-
-
-def _places(frames: Sequence[Frame]) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
-    return [each.person_xy for each in frames], [each.track_xy for each in frames]
-
-
-def _nearest_m(
-    frames: Sequence[Frame], changed: Callable[[NDArray[np.float64]], NDArray[np.float64]]
-) -> NDArray[np.float64]:
-    """Return the distance of each track, its place changed, from the nearest person [m]."""
-    gaps = [each.person_xy[:, None] - changed(each.track_xy)[None] for each in frames]
-    return np.concatenate([np.hypot(gap[..., 0], gap[..., 1]).min(axis=0) for gap in gaps])

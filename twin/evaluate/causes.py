@@ -7,13 +7,16 @@ else `seen`.
 
 A false positive is a track matched with no person: a `double` within the gate of a person matched with another track; a
 `ghost` while it coasts, `ghost_unseen` if the person it was matched with last is unseen then; else `clutter`.
+
+Tracks that are near nobody have one cause: a table in another unit, frame or clock.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -165,3 +168,92 @@ def long_occlusions(truth: TruthTable, sensors: Sequence[str], longer_than_s: fl
                 if end_s - start_s > longer_than_s:
                     found.append(PersonOcclusion(person, start_s, end_s))
     return tuple(sorted(found, key=lambda each: (each.start_s, each.person_id)))
+
+
+_NEARLY_ALL, _EXPLAINED, _FEW, _LEAST_ROWS = 0.9, 0.5, 0.1, 10
+"""Shares of tracks near people with which their stamps, and their places, are as they should be, the share with which they cannot
+be, and the tracks needed to say so."""
+
+
+def misplaced(judged: Sequence[Frame], gate_m: float, source: str) -> str:
+    """Return a note where the tracks of the table `source` are near nobody, or where another unit or frame explains them better.
+
+    Tried are other units of length, quarter turns and mirrored axes, another origin, and an offset between the clocks. Empty
+    where the places are as they should be, or the tracks too few to say.
+    """
+    frames = [each for each in judged if each.person_ids.size and each.track_ids.size]
+    if sum(each.track_ids.size for each in frames) < _LEAST_ROWS:
+        return ""
+    distance_m = _nearest_m(frames, lambda xy: xy)
+    is_near = float((distance_m <= gate_m).mean())
+    if is_near >= _NEARLY_ALL:
+        return ""
+    near, median_m = _near_later(frames, gate_m)
+    is_late = median_m <= 0.5 * np.median(distance_m) and max(near.values()) >= (1 + is_near) / 2
+    if is_near >= _EXPLAINED and not is_late:
+        return ""
+    people, tracks = (np.median(np.concatenate(places), axis=0) for places in _places(frames))
+    changes: dict[str, Callable[[NDArray[np.float64]], NDArray[np.float64]]] = {
+        "lengths in dm": lambda xy: xy / 10,
+        "lengths in cm": lambda xy: xy / 100,
+        "lengths in mm": lambda xy: xy / 1000,
+        "x and y in each other's place": lambda xy: xy[:, ::-1],
+        "x the other way round": lambda xy: xy * (-1, 1),
+        "y the other way round": lambda xy: xy * (1, -1),
+        "both axes the other way round": lambda xy: -xy,
+        "a quarter turn to the left": lambda xy: xy[:, ::-1] * (-1, 1),
+        "a quarter turn to the right": lambda xy: xy[:, ::-1] * (1, -1),
+        "-y for x and -x for y": lambda xy: -xy[:, ::-1],
+        f"an origin {np.hypot(*(tracks - people)):.3g} m away": lambda xy: xy - (tracks - people),
+    }
+    near |= {how: float((_nearest_m(frames, changed) <= gate_m).mean()) for how, changed in changes.items()}
+    best = max(near, key=lambda how: near[how])  # the first of several: the time
+    is_explained = is_late or near[best] >= max(_EXPLAINED, 2 * is_near)
+    if not is_explained and is_near > _FEW:
+        return ""
+    text = f"{source}: {is_near:.0%} of {distance_m.size} tracks are within {gate_m:g} m of a person, "
+    text += f"half of them farther than {np.median(distance_m):.3g} m"
+    if is_explained:
+        text += f"; {best} would bring {near[best]:.0%} there"
+        if best.startswith("t "):
+            return f"{text}; t on the clock of the truth is expected"
+    return f"{text}; x and y in metres, in the frame of the truth, are expected"
+
+
+_MOST_LATE_S, _SAMPLED = 3.0, 100
+"""Greatest offset between the clocks of truth and tracks that is tried [s], and the frames that it is tried on."""
+
+
+def _near_later(frames: Sequence[Frame], gate_m: float) -> tuple[dict[str, float], float]:
+    """Return the share of tracks near people of other frames, by the change of t that brings most of them nearest.
+
+    And their median distance then [m]; nothing and infinity where the frames are too few.
+    """
+    stamps_s = np.array([each.stamp_ns for each in frames]) / NS_PER_S
+    period_s = float(np.median(np.diff(stamps_s))) if len(frames) > 1 else 0.0
+    most = min(len(frames) // 2, int(_MOST_LATE_S / period_s)) if period_s else 0
+    found: list[tuple[float, int, float]] = []
+    for later in (*range(-most, 0), *range(1, most + 1)):
+        first = np.arange(max(0, -later), len(frames) - max(0, later))
+        first = first[:: -(-len(first) // _SAMPLED)]
+        first = first[np.abs(stamps_s[first + later] - stamps_s[first] - later * period_s) < 0.5 * period_s]
+        moved = [replace(frames[number], person_xy=frames[number + later].person_xy) for number in first]
+        if sum(each.track_ids.size for each in moved) >= _LEAST_ROWS:
+            distance_m = _nearest_m(moved, lambda xy: xy)
+            found.append((float(np.median(distance_m)), later, float((distance_m <= gate_m).mean())))
+    if not found:
+        return {}, inf
+    median_m, later, share = min(found)
+    return {f"t of the tracks {abs(later) * period_s:.3g} s {'later' if later > 0 else 'earlier'}": share}, median_m
+
+
+def _places(frames: Sequence[Frame]) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
+    return [each.person_xy for each in frames], [each.track_xy for each in frames]
+
+
+def _nearest_m(
+    frames: Sequence[Frame], changed: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+) -> NDArray[np.float64]:
+    """Return the distance of each track, its place changed, from the nearest person [m]."""
+    gaps = [each.person_xy[:, None] - changed(each.track_xy)[None] for each in frames]
+    return np.concatenate([np.hypot(gap[..., 0], gap[..., 1]).min(axis=0) for gap in gaps])

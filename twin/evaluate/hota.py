@@ -100,20 +100,22 @@ def hota(frames: Sequence[PairMatrix]) -> HotaScores:
         similarities.append(frame.values[chosen_rows, chosen_columns])
     pair, similarity = np.concatenate(pairs), np.concatenate(similarities)
 
+    sums = np.zeros((4, THRESHOLDS.size))
     matched = [similarity >= threshold - _EPS for threshold in THRESHOLDS]
-    together = np.array([np.bincount(pair[hit], minlength=either.size).reshape(either.shape) for hit in matched])
-    true_positives = together.sum(axis=(1, 2)).astype(np.float64)
-
-    def weighted(denominator: NDArray[np.float64]) -> NDArray[np.float64]:
-        return (together * together / np.maximum(1, denominator)).sum(axis=(1, 2))
+    for number, hit in enumerate(matched):  # one at a time: a matrix of all ids is large
+        together = np.bincount(pair[hit], minlength=either.size).reshape(either.shape)
+        denominators = (either - together, person_counts[:, None], track_counts)
+        sums[0, number] = together.sum()
+        sums[1:, number] = [(together * together / np.maximum(1, each)).sum() for each in denominators]
+    true_positives, association, recall, precision = sums
 
     return HotaScores(
         true_positives=true_positives,
         misses=person_counts.sum() - true_positives,
         false_positives=track_counts.sum() - true_positives,
-        association_sum=weighted(either - together),
-        association_recall_sum=weighted(person_counts[:, None]),
-        association_precision_sum=weighted(track_counts),
+        association_sum=association,
+        association_recall_sum=recall,
+        association_precision_sum=precision,
         similarity_sum=np.array([similarity[hit].sum() for hit in matched]),
     )
 

@@ -50,8 +50,8 @@ class Frame:
     @cached_property
     def distances_m(self) -> NDArray[np.float64]:
         """Ground distance of every person and track, (n, m)."""
-        gap = self.person_xy[:, None] - self.track_xy[None]
-        return np.hypot(gap[..., 0], gap[..., 1])
+        x, y = (self.person_xy[:, None, axis] - self.track_xy[None, :, axis] for axis in (0, 1))
+        return np.hypot(x, y)
 
     def pair_matrix(self) -> PairMatrix:
         """Return the distances [m] with their ids."""

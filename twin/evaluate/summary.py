@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from trackers.area import wrap_angle
 from trackers.errors import InputError
 from trackers.scipy_functions import linear_sum_assignment
-from twin.evaluate.accuracy import PersonFrames, disposal, misplaced, person_frames, within_radius
-from twin.evaluate.causes import Errors, errors_by_cause
+from trackers.text_file import check_limit
+from twin.evaluate.accuracy import PersonFrames, disposal, person_frames, within_radius
+from twin.evaluate.causes import Errors, errors_by_cause, misplaced
 from twin.evaluate.clear import ClearScores, FrameMatches, PairMatrix, clear, find_switches, identity, match_frames
 from twin.evaluate.continuity import TrackEvent, continuity, right_at_end, switch_events
 from twin.evaluate.hota import hota, hota_cap
@@ -83,6 +84,7 @@ def evaluate_with_details(
     _check_tables(truth, tracks)
     aligned = align(truth, tracks)
     frames = aligned.frames
+    _check_size(frames, tracks.source)
     all_people = match_all_people(frames, gate_m)
     judged, pair_matrices, matches = _inside(frames, all_people, gate_m)
     switches = switch_events(judged, find_switches(pair_matrices, matches))
@@ -133,6 +135,21 @@ def evaluate_with_details(
         ),
         is_misplaced=bool(apart),
     )
+
+
+MOST_PAIRS, MOST_IN_FRAME, MOST_OF_IDS = 200_000_000, 25_000_000, 50_000_000
+"""Pairs of a person and a track: in all frames, in one, and of their ids over the run; 8 bytes each, some times over."""
+
+
+def _check_size(frames: Sequence[Frame], source: str) -> None:
+    """Raise InputError where the matrices of people and tracks would not fit a usual memory."""
+    pairs = [frame.person_ids.size * frame.track_ids.size for frame in frames]
+    persons = np.unique(np.concatenate([frame.person_ids for frame in frames]))
+    own = np.unique(np.concatenate([frame.track_ids for frame in frames]))
+    what = "pairs of a person of the truth and a track"
+    check_limit(max(pairs), MOST_IN_FRAME, f"{source}: a frame holds", what)
+    check_limit(sum(pairs), MOST_PAIRS, f"{source}: its frames hold", what)
+    check_limit(persons.size * own.size, MOST_OF_IDS, f"{source}: its ids make", what)
 
 
 def _inside(

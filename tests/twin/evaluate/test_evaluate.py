@@ -1,6 +1,7 @@
 """Two tables in, the figures of metrics.json out: frames, area, gaps, misidentified, lost, heads."""
 
 import json
+import tracemalloc
 from dataclasses import replace
 from math import pi
 
@@ -364,6 +365,25 @@ def test_one_single_frame_of_tracks():
     truth = truth_of({1: still(0, 0, range(10))})
     metrics = evaluate_tracks(truth, tracks_of({7: {4: (0, 0)}}))
     assert metrics["misses"] == 9
+
+
+def test_memory_goes_by_rows_not_by_the_most_crowded_frame_or_the_number_of_ids():
+    crowd = {100 + n: {300: (20.0 + n % 20, n // 20)} for n in range(200)}
+    brief = {1000 + n: {n: (0.0, 0.0), n + 1: (0.05, 0.0)} for n in range(0, 600, 2)}
+    truth, tracks = truth_of(crowd | brief), tracks_of(crowd | brief)
+    tracemalloc.start()
+    metrics = evaluate_tracks(truth, tracks)
+    (_, peak), _ = tracemalloc.get_traced_memory(), tracemalloc.stop()
+    assert (metrics["mota"], metrics["accuracy"]) == (1.0, 1.0)
+    assert peak < 40e6
+
+
+@pytest.mark.parametrize("bound", ["MOST_PAIRS", "MOST_IN_FRAME", "MOST_OF_IDS"])
+def test_tables_that_no_memory_holds_are_refused(bound, monkeypatch):
+    paths = {1: shifted(range(3)), 2: shifted(range(3), y=1.5)}
+    monkeypatch.setattr(f"twin.evaluate.summary.{bound}", 3)
+    with pytest.raises(InputError, match=r"tracks: .* pairs of a person .*; at most 3, or --no-limits, is expected"):
+        evaluate_tracks(truth_of(paths), tracks_of(paths))
 
 
 def test_tables_on_different_clocks_are_refused():
