@@ -48,7 +48,25 @@ _HOMES = {
     "track_recording": "twin.run.replay",
 }
 
+_DISTRIBUTION = "roomtwin"
+
 __all__ = list(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]
+
+
+def other_trackers() -> str | None:
+    """Describe a package `trackers` that is not ours; None for ours."""
+    try:
+        import trackers
+    except ImportError as error:  # one of its own dependencies may be missing
+        where = f"cannot be imported ({error})"
+    else:
+        if getattr(trackers, "DISTRIBUTION", None) == _DISTRIBUTION:
+            return None
+        where = f"in {trackers.__file__ or 'this environment'} is another one"
+    return (
+        f"the package 'trackers' {where}; that of {_DISTRIBUTION} is expected: in an environment of its own, "
+        f"pip install --force-reinstall {_DISTRIBUTION}"
+    )
 
 
 def version_of(distribution: str) -> str:
@@ -63,9 +81,11 @@ def version_of(distribution: str) -> str:
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
-        return version_of("roomtwin")
+        return version_of(_DISTRIBUTION)
     if name not in _HOMES:
         raise AttributeError(f"module 'twin' has no attribute {name!r}; it has {', '.join(sorted(_HOMES))}")
+    if (fault := other_trackers()) is not None:
+        raise ImportError(fault)
     return getattr(import_module(_HOMES[name]), name)
 
 

@@ -11,25 +11,10 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
-_DISTRIBUTION = "roomtwin"
+from twin import other_trackers
+
 _COLLECTED_AFTER = 10_000
 """Number of new objects after which cyclic garbage is collected; after Python's 700, it takes a fifteenth of a short run."""
-
-
-def other_trackers() -> str | None:
-    """Describe a package `trackers` that is not ours; None for ours."""
-    try:
-        import trackers
-    except ImportError as error:  # one of its own dependencies may be missing
-        where = f"cannot be imported ({error})"
-    else:
-        if getattr(trackers, "DISTRIBUTION", None) == _DISTRIBUTION:
-            return None
-        where = f"in {trackers.__file__ or 'this environment'} is another one"
-    return (
-        f"the package 'trackers' {where}; that of {_DISTRIBUTION} is expected: in an environment of its own, "
-        f"pip install --force-reinstall {_DISTRIBUTION}"
-    )
 
 
 class ClosedOutput(io.TextIOWrapper):

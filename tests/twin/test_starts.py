@@ -234,6 +234,8 @@ def test_another_package_called_trackers_is_named(tmp_path: Path, monkeypatch: p
 
     monkeypatch.delattr(trackers, "DISTRIBUTION")
     assert "that of roomtwin is expected" in str(other_trackers())
+    with pytest.raises(ImportError, match="that of roomtwin is expected"):
+        _ = twin.load_scenario
 
 
 @pytest.mark.parametrize("group", ["new", "suite", "study"])
