@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 import runpy
 import shlex
+import shutil
+import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -233,6 +235,25 @@ def test_the_reference_holds_every_kind_of_observation_and_of_sensor() -> None:
         source = (ROOT / "trackers" / f"{module}.py").read_text(encoding="utf-8")
         for name in re.findall(r"^class ([A-Z]\w+)\(", source, re.MULTILINE):
             assert not name.endswith(ends) or f"::: trackers.{module}.{name}\n" in text, name
+
+
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium or Chrome is on this machine")
+def test_the_search_of_pages_on_a_disk_shares_nothing_with_its_page(tmp_path: Path) -> None:
+    """A worker has copies of what it is sent: one that changed the page's own query emptied the box at every letter."""
+    (tmp_path / "worker.js").write_text("onmessage = (e) => { e.data.words.push('b'); postMessage(e.data); };", "utf-8")
+    shim = (ROOT / "docs" / "assets" / "iframe-worker.js").read_text("utf-8")
+    script = """const sent = {words: ["a"]}, worker = new Worker("worker.js");
+worker.onmessage = (e) => { document.title = `${sent.words} ${e.data.words}`; };
+worker.postMessage(sent);"""
+    page = tmp_path / "page.html"
+    page.write_text(f"<!doctype html><body><script>{shim}</script><script>{script}</script></body>", "utf-8")
+    command = [str(BROWSER), "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
+    command += [f"--user-data-dir={tmp_path / 'browser'}", "--virtual-time-budget=3000", "--dump-dom", page.as_uri()]
+    shown = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120).stdout
+    assert "<title>a a,b</title>" in shown, shown[:2000]
 
 
 class TestFigures:

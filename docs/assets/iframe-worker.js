@@ -23,12 +23,13 @@ if (location.protocol === "file:") {
       });
       addEventListener("message", (event) => {
         if (event.source !== this.inner) return;
-        const copy = new MessageEvent("message", { data: event.data });
+        const copy = new MessageEvent("message", { data: structuredClone(event.data) });  // as from a worker: nothing is shared
         this.dispatchEvent(copy);
         if (this.onmessage) this.onmessage(copy);
       });
     }
-    postMessage(data) {
+    postMessage(sent) {
+      const data = structuredClone(sent);
       if (!this.ready) { this.waiting.push(data); return; }
       setTimeout(() => this.inner.dispatchEvent(new MessageEvent("message", { data })));  // as a worker: never at once
     }
