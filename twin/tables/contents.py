@@ -171,7 +171,7 @@ def _is_id_first(path: Path, columns: CsvColumns, places: NDArray[np.float64]) -
     if by_second is None:  # the first column has one value: a person's id, or a stamp
         if by_first.step_m < _APART_M or by_first.is_smooth:
             return True
-    elif min(by_first.off_m, by_second.off_m) < _CLEARER * max(by_first.off_m, by_second.off_m):
+    elif by_first.is_clearer_than(by_second) or by_second.is_clearer_than(by_first):
         return by_first.off_m < by_second.off_m
     elif by_second.step_m <= by_first.step_m:
         is_far_shorter = by_second.step_m < _CLEARER * by_first.step_m
@@ -196,6 +196,10 @@ class _Paths:
     @property
     def is_smooth(self) -> bool:
         return self.n_row >= _LONG and (self.off_m < _CLEARER * self.step_m or self.off_m == 0)
+
+    def is_clearer_than(self, other: _Paths) -> bool:
+        """Return True where these paths are smoother, and are no short lines, as of people side by side, beside long paths."""
+        return self.off_m < _CLEARER * other.off_m and (self.n_row >= _LONG or other.n_row < _LONG)
 
 
 def _paths(people: Sequence[str], times: Sequence[str], places: NDArray) -> _Paths | None:

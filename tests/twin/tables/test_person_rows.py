@@ -395,19 +395,25 @@ def test_a_table_without_a_header_is_read_as_it_is_or_a_header_is_asked_for(
 
 @pytest.mark.parametrize("columns", ORDERS.values(), ids=ORDERS)
 @pytest.mark.parametrize("speed_m_s", [0.08, 0.125, 1.3, 3.0])
-@pytest.mark.parametrize("n_people", [2, 3, 6])
+@pytest.mark.parametrize(("n_people", "is_line"), [(2, False), (3, False), (3, True), (4, True), (6, False)])
 def test_people_side_by_side_are_read_in_any_order_of_columns(
-    speed_m_s: float, n_people: int, columns: str, tmp_path: Path
+    speed_m_s: float, n_people: int, is_line: bool, columns: str, tmp_path: Path
 ) -> None:
+    """Also such as sway together, in a line straighter than their paths."""
     path = tmp_path / "table.txt"
     rows = [
-        (f, i, speed_m_s * f / RATE_HZ, 1.1 * i + 0.2 * (i % 3), 0)
+        (f, i, speed_m_s * f / RATE_HZ, 1.1 * i + (0.05 * np.sin(f) if is_line else 0.2 * (i % 3)), 0)
         for f in range(0, 200, 4)
         for i in range(1, n_people + 1)
     ]
     named = [dict(zip("fixyz", row, strict=True)) for row in rows]
     path.write_text("".join(" ".join(str(row[c]) for c in columns) + "\n" for row in named))
-    found = read_person_rows(path, "a table", None, RATE_HZ)
+    try:
+        found = read_person_rows(path, "a table", None, RATE_HZ)
+    except InputError as error:  # where their steps are as long as their distances, or as their sway
+        if not is_line or speed_m_s == 1.3 or "a header with the columns" not in str(error):
+            raise
+        return
     np.testing.assert_allclose(found.rows.numbers("y", may_be_empty=False), [row[3] for row in rows])
     assert found.labels == [str(row[1]) for row in rows]
     assert bool(check_plausibility(found)) == (speed_m_s != 1.3)
