@@ -32,6 +32,7 @@ from twin.studies.visibility import (
 )
 from twin.studies.worker import EvaluationTask, matched_errors
 from twin.suites.cache_keys import whole_code
+from twin.suites.results import FEWEST
 
 study_template = partial(page_template, "twin.studies", "twin.reproduce")
 """Load a template of study pages, on the base that pages of results share."""
@@ -75,6 +76,8 @@ def write_page(path: Path, results: StudyResults) -> None:
             (_trial_row(results, each), row.text) for each, row in results.indistinguishable[:_MOST_ROWS]
         ],
         "n_indistinguishable": len(results.indistinguishable),
+        "has_intervals": len(results.best.seeds) >= FEWEST,
+        "fewest_seeds": FEWEST,
         "maps": _maps(results, scenario, sensors, floor),
         "area_warning": _area_warning(results, floor),
         "trial_map": _trial_map(results, sensors),

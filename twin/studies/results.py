@@ -27,6 +27,7 @@ from twin.studies.spec import Objective
 from twin.studies.trials import Trial, losses, placement_id
 from twin.studies.validation import PairedDifference
 from twin.suites.cache import RecordingCache
+from twin.suites.results import FEWEST
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,7 +257,8 @@ def _print(console: Console, found: dict[str, Any]) -> None:
     for row in found["displaced"]:
         console.print(f"displaced by {row['what']}: {_interval(row)}")
     if found["indistinguishable"]:
-        console.print(f"placements not distinguishable from the best: {len(found['indistinguishable'])}")
+        few = "" if found["best"].get("seeds", 0) >= FEWEST else f": fewer than {FEWEST} seeds give no interval"
+        console.print(f"placements not distinguishable from the best: {len(found['indistinguishable'])}{few}")
 
 
 def _text(value: float | None) -> str:
