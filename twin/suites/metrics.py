@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import operator
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from math import inf, isfinite
 from typing import Annotated, Any
 
@@ -35,6 +35,20 @@ RECORDING_METRICS: Mapping[str, Metric] = {
 """Metrics of tracks alone, for bags without truth: bounds of `require`, not compared, as neither direction is better."""
 
 METRICS: Mapping[str, Metric] = {**REPORT_METRICS, **RECORDING_METRICS}
+
+
+def known_of(metrics: Sequence[str], values_of: Iterable[Callable[[str], list[float]]]) -> tuple[str, ...]:
+    """Return these metrics, and those of tracks alone where a group has no other, as of bags without truth.
+
+    values_of: of each group, its values of a metric.
+    """
+    groups = list(values_of)
+    without = [not any(map(values, metrics)) for values in groups]
+    if not any(
+        any(map(values, RECORDING_METRICS)) for values, has_none in zip(groups, without, strict=True) if has_none
+    ):
+        return tuple(metrics)
+    return (*([] if all(without) else metrics), *RECORDING_METRICS)
 
 
 class Tolerance(Strict):

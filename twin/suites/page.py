@@ -17,7 +17,7 @@ from twin.report.page import calibration_chart
 from twin.report.palette import IDENTITY_COLOURS, data_uri, hex_colour, page_template
 from twin.suites.comparison import Change, Comparison, SuiteOutcome, case_page, incident_link
 from twin.suites.filmstrip import colour_of, marker, scale_of, small_multiple
-from twin.suites.metrics import METRICS, SHOWN, format_metric, format_range, metric_named
+from twin.suites.metrics import METRICS, RECORDING_METRICS, SHOWN, format_metric, format_range, known_of, metric_named
 from twin.suites.permutation_test import ALPHA
 from twin.suites.results import (
     BEHIND_HOTA,
@@ -149,6 +149,7 @@ def _write(
         reference_metrics=[METRICS[metric] for metric in REFERENCE_METRICS],
         behind_hota=BEHIND_HOTA,
         fewest=FEWEST,
+        undirected=RECORDING_METRICS,
         reference_rows=[_reference_row(row) for row in rows],
         calibration=_calibration(results),
         strata=[(*place, [_reference_row(row) for row in found]) for place, found in strata.items()],
@@ -163,7 +164,7 @@ def _sections(results: Results, before: Results | None) -> list[dict[str, Any]]:
     rows: dict[tuple[str, str], list[tuple[GroupKey, Group]]] = {}
     for key, group in results.groups.items():
         rows.setdefault((key.scenario, key.overrides), []).append((key, group))
-    scales = {metric: scale_of(metric, results.groups.values()) for metric in HEADLINE_METRICS}
+    scales = {metric: scale_of(metric, results.groups.values()) for metric in (*HEADLINE_METRICS, *RECORDING_METRICS)}
     slots = _slots(results)
     sections = []
     for (scenario, overrides), found in rows.items():
@@ -176,13 +177,13 @@ def _sections(results: Results, before: Results | None) -> list[dict[str, Any]]:
                 "overrides": json.loads(overrides),
                 "multiples": [
                     (METRICS[metric], Markup(small_multiple(metric, scales[metric], trackers, slots, old)))
-                    for metric in HEADLINE_METRICS
+                    for metric in known_of(HEADLINE_METRICS, (group.values for _, group in trackers))
                 ],
                 "trackers": [name for name, _ in trackers],
                 "n": [f"{group.n} in {len(group.seeds)} seeds" for _, group in trackers],
                 "table": [
                     (METRICS[metric], [_cell(metric, group) for _, group in trackers])
-                    for metric in SHOWN
+                    for metric in (*SHOWN, *RECORDING_METRICS)
                     if any(group.values(metric) for _, group in trackers)
                 ],
                 "cases": [

@@ -11,7 +11,15 @@ from twin.messages import counted, printable
 from twin.report.metrics_table import HEADLINE_METRICS, format_number
 from twin.suites.comparison import Change, Comparison, incident_link, significance
 from twin.suites.expansion import with_variant
-from twin.suites.metrics import METRICS, format_metric, format_range, metric_named, pooled_shares
+from twin.suites.metrics import (
+    METRICS,
+    RECORDING_METRICS,
+    format_metric,
+    format_range,
+    known_of,
+    metric_named,
+    pooled_shares,
+)
 from twin.suites.results import (
     BEHIND_HOTA,
     FEWEST,
@@ -34,14 +42,14 @@ _MOST_SMALL_ROWS = 10
 
 def print_results(results: Results, reference: str | None = None) -> None:
     """Print means over seeds, one row per scenario, variant and tracker; differences from `reference`; failed cases."""
-    rows = []
+    rows, metrics = [], known_of(HEADLINE_METRICS, (each.values for each in results.groups.values()))
     for key, group in results.groups.items():
         name = with_variant(key.scenario, group.variant)
-        cells = [_mean_text(metric, mean_over_seeds(group.values(metric))) for metric in HEADLINE_METRICS]
+        cells = [_mean_text(metric, mean_over_seeds(group.values(metric))) for metric in metrics]
         rows.append([name, key.tracker, str(len(group.seeds)), group.n, *cells])
     console = PlainConsole()
     console.print(f"{results.suite}: means over seeds, gate 0.5 m")
-    heads = ["scenario", "tracker", "seeds", "person-frames", *map(_heading, HEADLINE_METRICS)]
+    heads = ["scenario", "tracker", "seeds", "person-frames", *map(_heading, metrics)]
     print_table(heads, rows, names=2)
     if reference is not None:
         console.print(
@@ -237,13 +245,14 @@ _SHOWN = ("mota", "idf1", "hota", "id_switches", "misidentifications", "lost_tra
 
 def markdown_table(results: Results) -> str:
     """Format means over seeds, one row per scenario, variant and tracker; the best of each scenario in bold."""
-    heads = [METRICS[metric].name for metric in _SHOWN]
+    metrics = known_of(_SHOWN, (each.values for each in results.groups.values()))
+    heads = [METRICS[metric].name for metric in metrics]
     lines = [
         _line(["scenario", "tracker", "seeds", "person-frames", *heads]),
         _line(["---", "---", *["--:"] * (2 + len(heads))]),
     ]
     for _, rows in groupby(results.groups.items(), key=lambda row: (row[0].scenario, row[0].overrides)):
-        lines += _rows_of_scenario(list(rows))
+        lines += _rows_of_scenario(list(rows), metrics)
     return "\n".join(lines)
 
 
@@ -286,8 +295,8 @@ def markdown_comparison(comparison: Comparison) -> str:
     return "\n".join([*lines, *(f"\nWarning: {_cell(warning)}" for warning in comparison.warnings)])
 
 
-def _rows_of_scenario(rows: list[tuple[GroupKey, Group]]) -> list[str]:
-    columns = [_column(metric, [group for _, group in rows]) for metric in _SHOWN]
+def _rows_of_scenario(rows: list[tuple[GroupKey, Group]], metrics: Sequence[str]) -> list[str]:
+    columns = [_column(metric, [group for _, group in rows]) for metric in metrics]
     lines = []
     for place, (key, group) in enumerate(rows):
         cells = [
@@ -302,12 +311,12 @@ def _rows_of_scenario(rows: list[tuple[GroupKey, Group]]) -> list[str]:
 
 
 def _column(metric: str, groups: list[Group]) -> list[str]:
-    """Format a metric of each tracker; the best in bold, unless all are equal."""
+    """Format a metric of each tracker; the best in bold, unless all are equal or none is better."""
     means = [mean_over_seeds(group.values(metric)) for group in groups]
     figure = METRICS[metric]
     texts = ["–" if mean is None else f"{mean.mean:.{figure.decimals or 1}f}" for mean in means]
     known = {float(text) for text in texts if text != "–"}
-    if len(known) > 1:
+    if len(known) > 1 and metric not in RECORDING_METRICS:
         best = max(known) if figure.better == "more" else min(known)
         texts = [f"**{text}**" if text != "–" and float(text) == best else text for text in texts]
     return [text.replace("-", "−") for text in texts]

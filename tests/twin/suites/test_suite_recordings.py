@@ -84,7 +84,9 @@ def test_truth_of_the_bag_and_of_a_table_give_the_same_and_none_gives_counts(bag
     assert rows["lab"]["mota"]["mean"] > 0.5
     assert rows["lab"]["mota"] == rows["table"]["mota"]
     assert rows["bare"].get("mota", {"mean": None})["mean"] is None
-    assert "4 of 4 requirements met" in done.output
+    assert "4 of 4 requirements met" in done.output and "Tracks" in done.output
+    page = (tmp_path / "out/report.html").read_text()
+    assert page.count(">Tracks per frame</b>") == 2 and page.count(">MOTA</b>") == 2  # each bag shows what it has
     again = _run(suite, tmp_path / "again", "--baseline", str(tmp_path / "base.json"))
     assert again.exit_code == 0, again.output
 
