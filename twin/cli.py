@@ -187,6 +187,9 @@ def _describe_usage_error(error: Any) -> str:
     path = re.sub(r"^.*\btwin\b", "twin", error.ctx.command_path)
     has_out = any("--out" in each.opts for each in command.params)
     remedy = ", and --out names what is written" if has_out and text.startswith("Got") else ""
+    field = re.search(r"\((\S+=\S*)\)", text)
+    if field is not None and any("--set" in each.opts for each in command.params):
+        remedy = f", and --set {field[1]} changes a field"
     usage = " ".join([path, *command.collect_usage_pieces(error.ctx)]).replace("{", "").replace("}", "")
     return f"{text.rstrip('.')}; `{usage}` is expected{remedy}"
 

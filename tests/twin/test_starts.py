@@ -294,6 +294,10 @@ def test_a_study_of_too_many_poses_is_refused_before_they_are_made(here: Path, l
             "new scenario X",
             "extra argument(s) (X); `twin new scenario [OPTIONS]` is expected, and --out names what is written",
         ),
+        (
+            "run lab-five-people duration_s=1",
+            "extra argument(s) (duration_s=1); `twin run [OPTIONS] scenario` is expected, and --set duration_s=1 changes a field",
+        ),
         ("new rig", "Missing argument 'recording'; `twin new rig [OPTIONS] recording` is expected"),
         ("evaluate a b c", "extra argument(s) (c); `twin evaluate [OPTIONS] truth tracks` is expected"),
     ],

@@ -224,6 +224,7 @@ def _track(case: Case, recording: Path, names: Mapping[int, str], bag: RecordedI
             metrics = result.metrics["trackers"][case.tracker] | metrics
         evaluation = result.evaluations.get(case.tracker)
         own, here = result.tracker_warnings, f"{folder}{os.sep}"  # which is gone when its warnings are read
+        title = recording.name if bag is None else case.scenario
         files = [table, *(each for each in ("report.html", "metrics.json") if (folder / each).is_file())]
         return CaseResult(
             metrics=metrics,
@@ -231,9 +232,7 @@ def _track(case: Case, recording: Path, names: Mapping[int, str], bag: RecordedI
             files={each: (folder / each).read_bytes() for each in files},
             renderer=NO_RENDERER,
             recording="" if bag is None else bag.digest[:_DIGEST],
-            warnings=tuple(
-                f"{recording.name}: {each.replace(here, '')}" for each in result.warnings if each not in own
-            ),
+            warnings=tuple(f"{title}: {each.replace(here, '')}" for each in result.warnings if each not in own),
             tracker_warnings=tuple(each.replace(here, "") for each in own),
         )
 
