@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from trackers.observations import LaserScan, Odometry
 from trackers.rig import Pose, Rig
-from twin.report.palette import RGB
+from twin.report.palette import LETTER_PX, RGB, SvgLabels
 
 Polygon = NDArray[np.float64]  # (k, 2) corners on the floor [m], room frame
 
@@ -27,8 +27,6 @@ _PLAN_ASPECTS = 0.7, 1.8
 SHIFT = 4  # cv2 draws at 1/16 pixel
 _SHELL_M2 = 4.0
 _SAME_PLACE_PX = 12.0
-_LETTER_PX = 6.5  # approximate width of a letter
-_LINE_PX = 14
 _FARTHEST_PX = 20_000  # clipping distance, as int32 would overflow
 
 
@@ -299,7 +297,7 @@ def room_svg(view: FloorView, rig: Rig, outline: Sequence[Polygon], silent: Coll
     return "".join(parts)
 
 
-def sensor_names_svg(view: FloorView, rig: Rig, silent: Collection[str] = ()) -> str:
+def sensor_names_svg(view: FloorView, rig: Rig, labels: SvgLabels, silent: Collection[str] = ()) -> str:
     """Write the names of the sensors beside them (class `sensor-name`); sensors above each other share a line.
 
     `silent`: sensors without reports, which is noted.
@@ -316,22 +314,11 @@ def sensor_names_svg(view: FloorView, rig: Rig, silent: Collection[str] = ()) ->
         else:
             together.append((at, [name]))
     parts = []
-    written: list[tuple[float, float, float, int]] = []  # left and right end, line of the first name, names below
     for (x, y), names in together:
         text = ", ".join(f"{name}: silent" if name in silent else name for name in names)
-        long_px, row = _LETTER_PX * len(text), 0
-        turned = x + 9 + long_px > view.width_px
-        x, anchor = (x - 9, "end") if turned else (x + 9, "start")
+        turned = x + 9 + LETTER_PX * len(text) > view.width_px
         y = min(max(y, 14.0), view.height_px - 22.0)  # clear of the metres along the edge
-        left = x - long_px if turned else x
-        for other_left, other_right, line, below in written:
-            if left < other_right and other_left < left + long_px and abs(y - line) < _LINE_PX:
-                y, row = line, max(row, below + 1)
-        written.append((left, left + long_px, y, row))
-        shift = f' dy="{-1.15 * row:.2f}em"' if row else ""
-        parts.append(
-            f'<text class="sensor-name halo" x="{x:.1f}" y="{y - 5:.1f}"{shift} text-anchor="{anchor}">{escape(text)}</text>'
-        )
+        parts.append(labels.write("sensor-name", text, x - 9 if turned else x + 9, y - 5, "end" if turned else "start"))
     return "".join(parts)
 
 

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache, lru_cache
+from html import escape
 from importlib.util import cache_from_source
 from itertools import cycle
 from pathlib import Path
@@ -147,6 +148,28 @@ def write_tags(canvas: NDArray[np.uint8], tags: Sequence[Tag], size_px: int = TA
         opposite = (round(x + half_width), round(y + half_height))
         cv2.rectangle(canvas, corner, opposite, tag.fill, -1)
         write(canvas, tag.text, x, y + size_px * 0.36, tag.colour, size_px, BOLD, "centre")
+
+
+LETTER_PX, _LINE_PX = 6.5, 14.0  # of the SVG drawings' small text, about
+
+
+class SvgLabels:
+    """Labels of an SVG drawing: one that would meet another before it moves to the line above that, at any size of text."""
+
+    def __init__(self) -> None:
+        self._written: list[tuple[float, float, float, int]] = []  # left and right end, lowest line, lines above it
+
+    def write(self, kind: str, text: str, x: float, y: float, anchor: Literal["start", "end"] = "start") -> str:
+        """Return a text of this class, that begins or ends at x and stands on y [px], as an SVG element."""
+        wide, row = LETTER_PX * len(text), 0
+        left = x if anchor == "start" else x - wide
+        for start, end, line, above in sorted(self._written, key=lambda each: each[3]):
+            meets = abs(y - line) < _LINE_PX or abs(y - line + above * _LINE_PX) < _LINE_PX
+            if left < end and start < left + wide and meets and row <= above:
+                y, row = line, above + 1
+        self._written.append((left, left + wide, y, row))
+        shift = f' dy="{-1.15 * row:.2f}em"' if row else ""
+        return f'<text class="{kind} halo" x="{x:.1f}" y="{y:.1f}"{shift} text-anchor="{anchor}">{escape(text)}</text>'
 
 
 INK, QUIET, RULE, SHADE = "#1b1f27", "#606977", "#e3e5e9", "#eef0f3"

@@ -27,7 +27,7 @@ from twin.report.birdseye import (
     svg_path,
 )
 from twin.report.metrics_table import METRICS
-from twin.report.palette import IdentityColours
+from twin.report.palette import IdentityColours, SvgLabels
 from twin.report.time_axis import median_period_ns, split_at_gaps
 from twin.report.timeline import describe_event
 
@@ -60,10 +60,11 @@ def path_map(
     parts = [room_svg(view, rig, site.outline, silent), assumed_poses_svg(view, site.rig, site.true_rig)]
     if scans is not None:
         parts.append(f'<image href="{scans.png(view)}" width="{view.width_px}" height="{view.height_px}"/>')
+    labels = SvgLabels()
     if truth is not None:
-        parts.append(_true_paths(view, truth, tracks, names))
-    parts.append(_track_paths(view, tracks, colours))
-    parts.append(sensor_names_svg(view, rig, silent))
+        parts.append(_true_paths(view, truth, tracks, names, labels))
+    parts.append(_track_paths(view, tracks, colours, labels))
+    parts.append(sensor_names_svg(view, rig, labels, silent))
     if evaluation is not None:
         parts.append(cause_marks(view, evaluation.errors))
         parts.extend(_event_marks(view, tracks, evaluation, names))
@@ -75,7 +76,9 @@ def path_map(
     )
 
 
-def _true_paths(view: FloorView, truth: TruthTable, tracks: TrackTable, names: Mapping[int, str]) -> str:
+def _true_paths(
+    view: FloorView, truth: TruthTable, tracks: TrackTable, names: Mapping[int, str], labels: SvgLabels
+) -> str:
     period = median_period_ns(truth.frame_stamps_ns, tracks.frame_stamps_ns)
     parts = []
     for person in np.unique(truth.id).tolist():
@@ -84,19 +87,18 @@ def _true_paths(view: FloorView, truth: TruthTable, tracks: TrackTable, names: M
         line = "".join(
             svg_path(pixels[piece]) for piece in split_at_gaps(truth.stamps_ns[rows], period) if piece.size > 1
         )
-        name = escape(names.get(person, f"person {person}"))
+        name = names.get(person, f"person {person}")
         x, y = pixels[0]
         parts.append(
             f'<g><path class="true" d="{line}"/><circle class="start" cx="{x:.1f}" cy="{y:.1f}" r="4"/>'
-            f'<text class="person-name halo" x="{x + 8:.1f}" y="{y + 4:.1f}">{name}</text><title>{name}, truth</title></g>'
+            f"{labels.write('person-name', name, x + 8, y + 4)}<title>{escape(name)}, truth</title></g>"
         )
     return "".join(parts)
 
 
-def _track_paths(view: FloorView, tracks: TrackTable, colours: IdentityColours) -> str:
+def _track_paths(view: FloorView, tracks: TrackTable, colours: IdentityColours, labels: SvgLabels) -> str:
     period = median_period_ns(tracks.frame_stamps_ns)
-    lines, labels = [], []
-    placed: list[tuple[float, float]] = []
+    lines, texts = [], []
     for track in np.unique(tracks.id).tolist():
         rows = np.flatnonzero(tracks.id == track)
         pixels = view.pixels(np.column_stack([tracks.x[rows], tracks.y[rows]]))
@@ -112,12 +114,9 @@ def _track_paths(view: FloorView, tracks: TrackTable, colours: IdentityColours) 
                     line = svg_path(pixels[joined])
                     lines.append(f'<path class="s{slot} track{state}" d="{line}"><title>#{track}</title></path>')
         x, y = pixels[-1]
-        while any(abs(x - other_x) < 26 and abs(y - other_y) < 13 for other_x, other_y in placed):
-            y -= 13
-        placed.append((x, y))
         lines.append(f'<circle class="f{slot}" cx="{pixels[-1, 0]:.1f}" cy="{pixels[-1, 1]:.1f}" r="4.5"/>')
-        labels.append(f'<text class="f{slot} last halo" x="{x + 8:.1f}" y="{y + 4:.1f}">#{track}</text>')
-    return "".join(lines + labels)
+        texts.append(labels.write(f"f{slot} last", f"#{track}", x + 8, y + 4))
+    return "".join(lines + texts)
 
 
 def _event_marks(view: FloorView, tracks: TrackTable, evaluation: Evaluation, names: Mapping[int, str]) -> list[str]:

@@ -12,7 +12,7 @@ from synthetic_run import laboratory, room
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor, Pose, Rig
 from twin.report.birdseye import FloorView, ScannerOnFloor, floor_extent, room_svg, sensor_names_svg, svg_path
-from twin.report.palette import IDENTITY_COLOURS, IdentityColours
+from twin.report.palette import IDENTITY_COLOURS, IdentityColours, SvgLabels
 from twin.report.time_axis import (
     Span,
     format_minutes,
@@ -75,7 +75,8 @@ def test_sensors_on_the_plan_have_their_names() -> None:
     rig = Rig(sensors={"waist": at(0, 1), "knee": at(0, 0.3), "far-one": at(4, 1)}, area=((0, 0), (4, 0), (4, 1)))
     view = FloorView.fit(floor_extent(rig, []), 400)
     texts = re.findall(
-        r'<text class="sensor-name[^>]* x="([0-9.]+)"[^>]*text-anchor="(\w+)">([^<]+)<', sensor_names_svg(view, rig)
+        r'<text class="sensor-name[^>]* x="([0-9.]+)"[^>]*text-anchor="(\w+)">([^<]+)<',
+        sensor_names_svg(view, rig, SvgLabels()),
     )
     (left, starts, both), (right, ends, alone) = texts
     assert (both, starts) == ("waist, knee", "start")
@@ -83,7 +84,7 @@ def test_sensors_on_the_plan_have_their_names() -> None:
     assert 0 < float(left) < float(right) < 400
     near = Rig(sensors={**rig.sensors, "beside": at(0.2, 1), "next": at(0.4, 1)}, area=rig.area)
     rows = re.findall(
-        r' y="([0-9.]+)"(?: dy="(-[0-9.]+)em")? [^>]*>(?:beside|next|waist)', sensor_names_svg(view, near)
+        r' y="([0-9.]+)"(?: dy="(-[0-9.]+)em")? [^>]*>(?:beside|next|waist)', sensor_names_svg(view, near, SvgLabels())
     )
     assert len({y for y, _ in rows}) == 1 and len({dy for _, dy in rows}) == 3  # lines of their own, whatever the size
 
