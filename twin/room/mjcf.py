@@ -93,9 +93,11 @@ class Lighting:
         names = [model.light(light).name for light in range(model.nlight)]
         for place, change in enumerate(changes):
             if change.name != EVERY_LIGHT and change.name not in names:
+                known = [*sorted(each for each in names if each), EVERY_LIGHT]
+                also = " (every light)" + "; the others have no name in the room's file" * (not all(names))
                 raise InputError(
                     f"{source}: lights.{place}.name: the room has no light {change.name!r}; "
-                    f"{valid_names(change.name, [*sorted(each for each in names if each), EVERY_LIGHT])}"
+                    f"{valid_names(change.name, known, also)}"
                 )
         in_order = sorted(changes, key=lambda change: change.at_s)
         self._changes = [[change for change in in_order if change.name in (name, EVERY_LIGHT)] for name in names]

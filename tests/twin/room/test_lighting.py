@@ -83,7 +83,7 @@ def test_changes_may_be_listed_in_any_order():
 def test_a_light_that_is_not_there_is_named():
     with pytest.raises(
         InputError,
-        match=r"lights\.0\.name: the room has no light 'lmap'; did you mean 'lamp'\? valid are lamp, sun, all",
+        match=r"lights\.0\.name: the room has no light 'lmap'; did you mean 'lamp'\? valid are lamp, sun, all \(every light\)",
     ):
         lighting({"at_s": 0, "name": "lmap"})
 
