@@ -217,7 +217,7 @@ def _room(axes: Axes, building: Building, area: Array) -> None:
 
 
 def _numbered(axes: Axes, sensors: Sequence[PlanSensor], m_per_pt: float) -> None:
-    """Draw dots with the sensors' numbers; sensors whose dots would overlap share one, in their middle."""
+    """Draw dots with the sensors' numbers; those whose dots would overlap share a longer one, in their middle."""
     groups: list[list[PlanSensor]] = []
     for each in sensors:
         near = (group for group in groups if np.hypot(each.x - group[0].x, each.y - group[0].y) < _DOT_PT * m_per_pt)
@@ -228,8 +228,10 @@ def _numbered(axes: Axes, sensors: Sequence[PlanSensor], m_per_pt: float) -> Non
     for group in groups:
         x, y = np.mean([[each.x, each.y] for each in group], axis=0)
         numbers = ",".join(str(each.number) for each in group)
-        axes.plot(x, y, "o", color=INK, markersize=_DOT_PT * (1 + 0.4 * (len(group) - 1)), zorder=7)
+        axes.plot(x, y, "o", color=INK, markersize=_DOT_PT, zorder=7)
         style = {"color": "white", "fontsize": 0.74 * _DOT_PT, "ha": "center", "va": "center_baseline", "zorder": 8}
+        if len(group) > 1:
+            style["bbox"] = {"boxstyle": "round,pad=0.25,rounding_size=0.6", "fc": INK, "ec": "none"}
         axes.text(x, y, numbers, **style)
 
 
