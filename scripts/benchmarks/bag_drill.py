@@ -7,6 +7,7 @@ bag's, or a warning names the scanner, or it is refused in a sentence. A loss th
 
 from __future__ import annotations
 
+import re
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -381,9 +382,12 @@ def drill(seed: int, folder: Path) -> Outcome:
         sentence = str(error)
         return Outcome(what, 0.0, (sentence,), "" if "\n" not in sentence.strip() else "refused in several lines")
     score = _score(clean.truth, tracks, shift_ns)
-    if fault not in _HARMLESS and not told:
+    is_shorter = (
+        fault is silence and max(each.log_ns for each in content.messages) < clean.messages[-1].log_ns - S
+    )  # it ends, all of it
+    if fault not in _HARMLESS and not told and not is_shorter:
         return Outcome(what, score, told, "nothing told")
-    named = any(line.startswith(f"{name}: ") for line in told for name in names)
+    named = is_shorter or any(re.search(rf"\b{name}\b", line) for line in told for name in names)
     if score < clean.score - _NEARLY and not named:
         return Outcome(what, score, told, f"lost in silence: {score:.2f} in place of {clean.score:.2f}")
     if fault is nothing and told:

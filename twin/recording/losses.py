@@ -290,7 +290,9 @@ def dropped_by(
             remedy = "a longer delay than trackers wait for; see what holds the messages up"
             off_s = (ahead_s or {}).get(sensor, 0.0)
             if abs(off_s) >= _LEAST_OFFSET_S:
+                others = ", ".join(name for name in ahead_s or {} if name != sensor)
                 remedy = f"`time_offset_s: {-off_s:.3f}` for {sensor} in rig.yaml, if its clock is off"
+                remedy += f", and not that of {others}" if others else ""
         total = totals.get(sensor, sum(totals.values())) if sensor else sum(totals.values())
         found.append(Loss(sensor or "all sensors", count, total, f"were dropped by {tracker}: {reason}", remedy))
     return found

@@ -3,6 +3,8 @@
 Several drivers publish each packet of a turning scanner as a LaserScan of its own: the next begins where the last one ended.
 Trackers take a scan for a whole look around, so that the sectors of a turn are joined to one scan.
 
+A scanner that is said to stand, and moves, sees what stands around it elsewhere (`StandingScanners`).
+
 A driver whose ranges and limits are all in another unit contradicts itself nowhere. It is known by the width of what moves, and
 by a room in which nothing is near (`RangeUnits`). Feet are not told: what moves is then as wide as two people side by side, and
 goes as fast as people run.
@@ -272,3 +274,75 @@ class RangeUnits:
         """Return a sentence for each scanner whose scans are no use to trackers; unused: scanners left out."""
         found = {name: looks.sentence() for name, looks in self._looks.items() if name not in unused}
         return {name: f"{name}: {sentence}" for name, sentence in found.items() if sentence}
+
+
+_TURN_LOOKS_NS = NS_PER_S
+_FIRST_LOOKS, _TURNED_LOOKS = 1, 2
+"""Scans that say what stands around, and later ones that fit it better turned, for a warning."""
+_TURNED, _FITS, _STRANGE = 0.12, 0.6, 0.4
+"""Share of the returns by which a turned scan fits better, and the least that then fits; one below which a scan fits nowhere."""
+_AROUND_BEARINGS, _LEAST_TURN, _MOST_RETURNS = 90, 5, 200
+"""Bearings with returns that show anything around, least turn tried [cells], and returns of a scan that are compared."""
+_TURN_CELLS, _TURN_STEPS, _TURN_M = 720, 100, 0.5
+
+
+class _Around:
+    """Returns of one scanner by bearing and distance; shares of a scan's where some were before, turns that fit better."""
+
+    def __init__(self) -> None:
+        self.examined_ns: int | None = None
+        self.shares: list[float] = []
+        self.turns_deg: list[float] = []
+        self._n_look = 0
+        self._known = np.zeros((_TURN_CELLS, _TURN_STEPS + 2), np.bool_)
+
+    def add(self, scan: LaserScan) -> None:
+        hit = np.flatnonzero(np.isfinite(scan.ranges_m) & (scan.ranges_m <= scan.range_max_m))
+        bearing = np.floor(scan.angles_rad[hit] / (2 * pi) * _TURN_CELLS).astype(np.intp) % _TURN_CELLS
+        step = 1 + np.minimum(scan.ranges_m[hit] / _TURN_M, _TURN_STEPS - 1).astype(np.intp)
+        if np.unique(bearing).size < _AROUND_BEARINGS:
+            return
+        self._n_look += 1
+        if self._n_look > _FIRST_LOOKS:
+            some = slice(None, None, -(-hit.size // _MOST_RETURNS))
+            turns = np.arange(_TURN_CELLS)
+            fits = self._known[(bearing[some] + turns[:, None]) % _TURN_CELLS, step[some]].mean(axis=1)
+            self.shares.append(float(fits[0]))
+            fits[:_LEAST_TURN], fits[1 - _LEAST_TURN :] = 0.0, 0.0
+            best = int(fits.argmax())
+            if fits[best] >= max(_FITS, self.shares[-1] + _TURNED):  # what it shows is not where it was
+                self.turns_deg.append(abs(remainder(360.0 * best / _TURN_CELLS, 360.0)))
+                return
+        self._known[bearing[:, None], step[:, None] + _AROUND] = True
+
+    def sentence(self) -> str:
+        """Describe what shows that the scanner moves; '' where nothing does."""
+        n, turns = len(self.shares), self.turns_deg
+        if len(turns) >= _TURNED_LOOKS:
+            said = f"seems to turn, though it is said to stand: {len(turns)} of {n} scans, one a second, fit what it saw before"
+            return f"{said} when turned, by {np.median(turns):.0f}° in the median"
+        if n < _FEWEST_LOOKS or (share := float(np.median(self.shares))) >= _STRANGE:
+            return ""
+        said = f"seems to move, though it is said to stand: in half of {n} scans, one a second, at most {100 * share:.0f} %"
+        return f"{said} of the returns are where some were before"
+
+
+class StandingScanners:
+    """Examines the scans of scanners that are said to stand for a motion: what stands around them is then elsewhere."""
+
+    def __init__(self, rig: Rig) -> None:
+        self._around = {name: _Around() for name, sensor in rig.lasers().items() if sensor.mounted_on is None}
+
+    def add(self, scan: LaserScan) -> None:
+        """Take the next scan; one per second and scanner is examined."""
+        mine = self._around.get(scan.sensor)
+        if mine is None or (mine.examined_ns is not None and 0 <= scan.stamp_ns - mine.examined_ns < _TURN_LOOKS_NS):
+            return
+        mine.examined_ns = scan.stamp_ns
+        mine.add(scan)
+
+    def warnings(self, unused: Collection[str] = ()) -> list[str]:
+        """Return a sentence for each scanner that moves, though it is said to stand; unused: scanners left out."""
+        remedy = "a mount that holds, or odometry (`kind: odometry`) on which it is `mounted_on`, is expected"
+        found = {name: each.sentence() for name, each in self._around.items() if name not in unused}
+        return [f"{name}: {sentence}; {remedy}" for name, sentence in found.items() if sentence]

@@ -30,7 +30,7 @@ from trackers.text_file import AnyPath
 from trackers.tracks import Detection, TrackFrame, detections_of, unused_sensors
 from twin.messages import OnWarning, at_work
 from twin.recording.losses import Loss, ObservationLog, dropped_by, lines
-from twin.recording.scan_messages import RangeUnits
+from twin.recording.scan_messages import RangeUnits, StandingScanners
 from twin.recording.tables import number_cell, seconds_cell
 from twin.report.birdseye import Site
 from twin.report.floor_panel import PreviewFrame, TruePoses
@@ -160,16 +160,19 @@ class _ScannerChecks:
     """Examines scans for what hides people: ranges in another unit, else beams too sparse, too low or too high."""
 
     def __init__(self, rig: Rig) -> None:
-        self._units, self._reach = RangeUnits(rig), ScannerReach(rig)
+        self._units, self._reach, self._standing = RangeUnits(rig), ScannerReach(rig), StandingScanners(rig)
 
     def add(self, scan: LaserScan) -> None:
         self._units.add(scan)
         self._reach.add(scan)
+        self._standing.add(scan)
 
-    def warnings(self, unused: Collection[str]) -> list[str]:
-        """Return sentences on the scanners but those unused; of one with another unit nothing else."""
+    def warnings(self, unused: Collection[str], *, are_moving: bool) -> list[str]:
+        """Return sentences on the scanners but those unused; of one with another unit nothing else. are_moving: as told."""
         units = self._units.warnings(unused)
-        return [*units.values(), *self._reach.warnings({*unused, *units})]
+        left_out = {*unused, *units}
+        turns = [] if are_moving else self._standing.warnings(left_out)
+        return [*units.values(), *turns, *self._reach.warnings(left_out)]
 
 
 class Feed:
@@ -215,10 +218,10 @@ class Feed:
         dropped = [dropped_by(each.name, each.losses, counts, ahead_s) for each in self.runners if not each.failure]
         return [*self.log.blind(), *(loss for losses in dropped for loss in losses)]
 
-    def unfit_scanners(self) -> list[str]:
-        """Return a sentence per scanner, of those that a tracker uses, that cannot show people in most of what it sees."""
+    def unfit_scanners(self, *, are_moving: bool = False) -> list[str]:
+        """Return a sentence per scanner in use that cannot show people in most of what it sees, or turns where none is told."""
         unused = [set(unused_sensors(each.tracker)) for each in self.runners if not each.failure]
-        return self._scanners.warnings(set.intersection(*unused)) if unused else []
+        return self._scanners.warnings(set.intersection(*unused), are_moving=are_moving) if unused else []
 
     def _show(self, place: int, frames: list[TrackFrame]) -> None:
         if self.on_frame is not None:
@@ -324,7 +327,7 @@ def write_detections(
     _called(chosen, made.tracker, fed.finish)
     file.writelines(rows)
     lost = [*bag.losses, *dropped_by(made.name, fed.losses, n_fed, bag.ahead_s)]
-    for warning in (*lines(lost), *scanners.warnings(unused_sensors(made.tracker))):
+    for warning in (*lines(lost), *scanners.warnings(unused_sensors(made.tracker), are_moving=bool(bag.moving))):
         if warning not in warned:
             on_warning(warning)
 

@@ -207,7 +207,7 @@ class _Replay:
         anybody = None if self._truth is None else bool(self._truth.id.size)
         self._tracker_warnings = tracker_warnings(fed.runners, anybody)
         self._losses = [*bag.losses, *fed.losses(bag.ahead_s)]
-        self._unfit = fed.unfit_scanners()
+        self._unfit = fed.unfit_scanners(are_moving=bool(bag.moving))
         found = (*lines(self._losses), *self._unfit, *self._tracker_warnings)
         self._new = [each for each in found if each not in self._early]
         for each in self._new:

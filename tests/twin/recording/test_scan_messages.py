@@ -16,7 +16,7 @@ from twin.recording.losses import lines
 from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
 from twin.recording.ros_messages import LASER_SCAN, encode, time_message
-from twin.recording.scan_messages import RangeUnits, joined, turns, with_limits
+from twin.recording.scan_messages import RangeUnits, StandingScanners, joined, turns, with_limits
 from twin.run.feed import write_detections
 
 MS = 10**6
@@ -214,6 +214,41 @@ def test_ranges_wholly_in_another_unit_are_told(unit: float, width_m: float | No
     assert said["waist"].endswith("; ranges and limits in m are expected, not in cm or inches")
     is_seen = width_m is not None and rig is RIG
     assert ("what moves is " if is_seen else "sees nothing nearer than ") in said["waist"]
+
+
+TURNS = {
+    "stands": lambda t_s: 0.0,
+    "shakes": lambda t_s: 0.5 * (-1) ** round(5 * t_s),
+    "slips": lambda t_s: 20.0 * (t_s > 6),
+    "slips back": lambda t_s: -35.0 * (5 < t_s < 9),
+    "turns": lambda t_s: 11.0 * t_s,
+}
+"""Yaw of a scanner [degrees] over time."""
+
+
+@pytest.mark.parametrize("how", TURNS)
+def test_a_scanner_that_turns_unsaid_is_told(how: str) -> None:
+    scanners, carried = StandingScanners(RIG), StandingScanners(MOUNTED)
+    for scan in room_scans(1.0, 0.5):
+        way = np.exp(1j * (scan.angles_rad + 1e-3 + np.radians(TURNS[how](scan.stamp_ns / 1e9))))
+        x, y = np.where(way.real > 0, 12.0, 1.0), np.where(way.imag > 0, 5.0, 2.2)
+        walls = np.minimum(x / np.abs(way.real), y / np.abs(way.imag))
+        seen = replace(scan, ranges_m=np.where(scan.ranges_m < 2.9, scan.ranges_m, walls).astype(np.float32))
+        scanners.add(seen)
+        carried.add(seen)
+    assert carried.warnings() == scanners.warnings({"waist"}) == []
+    starts = [each[:50] for each in scanners.warnings()]
+    assert starts == ["waist: seems to turn, though it is said to stand: "] * (how not in ("stands", "shakes"))
+
+
+def test_a_scanner_whose_surroundings_never_come_again_is_told() -> None:
+    scanners = StandingScanners(RIG)
+    for scan in room_scans(1.0, None):
+        scanners.add(replace(scan, ranges_m=scan.ranges_m + np.float32(1.2e-9 * scan.stamp_ns)))
+    (line,) = scanners.warnings()
+    assert line.startswith(
+        "waist: seems to move, though it is said to stand: in half of 11 scans, one a second, at most "
+    )
 
 
 @pytest.mark.parametrize("n_beam", [0, 1, 2, 3])
