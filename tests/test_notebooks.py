@@ -1,4 +1,4 @@
-"""The notebooks run from top to bottom, each cell after the other in one namespace, as Jupyter runs them."""
+"""The notebooks run from top to bottom, each cell after the other, and their pages show what they print and plot."""
 
 from __future__ import annotations
 
@@ -6,34 +6,25 @@ import ast
 import json
 from pathlib import Path
 
-import matplotlib
 import pytest
-
-NOTEBOOKS = sorted((Path(__file__).parents[1] / "docs" / "notebooks").glob("*.ipynb"))
+from documentation import notebook
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_every_cell_runs(path: Path) -> None:
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    plt.close("all")  # those of other tests in this process
-    names: dict[str, object] = {}
-    last: object = None
-    for number, cell in enumerate(json.loads(path.read_text(encoding="utf-8"))["cells"]):
-        if cell["cell_type"] != "code":
-            continue
-        assert not cell["outputs"] and cell["execution_count"] is None, "outputs are not committed"
-        tree = ast.parse("".join(cell["source"]))
-        shown = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
-        exec(compile(tree, f"{path.name}, cell {number}", "exec"), names)
-        if shown is not None:
-            last = eval(compile(ast.Expression(shown.value), f"{path.name}, cell {number}", "eval"), names)
-    assert len(plt.get_fignums()) == 2
-    plt.close("all")
-    assert isinstance(last, dict) and last["mota"] > 0.9
+@pytest.mark.parametrize("path", notebook.NOTEBOOKS, ids=lambda path: path.stem)
+def test_every_cell_runs(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(notebook, "FOLDER", tmp_path / "notebooks")
+    for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
+        assert cell["cell_type"] == "markdown" or (not cell["outputs"] and cell["execution_count"] is None)
+    before = notebook.notebook_page(path)
+    notebook.run_notebook(path)
+    outputs = list(notebook.outputs_of(path).values())
+    pictures = [tmp_path / "notebooks" / each["picture"] for each in outputs if "picture" in each]
+    assert len(pictures) == 2 and all(each.stat().st_size > 5000 for each in pictures)
+    assert ast.literal_eval(outputs[-1]["text"])["mota"] > 0.9
+    page = notebook.notebook_page(path)
+    assert page.count("![") == before.count("![") + 2 and outputs[-1]["text"] in page
 
 
 def test_there_are_notebooks() -> None:
-    assert NOTEBOOKS
+    assert notebook.NOTEBOOKS

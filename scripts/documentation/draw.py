@@ -24,6 +24,7 @@ from documentation.gallery import (
     sheet_path,
     shown,
 )
+from documentation.notebook import NOTEBOOKS, output_path, run_notebook
 from twin.models import MODELS
 from twin.recording.atomic_file import atomic_path
 
@@ -37,6 +38,9 @@ def draw_all() -> None:
             write_webp(path, _study(name) if page == "studies" else _scenario(page, name, drawn))
     if not sheet_path().is_file():
         write_webp(sheet_path(), _sheet())
+    for notebook in NOTEBOOKS:
+        if not output_path(notebook).is_file():
+            run_notebook(notebook)
     for script in EXAMPLES:
         path = example_path(script)
         if not path.is_file() or path.stat().st_mtime < script.stat().st_mtime:

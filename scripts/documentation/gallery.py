@@ -13,6 +13,7 @@ from typing import Any
 
 import yaml
 
+from documentation.notebook import FOLDER as NOTEBOOK_FOLDER, NOTEBOOKS, outputs_of
 from twin import models
 
 ROOT = Path(__file__).parents[2]
@@ -108,6 +109,9 @@ def pictures() -> dict[str, Path]:
     """Return every picture that has been drawn, by its path in the pages."""
     paths = [picture_path(page, name, drawn) for page, name, _, _, drawn in shown()]
     paths += [sheet_path(), *(example_path(script) for script in EXAMPLES)]
+    paths += [
+        NOTEBOOK_FOLDER / own["picture"] for each in NOTEBOOKS for own in outputs_of(each).values() if "picture" in own
+    ]
     return {f"gallery/pictures/{path.parent.name}/{path.name}": path for path in paths if path.is_file()}
 
 
