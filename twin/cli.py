@@ -23,8 +23,10 @@ from twin.commands.memory import (
     EXIT_FELL_SHORT,
     EXIT_INTERRUPTED,
     EXIT_OUR_FAULT,
+    Interrupted,
     check_memory,
     describe_lack,
+    is_interrupted,
     raise_on_signals,
     run_in_child,
 )
@@ -118,8 +120,6 @@ def _discard(stream: TextIO) -> None:
 
 
 def _code_of_run() -> int:
-    from trackers.errors import InputError, PlugInError
-
     # Matrices are small: threads of BLAS would only disturb the work beside them.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # Images are rendered through EGL here, whatever the user's other programs use.
@@ -127,18 +127,24 @@ def _code_of_run() -> int:
     TrackerLog.install()
     raise_on_signals()
     try:
+        code = _code_of_command()
+    except Interrupted:
+        code = EXIT_INTERRUPTED
+    if is_interrupted() and code != EXIT_DONE:
+        code = EXIT_INTERRUPTED
+    if code == EXIT_INTERRUPTED:
+        sys.stderr.write("twin: interrupted; no file was left half-written under its final name\n")
+    return code
+
+
+def _code_of_command() -> int:
+    try:
         check_memory()
         _check_arguments(sys.argv[1:])
         # a shell expands `--out ~/x`, and leaves `--out=~/x` and what is quoted
         sys.argv[1:] = [re.sub(r"^(--[a-z-]+=)?~(?=/|$)", _home, each) for each in sys.argv[1:]]
         code = _app_of(sys.argv[1:])(standalone_mode=False)
-        if code == EXIT_INTERRUPTED:  # typer's code for Ctrl-C
-            sys.stderr.write("twin: interrupted; no file was left half-written under its final name\n")
-        return code if isinstance(code, int) else EXIT_DONE
-    except InputError as error:
-        return _end_with(describe_lack(error) or str(error))
-    except PlugInError as error:
-        return _end_with(str(error), EXIT_FELL_SHORT)
+        return code if isinstance(code, int) else EXIT_DONE  # typer's for Ctrl-C is EXIT_INTERRUPTED
     except BrokenPipeError:
         raise
     except SystemExit as error:
@@ -146,13 +152,24 @@ def _code_of_run() -> int:
             raise error.__context__ from None
         raise
     except Exception as error:
-        if (lack := describe_lack(error)) is not None:
-            return _end_with(lack)
-        if isinstance(error, OSError) and (fault := _describe_path_error(error)):
-            return _end_with(fault)
-        if hasattr(error, "format_message") and hasattr(error, "exit_code"):  # a usage error of click's
-            return _end_with(_describe_usage_error(error))
-        return _report_internal_error()
+        return EXIT_INTERRUPTED if is_interrupted() else _code_of_error(error)
+
+
+def _code_of_error(error: Exception) -> int:
+    """Describe an error on stderr; return its exit code."""
+    from trackers.errors import InputError, PlugInError
+
+    if isinstance(error, InputError):
+        return _end_with(describe_lack(error) or str(error))
+    if isinstance(error, PlugInError):
+        return _end_with(str(error), EXIT_FELL_SHORT)
+    if (lack := describe_lack(error)) is not None:
+        return _end_with(lack)
+    if isinstance(error, OSError) and (fault := _describe_path_error(error)):
+        return _end_with(fault)
+    if hasattr(error, "format_message") and hasattr(error, "exit_code"):  # a usage error of click's
+        return _end_with(_describe_usage_error(error))
+    return _report_internal_error(error)
 
 
 def _app_of(arguments: Sequence[str]) -> typer.Typer:
@@ -237,10 +254,10 @@ def _end_with(message: str, code: int = EXIT_BAD_INPUT) -> int:
     return code
 
 
-def _report_internal_error() -> int:
+def _report_internal_error(error: Exception) -> int:
     import traceback
 
-    traceback.print_exc()
+    traceback.print_exception(error)
     sys.stderr.write("twin: this is a fault of ours; please report it with the lines above and the scenario file\n")
     return EXIT_OUR_FAULT
 

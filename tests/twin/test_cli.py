@@ -254,6 +254,37 @@ def test_a_stop_within_an_import_or_an_exec_ends_the_command_with_its_exit_code(
     assert done.stdout == ("imported to its end\n" if "import" in where else "")
 
 
+_PASSED_OVER = """\
+import os, signal, time, twin.commands.info
+from twin.commands.memory import Interrupted
+def check_machine():
+    try:
+        for number in range(3):  # a compiled module passes over what Python raises in it, twice
+            try:
+                if not number:
+                    os.kill(os.getpid(), signal.SIGINT)
+                time.sleep(30)
+            except Interrupted:
+                if number == 2:
+                    raise
+    finally:
+        time.sleep(0.3)
+        print("cleaned up", flush=True)
+        raise ValueError("of another sort")
+twin.commands.info.check_machine = check_machine
+from twin.cli import main
+main()
+"""
+
+
+def test_a_stop_that_a_library_passes_over_or_turns_into_another_error_ends_the_command() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", _PASSED_OVER, "check"], capture_output=True, text=True, check=False, preexec_fn=HEEDING
+    )
+    assert (done.returncode, done.stdout) == (130, "cleaned up\n")
+    assert done.stderr == "twin: interrupted; no file was left half-written under its final name\n"
+
+
 def test_a_full_disk_is_said_in_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every write fails here as on a full disk."""
 

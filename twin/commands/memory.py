@@ -41,24 +41,57 @@ class Interrupted(KeyboardInterrupt):
     """
 
 
+_asked: list[float] = []
+"""Times at which this process was asked to end [s]."""
+_is_noticed = threading.Event()
+
+
+def is_interrupted() -> bool:
+    """Return True once this process was asked to end: an error afterwards comes of that. It is asked no more."""
+    _is_noticed.set()
+    return bool(_asked)
+
+
 def raise_on_signals() -> None:
     """Make SIGTERM, and SIGINT unless ignored, raise Interrupted in the main thread.
 
-    Not during an import: compiled modules may crash there, and a partly made class turns it into another error. The signal
-    is repeated after `_AGAIN_S`, for up to 10 s, so that an endless module of the user's can be stopped too.
+    Not during an import: compiled modules may crash there, and a partly made class turns it into another error. For up to 10 s,
+    so that an endless module of the user's can be stopped too. The signal is repeated after `_AGAIN_S` until the exception is on
+    its way: a compiled module that calls Python may pass over it, and go on.
     """
-    first_s: list[float] = []
+    is_repeated = threading.Event()
+
+    def ask_again(number: int) -> None:
+        if not _is_noticed.is_set():
+            is_repeated.set()
+            os.kill(os.getpid(), number)
 
     def stop(number: int, frame: FrameType | None) -> None:
-        first_s.append(time.monotonic())
-        if _importing(frame) and first_s[-1] - first_s[0] < _LONGEST_IMPORT_S:
-            threading.Timer(_AGAIN_S, os.kill, [os.getpid(), number]).start()
-            return
-        raise Interrupted
+        again = is_repeated.is_set()
+        is_repeated.clear()
+        _asked.append(time.monotonic())
+        waits = _importing(frame) and _asked[-1] - _asked[0] < _LONGEST_IMPORT_S
+        timer = threading.Timer(_AGAIN_S, ask_again, [number])
+        timer.daemon = True  # none is left to be asked
+        timer.start()
+        if not (waits or (again and _is_on_its_way())):
+            raise Interrupted
 
     signal.signal(signal.SIGTERM, stop)
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signal.signal(signal.SIGINT, stop)
+
+
+def _is_on_its_way() -> bool:
+    """Return True while an Interrupted is being handled: files and processes are then cleaned up."""
+    error = sys.exc_info()[1]
+    return any(isinstance(each, Interrupted) for each in (*_chain(error), *_contexts(error)))
+
+
+def _contexts(error: BaseException | None) -> Iterator[BaseException]:
+    while error is not None:
+        yield error
+        error = error.__context__
 
 
 def _importing(frame: FrameType | None) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import signal
 from collections.abc import Mapping
 from contextlib import suppress
@@ -46,6 +47,11 @@ class _OfOurScheduler(SpecCluster):
         super().__init__(scheduler={**scheduler, "cls": _Scheduler}, **options)
 
 
+def _is_news(record: logging.LogRecord) -> bool:
+    """Return False for the failed start of a worker that was ended meanwhile, which nobody waits for any more."""
+    return record.exc_info is None or not str(record.exc_info[1]).endswith(" failed to start.")
+
+
 class PrivateCluster(LocalCluster, _OfOurScheduler):
     """Scheduler and workers of this machine that listen for holders of the run's certificate alone."""
 
@@ -54,5 +60,6 @@ class PrivateCluster(LocalCluster, _OfOurScheduler):
 
     def close(self, timeout: float | None = None) -> Any:
         """Close, also while workers start: Dask asserts that none does, and they end with this process."""
+        logging.getLogger("asyncio").addFilter(_is_news)
         with suppress(AssertionError):
             return super().close(timeout)
