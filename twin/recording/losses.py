@@ -298,7 +298,7 @@ def dropped_by(
     return found
 
 
-_LEAST_OFFSET_S = 0.05
+_LEAST_OFFSET_S = 0.1
 
 
 def documents(losses: Sequence[Loss]) -> list[dict[str, Any]]:
