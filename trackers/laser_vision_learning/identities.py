@@ -42,6 +42,11 @@ class IdentityOptions(Strict):
         ge=0,
         description="log-odds that the next best assignment must lose for looks to decide; else motion does (ours)",
     )
+    jointly: bool = Field(
+        default=False,
+        description="a verdict stays open until all who may have its identities were scored (paper, V.B); no: it is final "
+        "at once (ours)",
+    )
     memory: ClassVar[int] = 25
     """Largest number of pictures that a mean score stands for: older ones fade (ours)."""
 
@@ -131,6 +136,11 @@ class Beliefs:
     def doubtful(self) -> Bool[Mask, "n"]:
         """Mask of the tracks with more than one possible identity."""
         return self.possible.sum(axis=1) > 1
+
+    def compared(self, scored: Bool[Mask, "n"]) -> Bool[Mask, "n"]:
+        """Return a mask of the tracks that no doubtful track without scores shares a possible identity with."""
+        rivals = self.possible.astype(float) @ self.possible.T > 0
+        return ~(rivals & self.doubtful & ~scored).any(axis=1)
 
     def shared(self, confused: Bool[Mask, "n n"]) -> Beliefs:
         """Return the beliefs after a frame in which pairs of tracks could be exchanged: earlier scores are void."""

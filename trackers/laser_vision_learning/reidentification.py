@@ -219,6 +219,8 @@ class Recognition:
         log_odds[row, self._own[row]] = np.minimum(log_odds[row, self._own[row]], 0.0)
         found = decided(log_odds, self._own, rules.margin)
         certain, ids = found.by_looks & scored, beliefs.number[found.column]
+        if rules.jointly:
+            certain &= ~doubtful | beliefs.compared(scored)
         self._own = found.column
         self._beliefs = beliefs.resolved(certain, self._own)
         news = np.flatnonzero((ids != before) | (certain & doubtful))

@@ -8,7 +8,7 @@ have more than two members, and a part of which may go on as a group.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -83,6 +83,12 @@ class Situations:
 
         rest = (self.interacting, self.correlated, self.merged, self.merged_ns, self.confused)
         return Situations(serial, *map(carried, rest))
+
+    def without(self, serial: Int[Index, "k"]) -> Situations:
+        """Return the situations with the tracks with these serial numbers merged with nobody."""
+        alone = np.isin(self.serial, serial)
+        apart = alone | alone[:, None]
+        return replace(self, merged=self.merged & ~apart)
 
     @property
     def group(self) -> Int[Index, "n"]:

@@ -4,7 +4,8 @@ A merged group is one target (Song et al., section V.B): one set of particles th
 group is a connected component of the pairs that are merged. While their points form one cluster, all members share the
 particles and have their place. Clusters that stay apart are a split: each goes on as a target of its own, about its middle.
 The scanners do not tell which member is in which cluster, so that the order of tracks decides it, and after them the
-classifiers (`reidentification`). A cluster gets one member, the remaining ones go to the widest.
+classifiers (`reidentification`). A cluster gets one member, the remaining ones go to the widest. Whoever was hidden as the
+group parted comes up later: a new target is a member of a merged one that can have walked there since it was alone.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from trackers.filters.particle import Cloud, ParticleFilter
 from trackers.laser.group import Points, ScannerGroup
 from trackers.laser_vision_learning.options import LaserVisionLearningOptions
 from trackers.laser_vision_learning.situations import SituationOptions, Situations, assessed
-from trackers.laser_vision_learning.walking import STATE_SIZE, WalkerTracks, WalkingModel
+from trackers.laser_vision_learning.walking import STATE_SIZE, WalkerTracks, WalkingModel, WalkingOptions
 from trackers.likelihood.laser_points import Shares, log_likelihood, shares, unexplained_people
 from trackers.observations import NS_PER_S, Observation
 from trackers.tracking.track_manager import TrackManager, measured_now, measured_often, reachable
@@ -96,6 +97,8 @@ class Walkers:
             options.situations,
             None if clusters is None else clusters.together,
         )
+        alone = ~now.merged.any(axis=1)
+        self.people = self.people.changed(alone_ns=np.where(alone, ns, self.people.alone_ns))
         if clusters is not None:
             one = as_one(self.people.cloud, cloud, before.merged, now.merged, clusters)
             self.people = self.people.changed(roster=self.people.roster.changed(state=one))
@@ -149,15 +152,29 @@ class Walkers:
         new = np.flatnonzero(often)
         if new.size == 0:
             return
-        missed_rows = np.flatnonzero(roster.confirmed & ~measured_now(roster, self.ns))
-        places, missed_ns = people.places, self.ns - roster.measured_ns[missed_rows]
-        allowed = reachable(places[missed_rows], missed_ns, places[new], rules)
-        known, again = global_nearest_neighbour(distances(places[missed_rows], places[new]), allowed)
-        people = people.continued_as(missed_rows[known], new[again])
+        merged = self._merged
+        rows = np.flatnonzero(roster.confirmed & (merged | ~measured_now(roster, self.ns)))
+        places, missed_ns = people.places, self.ns - roster.measured_ns[rows]
+        away_m = distances(places[rows], places[new])
+        allowed = reachable(places[rows], missed_ns, places[new], rules)
+        merged_s = (self.ns - people.alone_ns[rows]) / NS_PER_S
+        reach_m = self.options.situations.interacting_m + WalkingOptions.speed_start_m_s * merged_s
+        allowed |= merged[rows, None] & (away_m < reach_m[:, None])
+        known, again = global_nearest_neighbour(away_m, allowed)
+        found = rows[known]
+        people = people.continued_as(found, new[again])
+        self.situations = self.situations.without(people.serial[found[merged[found]]])
         is_new = often.copy()
         is_new[new[again]] = False
         people = people.changed(roster=self._manager.confirm(people.roster, is_new))
         self.people = people.select(np.delete(np.arange(len(people)), new[again]))
+
+    @property
+    def _merged(self) -> Bool[Mask, "n"]:
+        """Mask of the members of merged targets, of whom any may come up beside the others; none where each is a target."""
+        if self.options.situations.merged == "each":
+            return np.zeros(len(self.people), np.bool_)
+        return self.situations.of(self.people.serial).merged.any(axis=1)
 
     def _end(self, elapsed_s: float) -> None:
         rules, people, places = self.options.track_management, self.people, self.people.places

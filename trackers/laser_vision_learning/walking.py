@@ -155,12 +155,13 @@ class WalkerTracks(Rows):
         Array, "n"
     ]  # time in which they should have been detected and were not, less that of detections since
     pictured_ns: Int[Index, "n"]  # stamp of the last measurement by a camera's detection; before any: `NEVER_NS`
+    alone_ns: Int[Index, "n"]  # stamp at which the track was merged with no other last
 
     @classmethod
     def started(cls, state: Cloud, ns: int, first: int) -> Self:
         """Make tentative tracks in `state`, first measured at stamp ns, numbered from `first` on."""
         n = len(state)
-        return cls(first + np.arange(n), Roster.started(state, ns), np.zeros(n), np.full(n, NEVER_NS))
+        return cls(first + np.arange(n), Roster.started(state, ns), np.zeros(n), np.full(n, NEVER_NS), np.full(n, ns))
 
     @property
     def cloud(self) -> Cloud:

@@ -29,7 +29,7 @@ def people_at(places, hidden, spread_m: float = 0.25) -> WalkerTracks:
     state[:2] = np.asarray(places, float).T[..., None] + spread_m * np.random.default_rng(0).normal(size=(2, n, 400))
     measured_ns = np.where(hidden, -round(0.2 * NS_PER_S), 0)
     roster = Roster(np.arange(1, n + 1), Cloud.of(state), measured_ns, measured_ns, np.full(n, 9), np.ones(n, bool))
-    return WalkerTracks(np.arange(n), roster, np.where(hidden, 0.2, 0.0), np.full(n, -1))
+    return WalkerTracks(np.arange(n), roster, np.where(hidden, 0.2, 0.0), np.full(n, -1), np.zeros(n, int))
 
 
 def looked(

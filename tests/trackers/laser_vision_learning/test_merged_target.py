@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from synthetic_room import AREA, image, rig, straight_walk
+from two_scanners import EMPTY, RIG, observed
 
+from trackers.feeding import track_frames
 from trackers.filters.particle import Cloud
 from trackers.laser.group import Points
 from trackers.laser_vision_learning.situations import Situations
 from trackers.laser_vision_learning.walkers import as_one, clusters_of
 from trackers.likelihood.laser_points import PointOptions, shares
+from trackers.presets import make_tracker
+from trackers.rig import Rig
 
 
 def merged(n: int) -> Situations:
@@ -63,3 +70,23 @@ def test_members_share_their_particles_and_after_the_split_each_has_its_cluster(
     assert not clusters.together.any()
     split = as_one(one, one, pair, np.zeros_like(pair), clusters)
     np.testing.assert_allclose(np.sort(split.expectation(split.state[0])), [-0.3, 0.6], atol=0.05)
+
+
+def test_whoever_is_hidden_as_a_merged_pair_parts_is_found_again_as_a_member() -> None:
+    walk = straight_walk([(-1.6, 1.0), (-1.6, 1.0)], [(0.5, 0.0), (0.5, 0.0)], 50)
+    k, hidden = np.arange(len(walk)), range(25, 35)
+    walk.position[:, 1, 1] += np.where(
+        k < hidden[0], np.maximum(0.9 - 0.06 * k, 0.35), np.minimum(0.35 + 0.1 * (k - 25), 1.5)
+    )
+    shown = walk.position.copy()
+    shown[hidden, 1] = 50.0
+    scans = observed(replace(walk, position=shown))
+    fused = Rig(sensors={**RIG.sensors, "camera": rig(waist=False, knee=False).sensors["camera"]}, area=AREA)
+    looks = [
+        image(walk, k, scans[2 * k].stamp_ns, np.random.default_rng(k), ("pink", "blue")) for k in range(len(walk))
+    ]
+    given = sorted([*scans, *looks], key=lambda each: each.stamp_ns)
+    tracker = make_tracker("laser-vision-learning-paper", fused, EMPTY, np.random.default_rng(0))
+    frames = list(track_frames(tracker, fused, given))
+    one_place = [frame for frame in frames if len(frame.tracks) == 2 and frame.tracks[0].y == frame.tracks[1].y]
+    assert one_place and {len(frame.tracks) for frame in frames[-5:]} == {2}

@@ -58,7 +58,7 @@ class Meeting:
         self.ids, self.serial, self.ns, self.decisions = np.arange(1, n + 1), np.arange(n), 0, []
         self.born_ns = np.zeros(n, int)
         nobody = Roster.started(Cloud.of(np.zeros((5, 0, 60))), 0)
-        self.people = WalkerTracks(np.zeros(0, int), nobody, np.zeros(0), np.zeros(0, int))
+        self.people = WalkerTracks(np.zeros(0, int), nobody, np.zeros(0), np.zeros(0, int), np.zeros(0, int))
 
     def frames(
         self, count: int, places, colours=None, interacting=True, together=(), wide_m=0.05, speed_m_s=0.0, missed=()
@@ -82,7 +82,7 @@ class Meeting:
             now = Situations(self.serial, near, confused, confused, np.full((n, n), self.ns), confused)
             image = None if colours is None else picture(places, colours, self.ns)
             self.people = self.recognition.work(
-                WalkerTracks(self.serial, roster, np.zeros(n), np.full(n, -1)), now, image, self.ns
+                WalkerTracks(self.serial, roster, np.zeros(n), np.full(n, -1), np.zeros(n, int)), now, image, self.ns
             )
             self.ids = self.people.roster.id
             self.decisions += self.recognition.decisions
