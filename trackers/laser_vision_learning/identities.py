@@ -140,7 +140,7 @@ class Beliefs:
     def compared(self, scored: Bool[Mask, "n"]) -> Bool[Mask, "n"]:
         """Return a mask of the tracks that no doubtful track without scores shares a possible identity with."""
         rivals = self.possible.astype(float) @ self.possible.T > 0
-        return ~(rivals & self.doubtful & ~scored).any(axis=1)
+        return ~np.logical_or.reduce(rivals & self.doubtful & ~scored, axis=1)
 
     def shared(self, confused: Bool[Mask, "n n"]) -> Beliefs:
         """Return the beliefs after a frame in which pairs of tracks could be exchanged: earlier scores are void."""

@@ -208,7 +208,7 @@ class Recognition:
         """Assign identities to all tracks by their mean scores and their continuity."""
         beliefs, rules = self._beliefs, self._identities
         doubtful, mean, before = beliefs.doubtful, beliefs.mean(rules.pictures), people.roster.id[sure]
-        scored = np.isfinite(mean).any(axis=1)
+        scored = np.logical_or.reduce(np.isfinite(mean), axis=1)
         if not scored.any():
             return people
         log_odds = self._calibration.log_ratio(mean)

@@ -97,7 +97,7 @@ class Walkers:
             options.situations,
             None if clusters is None else clusters.together,
         )
-        alone = ~now.merged.any(axis=1)
+        alone = ~np.logical_or.reduce(now.merged, axis=1)
         self.people = self.people.changed(alone_ns=np.where(alone, ns, self.people.alone_ns))
         if clusters is not None:
             one = as_one(self.people.cloud, cloud, before.merged, now.merged, clusters)
@@ -174,7 +174,7 @@ class Walkers:
         """Mask of the members of merged targets, of whom any may come up beside the others; none where each is a target."""
         if self.options.situations.merged == "each":
             return np.zeros(len(self.people), np.bool_)
-        return self.situations.of(self.people.serial).merged.any(axis=1)
+        return np.logical_or.reduce(self.situations.of(self.people.serial).merged, axis=1)
 
     def _end(self, elapsed_s: float) -> None:
         rules, people, places = self.options.track_management, self.people, self.people.places
