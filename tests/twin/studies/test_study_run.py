@@ -283,17 +283,19 @@ def test_coverage_alone_is_searched_exactly(tmp_path: Path, capsys: pytest.Captu
     )
 
 
+ONE_RIG_SEES_ALL = {
+    "trackers": [],
+    "objectives": [{"kind": "coverage"}, {"kind": "price"}],
+    "search": {"method": "greedy"},
+    "devices__rig__count": [1, 2],
+    "held_out": None,
+    "coverage": {"samples": 2, "seeds": [1950], "beams": 1},
+}
+
+
 def test_of_placements_that_cover_alike_the_cheapest_is_recommended(tmp_path: Path) -> None:
-    path = written(
-        tmp_path,
-        trackers=[],
-        objectives=[{"kind": "coverage"}, {"kind": "price"}],
-        search={"method": "greedy"},
-        devices__rig__count=[1, 2],
-        held_out=None,
-        coverage={"samples": 2, "seeds": [1950], "beams": 1},
-        constraints__cable={"from": [2.9, 2.9, 0.3], "price_per_m": 10},
-    )
+    cable = {"from": [2.9, 2.9, 0.3], "price_per_m": 10}
+    path = written(tmp_path, **ONE_RIG_SEES_ALL, constraints__cable=cable)
     summary = run(path, tmp_path / "out")
     assert summary["best"]["candidate"] in [row["candidate"] for row in summary["pareto"]]
     assert summary["best"]["price"] < summary["baseline"]["price"]
@@ -301,15 +303,7 @@ def test_of_placements_that_cover_alike_the_cheapest_is_recommended(tmp_path: Pa
 
 def test_a_number_of_devices_that_another_beats_is_shown_too(tmp_path: Path) -> None:
     """One rig sees all that two do: two are dominated, and yet have been searched."""
-    path = written(
-        tmp_path,
-        trackers=[],
-        objectives=[{"kind": "coverage"}, {"kind": "price"}],
-        search={"method": "greedy"},
-        devices__rig__count=[1, 2],
-        held_out=None,
-        coverage={"samples": 2, "seeds": [1950], "beams": 1},
-    )
+    path = written(tmp_path, **ONE_RIG_SEES_ALL)
     summary = run(path, tmp_path / "out")
     assert {row["price"] for row in summary["pareto"]} == {1500}
     assert [(row["price"], row["coverage"]) for row in summary["best_of_each_count"]] == [(1500, 1.0), (3000, 1.0)]
