@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import inf, isfinite, isnan, pi, remainder
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +19,16 @@ from twin.recording.bag import Copies, Topic, decoded, open_bag
 from twin.recording.depth_images import DepthPairs, decode_depth, match_images
 from twin.recording.message_types import TRANSFORM_MESSAGES
 from twin.recording.ros_messages import LASER_SCAN, check_fits, from_message, stamp_of
-from twin.recording.scan_messages import TurnJoiner, with_limits
+from twin.recording.scan_messages import TurnJoiner
 from twin.recording.sensor_clock import MessageTimes
 from twin.recording.sensor_topics import LeftOut, SensorTopics, poses_of
 
 NumberedMessage = tuple[str, int, bytes, bool]
 """Topic, number on it, encoded message, is_ros1."""
+_MISCOUNTED = 1.5
+"""Distance of angle_max from the last beam, in beams, up to which a driver counts the beams otherwise."""
+_LONGEST_S = 10.0
+"""Time that no scan takes; time_increment is in ms or µs then [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,3 +155,28 @@ def sorted_by_stamp(
         while held and held[0][0] <= due[left]:
             yield heapq.heappop(held)[2]
             left += 1
+
+
+def with_limits(message: Any) -> tuple[Any, str]:
+    """Return a LaserScan whose fields that say nothing hold ROS's "not known", and a clause on those; '' for none.
+
+    time_increment (NaN, or a scan of ten seconds): 0; range_min (NaN or negative): 0; range_max (NaN, 0 or negative): infinite.
+    An angle_max that is not the bearing of the last beam is told: bearings are by angle_min and angle_increment.
+    """
+    known: dict[str, float] = {}
+    if not abs(message.time_increment) * len(message.ranges) <= _LONGEST_S:
+        known["time_increment"] = 0.0
+    if isnan(message.range_min) or message.range_min < 0:
+        known["range_min"] = 0.0
+    if isnan(message.range_max) or message.range_max <= 0:
+        known["range_max"] = inf
+    said = [f"{name} {getattr(message, name):g} (taken as {value:g})" for name, value in known.items()]
+    last = message.angle_min + (len(message.ranges) - 1) * message.angle_increment
+    off = message.angle_max - last
+    if (
+        len(message.ranges)
+        and isfinite(off)
+        and abs(remainder(off, 2 * pi)) > _MISCOUNTED * abs(message.angle_increment)
+    ):
+        said.append(f"angle_max {message.angle_max:g} rad (the last beam is at {last:g} rad by angle_increment)")
+    return (replace(message, **known) if known else message), ", ".join(said)

@@ -15,8 +15,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from math import inf, isfinite, isnan, pi, remainder
-from typing import Any
+from math import inf, pi, remainder
 
 import numpy as np
 
@@ -33,12 +32,8 @@ _NEXT = 1.5
 """Distance of a sector's first beam from the end of the one before, in beams, within which it goes on there."""
 _FEWEST = 0.3
 """Least share of messages that go on where the last one ended; half of those in two sectors a turn do."""
-_MISCOUNTED = 1.5
-"""Distance of angle_max from the last beam, in beams, up to which a driver counts the beams otherwise."""
 _MOST_COPIES, _FEWEST_COPIES, _ALIKE = 3, 5, 0.8
 """Messages of one content at most, and copies, and their share at one distance, at least, of a topic sent twice."""
-_LONGEST_S = 10.0
-"""Time that no scan takes; time_increment is in ms or µs then [s]."""
 _PAUSE = 3.0
 """Longest time between two sectors of a turn, in long ones (90 %) of as many sectors."""
 
@@ -145,31 +140,6 @@ def joined(sectors: Sequence[LaserScan]) -> LaserScan:
     return replace(first, ranges_m=ranges_m, sweep_time_s=beam_s * (ranges_m.size - 1))
 
 
-def with_limits(message: Any) -> tuple[Any, str]:
-    """Return a LaserScan whose fields that say nothing hold ROS's "not known", and a clause on those; '' for none.
-
-    time_increment (NaN, or a scan of ten seconds): 0; range_min (NaN or negative): 0; range_max (NaN, 0 or negative): infinite.
-    An angle_max that is not the bearing of the last beam is told: bearings are by angle_min and angle_increment.
-    """
-    known: dict[str, float] = {}
-    if not abs(message.time_increment) * len(message.ranges) <= _LONGEST_S:
-        known["time_increment"] = 0.0
-    if isnan(message.range_min) or message.range_min < 0:
-        known["range_min"] = 0.0
-    if isnan(message.range_max) or message.range_max <= 0:
-        known["range_max"] = inf
-    said = [f"{name} {getattr(message, name):g} (taken as {value:g})" for name, value in known.items()]
-    last = message.angle_min + (len(message.ranges) - 1) * message.angle_increment
-    off = message.angle_max - last
-    if (
-        len(message.ranges)
-        and isfinite(off)
-        and abs(remainder(off, 2 * pi)) > _MISCOUNTED * abs(message.angle_increment)
-    ):
-        said.append(f"angle_max {message.angle_max:g} rad (the last beam is at {last:g} rad by angle_increment)")
-    return (replace(message, **known) if known else message), ", ".join(said)
-
-
 _LOOKS_NS = NS_PER_S // 5
 """Least time between two scans of a scanner that are examined for its unit [ns]."""
 _BEARINGS, _STEP, _STEPS = 720, 0.1, 140
@@ -186,6 +156,13 @@ _WIDEST_M, _NEAREST_M = 2.5, 1.0
 """Median width of moving things beyond that of people, even in groups, and distance within which something always comes [m]."""
 _NO_ROOM_M = 10.0, 60.0
 """Distances of the nearest and of half of the returns at which a scanner shows nobody [m]."""
+
+
+def _things(beam: Index, ranges: Array) -> tuple[Index, Index]:
+    """Return the places of the first and of the last return of each thing, on which the range changes little."""
+    goes_on = (np.diff(beam) == 1) & (np.abs(np.diff(ranges)) < _EVEN * ranges[:-1])
+    ends = np.flatnonzero(~goes_on)
+    return np.append(0, ends + 1), np.append(ends, beam.size - 1)
 
 
 class _Looks:
@@ -223,9 +200,7 @@ class _Looks:
 
     def _measure(self, beam: Index, ranges: Array, angles: Array) -> None:
         """Measure the widths of things that move, from the first beam on each to the last [m]."""
-        goes_on = (np.diff(beam) == 1) & (np.abs(np.diff(ranges)) < _EVEN * ranges[:-1])
-        ends = np.flatnonzero(~goes_on)
-        first, last = np.append(0, ends + 1), np.append(ends, beam.size - 1)
+        first, last = _things(beam, ranges)
         many = last - first + 1 >= _FEWEST_BEAMS
         places = ranges * np.exp(1j * angles)
         self.widths_m += np.abs(places[last[many]] - places[first[many]]).tolist()
@@ -282,8 +257,11 @@ _FIRST_LOOKS, _TURNED_LOOKS = 1, 2
 _TURNED, _FITS, _STRANGE = 0.12, 0.6, 0.4
 """Share of the returns by which a turned scan fits better, and the least that then fits; one below which a scan fits nowhere."""
 _AROUND_BEARINGS, _LEAST_TURN, _MOST_RETURNS = 90, 5, 200
-"""Bearings with returns that show anything around, least turn tried [cells], and returns of a scan that are compared."""
+"""Bearings of wide things that show anything around, least turn tried [cells], and returns of a scan that are compared."""
 _TURN_CELLS, _TURN_STEPS, _TURN_M = 720, 100, 0.5
+"""Bearings, and steps of distance and their length [m], in which returns are compared."""
+_WIDER_M = 1.0
+"""Width of a thing above which it is no person [m]."""
 
 
 class _Around:
@@ -297,10 +275,17 @@ class _Around:
         self._known = np.zeros((_TURN_CELLS, _TURN_STEPS + 2), np.bool_)
 
     def add(self, scan: LaserScan) -> None:
-        hit = np.flatnonzero(np.isfinite(scan.ranges_m) & (scan.ranges_m <= scan.range_max_m))
+        """Take a scan that shows things wider than people: people alone are elsewhere in each."""
+        hit = np.flatnonzero((scan.ranges_m > 0) & (scan.ranges_m <= scan.range_max_m) & (scan.ranges_m < inf))
+        if not hit.size:
+            return
+        ranges = scan.ranges_m[hit].astype(np.float64)
         bearing = np.floor(scan.angles_rad[hit] / (2 * pi) * _TURN_CELLS).astype(np.intp) % _TURN_CELLS
-        step = 1 + np.minimum(scan.ranges_m[hit] / _TURN_M, _TURN_STEPS - 1).astype(np.intp)
-        if np.unique(bearing).size < _AROUND_BEARINGS:
+        step = 1 + np.minimum(ranges / _TURN_M, _TURN_STEPS - 1).astype(np.intp)
+        first, last = _things(hit, ranges)
+        width_m = np.add.reduceat(ranges * abs(scan.angle_increment_rad), first)
+        is_wide = np.repeat(width_m > _WIDER_M, last - first + 1)
+        if np.unique(bearing[is_wide]).size < _AROUND_BEARINGS:
             return
         self._n_look += 1
         if self._n_look > _FIRST_LOOKS:

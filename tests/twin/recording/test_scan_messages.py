@@ -12,11 +12,12 @@ from tests.twin.recording.recorded import a_scan, write_ros2_bag
 from trackers.errors import InputError
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor, OdometrySensor, Rig
+from twin.recording.decoding import with_limits
 from twin.recording.losses import lines
 from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
 from twin.recording.ros_messages import LASER_SCAN, encode, time_message
-from twin.recording.scan_messages import RangeUnits, StandingScanners, joined, turns, with_limits
+from twin.recording.scan_messages import RangeUnits, StandingScanners, joined, turns
 from twin.run.feed import write_detections
 
 MS = 10**6
@@ -249,6 +250,19 @@ def test_a_scanner_whose_surroundings_never_come_again_is_told() -> None:
     assert line.startswith(
         "waist: seems to move, though it is said to stand: in half of 11 scans, one a second, at most "
     )
+
+
+@pytest.mark.parametrize("empty", [np.inf, np.nan, 0.0, -100.0])
+def test_a_scanner_with_people_alone_around_it_is_not_told(empty: float) -> None:
+    """As in the open, farther from all walls than it sees: people are elsewhere in each scan."""
+    rng, scanners = np.random.default_rng(0), StandingScanners(RIG)
+    for scan in room_scans(1.0, None):
+        ranges, angles = np.full(scan.ranges_m.size, empty), scan.angles_rad
+        for x, y in rng.uniform(-8, 8, (20, 2)):
+            gap = np.abs(np.angle(np.exp(1j * (angles - np.arctan2(y, x)))))
+            ranges[gap < 0.2 / np.hypot(x, y)] = np.hypot(x, y)
+        scanners.add(replace(scan, ranges_m=ranges.astype(np.float32)))
+    assert scanners.warnings() == []
 
 
 @pytest.mark.parametrize("n_beam", [0, 1, 2, 3])
