@@ -153,6 +153,11 @@ def write_tags(canvas: NDArray[np.uint8], tags: Sequence[Tag], size_px: int = TA
 LETTER_PX, _LINE_PX = 6.5, 14.0  # of the SVG drawings' small text, about
 
 
+def _base(line: float, above: int) -> float:
+    """Return where a text stands that is so many lines above another [px]."""
+    return line - above * _LINE_PX
+
+
 class SvgLabels:
     """Labels of an SVG drawing: one that would meet another before it moves to the line above that, at any size of text."""
 
@@ -163,10 +168,10 @@ class SvgLabels:
         """Return a text of this class, that begins or ends at x and stands on y [px], as an SVG element."""
         wide, row = LETTER_PX * len(text), 0
         left = x if anchor == "start" else x - wide
-        for start, end, line, above in sorted(self._written, key=lambda each: each[3]):
-            meets = abs(y - line) < _LINE_PX or abs(y - line + above * _LINE_PX) < _LINE_PX
-            if left < end and start < left + wide and meets and row <= above:
-                y, row = line, above + 1
+        beside = [each for each in self._written if left < each[1] and each[0] < left + wide]
+        while met := [each for each in beside if abs(_base(*each[2:]) - _base(y, row)) < 0.99 * _LINE_PX]:
+            _, _, y, above = min(met, key=lambda each: _base(*each[2:]))
+            row = above + 1
         self._written.append((left, left + wide, y, row))
         shift = f' dy="{-1.15 * row:.2f}em"' if row else ""
         return f'<text class="{kind} halo" x="{x:.1f}" y="{y:.1f}"{shift} text-anchor="{anchor}">{escape(text)}</text>'

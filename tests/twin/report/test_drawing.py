@@ -89,6 +89,20 @@ def test_sensors_on_the_plan_have_their_names() -> None:
     assert len({y for y, _ in rows}) == 1 and len({dy for _, dy in rows}) == 3  # lines of their own, whatever the size
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_labels_of_a_drawing_keep_apart_however_many_meet(seed: int) -> None:
+    rng, labels, boxes = np.random.default_rng(seed), SvgLabels(), []
+    for _ in range(12):
+        text, x, y = "n" * rng.integers(2, 14), *rng.uniform(0, (150, 60))
+        drawn = labels.write("name", text, x, y, rng.choice(["start", "end"]))
+        (found,) = re.findall(r' x="([-0-9.]+)" y="([-0-9.]+)"(?: dy="(-[0-9.]+)em")? text-anchor="(\w+)"', drawn)
+        left = float(found[0]) - 6.5 * len(text) * (found[3] == "end")
+        boxes.append((left, left + 6.5 * len(text), float(found[1]) + 12 * float(found[2] or 0)))
+    for k, (left, right, y) in enumerate(boxes):
+        for start, end, other in boxes[:k]:
+            assert left >= end or start >= right or abs(y - other) > 12
+
+
 def test_thinned_path_stays_within_a_third_of_a_pixel() -> None:
     t = np.linspace(0, 6, 2000)
     line = np.column_stack([100 * t, 200 + 80 * np.sin(t)])
