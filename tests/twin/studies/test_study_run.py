@@ -103,8 +103,7 @@ def test_a_run_leaves_its_answers(whole: tuple[Path, Path, dict], capsys: pytest
     print_summary(out)
     said = capsys.readouterr().out
     assert "recommended" in said
-    if summary["indistinguishable"]:  # on two seeds
-        assert "fewer than 6" in said and "give no interval" in page
+    assert summary["indistinguishable"] and "fewer than 6" in said and "give no interval" in page  # on two seeds
 
 
 def test_figures_and_tracks_are_those_of_a_run(whole: tuple[Path, Path, dict], tmp_path: Path) -> None:
