@@ -151,6 +151,17 @@ def test_identities_are_exchanged_by_enough_pictures_that_tell_enough(change, af
     assert met_and_parted((BLUE, RED), identities=IdentityOptions(**change)).ids.tolist() == after
 
 
+@pytest.mark.parametrize("jointly", [False, True])
+def test_a_verdict_of_all_together_stays_open_until_the_last_was_seen(jointly):
+    two = Meeting(2, IdentityOptions(jointly=jointly))
+    two.frames(8, APART, (RED, BLUE))
+    two.frames(5, TOGETHER, (RED, BLUE), together=[(0, 1)])
+    two.frames(20, APART, (BLUE, RED), missed=[1])
+    assert two.recognition.deciding(two.serial).any() == jointly
+    two.frames(20, APART, (BLUE, RED))
+    assert not two.recognition.deciding(two.serial).any() and two.ids.tolist() == [2, 1]
+
+
 def test_tracks_that_never_met_keep_their_identities_whatever_they_look_like():
     two = Meeting(2)
     two.frames(10, APART, (RED, BLUE))
