@@ -168,7 +168,7 @@ class _ScannerChecks:
         self._standing.add(scan)
 
     def warnings(self, unused: Collection[str], *, are_moving: bool) -> list[str]:
-        """Return sentences on the scanners but those unused; of one with another unit nothing else. are_moving: as told."""
+        """Return sentences on the scanners in use: of one with another unit no other; are_moving: none on motion."""
         units = self._units.warnings(unused)
         left_out = {*unused, *units}
         turns = [] if are_moving else self._standing.warnings(left_out)
@@ -219,7 +219,7 @@ class Feed:
         return [*self.log.blind(), *(loss for losses in dropped for loss in losses)]
 
     def unfit_scanners(self, *, are_moving: bool = False) -> list[str]:
-        """Return a sentence per scanner in use that cannot show people in most of what it sees, or turns where none is told."""
+        """Return sentences on scanners in use that show few people or move; are_moving: other warnings say the latter."""
         unused = [set(unused_sensors(each.tracker)) for each in self.runners if not each.failure]
         return self._scanners.warnings(set.intersection(*unused), are_moving=are_moving) if unused else []
 

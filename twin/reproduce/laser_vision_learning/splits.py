@@ -4,8 +4,9 @@ The classifiers learn from and judge a recording's images as in a tracker, with 
 is learned while no other is near enough to be confused. Whenever two people part, their classifiers of the time when they
 met decide both identities.
 
-M, K, patches and features are chosen on a development seed in the busy place. Mixed clothes do not separate the choices, so
-people wear near-identical ones. The share of correct decisions differs little; the margin over its deviation differs more.
+Patches and features are chosen on a development seed in the busy place; M and K of the paper's system on groups (its rules
+have the figures). Mixed clothes do not separate the choices, so people wear near-identical ones. The share of correct
+decisions differs little; the margin over its deviation differs more.
 """
 
 from __future__ import annotations
@@ -176,7 +177,7 @@ _CHANGES: Mapping[str, Mapping[str, Any]] = {
     "M 30, K 29": {"boosting": {"kept": 29}},
     "M 50, K 35": {"boosting": {"trees": 50, "kept": 35}},
     "M 50, K 45": {"boosting": {"trees": 50, "kept": 45}},
-    "M 100, K 99: the paper's system": {"boosting": {"trees": 100, "kept": 99}},
+    "M 100, K 99, as in the paper's system": {"boosting": {"trees": 100, "kept": 99}},
     "K 0: fresh every picture": {"boosting": {"kept": 0}},
     "K = M: never trained again": {"boosting": {"kept": 30}},
     "patches of 0.12 m": {"patch_m": 0.12},
