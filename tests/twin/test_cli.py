@@ -278,9 +278,8 @@ main()
 
 
 def test_a_stop_that_a_library_passes_over_or_turns_into_another_error_ends_the_command() -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", _PASSED_OVER, "check"], capture_output=True, text=True, check=False, preexec_fn=HEEDING
-    )
+    command = [sys.executable, "-c", _PASSED_OVER, "check"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, preexec_fn=HEEDING, timeout=25)
     assert (done.returncode, done.stdout) == (130, "cleaned up\n")
     assert done.stderr == "twin: interrupted; no file was left half-written under its final name\n"
 
