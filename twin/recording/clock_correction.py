@@ -214,9 +214,12 @@ def _noise(clock: SensorClock, rows: Index) -> float:
 
 
 def _level(age: Array) -> float:
-    """Return the usual age of messages [ns]; where most were held up, that of the youngest, which tell the clock."""
+    """Return the usual age of messages [ns]; where most were held up, that of the youngest, which tell the clock.
+
+    From half the age on that is another clock's: a usual delay may come to it.
+    """
     usual, young = np.quantile(age, [0.5, _YOUNG])
-    return float(young if usual - young > _OTHER_CLOCK_S * NS_PER_S else usual)
+    return float(young if usual - young > _OTHER_CLOCK_S * NS_PER_S / 2 else usual)
 
 
 def _common_level(clocks: list[SensorClock], slope: float, since_ns: int) -> tuple[float, list[str]]:

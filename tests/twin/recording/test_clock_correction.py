@@ -122,8 +122,12 @@ def test_the_offset_that_is_told_where_trackers_would_not_wait_is_the_whole(tmp_
     assert f"`time_offset_s: {-off_s:.3f}` for knee in rig.yaml" in loss.remedy
 
 
-def test_messages_that_are_held_up_are_of_no_other_clock(tmp_path):
-    held = {"/high": true, "/low": lambda k: true(min(k // 25 * 25 + 24, N - 1)) + 70 * MS}  # handed on every 2.5 s
+@pytest.mark.parametrize("count", [8, 10, 12, 15, 25])
+def test_messages_that_are_held_up_are_of_no_other_clock(tmp_path, count):
+    held = {
+        "/high": true,
+        "/low": lambda k: true(min(k // count * count + count - 1, N - 1)) + 70 * MS,
+    }  # so many at once
     recording = Recording(a_bag(tmp_path, logged=held), RIG)
     assert {name: sorted(each) for name, each in stamps_of(recording).items()} == dict.fromkeys(RIG.sensors, REGULAR)
     assert not any("another clock" in line for line in lines(recording.losses))
