@@ -72,10 +72,11 @@ BOXES = {  # middle and half the size [m]
     "beside_the_door": ("-1.6 2.05 1.3", "0.4 0.05 1.3"),
     "north": ("1.0 2.05 1.3", "1.0 0.05 1.3"),
     "sideboard": ("-0.5 -1.8 0.4", "0.9 0.15 0.4"),
+    "wardrobe": ("1.6 -1.6 1.3", "0.3 0.3 1.3"),
 }
 
 
-def test_walls_are_told_from_furniture_by_height_and_labels_of_near_sensors_keep_apart(tmp_path: Path) -> None:
+def test_walls_are_told_from_furniture_and_labels_of_near_sensors_keep_apart(tmp_path: Path) -> None:
     geoms = "".join(f'<geom name="{name}" type="box" pos="{at}" size="{half}"/>' for name, (at, half) in BOXES.items())
     (tmp_path / "closet.xml").write_text(f"<mujoco><worldbody>{geoms}</worldbody></mujoco>", "utf-8")
     content: dict[str, Any] = {"name": "closet", "room": "closet.xml", "duration_s": 1, "people": {}, "sensors": {}}
@@ -86,9 +87,8 @@ def test_walls_are_told_from_furniture_by_height_and_labels_of_near_sensors_keep
     scene = build_scene(scenario)
     svg, *_ = plan_of((scenario, scene, building_of(scene)), Constraints())
     drawn = ElementTree.tostring(svg, encoding="unicode")
-    assert (
-        drawn.count("fill: #7a838f") == 5 and drawn.count("fill: #d5d9df") == 6
-    )  # five walls; each, and the sideboard
+    # five walls; each, the sideboard and the wardrobe
+    assert drawn.count("fill: #7a838f") == 5 and drawn.count("fill: #d5d9df") == 7
     texts = list(svg.iter("{http://www.w3.org/2000/svg}text"))
     assert {"1,2", "3"} <= {each.text for each in texts}
     lines = [float(each.get("y", "nan")) for each in texts if each.text in ("low 0°", "by_it 0°")]

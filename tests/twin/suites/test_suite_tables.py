@@ -46,6 +46,17 @@ def test_a_scenario_s_variants_are_compared_each_by_itself() -> None:
     ]
 
 
+@pytest.mark.parametrize("has_truth", [False, True])
+def test_bags_without_truth_have_columns_of_tracks_of_which_none_is_best(has_truth: bool) -> None:
+    bare = GroupKey("bare", "[]", "ours"), GroupKey("bare", "[]", "sort")
+    groups = {key: group({"track_count": 4 + n, "tracks_per_frame": 2.5 + n}) for n, key in enumerate(bare)}
+    if has_truth:
+        groups[GroupKey("lab", "[]", "ours")] = group({"mota": 0.9, "track_count": 3, "tracks_per_frame": 1.0})
+    heads, _, *rows = markdown_table(Results("made-up", {}, (), groups)).splitlines()
+    assert heads.endswith("| Tracks | Tracks per frame |") and ("MOTA" in heads) == has_truth
+    assert [row.split(" | ")[-2:] for row in rows[:2]] == [["4.0", "2.50 |"], ["5.0", "3.50 |"]]
+
+
 def test_the_verdict_comes_in_one_line_with_what_is_not_met_below() -> None:
     key = GroupKey("lab", "[]", "ours")
     results = Results("made-up", {}, (), {key: group({"mota": 0.9}, {"mota": 0.8})})
