@@ -268,6 +268,8 @@ def test_one_case_that_falls_beyond_any_noise_is_an_alarm_by_itself_and_says_whi
         and abs(change.change) < case.allowed < case.by == pytest.approx(0.5, abs=0.03)
     )
     assert significance(change) == f"seed 1 worse by {case.by:.3f} (allowed in one case: {case.allowed:.3f})"
+    chances = {0.2: "p 0.200", 0.0006: "p 0.001", 1e-9: "p < 0.001"}
+    assert {p: significance(replace(change, collapse=None, p=p, p_better=1.0)) for p in chances} == chances
 
 
 def test_a_case_that_is_an_alarm_worsens_by_more_than_the_least_minimum_detectable_change() -> None:
