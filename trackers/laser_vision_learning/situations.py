@@ -47,6 +47,8 @@ class SituationOptions(Strict):
     """Time without points of such a track [s] (ours)."""
     hysteresis: ClassVar[float] = 1.15
     """Ratio of the distances at which interaction and correlation end and start (ours)."""
+    parts_m_s: ClassVar[float] = 1.0
+    """Speed at which a member of a merged target may have walked from the others unseen [m/s] (ours)."""
     lasting_s: ClassVar[float] = 0.2
     """Time of separation after which a merge is over [s] (ours)."""
 

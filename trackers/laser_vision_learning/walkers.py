@@ -23,7 +23,7 @@ from trackers.filters.particle import Cloud, ParticleFilter
 from trackers.laser.group import Points, ScannerGroup
 from trackers.laser_vision_learning.options import LaserVisionLearningOptions
 from trackers.laser_vision_learning.situations import SituationOptions, Situations, assessed
-from trackers.laser_vision_learning.walking import STATE_SIZE, WalkerTracks, WalkingModel, WalkingOptions
+from trackers.laser_vision_learning.walking import STATE_SIZE, WalkerTracks, WalkingModel
 from trackers.likelihood.laser_points import Shares, log_likelihood, shares, unexplained_people
 from trackers.observations import NS_PER_S, Observation
 from trackers.tracking.track_manager import TrackManager, measured_now, measured_often, reachable
@@ -158,7 +158,7 @@ class Walkers:
         away_m = distances(places[rows], places[new])
         allowed = reachable(places[rows], missed_ns, places[new], rules)
         merged_s = (self.ns - people.alone_ns[rows]) / NS_PER_S
-        reach_m = self.options.situations.interacting_m + WalkingOptions.speed_start_m_s * merged_s
+        reach_m = self.options.situations.interacting_m + SituationOptions.parts_m_s * merged_s
         allowed |= merged[rows, None] & (away_m < reach_m[:, None])
         known, again = global_nearest_neighbour(away_m, allowed)
         found = rows[known]
