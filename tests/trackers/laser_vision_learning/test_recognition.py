@@ -78,7 +78,7 @@ class Meeting:
             state[2:4] = [[[0.0]], [[speed_m_s]]]
             measured_ns, many = np.full(n, self.ns), np.full(n, 9)
             measured_ns[list(missed)] -= NS_PER_S
-            roster = Roster(self.ids, Cloud.of(state), self.born_ns, measured_ns, many, np.ones(n, bool))
+            roster = Roster(self.ids, Cloud.of(state), self.born_ns[:n], measured_ns, many, np.ones(n, bool))
             now = Situations(self.serial, near, confused, confused, np.full((n, n), self.ns), confused)
             image = None if colours is None else picture(places, colours, self.ns)
             self.people = self.recognition.work(
