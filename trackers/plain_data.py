@@ -16,6 +16,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
+from math import isfinite
 from typing import Any
 
 import yaml
@@ -219,6 +220,15 @@ def parse_yaml_value(text: str, source: str) -> Any:
         return text.strip()
     text = _QUOTED_OR_COLOUR.sub(lambda found: found[1] or f"'{found[2]}'", text)
     return _loaded(text, source, "a number, word, [list] or {map}", tells_line=False)
+
+
+def parse_number(text: str) -> int | float | None:
+    """Parse a finite number of an argument as a bare word of a file is; None for any other text."""
+    is_of = {tag: pattern.fullmatch(text) is not None for tag, (pattern, _) in _WORDS.items()}
+    if not any(is_of[tag] for tag in _NUMBERS) or len(text) > LONGEST_NUMBER or text[-1].isalpha():  # .inf, .nan
+        return None
+    number = int(text) if is_of[f"{_TAG}int"] else float(text)
+    return number if isfinite(number) else None
 
 
 def dump_yaml(content: Any) -> str:

@@ -182,20 +182,9 @@ def _app_of(arguments: Sequence[str]) -> typer.Typer:
     return called if called.registered_commands or called.registered_groups else app
 
 
-_VALUE_ERRORS = {
-    "Value error, ": "",
-    "Input should be a valid integer, .*": "a whole number is expected",
-    "Input should be a valid number, .*": "a number is expected",
-    "Input should be (greater than|less than)(.*)": r"a number \1\2 is expected",
-}
-"""Words of what checks options' values, and those of the files' fields."""
-
-
 def _describe_usage_error(error: Any) -> str:
     """Describe a usage error of click; for an unknown command, name the valid ones."""
-    text = error.format_message()
-    for theirs, ours in _VALUE_ERRORS.items():
-        text = re.sub(theirs, ours, text)
+    text = error.format_message().replace("Value error, ", "")
     if text.startswith("No such command"):
         return f"{text} Valid are {', '.join(error.ctx.command.list_commands(error.ctx))}"
     if not text.startswith(("Got unexpected extra argument", "Missing argument")):

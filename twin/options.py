@@ -3,13 +3,67 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from trackers.errors import InputError
+from trackers.plain_data import parse_number
 from twin import models
+
+_MOST_WHOLE = 2**63 - 1
+"""Largest whole number that files and tables hold."""
+
+
+class WrongNumber(typer.BadParameter):
+    """Value of a numeric option that is not one: a sentence that names option, value and what is valid."""
+
+    def format_message(self) -> str:
+        """Return the sentence alone."""
+        return self.message
+
+
+def number(option: str, help_: str, *, metavar: str, least: float | None = None) -> Any:
+    """Declare an option that takes a finite number, as files do: no blanks, underscores or other digits than 0 to 9."""
+    expected = "a number" if least is None else f"a number of {least:g} or more"
+
+    def parse(text: Any) -> float:
+        value = parse_number(text) if isinstance(text, str) else text
+        if value is None or (least is not None and value < least):
+            raise WrongNumber(f"{option} {text}: {_meant(text, least)}{expected} is expected")
+        return float(value)
+
+    return typer.Option(option, metavar=metavar, help=help_, parser=parse)
+
+
+def _meant(text: str, least: float | None) -> str:
+    """Return a hint where a text is a number to Python alone, as 1_0 and 010 are, or a whole one with a fraction of 0."""
+    try:
+        value = float(text)
+    except ValueError:
+        return ""
+    plain = f"{value:.15g}"
+    is_valid = isfinite(value) and (least is None or value >= least)
+    return f"did you mean {plain}? " if is_valid and plain != text else ""
+
+
+def whole_number(
+    option: str, help_: str, *, least: int = 0, most: int = _MOST_WHOLE, metavar: str = "N", hidden: bool = False
+) -> Any:
+    """Declare an option that takes a whole number in digits, from `least` to `most`."""
+
+    def parse(text: Any) -> int:
+        value = parse_number(text) if isinstance(text, str) else text
+        if isinstance(value, int) and least <= value <= most:
+            return value
+        is_large = isinstance(value, int) and value > most
+        valid = f"from {least} to {most}" if is_large or most < _MOST_WHOLE else f"of {least} or more"
+        meant = "" if isinstance(value, int) else _meant(text, least)
+        raise WrongNumber(f"{option} {text}: {meant}a whole number {valid} is expected")
+
+    return typer.Option(option, metavar=metavar, help=help_, parser=parse, hidden=hidden)
 
 
 def _each_path_once(changes: list[str] | None) -> list[str] | None:
@@ -72,9 +126,9 @@ def _set(what: str) -> Any:
 Set = Annotated[list[str] | None, _set("Change a field, e.g. sensors.waist.rate_hz=20. May be repeated.")]
 SetOfScenario = Annotated[list[str] | None, _set("Change a field of the scenario. Repeatable.")]
 SetOfCases = Annotated[list[str] | None, _set("Change a field in every case, e.g. a tracker's. Repeatable.")]
-Seed = Annotated[int | None, typer.Option(min=0, help="Seed of all randomness; default: the scenario's.")]
+Seed = Annotated[int | None, whole_number("--seed", "Seed of all randomness; default: the scenario's.")]
 Out = Annotated[Path | None, typer.Option(help="Folder for the results; default: out/<scenario>-<seed>.")]
-Duration = Annotated[float | None, typer.Option(metavar="S", help="Seconds to simulate; default: the scenario's.")]
+Duration = Annotated[float | None, number("--duration", "Seconds to simulate; default: the scenario's.", metavar="S")]
 Trackers = Annotated[
     list[str] | None,
     typer.Option(
@@ -146,7 +200,7 @@ def overrides(
 
 Jobs = Annotated[
     int | None,
-    typer.Option(min=1, metavar="N", help="Processes; default: one a core. 1: in this process, no time limit holds."),
+    whole_number("--jobs", "Processes; default: one a core. 1: in this process, no time limit holds.", least=1),
 ]
 Scheduler = Annotated[
     str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler, e.g. tcp://host:8786, instead of --jobs.")

@@ -15,12 +15,16 @@ import sys
 import time
 from functools import partial
 from pathlib import Path
+from typing import get_args, get_type_hints
 
 import pytest
 from command_line import twin
 
 from trackers.errors import InputError
+from trackers.former_options import members_of
+from twin import cli
 from twin.commands.memory import describe_lack
+from twin.options import WrongNumber
 from twin.recording import bag_files
 from twin.recording.tables import read_truth
 from twin.scenario import load_scenario
@@ -416,15 +420,59 @@ def test_an_error_of_the_interpreter_itself_is_lack_of_memory_under_a_limit_alon
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("run", "pair", "--duration", "ten"), "'--duration': a number is expected"),
-        (("suite", "run", "smoke", "--jobs", "x"), "'--jobs': a whole number is expected"),
-        (("suite", "run", "smoke", "--jobs", "0"), "'--jobs': a number greater than or equal to 1 is expected"),
-        (("export", "x", "--format", "xyz"), "'--format': 'xyz' is not one of 'mot', 'kitti'"),
+        (("run", "pair", "--duration", "ten"), "--duration ten: a number is expected\n"),
+        (("run", "pair", "--seed", "-3"), "--seed -3: a whole number of 0 or more is expected\n"),
+        (("run", "pair", f"--seed={2**63}"), f"--seed {2**63}: a whole number from 0 to {2**63 - 1} is expected\n"),
+        (("suite", "run", "smoke", "--jobs", "x"), "--jobs x: a whole number of 1 or more is expected\n"),
+        (("suite", "run", "smoke", "--jobs", "0"), "--jobs 0: a whole number of 1 or more is expected\n"),
+        (
+            ("study", "coverage", "pair", "--px-per-m=0.1"),
+            "--px-per-m 0.1: a number of 1 or more is expected\n",
+        ),
+        (
+            ("study", "coverage", "pair", "--samples=20000"),
+            "study coverage: samples: a number less than or equal to 10000 is expected (got 20000)\n",
+        ),
+        (("view", "--drawn", "2_0"), "--drawn 2_0: did you mean 20? a whole number from 1 to 200 is expected\n"),
+        (("environment", "pair", "--station", "1_0,2"), "--station 1_0,2: is no place; "),
+        (("export", "x", "--format", "xyz"), "Invalid value for '--format': 'xyz' is not one of 'mot', 'kitti'"),
     ],
 )
 def test_a_wrong_value_of_an_option_is_told_as_that_of_a_field(arguments: tuple[str, ...], said: str) -> None:
     done = twin(*arguments)
-    assert done.returncode == 2 and done.stderr.startswith(f"twin: Invalid value for {said}")
+    assert done.returncode == 2 and done.stderr.startswith(f"twin: {said}")
+
+
+def test_every_number_of_the_command_line_is_one_that_a_file_takes() -> None:
+    apps = [cli.app, *(group.typer_instance for group in cli.app.registered_groups)]
+    numeric = []
+    for command in (command for each in apps if each is not None for command in each.registered_commands):
+        assert command.callback is not None
+        for hint in get_type_hints(command.callback, include_extras=True).values():
+            kinds = {kind for kind in (int, float) if kind in (get_args(hint) and members_of(get_args(hint)[0]))}
+            numeric += [(kind, about) for kind in kinds for about in hint.__metadata__]
+    assert len(numeric) > 20
+    for kind, about in numeric:
+        assert (about.parser("7"), type(about.parser("7"))) == (7, kind)
+        odd = [
+            "1_0",
+            "\uff11\uff10",
+            " 7",
+            "7\n",
+            "010",
+            "0x10",
+            "nan",
+            "inf",
+            "-Infinity",
+            ".inf",
+            "1e999",
+            "",
+            "7 s",
+            "9" * 65,
+        ]
+        for text in odd + ["7.0", "1e1"] * (kind is int):
+            with pytest.raises(WrongNumber, match=rf"(?s)^--[a-z-]+ {re.escape(text)}: .* is expected$"):
+                about.parser(text)
 
 
 def test_a_source_that_is_not_there_is_told_with_all_that_can_be_exported() -> None:

@@ -21,8 +21,10 @@ from twin.options import (
     SetOfScenario,
     command_group,
     completed_from,
+    number,
     overrides,
     shipped,
+    whole_number,
 )
 from twin.reproduce.registry import REPRODUCTIONS, Request
 
@@ -52,7 +54,7 @@ def run_suite(
     ] = False,
     set_: SetOfCases = None,
     seed: Annotated[
-        int | None, typer.Option(min=0, help="Add this to every seed of the suite: other people, other noise.")
+        int | None, whole_number("--seed", "Add this to every seed of the suite: other people, other noise.")
     ] = None,
     no_limits: NoLimits = False,
     room_root: RoomRoot = None,
@@ -163,7 +165,7 @@ def run_study(
         bool, typer.Option("--resume", help="Go on with an interrupted run, to the same results.")
     ] = False,
     seed: Annotated[
-        int | None, typer.Option(min=0, help="Add this to every seed of the study: other people, other noise.")
+        int | None, whole_number("--seed", "Add this to every seed of the study: other people, other noise.")
     ] = None,
     allow_plugins: Annotated[
         bool, typer.Option("--allow-plugins", help="Run the classes (module:Class) that the study names.")
@@ -194,25 +196,26 @@ def run_study(
 def coverage_study(
     scenario: ScenarioName,
     set_: SetOfScenario = None,
-    seed: Annotated[
-        int | None, typer.Option(min=0, help="Seed of the people's motion; default: the scenario's.")
-    ] = None,
+    seed: Annotated[int | None, whole_number("--seed", "Seed of the people's motion; default: the scenario's.")] = None,
     beams: Annotated[
-        int | None, typer.Option(min=1, help="A scanner sees a body that so many beams meet; default: 6.")
+        int | None, whole_number("--beams", "A scanner sees a body that so many beams meet; default: 6.", least=1)
     ] = None,
     px_per_m: Annotated[
         float | None,
-        typer.Option(min=1, help="A camera sees at so many pixels per metre (EN 62676-4); default: 125."),
+        number(
+            "--px-per-m", "A camera sees at so many pixels per metre (EN 62676-4); default: 125.", metavar="N", least=1
+        ),
     ] = None,
-    samples: Annotated[int | None, typer.Option(min=1, help="Time samples of the run; default: 100.")] = None,
+    samples: Annotated[int | None, whole_number("--samples", "Time samples of the run; default: 100.", least=1)] = None,
     former_samples: Annotated[
-        int | None, typer.Option("--moments", min=1, hidden=True, help="Former name of --samples.")
+        int | None, whole_number("--moments", "Former name of --samples.", least=1, hidden=True)
     ] = None,
     room_root: RoomRoot = None,
     no_limits: NoLimits = False,
     out: Out = None,
 ) -> None:
     """Measure the baseline coverage of a scenario: metrics, and a page with maps."""
+    from trackers.configuration import validate
     from trackers.former_options import warn_of_former_name
     from twin.console import print_paths
     from twin.scenario import load_scenario
@@ -227,7 +230,7 @@ def coverage_study(
     loaded = load_scenario(scenario, overrides(set_, seed))
     folder = out or Path("out") / f"coverage-{loaded.name}"
     given = {"beams": beams, "px_per_m": px_per_m, "samples": samples}
-    asked = Coverage(**{name: value for name, value in given.items() if value is not None})
+    asked = validate(Coverage, {name: value for name, value in given.items() if value is not None}, "study coverage")
     found = write_coverage(loaded, folder, asked)
     print_coverage(found)
     print_paths({"coverage": folder / "coverage.json", "page": folder / "coverage.html"})
@@ -259,20 +262,20 @@ def reproduce(
     ],
     seeds: Annotated[
         int | None,
-        typer.Option(
-            metavar="N",
-            help="How many runs in each condition, one a seed; of gait: bodies. Default: "
+        whole_number(
+            "--seeds",
+            "How many runs in each condition, one a seed; of gait: bodies. Default: "
             + ", ".join(f"{each.n_seed} ({name})" for name, each in REPRODUCTIONS.items())
             + ".",
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="The first seed.")] = 0,
+    seed: Annotated[int, whole_number("--seed", "The first seed.")] = 0,
     out: Annotated[Path | None, typer.Option(help="Folder for the results; default: out/reproduce-<name>.")] = None,
     runs: Annotated[
         int | None,
-        typer.Option(
-            metavar="N",
-            help=f"Runs of figure 7 (default 100) or of one recording (30), as in the papers. ({_names_with('--runs')})",
+        whole_number(
+            "--runs",
+            f"Runs of figure 7 (default 100) or of one recording (30), as in the papers. ({_names_with('--runs')})",
         ),
     ] = None,
     suite: Annotated[
@@ -283,8 +286,8 @@ def reproduce(
     ] = None,
     jobs: Annotated[
         int | None,
-        typer.Option(
-            min=1, metavar="N", help=f"Processes; default: one a core. 1: in this process. ({_names_with('--jobs')})"
+        whole_number(
+            "--jobs", f"Processes; default: one a core. 1: in this process. ({_names_with('--jobs')})", least=1
         ),
     ] = None,
     resume: Annotated[
@@ -319,10 +322,10 @@ def _check_options(name: str, numbers: Mapping[str, int | None], own: Mapping[st
     """Raise InputError for an unknown reproduction, too few runs, or an option that it lacks."""
     if name not in REPRODUCTIONS:
         raise InputError(f"reproduce: unknown reproduction {name!r}; {valid_names(name, REPRODUCTIONS)}")
-    for option, number in numbers.items():
-        if number is not None and number < FEWEST_SEEDS:
+    for option, count in numbers.items():
+        if count is not None and count < FEWEST_SEEDS:
             raise InputError(
-                f"{option} {number}: is too few for an interval; a number of {FEWEST_SEEDS} or more is expected"
+                f"{option} {count}: is too few for an interval; a number of {FEWEST_SEEDS} or more is expected"
             )
     for option, value in own.items():
         if value is not None and option not in REPRODUCTIONS[name].options:

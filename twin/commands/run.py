@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from trackers.errors import InputError, valid_names
+from trackers.plain_data import parse_number
 from twin.commands.memory import exit_with_failures, loading
 from twin.messages import no_warning
 from twin.options import (
@@ -27,6 +28,7 @@ from twin.options import (
     Trackers,
     Truth,
     Verbose,
+    number,
     overrides,
 )
 
@@ -155,7 +157,7 @@ def environment(
             "--station", metavar="X,Y[,Z]", help="Place of the tripod [m]; Z 1.2. Repeatable; default: chosen."
         ),
     ] = None,
-    voxel: Annotated[float | None, typer.Option(metavar="M", help="Side of a voxel [m]; default: 0.05.")] = None,
+    voxel: Annotated[float | None, number("--voxel", "Side of a voxel [m]; default: 0.05.", metavar="M")] = None,
     noise: Annotated[str, typer.Option(help="The scanner's errors: off, default or worse.")] = "default",
     no_limits: NoLimits = False,
     room_root: RoomRoot = None,
@@ -191,10 +193,8 @@ def environment(
 
 def _point(text: str) -> tuple[float, ...]:
     """Parse 'X,Y' or 'X,Y,Z'; raise InputError for anything else."""
-    try:
-        numbers = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        numbers = ()
-    if len(numbers) not in (2, 3):
+    numbers = [parse_number(part.strip()) for part in text.split(",")]
+    place = tuple(float(each) for each in numbers if each is not None)
+    if len(place) not in (2, 3) or len(place) < len(numbers):
         raise InputError(f"--station {text}: is no place; X,Y or X,Y,Z [m] is expected, 1.5,0.8 for instance")
-    return numbers
+    return place

@@ -17,7 +17,7 @@ from trackers.errors import InputError, valid_names
 from twin import models
 from twin.commands.memory import exit_with_failures, loading
 from twin.messages import OnWarning
-from twin.options import Environment, NoLimits, NoVideo, Rig, Seed, Set, Trackers, overrides
+from twin.options import Environment, NoLimits, NoVideo, Rig, Seed, Set, Trackers, number, overrides
 
 if TYPE_CHECKING:
     from twin.export.pictures import Recorded
@@ -133,9 +133,9 @@ def evaluate(
     situations: Annotated[
         Path | None, typer.Option(metavar="FILE", help="truth_situations.csv of the run, for the disposal of merges.")
     ] = None,
-    gate: Annotated[float, typer.Option(metavar="M", help="A track matches a person within this distance [m].")] = 0.5,
+    gate: Annotated[float, number("--gate", "A track matches a person within this distance [m].", metavar="M")] = 0.5,
     frame_rate: Annotated[
-        float | None, typer.Option(metavar="HZ", help="Frames a second, for tables that count frames [Hz].")
+        float | None, number("--frame-rate", "Frames a second, for tables that count frames [Hz].", metavar="HZ")
     ] = None,
     format_: Annotated[
         Literal["csv", "mot"],
@@ -209,10 +209,11 @@ def export(
     ] = "simulation",
     labels_hz: Annotated[
         float | None,
-        typer.Option(
-            metavar="HZ",
-            help="Labelled pictures of each camera per second (mot, coco), by simulating again; default: those with boxes, "
+        number(
+            "--labels-hz",
+            "Labelled pictures of each camera per second (mot, coco), by simulating again; default: those with boxes, "
             "with --truth all.",
+            metavar="HZ",
         ),
     ] = None,
     no_limits: NoLimits = False,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from trackers.errors import InputError
-from twin.options import NoLimits, RoomRoot, Seed, Set, overrides, shipped
+from twin.options import NoLimits, RoomRoot, Seed, Set, number, overrides, shipped, whole_number
 
 if TYPE_CHECKING:
     from twin.scenario import Scenario
@@ -25,21 +25,21 @@ def view(
             show_default=False,
         ),
     ] = None,
-    at: Annotated[float, typer.Option(metavar="S", help="Time to show [s].")] = 0.0,
+    at: Annotated[float, number("--at", "Time to show [s].", metavar="S")] = 0.0,
     people: Annotated[
         bool, typer.Option("--people", help="Each person from all sides, and each of their actions.")
     ] = False,
     video: Annotated[Path | None, typer.Option(metavar="FILE.mp4", help="Write a video by a free camera.")] = None,
-    from_: Annotated[float, typer.Option("--from", metavar="S", help="Start of the video [s].")] = 0.0,
-    to: Annotated[
-        float | None, typer.Option(metavar="S", help="End of the video [s]; default: of the scenario.")
-    ] = None,
+    from_: Annotated[float, number("--from", "Start of the video [s].", metavar="S")] = 0.0,
+    to: Annotated[float | None, number("--to", "End of the video [s]; default: of the scenario.", metavar="S")] = None,
     follow: Annotated[str | None, typer.Option(metavar="NAME", help="Person that the video's camera follows.")] = None,
     room_root: RoomRoot = None,
     no_limits: NoLimits = False,
     drawn: Annotated[
         int | None,
-        typer.Option(min=1, max=200, metavar="N", help="N seeds of the scenario side by side, from --seed on."),
+        whole_number(
+            "--drawn", "N seeds of the scenario side by side, from --seed on; at most 200.", least=1, most=200
+        ),
     ] = None,
     set_: Set = None,
     seed: Seed = None,

@@ -258,7 +258,7 @@ def _valued(override: str, path: list[str], part: str) -> InputError:
 
 
 def _index(items: list[Any], part: str, override: str) -> int:
-    if not part.isdecimal() or len(part) > 9 or int(part) >= len(items):
+    if not (part.isascii() and part.isdecimal()) or len(part) > 9 or int(part) >= len(items):
         raise InputError(f"{_said(override)}: {part!r} is not one of the list's places 0 to {len(items) - 1}")
     return int(part)
 

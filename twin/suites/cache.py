@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from trackers.errors import InputError
+from trackers.plain_data import parse_number
 from twin.console import print_warning
 from twin.recording.atomic_file import NO_SPACE
 
@@ -34,11 +35,8 @@ _SUMS = ".sha256.json"
 def cache_limit_bytes() -> int:
     """Read $ROOMTWIN_CACHE_GB in bytes (default 20 GB). Raises InputError for anything but a number above 0."""
     text = os.environ.get(LIMIT_VARIABLE, str(DEFAULT_LIMIT_GB))
-    try:
-        limit = float(text)
-    except ValueError:
-        limit = 0.0
-    if not 0 < limit < float("inf"):
+    limit = parse_number(text) or 0
+    if limit <= 0:
         raise InputError(f"{LIMIT_VARIABLE}={text}: is no size; a number of gigabytes above 0 is expected")
     return round(limit * _GB)
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, cast
 
 from trackers.errors import InputError
+from trackers.plain_data import parse_number
 from trackers.scheduler import check_scheduler, connected
 
 if TYPE_CHECKING:
@@ -156,15 +157,12 @@ def read_resources(texts: Sequence[str]) -> dict[str, float]:
     resources = {}
     for text in texts:
         name, _, value = text.partition("=")
-        try:
-            need = float(value)
-        except ValueError:
-            need = 0.0
-        if not name or not 0 < need < float("inf"):
+        need = parse_number(value) or 0
+        if not name or need <= 0:
             raise InputError(
                 f"--resource {text}: is no resource; NAME=N with a number above 0, like GPU=1, is expected"
             )
-        resources[name] = need
+        resources[name] = float(need)
     return resources
 
 

@@ -56,7 +56,8 @@ class PersonRows:
     def counted(self) -> dict[int, str]:
         """Return the label of each number that `ids` counts; none where the labels are numbers from 1 on."""
         labels = sorted(set(self.labels), key=label_order)
-        whole = all(label.isdecimal() and 0 < int(label) <= MAX_INT64 for label in labels)
+        numbers = {int(label) for label in labels if label.isdecimal()}  # those of 7 and 07 are one
+        whole = len(numbers) == len(labels) and all(0 < number <= MAX_INT64 for number in numbers)
         return {} if whole else dict(enumerate(labels, start=1))
 
 
