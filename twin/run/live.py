@@ -91,63 +91,63 @@ def run_scenario(
     if chosen:
         scenario.prior.check(source)
     is_default = trackers is None and not scenario.trackers
-    request = _RunRequest(
-        scenario, chosen, is_default, video, images, precomputed, truth == "all", on_progress, on_warning, on_note
-    )
+    whole_truth = truth == "all"
     with heap_trimmed(), out_folder(folder, _names(names, video)) as out_:
         with ExitStack() as stack:
-            run = _LiveRun(request, out_, stack)
+            run = _LiveRun(
+                scenario, chosen, is_default, video, images, whole_truth, out_, on_progress, on_warning, on_note
+            )
+            run.open(stack, precomputed)
             run.record()
             out_.announce()
         return with_failures_shown(run.finish(), on_warning)
 
 
-@dataclass(frozen=True, eq=False)
-class _RunRequest:
-    """Arguments of `run_scenario`, resolved; is_default: no tracker was requested, so the default may be left out."""
+@dataclass(eq=False)
+class _LiveRun:
+    """One run of a scenario: arguments of `run_scenario`, resolved; then simulation, trackers, bag and tables, once opened.
+
+    is_default: no tracker was requested, so the default may be left out.
+    """
 
     scenario: Scenario
     chosen: Sequence[ChosenTracker]
     is_default: bool
     video: bool
     images: bool
-    precomputed: PrecomputedScene | None
     whole_truth: bool
+    out: OutFolder
     on_progress: OnProgress
     on_warning: OnWarning
     on_note: OnWarning
 
-
-class _LiveRun:
-    """One run of a scenario: simulation, trackers, bag and tables, open until `stack` is closed."""
-
-    def __init__(self, request: _RunRequest, out: OutFolder, stack: ExitStack) -> None:
-        self._request, self._out = request, out
+    def open(self, stack: ExitStack, precomputed: PrecomputedScene | None) -> None:
+        """Open the simulation, the trackers, the bag and the tables, until `stack` is closed."""
         self._on_truth: list[Callable[[TruthFrame], object]] = []
         self._on_detail: list[Callable[[TruthDetail], object]] = []
-        self._resolved = dump_scenario(request.scenario)
+        self._resolved = dump_scenario(self.scenario)
         self._simulation = stack.enter_context(
             Simulation(
-                request.scenario,
-                images=request.images,
+                self.scenario,
+                images=self.images,
                 on_truth=self._pass_truth,
-                on_detail=self._pass_detail if request.whole_truth else None,
-                precomputed=request.precomputed,
-                shares=request.whole_truth,
-                feet=request.whole_truth,
+                on_detail=self._pass_detail if self.whole_truth else None,
+                precomputed=precomputed,
+                shares=self.whole_truth,
+                feet=self.whole_truth,
             )
         )
-        self._chosen, self._warnings = request.chosen, self._simulation.warnings
+        self._warnings = self._simulation.warnings
         background = list(self._simulation.background_messages())
-        self._prior_files = request.scenario.prior if request.chosen else NO_PRIOR
+        self._prior_files = self.scenario.prior if self.chosen else NO_PRIOR
         prior = Prior.read(map(self._simulation.as_read, background), self._prior_files, self._simulation.rig)
-        if request.is_default and (reason := _unfit(self._simulation.rig, prior, request.scenario.seed)):
-            self._chosen, self._warnings = [], (*self._warnings, reason)
+        if self.is_default and (reason := _unfit(self._simulation.rig, prior, self.scenario.seed)):
+            self.chosen, self._warnings = [], (*self._warnings, reason)
         self._site = self._described_site()
         self._feed = self._opened_feed(stack, prior)
-        self._early = (*self._warnings, *early_warnings(self._feed.runners, request.scenario.faults))
+        self._early = (*self._warnings, *early_warnings(self._feed.runners, self.scenario.faults))
         for warning in self._early:
-            request.on_warning(warning)
+            self.on_warning(warning)
         self._bag = self._opened_bag(stack)
         for encoded in background:
             self._bag.background(encoded)
@@ -155,62 +155,61 @@ class _LiveRun:
 
     def record(self) -> None:
         """Simulate to the end, write the bag and the truth, feed the trackers; note losses and warnings."""
-        request = self._request
         start = time.perf_counter()
         for delivered in self._simulation.deliveries():
             self._bag.observation(delivered.encoded, delivered.arrival_ns)
             self._feed.observe(delivered.observation)
             now_s = delivered.arrival_ns / NS_PER_S
-            request.on_progress("simulating and tracking", now_s, request.scenario.duration_s)
+            self.on_progress("simulating and tracking", now_s, self.scenario.duration_s)
         self._feed.finish()
-        self._tracker_warnings = tracker_warnings(self._feed.runners, bool(request.scenario.people))
+        self._tracker_warnings = tracker_warnings(self._feed.runners, bool(self.scenario.people))
         self._losses = [*self._feed.log.missing(), *self._feed.losses()]
         self._late = (*self._simulation.late(), *self._feed.unfit_scanners())
         found = (*self._late, *lines(self._losses), *self._tracker_warnings)
         self._new = [each for each in found if each not in self._early]
         for each in self._new:
-            request.on_warning(each)
+            self.on_warning(each)
         self._spent_s = time.perf_counter() - start
         for note in self._simulation.drawing_notes():
-            request.on_note(note)
+            self.on_note(note)
 
     def finish(self) -> RunResult:
         """Write the remaining files from the closed tables: names, scenario, metrics and report; return the result."""
-        folder = self._out.path
+        folder = self.out.path
         files = {
             "recording": folder / "recording.mcap",
             "truth": folder / "truth.csv",
             "truth_people": folder / "truth_people.csv",
-            **{Path(name).stem: folder / name for name in (_MORE_TRUTH if self._request.whole_truth else ())},
+            **{Path(name).stem: folder / name for name in (_MORE_TRUTH if self.whole_truth else ())},
             "scenario": folder / "scenario.yaml",
         }
         write_names(files["truth_people"], self._site.person_names)
         write_atomic(files["scenario"], self._resolved)
         if self._feed.is_filmed:
             files["preview"] = folder / "preview.mp4"
-        result = self._evaluated(files) if self._chosen else RunResult(None, {})
+        result = self._evaluated(files) if self.chosen else RunResult(None, {})
         files |= result.files
-        for each in self._out.finish(list(files.values())):
-            self._request.on_warning(each)
+        for each in self.out.finish(list(files.values())):
+            self.on_warning(each)
         warnings = (*self._early, *self._new, *result.warnings)
         return replace(result, files=files, warnings=warnings, tracker_warnings=tuple(self._tracker_warnings))
 
     def _evaluated(self, files: Mapping[str, Path]) -> RunResult:
         """Evaluate the trackers and write metrics and report."""
-        request, folder = self._request, self._out.path
-        request.on_progress("evaluating and reporting", 0, 1)
+        folder = self.out.path
+        self.on_progress("evaluating and reporting", 0, 1)
         truth = read_truth(files["truth"])
-        situations = read_situations(files["truth_situations"]) if request.whole_truth else None
+        situations = read_situations(files["truth_situations"]) if self.whole_truth else None
         results = evaluate_trackers(folder, self._feed.runners, truth, situations)
         facts = self._facts()
         result = write_results(folder, facts, results, self._feed, truth, self._site, losses=self._losses)
         for note in result.warnings:
-            request.on_warning(note)
-        request.on_progress("evaluating and reporting", 1, 1)
+            self.on_warning(note)
+        self.on_progress("evaluating and reporting", 1, 1)
         return result
 
     def _facts(self) -> RunFacts:
-        scenario = self._request.scenario
+        scenario = self.scenario
         return RunFacts(
             title=scenario.name,
             description=scenario.description,
@@ -219,7 +218,7 @@ class _LiveRun:
             realtime_factor=scenario.duration_s / self._spent_s,
             versions=versions(self._gl),
             sensors=self._simulation.sensor_costs(),
-            command=_command(self._out.path, self._chosen, self._request),
+            command=self._command(),
             notes=(
                 *describe_conditions(scenario),
                 *(f"{each}." for each in (*self._warnings, *self._late, *lines(self._losses))),
@@ -229,44 +228,54 @@ class _LiveRun:
             ),
         )
 
+    def _command(self) -> str:
+        """Return the command that repeats the resolved scenario, with every class of the user's in it."""
+        parts = ["twin", "run", str(self.out.path / "scenario.yaml")]
+        for each in self.chosen:
+            parts += ["--tracker", each.name]
+            if ":" in each.target and each.target != each.name:
+                parts += ["--set", f"trackers.{each.name}.preset={each.target}"]
+        kept = [] if self.whole_truth else ["--truth", "positions"]
+        return shlex.join([*parts, *([] if self.images else ["--no-images"]), *kept])
+
     def _described_site(self) -> Site:
         scene = self._simulation.world.scene
         return Site(
             self._simulation.rig,
-            empty_room(self._request.scenario).outline,
+            empty_room(self.scenario).outline,
             {number: name for name, number in scene.ids.items()},
             true_rig=self._simulation.true_rig,
         )
 
     def _opened_feed(self, stack: ExitStack, prior: Prior) -> Feed:
-        scenario, rig = self._request.scenario, self._simulation.rig
+        scenario, rig = self.scenario, self._simulation.rig
         return stack.enter_context(
             open_feed(
-                self._out.path,
+                self.out.path,
                 self._site,
                 prior,
-                self._chosen,
+                self.chosen,
                 scenario.seed,
-                video_hz=scenario.sensors[rig.main_sensor].rate_hz if self._request.video else None,
+                video_hz=scenario.sensors[rig.main_sensor].rate_hz if self.video else None,
                 title=f"{scenario.name}, seed {scenario.seed}",
-                stills=bool(self._chosen),
+                stills=bool(self.chosen),
             )
         )
 
     def _opened_bag(self, stack: ExitStack) -> BagWriter:
         """Open the bag and the tables of the truth, and connect tracks and truth to them."""
-        folder, rig = self._out.path, self._simulation.rig
+        folder, rig = self.out.path, self._simulation.rig
         writer = BagWriter(
             folder / "recording.mcap",
             rig,
             scenario_yaml=self._resolved,
             names=self._site.person_names,
             outline=self._site.outline,
-            positions_only=not self._request.whole_truth,
+            positions_only=not self.whole_truth,
         )
         bag = stack.enter_context(writer)
-        self._feed.on_frame = TrackTopics(bag, [each.name for each in self._chosen]).write
-        whole = self._request.whole_truth
+        self._feed.on_frame = TrackTopics(bag, [each.name for each in self.chosen]).write
+        whole = self.whole_truth
         table = stack.enter_context(truth_writer(folder / "truth.csv", list(self._simulation.views) if whole else []))
         self._on_truth += [table.write, bag.truth]
         if whole:
@@ -300,14 +309,3 @@ def _names(trackers: Sequence[str], video: bool) -> list[str]:
     names = ["recording.mcap", *truth, "scenario.yaml", *(["preview.mp4"] if video else [])]
     tables = [f"tracks/{file_name(name)}.csv" for name in trackers]
     return [*names, *tables, *(["metrics.json", "report.html"] if trackers else [])]
-
-
-def _command(folder: Path, chosen: Sequence[ChosenTracker], request: _RunRequest) -> str:
-    """Return the command that repeats the resolved scenario, with every class of the user's in it."""
-    parts = ["twin", "run", str(folder / "scenario.yaml")]
-    for each in chosen:
-        parts += ["--tracker", each.name]
-        if ":" in each.target and each.target != each.name:
-            parts += ["--set", f"trackers.{each.name}.preset={each.target}"]
-    kept = [] if request.whole_truth else ["--truth", "positions"]
-    return shlex.join([*parts, *([] if request.images else ["--no-images"]), *kept])

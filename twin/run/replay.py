@@ -99,7 +99,7 @@ def track_recording(
         check_copy(recording, bag_copy)
     seed = seed if seed is not None else scenario.seed if scenario is not None else 0
     folder = out if out is not None else _default_folder(recording, bag)
-    request = _ReplayRequest(
+    replay = _Replay(
         bag=bag,
         rig_path=rig_path,
         scenario=scenario,
@@ -107,7 +107,7 @@ def track_recording(
         prior_files=files,
         missing=missing,
         seed=seed,
-        truth=truth,
+        own_truth=truth,
         video=video,
         report=report,
         bag_copy=bag_copy,
@@ -117,20 +117,23 @@ def track_recording(
     )
     files_made = [*(f"tracks/{file_name(name)}.csv" for name in names), "report.html", *_EXTRA_FILES]
     with heap_trimmed(), out_folder(folder, files_made) as out_:
-        replay = _Replay(request, out_)
-        with replay.opened_feed() as fed:
+        replay.read()
+        with replay.opened_feed(out_.path) as fed:
             replay.track(fed)
             out_.announce()
-        return with_failures_shown(replay.finish(fed), on_warning)
+        return with_failures_shown(replay.finish(fed, out_), on_warning)
 
 
 def _path(given: AnyPath | None, name: str) -> Path | None:
     return None if given is None else as_path(given, name)
 
 
-@dataclass(frozen=True, eq=False)
-class _ReplayRequest:
-    """Arguments of `track_recording`, resolved; missing: warnings about files named only by the bag."""
+@dataclass(eq=False)
+class _Replay:
+    """One replay of a recording: arguments of `track_recording`, resolved; its truth, once read, and the results so far.
+
+    missing: warnings about files named only by the bag; own_truth: the user's, instead of the bag's.
+    """
 
     bag: Recording
     rig_path: Path | None
@@ -139,7 +142,7 @@ class _ReplayRequest:
     prior_files: PriorFiles
     missing: Sequence[str]
     seed: int
-    truth: TruthTable | None  # the user's, instead of the bag's
+    own_truth: TruthTable | None
     video: bool
     report: bool
     bag_copy: Path | None
@@ -147,55 +150,51 @@ class _ReplayRequest:
     on_progress: OnProgress
     on_warning: OnWarning
 
-
-class _Replay:
-    """One replay of a recording: its truth, and the results so far."""
-
-    def __init__(self, request: _ReplayRequest, out: OutFolder) -> None:
-        self._request, self._out = request, out
-        bag, scenario = request.bag, request.scenario
+    def read(self) -> None:
+        """Read the truth and the room."""
+        bag, scenario = self.bag, self.scenario
         self._title = scenario.name if scenario is not None else bag.path.stem
         self._faults = scenario.faults if scenario is not None else {}
-        self._truth = request.truth
-        self._truth_frames = list(bag.truth() if request.truth is None else truth_frames(request.truth))
-        if request.truth is None and self._truth_frames:
+        self._truth = self.own_truth
+        self._truth_frames = list(bag.truth() if self.own_truth is None else truth_frames(self.own_truth))
+        if self.own_truth is None and self._truth_frames:
             self._truth = truth_table(self._truth_frames, str(bag.path))
-        of_the_bag = bag.has_situations and request.truth is None
+        of_the_bag = bag.has_situations and self.own_truth is None
         self._situations = situation_table(bag.situations(), str(bag.path)) if of_the_bag else None
         names = dict(enumerate(scenario.people, start=1)) if scenario else {}
-        if request.truth is not None and request.truth.labels:
-            names = dict(request.truth.labels)
-        outline = outline_of(scenario) if request.report or request.video else []
-        self._scans = None if outline or not request.report else ScanDensity(bag.rig)
+        if self.own_truth is not None and self.own_truth.labels:
+            names = dict(self.own_truth.labels)
+        outline = outline_of(scenario) if self.report or self.video else []
+        self._scans = None if outline or not self.report else ScanDensity(bag.rig)
         self._site = Site(bag.rig, outline, names)
         self._frames: list[tuple[str, TrackFrame]] = []
 
-    def opened_feed(self) -> AbstractContextManager[Feed]:
+    def opened_feed(self, folder: Path) -> AbstractContextManager[Feed]:
         """Make the trackers and the preview; see `twin.run.feed.open_feed`."""
-        request, bag = self._request, self._request.bag
+        bag = self.bag
         return open_feed(
-            self._out.path,
+            folder,
             self._site,
-            Prior.read(bag.background, request.prior_files, bag.rig),
-            request.chosen,
-            request.seed,
-            video_hz=_rate_hz(bag) if request.video else None,
+            Prior.read(bag.background, self.prior_files, bag.rig),
+            self.chosen,
+            self.seed,
+            video_hz=_rate_hz(bag) if self.video else None,
             title=self._title,
             jumps_ns=bag.jumps_ns,
-            stills=request.report,
+            stills=self.report,
         )
 
     def track(self, fed: Feed) -> None:
         """Feed all observations, and the truth up to each; note losses and warnings."""
-        request, bag, scans = self._request, self._request.bag, self._scans
-        if request.bag_copy is not None:
+        bag, scans = self.bag, self._scans
+        if self.bag_copy is not None:
             fed.on_frame = lambda name, frame: self._frames.append((name, frame))
-        self._early = [*request.missing, *lines(bag.losses), *bag.moving, *early_warnings(fed.runners, self._faults)]
+        self._early = [*self.missing, *lines(bag.losses), *bag.moving, *early_warnings(fed.runners, self._faults)]
         for warning in self._early:
-            request.on_warning(warning)
+            self.on_warning(warning)
         waiting = deque(self._truth_frames)
         start = time.perf_counter()
-        for observation in _counted(bag.observations(), bag.observation_count, request.on_progress):
+        for observation in _counted(bag.observations(), bag.observation_count, self.on_progress):
             if isinstance(observation, LaserScan) and scans is not None:
                 scans.add(observation)
             if isinstance(observation, Odometry) and scans is not None:
@@ -211,12 +210,12 @@ class _Replay:
         found = (*lines(self._losses), *self._unfit, *self._tracker_warnings)
         self._new = [each for each in found if each not in self._early]
         for each in self._new:
-            request.on_warning(each)
+            self.on_warning(each)
         self._spent_s = time.perf_counter() - start
 
-    def finish(self, fed: Feed) -> RunResult:
+    def finish(self, fed: Feed, out: OutFolder) -> RunResult:
         """Evaluate and write metrics, report and the bag's copy; return the result."""
-        request, folder = self._request, self._out.path
+        folder = out.path
         facts = self._facts(fed)
         results = evaluate_trackers(folder, fed.runners, self._truth, self._situations)
         self._write_about(folder / ABOUT)
@@ -228,29 +227,30 @@ class _Replay:
             self._truth,
             self._site,
             losses=self._losses,
-            report=request.report,
+            report=self.report,
             scans=self._scans,
-            recording=request.bag.path,
+            recording=self.bag.path,
         )
         result = replace(result, warnings=(*result.warnings, *self._of_other_frame(results)))
         for note in result.warnings:
-            request.on_warning(note)
+            self.on_warning(note)
         left = result.files | {"about": folder / ABOUT}
-        for each in self._out.finish(list(left.values()), kept=_OF_THE_RUN):
-            request.on_warning(each)
-        if request.bag_copy is not None:
+        for each in out.finish(list(left.values()), kept=_OF_THE_RUN):
+            self.on_warning(each)
+        if self.bag_copy is not None:
             names = [each.name for each in fed.runners if not each.failure]
             frames = [(name, frame) for name, frame in self._frames if name in names]
-            own = self._own_truth()
-            copy_with_tracks(request.bag, request.bag_copy, names, frames, request.on_warning, truth=own)
-            left = left | {"bag": request.bag_copy}
+            # the user's truth at the stamps of the sensors, as a twin's bag has it
+            own = None if self.own_truth is None else truth_at(self.own_truth, self.bag.all_stamps_ns())
+            copy_with_tracks(self.bag, self.bag_copy, names, frames, self.on_warning, truth=own)
+            left = left | {"bag": self.bag_copy}
         warnings = (*self._early, *self._new, *result.warnings)
         return replace(result, files=left, warnings=warnings, tracker_warnings=tuple(self._tracker_warnings))
 
     def _of_other_frame(self, results: Sequence[TrackerResult]) -> list[str]:
         """Return a warning where tracks that leave in the frame of an odometry are near nobody of the user's truth."""
-        bases = self._request.bag.rig.odometry()
-        if self._request.truth is None or not any(each.evaluation and each.evaluation.is_misplaced for each in results):
+        bases = self.bag.rig.odometry()
+        if self.own_truth is None or not any(each.evaluation and each.evaluation.is_misplaced for each in results):
             return []
         frames = {
             name: each.frame or "its odometry" for name, each in bases.items() if not any(each.room_from_sensor.xyz)
@@ -261,27 +261,22 @@ class _Replay:
             for name, frame in frames.items()
         ]
 
-    def _own_truth(self) -> TruthTable | None:
-        """Return the user's truth at the stamps of the sensors, as a twin's bag has it; None without."""
-        truth = self._request.truth
-        return None if truth is None else truth_at(truth, self._request.bag.all_stamps_ns())
-
     def _facts(self, fed: Feed) -> RunFacts:
-        request, bag, scenario = self._request, self._request.bag, self._request.scenario
+        bag, scenario = self.bag, self.scenario
         duration_s = scenario.duration_s if scenario is not None else bag.duration_s
         start = "" if bag.is_twin else f"; t = 0 is the stamp {bag.start_ns} ns"
         return RunFacts(
             title=self._title,
             description=f"recorded in {bag.path.name}{start}",
-            seed=request.seed,
+            seed=self.seed,
             duration_s=duration_s,
             realtime_factor=duration_s / self._spent_s,
             versions=versions(None),
             sensors={name: {"frames": count, "ms_mean": None} for name, count in bag.counts.items()},
-            command=request.command,
+            command=self.command,
             start_stamp_ns=bag.start_ns,
             notes=(
-                *prior_notes(request.prior_files),
+                *prior_notes(self.prior_files),
                 *(f"{each}." for each in (*lines(self._losses), *bag.moving, *self._unfit)),
                 *tracker_notes(fed.runners, self._faults),
                 *(simplifications(scenario) if bag.is_twin else ()),
@@ -290,8 +285,8 @@ class _Replay:
 
     def _write_about(self, path: Path) -> None:
         """Write `recording.json`."""
-        bag, losses = self._request.bag, documents(self._losses)
-        rig = None if self._request.rig_path is None else bag.rig.model_dump(mode="json", exclude_none=True)
+        bag, losses = self.bag, documents(self._losses)
+        rig = None if self.rig_path is None else bag.rig.model_dump(mode="json", exclude_none=True)
         about = {"recording": str(bag.path.absolute()), "start_stamp_ns": bag.start_ns, "rig": rig, "losses": losses}
         if self._truth is not None and self._truth.labels:
             about["people"] = {str(number): label for number, label in self._truth.labels.items()}
