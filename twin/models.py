@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -63,11 +62,16 @@ _SIGNS = {
 _RUN_BY = {"study": "twin study run", "suite": "twin suite run", "scenario": "twin run"}
 
 
-def check_kind(content: Mapping[str, Any], kind: str, path: Path) -> None:
-    """Raise InputError where the fields of a file are those of another kind, naming the command that runs it."""
+def read_kind(path: Path, kind: str, expected: str) -> dict[str, Any]:
+    """Read the YAML file of a scenario, suite or study; `expected`: what it holds.
+
+    Raises InputError where its fields are those of another kind, naming the command that runs it.
+    """
+    content = parse_yaml(read_text(path, expected), str(path), expected)
     found = [each for each, fields in _SIGNS.items() if any(field in content for field in fields)]
     if found and (kind not in found or (kind == "suite" and all(each in content for each in _SIGNS["study"]))):
         raise InputError(f"{path}: is a {found[0]}, which `{_RUN_BY[found[0]]}` runs; a {kind} is expected")
+    return content
 
 
 def cache_folder() -> Path:

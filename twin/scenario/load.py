@@ -15,9 +15,9 @@ from pydantic import BaseModel, Field
 from trackers.configuration import keys_of, validate
 from trackers.errors import InputError, valid_names
 from trackers.former_options import checked_current_names, current_path
-from trackers.plain_data import DEEPEST, deep_merge, dump_yaml, parse_yaml, parse_yaml_value
+from trackers.plain_data import DEEPEST, deep_merge, dump_yaml, parse_yaml_value
 from trackers.rig import Name, files_within
-from trackers.text_file import AnyPath, as_path, read_text
+from trackers.text_file import AnyPath, as_path
 from twin import models
 from twin.drawn.distributions import DrawnPeople, DrawnRoom, DrawnSensors, drawn_fields
 from twin.scenario.pedestrians import Pedestrians, people_from
@@ -99,9 +99,7 @@ def override_texts(given: object, what: str) -> tuple[str, ...]:
 
 def _read(path: Path, children: tuple[Path, ...]) -> dict[str, Any]:
     """Read a scenario file, merged over the scenario that it extends."""
-    expected = "a scenario (room, people, sensors, duration_s)"
-    content = parse_yaml(read_text(path, expected), str(path), expected)
-    models.check_kind(content, "scenario", path)
+    content = models.read_kind(path, "scenario", "a scenario (room, people, sensors, duration_s)")
     content = checked_current_names(ScenarioFile, content, str(path))
     _resolve(content, path.parent, f"{path}: room")
     parent = content.pop("extends", None)

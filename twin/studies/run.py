@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -221,8 +221,9 @@ def write_coverage(scenario: Scenario, folder: Path, asked: Coverage) -> dict[st
     page = study_template("coverage.html.j2").render(
         found=found, maps=maps, sensors=sensors, samples=samples, folder=folder, **section(plan)
     )
-    text = json.dumps(found, indent=2) + "\n"
-    _write_texts(folder, {"coverage.json": text, _SCENARIO: dump_scenario(scenario), "coverage.html": page})
+    write_atomic(folder / "coverage.json", json.dumps(found, indent=2) + "\n")
+    write_atomic(folder / _SCENARIO, dump_scenario(scenario))
+    write_atomic(folder / "coverage.html", page)
     return found
 
 
@@ -239,11 +240,6 @@ def _check_sensors(scenario: Scenario, names: Sequence[str], asked: Coverage) ->
                 f"--{field.replace('_', '-')} {getattr(asked, field):g}: has no effect on {scenario.name}, which has no {what}; "
                 f"one that has a {what} is expected"
             )
-
-
-def _write_texts(folder: Path, texts: Mapping[str, str]) -> None:
-    for name, text in texts.items():
-        write_atomic(folder / name, text)
 
 
 def print_coverage(found: dict[str, Any]) -> None:

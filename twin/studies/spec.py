@@ -10,8 +10,6 @@ from pydantic import Field, model_validator
 
 from trackers.configuration import Strict, validate
 from trackers.errors import valid_names
-from trackers.plain_data import parse_yaml
-from trackers.text_file import read_text
 from twin import models
 from twin.studies.devices import Constraints, Device, Metres
 from twin.suites.metrics import METRICS
@@ -251,7 +249,5 @@ def _seed_range(seeds: tuple[int, ...]) -> str:
 def load_study(name: str | Path) -> tuple[Study, Path]:
     """Load a shipped study by name, or one by path; return its path too. Raises InputError, one line per mistake."""
     path = models.find("studies", str(name))
-    expected = "a study (name, scenarios, devices, objectives, search)"
-    content = parse_yaml(read_text(path, expected), str(path), expected)
-    models.check_kind(content, "study", path)
+    content = models.read_kind(path, "study", "a study (name, scenarios, devices, objectives, search)")
     return validate(Study, content, str(path)), path

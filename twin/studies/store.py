@@ -6,7 +6,7 @@ import json
 import os
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from trackers.configuration import Typed
 from trackers.errors import InputError
 from twin.recording.atomic_file import write_atomic
 from twin.run.out_folder import check_others, locked_folder
-from twin.studies.worker import EvaluationTask, evaluate_task
+from twin.studies.worker import EvaluationTask, Outcome, evaluate_task
 from twin.suites.cache_keys import Provenance, digest_of, whole_code
 from twin.suites.cluster import Workers
 from twin.suites.dask_runner import ProgressListener, RunTasks, open_workers
@@ -44,15 +44,6 @@ class Job:
     def id(self) -> str:
         """The key in the file."""
         return f"{self.key} {self.scenario} {self.seed}"
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """The metrics of each tracker with the warnings of the scenario, or an error."""
-
-    metrics: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)
-    error: str = ""
-    warnings: tuple[str, ...] = ()
 
 
 class _Line(Typed):
@@ -141,13 +132,8 @@ class EvaluationStore:
         by_id = {f"evaluation-{number}": job for number, job in enumerate(new.values())}
 
         def ended(end: TaskResult) -> None:
-            failed = end.status != "done"
-            done = (
-                Outcome(error=end.error.splitlines()[0])
-                if failed
-                else Outcome(end.value.metrics, "", end.value.warnings)
-            )
-            self.record(by_id[end.task.id], done)
+            outcome = end.value if end.status == "done" else Outcome(error=end.error.splitlines()[0])
+            self.record(by_id[end.task.id], outcome)
 
         def state(now: State) -> None:
             self._progress(len(new), now)

@@ -17,8 +17,8 @@ from twin.studies.candidate_set import BASELINE, Placement
 from twin.studies.coverage import PoseCoverage
 from twin.studies.preflight import PreparedStudy
 from twin.studies.spec import Objective, StudyScenario, scenario_key
-from twin.studies.store import EvaluationStore, Job, Outcome
-from twin.studies.worker import DETAILED, EvaluationTask, evaluate_task
+from twin.studies.store import EvaluationStore, Job
+from twin.studies.worker import DETAILED, EvaluationTask, Outcome, evaluate_task
 from twin.suites.cache import RecordingCache
 from twin.suites.cache_keys import provenance_of, room_digest, whole_code
 from twin.suites.tasks import State
@@ -187,16 +187,16 @@ class TrialRunner:
             return None
         key, scenario = next(iter(self.prepared.scenarios.items()))
         job = self.job(placement_id(BASELINE), key, scenario, self.study.seeds[0])
-        metrics = (found := evaluate_task(job.work)).metrics
+        outcome = evaluate_task(job.work)
         for each in objectives:
-            of_tracker = metrics[each.tracker or ""]
+            of_tracker = outcome.metrics[each.tracker or ""]
             if of_tracker.get(each.metric or "") is None:
                 valid = [name for name, value in of_tracker.items() if value is not None and "ms_per_frame" not in name]
                 raise InputError(
                     f"{self.prepared.path}: objectives.{self.study.objectives.index(each)}.metric: {each.tracker} gives no "
                     f"{each.metric} on {scenario.name}; {valid_names(each.metric, valid)}"
                 )
-        return job, Outcome(metrics, warnings=found.warnings)
+        return job, outcome
 
     def metric_by_seed(
         self,

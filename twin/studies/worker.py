@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -145,14 +146,15 @@ def _check_files(scenario: Scenario, made: Provenance) -> None:
 
 
 @dataclass(frozen=True)
-class Evaluated:
-    """The metrics of each tracker, by dotted path, and the warnings of the scenario."""
+class Outcome:
+    """The metrics of each tracker, by dotted path, with the warnings of the scenario; or an error."""
 
-    metrics: dict[str, dict[str, float | None]]
-    warnings: tuple[str, ...]
+    metrics: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)
+    error: str = ""
+    warnings: tuple[str, ...] = ()
 
 
-def evaluate_task(work: EvaluationTask) -> Evaluated:
+def evaluate_task(work: EvaluationTask) -> Outcome:
     """Return the metrics of each tracker, and the warnings of the scenario."""
     if work.code != whole_code():
         raise InputError(
@@ -166,7 +168,7 @@ def evaluate_task(work: EvaluationTask) -> Evaluated:
         metrics = {
             name: {key: each[key] for key in each if not key.startswith(DETAILED)} for name, each in metrics.items()
         }
-    return Evaluated(metrics, tuple(warnings))
+    return Outcome(metrics, warnings=tuple(warnings))
 
 
 def matched_errors(work: EvaluationTask, tracker: str) -> NDArray[np.float64]:

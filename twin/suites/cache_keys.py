@@ -41,19 +41,13 @@ _LIBRARIES = ("mujoco", "numpy", "scipy", "opencv-python-headless", "rosbags")
 def recording_key(resolved: str, renderer: str) -> str:
     """Compute the key of the recording of a resolved scenario (YAML, seed included, without trackers)."""
     content = parse_yaml(resolved, "a resolved scenario", "a scenario")
-    digest = hashlib.sha256()
-    for part in (resolved, renderer, simulation_code(), *_room(content["room"])):
-        _add(digest, part.encode() if isinstance(part, str) else part)
-    return digest.hexdigest()[:32]
+    return _sha256(resolved, renderer, simulation_code(), *_room(content["room"]))[:32]
 
 
 def people_key(scenario: Scenario) -> str:
     """Compute the key of the motion of a scenario's people: a digest of all its inputs, without sensors."""
-    digest = hashlib.sha256()
     people = scenario.model_dump_json(include={"room", "area", "duration_s", "seed", "people", "randomize"})
-    for part in (people, simulation_code(_MOVING), *_room(scenario.room)):
-        _add(digest, part.encode() if isinstance(part, str) else part)
-    return f"people-{digest.hexdigest()[:32]}"
+    return f"people-{_sha256(people, simulation_code(_MOVING), *_room(scenario.room))[:32]}"
 
 
 @dataclass(frozen=True)
@@ -138,10 +132,7 @@ def bags_of(folder: Path, recording: str) -> dict[Path, str]:
 
 def digest_of(*parts: str | bytes) -> str:
     """Compute the first 16 hexadecimal digits of a SHA-256 over parts, including their lengths."""
-    digest = hashlib.sha256()
-    for part in parts:
-        _add(digest, part.encode() if isinstance(part, str) else part)
-    return digest.hexdigest()[:16]
+    return _sha256(*parts)[:16]
 
 
 def provenance_of(
@@ -184,29 +175,32 @@ def simulation_code(modules: tuple[str, ...] = _SIMULATING) -> str:
 
     Changes of trackers, metrics and reports leave recordings valid.
     """
-    digest = hashlib.sha256()
-    for path in sorted([*_with_imports(modules, _file_of), *_files(MODELS / "people"), *_files(MODELS / "rooms")]):
-        _add(digest, path.name.encode())
-        _add(digest, path.read_bytes())
-    for library in _LIBRARIES:
-        _add(digest, f"{library} {version_of(library)}".encode())
-    return digest.hexdigest()
+    files = sorted([*_with_imports(modules, _file_of), *_files(MODELS / "people"), *_files(MODELS / "rooms")])
+    content = (part for path in files for part in (path.name, path.read_bytes()))
+    return _sha256(*content, *(f"{library} {version_of(library)}" for library in _LIBRARIES))
 
 
 @cache
 def whole_code() -> str:
     """Digest both packages, learned files included: results of one suite must come from one state of the code."""
+    return digest_of(
+        *(
+            part
+            for package in _PACKAGES.values()
+            for path in sorted([*package.rglob("*.py"), *package.rglob("*.npz")])
+            for part in (path.relative_to(package).as_posix(), path.read_bytes())
+        )
+    )
+
+
+def _sha256(*parts: str | bytes) -> str:
+    """Compute the SHA-256 over parts, including their lengths."""
     digest = hashlib.sha256()
-    for package in _PACKAGES.values():
-        for path in sorted([*package.rglob("*.py"), *package.rglob("*.npz")]):
-            _add(digest, path.relative_to(package).as_posix().encode())
-            _add(digest, path.read_bytes())
-    return digest.hexdigest()[:16]
-
-
-def _add(digest: hashlib._Hash, content: bytes) -> None:
-    digest.update(len(content).to_bytes(8, "little"))
-    digest.update(content)
+    for part in parts:
+        content = part.encode() if isinstance(part, str) else part
+        digest.update(len(content).to_bytes(8, "little"))
+        digest.update(content)
+    return digest.hexdigest()
 
 
 def _files(folder: Path) -> Iterator[Path]:

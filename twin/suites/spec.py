@@ -22,9 +22,7 @@ from pydantic import (
 
 from trackers.configuration import Strict, validate
 from trackers.errors import valid_names
-from trackers.plain_data import parse_yaml
 from trackers.rig import Name
-from trackers.text_file import read_text
 from twin import models
 from twin.suites.metrics import GATED, GATED_SENSOR_METRICS, METRICS, Bound, Tolerance, within_range
 
@@ -329,7 +327,5 @@ class Suite(Strict):
 def load_suite(name: str | Path) -> tuple[Suite, Path]:
     """Load a shipped suite by name, or one by path; return it and its file. Raises InputError, one line with every fault."""
     path = models.find("suites", str(name))
-    expected = "a suite (name, scenarios, seeds, trackers)"
-    content = parse_yaml(read_text(path, expected), str(path), expected)
-    models.check_kind(content, "suite", path)
+    content = models.read_kind(path, "suite", "a suite (name, scenarios, seeds, trackers)")
     return validate(Suite, content, str(path)), path
