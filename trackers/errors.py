@@ -15,6 +15,10 @@ class InputError(ValueError):
     """
 
 
+class LimitError(InputError):
+    """Input larger than a limit that stands against mistakes and attacks, and can be lifted (see `text_file`)."""
+
+
 PLUG_IN_ERRORS = (Exception, SystemExit, GeneratorExit)
 """All that a plug-in may raise without ending what calls it: all but the user's Ctrl-C."""
 

@@ -14,7 +14,7 @@ import stat
 from contextlib import suppress
 from pathlib import Path
 
-from trackers.errors import InputError
+from trackers.errors import InputError, LimitError
 
 NO_LIMITS = "TWIN_NO_LIMITS"
 """Environment variable that lifts the limits, also for workers."""
@@ -31,16 +31,16 @@ def are_limits_lifted() -> bool:
 
 
 def refuse_unless_lifted(said: str, valid: str) -> None:
-    """Raise InputError for a size above a limit, if the limits hold.
+    """Raise LimitError for a size above a limit, if the limits hold.
 
     `said`: start of the sentence, with file, field and size; `valid`: what would be valid.
     """
     if not are_limits_lifted():
-        raise InputError(f"{said}; {valid}, or --no-limits, is expected")
+        raise LimitError(f"{said}; {valid}, or --no-limits, is expected")
 
 
 def check_limit(asked: float, most: float, said: str, unit: str = "") -> None:
-    """Raise InputError where `asked` exceeds `most` and the limits hold.
+    """Raise LimitError where `asked` exceeds `most` and the limits hold.
 
     `said`: start of the sentence, with file, field and content; `unit` follows the numbers.
     """

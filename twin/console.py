@@ -129,8 +129,10 @@ def _parts(widths: Sequence[int], names: int, most: int) -> list[list[int]]:
 
 
 def print_metrics(metrics: Mapping[str, Any]) -> None:
-    """Print a table of metrics, one column per tracker."""
+    """Print a table of metrics, one column per tracker; none where no tracker was evaluated."""
     trackers = metrics["trackers"]
+    if not trackers:
+        return
     rows: list[list[str]] = [["evaluated in", *(format_judged(own) for own in trackers.values())]]
     for metric in (METRICS[key] for key in _SHOWN):
         name = f"{metric.name} [{metric.unit}]" if metric.unit else metric.name

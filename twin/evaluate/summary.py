@@ -139,6 +139,7 @@ def evaluate_with_details(
 
 MOST_PAIRS, MOST_IN_FRAME, MOST_OF_IDS = 200_000_000, 25_000_000, 50_000_000
 """Pairs of a person and a track: in all frames, in one, and of their ids over the run; 8 bytes each, some times over."""
+PAIRS = "pairs of a person of the truth and a track"
 
 
 def _check_size(frames: Sequence[Frame], source: str) -> None:
@@ -146,10 +147,9 @@ def _check_size(frames: Sequence[Frame], source: str) -> None:
     pairs = [frame.person_ids.size * frame.track_ids.size for frame in frames]
     persons = np.unique(np.concatenate([frame.person_ids for frame in frames]))
     own = np.unique(np.concatenate([frame.track_ids for frame in frames]))
-    what = "pairs of a person of the truth and a track"
-    check_limit(max(pairs), MOST_IN_FRAME, f"{source}: a frame holds", what)
-    check_limit(sum(pairs), MOST_PAIRS, f"{source}: its frames hold", what)
-    check_limit(persons.size * own.size, MOST_OF_IDS, f"{source}: its ids make", what)
+    check_limit(max(pairs), MOST_IN_FRAME, f"{source}: a frame holds", PAIRS)
+    check_limit(sum(pairs), MOST_PAIRS, f"{source}: its frames hold", PAIRS)
+    check_limit(persons.size * own.size, MOST_OF_IDS, f"{source}: its ids make", PAIRS)
 
 
 def _inside(

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-from trackers.errors import InputError
+from trackers.errors import InputError, LimitError
 from trackers.observations import NS_PER_S
 from trackers.presets import make_tracker
 from trackers.prior import Prior
@@ -33,6 +33,8 @@ from twin.run.outcome import (
     RunResult,
     early_warnings,
     evaluate_trackers,
+    foreseen_refusal,
+    not_evaluated,
     prior_notes,
     simplifications,
     tracker_notes,
@@ -146,6 +148,9 @@ class _LiveRun:
         self._site = self._described_site()
         self._feed = self._opened_feed(stack, prior)
         self._early = (*self._warnings, *early_warnings(self._feed.runners, self.scenario.faults))
+        if self.chosen:
+            main = self.scenario.sensors[self._simulation.rig.main_sensor]
+            self._early += (*foreseen_refusal(self.scenario, round(self.scenario.duration_s * main.rate_hz)),)
         for warning in self._early:
             self.on_warning(warning)
         self._bag = self._opened_bag(stack)
@@ -198,11 +203,18 @@ class _LiveRun:
         """Evaluate the trackers and write metrics and report."""
         folder = self.out.path
         self.on_progress("evaluating and reporting", 0, 1)
-        truth = read_truth(files["truth"])
-        situations = read_situations(files["truth_situations"]) if self.whole_truth else None
-        results = evaluate_trackers(folder, self._feed.runners, truth, situations)
+        truth = situations = None
+        unread: list[str] = []
+        try:
+            situations = read_situations(files["truth_situations"]) if self.whole_truth else None
+            truth = read_truth(files["truth"])
+        except LimitError as error:
+            unread = [not_evaluated(each.name, error) for each in self._feed.runners if not each.failure]
+        results, refused = evaluate_trackers(folder, self._feed.runners, truth, situations)
         facts = self._facts()
-        result = write_results(folder, facts, results, self._feed, truth, self._site, losses=self._losses)
+        result = write_results(
+            folder, facts, results, self._feed, truth, self._site, refused=unread or refused, losses=self._losses
+        )
         for note in result.warnings:
             self.on_warning(note)
         self.on_progress("evaluating and reporting", 1, 1)

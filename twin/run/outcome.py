@@ -12,11 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from trackers.errors import LimitError
 from trackers.rig import PriorFiles
+from trackers.text_file import check_limit
 from trackers.tracks import background_learned_causally, unused_sensors
 from twin import version_of
 from twin.evaluate import evaluate_with_details
-from twin.evaluate.summary import Evaluation
+from twin.evaluate.summary import MOST_PAIRS, PAIRS, Evaluation
 from twin.messages import OnWarning, warn
 from twin.recording.atomic_file import write_atomic
 from twin.recording.losses import Loss, documents
@@ -53,7 +55,7 @@ class RunResult:
     """Result of a run: metrics (None without truth), files by name, warnings.
 
     tracker_warnings: those of trackers among the warnings; evaluations: of each tracker, with truth; failures: the fault of
-    each failed plug-in; the results are those of the other trackers.
+    each failed plug-in, and the reason why a tracker's tracks are too many to evaluate; the metrics are those of the others.
     """
 
     metrics: dict[str, Any] | None
@@ -66,19 +68,43 @@ class RunResult:
 
 def evaluate_trackers(
     folder: Path, runners: Sequence[TrackerRunner], truth: TruthTable | None, situations: SituationTable | None
-) -> list[TrackerResult]:
-    """Read and evaluate the table of each successful tracker, from `folder/tracks`; without truth, only read it."""
-    results = []
+) -> tuple[list[TrackerResult], list[str]]:
+    """Read and evaluate the table of each successful tracker, from `folder/tracks`; without truth, only read it.
+
+    Return the results, and a sentence for each tracker whose tracks are above the limits of an evaluation: it has none.
+    """
+    results, refused = [], []
     for each in runners:
         if each.failure:
             continue
-        tracks = read_tracks(folder / "tracks" / f"{file_name(each.name)}.csv")
-        evaluation = None
+        try:
+            tracks, evaluation = read_tracks(folder / "tracks" / f"{file_name(each.name)}.csv"), None
+        except LimitError as error:
+            refused.append(not_evaluated(each.name, error))
+            continue
         if truth is not None:
             unused = unused_sensors(each.tracker)
-            evaluation = evaluate_with_details(truth, tracks, situations=situations, unused=unused)
+            try:
+                evaluation = evaluate_with_details(truth, tracks, situations=situations, unused=unused)
+            except LimitError as error:
+                refused.append(not_evaluated(each.name, error))
         results.append(TrackerResult(each.name, tracks, evaluation, each.ms_per_frame()))
-    return results
+    return results, refused
+
+
+def foreseen_refusal(scenario: Scenario, n_frame: int) -> list[str]:
+    """Return a warning where the limits forbid the evaluation of a tracker that finds all people in each frame."""
+    source = f"scenario {scenario.name}: people: {len(scenario.people)} people in {n_frame} frames"
+    try:
+        check_limit(n_frame * len(scenario.people) ** 2, MOST_PAIRS, f"{source} make up to", PAIRS)
+    except LimitError as error:
+        return [f"a tracker that finds everybody will not be evaluated; {error}"]
+    return []
+
+
+def not_evaluated(tracker: str, error: LimitError) -> str:
+    """Format the reason why a tracker has tracks and no metrics."""
+    return f"{tracker}: is not evaluated; {error}"
 
 
 def evaluation_notes(results: Sequence[TrackerResult]) -> tuple[str, ...]:
@@ -102,17 +128,20 @@ def write_results(
     truth: TruthTable | None,
     site: Site,
     *,
+    refused: Sequence[str] = (),
     losses: Sequence[Loss] = (),
     report: bool = True,
     scans: ScanDensity | None = None,
     recording: Path | None = None,
 ) -> RunResult:
-    """Write `report.html`, if requested, and `metrics.json` if there is truth.
+    """Write `report.html`, if requested and not all tracks are too many to be read again, and `metrics.json` if there is truth.
 
-    losses: those of the recording and of the trackers; the metrics hold all, the notes in `facts` the reported ones. scans:
-    those of a robot's bag; recording: the bag that was tracked, None for the run's own.
+    refused: of trackers whose evaluation the limits forbid; losses: those of the recording and of the trackers; the metrics
+    hold all, the notes in `facts` the reported ones. scans: those of a robot's bag; recording: the bag that was tracked, None
+    for the run's own.
     """
-    files = {f"tracks {each.name}": folder / "tracks" / f"{file_name(each.name)}.csv" for each in results}
+    done = [each.name for each in feed.runners if not each.failure]
+    files = {f"tracks {name}": folder / "tracks" / f"{file_name(name)}.csv" for name in done}
     if feed.is_filmed:
         files["preview"] = folder / "preview.mp4"
     metrics = None
@@ -121,11 +150,11 @@ def write_results(
         files["metrics"] = folder / "metrics.json"
         write_atomic(files["metrics"], json.dumps(metrics, indent=2, allow_nan=False) + "\n")
     notes = evaluation_notes(results)
-    if report:
+    if report and results:
         files["report"] = folder / "report.html"
         write_report(
             files["report"],
-            replace(facts, notes=(*(f"{note}." for note in notes), *facts.notes)),
+            replace(facts, notes=(*(f"{note}." for note in (*refused, *notes)), *facts.notes)),
             results,
             site,
             truth=truth,
@@ -138,7 +167,7 @@ def write_results(
         metrics,
         files,
         notes,
-        failures=tuple(each.failure for each in feed.runners if each.failure),
+        failures=(*(each.failure for each in feed.runners if each.failure), *refused),
         evaluations={each.name: each.evaluation for each in results if each.evaluation is not None},
     )
 

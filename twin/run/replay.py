@@ -217,7 +217,7 @@ class _Replay:
         """Evaluate and write metrics, report and the bag's copy; return the result."""
         folder = out.path
         facts = self._facts(fed)
-        results = evaluate_trackers(folder, fed.runners, self._truth, self._situations)
+        results, refused = evaluate_trackers(folder, fed.runners, self._truth, self._situations)
         self._write_about(folder / ABOUT)
         result = write_results(
             folder,
@@ -226,6 +226,7 @@ class _Replay:
             fed,
             self._truth,
             self._site,
+            refused=refused,
             losses=self._losses,
             report=self.report,
             scans=self._scans,

@@ -213,6 +213,9 @@ def _track(case: Case, recording: Path, names: Mapping[int, str], bag: RecordedI
             report=case.report,
             on_warning=no_warning,
         )
+        here = f"{folder}{os.sep}"  # which is gone when its warnings are read
+        if result.failures:
+            raise InputError("; ".join(result.failures).replace(here, ""))
         table = f"tracks/{file_name(case.tracker)}.csv"
         metrics: dict[str, Any] = {}
         if bag is not None:
@@ -223,7 +226,7 @@ def _track(case: Case, recording: Path, names: Mapping[int, str], bag: RecordedI
         if result.metrics is not None:
             metrics = result.metrics["trackers"][case.tracker] | metrics
         evaluation = result.evaluations.get(case.tracker)
-        own, here = result.tracker_warnings, f"{folder}{os.sep}"  # which is gone when its warnings are read
+        own = result.tracker_warnings
         title = recording.name if bag is None else case.scenario
         files = [table, *(each for each in ("report.html", "metrics.json") if (folder / each).is_file())]
         return CaseResult(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -102,3 +103,33 @@ def test_the_cases_of_a_suite_are_counted_before_they_are_made(
         check_case_count(suite, path)
     done = twin("suite", "run", str(path), "--out", "out", cwd=tmp_path)
     assert done.returncode == 2 and f"has {n_case} cases" in done.stderr and not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("limit", "said", "made"),
+    [
+        (
+            "twin.evaluate.summary.MOST_PAIRS",
+            "its frames hold [0-9]+ pairs of a person",
+            ["metrics.json", "report.html"],
+        ),
+        ("twin.tables.columns.MOST_LINES", "has more than 10 lines", []),
+    ],
+)
+def test_a_run_whose_evaluation_is_above_a_limit_is_finished_without(
+    limit: str, said: str, made: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What of an evaluation can be foreseen is warned of before the simulation; its files are kept, and repeated into."""
+    monkeypatch.setattr(limit, 10)
+    if limit.endswith("PAIRS"):
+        monkeypatch.setattr("twin.run.outcome.MOST_PAIRS", 10)
+    quick = ["lab-five-people", "--duration", "0.5", "--no-images", "--no-video", "--tracker", "sort"]
+    for _ in range(2):
+        done = twin("run", *quick, "--out", tmp_path)
+        assert done.returncode == 1 and "Traceback" not in done.stderr
+        assert re.search(
+            rf"^twin: sort: is not evaluated; \S+: {said}.*, or --no-limits, is expected$", done.stderr, re.M
+        )
+        assert done.stderr.startswith("twin: warning: a tracker that finds everybody") == limit.endswith("PAIRS")
+        assert all((tmp_path / each).is_file() for each in ["recording.mcap", "truth.csv", "tracks/sort.csv"])
+        assert [each for each in ("metrics.json", "report.html") if (tmp_path / each).exists()] == made

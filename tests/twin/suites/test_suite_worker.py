@@ -100,3 +100,12 @@ def test_the_worst_moment_is_drawn(cases: list[Case], cache: RecordingCache) -> 
 def test_a_worker_with_other_code_refuses(cases: list[Case], cache: RecordingCache) -> None:
     with pytest.raises(InputError, match=r"the worker's code is not that of the suite's process"):
         run_case(CaseWork(cases[0], cache, "0123"))
+
+
+def test_a_case_whose_evaluation_is_above_a_limit_is_refused_with_that(
+    cases: list[Case], cache: RecordingCache, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("twin.evaluate.summary.MOST_PAIRS", 10)
+    said = r"^laser-imm: is not evaluated; tracks/laser-imm\.csv: its frames hold \d+ pairs .*, or --no-limits, is expected$"
+    with pytest.raises(InputError, match=said):
+        run_case(CaseWork(replace(cases[1], report=False), cache, whole_code()))
