@@ -21,7 +21,7 @@ from trackers.rig import Rig
 from trackers.tracking.track_manager import clear_of
 from trackers.vision.foreground import Foreground
 from trackers.vision.person_detector import ROOMS, SILHOUETTES, PersonDetector, PersonModel
-from trackers.vision.stereo_picture import StereoCamera, head_of, heads_in_plan
+from trackers.vision.stereo_picture import head_of, heads_in_plan
 
 _CHEST_M, _CROWN_M, _OVERLAP_M = 1.1, 1.65, 0.45
 """Heights of a chest and of the crown of who stands; silhouettes nearer than the last, across the sight, may be one [m]."""
@@ -180,9 +180,8 @@ class Silhouettes(CameraSource):
 class Depths(CameraSource):
     """Heads at the tops of what stands before the room, as far as depths tell one person from another."""
 
-    def __init__(self, camera: Camera, stereo: StereoCamera, options: FusionOptions) -> None:
+    def __init__(self, camera: Camera, options: FusionOptions) -> None:
         super().__init__(camera, options.stereo, DEPTH_SHOWN, beyond=False)
-        self._stereo = stereo
 
     def look(self, observations: Mapping[str, Observation], expected: Expected, ns: int) -> Look | None:
         """Return the heads in the camera's depths, first of those who are expected; None where there are none, or blind ones."""
@@ -228,6 +227,6 @@ def cameras_of(
     for name, sensor in rig.cameras().items():
         camera = Camera(name, sensor, empty_room, area, environment)
         if camera.stereo is not None:
-            sources.append(Depths(camera, camera.stereo, options))
+            sources.append(Depths(camera, options))
         sources.append(Silhouettes(camera, options, rig.area))
     return sources

@@ -139,12 +139,8 @@ def check_picture(data: bytes, subject: str) -> None:
     """Raise InputError, with the prefix `subject`, for a format without `picture_size`, and for too many pixels."""
     size = picture_size(data)
     if size is None:
-        raise InputError(_no_picture(data, subject))
+        raise InputError(f"{subject}: {len(data)} bytes that are no image; a {FORMATS} is expected")
     check_size(*size, subject)
-
-
-def _no_picture(data: bytes, subject: str) -> str:
-    return f"{subject}: {len(data)} bytes that are no image; a {FORMATS} is expected"
 
 
 def check_size(width: int, height: int, subject: str) -> None:

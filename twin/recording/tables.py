@@ -8,7 +8,7 @@ numbers are the shortest decimals that read back to the same float. Room frame, 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from math import inf, isfinite, isnan, nan
@@ -86,40 +86,6 @@ class TrackTable(StampedRows):
     notes: tuple[str, ...] = ()  # what was guessed in reading it
 
 
-class TruthWriter:
-    """Takes truth frames in order of time; made by `truth_writer`."""
-
-    def __init__(self, stream: TextIO, sensors: Sequence[str]) -> None:
-        self._rows = _RowWriter(stream, (*TRUTH_COLUMNS, *(_VISIBLE + sensor for sensor in sensors)))
-        self._sensors = tuple(sensors)
-
-    def write(self, frame: TruthFrame) -> None:
-        """Write one frame; raises ValueError for a stamp not later than the last, a repeated id or a bad number."""
-        self._rows.write(frame.stamp_ns, frame.people, self._cells)
-
-    def _cells(self, person: PersonTruth) -> list[str]:
-        return [cell(value) for value in list(person_row(person, self._sensors).values())[1:]]
-
-
-class TrackWriter:
-    """Takes track frames in order of time; made by `track_writer`."""
-
-    def __init__(self, stream: TextIO) -> None:
-        self._rows = _RowWriter(stream, TRACK_COLUMNS)
-
-    def write(self, frame: TrackFrame) -> None:
-        """Write one frame; raises ValueError for a stamp not later than the last, a repeated id or a bad number."""
-        self._rows.write(frame.stamp_ns, frame.tracks, self._cells)
-
-    @staticmethod
-    def _cells(track: Track) -> list[str]:
-        if track.status not in STATUSES:
-            raise ValueError(f"track {track.id}: status {track.status!r} is none of {STATUSES}")
-        if track.radius95_m <= 0:
-            raise ValueError(f"track {track.id}: radius95_m is {track.radius95_m}; above 0 m, or NaN, is expected")
-        return [cell(value) for value in list(track_row(track).values())[1:]]
-
-
 def person_row(person: PersonTruth, sensors: Iterable[str]) -> Row:
     """Return a person's row of `truth.csv` after t, with a column visible_<sensor> per sensor."""
     numbers = {name: float(getattr(person, name)) for name in TRUTH_NUMBERS}
@@ -148,23 +114,31 @@ def person_of(row: Mapping[str, Any]) -> PersonTruth:
 
 
 @contextmanager
-def truth_writer(path: Path, sensors: Sequence[str] = ()) -> Iterator[TruthWriter]:
-    """Open a writer of `truth.csv` with a column visible_<sensor> per sensor; the file appears when the block ends well.
+def truth_writer(path: Path, sensors: Sequence[str] = ()) -> Iterator[Callable[[TruthFrame], None]]:
+    """Open `truth.csv` with a column visible_<sensor> per sensor; yield a function that writes a frame, in order of time.
 
-    Raises InputError where the file cannot be written.
+    The file appears when the block ends well. Raises InputError where the file cannot be written; the function raises
+    ValueError for a stamp not later than the last, a repeated id or a bad number.
     """
     with open_atomic(path) as stream:
-        yield TruthWriter(stream, sensors)
+        rows = _RowWriter(stream, (*TRUTH_COLUMNS, *(_VISIBLE + sensor for sensor in sensors)))
+        yield lambda frame: rows.write(frame.stamp_ns, frame.people, lambda person: person_row(person, sensors))
 
 
 @contextmanager
-def track_writer(path: Path) -> Iterator[TrackWriter]:
-    """Open a writer of `tracks/<tracker>.csv`; the file appears when the block ends well.
-
-    Raises InputError where the file cannot be written.
-    """
+def track_writer(path: Path) -> Iterator[Callable[[TrackFrame], None]]:
+    """Open `tracks/<tracker>.csv`; yield a function that writes a frame, as `truth_writer` does."""
     with open_atomic(path) as stream:
-        yield TrackWriter(stream)
+        rows = _RowWriter(stream, TRACK_COLUMNS)
+        yield lambda frame: rows.write(frame.stamp_ns, frame.tracks, _checked_row)
+
+
+def _checked_row(track: Track) -> Row:
+    if track.status not in STATUSES:
+        raise ValueError(f"track {track.id}: status {track.status!r} is none of {STATUSES}")
+    if track.radius95_m <= 0:
+        raise ValueError(f"track {track.id}: radius95_m is {track.radius95_m}; above 0 m, or NaN, is expected")
+    return track_row(track)
 
 
 def read_truth(
@@ -276,7 +250,7 @@ class _RowWriter:
         self._last_stamp_ns: float = -inf
         stream.write(",".join(columns) + "\n")
 
-    def write(self, stamp_ns: int, entries: Sequence, cells_of) -> None:
+    def write(self, stamp_ns: int, entries: Sequence[Any], row_of: Callable[[Any], Row]) -> None:
         if not isinstance(stamp_ns, Integral) or stamp_ns <= self._last_stamp_ns:
             raise ValueError(f"frame at {stamp_ns} ns after {self._last_stamp_ns} ns; whole stamps must grow")
         ids = [_id(stamp_ns, entry.id) for entry in entries]
@@ -286,7 +260,8 @@ class _RowWriter:
         for id_, entry in zip(ids, entries, strict=True):
             if not (isfinite(entry.x) and isfinite(entry.y)):
                 raise ValueError(f"frame at {stamp_ns} ns: id {id_} is at ({entry.x}, {entry.y}); a place is needed")
-            lines.append(",".join([t, str(id_), *cells_of(entry)]) + "\n")
+            cells = map(cell, list(row_of(entry).values())[1:])
+            lines.append(",".join([t, str(id_), *cells]) + "\n")
         self._stream.write("".join(lines) or t + self._empty_cells + "\n")
         self._last_stamp_ns = stamp_ns
 

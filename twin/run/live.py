@@ -289,7 +289,7 @@ class _LiveRun:
         self._feed.on_frame = TrackTopics(bag, [each.name for each in self.chosen]).write
         whole = self.whole_truth
         table = stack.enter_context(truth_writer(folder / "truth.csv", list(self._simulation.views) if whole else []))
-        self._on_truth += [table.write, bag.truth]
+        self._on_truth += [table, bag.truth]
         if whole:
             self._on_truth.append(stack.enter_context(feet_writer(folder / "truth_feet.csv", list(rig.floors()))))
             self._on_detail += [stack.enter_context(detail_writer(folder)), bag.detail]

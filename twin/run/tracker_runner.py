@@ -23,7 +23,7 @@ from trackers.prior import Prior
 from trackers.rig import Rig
 from trackers.tracks import Tracker, TrackFrame, detections_of, misreported, warnings
 from twin.messages import at_work
-from twin.recording.tables import TrackWriter, track_writer
+from twin.recording.tables import track_writer
 from twin.run.inputs import ChosenTracker
 from twin.streams import stream
 
@@ -48,7 +48,7 @@ class TrackerRunner:
         self.rig = rig
         self._file = ExitStack()
         self._fed: FedTracker | None = None
-        self._writer: TrackWriter | None = None
+        self._write: Callable[[TrackFrame], None] | None = None
         self._pending_ms = 0.0
         self._frame_ms: list[float] = []
         self._tracked = self._is_finished = False
@@ -92,7 +92,7 @@ class TrackerRunner:
         """Write the frames to this file, which appears when the block ends normally and the tracker has not failed."""
         with self._file:
             if not self.failure:
-                self._writer = self._file.enter_context(track_writer(path))
+                self._write = self._file.enter_context(track_writer(path))
             yield
 
     def update(self, observation: Observation) -> list[TrackFrame]:
@@ -105,7 +105,7 @@ class TrackerRunner:
         return self._frames(FedTracker.finish)
 
     def _frames(self, call: Callable[[FedTracker], list[TrackFrame]]) -> list[TrackFrame]:
-        if self.failure or self._fed is None or self._writer is None:
+        if self.failure or self._fed is None or self._write is None:
             return []
         start = time.thread_time()
         try:
@@ -117,7 +117,7 @@ class TrackerRunner:
             return []
         for frame in frames:
             try:
-                self._writer.write(frame)
+                self._write(frame)
             except OSError:  # of the disk, not the tracker
                 raise
             except Exception as error:

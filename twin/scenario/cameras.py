@@ -6,7 +6,7 @@ from math import ceil, radians, tan
 from typing import Annotated, Literal, TypeVar
 
 import numpy as np
-from pydantic import BeforeValidator, Field, FiniteFloat, model_validator
+from pydantic import Field, FiniteFloat, model_validator
 
 from trackers.cameras import PinholeIntrinsics
 from trackers.cameras.intrinsics import Side
@@ -30,18 +30,11 @@ DEEPEST_M = 65.0
 """Greatest depth in a message: whole millimetres in 16 bits."""
 
 CameraNoiseByName = Annotated[
-    CameraNoise,
-    BeforeValidator(
-        by_name(CAMERA_NOISE, "parameters like {read_sigma: 2}"), json_schema_input_type=NoiseName | CameraNoise
-    ),
+    CameraNoise, by_name(CAMERA_NOISE, "parameters like {read_sigma: 2}", NoiseName | CameraNoise)
 ]
 """The noise of a camera, by name or by its parameters."""
 _StereoNoise = Annotated[
-    StereoNoise,
-    BeforeValidator(
-        by_name(STEREO_NOISE, "parameters like {disparity_sigma_px: 0.3}"),
-        json_schema_input_type=NoiseName | StereoNoise,
-    ),
+    StereoNoise, by_name(STEREO_NOISE, "parameters like {disparity_sigma_px: 0.3}", NoiseName | StereoNoise)
 ]
 
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import asin, atan2, cos, degrees, radians
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, FiniteFloat
+from pydantic import BeforeValidator, Field, FiniteFloat
 
 from trackers.area import AngleDeg, Point3, Pose
 from trackers.configuration import Strict
@@ -137,8 +136,8 @@ class Mounted(Timing):
 NoiseName = Literal["off", "default", "worse"]
 
 
-def by_name(presets: dict[str, Any], otherwise: str) -> Callable[[Any], Any]:
-    """Make a validator that replaces a preset's name by the preset."""
+def by_name(presets: dict[str, Any], otherwise: str, schema: Any) -> BeforeValidator:
+    """Make a validator that replaces a preset's name by the preset; `schema`: type of the field in a JSON schema."""
 
     def resolve(value: Any) -> Any:
         if value is False:
@@ -149,4 +148,4 @@ def by_name(presets: dict[str, Any], otherwise: str) -> Callable[[Any], Any]:
             raise ValueError(f"no preset of this name; {valid_names(value, presets, f' or {otherwise}')}")
         return presets[value]
 
-    return resolve
+    return BeforeValidator(resolve, json_schema_input_type=schema)

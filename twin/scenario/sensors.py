@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BeforeValidator, Field, PositiveInt, model_validator
+from pydantic import Field, PositiveInt, model_validator
 
 from trackers.area import AngleDeg, Point3, Pose
 from trackers.cameras import FisheyeIntrinsics
@@ -35,11 +35,7 @@ if TYPE_CHECKING:
     from twin.sensors.sensor import Sensor
 
 _FloorElectronics = Annotated[
-    FloorElectronics,
-    BeforeValidator(
-        by_name(FLOOR_ELECTRONICS, "parameters like {crosstalk: 0.1}"),
-        json_schema_input_type=NoiseName | FloorElectronics,
-    ),
+    FloorElectronics, by_name(FLOOR_ELECTRONICS, "parameters like {crosstalk: 0.1}", NoiseName | FloorElectronics)
 ]
 
 
@@ -128,18 +124,9 @@ LensName = Literal["equidistant_185", "opencv_test_lens"]
 
 _LaserNoise = Annotated[
     LaserNoise,
-    BeforeValidator(
-        by_name(LASER_NOISE, "parameters like {sigma_m: 0.01}"),
-        json_schema_input_type=NoiseName | Literal["hokuyo"] | LaserNoise,
-    ),
+    by_name(LASER_NOISE, "parameters like {sigma_m: 0.01}", NoiseName | Literal["hokuyo"] | LaserNoise),
 ]
-_Lens = Annotated[
-    Lens,
-    BeforeValidator(
-        by_name(LENSES, "a calibration {width, height, fx, k, field_of_view_deg}"),
-        json_schema_input_type=LensName | Lens,
-    ),
-]
+_Lens = Annotated[Lens, by_name(LENSES, "a calibration {width, height, fx, k, field_of_view_deg}", LensName | Lens)]
 
 
 class LaserDescription(Mounted):

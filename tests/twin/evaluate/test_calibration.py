@@ -63,9 +63,9 @@ def test_none_where_no_radius_is_stated():
 
 def test_radii_survive_the_table_and_older_tables_have_none(tmp_path):
     _, tracks = run(n=3)
-    with track_writer(tmp_path / "tracks.csv") as writer:
+    with track_writer(tmp_path / "tracks.csv") as write:
         for frame in tracks:
-            writer.write(frame)
+            write(frame)
     assert read_tracks(tmp_path / "tracks.csv").radius95_m.tolist() == track_table(tracks).radius95_m.tolist()
     (tmp_path / "old.csv").write_text("t,id,x,y\n0.1,1,2,3\n")
     assert np.isnan(read_tracks(tmp_path / "old.csv").radius95_m).all()

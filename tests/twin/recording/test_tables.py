@@ -36,9 +36,9 @@ TRACK_FRAMES = [
 
 
 def write_tracks(path, frames):
-    with track_writer(path) as writer:
+    with track_writer(path) as write:
         for frame in frames:
-            writer.write(frame)
+            write(frame)
 
 
 def assert_same_table(read, made):
@@ -57,9 +57,9 @@ def assert_same_table(read, made):
 
 def test_truth_reads_back_to_the_bit(tmp_path):
     path = tmp_path / "truth.csv"
-    with truth_writer(path, ["waist", "knee"]) as writer:
+    with truth_writer(path, ["waist", "knee"]) as write:
         for frame in TRUTH_FRAMES:
-            writer.write(frame)
+            write(frame)
     table = read_truth(path)
     assert_same_table(table, truth_table(TRUTH_FRAMES))
     assert table.id.tolist() == [1, 2, 1]
@@ -78,15 +78,15 @@ def test_tracks_read_back_to_the_bit(tmp_path):
 
 
 def test_the_text_is_the_contract(tmp_path):
-    with truth_writer(tmp_path / "truth.csv", ["waist"]) as truth:
-        truth.write(TruthFrame(1_500_000_000, (PersonTruth(1, 0.5, 1.5, visible={"waist": 0.75}),)))
-        truth.write(TruthFrame(1_600_000_000, ()))
+    with truth_writer(tmp_path / "truth.csv", ["waist"]) as write:
+        write(TruthFrame(1_500_000_000, (PersonTruth(1, 0.5, 1.5, visible={"waist": 0.75}),)))
+        write(TruthFrame(1_600_000_000, ()))
     assert (tmp_path / "truth.csv").read_text() == (
         f"{TRUTH_HEADER}\n1.500000000,1,0.5,1.5,,,,,,,,,1,0.75\n1.600000000,,,,,,,,,,,,,\n"
     )
-    with track_writer(tmp_path / "tracks.csv") as tracks:
-        tracks.write(TrackFrame(100_000_000, (Track(4, np.float64(0.1), 2.0, vx=-0.5, vy=0.0),)))
-        tracks.write(TrackFrame(200_000_000, ()))
+    with track_writer(tmp_path / "tracks.csv") as write:
+        write(TrackFrame(100_000_000, (Track(4, np.float64(0.1), 2.0, vx=-0.5, vy=0.0),)))
+        write(TrackFrame(200_000_000, ()))
     assert (tmp_path / "tracks.csv").read_text() == (
         f"{TRACK_HEADER},radius95_m\n0.100000000,4,0.1,2.0,,-0.5,0.0,,,,,confirmed,\n0.200000000,,,,,,,,,,,,\n"
     )
@@ -101,8 +101,8 @@ def test_an_interrupted_table_leaves_nothing_and_keeps_the_old_one(tmp_path, int
     path.write_text("old")
 
     def write_and_stop():
-        with truth_writer(path) as writer:
-            writer.write(TRUTH_FRAMES[0])
+        with truth_writer(path) as write:
+            write(TRUTH_FRAMES[0])
             raise interruption
 
     with pytest.raises(interruption):
@@ -113,17 +113,17 @@ def test_an_interrupted_table_leaves_nothing_and_keeps_the_old_one(tmp_path, int
 
 def test_the_final_name_appears_at_the_end_only(tmp_path):
     path = tmp_path / "tracks.csv"
-    with track_writer(path) as writer:
-        writer.write(TRACK_FRAMES[0])
+    with track_writer(path) as write:
+        write(TRACK_FRAMES[0])
         assert not path.exists()
     assert os.listdir(tmp_path) == ["tracks.csv"]
 
 
 def test_rows_are_on_disk_before_the_end(tmp_path):
     # Streaming: what has been written does not wait in memory.
-    with track_writer(tmp_path / "tracks.csv") as writer:
+    with track_writer(tmp_path / "tracks.csv") as write:
         for stamp in range(2000):
-            writer.write(TrackFrame(stamp, (Track(1, 0.123456789, 2.0),)))
+            write(TrackFrame(stamp, (Track(1, 0.123456789, 2.0),)))
         (partial,) = tmp_path.iterdir()
         assert partial.stat().st_size > 50_000
 
@@ -140,8 +140,8 @@ def test_a_full_disk_is_an_input_error(tmp_path):
     path = tmp_path / "tracks.csv"
     partial = tmp_path / f".tracks.csv.{os.getpid()}.partial"
     partial.symlink_to("/dev/full")
-    with pytest.raises(InputError, match="No space left"), track_writer(path) as writer:
-        writer.write(TRACK_FRAMES[0])
+    with pytest.raises(InputError, match="No space left"), track_writer(path) as write:
+        write(TRACK_FRAMES[0])
     assert os.listdir(tmp_path) == []
 
 
