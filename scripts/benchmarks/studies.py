@@ -30,7 +30,7 @@ from twin.suites.expansion import expand
 from twin.suites.spec import Suite, SuiteScenario
 from twin.suites.worker import CaseWork, run_case
 from twin.world.scene import build_scene
-from twin.world.world import PrecomputedScene, precompute_motion
+from twin.world.world import PrecomputedScene, precompute_people
 
 _HALL = ["duration_s=25", "sensors.camera=null"]
 _LAB = {"duration_s": 10, "sensors.fisheye": None}
@@ -175,7 +175,7 @@ def _hall_study(every_m: float) -> Study:
 
 def _crowd(scenario: Scenario, samples: int) -> SampledWorld:
     times = ((np.arange(samples) + 0.5) / samples * scenario.duration_s).tolist()
-    return SampledWorld(scenario, PrecomputedScene.of(scenario, precompute_motion(scenario)), times)
+    return SampledWorld(scenario, PrecomputedScene.of(scenario, *precompute_people(scenario)), times)
 
 
 def _scored_a_minute(bits: np.ndarray) -> float:

@@ -54,7 +54,7 @@ from twin.studies.visibility import (
 from twin.suites.cache import RecordingCache, cache_limit_bytes
 from twin.suites.cluster import Workers
 from twin.suites.dask_runner import ProgressListener
-from twin.world.world import PrecomputedScene, precompute_motion
+from twin.world.world import PrecomputedScene, precompute_people
 
 
 @contextmanager
@@ -175,7 +175,7 @@ def write_coverage(scenario: Scenario, folder: Path, asked: Coverage) -> dict[st
     check_others(folder, (_SCENARIO, "coverage.html"), "coverage.json")
     names, samples = looking_sensors(scenario), asked.samples
     _check_sensors(scenario, names, asked)
-    precomputed = PrecomputedScene.of(scenario, precompute_motion(scenario))
+    precomputed = PrecomputedScene.of(scenario, *precompute_people(scenario))
     times = ((np.arange(samples) + 0.5) / samples * scenario.duration_s).tolist()
     sampled = SampledWorld(scenario, precomputed, times)
     area, building = sampled.area, building_of(precomputed.scene)

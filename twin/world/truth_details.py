@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from operator import attrgetter
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trackers.observations import NS_PER_S, LaserScan
-from twin.instant.snapshot import Snapshot, SnapshotSource
+from twin.instant.snapshot import Snapshot
 from twin.sensors.sensor import Reading
 from twin.truth.body_outlines import BodyOutlines
 from twin.truth.frames import BoxFrame, RayFrame, RayRun, Situation, TruthDetail, TruthFrame
@@ -29,7 +28,7 @@ from twin.truth.situations import (
     scan_points,
 )
 from twin.truth.visibility import PersonImaging, SensorView, first_hits, person_boxes
-from twin.world.scene import Scene
+from twin.world.world import World
 
 
 def person_runs(person_of_ray: NDArray[np.int16]) -> tuple[RayRun, ...]:
@@ -40,19 +39,6 @@ def person_runs(person_of_ray: NDArray[np.int16]) -> tuple[RayRun, ...]:
     starts, stops = [0, *changes], [*changes, person_of_ray.size]
     runs = zip(person_of_ray[starts].tolist(), starts, stops, strict=True)
     return tuple(RayRun(id_, start, stop - 1) for id_, start, stop in runs if id_ > 0)
-
-
-class InhabitedWorld(SnapshotSource, Protocol):
-    """A world of people: gives the scene at any time, no farther back than their short history."""
-
-    @property
-    def scene(self) -> Scene:
-        """The scene of the snapshot taken last: its people and bodies."""
-        ...
-
-    def met(self, sensor: str, stamp_ns: int) -> NDArray[np.int16] | None:
-        """Return whom rays from a sensor to each person's points meet (n_people, n_point); None if not known at this stamp."""
-        ...
 
 
 class TruthDetails:
@@ -67,7 +53,7 @@ class TruthDetails:
 
     def __init__(
         self,
-        world: InhabitedWorld,
+        world: World,
         views: Mapping[str, SensorView],
         cameras: Mapping[str, PersonImaging],
         boxes_hz: float,

@@ -78,13 +78,11 @@ class PrecomputedScene:
         return replace(self.scene, bodies=replace(self.scene.bodies, model=copy.copy(self.scene.model)))
 
 
-def precompute_motion(scenario: Scenario) -> PopulationMotion:
-    """Step a scenario's people to its end and return their motion. Raises InputError as `build_scene` does."""
-    return precompute_people(scenario)[0]
-
-
 def precompute_people(scenario: Scenario) -> tuple[PopulationMotion, list[str]]:
-    """Return the people's motion, as `precompute_motion`, and a description of each person who has not arrived at the end."""
+    """Step a scenario's people to its end; return their motion, and a description of each person who has not arrived.
+
+    Raises InputError as `build_scene` does.
+    """
     scenario = randomized(scenario)
     people = populate(scenario, build_scene(scenario, pictures=False))
     return people.motion(scenario.duration_s + LONGEST_LOOK_S), people.late()

@@ -21,7 +21,7 @@ from twin.studies.visibility import (
     visited_cells,
 )
 from twin.world.body_pool import body_pools
-from twin.world.world import PrecomputedScene, precompute_motion
+from twin.world.world import PrecomputedScene, precompute_people
 
 COVERAGE = Coverage(beams=6, px_per_m=60, target="head", heights_m=(1.0, 1.6))
 
@@ -29,7 +29,7 @@ COVERAGE = Coverage(beams=6, px_per_m=60, target="head", heights_m=(1.0, 1.6))
 @pytest.fixture(scope="module")
 def sampled() -> SampledWorld:
     scenario = load_scenario("lab-five-people", ["duration_s=2"])
-    return SampledWorld(scenario, PrecomputedScene.of(scenario, precompute_motion(scenario)), [0.3, 1.1, 1.9])
+    return SampledWorld(scenario, PrecomputedScene.of(scenario, *precompute_people(scenario)), [0.3, 1.1, 1.9])
 
 
 def test_a_scanner_sees_a_person_that_enough_beams_meet(sampled: SampledWorld) -> None:
@@ -56,7 +56,7 @@ def test_a_person_of_a_file_is_seen_at_every_stamp(tmp_path: Path) -> None:
     (tmp_path / "paths.csv").write_text("\n".join(["t,id,x,y", *rows]))
     paths = f"pedestrians={{file: {tmp_path / 'paths.csv'}}}"
     scenario = load_scenario("lab-five-people", ["people=null", paths, "duration_s=42", "sensors.fisheye=null"])
-    precomputed = PrecomputedScene.of(scenario, precompute_motion(scenario))
+    precomputed = PrecomputedScene.of(scenario, *precompute_people(scenario))
     times = [1.0, 2.5, 20.2, 20.7, 35.0, 41.0]
     together = SampledWorld(scenario, precomputed, times)
     visibility = SensorVisibility(scenario, "knee", COVERAGE)

@@ -15,7 +15,7 @@ from twin.scenario import Scenario, load_scenario
 from twin.streams import stream
 from twin.truth.frames import TruthFrame
 from twin.world.simulation import Simulation
-from twin.world.world import PrecomputedScene, precompute_motion
+from twin.world.world import PrecomputedScene, precompute_people
 
 pytestmark = pytest.mark.slow
 
@@ -44,7 +44,7 @@ def test_every_sensor_reports_the_same_bits_of_people_who_moved_before(
     name: str, changes: list[str], tmp_path: Path
 ) -> None:
     scenario = load_scenario(name, ["background_frames=2", *changes])
-    precompute_motion(scenario).save(tmp_path / "motion.npz")
+    precompute_people(scenario)[0].save(tmp_path / "motion.npz")
     precomputed = PrecomputedScene.of(scenario, PopulationMotion.load(tmp_path / "motion.npz"))
 
     usual = told(scenario, None)
@@ -57,7 +57,7 @@ def bits(motion: PopulationMotion) -> list[bytes]:
 
 
 def test_a_motion_keeps_the_sign_of_zero(tmp_path: Path) -> None:
-    motion = precompute_motion(load_scenario("lab-five-people", ["duration_s=0.2"]))
+    motion = precompute_people(load_scenario("lab-five-people", ["duration_s=0.2"]))[0]
     motion.posture[0, 0, 0] = -0.0
     motion.save(tmp_path / "motion.npz")
     assert bits(PopulationMotion.load(tmp_path / "motion.npz")) == bits(motion)
@@ -66,12 +66,12 @@ def test_a_motion_keeps_the_sign_of_zero(tmp_path: Path) -> None:
 def test_sensors_elsewhere_change_no_motion() -> None:
     scenario = load_scenario("lab-five-people", ["duration_s=1"])
     elsewhere = load_scenario("lab-five-people", ["duration_s=1", "sensors.waist.mount.xyz=[1, 0.1, 0.9]"])
-    assert bits(precompute_motion(scenario)) == bits(precompute_motion(elsewhere))
+    assert bits(precompute_people(scenario)[0]) == bits(precompute_people(elsewhere)[0])
 
 
 def test_a_moment_after_the_motion_is_refused() -> None:
     scenario = load_scenario("lab-five-people", ["duration_s=0.2"])
-    precomputed = PrecomputedScene.of(scenario, precompute_motion(scenario))
+    precomputed = PrecomputedScene.of(scenario, *precompute_people(scenario))
     with (
         Simulation(scenario, images=False, precomputed=precomputed) as simulation,
         pytest.raises(ValueError, match="ends after"),
@@ -81,7 +81,7 @@ def test_a_moment_after_the_motion_is_refused() -> None:
 
 def test_tracks_are_those_of_a_run(tmp_path: Path) -> None:
     scenario = load_scenario("lab-five-people", ["duration_s=1.5"])
-    precomputed = PrecomputedScene.of(scenario, precompute_motion(scenario))
+    precomputed = PrecomputedScene.of(scenario, *precompute_people(scenario))
     frames = []
     for each in (precomputed, None):
         with Simulation(scenario, precomputed=each) as simulation:
