@@ -9,6 +9,7 @@ import importlib
 import inspect
 import os
 import re
+import unicodedata
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -56,8 +57,11 @@ class Preset:
         return "; ".join([self.description, *(f"needs `{option}`: {what}" for option, what in self.needs.items())])
 
 
-_BAI = "Bai, Takahashi: Identification and Tracking Using Laser and Vision of Maneuvering People"
-_SONG = "Song, Zhao, Cui, Shao, Shibasaki, Zha: Fusion of Laser and Vision for Multiple Targets Tracking via On-line Learning"
+_BAI = "Bai, Takahashi: Identification and Tracking Using Laser and Vision of Maneuvering People (Doshisha University)"
+_SONG = (
+    "Song, Zhao, Cui, Shao, Shibasaki, Zha: Fusion of Laser and Vision for Multiple Targets Tracking via On-line Learning "
+    "(Peking University, University of Tokyo)"
+)
 _MORI = (
     "Mori, Matsumoto, Shimosaka, Noguchi, Sato: Multiple Persons Tracking with Data Fusion of Multiple Cameras "
     "and Floor Sensors Using Particle Filters (M2SFA2 2008)"
@@ -245,7 +249,10 @@ def available() -> dict[str, Preset]:
 
 
 def bibtex(names: Iterable[str]) -> str:
-    """Return BibTeX entries of the papers behind trackers, each once; nothing for one without a paper."""
+    """Return BibTeX entries of the papers behind trackers, each once; nothing for one without a paper.
+
+    One whose own text states no year has the authors' universities instead.
+    """
     known, entries = available(), {}
     for name in names:
         found = _CITATION.fullmatch(known[name].citation)
@@ -253,8 +260,10 @@ def bibtex(names: Iterable[str]) -> str:
             continue
         authors, title, note = found["authors"].split(", "), found["title"], found["note"] or ""
         year = re.search(r"\b(19|20)\d\d\b", note)
-        key = f"{authors[0].lower()}-{re.sub(r'[^a-z]+', '-', title.lower()).strip('-').split('-')[0]}"
-        fields = {"author": " and ".join(authors), "title": f"{{{title}}}"}
+        plain = unicodedata.normalize("NFKD", authors[0].lower()).encode("ascii", "ignore").decode()
+        key = f"{plain}-{re.sub(r'[^a-z]+', '-', title.lower()).strip('-').split('-')[0]}"
+        surnames = [f"{{{each}}}" if " " in each else each for each in authors]  # else the first word is a given name
+        fields = {"author": " and ".join(surnames), "title": f"{{{title}}}"}
         if year is not None:
             fields["year"] = year[0]
         if note and note != (year[0] if year is not None else ""):

@@ -1,5 +1,6 @@
 """Trackers by name."""
 
+import re
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -15,7 +16,7 @@ from trackers.errors import InputError
 from trackers.filters.motion import AGILE, KALMAN_MODELS, HeadingMotion, VelocityMotion
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.tracker import LaserFisheyeImm, filter_of
-from trackers.presets import PRESETS, available, make_tracker
+from trackers.presets import PRESETS, available, bibtex, make_tracker
 from twin.reproduce.laser_fisheye_imm.runs import COLUMNS
 from twin.reproduce.laser_vision_learning.runs import SYSTEMS
 
@@ -51,6 +52,16 @@ def test_no_two_presets_are_the_same_or_told_of_alike():
     assert len(set(made)) == len(made)
     descriptions = [preset.description for preset in PRESETS.values()]
     assert len(set(descriptions)) == len(descriptions)
+
+
+def test_every_paper_has_an_entry_of_bibtex_with_its_year_or_where_it_is_from():
+    entries = bibtex(PRESETS).split("\n\n")
+    assert len(entries) >= 8
+    for entry in entries:
+        assert re.match(r"@misc\{[a-z-]+,\n  author = \{", entry), entry  # older readers take ASCII alone as a key
+        assert re.search(r"^  year = \{(19|20)\d\d\}", entry, re.M) or "University" in entry
+        authors = re.search(r"author = \{(.*)\}", entry)[1].split(" and ")
+        assert all(" " not in each or re.fullmatch(r"\{.*\}", each) for each in authors)  # surnames
 
 
 def test_the_columns_of_the_papers_tables_have_a_preset_each():
