@@ -7,6 +7,7 @@ import fcntl
 import gc
 import io
 import os
+import signal
 import sys
 from contextlib import suppress
 from pathlib import Path
@@ -42,6 +43,8 @@ def _open_closed_streams() -> None:
 
 def main() -> None:
     """Run the command line."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # while modules are imported: Python would print a traceback
     _open_closed_streams()
     gc.set_threshold(_COLLECTED_AFTER)
     if (fault := other_trackers()) is not None:

@@ -258,6 +258,25 @@ def test_a_stop_within_an_import_or_an_exec_ends_the_command_with_its_exit_code(
     assert done.stdout == ("imported to its end\n" if "import" in where else "")
 
 
+_BEFORE_THE_COMMAND = """
+import os, signal, sys
+class Stop:
+    def find_spec(self, name, *_):
+        if name == "twin.cli":
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Stop())
+from twin.__main__ import main
+main()
+"""
+
+
+def test_an_interrupt_before_the_command_is_there_ends_without_a_traceback() -> None:
+    command = [sys.executable, "-c", _BEFORE_THE_COMMAND, "list"]
+    heeding = partial(signal.signal, signal.SIGINT, signal.default_int_handler)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, preexec_fn=heeding, timeout=25)
+    assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, "", "")
+
+
 _PASSED_OVER = """\
 import os, signal, time, twin.commands.info
 from twin.commands.memory import Interrupted

@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, cast
 
 from trackers.errors import InputError
@@ -107,7 +108,9 @@ def open_cluster(
     n_worker, local = (jobs or core_count()) if scheduler is None else 0, None
     with ExitStack() as stack:
         if scheduler is None:
-            stack.enter_context(config.set(_CONFIGURATION))
+            # Workers that are ended leave what they were writing: this process removes it.
+            scratch = stack.enter_context(TemporaryDirectory(prefix="roomtwin-", ignore_cleanup_errors=True))
+            stack.enter_context(config.set({**_CONFIGURATION, "temporary-directory": scratch}))
             local = _started(
                 n_workers=n_worker,
                 threads_per_worker=1,
@@ -117,7 +120,7 @@ def open_cluster(
                 # others out.
                 security=Security.temporary(),
                 silence_logs=50,
-                env=ENVIRONMENT,
+                env={**ENVIRONMENT, "TMPDIR": scratch},
                 resources=needs,
             )
             stack.callback(_close, local)

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import re
+import shutil
+import subprocess
+import zlib
 from collections.abc import Iterator
 from dataclasses import replace
 from html import unescape
@@ -296,6 +299,48 @@ def test_the_picture_comes_first_then_six_metrics_then_charts(tmp_path: Path, sy
     for cause, count in mine.evaluation.metrics["errors"]["missed"].items():
         name = METRICS[f"errors.missed.{cause}"].name
         assert (f">{name} <" in table) == (count > 0)
+
+
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
+"""Path of a browser that prints a page; None: none is on this machine."""
+
+
+def lowest_text(pdf: bytes) -> list[float]:
+    """Return the place of the lowest text of each sheet, as a share of its height from its top on."""
+    found, objects = [], {int(each[1]): each[2] for each in re.finditer(rb"\n(\d+) 0 obj\s*(.*?)\nendobj", pdf, re.S)}
+    for sheet in (each for each in objects.values() if re.search(rb"/Type\s*/Page\b", each)):
+        content = objects[int(re.findall(rb"/Contents (\d+) 0 R", sheet)[0])]
+        drawn = zlib.decompress(content[content.index(b"stream") + 6 :].lstrip(b"\r\n"))
+        height = float(re.findall(rb"/MediaBox\s*\[[\d. ]*?([\d.]+)\]", sheet)[0])
+        now, kept, lowest = np.eye(3), [], 1.0
+        for numbers, kind, stacked in re.findall(rb"([-\d. ]+) (cm|Tm)\b|\b([qQ])\b", drawn):
+            if stacked:
+                now = kept.pop() if stacked == b"Q" else (kept.append(now), now)[1]
+                continue
+            own = np.vstack([np.array(numbers.split()[-6:], float).reshape(3, 2).T, [0, 0, 1]])
+            if kind == b"cm":
+                now = now @ own
+            else:
+                lowest = min(lowest, (now @ own)[1, 2] / height)
+        found.append(1 - lowest)
+    return found
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium or Chrome is on this machine")
+@pytest.mark.parametrize("n_note", [0, 44])
+def test_no_printed_sheet_is_nearly_empty(n_note: int, tmp_path: Path, synthetic: SyntheticRun) -> None:
+    """With these numbers of notes, the last one held the table of sensors alone."""
+    notes = [
+        f"Note {number} of this run, as long as notes of runs often are, and so over two lines of the sheet."
+        for number in range(n_note)
+    ]
+    told = facts(notes=notes, sensors={name: {"frames": 60, "ms_mean": 2.0} for name in synthetic.rig.sensors})
+    path = tmp_path / "report.html"
+    write_report(path, told, [result(synthetic)], Site(synthetic.rig), truth=synthetic.truth)
+    command = [str(BROWSER), "--headless", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer"]
+    command += [f"--user-data-dir={tmp_path / 'browser'}", f"--print-to-pdf={path.with_suffix('.pdf')}", path.as_uri()]
+    subprocess.run(command, capture_output=True, check=True, timeout=120)
+    assert min(lowest_text(path.with_suffix(".pdf").read_bytes())) > 0.25
 
 
 def test_stills_show_every_sensor_in_the_frame_with_the_most_tracks(synthetic: SyntheticRun) -> None:

@@ -336,8 +336,15 @@ def test_an_interrupt_while_workers_start_ends_them_without_a_traceback(after_s:
     """A terminal sends it to every process."""
     (tmp_path / "interrupted.py").write_text(_INTERRUPTED)
     command = [sys.executable, str(tmp_path / "interrupted.py")]
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
     with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+        env={**os.environ, "TMPDIR": str(scratch)},
     ) as running:
         assert running.stdout is not None
         assert running.stdout.readline() == "starting\n"
@@ -345,3 +352,4 @@ def test_an_interrupt_while_workers_start_ends_them_without_a_traceback(after_s:
         os.killpg(running.pid, signal.SIGINT)
         said, _ = running.communicate(timeout=60)
     assert set(said.split()) <= {"starting", "interrupted"} and running.returncode == 0
+    assert not list(scratch.iterdir())
