@@ -5,6 +5,8 @@ A preset `NAME-paper` has exactly these rules. `twin list trackers --rules NAME`
 
 from __future__ import annotations
 
+import re
+import unicodedata
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -90,3 +92,28 @@ def _leaf(value: Any) -> str:
     while isinstance(value, Mapping):
         (value,) = value.values()
     return "none" if value is None else "no" if value is False else "yes" if value is True else str(value)
+
+
+_CITATION = re.compile(r"(?P<authors>[^:]+): (?P<title>[^(]+?)(?: \((?P<note>[^)]+)\).*)?")
+
+
+def bibtex(citations: Iterable[str]) -> str:
+    """Return a BibTeX entry per paper of citations like 'Author, Author: Title (year, or where it is from)'; others are left out.
+
+    One whose own text states no year has the authors' universities instead.
+    """
+    entries = {}
+    for found in filter(None, map(_CITATION.fullmatch, citations)):
+        authors, title, note = found["authors"].split(", "), found["title"], found["note"] or ""
+        year = re.search(r"\b(19|20)\d\d\b", note)
+        plain = unicodedata.normalize("NFKD", authors[0].lower()).encode("ascii", "ignore").decode()
+        key = f"{plain}-{re.sub(r'[^a-z]+', '-', title.lower()).strip('-').split('-')[0]}"
+        surnames = [f"{{{each}}}" if " " in each else each for each in authors]  # else the first word is a given name
+        fields = {"author": " and ".join(surnames), "title": f"{{{title}}}"}
+        if year is not None:
+            fields["year"] = year[0]
+        if note and note != (year[0] if year is not None else ""):
+            fields["note"] = note
+        body = ",\n".join(f"  {field} = {{{value}}}" for field, value in fields.items())
+        entries[key] = f"@misc{{{key},\n{body}\n}}"
+    return "\n\n".join(entries.values())

@@ -9,7 +9,6 @@ import importlib
 import inspect
 import os
 import re
-import unicodedata
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -246,34 +245,6 @@ def available() -> dict[str, Preset]:
         for point in entry_points(group=ENTRY_POINT_GROUP)
     }
     return {**installed, **PRESETS}
-
-
-def bibtex(names: Iterable[str]) -> str:
-    """Return BibTeX entries of the papers behind trackers, each once; nothing for one without a paper.
-
-    One whose own text states no year has the authors' universities instead.
-    """
-    known, entries = available(), {}
-    for name in names:
-        found = _CITATION.fullmatch(known[name].citation)
-        if found is None:
-            continue
-        authors, title, note = found["authors"].split(", "), found["title"], found["note"] or ""
-        year = re.search(r"\b(19|20)\d\d\b", note)
-        plain = unicodedata.normalize("NFKD", authors[0].lower()).encode("ascii", "ignore").decode()
-        key = f"{plain}-{re.sub(r'[^a-z]+', '-', title.lower()).strip('-').split('-')[0]}"
-        surnames = [f"{{{each}}}" if " " in each else each for each in authors]  # else the first word is a given name
-        fields = {"author": " and ".join(surnames), "title": f"{{{title}}}"}
-        if year is not None:
-            fields["year"] = year[0]
-        if note and note != (year[0] if year is not None else ""):
-            fields["note"] = note
-        body = ",\n".join(f"  {field} = {{{value}}}" for field, value in fields.items())
-        entries[key] = f"@misc{{{key},\n{body}\n}}"
-    return "\n\n".join(entries.values())
-
-
-_CITATION = re.compile(r"(?P<authors>[^:]+): (?P<title>[^(]+?)(?: \((?P<note>[^)]+)\).*)?")
 
 
 def make_tracker(

@@ -44,8 +44,8 @@ def list_(
     cite: Annotated[bool, typer.Option("--cite", help="Print BibTeX of the papers behind the trackers.")] = False,
 ) -> None:
     """List scenarios, rooms, trackers, sensors, suites, studies and faults."""
-    from trackers.paper_rules import rules_markdown
-    from trackers.presets import available, bibtex, rules_of
+    from trackers.paper_rules import bibtex, rules_markdown
+    from trackers.presets import available, rules_of
 
     if part is not None and part not in _PARTS:
         raise InputError(f"list: there is none of {part!r}; {valid_names(part, _PARTS)}")
@@ -58,7 +58,7 @@ def list_(
         typer.echo(rules_markdown(rules, rules_of(rules)), nl=False)
         return
     if cite:
-        typer.echo(bibtex(available()))
+        typer.echo(bibtex(each.citation for each in available().values()))
         return
     for title in _PARTS if part is None else [part]:
         print_part(title, _described(title, with_sensors=part is not None))
