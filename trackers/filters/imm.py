@@ -159,10 +159,6 @@ class Imm:
             state = self.predict(state, elapsed_s / n_step, elapsed_s / n_step / period_s)
         return state
 
-    def innovation_covariance(self, predicted: ImmState) -> Float[Array, "n m 2 2"]:
-        """Return S = H P Hᵀ + R of each track in each mode [m²]."""
-        return predicted.covariance[:2, :2].T + self.R
-
     def update(
         self,
         predicted: ImmState,

@@ -45,7 +45,6 @@ class FloorClusters:
 
     load_n: Float[Array, "k"]  # their elements' loads together [N]
     centroid: Float[Array, "k 2"]  # middle of that load in the room, x, y [m]
-    n_cell: Int[Index, "k"]
     cluster_of_cell: Int[Index, "rows columns"]  # the number of the cluster, −1 in none
     cell_load_n: Float[Array, "rows columns"]  # the load of elements in clusters, 0 elsewhere [N]
 
@@ -85,7 +84,6 @@ def floor_clusters(
     return FloorClusters(
         load_n=total_n[kept],
         centroid=middle[kept] / total_n[kept, None],
-        n_cell=n_cell[kept],
         cluster_of_cell=number,
         cell_load_n=np.where(number >= 0, load_n, 0.0),
     )

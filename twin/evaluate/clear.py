@@ -16,9 +16,6 @@ from numpy.typing import NDArray
 from trackers.filters.gating import global_nearest_neighbour
 from trackers.scipy_functions import linear_sum_assignment
 
-MOSTLY_TRACKED_SHARE = 0.8
-MOSTLY_LOST_SHARE = 0.2
-
 
 @dataclass(frozen=True, eq=False)
 class PairMatrix:
@@ -66,11 +63,7 @@ class ClearScores:
     misses: int
     false_positives: int
     id_switches: int
-    fragmentations: int
     distance_sum: float  # of all matches, in the unit of the distances
-    mostly_tracked: int  # persons matched in at least 80 % of their frames
-    partially_tracked: int
-    mostly_lost: int  # persons matched in less than 20 % of their frames
 
     def __add__(self, other: ClearScores) -> ClearScores:
         return ClearScores(*(mine + theirs for mine, theirs in zip(_fields(self), _fields(other), strict=True)))
@@ -86,17 +79,6 @@ class ClearScores:
     def motp(self) -> float | None:
         """Mean distance of the matches; None without any."""
         return self.distance_sum / self.matches if self.matches else None
-
-    @property
-    def recall(self) -> float | None:
-        """Share of true positions that are matched."""
-        return self.matches / self.persons if self.persons else None
-
-    @property
-    def precision(self) -> float | None:
-        """Share of reported positions that are matched."""
-        reported = self.matches + self.false_positives
-        return self.matches / reported if reported else None
 
 
 def match_frames(frames: Sequence[PairMatrix], gate: float) -> list[FrameMatches]:
@@ -146,29 +128,15 @@ def clear(frames: Sequence[PairMatrix], gate: float, matches: Sequence[FrameMatc
     """Compute the CLEAR scores of one run; `matches`: the result of `match_frames`, if available."""
     if matches is None:
         matches = match_frames(frames, gate)
-    matched: dict[int, list[bool]] = {}
-    for frame, pairs in zip(frames, matches, strict=True):
-        flags = np.zeros(frame.person_ids.size, dtype=np.bool_)
-        flags[pairs.rows] = True
-        for person, flag in zip(frame.person_ids.tolist(), flags.tolist(), strict=True):
-            matched.setdefault(person, []).append(flag)
-    histories = [np.array(flags) for flags in matched.values()]
-    shares = np.array([history.mean() for history in histories])
-    persons = sum(history.size for history in histories)
+    persons = sum(frame.person_ids.size for frame in frames)
     n_matches = sum(pairs.rows.size for pairs in matches)
-    mostly_tracked = int(np.count_nonzero(shares >= MOSTLY_TRACKED_SHARE))
-    mostly_lost = int(np.count_nonzero(shares < MOSTLY_LOST_SHARE))
     return ClearScores(
         persons=persons,
         matches=n_matches,
         misses=persons - n_matches,
         false_positives=sum(frame.track_ids.size for frame in frames) - n_matches,
         id_switches=len(find_switches(frames, matches)),
-        fragmentations=sum(_fragmentations(history) for history in histories),
         distance_sum=float(sum(pairs.distances.sum() for pairs in matches)),
-        mostly_tracked=mostly_tracked,
-        partially_tracked=len(histories) - mostly_tracked - mostly_lost,
-        mostly_lost=mostly_lost,
     )
 
 
@@ -188,12 +156,6 @@ def _kept_pairs(
             rows.append(row)
             columns.append(column)
     return rows, columns
-
-
-def _fragmentations(history: NDArray[np.bool_]) -> int:
-    """Count how often a matched person becomes unmatched and is matched again later."""
-    where = np.flatnonzero(history)
-    return int(np.count_nonzero(np.diff(where) > 1))
 
 
 def _fields(scores: ClearScores) -> tuple:
@@ -220,18 +182,6 @@ class IdentityScores:
         """Harmonic mean of identity precision and recall; None without people and tracks."""
         total = 2 * self.true_positives + self.misses + self.false_positives
         return 2 * self.true_positives / total if total else None
-
-    @property
-    def precision(self) -> float | None:
-        """Share of reported positions with the right identity (IDP)."""
-        reported = self.true_positives + self.false_positives
-        return self.true_positives / reported if reported else None
-
-    @property
-    def recall(self) -> float | None:
-        """Share of true positions with the right identity (IDR)."""
-        persons = self.true_positives + self.misses
-        return self.true_positives / persons if persons else None
 
 
 def identity(frames: Sequence[PairMatrix], gate: float) -> IdentityScores:

@@ -44,16 +44,6 @@ class HotaScores:
         return self.true_positives / np.maximum(1, self.true_positives + self.misses + self.false_positives)
 
     @property
-    def det_re(self) -> NDArray[np.float64]:
-        """Detection recall."""
-        return self.true_positives / np.maximum(1, self.true_positives + self.misses)
-
-    @property
-    def det_pr(self) -> NDArray[np.float64]:
-        """Detection precision."""
-        return self.true_positives / np.maximum(1, self.true_positives + self.false_positives)
-
-    @property
     def ass_a(self) -> NDArray[np.float64]:
         """Association accuracy; 0 without true positives."""
         return self.association_sum / np.maximum(1, self.true_positives)

@@ -24,10 +24,9 @@ from twin.scenario.person import Person
 class Bodies:
     """A compiled model and the maps from its elements to people.
 
-    Arrays over people are in the order of `all_names`, with -1 for people without a body, who are not in `names`.
+    Arrays over people are in the order of the world, with -1 for people without a body, who are not in `names`.
     """
 
-    all_names: tuple[str, ...]
     names: tuple[str, ...]
     model: mujoco.MjModel
     person_of_geom: NDArray[np.int16]  # (n_geom,) id of the person a geom belongs to, 0 for the room
@@ -69,7 +68,6 @@ class Bodies:
 
         heads = np.array([model.site(f"{name}/head").id for name in names], dtype=np.intp)
         return cls(
-            all_names=all_names,
             names=names,
             model=model,
             person_of_geom=_person_of_geom(model, {name: ids[name] for name in names}),

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from motmetrics_names import by_motmetrics_names, histories
 from trackeval_names import by_trackevals_names
 
 from twin.evaluate.clear import PairMatrix, clear, identity
@@ -61,23 +62,8 @@ def test_clear_and_identity_agree_with_motmetrics(sequence):
     expected = _expected("motmetrics_1.4.0", sequence)
     scores = _over(sequence, lambda name: clear(_distances(name), MAX_IOU_DISTANCE))
     identities = _over(sequence, lambda name: identity(_distances(name), MAX_IOU_DISTANCE))
-    ours = {
-        "mota": scores.mota,
-        "motp": scores.motp,
-        "recall": scores.recall,
-        "precision": scores.precision,
-        "num_false_positives": scores.false_positives,
-        "num_misses": scores.misses,
-        "num_switches": scores.id_switches,
-        "num_fragmentations": scores.fragmentations,
-        "mostly_tracked": scores.mostly_tracked,
-        "partially_tracked": scores.partially_tracked,
-        "mostly_lost": scores.mostly_lost,
-        "num_unique_objects": scores.mostly_tracked + scores.partially_tracked + scores.mostly_lost,
-        "idf1": identities.idf1,
-        "idp": identities.precision,
-        "idr": identities.recall,
-    }
+    followed = _over(sequence, lambda name: histories(_distances(name), MAX_IOU_DISTANCE))
+    ours = by_motmetrics_names(scores, followed, identities)
     # Transfers, ascents and migrations are subdivisions of switches that we do not make.
     assert expected.keys() - ours.keys() == {"num_transfer", "num_ascend", "num_migrate"}
     for name, value in ours.items():
