@@ -13,7 +13,7 @@ from trackers.cameras import PinholeIntrinsics, PlacedCamera
 from trackers.filters.particle import Cloud
 from trackers.laser_vision_learning.looks import Learner, Looks, LooksOptions, PeopleInPicture
 from trackers.laser_vision_learning.score_maps import in_levels
-from trackers.learning.boosting import BoostingOptions, OnlineBoosting
+from trackers.learning.boosting import BoostingOptions, OnlineBoosting, StrongClassifiers
 
 _PATCHES, _FEATURES, _SCORED = 80, 20, 200
 _ROUNDS = 60
@@ -38,7 +38,7 @@ def _boosting() -> Iterator[Figure]:
     frames = [rng.normal(size=(1, _PATCHES, _FEATURES)) + 0.3 * label[..., None] for _ in range(2)]
     scored = rng.normal(size=(_SCORED, _FEATURES))
     boosting = OnlineBoosting(BoostingOptions(trees=50, kept=35))
-    untrained = boosting.untrained(1)
+    untrained = StrongClassifiers.untrained(1, boosting.options.trees)
     strong = boosting.learned(untrained, frames[0], label)
     update_ms = _least_ms(lambda: boosting.learned(strong, frames[1], label))
     yield Figure("classifier of 50 trees: update, 15 trees trained", update_ms, "ms of CPU", "<= 4")

@@ -14,7 +14,7 @@ from trackers.cameras import Ellipsoids, PinholeIntrinsics, PlacedCamera
 from trackers.likelihood.floor import floor_clusters
 from trackers.observations import FloorFrame, Image
 from trackers.rig import FloorSensor
-from trackers.vision.colour_bins import HueSaturationValueBins
+from trackers.vision.colour_bins import HueSaturationValueBins, hsv_of
 from trackers.vision.foreground import Foreground
 
 _WINDOWS, _SAMPLES, _WINDOW_PX = 750, (10, 30), (30, 90)
@@ -49,14 +49,14 @@ def _windows() -> Iterator[Figure]:
     rng = np.random.default_rng(0)
     bins, rgb = HueSaturationValueBins(), rng.integers(0, 256, (240, 320, 3), dtype=np.uint8)
     centres = rng.uniform(0, (320, 240), (_WINDOWS, 2))
-    picture = bins.picture(rgb)
+    picture = bins.binned(hsv_of(rgb))
 
     def gathered() -> np.ndarray:
         return picture.windows(centres, _WINDOW_PX, _SAMPLES).histograms()
 
     numbers = picture.windows(centres, _WINDOW_PX, _SAMPLES).number.astype(np.intp)
     flat = (numbers + (bins.size + 1) * np.arange(_WINDOWS)[:, None]).ravel()
-    yield Figure("a picture's colour bins (110)", 1e3 * median_s(lambda: bins.picture(rgb)), "ms", "")
+    yield Figure("a picture's colour bins (110)", 1e3 * median_s(lambda: bins.binned(hsv_of(rgb))), "ms", "")
     yield Figure(f"histograms of {_WINDOWS} windows of 300 samples", 1e3 * median_s(gathered), "ms", "<= 1.5")
     yield Figure(
         "histograms of windows, over the bare np.bincount",

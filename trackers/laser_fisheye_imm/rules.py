@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from trackers.paper_rules import PaperRule, at_paths, options_of
-from trackers.plain_data import deep_merge
+from trackers.paper_rules import PaperRule, options_of
 
 _SWEEP = "`lab-five-people`, seeds 1400–1404"
 
@@ -196,11 +195,3 @@ RULES: Mapping[str, tuple[str, ...]] = {
     "bodies-apart": ("track_management.apart_m", "track_management.start_apart_m"),
 }
 """Our rules, by the options that differ from the literal paper."""
-
-
-def without(*rules: str) -> dict[str, Any]:
-    """Return the options that replace these rules by the paper's. Raises KeyError for an unknown rule."""
-    options: dict[str, Any] = {}
-    for rule in rules:
-        options = deep_merge(options, at_paths(PAPER, RULES[rule]))
-    return options

@@ -84,10 +84,6 @@ class OnlineBoosting:
     def __init__(self, options: BoostingOptions | None = None) -> None:
         self.options = options or BoostingOptions()
 
-    def untrained(self, n: int) -> StrongClassifiers:
-        """Make n classifiers that have learned nothing."""
-        return StrongClassifiers.untrained(n, self.options.trees)
-
     def learned(
         self, strong: StrongClassifiers, samples: Float[Array, "n k features"], label: Float[Array, "n k"]
     ) -> StrongClassifiers:

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from math import prod
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -17,18 +16,14 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, NonNegativeInt, PositiveInt
 
 from trackers.arrays import (
-    AnyArray,
     Array,
     Bool,
     Bytes,
     Float,
-    Float32,
     Index,
     Int,
     Integer,
     Mask,
-    Shaped,
-    Singles,
     UInt8,
 )
 from trackers.configuration import Strict
@@ -55,51 +50,33 @@ def hsv_of(rgb: UInt8[Bytes, "height width 3"]) -> Hsv:
 
 
 Bins = NDArray[np.integer]
-Weights = NDArray[np.floating]
 
 
 @dataclass(frozen=True, eq=False)
 class BinnedSamples:
-    """Bins of k sets of n pixels, `size` for uncounted ones, and their weights (None: 1 each).
+    """Bins of k sets of n pixels, `size` for uncounted ones."""
 
-    With several planes a pixel counts in several bins.
-    """
-
-    number: Integer[Bins, "planes k n"]
-    weight: Float[Weights, "planes k n"] | None
+    number: Integer[Bins, "k n"]
     size: int
 
-    def histograms(self, inside: Bool[Mask, "k n"] | None = None) -> Float[Array, "k {self.size}"]:
-        """Count each set in each bin; only the pixels `inside` if given."""
-        return self.counts(inside)[:, : self.size].astype(float)
+    def histograms(self) -> Float[Array, "k {self.size}"]:
+        """Count each set in each bin."""
+        return self.counts()[:, : self.size].astype(float)
 
-    def counts(self, inside: Bool[Mask, "k n"] | None = None) -> Shaped[AnyArray, "k padded"]:
+    def counts(self) -> Int[Index, "k padded"]:
         """Count as `histograms`, with a last column for uncounted pixels."""
-        k = self.number.shape[1]
-        number = self.number if inside is None else np.where(inside, self.number, self.size)
+        k = len(self.number)
         row = (self.size + 1) * np.arange(k)[:, None]  # one more bin, for uncounted pixels
-        weight = None if self.weight is None else self.weight.ravel()
-        counts = np.bincount(np.add(number, row, dtype=np.intp).ravel(), weight, k * (self.size + 1))
+        counts = np.bincount(np.add(self.number, row, dtype=np.intp).ravel(), minlength=k * (self.size + 1))
         return counts.reshape(k, self.size + 1)
 
 
 @dataclass(frozen=True, eq=False)
 class BinnedPicture:
-    """Bin of each pixel, `size` if uncounted, and its weight (None: 1 each)."""
+    """Bin of each pixel, `size` if uncounted."""
 
-    number: Integer[Bins, "planes height width"]
-    weight: Float[Weights, "planes height width"] | None
+    number: Integer[Bins, "height width"]
     size: int
-
-    def where(self, mask: Bool[Mask, "height width"]) -> BinnedPicture:
-        """Restrict the count to the pixels of a mask, such as a person's foreground."""
-        return BinnedPicture(np.where(mask, self.number, self.number.dtype.type(self.size)), self.weight, self.size)
-
-    def at(self, pixels: Float[Array, "k *n 2"]) -> BinnedSamples:
-        """Sample k sets of pixel coordinates; those outside the picture, or NaN, count in no bin."""
-        pixels = pixels.reshape(len(pixels), prod(pixels.shape[1:-1]), 2)
-        column, row = self._within(pixels[..., 0], 1), self._within(pixels[..., 1], 0)
-        return self._gathered(row * (self.number.shape[2] + 2) + column)
 
     def windows(self, centres: ArrayLike, sizes: ArrayLike, samples: tuple[int, int]) -> BinnedSamples:
         """Sample k upright windows around centres (k, 2) [px], of widths and heights (2,) or (k, 2) [px].
@@ -111,29 +88,26 @@ class BinnedPicture:
         across, down = (_middles(count)[:, None] for count in samples)
         # numpy is fastest along long rows: all windows' first sample, then all their second
         column = self._within(centres[:, 0] + sizes[..., 0] * across, 1)
-        row = self._within(centres[:, 1] + sizes[..., 1] * down, 0) * (self.number.shape[2] + 2)
-        found = self._gathered((column[:, None] + row).reshape(samples[0] * samples[1], len(centres)))
-        weight = None if found.weight is None else np.ascontiguousarray(found.weight.swapaxes(1, 2))
-        return BinnedSamples(np.ascontiguousarray(found.number.swapaxes(1, 2)), weight, self.size)
+        row = self._within(centres[:, 1] + sizes[..., 1] * down, 0) * (self.number.shape[1] + 2)
+        index = (column[:, None] + row).reshape(samples[0] * samples[1], len(centres))
+        number = self._bordered.take(index, mode="clip")  # nothing to clip, but it spares numpy's check
+        return BinnedSamples(np.ascontiguousarray(number.T), self.size)
 
     def _within(self, coordinates: Float[Array, "k n"], axis: int) -> Int[Index, "k n"]:
         """Return the index in the bordered picture of the pixel at each coordinate; that of the border beyond the edges."""
         place = coordinates + 1.5  # pixel i covers [i − ½, i + ½), and the border comes first
         np.floor(place, out=place)
         np.fmax(place, 0.0, out=place)  # the border for NaN
-        np.fmin(place, self.number.shape[1 + axis] + 1, out=place)
+        np.fmin(place, self.number.shape[axis] + 1, out=place)
         return place.astype(np.intp)
 
-    def _gathered(self, index: Int[Index, "k n"]) -> BinnedSamples:
-        number, weight = self._bordered
-        taken = number.take(index, axis=1, mode="clip")  # nothing to clip, but it spares numpy's check
-        return BinnedSamples(taken, None if weight is None else weight.take(index, axis=1, mode="clip"), self.size)
-
     @cached_property
-    def _bordered(self) -> tuple[Integer[Bins, "planes size"], Float[Weights, "planes size"] | None]:
-        """Bins and weights with an uncounted border of one pixel, size (height + 2) (width + 2)."""
-        number = _with_border(self.number, self.size)
-        return number, None if self.weight is None else _with_border(self.weight, 0)
+    def _bordered(self) -> Integer[Bins, "size"]:
+        """Bins with an uncounted border of one pixel, size (height + 2) (width + 2); a fast `np.pad`."""
+        height, width = self.number.shape
+        bordered = np.full((height + 2, width + 2), self.size, self.number.dtype)
+        bordered[1:-1, 1:-1] = self.number
+        return bordered.ravel()
 
 
 class HueSaturationValueBins(Strict):
@@ -157,19 +131,15 @@ class HueSaturationValueBins(Strict):
         """Number of bins: hue × saturation in rows of hue, then value."""
         return self.hue * self.saturation + self.value
 
-    def picture(self, rgb: UInt8[Bytes, "height width 3"]) -> BinnedPicture:
-        """Bin a picture."""
-        return self.binned(hsv_of(rgb))
-
     def binned(self, hsv: Hsv, mask: Bool[Mask, "height width"] | None = None) -> BinnedPicture:
         """Bin a picture, or only the pixels of a mask, at a cost proportional to their number."""
         if mask is None:
-            return BinnedPicture(self._numbers(hsv)[None], None, self.size)
+            return BinnedPicture(self._numbers(hsv), self.size)
         there = np.flatnonzero(mask)
-        number = np.full((1, *mask.shape), self.size, np.uint8 if self.size <= FULL else np.uint16)
+        number = np.full(mask.shape, self.size, np.uint8 if self.size <= FULL else np.uint16)
         if there.size:
             number.ravel()[there] = self._numbers(Hsv(*(each.ravel()[there, None] for each in hsv)))[:, 0]
-        return BinnedPicture(number, None, self.size)
+        return BinnedPicture(number, self.size)
 
     def _numbers(self, hsv: Hsv) -> Integer[Bins, "height width"]:
         """Return the bin of each pixel."""
@@ -186,14 +156,6 @@ def _middles(count: int) -> Float[Array, "{count}"]:
     return (np.arange(count) + 0.5) / count - 0.5
 
 
-def _with_border(planes: NDArray[Any], border: float) -> NDArray[Any]:
-    """Add a border of one pixel to planes, each flattened to a row; a fast `np.pad`."""
-    count, height, width = planes.shape
-    bordered = np.full((count, height + 2, width + 2), border, planes.dtype)
-    bordered[:, 1:-1, 1:-1] = planes
-    return bordered.reshape(count, -1)
-
-
 @lru_cache
 def _bin_tables(hues: int, saturations: int, values: int) -> tuple[NDArray[np.integer], ...]:
     """Return the contributions of each 8-bit hue, saturation, and value of uncoloured pixels to the bin's number."""
@@ -202,43 +164,3 @@ def _bin_tables(hues: int, saturations: int, values: int) -> tuple[NDArray[np.in
     grey = step * values // (FULL + 1) + hues * saturations if values else np.full_like(step, size)
     hue = np.minimum(step * hues // HALF_TURNS, hues - 1) * saturations
     return tuple(table.astype(kind) for table in (hue, step * saturations // (FULL + 1), grey))
-
-
-@dataclass(frozen=True)
-class HueAndGreyBins:
-    """Bins of hue, in which a pixel counts by its chroma, and of brightness, in which its remainder counts.
-
-    Chroma is saturation × value: up to `grey_below` a pixel has no hue, from `coloured_above` on only hue. With `grey` 0
-    there is hue alone, at any chroma.
-    """
-
-    hue: int
-    grey: int
-    grey_below: float
-    coloured_above: float
-
-    @property
-    def size(self) -> int:
-        """Number of bins: hue, then brightness."""
-        return self.hue + self.grey
-
-    def samples(self, rgb: UInt8[Bytes, "k n 3"]) -> BinnedSamples:
-        """Bin k sets of n pixels."""
-        return BinnedSamples(*self._binned(rgb), self.size)
-
-    def picture(self, rgb: UInt8[Bytes, "height width 3"]) -> BinnedPicture:
-        """Bin a picture."""
-        return BinnedPicture(*self._binned(rgb), self.size)
-
-    def _binned(
-        self, rgb: UInt8[Bytes, "k n 3"]
-    ) -> tuple[Int[Index, "planes k n"], Float32[Singles, "planes k n"] | None]:
-        hsv = cv2.cvtColor(np.ascontiguousarray(rgb, np.float32) / np.float32(FULL), cv2.COLOR_RGB2HSV)
-        hue, saturation, value = hsv[..., 0], hsv[..., 1], hsv[..., 2]
-        hue_bin = (hue * (self.hue / 360)).astype(np.intp) % self.hue
-        if not self.grey:
-            return hue_bin[None], None
-        chroma = saturation * value
-        coloured = np.clip((chroma - self.grey_below) / (self.coloured_above - self.grey_below), 0, 1)
-        grey_bin = np.minimum((value * self.grey).astype(np.intp), self.grey - 1)
-        return np.stack([hue_bin, self.hue + grey_bin]), np.stack([coloured, 1 - coloured])

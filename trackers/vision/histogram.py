@@ -10,13 +10,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, Self
 
+import cv2
 import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 
 from trackers.arrays import Array, Bool, Bytes, Float, Index, Int, Mask, UInt8
 from trackers.configuration import Strict
 from trackers.filters.rows import Rows, written
-from trackers.vision.colour_bins import HueAndGreyBins
+from trackers.vision.colour_bins import FULL
 
 
 class HistogramOptions(Strict):
@@ -49,9 +50,7 @@ class ColourHistogram:
 
     def __init__(self, options: HistogramOptions | None = None) -> None:
         self.options = options or HistogramOptions()
-        of = self.options
-        self._bins = HueAndGreyBins(of.hue_bins, of.grey_bins, of.grey_below, of.coloured_above)
-        self.size = self._bins.size
+        self.size = self.options.hue_bins + self.options.grey_bins
         self._hue_kernel = _gaussian_kernel(self.options.smoothing_deg * self.options.hue_bins / 360)
 
     def of_windows(
@@ -76,7 +75,7 @@ class ColourHistogram:
     def of_pixels(self, rgb: UInt8[Bytes, "k n 3"], inside: Bool[Mask, "k n"]) -> Float[Array, "k {self.size}"]:
         """Return histograms of k sets of n pixels, counting those `inside`."""
         options = self.options
-        counts = self._bins.samples(rgb).histograms(inside)
+        counts = self._counts(rgb, inside)
         if options.smoothing_deg > 0:
             hue_counts, grey_counts = counts[:, : options.hue_bins], counts[:, options.hue_bins :]
             counts = np.concatenate(
@@ -84,6 +83,28 @@ class ColourHistogram:
                 axis=1,
             )
         return normalised(counts)
+
+    def _counts(self, rgb: UInt8[Bytes, "k n 3"], inside: Bool[Mask, "k n"]) -> Float[Array, "k {self.size}"]:
+        """Count the pixels in bins of hue, each by its chroma, and in bins of brightness, each by the remainder.
+
+        Chroma is saturation × value: up to `grey_below` a pixel has no hue, from `coloured_above` on only hue. Without bins
+        of brightness there is hue alone, at any chroma.
+        """
+        options, k = self.options, len(rgb)
+        hsv = cv2.cvtColor(np.ascontiguousarray(rgb, np.float32) / np.float32(FULL), cv2.COLOR_RGB2HSV)
+        hue, saturation, value = hsv[..., 0], hsv[..., 1], hsv[..., 2]
+        bins = [(hue * (options.hue_bins / 360)).astype(np.intp) % options.hue_bins]
+        weight = None
+        if options.grey_bins:
+            grey_bin = np.minimum((value * options.grey_bins).astype(np.intp), options.grey_bins - 1)
+            bins.append(options.hue_bins + grey_bin)
+            chroma = saturation * value
+            coloured = np.clip((chroma - options.grey_below) / (options.coloured_above - options.grey_below), 0, 1)
+            weight = np.stack([coloured, 1 - coloured]).ravel()
+        number = np.where(inside, np.stack(bins), self.size)
+        row = (self.size + 1) * np.arange(k)[:, None]  # one more bin, for pixels not inside
+        counts = np.bincount((number + row).ravel(), weight, k * (self.size + 1))
+        return counts.reshape(k, self.size + 1)[:, : self.size].astype(float)
 
 
 def normalised(counts: Float[Array, "k bins"]) -> Float[Array, "k bins"]:

@@ -190,9 +190,9 @@ class Views(Sequence[View]):
             view.samples(places[:, here], at[here], window, number)
             for view, at, here in zip(self, pixels, shown, strict=True)
         ]
-        numbers = np.concatenate([each.number for each in found], axis=1)
-        windows = _parted(BinnedSamples(numbers, None, BINS.size), number, parts)
-        return windows.histograms().reshape(numbers.shape[1], parts[0] * parts[1] * windows.size)
+        numbers = np.concatenate([each.number for each in found])
+        windows = BinnedSamples(_parted(numbers, number, parts), BINS.size)
+        return windows.histograms().reshape(len(numbers), parts[0] * parts[1] * windows.size)
 
     def skin(
         self,
@@ -249,9 +249,8 @@ def padded_roots(roots: Float[Array, "n bins"]) -> Float32[Singles, "n padded"]:
     return padded
 
 
-def _parted(windows: BinnedSamples, samples: tuple[int, int], parts: tuple[int, int]) -> BinnedSamples:
-    """Cut windows, sampled column by column, into concatenated windows of their parts."""
+def _parted(windows: AnyArray, samples: tuple[int, int], parts: tuple[int, int]) -> AnyArray:
+    """Cut windows (k, n), sampled column by column, into concatenated windows of their parts."""
     columns, rows = samples[0] // parts[0], samples[1] // parts[1]
-    number = windows.number.reshape(len(windows.number), -1, parts[0], columns, parts[1], rows)
-    number = np.moveaxis(number, 4, 3).reshape(len(windows.number), -1, columns * rows)
-    return BinnedSamples(number, None, windows.size)
+    parted = np.moveaxis(windows.reshape(-1, parts[0], columns, parts[1], rows), 3, 2)
+    return parted.reshape(-1, columns * rows)

@@ -50,7 +50,7 @@ def test_five_people_cross_and_keep_their_ids():
     assert result.n_id == 5
     assert result.misses == 0
     assert result.error_m < 0.1
-    assert tracker.discarded == 0
+    assert tracker.losses.total() == 0
 
 
 @pytest.mark.parametrize(("least", "n_before"), [(4, 0), (1000, 1), (None, 1)])
@@ -257,7 +257,7 @@ def test_time_that_stands_still_or_goes_back_is_dropped_and_counted(back_s):
     before, after = given[: len(given) // 2], given[len(given) // 2 :]
     again = [replace(o, stamp_ns=before[-1].stamp_ns - round(back_s * NS_PER_S)) for o in before[-2:]]
     frames, tracker = tracked(CROSSING, "laser-imm", observations=[*before, *again, *after])
-    assert tracker.discarded == len(again)
+    assert tracker.losses.total() == len(again)
     assert frames == crossing_tracked("laser-imm", 1, images=False)[0]
 
 
@@ -265,7 +265,7 @@ def test_images_that_never_come_delay_but_do_not_stop():
     frames, tracker = tracked(CROSSING, images=False)
     assert len(frames) == len(CROSSING)
     assert score(CROSSING, frames).misses < 30
-    assert tracker.discarded == 0
+    assert tracker.losses.total() == 0
 
 
 def test_a_gap_longer_than_the_coasting_time_ends_everybody_a_shorter_one_nobody():
@@ -304,7 +304,7 @@ def hung(observations, sensors, from_s, to_s=np.inf):
 def test_a_scanner_that_hangs_for_a_second_costs_nobody_their_id(sensor):
     frames, tracker = tracked(CROSSING, observations=hung(observe(CROSSING, 7), {sensor}, 2.5, 3.5))
     result = score(CROSSING, frames)
-    assert tracker.discarded == 10
+    assert tracker.losses.total() == 10
     assert result.switches == result.misidentified == 0
     assert result.n_id == 5
     assert result.error_m < 0.1

@@ -9,7 +9,7 @@ from trackers.camera_floor_particle.rules import PAPER_RULES as FLOOR_RULES
 from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
-from trackers.laser_fisheye_imm.rules import PAPER, PAPER_RULES, RULES, without
+from trackers.laser_fisheye_imm.rules import PAPER, PAPER_RULES, RULES
 from trackers.laser_vision_learning.rules import PAPER_RULES as LEARNING_RULES
 from trackers.paper_rules import KINDS, at_paths, option_paths, options_of, rules_markdown
 from trackers.plain_data import deep_merge
@@ -38,6 +38,11 @@ DEFAULTS = LaserFisheyeImmOptions().model_dump()
 
 def differing(options, defaults):
     return {path for path in option_paths(options) if at_paths(options, [path]) != at_paths(defaults, [path])}
+
+
+def without(rule):
+    """The options that replace a rule of ours by the paper's."""
+    return at_paths(PAPER, RULES[rule])
 
 
 @pytest.mark.parametrize("rule", RULES)

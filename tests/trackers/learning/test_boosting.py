@@ -30,7 +30,7 @@ def each_their_own(samples: np.ndarray, label: np.ndarray) -> np.ndarray:
 
 def after(options: BoostingOptions, *frames: tuple[np.ndarray, np.ndarray]) -> StrongClassifiers:
     boosting = OnlineBoosting(options)
-    strong = boosting.untrained(len(frames[0][1]))
+    strong = StrongClassifiers.untrained(len(frames[0][1]), boosting.options.trees)
     for samples, label in frames:
         strong = boosting.learned(strong, each_their_own(samples, label), label)
     return strong
@@ -118,7 +118,7 @@ def follow(taken: list[Tree], old: list[Tree], samples: np.ndarray, label: np.nd
 @pytest.mark.parametrize("kept", [0, 4, 7])
 def test_it_is_figure_7_written_out(kept: int) -> None:
     boosting = OnlineBoosting(BoostingOptions(trees=7, kept=kept, least_error=LEAST))
-    strong, old = boosting.untrained(1), []
+    strong, old = StrongClassifiers.untrained(1, boosting.options.trees), []
     for seed in range(3):
         samples, label = frame(seed, apart=0.3)
         strong = boosting.learned(strong, each_their_own(samples, label), label)

@@ -72,7 +72,7 @@ def test_the_moment_of_a_repetition_leaves_without_it_and_nobody_waits():
     left = [moment for n in range(4) for moment in gatherer.add(scan(ranges[min(n, 1)], n))]
     assert [moment.ns for moment in left] == [n * NS_PER_S // 10 for n in range(4)]
     assert [list(moment.observations) for moment in left] == [["knee"], ["knee"], [], []]
-    assert gatherer.discarded == 2
+    assert gatherer.losses.total() == 2
     again = replace(scan(ranges[1], 3), stamp_ns=left[3].ns + 1)
     assert [moment.ns for moment in gatherer.add(again)] == [again.stamp_ns]  # not too late: a moment of its own
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from trackers.vision.colour_bins import BinnedPicture, HueAndGreyBins, HueSaturationValueBins
-from trackers.vision.histogram import bhattacharyya_distance, normalised
+from trackers.vision.colour_bins import BinnedPicture, HueSaturationValueBins, hsv_of
+from trackers.vision.histogram import ColourHistogram, HistogramOptions, bhattacharyya_distance, normalised
 
 WIDTH, HEIGHT = 60, 40
 
@@ -35,9 +35,13 @@ def by_opencv(rgb: np.ndarray, bins: HueSaturationValueBins, mask: np.ndarray | 
     return np.concatenate([part.ravel() for part in parts])
 
 
+def picture_of(bins: HueSaturationValueBins, rgb: np.ndarray) -> BinnedPicture:
+    return bins.binned(hsv_of(rgb))
+
+
 def whole(picture: BinnedPicture) -> np.ndarray:
     """The histogram of all of a picture, through one window as large."""
-    height, width = picture.number.shape[1:]
+    height, width = picture.number.shape
     middle = [[(width - 1) / 2, (height - 1) / 2]]
     return picture.windows(middle, (width, height), (width, height)).histograms()[0]
 
@@ -52,7 +56,7 @@ def test_bins_are_opencvs(hue: int):
             hue=hue, saturation=saturation, value=value, saturation_above=above, value_above=above / 2
         )
         rgb = colours(int(rng.integers(2**32)))
-        counts = whole(bins.picture(rgb))
+        counts = whole(picture_of(bins, rgb))
         assert counts.shape == (bins.size,)
         np.testing.assert_array_equal(counts, by_opencv(rgb, bins))
 
@@ -61,13 +65,13 @@ def test_the_default_is_perez_110_bins():
     bins = HueSaturationValueBins()
     assert bins.size == 110
     grey, dark_red, red = (30, 30, 30), (15, 0, 0), (200, 0, 0)
-    counts = whole(bins.picture(np.array([[grey, dark_red, red]], np.uint8)))
+    counts = whole(picture_of(bins, np.array([[grey, dark_red, red]], np.uint8)))
     assert np.flatnonzero(counts).tolist() == [9, 100, 101]
 
 
 def test_hue_and_saturation_alone_leave_grey_and_dark_out():
     bins = HueSaturationValueBins(hue=32, saturation=32, value=0)
-    counts = whole(bins.picture(np.array([[(30, 30, 30), (15, 0, 0), (200, 0, 0), (200, 150, 120)]], np.uint8)))
+    counts = whole(picture_of(bins, np.array([[(30, 30, 30), (15, 0, 0), (200, 0, 0), (200, 150, 120)]], np.uint8)))
     assert counts.shape == (1024,)
     assert counts.sum() == 2
 
@@ -79,7 +83,7 @@ def test_windows_are_those_cut_out_of_the_picture(seed: int, width: int, height:
     rgb, bins = colours(seed), HueSaturationValueBins()
     corners = rng.integers(-10, [WIDTH + 10, HEIGHT + 10], (6, 2))
     centres = corners + np.array([width - 1, height - 1]) / 2 + rng.uniform(-0.4, 0.4, (6, 2))
-    counts = bins.picture(rgb).windows(centres, (width, height), (width, height)).histograms()
+    counts = picture_of(bins, rgb).windows(centres, (width, height), (width, height)).histograms()
     for (left, top), found in zip(corners, counts, strict=True):
         inside = rgb[max(top, 0) : max(top + height, 0), max(left, 0) : max(left + width, 0)]
         expected = by_opencv(np.ascontiguousarray(inside), bins) if inside.size else np.zeros(bins.size)
@@ -88,45 +92,43 @@ def test_windows_are_those_cut_out_of_the_picture(seed: int, width: int, height:
 
 def test_a_window_of_fewer_samples_takes_them_evenly():
     bins = HueSaturationValueBins()
-    samples = bins.picture(colours(1)).windows([[30.0, 20.0]], (12, 30), (4, 10))
-    every_third = bins.picture(colours(1)[7:35:3, 26:37:3])
+    samples = picture_of(bins, colours(1)).windows([[30.0, 20.0]], (12, 30), (4, 10))
+    every_third = picture_of(bins, colours(1)[7:35:3, 26:37:3])
     np.testing.assert_array_equal(samples.histograms()[0], whole(every_third))
 
 
 def test_windows_may_differ_in_size_and_lie_nowhere():
-    picture = HueSaturationValueBins().picture(colours(2))
+    picture = picture_of(HueSaturationValueBins(), colours(2))
     centres = [[30.0, 20.0], [30.0, 20.0], [np.nan, np.nan], [1e9, -1e9]]
     counts = picture.windows(centres, [(4, 4), (8, 8), (4, 4), (4, 4)], (4, 4)).histograms()
     assert counts.sum(axis=1).tolist() == [16, 16, 0, 0]
     assert not np.array_equal(counts[0], counts[1])
     assert picture.windows(np.empty((0, 2)), (4, 4), (4, 4)).histograms().shape == (0, 110)
-    assert picture.at(np.empty((0, 5, 2))).histograms().shape == (0, 110)
 
 
 def test_only_the_foreground_counts_where_asked():
     bins, rgb = HueSaturationValueBins(), colours(3)
     mask = np.random.default_rng(3).random((HEIGHT, WIDTH)) < 0.3
-    np.testing.assert_array_equal(whole(bins.picture(rgb).where(mask)), by_opencv(rgb, bins, mask))
+    np.testing.assert_array_equal(whole(bins.binned(hsv_of(rgb), mask)), by_opencv(rgb, bins, mask))
 
 
 def test_samples_anywhere_are_the_pixels_they_fall_in():
     bins, rgb = HueSaturationValueBins(), colours(4)
-    pixels = np.array([[[-0.5, -0.5], [0.49, 0.49], [WIDTH - 0.51, 0], [-0.51, 0], [WIDTH - 0.5, 0], [np.nan, 0]]])
-    samples = bins.picture(rgb).at(pixels)
-    np.testing.assert_array_equal(samples.histograms()[0], by_opencv(rgb[:1, [0, 0, -1]].copy(), bins))
-    half = samples.histograms(np.array([[True, False, False, True, True, True]]))
-    assert half.sum() == 1
+    pixels = [[-0.5, -0.5], [0.49, 0.49], [WIDTH - 0.51, 0], [-0.51, 0], [WIDTH - 0.5, 0], [np.nan, 0]]
+    each = picture_of(bins, rgb).windows(pixels, (1, 1), (1, 1)).histograms()
+    np.testing.assert_array_equal(each.sum(axis=0), by_opencv(rgb[:1, [0, 0, -1]].copy(), bins))
+    assert each.sum(axis=1).tolist() == [1, 1, 1, 0, 0, 0]
 
 
 @pytest.mark.parametrize("grey", [0, 20])
-def test_gathered_from_a_picture_is_binned_one_by_one(grey: int):
-    bins, rgb = HueAndGreyBins(360, grey, 0.06, 0.2), colours(5)
+def test_a_set_of_pixels_is_binned_one_by_one(grey: int):
+    histogram = ColourHistogram(HistogramOptions(hue_bins=360, grey_bins=grey, smoothing_deg=0.0))
     rng = np.random.default_rng(5)
-    pixels = np.stack([rng.integers(0, WIDTH, (7, 90)), rng.integers(0, HEIGHT, (7, 90))], axis=-1)
-    inside = rng.random((7, 90)) < 0.7
-    picked = bins.samples(rgb[pixels[..., 1], pixels[..., 0]]).histograms(inside)
-    np.testing.assert_allclose(bins.picture(rgb).at(pixels.astype(float)).histograms(inside), picked, atol=1e-5)
-    np.testing.assert_allclose(picked.sum(axis=1), inside.sum(axis=1))
+    rgb, inside = colours(5, 7, 90), rng.random((7, 90)) < 0.7
+    of_each = histogram.of_pixels(rgb.reshape(-1, 1, 3), inside.reshape(-1, 1)).reshape(7, 90, -1)
+    together = histogram.of_pixels(rgb, inside)
+    np.testing.assert_allclose(together, of_each.sum(axis=1) / inside.sum(axis=1)[:, None], atol=1e-5)
+    np.testing.assert_allclose(together.sum(axis=1), 1)
 
 
 def test_bhattacharyya_distance_is_opencvs():

@@ -33,4 +33,4 @@ def test_sort_follows_people_in_every_shipped_scenario_with_a_scanner(name: str)
     people = [(person.x, person.y) for person in truth[-1].people]
     nearest = [min((track.x - x) ** 2 + (track.y - y) ** 2 for x, y in people) for track in frames[-1].tracks]
     assert sum(square < 0.5**2 for square in nearest) >= 0.7 * len(nearest)
-    assert tracker.discarded <= 3
+    assert tracker.losses.total() <= 3
