@@ -52,16 +52,15 @@ class ScoreMaps:
     corner: Int[np.ndarray, "2"]  # u, v of the first pixel
     informative: Bool[Mask, "m"]  # maps with any information
     centre: Float[Array, "k 2"]  # of the patches [px]
-    score: Float[Array, "m k"]  # from −1 to 1
 
     @classmethod
     def of(
         cls, centre: Float[Array, "k 2"], score: Float[Array, "m k"], side_px: float, options: ScoreMapOptions
     ) -> Self:
-        """Make maps from scored patches in the picture; `side_px`: side of a patch."""
+        """Make maps from patches in the picture with scores from −1 to 1; `side_px`: side of a patch."""
         m, k = score.shape
         if k == 0:
-            return cls(np.zeros((m, 1, 1)), np.zeros(2, np.intp), np.zeros(m, bool), centre, score)
+            return cls(np.zeros((m, 1, 1)), np.zeros(2, np.intp), np.zeros(m, bool), centre)
         positive = np.maximum(score, 0.0)
         total = positive.sum(axis=1)
         beta = positive / np.where(total > 0, total, 1.0)[:, None]
@@ -74,7 +73,7 @@ class ScoreMaps:
         maps = np.bincount(at.ravel(), beta.ravel(), m * height * width).reshape(m, height, width)
         for each in maps:
             cv2.GaussianBlur(each, (2 * reach + 1,) * 2, deviation, dst=each, borderType=cv2.BORDER_CONSTANT)
-        return cls(2 * np.pi * deviation**2 * maps, corner, total > 0, centre, score)
+        return cls(2 * np.pi * deviation**2 * maps, corner, total > 0, centre)
 
     def log_likelihood(self, middle: Float[Array, "m p 2"], outlier: float) -> Float[Array, "m p"]:
         """Return log-likelihoods of p positions per person, by the pixel of a body's middle there; 0 without a map."""

@@ -92,11 +92,6 @@ class Situations:
         apart = alone | alone[:, None]
         return replace(self, merged=self.merged & ~apart)
 
-    @property
-    def group(self) -> Int[Index, "n"]:
-        """Number of each track's group of confusable people; single tracks have their own."""
-        return linked(self.confused)
-
 
 def assessed(
     before: Situations,
@@ -141,7 +136,7 @@ def assessed(
 
 
 def _joined(points: Points, owner: Int[Index, "k"], interacting: Bool[Mask, "n n"], link_m: float) -> Bool[Mask, "n n"]:
-    """Link tracks whose points touch; tracks connected by a chain form one group (`Situations.group`)."""
+    """Link tracks whose points touch; tracks connected by a chain form one group."""
     theirs = (owner >= 0) & np.logical_or.reduce(interacting, axis=1)[owner]
     place, whose = points.place[theirs], np.zeros((len(interacting), int(theirs.sum())), np.float32)
     whose[owner[theirs], np.arange(len(place))] = 1

@@ -84,7 +84,7 @@ class CameraFrontEnd:
         options: FrontEndOptions,
         area: Area | None = None,
     ) -> None:
-        self.name, self.camera = name, placed_camera(sensor)
+        self.camera = placed_camera(sensor)
         shown = [each for each in empty_room if each.sensor == name and isinstance(each, Image | DepthImage)]
         self._tolerance = options.exposure_tolerance
         self._gain = _gain_of(shown[-1].rgb) if shown and self._tolerance else 1.0

@@ -107,11 +107,6 @@ def encode(observation: Observation, *, jpeg_quality: int = 90) -> Encoded:
             return _encode_odometry(observation)
 
 
-def decode(data: bytes | memoryview, msgtype: str, sensor: str, *, kind: str | None = None) -> Observation:
-    """Decode the observation in a serialized ROS 2 message (CDR); see `from_message`."""
-    return from_message(TYPESTORE.deserialize_cdr(data, msgtype), sensor, kind=kind)
-
-
 def from_message(message: Any, sensor: str, *, kind: str | None = None, offset_ns: int = 0) -> Observation:
     """Convert a ROS 1 or ROS 2 message to an observation: LaserScan, CompressedImage, Image, or Odometry.
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from trackers.filters.gating import linked
 from trackers.laser.group import Points
 from trackers.laser_vision_learning.situations import SituationOptions, Situations, assessed, situation_names
 from trackers.observations import NS_PER_S
@@ -66,9 +67,9 @@ def test_who_shows_no_point_beside_somebody_is_merged_with_them_and_who_is_alone
 def test_three_are_one_group_of_which_two_may_go_on():
     three = Sequence()
     three.frame((0, 0), (0.35, 0), (0.7, 0), frames=2)
-    assert np.unique(three.situations.group).size == 1
+    assert np.unique(linked(three.situations.confused)).size == 1
     three.frame((0, 0), (0.35, 0), (2.2, 0), frames=8)
-    group = three.situations.group
+    group = linked(three.situations.confused)
     assert group[0] == group[1] != group[2]
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from decoded import decode
 from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import arrays
 from recorded import MS, a_scan, assert_same, write_ros2_bag
@@ -27,7 +28,7 @@ from twin.recording.bag import open_bag
 from twin.recording.depth_images import DepthPairs, decode_depth, decode_rvl, match_images
 from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
-from twin.recording.ros_messages import COMPRESSED_IMAGE, RAW_IMAGE, decode, encode, time_message
+from twin.recording.ros_messages import COMPRESSED_IMAGE, RAW_IMAGE, encode, time_message
 from twin.recording.writer import BagWriter
 
 LENS = PinholeIntrinsics(width=48, height=32, fx=40, fy=41, cx=23.5, cy=15.5)

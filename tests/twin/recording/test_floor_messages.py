@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from decoded import decode
 from recorded import MS, a_scan, assert_same, write_ros2_bag
 from rosbags.highlevel import AnyReader
 from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__Image as RawImage, std_msgs__msg__Header as Header
@@ -13,7 +14,7 @@ from trackers.observations import FloorFrame, ForceCurve, Image
 from trackers.rig import FloorSensor, LaserSensor, Pose, Rig
 from twin.recording.message_types import TYPESTORE
 from twin.recording.reader import Recording
-from twin.recording.ros_messages import RAW_IMAGE, decode, encode, from_message, time_message
+from twin.recording.ros_messages import RAW_IMAGE, encode, from_message, time_message
 from twin.recording.writer import BagWriter
 from twin.sensors.floor_electronics import LoadFrame
 

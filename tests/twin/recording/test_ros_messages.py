@@ -9,6 +9,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from decoded import decode
 from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import arrays
 from recorded import a_scan, an_image, assert_same
@@ -21,7 +22,7 @@ from rosbags.typesys.stores.ros2_humble import (
 from trackers.errors import InputError
 from trackers.observations import MOST_BEAMS, Image, LaserScan
 from twin.recording.message_types import TYPESTORE
-from twin.recording.ros_messages import LASER_SCAN, decode, encode, from_message, time_message
+from twin.recording.ros_messages import LASER_SCAN, encode, from_message, time_message
 
 HEADER = Header(time_message(7), "camera")
 

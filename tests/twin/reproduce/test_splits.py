@@ -41,7 +41,6 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_two_who_met_are_identified_when_they_part(recording: Path) -> None:
     decisions = decide(recording, {"few": FEW}, "correlated")["few"]
     assert [(each.first_id, each.second_id) for each in decisions] == [(1, 2)]
-    assert decisions[0].right
     assert decisions[0].margin > 0.5
     again = decide(recording, {"few": FEW, "other": FEW}, "correlated")
     assert again["few"] == again["other"] == decisions
@@ -51,7 +50,6 @@ def test_a_classifier_that_never_learned_does_not_decide(recording: Path) -> Non
     blind = FEW.model_copy(update={"least_patches": 41})
     decisions = decide(recording, {"blind": blind}, "correlated")["blind"]
     assert [each.margin for each in decisions] == [0]
-    assert not decisions[0].right
 
 
 def test_no_person_is_learned_from_while_a_tracker_could_confuse_them(recording: Path) -> None:

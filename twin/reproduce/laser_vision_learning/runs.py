@@ -53,10 +53,9 @@ class PlaceStatistics:
 
 @dataclass(frozen=True, eq=False)
 class HallRun:
-    """One run of the hall or the busy place: case and evaluation by system, truth and situations."""
+    """One run of the hall or the busy place: case and evaluation by system, and situations."""
 
     cases: Mapping[str, Case]
-    truth: TruthTable
     situations: SituationTable
     evaluations: Mapping[str, Evaluation]
     interacting: Array  # (f,) interacting people in each judged frame
@@ -172,7 +171,7 @@ def _one_run(cases: Mapping[str, Case], found: SuiteRuns) -> HallRun:
     people, close = interacting(truth, situations, stamps_ns)
     names = dict(enumerate(resolved_scenario(any_case).people, start=1))
     shown = {name: case for name, case in cases.items() if name in SYSTEMS} or cases
-    return HallRun(shown, truth, situations, evaluations, close, people, names)
+    return HallRun(shown, situations, evaluations, close, people, names)
 
 
 def _course(whole: Mapping[int, Mapping[str, Case]], found: SuiteRuns) -> dict[str, tuple[Array, ...]]:

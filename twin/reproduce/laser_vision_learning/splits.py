@@ -58,11 +58,6 @@ class SplitDecision:
     second_id: int
     margin: float
 
-    @property
-    def right(self) -> bool:
-        """True where the identities are correct."""
-        return self.margin > 0
-
 
 @dataclass(frozen=True, eq=False)
 class SplitTruth:
@@ -81,7 +76,6 @@ class _OpenSplit:
 
     columns: NDArray[np.intp]
     looks: Looks
-    at_s: float
     scores: list[NDArray[np.float64]] = field(default_factory=list)
 
 
@@ -109,7 +103,7 @@ class SplitTrial:
                 self._met[pair] = self._looks
             if last < pair[3] <= place:
                 columns = np.array(pair[:2])
-                self._open.append(_OpenSplit(columns, self._met.pop(pair, self._looks), picture.t))
+                self._open.append(_OpenSplit(columns, self._met.pop(pair, self._looks)))
         people = PeopleInPicture(picture.rgb, position)
         for each in self._open:
             each.scores.append(self._learner.scores(each.looks, people, each.columns, each.columns, self._rng))
