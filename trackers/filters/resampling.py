@@ -5,10 +5,9 @@ the new set the index of the particle that fills it. Every scheme is unbiased: p
 A particle of weight 0 is never drawn. They differ in the variance they add (Douc, Cappé and Moulines, "Comparison of
 resampling schemes for particle filtering", 2005):
 
-    plain        p independent draws (multinomial, "simple random resampling"); the most variance
-    residual     ⌊p·wᵢ⌋ copies for certain, the rest by independent draws from what remains
-    stratified   one draw from each of p equal slices of the cumulative weight
-    systematic   the same, with one offset shared by all slices: ⌊p·wᵢ⌋ or ⌈p·wᵢ⌉ copies; one random number a set
+    plain        p independent draws (multinomial, "simple random resampling"); more variance
+    systematic   one draw from each of p equal slices of the cumulative weight, with one offset shared by all slices:
+                 ⌊p·wᵢ⌋ or ⌈p·wᵢ⌉ copies; one random number a set
 """
 
 from __future__ import annotations
@@ -52,41 +51,17 @@ def _plain(weights: Float[Array, "n p"], rng: np.random.Generator) -> Int[Index,
     return _inverse(_cumulative(weights), rng.random(weights.shape))
 
 
-def _residual(weights: Float[Array, "n p"], rng: np.random.Generator) -> Int[Index, "n p"]:
-    n, p = weights.shape
-    expected = p * weights
-    certain = np.floor(expected * (1 + 1e-12))  # 49 · (1/49) is a whole copy, despite rounding
-    left = np.maximum(expected - certain, 0.0)
-    missing = p - certain.sum(axis=1)  # (n,): number still to be drawn
-    # a row without a remainder draws nothing; its weights only keep the sum from being 0
-    remainder = np.where(missing[:, None] > 0, left, weights)
-    drawn = _inverse(_cumulative(remainder), rng.random(weights.shape))
-    needed = np.arange(p) < missing[:, None]
-    flat = (drawn + p * np.arange(n)[:, None])[needed]
-    counts = certain.astype(np.intp) + np.bincount(flat, minlength=n * p).reshape(n, p)
-    return _from_counts(counts)
-
-
-def _stratified(weights: Float[Array, "n p"], rng: np.random.Generator) -> Int[Index, "n p"]:
-    offsets = rng.random(weights.shape)
-    places = weights.shape[1] * _cumulative(weights)
-    whole = np.floor(places)
-    slice_of = np.minimum(whole, weights.shape[1] - 1).astype(np.intp)
-    below = whole + (np.take_along_axis(offsets, slice_of, axis=1) < places - whole)
-    return _from_places_below(below, weights.shape[1])
-
-
 def _systematic(weights: Float[Array, "n p"], rng: np.random.Generator) -> Int[Index, "n p"]:
     offset = rng.random((len(weights), 1))
     p = weights.shape[1]
     cumulative = _cumulative(weights)
     # where rounding could lose the last place, nothing is rounded
-    return _from_places_below(np.where(cumulative == 1, p, np.ceil(p * cumulative - offset)), p)
+    below = np.where(cumulative == 1, p, np.ceil(p * cumulative - offset)).astype(np.intp)
+    counts = np.diff(below, axis=1, prepend=0)
+    return np.repeat(np.broadcast_to(np.arange(p), counts.shape).ravel(), counts.ravel()).reshape(counts.shape)
 
 
-SCHEMES: Mapping[str, Scheme] = MappingProxyType(
-    {"systematic": _systematic, "stratified": _stratified, "residual": _residual, "plain": _plain}
-)
+SCHEMES: Mapping[str, Scheme] = MappingProxyType({"systematic": _systematic, "plain": _plain})
 """The schemes by name."""
 
 
@@ -104,15 +79,3 @@ def _inverse(cumulative: Float[Array, "n p"], uniform: Float[Array, "n p"]) -> I
     sought = np.minimum(rows + uniform, np.nextafter(rows + 1.0, 0.0))
     found = np.searchsorted((rows + cumulative).ravel(), sought.ravel(), side="right").reshape(n, p)
     return found - p * rows
-
-
-def _from_places_below(below: Float[Array, "n {p}"], p: int) -> Int[Index, "n {p}"]:
-    """Return ancestors from the number of places below each running sum."""
-    return _from_counts(np.diff(below.astype(np.intp), axis=1, prepend=0))
-
-
-def _from_counts(counts: Int[Index, "n p"]) -> Int[Index, "n p"]:
-    """Return ancestors in ascending order from the counts of each particle, rows that sum to p."""
-    n, p = counts.shape
-    particle = np.broadcast_to(np.arange(p), (n, p))
-    return np.repeat(particle.ravel(), counts.ravel()).reshape(n, p)
