@@ -95,6 +95,9 @@ def main() -> None:
         code = EXIT_CLOSED_PIPE
         _discard(sys.stdout)
         _discard(sys.stderr)
+    except OSError:  # stderr cannot be written, and nothing can be said
+        code = EXIT_BAD_INPUT
+        _discard(sys.stderr)
     sys.exit(code)
 
 
@@ -185,12 +188,19 @@ def _app_of(arguments: Sequence[str]) -> typer.Typer:
 def _describe_usage_error(error: Any) -> str:
     """Describe a usage error of click; for an unknown command, name the valid ones."""
     text = error.format_message().replace("Value error, ", "")
+    if unread := re.fullmatch(
+        r"(?is)Invalid value for '?(.+?)'?: (?:path|file|directory) '(.*)' is not readable\.?", text
+    ):
+        named = f"{unread[1]} {unread[2]}" if unread[1].startswith("-") else unread[2]
+        return f"{named}: cannot be read ({os.strerror(errno.EACCES)}); a path that this user may read is expected"
+    if text.startswith("No such option"):
+        return f"{text.rstrip('.')}; `{_called(error)} --help` lists the valid ones"
     if text.startswith("No such command"):
         return f"{text} Valid are {', '.join(error.ctx.command.list_commands(error.ctx))}"
     if not text.startswith(("Got unexpected extra argument", "Missing argument")):
         return text
     command = error.ctx.command
-    path = re.sub(r"^.*\btwin\b", "twin", error.ctx.command_path)
+    path = _called(error)
     has_out = any("--out" in each.opts for each in command.params)
     remedy = ", and --out names what is written" if has_out and text.startswith("Got") else ""
     field = re.search(r"\((\S+=\S*)\)", text)
@@ -198,6 +208,11 @@ def _describe_usage_error(error: Any) -> str:
         remedy = f", and --set {field[1]} changes a field"
     usage = " ".join([path, *command.collect_usage_pieces(error.ctx)]).replace("{", "").replace("}", "")
     return f"{text.rstrip('.')}; `{usage}` is expected{remedy}"
+
+
+def _called(error: Any) -> str:
+    """Return the command of a usage error as it is typed."""
+    return re.sub(r"^.*\btwin\b", "twin", error.ctx.command_path)
 
 
 _UNWRITABLE = (
@@ -214,6 +229,8 @@ def _describe_path_error(error: OSError) -> str | None:
     if error.errno not in _UNWRITABLE:
         return None
     named = re.sub(r"(^|/)\.([^/]+)\.\d+\.partial$", r"\1\2", str(error.filename or "output"))  # by its name when whole
+    if error.errno in (errno.EACCES, errno.ENOTDIR, errno.EISDIR):  # of reading or writing
+        return f"{named}: {error.strerror}; a path that this user may read, or write where it is an output, is expected"
     return f"{named}: {error.strerror}; a folder that can be written, with space, is expected"
 
 
@@ -234,8 +251,13 @@ def _check_arguments(arguments: Sequence[str]) -> None:
 
 
 def _home(start: re.Match[str]) -> str:
-    """Return the start of an argument that is a path, with the home folder for `~`."""
-    return (start[1] or "") + os.path.expanduser("~")
+    """Return the start of an argument that is a path, with the home folder for `~`. Raises InputError without one."""
+    from trackers.errors import InputError
+
+    home = os.path.expanduser("~")
+    if home == "~":
+        raise InputError(f"{start[0]}: this user ({os.getuid()}) has no home folder; another path is expected")
+    return (start[1] or "") + home
 
 
 def _end_with(message: str, code: int = EXIT_BAD_INPUT) -> int:

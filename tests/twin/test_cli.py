@@ -172,7 +172,7 @@ def test_a_second_run_leaves_nothing_of_the_first(tmp_path: Path) -> None:
         (["run", "lab-five-people", "--set", "people.white.start=[9, 9]"], ["people.white.start", "outside"]),
         (["run", "lab-five-people", "--set", "sensors.knee.mount.xyz=[0, 4.5, 1]"], ["sensors.knee", "inside"]),
         (["run", "lab-five-people", "--duration", "-1"], ["duration_s"]),
-        (["run", "lab-five-people", "--sed", "1"], ["--sed"]),
+        (["run", "lab-five-people", "--sed", "1"], ["--sed", "`twin run --help` lists the valid ones"]),
         (["run", "lab-five-people", "--seed", "one"], ["--seed", "whole number"]),
         (["run"], ["scenario"]),
         (["rum"], ["rum"]),
@@ -307,17 +307,45 @@ def test_a_stop_that_a_library_passes_over_or_turns_into_another_error_ends_the_
     assert done.stderr == "twin: interrupted; no file was left half-written under its final name\n"
 
 
-def test_a_full_disk_is_said_in_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every write fails here as on a full disk."""
+@pytest.mark.parametrize("failing", ["write", "close"])
+def test_a_full_disk_is_said_in_one_sentence(failing: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every write fails here as on a full disk, or the last, when the tables beside the bag are whole."""
 
-    class Full(bag_files.Writer):
-        def write(self, *arguments: object) -> None:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    def fail(*arguments: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(bag_files, "Writer", Full)
+    monkeypatch.setattr(bag_files.Writer, failing, fail)
     done = twin("run", "lab-five-people", *QUICK, "--out", tmp_path / "out")
     refused(done, "No space left", "free space")
-    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
+    assert not [path for path in tmp_path.rglob("*") if path.is_file() and not path.name.startswith(".")]
+
+
+def test_a_home_that_there_is_not_is_no_folder_of_that_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os.path, "expanduser", lambda path: path)  # as of a user without an entry and without HOME
+    refused(twin("new", "scenario", "--out=~/mine", cwd=tmp_path), "--out=~: this user", "has no home folder")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("number", "valid"), [(errno.EACCES, "may read, or write"), (errno.ENOSPC, "with space")])
+def test_what_the_system_refuses_of_a_path_is_said(number: int, valid: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail() -> None:
+        raise OSError(number, os.strerror(number), "out/.x.mcap.12.partial")
+
+    monkeypatch.setattr("twin.commands.info.check_machine", fail)
+    refused(twin("check"), f"twin: out/x.mcap: {os.strerror(number)}; ", f"{valid}", " is expected")
+
+
+def test_a_path_that_may_not_be_read_is_told_as_that(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "access", lambda *arguments, **options: False)  # as of another user
+    said = f"{tmp_path}: cannot be read (Permission denied); a path that this user may read is expected\n"
+    for arguments, option in ((("suite", "show", tmp_path), ""), (("run", "pair", "--out", tmp_path), "--out ")):
+        refused(twin(*arguments), f"twin: {option}{said}")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
+def test_where_nothing_can_be_said_the_exit_code_says_it() -> None:
+    with open("/dev/full", "w") as full:
+        assert subprocess.run([*TWIN, "list", "nonsense"], stderr=full, check=False).returncode == 2
 
 
 def test_a_fault_of_ours_is_loud(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -28,7 +28,7 @@ from twin.report.birdseye import Site
 from twin.report.page import RunFacts
 from twin.run.feed import Feed, open_feed
 from twin.run.inputs import NONE_TRUSTED, ChosenTracker, TrustedClasses, check_choices, choose, listed
-from twin.run.out_folder import OutFolder, out_folder
+from twin.run.out_folder import OutFolder, out_folder, taken_back_on_failure
 from twin.run.outcome import (
     RunResult,
     early_warnings,
@@ -95,7 +95,7 @@ def run_scenario(
     is_default = trackers is None and not scenario.trackers
     whole_truth = truth == "all"
     with heap_trimmed(), out_folder(folder, _names(names, video)) as out_:
-        with ExitStack() as stack:
+        with taken_back_on_failure(out_), ExitStack() as stack:
             run = _LiveRun(
                 scenario, chosen, is_default, video, images, whole_truth, out_, on_progress, on_warning, on_note
             )

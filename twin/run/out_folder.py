@@ -32,6 +32,20 @@ class OutFolder:
         self.path = path
         self._names = set(names)
         self._made = made
+        self._before = self._states()
+
+    def _states(self) -> dict[str, tuple[int, int]]:
+        """Return what tells each of the files that is there from another of its name."""
+        found = {name: self.path / name for name in self._names if (self.path / name).is_file()}
+        return {name: (stat.st_ino, stat.st_mtime_ns) for name, path in found.items() if (stat := path.stat())}
+
+    def take_back(self) -> None:
+        """Remove the files that this run has left so far: without each other, as where the disk is full, they are no use."""
+        for name, state in self._states().items():
+            if self._before.get(name) != state:
+                (self.path / name).unlink()
+        with suppress(OSError):  # it is not empty, or was not made
+            (self.path / _SUBFOLDER).rmdir()
 
     def announce(self) -> None:
         """Note the files to be written, before the first appears, so that a failed run can be repeated."""
@@ -65,6 +79,16 @@ def out_folder(path: Path, names: Sequence[str]) -> Iterator[OutFolder]:
         _check_others(path, set(names) - made)
         _clear_leftovers(path, made | set(names) | {MADE})
         yield OutFolder(path, names, made)
+
+
+@contextmanager
+def taken_back_on_failure(out: OutFolder) -> Iterator[None]:
+    """Remove the files of a run that fails during the block."""
+    try:
+        yield
+    except BaseException:
+        out.take_back()
+        raise
 
 
 def check_others(folder: Path, names: Iterable[str], sign: str) -> None:

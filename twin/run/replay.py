@@ -34,7 +34,7 @@ from twin.report.page import RunFacts, TrackerResult
 from twin.report.path_map import ScanDensity
 from twin.run.feed import Feed, open_feed
 from twin.run.inputs import ChosenTracker, chosen_trackers, files_for, listed, scenario_of
-from twin.run.out_folder import OutFolder, out_folder
+from twin.run.out_folder import OutFolder, out_folder, taken_back_on_failure
 from twin.run.outcome import (
     RunResult,
     early_warnings,
@@ -118,7 +118,7 @@ def track_recording(
     files_made = [*(f"tracks/{file_name(name)}.csv" for name in names), "report.html", *_EXTRA_FILES]
     with heap_trimmed(), out_folder(folder, files_made) as out_:
         replay.read()
-        with replay.opened_feed(out_.path) as fed:
+        with taken_back_on_failure(out_), replay.opened_feed(out_.path) as fed:
             replay.track(fed)
             out_.announce()
         return with_failures_shown(replay.finish(fed, out_), on_warning)

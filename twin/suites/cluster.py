@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from distributed import Client, LocalCluster
 
 _CLOSE_S = 15
+_SAFE_PATH = "PYTHONSAFEPATH"
 
 ENVIRONMENT = {
     "LP_NUM_THREADS": "0",
@@ -110,7 +111,8 @@ def open_cluster(
         if scheduler is None:
             # Workers that are ended leave what they were writing: this process removes it.
             scratch = stack.enter_context(TemporaryDirectory(prefix="roomtwin-", ignore_cleanup_errors=True))
-            stack.enter_context(config.set({**_CONFIGURATION, "temporary-directory": scratch}))
+            stack.enter_context(_without_current_folder())
+            stack.enter_context(config.set(_CONFIGURATION))
             local = _started(
                 n_workers=n_worker,
                 threads_per_worker=1,
@@ -121,6 +123,7 @@ def open_cluster(
                 security=Security.temporary(),
                 silence_logs=50,
                 env={**ENVIRONMENT, "TMPDIR": scratch},
+                local_directory=scratch,
                 resources=needs,
             )
             stack.callback(_close, local)
@@ -130,6 +133,18 @@ def open_cluster(
         stack.callback(_close, client)
         dashboard = client.dashboard_link if scheduler is not None else None
         yield Cluster(client, dashboard or None, local, n_worker, needs)
+
+
+@contextmanager
+def _without_current_folder() -> Iterator[None]:
+    """Keep the modules of the current folder from those that processes import first: a `random.py` there is the user's."""
+    before = os.environ.get(_SAFE_PATH)
+    os.environ[_SAFE_PATH] = "1"
+    try:
+        yield
+    finally:
+        os.environ.pop(_SAFE_PATH)
+        os.environ.update({} if before is None else {_SAFE_PATH: before})
 
 
 def _started(n_workers: int, **options: Any) -> LocalCluster:

@@ -336,8 +336,10 @@ def test_an_interrupt_while_workers_start_ends_them_without_a_traceback(after_s:
     """A terminal sends it to every process."""
     (tmp_path / "interrupted.py").write_text(_INTERRUPTED)
     command = [sys.executable, str(tmp_path / "interrupted.py")]
-    scratch = tmp_path / "scratch"
-    scratch.mkdir()
+    scratch, here = tmp_path / "scratch", tmp_path / "here"
+    for folder in (scratch, here):
+        folder.mkdir()
+    (here / "signal.py").write_text("print('the module of the user')")  # nothing to those that start
     with subprocess.Popen(
         command,
         stdout=subprocess.PIPE,
@@ -345,6 +347,7 @@ def test_an_interrupt_while_workers_start_ends_them_without_a_traceback(after_s:
         text=True,
         start_new_session=True,
         env={**os.environ, "TMPDIR": str(scratch)},
+        cwd=here,
     ) as running:
         assert running.stdout is not None
         assert running.stdout.readline() == "starting\n"
@@ -352,4 +355,4 @@ def test_an_interrupt_while_workers_start_ends_them_without_a_traceback(after_s:
         os.killpg(running.pid, signal.SIGINT)
         said, _ = running.communicate(timeout=60)
     assert set(said.split()) <= {"starting", "interrupted"} and running.returncode == 0
-    assert not list(scratch.iterdir())
+    assert {each.name for each in scratch.iterdir()} <= {"dask-scratch-space"}  # of the scheduler, and empty
