@@ -26,7 +26,7 @@ def twin(*arguments: str | Path, cwd: Path | None = None, **environment: str) ->
     out, err = (io.TextIOWrapper(io.BytesIO(), "utf-8", newline="", write_through=True) for _ in range(2))
     warnings = logging.StreamHandler(err)  # without handlers, logging writes to stderr: pytest's are in the way of that
     warnings.setLevel(logging.WARNING)
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     with pytest.MonkeyPatch.context() as patch:
         for name in ("MUJOCO_GL", "OPENBLAS_NUM_THREADS"):
             patch.setenv(name, os.environ.get(name, ""))  # set back, whatever becomes of them

@@ -211,7 +211,7 @@ def test_an_out_that_cannot_be_written(tmp_path: Path) -> None:
 
 
 @pytest.mark.sample(2)
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL])
 def test_a_run_that_is_stopped_leaves_no_half_written_file(number: signal.Signals, tmp_path: Path) -> None:
     arguments = ["run", "lab-five-people", "--duration", "600", "--no-images", "--out", str(tmp_path / "out")]
     process = subprocess.Popen(

@@ -53,7 +53,7 @@ def is_interrupted() -> bool:
 
 
 def raise_on_signals() -> None:
-    """Make SIGTERM, and SIGINT unless ignored, raise Interrupted in the main thread.
+    """Make SIGTERM, and SIGINT and SIGHUP unless ignored, raise Interrupted in the main thread.
 
     Not during an import: compiled modules may crash there, and a partly made class turns it into another error. For up to 10 s,
     so that an endless module of the user's can be stopped too. The signal is repeated after `_AGAIN_S` until the exception is on
@@ -78,8 +78,9 @@ def raise_on_signals() -> None:
             raise Interrupted
 
     signal.signal(signal.SIGTERM, stop)
-    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
-        signal.signal(signal.SIGINT, stop)
+    for number in (signal.SIGINT, signal.SIGHUP):  # Ctrl-C, and the end of the terminal
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, stop)
 
 
 def _is_on_its_way() -> bool:
