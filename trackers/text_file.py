@@ -11,7 +11,6 @@ import codecs
 import os
 import reprlib
 import stat
-from contextlib import suppress
 from pathlib import Path
 
 from trackers.errors import InputError, LimitError
@@ -56,7 +55,7 @@ AnyPath = str | os.PathLike[str]
 def as_path(given: AnyPath, name: str) -> Path:
     """Return a caller's path, with the home folder for a leading `~`, as a shell has it.
 
-    Raises InputError for anything but a text or an `os.PathLike`; `name`: of the argument.
+    Raises InputError for anything but a text or an `os.PathLike`, and for `~` without a home; `name`: of the argument.
     """
     try:
         text = os.fspath(given)
@@ -67,9 +66,12 @@ def as_path(given: AnyPath, name: str) -> Path:
     if not text or "\0" in text:
         raise InputError(f"{name}: {reprlib.repr(text)} is no path; a text that is not empty, without NUL, is expected")
     path = Path(text)
-    with suppress(RuntimeError):  # no home is known
+    try:
         return path.expanduser() if path.parts[:1] == ("~",) else path
-    return path
+    except RuntimeError as error:
+        raise InputError(
+            f"{name}: {text}: this user ({os.getuid()}) has no home folder; another path is expected"
+        ) from error
 
 
 MOST_TEXT_BYTES = 64 * 1024 * 1024

@@ -93,6 +93,11 @@ def counted(count: int, one: str, many: str = "") -> str:
     return f"{count} {one if count == 1 else many or one + 's'}"
 
 
+def printable_name(name: str) -> str:
+    """Return a file's name as texts of UTF-8 and one line hold it: '_' for all that is not printable."""
+    return "".join(each if each.isprintable() else "_" for each in name)
+
+
 def printable(text: str) -> str:
     """Escape control characters as Python does, so that no name of a file or field moves the cursor."""
     return _UNPRINTABLE.sub(lambda found: found[0].encode("unicode_escape").decode(), text)

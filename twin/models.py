@@ -10,7 +10,7 @@ from typing import Any
 
 from trackers.errors import InputError, valid_names
 from trackers.plain_data import deep_merge, parse_yaml
-from trackers.text_file import is_file, read_text
+from trackers.text_file import as_path, is_file, read_text
 
 _PACKAGE = Path(__file__).parent
 MODELS = _PACKAGE / "models" if (_PACKAGE / "models").is_dir() else _PACKAGE.parent / "models"
@@ -75,13 +75,13 @@ def read_kind(path: Path, kind: str, expected: str) -> dict[str, Any]:
 
 
 def cache_folder() -> Path:
-    """Return $ROOMTWIN_CACHE, else roomtwin in $XDG_CACHE_HOME, else ~/.cache/roomtwin."""
+    """Return $ROOMTWIN_CACHE, else roomtwin in $XDG_CACHE_HOME (which counts if absolute), else ~/.cache/roomtwin."""
     named = os.environ.get("ROOMTWIN_CACHE")
     if named:
-        return Path(named)
-    home = os.environ.get("XDG_CACHE_HOME")
+        return as_path(named, "ROOMTWIN_CACHE")
+    home = os.environ.get("XDG_CACHE_HOME", "")
     try:
-        return (Path(home) if home else Path.home() / ".cache") / "roomtwin"
+        return (Path(home) if os.path.isabs(home) else Path.home() / ".cache") / "roomtwin"
     except RuntimeError as error:
         raise InputError(
             f"ROOMTWIN_CACHE: is not set, and this user ({os.getuid()}) has no home folder; ROOMTWIN_CACHE naming a folder "

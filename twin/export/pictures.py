@@ -27,7 +27,7 @@ from trackers.plain_data import dump_yaml, parse_json
 from trackers.rig import CameraSensor, Rig
 from trackers.text_file import AnyPath, as_path, read_text
 from twin.evaluate.judged_frames import truth_at
-from twin.messages import OnWarning
+from twin.messages import OnWarning, printable_name
 from twin.recording import topics
 from twin.recording.bag import Copies, decoded, open_bag
 from twin.recording.colour_images import check_picture, decode_compressed, decode_raw
@@ -106,7 +106,7 @@ def open_recorded(
     if tables is None and is_run:
         tables = {each.stem: each for each in sorted((path / "tracks").glob("*.csv"))}
     tracks = _tracks_in(recording) if tables is None else {each: read_tracks(file) for each, file in tables.items()}
-    own_name = path.resolve().name if is_run else _bag_name(path.resolve())
+    own_name = printable_name(path.resolve().name if is_run else _bag_name(path.resolve()))
     return Recorded(name or own_name, recording, tracks, of_run, own, on_warning, name or str(recording.path))
 
 

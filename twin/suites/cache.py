@@ -34,7 +34,7 @@ _SUMS = ".sha256.json"
 
 def cache_limit_bytes() -> int:
     """Read $ROOMTWIN_CACHE_GB in bytes (default 20 GB). Raises InputError for anything but a number above 0."""
-    text = os.environ.get(LIMIT_VARIABLE, str(DEFAULT_LIMIT_GB))
+    text = os.environ.get(LIMIT_VARIABLE) or str(DEFAULT_LIMIT_GB)
     limit = parse_number(text) or 0
     if limit <= 0:
         raise InputError(f"{LIMIT_VARIABLE}={text}: is no size; a number of gigabytes above 0 is expected")

@@ -1,6 +1,7 @@
 """Exports, read back by other people's readers."""
 
 import json
+import shutil
 from pathlib import Path
 
 import cv2
@@ -316,6 +317,15 @@ def test_folder_of_somebody_else_is_refused_and_nothing_half_written(run: Path, 
     result = CliRunner().invoke(app, ["export", str(run), "--format", "images", "--out", str(tmp_path / "mine")])
     assert "was not made by" in str(result.exception)
     assert [path.name for path in tmp_path.rglob("*")] == ["mine", "notes.txt"]
+
+
+def test_a_sequence_of_any_folder_has_one_printable_name(run: Path, tmp_path: Path) -> None:
+    """TrackEval takes the name in seqinfo.ini for that of the folder."""
+    odd = shutil.copytree(run, tmp_path / "copied\nlatin-1 \udce9")
+    out = _export(odd, "mot", tmp_path / "mot")
+    for info in out.rglob("seqinfo.ini"):
+        assert info.read_text("utf-8").splitlines()[1] == f"name={info.parent.name}" and info.parent.name.isprintable()
+    assert [*out.rglob("seqinfo.ini")]
 
 
 def test_bag_without_truth_says_what_is_left_out(run: Path, tmp_path: Path) -> None:

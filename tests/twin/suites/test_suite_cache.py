@@ -158,6 +158,10 @@ def test_where_the_cache_is(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> 
     assert cache_folder() == Path("/x/cache/roomtwin")
     monkeypatch.delenv("XDG_CACHE_HOME")
     assert cache_folder() == Path.home() / ".cache" / "roomtwin"
+    monkeypatch.setenv("XDG_CACHE_HOME", "cache")  # which the specification of it lets nobody heed
+    assert cache_folder() == Path.home() / ".cache" / "roomtwin"
+    monkeypatch.setenv("ROOMTWIN_CACHE", "~/kept")  # as services and containers set it, without a shell
+    assert cache_folder() == Path.home() / "kept"
     monkeypatch.setenv("ROOMTWIN_CACHE", "/y")
     assert cache_folder() == Path("/y")
     (tmp_path / "file").write_text("")
