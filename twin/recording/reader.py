@@ -23,7 +23,7 @@ from twin.recording.losses import Loss, crowded
 from twin.recording.rig_checks import compare_lenses, compare_poses, motion_warnings, with_intrinsics
 from twin.recording.rig_guess import guess_rig, undecided_lines
 from twin.recording.ros_messages import LASER_SCAN, MSGTYPES, STRING
-from twin.recording.sensor_clock import MessageTimes, all_pause, first_frame, read_times, read_times_as_written
+from twin.recording.sensor_clock import MessageTimes, Unwound, all_pause, first_frame, read_times
 from twin.recording.sensor_topics import (
     LeftOut,
     SensorTopics,
@@ -38,7 +38,7 @@ from twin.recording.sensor_topics import (
     unused_topics,
 )
 from twin.recording.situation_table import decode_situation
-from twin.recording.transforms import Edge, Poses, TransformTree, read_poses
+from twin.recording.transforms import TransformTree, read_poses
 from twin.recording.truth_messages import decode_people
 from twin.truth.frames import Situation, TruthFrame
 
@@ -98,7 +98,8 @@ class Recording:
                 times, set_back = written
                 silent += set_back
             times |= {
-                key: times_of(edge, self.rig, self.sensor_topics.sensors[key]) for key, (edge, _) in self._transforms
+                key: times_of(edge, self.rig, self.sensor_topics.sensors[key])
+                for key, (edge, _) in self.sensor_topics.transforms.items()
             }
             right, label = self._corrected_clocks(times), self.sensor_topics.label
             self.ahead_s, self._times = right.ahead_s, times
@@ -144,17 +145,14 @@ class Recording:
         overlaps = (each.falls_back or crowded(topic, each.stamp_ns, usual=0.9) for topic, each in times.items())
         if not (all_pause(times) or any(overlaps)):
             return None
-        written, set_back_ns = read_times_as_written(bag, self.sensor_topics.types)
-        if not set_back_ns:
+        unwound = Unwound()
+        written = read_times(bag, self.sensor_topics.types, unwound)
+        if not unwound.set_back_ns:
             return None
         if self.sensor_topics.transforms:
             tree = TransformTree.read(bag, self.rig.topics(), in_file_order=True)
             add_transforms(self.sensor_topics, tree, self.rig, source)
-        return written, list(self._set_back(written, set_back_ns))
-
-    @property
-    def _transforms(self) -> list[tuple[str, tuple[Edge, Poses]]]:
-        return list(self.sensor_topics.transforms.items())
+        return written, list(self._set_back(written, unwound.set_back_ns))
 
     @staticmethod
     def _complete(bag: Bag, source: str, content: Any) -> Any:

@@ -135,21 +135,12 @@ class Unwound:
         return now_ns
 
 
-def read_times_as_written(bag: Bag, topics: Mapping[str, str]) -> tuple[dict[str, MessageTimes], list[int]]:
-    """Read times in the order of the file; return them, log times continued, and each step back of the recorder's clock [ns]."""
-    unwound = Unwound()
-    return _read_times(bag, topics, unwound), unwound.set_back_ns
-
-
-def read_times(bag: Bag, topics: Mapping[str, str]) -> dict[str, MessageTimes]:
+def read_times(bag: Bag, topics: Mapping[str, str], unwound: Unwound | None = None) -> dict[str, MessageTimes]:
     """Read the times of all messages of these topics, by type, which begin with a header; one message is held at a time.
 
-    Raises InputError where the bag is damaged.
+    unwound: for the order of the file, with log times continued where the recorder's clock steps back. Raises InputError where
+    the bag is damaged.
     """
-    return _read_times(bag, topics, None)
-
-
-def _read_times(bag: Bag, topics: Mapping[str, str], unwound: Unwound | None) -> dict[str, MessageTimes]:
     read, copies = {topic: _TopicTimes(msgtype) for topic, msgtype in topics.items()}, Copies()
     messages = bag.encoded_messages(topics, in_file_order=unwound is not None)
     for arrived, (topic, log_ns, data, is_ros1) in enumerate(messages):

@@ -267,11 +267,8 @@ class _Border:
 
     def _holds_piecewise(self, start: Array, end: Array) -> Mask:
         """Return the same as `holds`, from the middles of the pieces into which edge lines and corners part each way."""
-        way = end - start
+        way, met = end - start, np.nan_to_num(self._shares(start, end)[0])
         offset = self._corners - start[:, None]  # (n, k, 2)
-        turn = cross(way[:, None], self._edge)
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            met = np.where(turn != 0, cross(offset, self._edge) / turn, 0.0)
         adjacent = np.einsum("nkc,nc->nk", offset, way) / np.maximum((way**2).sum(axis=1), TOLERANCE_M**2)[:, None]
         ends = np.zeros((len(start), 1))
         cuts = np.sort(np.clip(np.concatenate([ends, met, adjacent, ends + 1.0], axis=1), 0.0, 1.0), axis=1)

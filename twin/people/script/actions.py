@@ -117,7 +117,6 @@ def _turn_to(actor: Actor, heading: float) -> Commands:
 
 
 def _stand(actor: Actor, action: Stand) -> Commands:
-    yield from _upright(actor)
     yield MotionCommand(None, until=actor.ends_at(action.for_s), immovable=True)
 
 
@@ -132,7 +131,6 @@ def _on_feet(acts: Callable[[Actor, Any], Commands]) -> Callable[[Actor, Any], C
 
 
 def _turn(actor: Actor, action: Turn) -> Commands:
-    yield from _upright(actor)
     if action.towards is not None:
         heading = actor.bearing_of(action.towards)
     elif action.to_deg is not None:
@@ -215,7 +213,6 @@ def _step_away(actor: Actor) -> Commands:
 
 def _bend(actor: Actor, action: Bend) -> Commands:
     """Bend forward where there is room for the head, after a turn aside if need be."""
-    yield from _upright(actor)
     postures, number, angle_rad = actor.context.postures, actor.number, radians(action.angle_deg)
     ahead_m = postures.measures.head_ahead_m(number, angle_rad)
     above_m = float((postures.measures.leg + postures.measures.ankle_height)[number]) - _UNDER_HIPS_M
@@ -283,7 +280,6 @@ def _keep_path(actor: Actor, action: RecordedPath) -> Commands:
 
 
 def _leave(actor: Actor, action: Leave) -> Commands:
-    yield from _upright(actor)
     place = standing_place(np.array(action.to), actor.context.ground.walkable)
     yield from walk_to(actor, (float(place[0]), float(place[1])), action.speed_m_s, halt=False, exactly=True)
     actor.context.leaving.add(actor.number)
@@ -291,7 +287,7 @@ def _leave(actor: Actor, action: Leave) -> Commands:
 
 
 _DOING: dict[type, Callable[[Actor, Any], Commands]] = {
-    Wander: wander, Stand: _stand, Walk: _on_feet(walk), Run: _on_feet(walk), Turn: _turn, Sit: _rest, Lie: _rest, Bend: _bend,
-    Reach: _reach, TurnHead: _look, Follow: _on_feet(follow), Meet: _on_feet(meet), Lead: _on_feet(lead), Join: _on_feet(join),
-    RecordedPath: _keep_path, Leave: _leave,
+    Wander: wander, Sit: _rest, Lie: _rest, Reach: _reach, TurnHead: _look, RecordedPath: _keep_path,
+    Stand: _on_feet(_stand), Walk: _on_feet(walk), Run: _on_feet(walk), Turn: _on_feet(_turn), Bend: _on_feet(_bend),
+    Follow: _on_feet(follow), Meet: _on_feet(meet), Lead: _on_feet(lead), Join: _on_feet(join), Leave: _on_feet(_leave),
 }  # fmt: skip

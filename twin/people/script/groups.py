@@ -9,6 +9,7 @@ by side at low density, as a V whose middle lags in denser crowds, at about 0.8 
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from math import pi
 
 import numpy as np
@@ -212,16 +213,11 @@ def _keep_sides(actor: Actor, group: WalkingGroup) -> None:
         order.insert(0 if seen.imag > 0 else len(order), actor.number)
 
 
-def _gap_m(actor: Actor, group: WalkingGroup, first: int, second: int) -> float:
-    """Return the distance of two neighbours [m], no less than their shoulders need."""
-    return max(group.gap_m, shoulders_m(actor, first, second))
-
-
 def _place_in(actor: Actor, group: WalkingGroup, number: int) -> complex:
     """Return a member's place in the frame of the leader, ahead + left i [m]."""
     if group.formation == "file":
         return complex(-_FILE_M * (1 + group.others.index(number)), 0.0)
-    gaps = [_gap_m(actor, group, *pair) for pair in zip(group.order, group.order[1:], strict=False)]
+    gaps = [max(group.gap_m, shoulders_m(actor, *pair)) for pair in pairwise(group.order)]
     left = -np.concatenate([[0.0], np.cumsum(gaps)])
     own, leads = group.order.index(number), group.order.index(group.leader)
     ahead = np.zeros(len(left))
