@@ -75,7 +75,7 @@ class FloorPlate:
     def __init__(self, rows: int, columns: int, pitch_m: float, shapes: FootShapes) -> None:
         """Prepare the model; `shapes` are the soles of all people who may come. Raises ValueError for impossible soles."""
         _check_shapes(shapes)
-        self._rows, self._columns, self._pitch_m = rows, columns, pitch_m
+        self._rows, self._columns = rows, columns
         self._people = len(shapes.length)
         self._toes = shapes.length - shapes.heel
         self._heel = shapes.heel

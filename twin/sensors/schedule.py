@@ -158,10 +158,6 @@ class Schedule:
         self._end_ns = round(duration_s * NS_PER_S)
         self._seeds = [scheduled.rng.bit_generator.seed_seq.spawn(2) for scheduled in sensors]
 
-    def events(self) -> Iterator[SensorEvent]:
-        """Yield all events in order of their stamps, lost observations included."""
-        return (event for _, _, event, _ in self.ordered())
-
     def observe(self, world: SnapshotSource, ordered: Iterator[_Look] | None = None) -> Iterator[Delivery]:
         """Yield deliveries in order of arrival; snapshots of the world are taken in order of stamps.
 

@@ -71,7 +71,6 @@ class EvaluationStore:
         progress: Callable[[int, State], object],
         warn: Callable[[str], object] = lambda warning: None,
     ) -> None:
-        self._folder = folder
         self._path = folder / FILE
         self._run_tasks = run_tasks
         self._progress = progress

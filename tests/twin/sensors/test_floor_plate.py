@@ -61,7 +61,7 @@ def contacts_inside(plate: FloorPlate, group: int = 0) -> float:
     """The normal forces of the contacts inside the grid in the group's last burst, one by one from MuJoCo."""
     model, data = plate._groups[group]._model, plate._groups[group]._data
     force, total = np.zeros(6), 0.0
-    extent = np.array([plate._columns, plate._rows]) * plate._pitch_m
+    extent = np.array([plate._columns, plate._rows]) * plate._groups[group]._pitch_m
     for number in range(data.ncon):
         mujoco.mj_contactForce(model, data, number, force)
         place = data.contact[number].pos[:2]
