@@ -27,7 +27,7 @@ from trackers.arrays import Array
 from trackers.configuration import validate
 from trackers.feeding import track_frames
 from trackers.filters.gating import distances, max_weight_assignment
-from trackers.laser.background import returns
+from trackers.laser.bearings import returns
 from trackers.laser.grouping import pair_off
 from trackers.observations import NS_PER_S, LaserScan
 from trackers.presets import make_tracker

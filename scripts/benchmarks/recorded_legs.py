@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from benchmarks.figure import Figure
 from trackers.arrays import Array
-from trackers.laser.background import LearnedBackground, returns
+from trackers.laser.background import LearnedBackground
+from trackers.laser.bearings import returns
 from trackers.laser.clusters import find_clusters
 from trackers.laser.layer import KneeOptions
 from trackers.laser.legs.classifier import shipped

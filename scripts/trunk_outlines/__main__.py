@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from sklearn.ensemble import HistGradientBoostingRegressor
 
 from trackers.arrays import Array
-from trackers.laser.background import returns
+from trackers.laser.bearings import returns
 from trackers.laser.clusters import Clusters, find_clusters
 from trackers.laser.layer import WaistOptions, trunk_mask
 from trackers.laser.legs.classifier import Forest, write_forests

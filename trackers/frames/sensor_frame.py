@@ -25,7 +25,7 @@ from trackers.frames.scan_matching import (
     placed,
     turned,
 )
-from trackers.laser.background import returns
+from trackers.laser.bearings import returns
 from trackers.laser.clusters import directions
 from trackers.observations import LaserScan
 

@@ -3,10 +3,7 @@
 `KnownBackground` compares with scans of the empty room. `LearnedBackground` learns causally, from past scans of the same
 scanner.
 
-Samples follow ROS REP 117. A finite range within the scanner's limits is a return; +inf, or a range beyond the limit, is a
-beam without return; NaN and −inf are no reading. A finite range below the limit counts as no return: many drivers write 0 or a
-small error code then. Many write NaN, and a beam without a reading for most of the time, while others have one, is taken to
-look into the open.
+A beam without a reading for most of the time, while others have one, is taken to look into the open: many drivers write NaN then.
 
 Both keep their knowledge per bearing (`BearingGrid`): scans may have any beams. A beam between two cells is foreground if it
 is in front of the background of either, so that edges of objects do not flicker. Bearings never scanned have no background
@@ -18,7 +15,6 @@ from __future__ import annotations
 import logging
 from collections import deque
 from collections.abc import Sequence
-from functools import lru_cache
 from statistics import median_low
 
 import numpy as np
@@ -27,7 +23,7 @@ from pydantic import Field
 from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.configuration import Strict
 from trackers.errors import InputError
-from trackers.laser.bearings import BearingGrid
+from trackers.laser.bearings import BearingGrid, returns
 from trackers.observations import NS_PER_S, LaserScan
 from trackers.text_file import refuse_unless_lifted
 
@@ -91,15 +87,6 @@ class BackgroundOptions(Strict):
         lt=1,
         description="share of the time that something farther must have been measured in a beam for a sample to be foreground",
     )
-
-
-@lru_cache(maxsize=4)
-def returns(scan: LaserScan) -> tuple[Float[Array, "n_beam"], Bool[Mask, "n_beam"], Bool[Mask, "n_beam"]]:
-    """Return ranges [m], a mask of returns, and a mask of beams without return; read-only, kept for the last few scans."""
-    ranges = scan.ranges_m.astype(float)
-    hit = (ranges >= scan.range_min_m) & (ranges <= scan.range_max_m) & (ranges < np.inf)  # NaN is neither
-    ranges.flags.writeable = hit.flags.writeable = False  # what is kept is shared
-    return ranges, hit, (ranges > -np.inf) & ~hit
 
 
 class KnownBackground:
@@ -220,6 +207,19 @@ class LearnedBackground:
         self._learn(row, column[beam], (hit | missed)[beam], np.isnan(ranges)[beam], scan.stamp_ns)
         return foreground
 
+    def seen_behind(self, bearing_rad: Float[Array, "n"], range_m: Float[Array, "n"]) -> Bool[Mask, "n"]:
+        """Select the places, by bearing and range [m], behind which something was measured in `open_share` of the time.
+
+        Before a wall a return is of something that came. Where beams have not returned, it may be of a dark or slanting
+        surface at the end of the range, which is met now and then.
+        """
+        if self._grid is None:
+            return np.zeros(bearing_rad.size, np.bool_)
+        row, column = self._grid.rows_at(bearing_rad), self._bins(range_m) + 1
+        farther = np.arange(self._seen.shape[1] - 2) > column[:, None] + 1
+        behind = (self._seen[row, :-2] * farther).sum(axis=1)
+        return (row >= 0) & (behind > 0) & (behind >= self._options.open_share * (self._total + self._blank)[row])
+
     @property
     def has_started(self) -> bool:
         """True after the first learned scan."""
@@ -254,7 +254,12 @@ class LearnedBackground:
         new, n_column = n_row - self._total.size, self._seen.shape[1]
         if new == 0:
             return
-        _check_size(scan, n_row, n_column - 4)
+        if n_row * (n_column - 4) > _MOST_CELLS:
+            refuse_unless_lifted(
+                f"scan of {scan.sensor!r}: {n_row} beams of {n_column - 4} range bins are more than the {_MOST_CELLS} cells that "
+                "a background is learned in",
+                "fewer beams, wider bins (background.bin_m), a nearer background.farthest_m",
+            )
         self._seen = np.concatenate([self._seen, np.zeros((new, n_column))])
         self._flickered = np.concatenate([self._flickered, np.zeros((new, n_column))])
         self._total, self._blank = np.pad(self._total, (0, new)), np.pad(self._blank, (0, new))
@@ -268,9 +273,12 @@ class LearnedBackground:
         return.
         """
         column = np.ones(ranges.size, np.intp)
-        column[hit] = (np.minimum(ranges[hit], self._farthest_m) / self._options.bin_m).astype(np.intp) + 1
+        column[hit] = self._bins(ranges[hit]) + 1
         column[missed] = self._seen.shape[1] - 2
         return column
+
+    def _bins(self, range_m: Float[Array, "n"]) -> Int[Index, "n"]:
+        return (np.minimum(range_m, self._farthest_m) / self._options.bin_m).astype(np.intp)
 
     def _in_front(
         self, row: Int[Index, "n_beam"], column: Int[Index, "n_beam"], hit: Bool[Mask, "n_beam"]
@@ -339,12 +347,3 @@ class LearnedBackground:
 def _around(table: Float[Array, "n_row columns"], row: Int[Index, "k"], column: Int[Index, "k"]) -> Float[Array, "k"]:
     """Return the sum of the table's entries at a column and its two neighbours, for each row."""
     return table[row, column - 1] + table[row, column] + table[row, column + 1]
-
-
-def _check_size(scan: LaserScan, n_row: int, n_bin: int) -> None:
-    if n_row * n_bin > _MOST_CELLS:
-        refuse_unless_lifted(
-            f"scan of {scan.sensor!r}: {n_row} beams of {n_bin} range bins are more than the {_MOST_CELLS} cells that a "
-            "background is learned in",
-            "fewer beams, wider bins (background.bin_m), a nearer background.farthest_m",
-        )

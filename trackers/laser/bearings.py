@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 from math import pi
 
 import numpy as np
 from pydantic import Field
 
-from trackers.arrays import Array, Float, Index, Int
+from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.configuration import Strict
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor
@@ -26,6 +27,20 @@ _ON_CELL = 0.05
 """
 _HALF = 0.5 - 1e-6
 """Half a cell, so that rounding does not decide to which cell a beam between two belongs."""
+
+
+@lru_cache(maxsize=4)
+def returns(scan: LaserScan) -> tuple[Float[Array, "n_beam"], Bool[Mask, "n_beam"], Bool[Mask, "n_beam"]]:
+    """Return ranges [m], a mask of returns, and a mask of beams without return; read-only, kept for the last few scans.
+
+    Samples follow ROS REP 117. A finite range within the scanner's limits is a return; +inf, or a range beyond the limit, is a
+    beam without return; NaN and −inf are no reading. A finite range below the limit counts as no return: many drivers write 0
+    or a small error code then.
+    """
+    ranges = scan.ranges_m.astype(float)
+    hit = (ranges >= scan.range_min_m) & (ranges <= scan.range_max_m) & (ranges < np.inf)  # NaN is neither
+    ranges.flags.writeable = hit.flags.writeable = False  # what is kept is shared
+    return ranges, hit, (ranges > -np.inf) & ~hit
 
 
 def counter_clockwise(scan: LaserScan) -> LaserScan:
@@ -116,6 +131,10 @@ class BearingGrid:
             self._beams = None
         return self._row[cell], beam if scan.angle_increment_rad > 0 else count - 1 - beam
 
+    def rows_at(self, bearing_rad: Float[Array, "n"]) -> Int[Index, "n"]:
+        """Return the rows of the cells at bearings, −1 where they are not covered."""
+        return self._row[np.rint(self._place(bearing_rad)).astype(np.intp) % self._n_cell]
+
     def beside(self) -> Int[Index, "2 n_row"]:
         """Return the rows of the cells before and after that of each row; its own where they are not covered."""
         cell = np.flatnonzero(self._row >= 0)
@@ -147,7 +166,8 @@ class BearingGrid:
         return ((bearing_rad - self._origin_rad + half_rad) % (2 * pi) - half_rad) / self.step_rad
 
 
-_ACROSS = np.array([-1.0, 0.0, 1.0])  # positions across a body at which beams are tested
+ACROSS = np.array([-1.0, 0.0, 1.0])
+"""Positions across a body, in half its width, at which beams are tested."""
 
 
 class DetectionOptions(Strict):
@@ -209,11 +229,11 @@ class DetectionModel:
         x, y = a * off_x + b * off_y, c * off_x + d * off_y
         distance = np.sqrt(x * x + y * y)
         half = options.half_width_m / np.maximum(distance, options.half_width_m)
-        bearing = np.arctan2(y, x) + _ACROSS.reshape(-1, *[1] * x.ndim) * half
+        bearing = np.arctan2(y, x) + ACROSS.reshape(-1, *[1] * x.ndim) * half
         if bearing.min(initial=0.0) < -np.pi or bearing.max(initial=0.0) > np.pi:
             bearing -= 2 * np.pi * np.rint(bearing / (2 * np.pi))
         beam = np.rint(bearing / scan.angle_increment_rad + (0.5 * (count - 1) + 1)).astype(np.intp)
-        clear = (reach_m.take(beam, mode="clip") > distance + options.behind_m).sum(axis=0) / _ACROSS.size
+        clear = (reach_m.take(beam, mode="clip") > distance + options.behind_m).sum(axis=0) / ACROSS.size
         seen = options.detected * np.maximum(clear - options.hidden_up_to, 0) / (1 - options.hidden_up_to)
         if options.width_m is None:
             return seen

@@ -15,8 +15,7 @@ from pydantic import Field, NonNegativeInt, PositiveInt
 from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.configuration import Strict
 from trackers.filters.rows import Rows
-from trackers.laser.background import returns
-from trackers.laser.bearings import beams_of_turn
+from trackers.laser.bearings import beams_of_turn, returns
 from trackers.observations import LaserScan
 
 

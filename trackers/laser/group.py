@@ -160,6 +160,10 @@ class ScannerGroup:
         rows = zip(sensors, detections.position.tolist(), variance, detections.width_m.tolist(), strict=True)
         return [Detection(ns, seen_by, role, x, y, m2, width) for seen_by, (x, y), m2, width in rows]
 
+    def seen_behind(self, points: Float[Array, "k 2"]) -> Bool[Mask, "k"]:
+        """Select the room points [m] behind which a scanner knows the room, or has measured something."""
+        return np.logical_or.reduce([layer.seen_behind(points) for layer in self.layers.values()])
+
     def missed(self, observations: Mapping[str, Observation], points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
         """Return the probability that none of the scans shows a person at room points."""
         chances = [self.layers[name].missed(scan, points) for name, scan in self._scans(observations).items()]

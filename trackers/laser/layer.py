@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import ClassVar, TypeVar
 
 import numpy as np
@@ -10,8 +11,8 @@ from pydantic import Field, PositiveInt
 
 from trackers.arrays import Array, Bool, Float, Mask
 from trackers.configuration import Strict, described
-from trackers.laser.background import BackgroundOptions, KnownBackground, LearnedBackground, returns
-from trackers.laser.bearings import DetectionModel, DetectionOptions, beams_of_turn, counter_clockwise
+from trackers.laser.background import BackgroundOptions, KnownBackground, LearnedBackground
+from trackers.laser.bearings import ACROSS, DetectionModel, DetectionOptions, beams_of_turn, counter_clockwise, returns
 from trackers.laser.clusters import (
     ClusterOptions,
     Clusters,
@@ -30,8 +31,8 @@ Layer = TypeVar("Layer", bound="LayerOptions")
 
 _NARROW_M, _BEHIND_M, _SURE = 0.06, 0.15, 0.9
 """Half the width of the narrowest object, distance behind it at which a beam has passed it [m]; a probability."""
-_SHARE_LEARNED = 0.5
-"""Detected share of people against a learned background: all who walk, few who stand."""
+NO_RETURN_SHARE = 0.5
+"""Share of what a beam that returns from behind tells of a place, that one without tells: dark clothes return nothing."""
 _ARM_HALF_DEPTH_M = 0.04
 """Half the thickness of an arm in a sleeve [m]."""
 
@@ -281,10 +282,24 @@ class LaserLayer:
     def missed(self, scan: LaserScan, points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
         """Return the probability that the scan does not detect a person at room points.
 
-        With a learned background, a standing person may be taken for the room.
+        Where the background is learned, beams without a return, which the empty room may show as well, tell less.
         """
-        share = _SHARE_LEARNED if self.learns_background else 1.0
-        return 1 - share * self._free_space.seen(scan, points)
+        seen = self._free_space.seen(scan, points)
+        if not self.learns_background:
+            return 1 - seen
+        ranges, hit, _ = returns(scan)
+        returned = self._free_space.seen(replace(scan, ranges_m=np.where(hit, ranges, np.nan)), points)
+        return 1 - (NO_RETURN_SHARE * seen + (1 - NO_RETURN_SHARE) * returned)
+
+    def seen_behind(self, points: Float[Array, "k 2"]) -> Bool[Mask, "k"]:
+        """Select the room points [m] behind which the room is known, or most beams across a body have measured something."""
+        if isinstance(self._background, KnownBackground):
+            return np.ones(len(points), np.bool_)
+        x, y = self._room_from_scan @ (points - self.origin_m).T
+        range_m, half_m = np.hypot(x, y), self._free_space.options.half_width_m
+        bearing = np.arctan2(y, x) + ACROSS[:, None] * half_m / np.maximum(range_m, half_m)
+        seen = self._background.seen_behind(bearing.ravel(), np.tile(range_m, ACROSS.size)).reshape(bearing.shape)
+        return seen.mean(axis=0) > 0.5
 
     def passes(self, scan: LaserScan, points: Float[Array, "2 *n"]) -> Bool[Mask, "*n"]:
         """Return a mask of room points behind which the scan's beams continue on either side, close enough to tell."""

@@ -152,6 +152,10 @@ class Detector:
             return np.ones(len(points), np.bool_)
         return self._groups["waist"].missed(self._waist_scans, points.T) < _LIKELY
 
+    def seen_behind(self, points: Float[Array, "k 2"]) -> Bool[Mask, "k"]:
+        """Select the points [m] behind which a scanner knows the room, or has measured something."""
+        return np.logical_or.reduce([group.seen_behind(points) for group in self._groups.values()])
+
     def missed(self, synced: SyncedFrame, points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
         """Return the probability that the frame's scans miss a person at points [m]; 0 outside the area, where no person is."""
         shape = points.shape[1:]

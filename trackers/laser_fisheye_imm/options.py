@@ -39,20 +39,22 @@ class ImmTrackManagementOptions(TrackManagementOptions, ReidentificationOptions)
         default=0.15,
         ge=0,
         description=described(TrackManagementOptions, "confirm_s")
-        + "; where the background is known (ours; the paper: 0.5 s)",
+        + "; at least 0.3 s where the background is learned (ours; the paper: 0.5 s)",
     )
     confirm_samples: PositiveInt | None = Field(
         default=4,
-        description="where the background is known, a track whose first measurement has so many samples is confirmed at once, "
-        "since noise and edges give fewer; null: none is (ours)",
+        description="a track whose first measurement has so many samples is confirmed at once, since noise and edges give fewer; "
+        "not where beams have never returned from behind it; null: none is (ours)",
     )
-    confirm_learned_s: ClassVar[float] = 0.5
-    """Time for which a tentative track is measured before it is confirmed where the background is learned [s] (the paper's)."""
+    confirm_learned_s: ClassVar[float] = 0.3
+    """Least time for which a tentative track is measured before it is confirmed where the background is learned [s]."""
+    confirm_open_s: ClassVar[float] = 0.5
+    """The same where beams have never returned from behind it [s] (the paper's)."""
     confirm_moved_m: float = Field(
         default=0.15,
         ge=0,
-        description="where the background is learned, a tentative track is confirmed only this far from where it started, "
-        "since a standing person looks like furniture [m]; 0: anywhere (ours)",
+        description="where the background is learned and beams have never returned from behind it, a tentative track is "
+        "confirmed only this far from where it started, since a dark surface there returns now and then [m]; 0: anywhere (ours)",
     )
     coast_s: float = Field(
         default=1.5,

@@ -22,6 +22,8 @@ from trackers.likelihood.legs import PositionLikelihood
 from trackers.tracking.roster import Stage, associate
 from trackers.tracking.track_manager import TrackManager, clear_of, measured_now, nanoseconds, reachable
 
+SeenBehind = Callable[[Array], Mask]
+"""Returns a mask (k,) of room points (k, 2) [m]."""
 _AT_REST = 0.01
 """Variance of a lying person's speed [m²/s²]."""
 _LIKELY = 0.5
@@ -42,32 +44,40 @@ class ImmTrackManager(TrackManager):
         """Note the scans of these scanners in the frame at stamp ns."""
         self._scanned_ns |= dict.fromkeys(scanners, ns)
 
-    def confirmed(self, people: LaserTracks, ns: int, knows_room: bool) -> LaserTracks:
-        """Confirm tracks that were measured long enough, and have moved if only that distinguishes them from the room."""
+    def confirmed(self, people: LaserTracks, ns: int, seen_behind: SeenBehind | None) -> LaserTracks:
+        """Confirm tracks that were measured long enough, and have moved if only that distinguishes them from the room.
+
+        seen_behind: selects places behind which something was measured; None where the background is known.
+        """
         if people.confirmed.all():
             return people
-        rules, learns = self._options.track_management, not knows_room
-        step_ns = int(nanoseconds(self._options.step_s))
-        new = self.to_confirm(people.roster, ns, step_ns, rules.confirm_learned_s if learns else None)
+        rules, step_ns = self._options.track_management, int(nanoseconds(self._options.step_s))
+        if seen_behind is None:
+            new = known = self.to_confirm(people.roster, ns, step_ns)
+        else:
+            may_be = self.to_confirm(people.roster, ns, step_ns, max(rules.confirm_s, rules.confirm_learned_s))
+            known = written(may_be, may_be, seen_behind(people.positions[may_be]))
+            new = known | self.to_confirm(people.roster, ns, step_ns, max(rules.confirm_s, rules.confirm_open_s))
         old, again = self._re_identified(people, new.nonzero()[0], ns)  # who stands still may be a hidden person
-        if learns:
-            moved = people.positions - people.born_at
-            new &= np.hypot(moved[:, 0], moved[:, 1]) >= rules.confirm_moved_m
+        moved = people.positions - people.born_at
+        new &= known | (np.hypot(moved[:, 0], moved[:, 1]) >= rules.confirm_moved_m)
         new = np.delete(new, again)
         people = people.continued(old, again)
         return people.changed(roster=self.confirm(people.roster, new))
 
     def confirmed_at_once(
-        self, people: LaserTracks, n_sample: Int[Index, "k"], ns: int, knows_room: bool
+        self, people: LaserTracks, n_sample: Int[Index, "k"], ns: int, seen_behind: SeenBehind | None
     ) -> LaserTracks:
         """Confirm those of the last k tracks, first measured at ns, that so many samples show that they are no noise.
 
         One that a hidden track can have become waits until it was measured long enough.
         """
         least = self._options.track_management.confirm_samples
-        if least is None or not knows_room or not (n_sample >= least).any():
+        if least is None or not (n_sample >= least).any():
             return people
         new = np.append(np.zeros(len(people) - n_sample.size, np.bool_), n_sample >= least)
+        if seen_behind is not None:
+            new = written(new, new, seen_behind(people.positions[new]))
         new[self._re_identified(people, new.nonzero()[0], ns)[1]] = False
         return people.changed(roster=self.confirm(people.roster, new))
 

@@ -6,8 +6,8 @@ motion model; associate by global nearest neighbour trunks, and legs for tracks 
 tracks, coast the others; delete tracks; start tracks.
 
 Late and repeated observations are dropped and counted, also after time jumps back. Empty scans and scans with hundreds of
-clusters need no special handling. A gap longer than `coast_s` terminates all tracks. With a learned background, a person is
-not detected before the first motion.
+clusters need no special handling. A gap longer than `coast_s` terminates all tracks. With a learned background, a person
+who was there at the first scan is not detected before they walk on.
 
 Simplified: the observations of one frame are taken as simultaneous (they differ by up to half a scan period), and a scan as
 instantaneous.
@@ -36,7 +36,7 @@ from trackers.laser_fisheye_imm.association import Association, Matches
 from trackers.laser_fisheye_imm.detection import Detector, Seen
 from trackers.laser_fisheye_imm.options import START_SPEED_M_S, LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import LaserTracks
-from trackers.laser_fisheye_imm.track_manager import ImmTrackManager
+from trackers.laser_fisheye_imm.track_manager import ImmTrackManager, SeenBehind
 from trackers.likelihood.legs import full_stride, legs_ahead_m, may_be_new
 from trackers.observations import NS_PER_S, LaserScan, Observation
 from trackers.rig import Rig
@@ -179,10 +179,14 @@ class LaserFisheyeImm(SynchronizedTracker):
         matches = at.matches(seen)
         self._update(matches, synced.ns)
         self._learn_colours(matches, seen)
-        people = self._track_manager.confirmed(self._people, synced.ns, knows_room)
+        people = self._track_manager.confirmed(self._people, synced.ns, self._seen_behind)
         people = self._track_manager.update_missed_tracks(people, synced.ns, elapsed_s, missed)
         self._people = self._track_manager.remaining(people, synced.ns, missed)
         self._start(matches, seen, synced.ns)
+
+    @property
+    def _seen_behind(self) -> SeenBehind | None:
+        return self._detector.seen_behind if self._detector.is_learning else None
 
     # --- predict
 
@@ -256,8 +260,7 @@ class LaserFisheyeImm(SynchronizedTracker):
         has_reference[by_trunk] = seen.clear[trunk[by_trunk]]
         histograms[has_reference] = seen.histograms[trunk[has_reference]]
         people = self._people.joined(self._born(position, variance, ns, histograms, has_reference))
-        knows_room = not self._detector.is_learning
-        self._people = self._track_manager.confirmed_at_once(people, matches.new_sample[free], ns, knows_room)
+        self._people = self._track_manager.confirmed_at_once(people, matches.new_sample[free], ns, self._seen_behind)
 
     def _born(
         self,

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from trackers.errors import InputError
-from trackers.laser.background import BackgroundOptions, KnownBackground, LearnedBackground, returns
+from trackers.laser.background import BackgroundOptions, KnownBackground, LearnedBackground
+from trackers.laser.bearings import returns
 from trackers.observations import NS_PER_S, LaserScan
 
 N_BEAM = 60
@@ -134,6 +135,16 @@ class TestLearned:
         assert background.foreground(scan(t, standing))[20:24].all()
         t = fed(background, 5.0, standing, t + 0.1)
         assert not background.foreground(scan(t, standing)).any()
+
+    @pytest.mark.parametrize("seconds", [0.1, 5.0])
+    def test_something_was_measured_behind_a_place_before_a_wall_and_not_before_the_open(self, seconds: float):
+        background, room = LearnedBackground(), np.where(np.arange(N_BEAM) < N_BEAM // 2, WALL_M, np.inf)
+        bearings = scan(0).angles_rad
+        assert not background.seen_behind(bearings, np.full(N_BEAM, 2.0)).any()  # before the first scan
+        fed(background, seconds, room, 0.0)
+        np.testing.assert_array_equal(background.seen_behind(bearings, np.full(N_BEAM, 2.0)), room == WALL_M)
+        assert not background.seen_behind(bearings, np.full(N_BEAM, WALL_M)).any()
+        assert not background.seen_behind(bearings + np.pi, np.full(N_BEAM, 2.0)).any()  # where no beam looks
 
     def test_the_wall_is_not_forgotten_behind_a_person(self):
         background = LearnedBackground()

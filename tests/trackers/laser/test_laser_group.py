@@ -92,6 +92,21 @@ def test_a_beam_of_each_of_two_scanners_is_enough_for_somebody_new():
     assert ScannerGroup({"front": FRONT}, EMPTY, KneeOptions()).sufficient(both).tolist() == [True, False]
 
 
+def test_beams_without_a_return_tell_half_as_much_where_the_room_is_not_known():
+    behind, nothing = (
+        replace(EMPTY[0], ranges_m=np.full_like(EMPTY[0].ranges_m, range_m)) for range_m in (5.0, np.inf)
+    )
+    place = np.array([[0.0], [2.0]])
+    known, learned = (ScannerGroup({"front": FRONT}, empty, KneeOptions()) for empty in (EMPTY, []))
+    seen = {
+        (group is known, scan is behind): 1 - float(group.missed({"front": scan}, place)[0])
+        for group in (known, learned)
+        for scan in (behind, nothing)
+    }
+    assert seen[True, True] == seen[True, False] == seen[False, True] > 0.5
+    assert seen[False, False] == pytest.approx(0.5 * seen[True, True])
+
+
 def test_where_another_scanner_looks_past_there_is_nothing():
     """A beam on the edge of a leg, half on the wall behind it, says something between."""
     group = ScannerGroup({"front": FRONT, "back": BACK}, EMPTY, KneeOptions())

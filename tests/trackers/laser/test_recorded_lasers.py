@@ -5,7 +5,8 @@ import pytest
 from recorded_scans import labelled, needs_data, on_furniture, walkers_in_the_robots_bag
 
 from trackers.feeding import track_frames
-from trackers.laser.background import LearnedBackground, returns
+from trackers.laser.background import LearnedBackground
+from trackers.laser.bearings import returns
 from trackers.laser.clusters import find_clusters
 from trackers.laser.layer import KneeOptions
 from trackers.presets import make_tracker

@@ -238,12 +238,19 @@ def test_scanners_without_an_empty_room_are_named_where_others_have_one(caplog):
         assert [each for each in lasers if each in caplog.text] == (lacking if len(lacking) < len(lasers) else [])
 
 
-def test_with_a_learned_background_nobody_is_a_person_before_they_moved():
-    """Something that appears and stands may be furniture seen anew: only walking tells."""
+@pytest.mark.parametrize("is_open", [True, False])
+def test_with_a_learned_background_who_stands_before_the_open_is_a_person_once_they_moved(is_open):
+    """A surface at the end of the range returns now and then, so only a step tells; what comes before a wall is somebody."""
     standing = straight_walk([(0.0, 1.5)], [(0.0, 0.0)], 30)
     arriving = [replace(o, stamp_ns=o.stamp_ns + 3 * NS_PER_S) for o in observe(standing, 5, False)]
     given = [*observe(straight_walk(np.empty((0, 2)), np.empty((0, 2)), 30), 4, False), *arriving]
-    assert not any(frame.tracks for frame in tracked(standing, "laser-imm", background=[], observations=given)[0])
+    if is_open:
+        far_m = 2.2  # behind whoever stands there
+        given = [
+            replace(o, ranges_m=np.where(o.ranges_m > far_m, np.inf, o.ranges_m).astype(np.float32)) for o in given
+        ]
+    tracks = [frame.tracks for frame in tracked(standing, "laser-imm", background=[], observations=given)[0]]
+    assert bool(tracks[-1]) != is_open and (not is_open or not any(tracks))
     at_once = tracked(
         standing, "laser-imm", background=[], observations=given, track_management={"confirm_moved_m": 0}
     )[0]

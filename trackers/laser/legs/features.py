@@ -13,8 +13,7 @@ import numpy as np
 
 from trackers.arrays import Array, Float, Index, Int
 from trackers.filters.gating import distances
-from trackers.laser.background import returns
-from trackers.laser.bearings import beams_of_turn
+from trackers.laser.bearings import beams_of_turn, returns
 from trackers.laser.clusters import ClusterOptions, Clusters, directions, find_clusters
 from trackers.observations import LaserScan
 
