@@ -283,6 +283,7 @@ _BY_FILE = {
         ("threshold on a sample", "SortedSamples._asked", "0.5 * (_A - _B)", "_A - _B"),
     ],
     "trackers/vision/histogram.py": [
+        ("blue for red", "ColourHistogram._counts", "cv2.COLOR_RGB2HSV", "cv2.COLOR_BGR2HSV"),
         ("first look blended with nothing", "Appearance.learned", "np.where(_A[_B, None], _C, _D)", "_C"),
         ("appearance memory of .95", "HistogramOptions", "0.4", "0.95"),
         (
@@ -291,9 +292,6 @@ _BY_FILE = {
             "_smoothed(_A, _B, 'wrap')",
             "_smoothed(_A, _B, 'constant')",
         ),
-    ],
-    "trackers/vision/colour_bins.py": [
-        ("blue for red", "HueAndGreyBins._binned", "cv2.COLOR_RGB2HSV", "cv2.COLOR_BGR2HSV"),
     ],
     "trackers/vision/foreground.py": [
         ("hue does not wrap", "_Background.differs", "_A - _B", "_A"),
