@@ -19,6 +19,7 @@ from trackers.tracks import (
     TrackFrame,
     check_frame,
     detections_of,
+    discarded,
     finish_of,
     listed,
     losses,
@@ -53,6 +54,11 @@ class StampOrder:
         self._left_ns: int | None = None  # stamp of the last one that left
         self._known: set[tuple[int, str]] = set()  # stamps and sensors waiting, and those that left at the last stamp
         self.losses: Counter[tuple[str, str]] = Counter()
+
+    @property
+    def discarded(self) -> int:
+        """Number of dropped observations."""
+        return self.losses.total()
 
     def add(self, observation: Observation) -> list[Observation]:
         """Add an observation; return those that may leave now, oldest first."""
@@ -95,8 +101,14 @@ class FedTracker:
         self._on_worked = on_worked
 
     @property
+    def discarded(self) -> int:
+        """Observations dropped so far: too late, twice, or repeated."""
+        late = self._order.discarded if self._order is not None else 0
+        return late + discarded(self.tracker)
+
+    @property
     def losses(self) -> Counter[tuple[str, str]]:
-        """Observations dropped so far, by sensor ('': unknown) and reason."""
+        """Dropped observations by sensor ('': unknown) and reason."""
         return Counter(self._order.losses if self._order is not None else {}) + Counter(losses(self.tracker))
 
     def update(self, observation: Observation) -> list[TrackFrame]:
@@ -251,8 +263,13 @@ class RestartedTracker:
         return self._detections if name == "detections" else value
 
     @property
+    def discarded(self) -> int:
+        """Observations dropped so far by all trackers."""
+        return self._losses_before.total() + discarded(self._tracker)
+
+    @property
     def losses(self) -> Mapping[tuple[str, str], int]:
-        """Observations dropped so far by all trackers, by sensor and reason."""
+        """Dropped observations by sensor and reason."""
         return self._losses_before + Counter(losses(self._tracker))
 
     def update(self, observation: Observation) -> list[TrackFrame] | None:

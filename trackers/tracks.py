@@ -225,7 +225,7 @@ class Reporting(Protocol):
 
     @property
     def losses(self) -> Mapping[tuple[str, str], int]:
-        """The same by sensor and reason, a clause like 'too late'. Default: `discarded`, of no particular sensor."""
+        """`discarded` by sensor and reason, a clause like 'too late'. Default: all of them, of no particular sensor."""
         ...
 
     @property
@@ -257,12 +257,17 @@ def takes_any_order(tracker: Tracker) -> bool:
     return getattr(tracker, "takes_any_order", False)
 
 
+def discarded(tracker: Tracker) -> int:
+    """Return the number of observations dropped by the tracker itself."""
+    return getattr(tracker, "discarded", 0)
+
+
 def losses(tracker: Tracker) -> Mapping[tuple[str, str], int]:
     """Return the observations dropped by the tracker itself, by sensor ('': unknown) and reason."""
     counted: Mapping[tuple[str, str], int] | None = getattr(tracker, "losses", None)
     if counted is not None:
         return counted
-    count = getattr(tracker, "discarded", 0)
+    count = discarded(tracker)
     return {("", "dropped by the tracker"): count} if count else {}
 
 
@@ -293,7 +298,7 @@ def detections_of(tracker: Tracker) -> Callable[[], list[Detection]] | None:
 
 def misreported(tracker: Tracker, rig: Rig) -> list[str]:
     """Return one sentence per invalid part of `Reporting` of the tracker."""
-    count, unused = getattr(tracker, "discarded", 0), unused_sensors(tracker)
+    count, unused = discarded(tracker), unused_sensors(tracker)
     listed = isinstance(unused, list | tuple) and all(isinstance(name, str) and name in rig.sensors for name in unused)
     yes_or_no = "True or False is expected"
     parts: list[tuple[str, Any, bool, str]] = [

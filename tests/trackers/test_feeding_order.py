@@ -28,7 +28,7 @@ def test_what_comes_in_order_leaves_in_order_and_is_all_there() -> None:
     arriving = [scan(0.1 * k, sensor) for k in range(20) for sensor in ("waist", "knee")]
     left, order = ordered(arriving)
     assert left == arriving
-    assert order.losses.total() == 0
+    assert order.discarded == 0
 
 
 @given(st.lists(st.tuples(st.sampled_from(["waist", "knee"]), st.floats(0, MAX_WAIT_S - 0.001)), max_size=60))
@@ -37,7 +37,7 @@ def test_nothing_is_lost_to_jitter_below_the_wait(late: list[tuple[str, float]])
     arriving = [item for item, _ in sorted(taken, key=lambda each: each[1])]
     left, order = ordered(arriving)
     assert left == [item for item, _ in taken]
-    assert order.losses.total() == 0
+    assert order.discarded == 0
 
 
 @given(st.lists(st.tuples(st.sampled_from(["waist", "knee"]), st.integers(0, 20)), max_size=60))
@@ -45,7 +45,7 @@ def test_stamps_never_go_back_nothing_comes_twice_and_what_is_dropped_is_counted
     left, order = ordered([scan(0.1 * k, sensor) for sensor, k in items])
     assert all(later.stamp_ns >= earlier.stamp_ns for earlier, later in pairwise(left))
     assert len({(each.sensor, each.stamp_ns) for each in left}) == len(left)
-    assert len(left) + order.losses.total() == len(items)
+    assert len(left) + order.discarded == len(items)
 
 
 def test_the_wait_is_bounded() -> None:
@@ -59,7 +59,7 @@ def test_a_stamp_far_ahead_holds_nobody_back() -> None:
     thirty_days_s = 30 * 86_400.0
     left, order = ordered([scan(0.0), scan(thirty_days_s, "knee"), scan(0.1), scan(0.2)])
     assert [each.t for each in left] == [0.0, 0.1, 0.2, thirty_days_s]
-    assert order.losses.total() == 0
+    assert order.discarded == 0
 
 
 class Counting:
@@ -93,9 +93,9 @@ def test_who_takes_any_order_gets_it_and_both_counts_are_told() -> None:
     for t in (0.2, 0.1, 0.1):
         fed.update(scan(t))
     assert tracker.got == [0.2, 0.1, 0.1]
-    assert fed.losses.total() == 2
+    assert fed.discarded == 2
 
     held = FedTracker(Counting(), RIG)  # pyright: ignore[reportArgumentType]
     for t in (0.2, 0.1, 0.1):
         held.update(scan(t))
-    assert held.losses.total() == 1
+    assert held.discarded == 1

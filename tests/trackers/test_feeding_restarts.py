@@ -8,7 +8,7 @@ from test_tracker_contract import world_of
 
 from trackers.feeding import RestartedTracker, track_frames
 from trackers.presets import make_tracker
-from trackers.tracks import Detection, Track, TrackFrame, losses, misreported
+from trackers.tracks import Detection, Track, TrackFrame, discarded, losses, misreported
 
 SAMPLE = (
     "sort",
@@ -74,7 +74,7 @@ def test_what_a_tracker_tells_besides_is_told_of_all_of_them():
     assert [[track.id for track in frame.tracks] for frame in frames] == [[1], [1, 2], [3], [3, 4], [5], [5, 6]]
     assert told == [[1], [2], [2, 1], [2], [2, 1], [2]]
     assert tracker.finish() == [] and not hasattr(tracker, "warnings")
-    assert losses(tracker) == {("", "dropped by the tracker"): 6}
+    assert discarded(tracker) == 6 and losses(tracker) == {("", "dropped by the tracker"): 6}
 
 
 def test_two_jumps_before_the_next_observation_make_one_new_tracker_each():

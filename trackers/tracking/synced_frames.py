@@ -112,6 +112,11 @@ class FrameSynchronizer:
         self.losses: Counter[tuple[str, str]] = Counter()
         """Dropped observations, by sensor and reason: too late, twice, no frame to join, or a repetition."""
 
+    @property
+    def discarded(self) -> int:
+        """Number of dropped observations."""
+        return self.losses.total()
+
     def add(self, observation: Observation) -> list[SyncedFrame]:
         """Add an observation; return the frames now complete, oldest first."""
         rules, sensor, ns = self._rules, observation.sensor, observation.stamp_ns
@@ -307,8 +312,13 @@ class SynchronizedTracker(ABC):
         self._synchronizer = FrameSynchronizer(rules)
 
     @property
+    def discarded(self) -> int:
+        """Observations dropped so far: too late, twice, without a frame to join, or stale."""
+        return self._synchronizer.discarded
+
+    @property
     def losses(self) -> Mapping[tuple[str, str], int]:
-        """Observations dropped so far by sensor and reason: too late, twice, without a frame to join, or stale."""
+        """Dropped observations by sensor and reason."""
         return self._synchronizer.losses
 
     def update(self, observation: Observation) -> list[TrackFrame]:

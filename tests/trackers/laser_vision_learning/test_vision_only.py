@@ -116,7 +116,7 @@ def test_what_comes_twice_or_late_is_dropped_and_counted():
     pictures = film(on, 1.0)
     tracker = VisionOnly(on, empty_room(on))
     assert [len(tracker.update(each)) for each in (pictures[0], pictures[1], pictures[1], pictures[0])] == [1, 1, 0, 0]
-    assert tracker.losses.total() == 2
+    assert tracker.discarded == 2
 
 
 def test_memory_is_flat():

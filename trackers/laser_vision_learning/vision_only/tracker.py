@@ -61,7 +61,7 @@ class VisionOnly:
         known = Prior.of(background)
         self.camera = _camera_of(rig, self.options.camera, {each.sensor for each in known})
         self.unused_sensors = [name for name in rig.sensors if name != self.camera]
-        self.losses: Counter[tuple[str, str]] = Counter()  # pictures dropped, too late or twice, by sensor and reason
+        self.losses: Counter[tuple[str, str]] = Counter()  # pictures dropped, by sensor and reason
         sensor = rig.cameras()[self.camera]
         empty_room = [_picture(each) for each in known if each.sensor == self.camera]
         self._foreground = Foreground(sensor.intrinsics, empty_room, self.options.foreground)
@@ -79,6 +79,11 @@ class VisionOnly:
     def warnings(self) -> list[str]:
         """That people far off are not looked for, where that is so."""
         return self._detector.warnings(self.camera)
+
+    @property
+    def discarded(self) -> int:
+        """Number of pictures dropped: too late, or twice."""
+        return self.losses.total()
 
     def update(self, observation: Observation) -> list[TrackFrame]:
         """Process one observation; return the frame of a picture. Other sensors than the camera are ignored.
