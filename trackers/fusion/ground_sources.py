@@ -107,7 +107,7 @@ class Scanners:
             owner = np.where(single & starts, NEW, np.where(single, walkers.owner, -1))
             # with scanners at waist height, one leg alone is half of what shows a person: they miss the trunk, or are hidden
             evidence = np.where(single & (self._waists is not None), 0.5, 1.0)
-        behind = self._group.seen_behind(position)
+        behind = self._group.seen_behind(position) if self._group.is_learning else np.ones(len(position), np.bool_)
         sure, evidence = (n_sample >= _SURE_SAMPLES) & behind, np.where(behind, evidence, NO_RETURN_SHARE * evidence)
         return Look(
             tuple(scans),

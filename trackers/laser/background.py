@@ -141,6 +141,10 @@ class KnownBackground:
         in_front = np.bincount(run[front], minlength=run.size) > 0
         return may_be & in_front[run]
 
+    def seen_behind(self, bearing_rad: Float[Array, "n"], range_m: Float[Array, "n"]) -> Bool[Mask, "n"]:
+        """Select the places, by bearing and range [m], before the room, or before the open, as the empty scans show it."""
+        return range_m < self._threshold_m[self._grid.rows_at(bearing_rad)] + self._margin_m  # NaN where none looked
+
     def _room(self, scan: LaserScan) -> tuple[Float[Array, "n_beam"], Bool[Mask, "n_beam"]]:
         """Return the threshold of each beam [m], NaN where no empty scan looked, and a mask of the beams on an edge."""
         rows = self._grid.rows(scan)
@@ -178,9 +182,8 @@ class LearnedBackground:
         self._steps_rad: deque[float] = deque(maxlen=_SCANS)
         self._met_something = False
         self._farthest_m = 0.0
-        self._seen = np.empty(
-            (0, 0)
-        )  # (n_row, n_bin + 4): observed seconds, times the weight of the scan; see `_column`
+        # (n_row, n_bin + 4): observed seconds, times the weight of the scan; see `_column`
+        self._seen = np.empty((0, 0))
         self._flickered = np.empty((0, 0))  # like `_seen`, with the first `flicker_s` of every stay except the first
         self._total = np.empty(0)  # (n_row,)
         self._blank = np.empty(0)  # (n_row,) the same without a reading, which is not in the total
@@ -269,9 +272,7 @@ class LearnedBackground:
     def _column(
         self, ranges: Float[Array, "n_beam"], hit: Bool[Mask, "n_beam"], missed: Bool[Mask, "n_beam"]
     ) -> Int[Index, "n_beam"]:
-        """Return the column of `_seen` for each beam: 1 + bin, so that each bin has neighbours; the last but one for no
-        return.
-        """
+        """Return each beam's column of `_seen`: 1 + bin, so that each bin has neighbours; the last but one: no return."""
         column = np.ones(ranges.size, np.intp)
         column[hit] = self._bins(ranges[hit]) + 1
         column[missed] = self._seen.shape[1] - 2

@@ -292,9 +292,7 @@ class LaserLayer:
         return 1 - (NO_RETURN_SHARE * seen + (1 - NO_RETURN_SHARE) * returned)
 
     def seen_behind(self, points: Float[Array, "k 2"]) -> Bool[Mask, "k"]:
-        """Select the room points [m] behind which the room is known, or most beams across a body have measured something."""
-        if isinstance(self._background, KnownBackground):
-            return np.ones(len(points), np.bool_)
+        """Select the room points [m] behind which most beams across a body know the room, or have measured something."""
         x, y = self._room_from_scan @ (points - self.origin_m).T
         range_m, half_m = np.hypot(x, y), self._free_space.options.half_width_m
         bearing = np.arctan2(y, x) + ACROSS[:, None] * half_m / np.maximum(range_m, half_m)

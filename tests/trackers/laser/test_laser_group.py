@@ -107,6 +107,19 @@ def test_beams_without_a_return_tell_half_as_much_where_the_room_is_not_known():
     assert seen[False, False] == pytest.approx(0.5 * seen[True, True])
 
 
+@pytest.mark.parametrize("roll_rad", [0.0, np.pi])
+def test_a_scanner_that_knows_the_room_tells_of_what_it_looks_at_alone(roll_rad: float):
+    """Another one beside it, which learns, looks the other way, where nothing returns."""
+    aside = FRONT.model_copy(update={"room_from_sensor": Pose(xyz=(0, 0, 0.45), rpy=(roll_rad, 0, -np.pi / 2))})
+    places = np.array([[0.0, 2.0], [0.0, 3.6], [0.0, -2.0]])  # before the known wall, behind it, on the other side
+    for range_m, is_seen in ((np.inf, False), (3.0, True)):
+        group = ScannerGroup({"front": FRONT, "aside": aside}, EMPTY[::2], KneeOptions())
+        assert group.seen_behind(places).tolist() == [True, False, False]
+        ranges_m = np.full_like(EMPTY[0].ranges_m, range_m)
+        group.detect({"aside": replace(EMPTY[0], sensor="aside", ranges_m=ranges_m)})
+        assert group.seen_behind(places).tolist() == [True, False, is_seen]
+
+
 def test_where_another_scanner_looks_past_there_is_nothing():
     """A beam on the edge of a leg, half on the wall behind it, says something between."""
     group = ScannerGroup({"front": FRONT, "back": BACK}, EMPTY, KneeOptions())
