@@ -39,6 +39,7 @@ _LYING_M = 0.3  # from pelvis to head, in height: below, they lie
 class Errors:
     """The e misses and false positives of a run, by stamp."""
 
+    stamps_ns: NDArray[np.int64]  # (e,)
     xy: NDArray[np.float64]  # (e, 2) the missed person, or the track [m]
     cause: NDArray[np.str_]  # (e,) one of MISSES or FALSE_POSITIVES
     posture: NDArray[np.str_]  # (e,) of the missed person, one of POSTURES; "" for a track
@@ -71,7 +72,7 @@ def errors_by_cause(
     does not use.
     """
     rows = _TruthRows(truth, unused)
-    found: list[tuple[NDArray[np.float64], str, str]] = []
+    found: list[tuple[int, NDArray[np.float64], str, str]] = []
     followed: set[int] = set()  # matched since they entered the area
     last_person: dict[int, int] = {}
     for frame, pairs in zip(judged, matches, strict=True):
@@ -83,7 +84,7 @@ def errors_by_cause(
         for row in _others(len(people), pairs.rows):
             sight, posture = rows.at(people[row], frame.stamp_ns)
             started = "seen" if people[row] in followed else "start_up"
-            found.append((frame.person_xy[row], started if sight == "seen" else sight, posture))
+            found.append((frame.stamp_ns, frame.person_xy[row], started if sight == "seen" else sight, posture))
         for column in _others(len(tracks), pairs.columns):
             doubled = bool(frame.distances_m[:, column].min(initial=np.inf) <= gate_m)
             cause = "double" if doubled else "clutter"
@@ -91,9 +92,10 @@ def errors_by_cause(
                 person = last_person.get(tracks[column])
                 hidden = person is not None and rows.at(person, frame.stamp_ns)[0] == "unseen"
                 cause = "ghost_unseen" if hidden else "ghost"
-            found.append((frame.track_xy[column], cause, ""))
-    places, causes, postures = zip(*found, strict=True) if found else ((), (), ())
+            found.append((frame.stamp_ns, frame.track_xy[column], cause, ""))
+    stamps, places, causes, postures = zip(*found, strict=True) if found else ((), (), (), ())
     return Errors(
+        np.array(stamps, dtype=np.int64),
         np.reshape(np.array(places, dtype=np.float64), (-1, 2)),
         np.array(causes, dtype=np.str_),
         np.array(postures, dtype=np.str_),
@@ -140,6 +142,11 @@ class PersonOcclusion:
     person_id: int
     start_s: float
     end_s: float
+
+    @property
+    def duration_s(self) -> float:
+        """Duration [s]."""
+        return self.end_s - self.start_s
 
 
 def long_occlusions(truth: TruthTable, sensors: Sequence[str], longer_than_s: float) -> tuple[PersonOcclusion, ...]:

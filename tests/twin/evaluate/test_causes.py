@@ -85,4 +85,4 @@ def test_without_sensors_in_the_truth_all_people_are_seen():
 def test_every_error_is_counted_once_at_any_gate(gate_m):
     there = truth(*[person((0.15 * k, 0)) for k in range(10)])
     evaluation = evaluate_with_details(there, tracks_of({7: still(0, 0, range(10))}, range(10)), gate_m)
-    assert evaluation.errors.cause.size == evaluation.misses.sum() + evaluation.false_positives.sum() > 0
+    assert evaluation.errors.stamps_ns.size == evaluation.misses.sum() + evaluation.false_positives.sum() > 0

@@ -28,7 +28,7 @@ def hidden_between(first: int, last: int, n_frame: int = 40) -> TruthTable:
 def test_an_occlusion_lasts_from_its_first_frame_to_its_last() -> None:
     found = long_occlusions(hidden_between(5, 21), ("waist", "knee"), 1.5)
     assert found == (PersonOcclusion(1, 0.5, 2.1),)
-    assert found[0].end_s - found[0].start_s == pytest.approx(1.6)
+    assert found[0].duration_s == pytest.approx(1.6)
 
 
 def test_as_long_as_tracks_coast_is_not_longer() -> None:
