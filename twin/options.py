@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -29,24 +28,26 @@ def number(option: str, help_: str, *, metavar: str, least: float | None = None)
     """Declare an option that takes a finite number, as files do: no blanks, underscores or other digits than 0 to 9."""
     expected = "a number" if least is None else f"a number of {least:g} or more"
 
+    def is_valid(value: float) -> bool:
+        return least is None or value >= least
+
     def parse(text: Any) -> float:
         value = parse_number(text) if isinstance(text, str) else text
-        if value is None or (least is not None and value < least):
-            raise WrongNumber(f"{option} {text}: {_meant(text, least)}{expected} is expected")
+        if value is None or not is_valid(value):
+            raise WrongNumber(f"{option} {text}: {_meant(text, is_valid)}{expected} is expected")
         return float(value)
 
     return typer.Option(option, metavar=metavar, help=help_, parser=parse)
 
 
-def _meant(text: str, least: float | None) -> str:
-    """Return a hint where a text is a number to Python alone, as 1_0 and 010 are, or a whole one with a fraction of 0."""
+def _meant(text: Any, is_valid: Callable[[float], bool]) -> str:
+    """Return a hint where a text is a valid number to Python alone, as 1_0 and 010 are, or a whole one with a fraction of 0."""
     try:
-        value = float(text)
+        plain = f"{float(text):.15g}"
     except ValueError:
         return ""
-    plain = f"{value:.15g}"
-    is_valid = isfinite(value) and (least is None or value >= least)
-    return f"did you mean {plain}? " if is_valid and plain != text else ""
+    value = parse_number(plain)
+    return f"did you mean {plain}? " if value is not None and plain != text and is_valid(value) else ""
 
 
 def whole_number(
@@ -54,14 +55,16 @@ def whole_number(
 ) -> Any:
     """Declare an option that takes a whole number in digits, from `least` to `most`."""
 
+    def is_valid(value: float) -> bool:
+        return isinstance(value, int) and least <= value <= most
+
     def parse(text: Any) -> int:
         value = parse_number(text) if isinstance(text, str) else text
-        if isinstance(value, int) and least <= value <= most:
+        if isinstance(value, int) and is_valid(value):
             return value
         is_large = isinstance(value, int) and value > most
         valid = f"from {least} to {most}" if is_large or most < _MOST_WHOLE else f"of {least} or more"
-        meant = "" if isinstance(value, int) else _meant(text, least)
-        raise WrongNumber(f"{option} {text}: {meant}a whole number {valid} is expected")
+        raise WrongNumber(f"{option} {text}: {_meant(text, is_valid)}a whole number {valid} is expected")
 
     return typer.Option(option, metavar=metavar, help=help_, parser=parse, hidden=hidden)
 
