@@ -223,7 +223,7 @@ def test_workers_at_work_are_never_taken_for_gone(address: str) -> None:
 
 
 def test_a_scheduler_that_is_gone_is_told_in_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("trackers.scheduler._CONNECT_S", 0.5)
+    monkeypatch.setattr("trackers.scheduler._CONNECT_S", 3.0)  # to connect and, once it is gone, to give up
     with (
         LocalCluster(n_workers=1, processes=False, dashboard_address="127.0.0.1:0") as theirs,
         open_cluster(scheduler=theirs.scheduler_address) as elsewhere,
