@@ -81,8 +81,7 @@ class Fusion(SynchronizedTracker):
             )
         main = rig.main if rig.main in used else None
         prior, rig = Prior.of(background), rig.model_copy(update={"sensors": used, "main": main})
-        self._main = rig.main_sensor
-        empty_room = list(prior)
+        self._main, empty_room = rig.main_sensor, list(prior)
         self._imm = Imm(PersonMotion())
         self._manager = FusionTrackManager(self.options, rig.area, self._imm)
         area = self._manager.area
@@ -92,21 +91,20 @@ class Fusion(SynchronizedTracker):
         self._sources: list[Source] = [*self._scanners, *cameras, *floors]
         alone = len(self._scanners)
         self._groups = [*([k] for k in range(alone)), list(range(alone, alone + len(cameras)))]
-        self._groups += [[k] for k in range(alone + len(cameras), len(self._sources))]
-        """Numbers of the sources that are associated at once, in the order in which they are looked at."""
+        self._groups += [[k] for k in range(alone + len(cameras), len(self._sources))]  # associated at once, in turn
         self._weighing = HeadWeighing(load_head_model(prior.learned.get("heads", SHIPPED)), self.options.head)
         scanners = tuple(name for each in self._scanners for name in each.names)
         self.background_learned_causally = any(each.learns_background for each in self._sources)
-        super().__init__(
-            SyncPolicy(tuple(rig.sensors), main=self._main, joined=scanners, max_wait_s=self.options.max_wait_s)
-        )
+        policy = SyncPolicy(tuple(rig.sensors), main=self._main, joined=scanners, max_wait_s=self.options.max_wait_s)
+        super().__init__(policy)
         self._sees_waists = bool(self._scanners) and self._scanners[0].role == "waist"
         no_track, n_colour = self._imm.start(np.empty((0, 2))), cameras[0].camera.n_colour if cameras else 1
         self._people = People.started(no_track, np.empty((0, 2)), 0, n_colour, len(self._sources))
         self._ns: int | None = None
         self._looked_ns: dict[int, int] = {}
         self._main_ns: list[int] = []
-        self._reported_ns: int | None = None
+        self._reported_ns = self._first_ns = 0
+        self._stand_ins = frozenset[str]()  # of the first frame of others
         self._detections: list[Detection] = []
         self._agreement = Agreement([each.names for each in self._sources])
         self._doubted = self._agreement.doubted
@@ -157,16 +155,20 @@ class Fusion(SynchronizedTracker):
         if main in synced.observations or main in synced.repeated:
             self._main_ns = [*self._main_ns[-4:], ns]
             return True
-        if len(self._main_ns) < 3 or self._reported_ns is None:
-            return not self._main_ns and self._silent_from_the_start(ns)
+        if len(self._main_ns) < 3:
+            return self._stands_in(synced)
         period_ns = float(np.median(np.diff(self._main_ns)))
         is_turn = ns - max(self._main_ns[-1], self._reported_ns) >= _NEAR_TURN * period_ns
         return is_turn and not any(ns < each <= ns + (1 - _NEAR_TURN) * period_ns for each in coming_ns)
 
-    def _silent_from_the_start(self, ns: int) -> bool:
-        """Tell whether the main sensor has not reported for a second from the first observation on."""
-        self._reported_ns = ns if self._reported_ns is None else self._reported_ns
-        return ns - self._reported_ns > NS_PER_S
+    def _stands_in(self, synced: SyncedFrame) -> bool:
+        """Tell whether a frame of others is reported as the main sensor has been silent for a second from its first frames on."""
+        if not self._stand_ins:
+            self._stand_ins, self._first_ns = frozenset(synced.observations), synced.ns
+        known_ns = [self._first_ns, *self._main_ns]
+        if self._stand_ins.isdisjoint(synced.observations):  # they may be silent too
+            known_ns.append(self._reported_ns)
+        return synced.ns - max(known_ns) > NS_PER_S
 
     def _work(self, synced: SyncedFrame) -> None:
         self._predict(synced.ns)

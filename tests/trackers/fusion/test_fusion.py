@@ -88,12 +88,15 @@ def test_a_camera_shows_heads_and_scanners_alone_do_not() -> None:
     assert all(np.isnan(each.head_z) for each in frames_of(*subset("laser", "waist"))[-1].tracks)
 
 
-def test_frames_go_on_at_other_sensors_stamps_while_the_main_one_is_silent() -> None:
+@pytest.mark.parametrize(("from_s", "to_s"), [(0.8, 1.6), (-0.1, np.inf), (0.05, np.inf), (0.15, np.inf)])
+def test_frames_go_on_at_other_sensors_stamps_while_the_main_one_is_silent(from_s: float, to_s: float) -> None:
+    """From the start, or after a scan or two, it is waited for for a second."""
     on, empty, seen = subset("laser", "waist+knee")
     start = seen[0].t
-    silent = [each for each in seen if each.sensor == "knee" or not 0.8 < each.t - start < 1.6]
-    stamps = np.array([frame.stamp_ns for frame in frames_of(on, empty, silent)]) * 1e-9
-    assert np.diff(stamps).max() < 0.35
+    silent = [each for each in seen if each.sensor == "knee" or not from_s < each.t - start < to_s]
+    stamps = np.array([start, *(frame.stamp_ns * 1e-9 for frame in frames_of(on, empty, silent))])
+    assert np.diff(stamps[stamps - start > (0.0 if np.isfinite(to_s) else 1.0)]).max() < 0.35
+    assert stamps[-1] > seen[-1].t - 0.35
 
 
 def test_a_camera_that_hangs_elsewhere_is_named() -> None:
