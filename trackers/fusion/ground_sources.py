@@ -22,7 +22,7 @@ from trackers.fusion.motion import LEGS, PLACE
 from trackers.fusion.options import FusionOptions, KindOptions
 from trackers.fusion.posture import FLOOR_SHOWN, LEGS_SHOWN, TRUNK_SHOWN
 from trackers.laser.group import ScannerGroup, scanners_by_role
-from trackers.laser.layer import NO_RETURN_SHARE, KneeOptions, LayerOptions, WaistOptions
+from trackers.laser.layer import KneeOptions, LayerOptions, WaistOptions
 from trackers.likelihood.floor import FloorClusterOptions, FloorFrontEnd
 from trackers.likelihood.legs import LegOptions, legs_ahead_m, may_be_new, pair_legs
 from trackers.observations import FloorFrame, LaserScan, Observation
@@ -107,8 +107,9 @@ class Scanners:
             owner = np.where(single & starts, NEW, np.where(single, walkers.owner, -1))
             # with scanners at waist height, one leg alone is half of what shows a person: they miss the trunk, or are hidden
             evidence = np.where(single & (self._waists is not None), 0.5, 1.0)
-        behind = self._group.seen_behind(position) if self._group.is_learning else np.ones(len(position), np.bool_)
-        sure, evidence = (n_sample >= _SURE_SAMPLES) & behind, np.where(behind, evidence, NO_RETURN_SHARE * evidence)
+        sure = n_sample >= _SURE_SAMPLES
+        if self._group.is_learning:
+            sure &= self._group.seen_behind(position)
         return Look(
             tuple(scans),
             self._kind,
