@@ -39,6 +39,8 @@ _KNOWS_NOTHING = 0.1
 """Information of a place from which on a picture tells something of it [1/m²]."""
 _PASSES, _LEAST_ESS = 3, 12.0
 """A likelihood is taken in at most so many parts, such that as many points count in each."""
+_LEAST_FREE = 1e-3
+"""Probability at least that a place where another's head is expected is free."""
 _LEAST_SHOWN = 0.4
 """Share of foreground in an ellipse times that of background over it, from which a head is seen."""
 _TURNS_RAD2_S = 0.6
@@ -109,15 +111,17 @@ class HeadWeighing:
         if not row.size:
             return heads, row, mean, C
         showing, left, before = outlined[:, row], share[row].copy(), (mean, C)
+        others = np.flatnonzero(in_view.any(axis=0))
         some = heads.select(row)
         tables = some.colours.expected(self._model.common).tables
         for number in range(_PASSES):
             root = np.linalg.cholesky(C + 1e-10 * np.eye(3))
             places = mean[:, None] + self._z @ root.transpose(0, 2, 1)
-            log, sees = self._weighed(places, some.direction[0], tables, views)
+            free = log_free(places, row, others, expected, covariance)
+            log, sees = self._weighed(places, free, some.direction[0], tables, views)
             if number == 0:
                 showing = showing & sees
-            log = (log * showing[..., None]).sum(axis=0)
+            log = (log * showing[..., None]).sum(axis=0) + free
             power = 1.0 if number == _PASSES - 1 else _tempered(log * left[:, None])
             weight = _normalized(log * (left * power)[:, None])
             left = left * (1 - power)
@@ -139,11 +143,15 @@ class HeadWeighing:
     def _weighed(
         self,
         places: Float[Array, "k p 3"],
+        free: Float[Array, "k p"],
         direction: Float[Array, "k"],
         tables: Float[Singles, "k entries"],
         views: Sequence[Camera],
     ) -> tuple[Float[Array, "c k p"], Bool[Mask, "c k"]]:
-        """Weigh places of each head [m] by each picture: log-likelihoods, and which pictures show which head."""
+        """Weigh places of each head [m] by each picture: log-likelihoods, and which pictures show which head.
+
+        free: log-probability that no other head is there.
+        """
         asked = np.empty((4, len(views), *places.shape[:2]), np.float32)
         asked[:3], asked[3] = places.transpose(2, 0, 1)[:, None], direction[:, None]
         found = self._heads(views).log_likelihood([each.picture for each in views], asked, tables)
@@ -152,7 +160,7 @@ class HeadWeighing:
             for name in ("colour", "depth", "p_detect", "seen")
         )
         log: Array = (colour + depth).astype(np.float64)
-        sees = (_normalized(log) * p_detect).sum(axis=2) >= _LEAST_SHOWN
+        sees = (_normalized(log + free) * p_detect).sum(axis=2) >= _LEAST_SHOWN
         return log, sees & seen.all(axis=2)
 
     def _heads(self, views: Sequence[Camera]) -> StereoHeads:
@@ -189,6 +197,25 @@ class HeadWeighing:
         person, step, colour = np.concatenate(found, axis=1)
         seen = seen.changed(colours=seen.colours.learned(person, step, colour, common))
         return heads.replaced(row, seen)
+
+
+def log_free(
+    places: Float[Array, "k p 3"],
+    row: Int[Index, "k"],
+    others: Int[Index, "o"],
+    expected: Float[Array, "n 3"],
+    covariance: Float[Array, "n 3 3"],
+) -> Float[Array, "k p"]:
+    """Return ln of the probability that the head of none of the others is where one is sought: a place is one person's.
+
+    As an interaction of targets of a Markov random field (Khan, Balch and Dellaert 2005), with what is expected of the others.
+    """
+    P = covariance[others, :2, :2] + (_SAME_M / 2) ** 2 * np.eye(2)
+    off = places[:, :, None, :2] - expected[others, :2]
+    square = np.einsum("kpoa,oab,kpob->kpo", off, np.linalg.inv(P), off)
+    taken = (_SAME_M / 2) ** 2 / np.sqrt(np.linalg.det(P)) * np.exp(-0.5 * square)
+    taken = np.where(others == row[:, None, None], 0.0, taken)
+    return np.log1p(-np.minimum(taken, 1 - _LEAST_FREE)).sum(axis=2)
 
 
 def _tempered(log: Float[Array, "k p"]) -> Float[Array, "k"]:

@@ -20,7 +20,7 @@ from trackers.errors import InputError
 from trackers.feeding import track_frames
 from trackers.filters.imm import Imm
 from trackers.fusion.association import pair
-from trackers.fusion.heads import sights_of_one, unit_points
+from trackers.fusion.heads import log_free, sights_of_one, unit_points
 from trackers.fusion.look import Look
 from trackers.fusion.motion import HEAD, LEGS, PersonMotion
 from trackers.fusion.options import FusionOptions
@@ -247,6 +247,25 @@ def test_a_head_moves_its_body_in_the_share_of_their_variances() -> None:
     people = People.started(imm.update(state, np.array([0]), head, 1e-9 * np.eye(3)[None], HEAD), head[:, :2], 0, 1, 1)
     np.testing.assert_allclose(people.positions, [[0.04, 0.0]], atol=1e-6)
     np.testing.assert_allclose(people.head, head, atol=1e-6)
+
+
+@pytest.mark.parametrize("sigma_m", [0.03, 0.1, 0.3, 1.0])
+def test_the_place_of_one_head_is_no_others_the_surer_the_less(sigma_m: float) -> None:
+    expected = np.array([[0.0, 0.0, 1.7], [1.0, 0.0, 1.6], [1.2, 0.2, 1.7]])
+    covariance = np.stack([np.eye(3) * each**2 for each in (0.5, sigma_m, sigma_m)])
+    sought, others = np.array([0]), np.array([0, 1])  # of the third head nothing is asked
+    places = np.stack([[[x, 0.0, z] for x in (-2.0, 0.0, 1.0, 4.0)] for z in (1.6, 1.7)]).reshape(1, 8, 3)
+    free = np.exp(log_free(places, sought, others, expected, covariance)).reshape(2, 4)
+    np.testing.assert_array_equal(free[0], free[1])  # whatever the height: nobody stands on another
+    assert 1e-3 <= free[0, 2] == free.min() and free[0, 2] == pytest.approx(
+        sigma_m**2 / (sigma_m**2 + 0.09**2), abs=1e-3
+    )
+    assert free[0, [0, 3]] == pytest.approx(1.0, abs=1e-2)
+    surer = np.exp(log_free(places, sought, others, expected, covariance / 4)).reshape(2, 4)
+    assert surer[0, 2] < free[0, 2]
+    np.testing.assert_array_equal(
+        log_free(places, sought, sought, expected, covariance), 0.0
+    )  # nobody is in their own way
 
 
 def test_a_camera_without_distances_that_shows_a_head_alone_leaves_its_range_open() -> None:
