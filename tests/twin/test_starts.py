@@ -13,7 +13,8 @@ from typer.testing import CliRunner
 
 import twin
 from trackers.errors import InputError, PlugInError
-from trackers.presets import available, bibtex
+from trackers.paper_rules import bibtex
+from trackers.presets import available
 from twin.__main__ import other_trackers
 from twin.cli import app
 from twin.studies.spec import Study
@@ -214,7 +215,7 @@ def test_everything_that_is_listed_is_described() -> None:
 
 
 def test_bibtex_names_each_paper_once() -> None:
-    entries = bibtex(available())
+    entries = bibtex(each.citation for each in available().values())
     keys = re.findall(r"@misc\{([\w-]+),", entries)
     assert len(keys) == len(set(keys)) >= 5
     assert entries.count("{") == entries.count("}")
