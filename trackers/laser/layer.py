@@ -31,7 +31,7 @@ Layer = TypeVar("Layer", bound="LayerOptions")
 
 _NARROW_M, _BEHIND_M, _SURE = 0.06, 0.15, 0.9
 """Half the width of the narrowest object, distance behind it at which a beam has passed it [m]; a probability."""
-NO_RETURN_SHARE = 0.5
+_NO_RETURN_SHARE = 0.5
 """Share of what a beam that returns from behind tells of a place, that one without tells: dark clothes return nothing."""
 _ARM_HALF_DEPTH_M = 0.04
 """Half the thickness of an arm in a sleeve [m]."""
@@ -289,7 +289,7 @@ class LaserLayer:
             return 1 - seen
         ranges, hit, _ = returns(scan)
         returned = self._free_space.seen(replace(scan, ranges_m=np.where(hit, ranges, np.nan)), points)
-        return 1 - (NO_RETURN_SHARE * seen + (1 - NO_RETURN_SHARE) * returned)
+        return 1 - (_NO_RETURN_SHARE * seen + (1 - _NO_RETURN_SHARE) * returned)
 
     def seen_behind(self, points: Float[Array, "k 2"]) -> Bool[Mask, "k"]:
         """Select the room points [m] behind which most beams across a body know the room, or have measured something."""

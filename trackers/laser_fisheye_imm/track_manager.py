@@ -60,8 +60,7 @@ class ImmTrackManager(TrackManager):
             new = known | self.to_confirm(people.roster, ns, step_ns, max(rules.confirm_s, rules.confirm_open_s))
         old, again = self._re_identified(people, new.nonzero()[0], ns)  # who stands still may be a hidden person
         moved = people.positions - people.born_at
-        new &= known | (np.hypot(moved[:, 0], moved[:, 1]) >= rules.confirm_moved_m)
-        new = np.delete(new, again)
+        new = np.delete(new & (known | (np.hypot(moved[:, 0], moved[:, 1]) >= rules.confirm_moved_m)), again)
         people = people.continued(old, again)
         return people.changed(roster=self.confirm(people.roster, new))
 
