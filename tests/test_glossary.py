@@ -94,6 +94,62 @@ def test_names_are_the_words_of_the_field(package: str) -> None:
     assert not found, "\n".join(found)
 
 
+ONE_MEANING = {
+    "association": "detections to tracks of a system",
+    "check": "what a plug-in breaks: trackers, sensors",
+    "crowd": "movement among others; the folder's core",
+    "environment": "model of the empty room; the twin's scan of it",
+    "floor": "the pressure floor: as simulated, as evidence",
+    "gait": "how a body walks; the reproduction of published gait",
+    "laser": "laser scanners: as simulated, as tracked by",
+    "legs": "legs in a scanner's plane: found, and as evidence",
+    "options": "options of a tracking system",
+    "page": "an HTML page: of a run, a study, a suite",
+    "plots": "plots of a page",
+    "posture": "standing, sitting, lying: as simulated, as estimated",
+    "preflight": "checks before the first case",
+    "reproduction": "a paper's reproduction",
+    "results": "results of a batch, by group or row",
+    "rules": "a paper's rules, and ours",
+    "run": "runs a batch or a command from start to end",
+    "runs": "runs of a reproduction, read from its suite",
+    "scenario": "description of a run; the folder's core",
+    "situations": "situations of several people: true, and estimated",
+    "spec": "what a YAML file of a batch describes",
+    "store": "results case by case, that outlive a killed run",
+    "tables": "tables of text that are read and written",
+    "track_manager": "initiation, existence and deletion of tracks",
+    "tracker": "a system's tracker",
+    "view": "the window of a room; its command",
+    "visibility": "people and floor in a sensor's view: truth, studies",
+    "worker": "evaluates one case in a process of its own",
+    "world": "the simulated room; the folder's core",
+}
+"""Names that several modules or folders have, each with its one meaning. Systems and their reproductions have equal names."""
+
+
+def test_a_name_of_modules_has_one_meaning() -> None:
+    homes: dict[str, set[Path]] = {}
+    for path in SOURCES:
+        if path.relative_to(ROOT).parts[0] != "scripts":
+            homes.setdefault((path.parent if path.stem == "__init__" else path).stem, set()).add(path)
+    systems = {path.name for path in (ROOT / "twin" / "reproduce").iterdir()} - {"gait"}
+    shared = {name: sorted(map(str, paths)) for name, paths in homes.items() if len(paths) > 1 and name not in systems}
+    undecided = {name: paths for name, paths in shared.items() if name not in ONE_MEANING and name != "__main__"}
+    assert undecided == {}, "give one of them another name, or write the meaning that they share"
+    assert ONE_MEANING.keys() <= shared.keys()
+
+
+def test_a_name_of_classes_has_one_meaning() -> None:
+    homes: dict[str, list[str]] = {}
+    for path in SOURCES:
+        if path.relative_to(ROOT).parts[0] != "scripts":
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.ClassDef):
+                    homes.setdefault(node.name.strip("_"), []).append(f"{path.relative_to(ROOT)}:{node.lineno}")
+    assert {name: places for name, places in homes.items() if len(places) > 1} == {}
+
+
 def test_docstrings_say_what_is_done_or_what_a_thing_is() -> None:
     """No docstring begins with a question word: functions begin with a verb, things with a noun."""
     asked = re.compile(r'"""(?:What|Whether|Where|How|Who|Whom|Whose|Why|When)\b')

@@ -73,7 +73,7 @@ def test_every_budget_is_refused_by_the_rule() -> None:
 
 def test_only_the_rule_says_how_limits_are_lifted() -> None:
     said = {path.relative_to(ROOT).as_posix() for path in MODULES if "--no-limits" in path.read_text(encoding="utf-8")}
-    assert said == {"trackers/text_file.py", "trackers/plain_data.py", "twin/options.py"}
+    assert said == {"trackers/text_file.py", "trackers/plain_data.py", "twin/command_options.py"}
 
 
 def test_the_rule_is_lifted_by_the_variable_alone(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -239,7 +239,7 @@ _BY_FILE = {
             "n >= _LEAST and 2 * n_changed >= n or self._noisy.get(sensor, False)",
         ),
     ],
-    "trackers/laser_vision_learning/walking.py": [
+    "trackers/laser_vision_learning/walking_model.py": [
         ("two strides for one", "WalkingModel.move", "2 * options.step", "options.step"),
         (
             "both legs on one side",
@@ -327,7 +327,7 @@ _BY_FILE = {
         ("rotation transposed", "PlacedCamera.rays", "_A.T", "_A"),
         ("turned the wrong way", "Ellipsoids.upright", "_A - _B", "_B - _A"),
     ],
-    "trackers/camera_floor_particle/body.py": [
+    "trackers/camera_floor_particle/body_filter.py": [
         ("memory of the velocity inverted", "smoothed", "_A * _B + (1 - _A) * _C / _D", "(1 - _A) * _B + _A * _C / _D"),
         ("unlikeliest stays", "excluded", "-_A", "_A"),
     ],

@@ -19,8 +19,8 @@ from benchmarks.figure import Figure, median_ratio
 from trackers.rig import StereoSensor
 from twin.instant.snapshot import Snapshot
 from twin.scenario import load_scenario
-from twin.scenario.cameras import PinholeDescription
-from twin.scenario.sensors import SensorDescription, build_sensor
+from twin.scenario.camera_descriptions import PinholeDescription
+from twin.scenario.sensor_descriptions import SensorDescription, build_sensor
 from twin.sensors.camera import CAMERA_NOISE
 from twin.sensors.fisheye import Fisheye
 from twin.sensors.layers import Noisy

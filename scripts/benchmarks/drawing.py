@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from twin.scenario import load_scenario
-from twin.scenario.sensors import SensorDescription, build_sensor
+from twin.scenario.sensor_descriptions import SensorDescription, build_sensor
 from twin.sensors.render import RendererOnDemand
 from twin.world.world import World
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.figure import Figure, median_ratio
 from twin.scenario import load_scenario
-from twin.scenario.sensors import build_sensor
+from twin.scenario.sensor_descriptions import build_sensor
 from twin.sensors.fault_kinds import BlockedSector, DeadBeams, Fault, LensOcclusion
 from twin.sensors.laser_noise import LASER_NOISE
 from twin.sensors.layers import with_faults

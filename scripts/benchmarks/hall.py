@@ -16,8 +16,8 @@ from benchmarks.timed import timed
 from twin.people.crowd.routes import Routes
 from twin.people.population import Population
 from twin.scenario import load_scenario
-from twin.truth.frames import TruthFrame
 from twin.truth.situations import INTERACTION_M
+from twin.truth.truth_types import TruthFrame
 from twin.world.simulation import Simulation
 
 _FROM_S, _TO_S = 40.0, 54.0

@@ -32,7 +32,7 @@ from trackers.tracks import TrackFrame
 from twin import Simulation
 from twin.evaluate.summary import ospa
 from twin.scenario import load_scenario
-from twin.truth.frames import TruthFrame
+from twin.truth.truth_types import TruthFrame
 
 Truth = Mapping[int, np.ndarray]
 """Positions (n, 2) [m] of the people by stamp [ns]."""

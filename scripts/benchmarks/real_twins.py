@@ -34,7 +34,7 @@ from trackers.presets import make_tracker
 from trackers.rig import LaserSensor, Rig
 from twin import Simulation
 from twin.scenario import Scenario
-from twin.truth.frames import TruthFrame
+from twin.truth.truth_types import TruthFrame
 
 TRACKERS = ("sort", "laser-kalman", "laser-imm", "laser-vision-learning-laser", "laser-legs", "fusion")
 TAUGHT_BY_TWINS = ("laser-legs",)

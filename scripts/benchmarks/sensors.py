@@ -13,7 +13,7 @@ from benchmarks.cameras import Bare
 from benchmarks.figure import Figure, median_ratio
 from twin.instant.snapshot import RAY_GROUPS
 from twin.scenario import load_scenario
-from twin.scenario.sensors import build_sensor
+from twin.scenario.sensor_descriptions import build_sensor
 from twin.sensors.fisheye import Fisheye
 from twin.sensors.laser import Laser
 from twin.sensors.layers import Noisy

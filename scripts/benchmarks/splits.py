@@ -13,7 +13,7 @@ from trackers.laser_vision_learning.looks import LooksOptions
 from twin.reproduce.laser_vision_learning.splits import VARIANTS, SplitDecision, decide, near_identical_clothes
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
-from twin.truth.frames import SituationKind
+from twin.truth.truth_types import SituationKind
 
 _SCENARIO, _DURATION_S = "library-hall-busy", 100
 _FRESH, _DEVELOPMENT = (2100, 2101), (1003,)

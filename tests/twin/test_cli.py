@@ -23,8 +23,8 @@ from command_line import twin
 from trackers.errors import InputError
 from trackers.former_options import members_of
 from twin import cli
+from twin.command_options import WrongNumber
 from twin.commands.memory import describe_lack
-from twin.options import WrongNumber
 from twin.recording import bag_files
 from twin.recording.tables import read_truth
 from twin.scenario import load_scenario

@@ -167,7 +167,7 @@ def test_check_of_a_rig(here: Path) -> None:
 def test_check_of_a_sensor(here: Path) -> None:
     Path("own_sensor.py").write_text(
         "from twin.scenario import load_scenario\n"
-        "from twin.scenario.sensors import build_sensor\n"
+        "from twin.scenario.sensor_descriptions import build_sensor\n"
         "def make():\n"
         "    return build_sensor('waist', load_scenario('lab-five-people').sensors['waist'], lambda: None)\n"
     )

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackers.arrays import Array, Bool, Float, Mask
-from trackers.camera_floor_particle import body
-from trackers.camera_floor_particle.body import PAN_BINS, BodyTracks
+from trackers.camera_floor_particle import body_filter
+from trackers.camera_floor_particle.body_filter import PAN_BINS, BodyTracks
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
 from trackers.camera_floor_particle.pan import GRID, around, unit
 from trackers.cameras.placed import through_people
@@ -108,15 +108,15 @@ class Initiation:
         options = self._options
         if len(hull):
             skull = _skull(hull, views)
-            top_m = float(skull[2]) + body.CROWN_M
+            top_m = float(skull[2]) + body_filter.CROWN_M
             middle = np.append((place + skull[:2]) / 2, _PELVIS * top_m)
         else:
             top_m = _UNKNOWN_HEIGHT_M
-            middle, skull = np.append(place, _PELVIS * top_m), np.append(place, top_m - body.CROWN_M)
+            middle, skull = np.append(place, _PELVIS * top_m), np.append(place, top_m - body_filter.CROWN_M)
         clothes = self._clothes(middle[:, None], views)
         pan, skin, hair = self._face(skull[:, None], views)
         return BodyTracks(
-            roster=Roster.started(body.started(middle[None], options.body.particles, rng), ns),
+            roster=Roster.started(body_filter.started(middle[None], options.body.particles, rng), ns),
             head=self._heads(np.append(skull, pan), rng),
             place=middle[None],
             velocity=np.zeros((1, 3)),
@@ -144,7 +144,7 @@ class Initiation:
             others = people.select(np.arange(len(people)) != row)
             hull, _ = hull_over(people.place[row, :2], views, others)
             one = people.select(np.array([row])).changed(slid_s=np.zeros(1))
-            if len(hull) and np.linalg.norm((skull := _skull(hull, views)) - one.head_place[0]) > body.CROWN_M:
+            if len(hull) and np.linalg.norm((skull := _skull(hull, views)) - one.head_place[0]) > body_filter.CROWN_M:
                 pan, skin, hair = self._face(skull[:, None], views)
                 one = one.changed(
                     head=self._heads(np.append(skull, pan), rng),
@@ -154,7 +154,7 @@ class Initiation:
                     facing=_facing(pan, skin)[None],
                     hair=hair[None],
                     pan_known=np.array([skin > _LEAST_SKIN]),
-                    height_m=np.maximum(one.height_m, skull[2] + body.CROWN_M),
+                    height_m=np.maximum(one.height_m, skull[2] + body_filter.CROWN_M),
                 )
             people = people.replaced(np.array([row]), one)
         return people
@@ -201,7 +201,7 @@ def _skull(hull: Float[Array, "k 3"], views: Views) -> Float[Array, "3"]:
     top_m = float(heights[n_point >= _LEAST_AT_TOP].max(initial=heights[0])) + 0.5 * _LAYER_M
     crown = hull[hull[:, 2] > top_m - _HEAD_M]
     n_shown = views.look(crown.T).on_foreground.sum(axis=0)
-    return np.append(crown[n_shown == n_shown.max(), :2].mean(axis=0), top_m - body.CROWN_M)
+    return np.append(crown[n_shown == n_shown.max(), :2].mean(axis=0), top_m - body_filter.CROWN_M)
 
 
 def _facing(pan: float, skin: float) -> Float[Array, "steps"]:
@@ -224,7 +224,7 @@ def hull_over(
     of_person = maybe
     if people is not None and len(people):
         meets, _ = through_people(
-            views.eyes_m, points, people.place[:, :2], _BODY_M, people.head_place[:, 2] + body.CROWN_M
+            views.eyes_m, points, people.place[:, :2], _BODY_M, people.head_place[:, 2] + body_filter.CROWN_M
         )
         of_person = _carved(look.seen & ~meets.any(axis=-1), look.on_foreground)
     hull = points[of_person]

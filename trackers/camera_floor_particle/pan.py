@@ -14,7 +14,7 @@ import numpy as np
 
 from trackers.area import Area
 from trackers.arrays import AnyArray, Array, Bool, Complex, Float, Index, Int, Mask
-from trackers.camera_floor_particle.body import FILTER, PAN_BINS, BodyTracks, in_room, redrawn, smoothed, spread
+from trackers.camera_floor_particle.body_filter import FILTER, PAN_BINS, BodyTracks, in_room, redrawn, smoothed, spread
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions, FacingOptions, HeadOptions
 from trackers.filters.circular import circular_mean, diffused, drawn, grid_of, mean_direction
 from trackers.filters.particle import Cloud, LikelihoodStage, MixtureProposal, cascade

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackers.arrays import Bool, Mask
-from trackers.camera_floor_particle.body import CROWN_M, BodyFilter, BodyTracks
+from trackers.camera_floor_particle.body_filter import CROWN_M, BodyFilter, BodyTracks
 from trackers.camera_floor_particle.initiation import Initiation, hull_over
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
 from trackers.camera_floor_particle.pan import HeadFilter, unit

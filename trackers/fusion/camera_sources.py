@@ -11,11 +11,11 @@ from trackers.area import Area
 from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.environment import Environment
 from trackers.filters.gating import distances
-from trackers.fusion.cameras import Camera, hidden
 from trackers.fusion.look import Expected, Look, detections_of, round_covariance
-from trackers.fusion.motion import HEAD_PLACE, OUTLINE
 from trackers.fusion.options import FusionOptions, KindOptions
+from trackers.fusion.person_state import HEAD_PLACE, OUTLINE
 from trackers.fusion.posture import DEPTH_SHOWN, SILHOUETTE_SHOWN, Shares
+from trackers.fusion.shown_places import Camera, hidden
 from trackers.observations import DepthImage, Image, Observation
 from trackers.rig import Rig
 from trackers.tracking.track_manager import clear_of

@@ -18,8 +18,8 @@ from trackers.area import Area
 from trackers.arrays import Array, Bool, Float, Mask
 from trackers.filters.gating import distances
 from trackers.fusion.look import APART_M, NEW, Expected, Look, detections_of, round_covariance
-from trackers.fusion.motion import LEGS, PLACE
 from trackers.fusion.options import FusionOptions, KindOptions
+from trackers.fusion.person_state import LEGS, PLACE
 from trackers.fusion.posture import FLOOR_SHOWN, LEGS_SHOWN, TRUNK_SHOWN
 from trackers.laser.group import ScannerGroup, scanners_by_role
 from trackers.laser.layer import KneeOptions, LayerOptions, WaistOptions

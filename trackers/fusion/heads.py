@@ -21,8 +21,8 @@ import numpy as np
 from trackers.arrays import Array, Bool, Float, Index, Int, Mask, Singles
 from trackers.filters.gating import distances
 from trackers.filters.rows import Rows, written
-from trackers.fusion.cameras import Camera
 from trackers.fusion.options import HeadEvidenceOptions
+from trackers.fusion.shown_places import Camera
 from trackers.likelihood.stereo_head import StereoHeadOptions, StereoHeads
 from trackers.tracking.roster import NEVER_NS
 from trackers.vision.head_colours import HeadColours, HeadModel

@@ -13,7 +13,7 @@ from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.filters.gating import distances, max_weight_assignment
 from trackers.filters.rows import written
 from trackers.fusion.options import ColourIdentityOptions
-from trackers.fusion.people import People
+from trackers.fusion.person_tracks import PersonTracks
 from trackers.observations import NS_PER_S
 from trackers.vision.histogram import chi_squared_distance
 
@@ -39,18 +39,18 @@ _PATIENCE_S = 5.0
 """Clothes, or the light, have changed after doubtful looks for so long [s]."""
 
 
-class Identities:
+class IdentityMemory:
     """Keeps who has left, and gives tracks the identities of the people whom they show."""
 
     def __init__(self, options: ColourIdentityOptions) -> None:
         self._options = options
-        self._left: People | None = None
+        self._left: PersonTracks | None = None
 
-    def remember(self, people: People, ns: int) -> None:
+    def remember(self, people: PersonTracks, ns: int) -> None:
         """Keep tracks that end at stamp ns, if they are confirmed and their clothes are known."""
         self._left = self._left_of(people, ns).joined(people.select(people.confirmed & people.clothes.known))
 
-    def recognized(self, people: People, new: Bool[Mask, "n"], ns: int) -> tuple[People, Bool[Mask, "n"]]:
+    def recognized(self, people: PersonTracks, new: Bool[Mask, "n"], ns: int) -> tuple[PersonTracks, Bool[Mask, "n"]]:
         """Let tracks that are about to be confirmed go on with the identities of the people whom they can be.
 
         Each takes that of the likeliest, by colours and by how far they are apart: a hidden track's covariance is how far its
@@ -77,7 +77,9 @@ class Identities:
         people = people.replaced(now, people.select(now).identified_as(identity))
         return people.select(stays), written(new, now, False)[stays]
 
-    def looked(self, people: People, row: Int[Index, "k"], histogram: Float[Array, "k bins"], ns: int) -> People:
+    def looked(
+        self, people: PersonTracks, row: Int[Index, "k"], histogram: Float[Array, "k bins"], ns: int
+    ) -> PersonTracks:
         """Return people after clear looks at the clothes of those at `row`, each with the identity that its looks tell."""
         clothes, options = people.clothes, self._options
         own = chi_squared_distance(clothes.reference[row], histogram).diagonal()
@@ -94,7 +96,7 @@ class Identities:
         )
         return self._changed_places(people, row, ns) if options.gate else people
 
-    def _changed_places(self, people: People, row: Int[Index, "k"], ns: int) -> People:
+    def _changed_places(self, people: PersonTracks, row: Int[Index, "k"], ns: int) -> PersonTracks:
         """Return people with the identities exchanged of the two tracks that say most clearly that they have changed people.
 
         The second may be of who has left; the identity of the first has then left in its place.
@@ -126,7 +128,7 @@ class Identities:
         self._left = left.replaced(departed, track)
         return people.replaced(first, track.identified_as(identity))
 
-    def _left_of(self, people: People, ns: int) -> People:
+    def _left_of(self, people: PersonTracks, ns: int) -> PersonTracks:
         """Return who has left lately enough, none at first."""
         if self._left is None:
             return people.select(np.zeros(len(people), np.bool_))
@@ -146,7 +148,7 @@ def _log_walked(
     return -0.5 * (distances(place, there) / sigma_m[:, None]) ** 2
 
 
-def _of_left(left: People, people: People, ns: int) -> Float[Array, "l n"]:
+def _of_left(left: PersonTracks, people: PersonTracks, ns: int) -> Float[Array, "l n"]:
     """Return the log-likelihood ratio of tracks as people who have left, against others; −∞ where colours tell nothing."""
     ratio = np.nan_to_num(_log_ratio(left.clothes.distance(people.clothes)), nan=-np.inf)
     return ratio + _log_walked(left.place, ns - left.roster.measured_ns, people.positions)

@@ -9,8 +9,8 @@ from typing import Protocol
 import numpy as np
 
 from trackers.arrays import Array, Bool, Float, Index, Int, Mask
-from trackers.fusion.motion import HEAD_PLACE, LEGS, OUTLINE, PLACE, crowns_over
 from trackers.fusion.options import KindOptions
+from trackers.fusion.person_state import HEAD_PLACE, LEGS, OUTLINE, PLACE, crowns_over
 from trackers.fusion.posture import ALIKE_S, Shares
 from trackers.observations import Observation
 from trackers.tracks import Detection

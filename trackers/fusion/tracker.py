@@ -27,14 +27,14 @@ from trackers.filters.rows import written
 from trackers.fusion.agreement import Agreement
 from trackers.fusion.association import Pairs, pair
 from trackers.fusion.camera_sources import CameraSource, cameras_of
-from trackers.fusion.cameras import Camera
 from trackers.fusion.ground_sources import FusedFloor, scanners_of
 from trackers.fusion.heads import HeadWeighing, own
 from trackers.fusion.look import Look, Source
-from trackers.fusion.motion import HEAD, PersonMotion, with_legs_free
 from trackers.fusion.options import FusionOptions
-from trackers.fusion.people import People
+from trackers.fusion.person_state import HEAD, PersonMotion, with_legs_free
+from trackers.fusion.person_tracks import PersonTracks
 from trackers.fusion.posture import LEGS_REST_M, Posture
+from trackers.fusion.shown_places import Camera
 from trackers.fusion.track_manager import FusionTrackManager
 from trackers.observations import NS_PER_S, Observation
 from trackers.prior import Prior
@@ -99,7 +99,7 @@ class Fusion(SynchronizedTracker):
         super().__init__(policy)
         self._sees_waists = bool(self._scanners) and self._scanners[0].role == "waist"
         no_track, n_colour = self._imm.start(np.empty((0, 2))), cameras[0].camera.n_colour if cameras else 1
-        self._people = People.started(no_track, np.empty((0, 2)), 0, n_colour, len(self._sources))
+        self._people = PersonTracks.started(no_track, np.empty((0, 2)), 0, n_colour, len(self._sources))
         self._ns: int | None = None
         self._looked_ns: dict[int, int] = {}
         self._main_ns: list[int] = []
@@ -223,7 +223,14 @@ class Fusion(SynchronizedTracker):
         self._people = self._manager.confirmed(people, ns, max(elapsed_s.values()))
 
     def _compare(
-        self, people: People, look: Look, pairs: Pairs, missed: Float[Array, "n"], share: float, number: int, ns: int
+        self,
+        people: PersonTracks,
+        look: Look,
+        pairs: Pairs,
+        missed: Float[Array, "n"],
+        share: float,
+        number: int,
+        ns: int,
     ) -> None:
         """Compare what a source measured with what the others did, and say once what contradicts them."""
         agreement, row, column = self._agreement, pairs.row, pairs.column
@@ -241,7 +248,7 @@ class Fusion(SynchronizedTracker):
         for sentence in agreement.found():
             logger.warning(sentence)
 
-    def _measured(self, people: People, paired: list[Pairs], looks: dict[int, Look], ns: int) -> People:
+    def _measured(self, people: PersonTracks, paired: list[Pairs], looks: dict[int, Look], ns: int) -> PersonTracks:
         """Update tracks by their measurements; those of one source that follow soon tell together what one tells."""
         fields = ("row", "log_ratio", "evidence")
         row, ratio, evidence = (np.concatenate([getattr(each, of) for each in paired]) for of in fields)
@@ -290,7 +297,7 @@ class Fusion(SynchronizedTracker):
             seen_at=seen_at,
         )
 
-    def _by_trunk(self, people: People, ns: int) -> Bool[Mask, "n"]:
+    def _by_trunk(self, people: PersonTracks, ns: int) -> Bool[Mask, "n"]:
         """Mark the people whose trunk was measured lately: their legs are near, wherever they were before."""
         if not self._sees_waists:
             return np.zeros(len(people), np.bool_)
@@ -298,7 +305,7 @@ class Fusion(SynchronizedTracker):
 
     def _by_legs(
         self,
-        people: People,
+        people: PersonTracks,
         posture: Posture,
         row: Int[Index, "p"],
         place: Float[Array, "p 2"],
@@ -314,7 +321,7 @@ class Fusion(SynchronizedTracker):
             variance_m2 = variance_m2 + people.covariance[row].trace(axis1=1, axis2=2) / 2
         return posture.by_legs(row[tells], (place - trunk)[tells], variance_m2[tells], since_s[tells])
 
-    def _by_pictures(self, people: People, cameras: list[Camera], ns: int) -> People:
+    def _by_pictures(self, people: PersonTracks, cameras: list[Camera], ns: int) -> PersonTracks:
         """Update heads by pictures, bodies by their heads, and colours."""
         if not cameras or not len(people):
             return people

@@ -54,7 +54,7 @@ _STANDS = 2
 
 
 @dataclass(frozen=True)
-class _Body:
+class _BodyPart:
     """Part of people that a layer shows: its word, its width [m], and the samples of its smallest cluster."""
 
     word: str
@@ -67,13 +67,13 @@ class _Body:
         return self.width_m / (self.least - 0.5)
 
 
-def _bodies() -> dict[Role, _Body]:
+def _bodies() -> dict[Role, _BodyPart]:
     waist, knee = WaistOptions(), KneeOptions()
     assert waist.body_width_m is not None
     assert knee.free_space.width_m is not None
     return {
-        "waist": _Body("trunk", waist.body_width_m, waist.cluster.min_samples),
-        "knee": _Body("leg", knee.free_space.width_m, knee.cluster.min_samples),
+        "waist": _BodyPart("trunk", waist.body_width_m, waist.cluster.min_samples),
+        "knee": _BodyPart("leg", knee.free_space.width_m, knee.cluster.min_samples),
     }
 
 
@@ -105,7 +105,7 @@ class _Tally:
 class _Scanner:
     """One scanner: its latest scan, and tallies of the places where its beams are too sparse, and too low or too high."""
 
-    def __init__(self, sensor: LaserSensor, body: _Body) -> None:
+    def __init__(self, sensor: LaserSensor, body: _BodyPart) -> None:
         pose = sensor.room_from_sensor
         self.base = sensor.mounted_on
         self.body = body

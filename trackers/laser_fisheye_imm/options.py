@@ -11,7 +11,7 @@ from trackers.configuration import Strict, described, leaves_of
 from trackers.filters.motion import AGILE, IMM_MODELS, MODE_STAYS, SINGLE_TURN, VelocityMotion
 from trackers.laser.grouping import STRIDE_M
 from trackers.laser.layer import KneeOptions, LayerOptions, ScannerOptions, WaistOptions
-from trackers.laser_fisheye_imm.people import PostureOptions
+from trackers.laser_fisheye_imm.laser_tracks import PostureOptions
 from trackers.likelihood.legs import BOTH_LEGS_M, LegOptions, TrunkOptions
 from trackers.rig import Role
 from trackers.tracking.track_manager import ReidentificationOptions, TrackManagementOptions

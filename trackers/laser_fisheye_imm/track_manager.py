@@ -16,8 +16,8 @@ from trackers.filters.negative_information import (
     update_missed,
 )
 from trackers.filters.rows import written
+from trackers.laser_fisheye_imm.laser_tracks import LaserTracks
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
-from trackers.laser_fisheye_imm.people import LaserTracks
 from trackers.likelihood.legs import PositionLikelihood
 from trackers.tracking.roster import Stage, associate
 from trackers.tracking.track_manager import TrackManager, clear_of, measured_now, nanoseconds, reachable

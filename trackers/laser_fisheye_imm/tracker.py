@@ -34,8 +34,8 @@ from trackers.filters.negative_information import miss_probability, radius_conta
 from trackers.filters.rows import written
 from trackers.laser_fisheye_imm.association import Association, Matches
 from trackers.laser_fisheye_imm.detection import Detector, Seen
+from trackers.laser_fisheye_imm.laser_tracks import LaserTracks
 from trackers.laser_fisheye_imm.options import START_SPEED_M_S, LaserFisheyeImmOptions
-from trackers.laser_fisheye_imm.people import LaserTracks
 from trackers.laser_fisheye_imm.track_manager import ImmTrackManager, SeenBehind
 from trackers.likelihood.legs import full_stride, legs_ahead_m, may_be_new
 from trackers.observations import NS_PER_S, LaserScan, Observation

@@ -19,7 +19,7 @@ from trackers.configuration import Strict
 from trackers.filters.gating import distances, mahalanobis_distances
 from trackers.filters.particle import Cloud
 from trackers.filters.rows import written
-from trackers.laser_vision_learning.walking import WalkerTracks
+from trackers.laser_vision_learning.walking_model import WalkerTracks
 from trackers.observations import NS_PER_S, DepthImage, Image
 from trackers.prior import Prior
 from trackers.rig import CameraSensor, placed_camera

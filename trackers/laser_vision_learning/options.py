@@ -15,7 +15,7 @@ from trackers.laser_vision_learning.identities import IdentityOptions
 from trackers.laser_vision_learning.looks import LooksOptions
 from trackers.laser_vision_learning.reidentification import RecognitionOptions
 from trackers.laser_vision_learning.situations import SituationOptions
-from trackers.laser_vision_learning.walking import WalkingOptions
+from trackers.laser_vision_learning.walking_model import WalkingOptions
 from trackers.likelihood.laser_points import PointOptions
 from trackers.tracking.track_manager import ReidentificationOptions, TrackManagementOptions
 

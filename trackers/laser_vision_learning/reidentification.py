@@ -30,7 +30,7 @@ from trackers.laser_vision_learning.identities import Beliefs, Calibration, Iden
 from trackers.laser_vision_learning.looks import Looks, LooksOptions, PeopleInPicture
 from trackers.laser_vision_learning.score_maps import ScoreMaps, in_levels
 from trackers.laser_vision_learning.situations import Situations
-from trackers.laser_vision_learning.walking import WalkerTracks
+from trackers.laser_vision_learning.walking_model import WalkerTracks
 from trackers.observations import NS_PER_S, DepthImage, Image
 from trackers.rig import CameraSensor, placed_camera
 from trackers.tracking.track_manager import measured_now, nanoseconds

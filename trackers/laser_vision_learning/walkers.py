@@ -23,7 +23,7 @@ from trackers.filters.particle import Cloud, ParticleFilter
 from trackers.laser.group import Points, ScannerGroup
 from trackers.laser_vision_learning.options import LaserVisionLearningOptions
 from trackers.laser_vision_learning.situations import SituationOptions, Situations, assessed
-from trackers.laser_vision_learning.walking import STATE_SIZE, WalkerTracks, WalkingModel
+from trackers.laser_vision_learning.walking_model import STATE_SIZE, WalkerTracks, WalkingModel
 from trackers.likelihood.laser_points import Shares, log_likelihood, shares, unexplained_people
 from trackers.observations import NS_PER_S, Observation
 from trackers.tracking.track_manager import TrackManager, measured_now, measured_often, reachable

@@ -12,8 +12,8 @@ from trackers.filters.particle import LogWeights
 from trackers.likelihood.floor import EnvironmentLikelihood
 from trackers.likelihood.stereo_head import HeadLikelihoods
 from trackers.rgbd_head.evaluators import Evaluators
+from trackers.rgbd_head.head_tracks import HeadTracks, Motion
 from trackers.rgbd_head.options import RgbdHeadOptions
-from trackers.rgbd_head.people import HeadTracks, Motion
 from trackers.vision.head_colours import HeadColours
 
 _USUAL = 0.2

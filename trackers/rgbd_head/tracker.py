@@ -29,9 +29,9 @@ from trackers.observations import NS_PER_S, DepthImage, Observation
 from trackers.prior import Prior
 from trackers.rgbd_head.calibration import CalibrationCheck, turned
 from trackers.rgbd_head.evaluators import Evaluator, Evaluators, ScheduledEvaluators
+from trackers.rgbd_head.head_tracks import HeadTrackManager, HeadTracks, Motion
 from trackers.rgbd_head.likelihoods import Likelihoods
 from trackers.rgbd_head.options import RgbdHeadOptions
-from trackers.rgbd_head.people import HeadTrackManager, HeadTracks, Motion
 from trackers.rig import Rig, StereoSensor
 from trackers.tracking.synced_frames import SyncedFrame, SynchronizedTracker, SyncPolicy
 from trackers.tracks import Hypotheses, Track, TrackFrame

@@ -9,8 +9,7 @@ from typing import Annotated
 import typer
 
 from trackers.errors import InputError, valid_names
-from twin.commands.memory import EXIT_FELL_SHORT
-from twin.options import (
+from twin.command_options import (
     Jobs,
     NoLimits,
     Resource,
@@ -26,6 +25,7 @@ from twin.options import (
     shipped,
     whole_number,
 )
+from twin.commands.memory import EXIT_FELL_SHORT
 from twin.reproduce.registry import REPRODUCTIONS, Request
 
 suite_app = command_group("Many scenarios, seeds and trackers at once; and whether anything got worse.")

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from trackers.errors import InputError
-from twin.options import Seed, Set, command_group, overrides
+from twin.command_options import Seed, Set, command_group, overrides
 
 SCENARIO = """\
 # A scenario of your own; `twin schema > scenario.schema.json` gives editors completion. Run it: twin run {file}

@@ -10,9 +10,7 @@ import typer
 
 from trackers.errors import InputError, valid_names
 from trackers.plain_data import parse_number
-from twin.commands.memory import exit_with_failures, loading
-from twin.messages import no_warning
-from twin.options import (
+from twin.command_options import (
     AllowPlugins,
     Duration,
     Environment,
@@ -31,6 +29,8 @@ from twin.options import (
     number,
     overrides,
 )
+from twin.commands.memory import exit_with_failures, loading
+from twin.messages import no_warning
 
 if TYPE_CHECKING:
     from twin.run.live import TruthKept

@@ -15,9 +15,9 @@ import typer
 
 from trackers.errors import InputError, valid_names
 from twin import models
+from twin.command_options import Environment, NoLimits, NoVideo, Rig, Seed, Set, Trackers, number, overrides
 from twin.commands.memory import exit_with_failures, loading
 from twin.messages import OnWarning
-from twin.options import Environment, NoLimits, NoVideo, Rig, Seed, Set, Trackers, number, overrides
 
 if TYPE_CHECKING:
     from twin.export.pictures import Recorded

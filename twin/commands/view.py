@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from trackers.errors import InputError
-from twin.options import NoLimits, RoomRoot, Seed, Set, number, overrides, shipped, whole_number
+from twin.command_options import NoLimits, RoomRoot, Seed, Set, number, overrides, shipped, whole_number
 
 if TYPE_CHECKING:
     from twin.scenario import Scenario

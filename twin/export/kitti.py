@@ -34,7 +34,7 @@ from trackers.rig import PinholeSensor, Rig, RigSensor, StereoSensor
 from twin.export.labels import Truth
 from twin.export.pictures import Recorded, png_of
 from twin.recording.tables import seconds_cell
-from twin.truth.frames import PersonTruth
+from twin.truth.truth_types import PersonTruth
 
 _OPTICAL_FROM_BODY = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 _HEAD_M, _PELVIS_M = (0.10, 0.08, 0.12), (0.15, 0.24, 0.12)
@@ -59,7 +59,7 @@ def export_kitti(recordings: Sequence[Recorded], out: Path) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class _View:
+class _LabelAxes:
     """Level axes of the labels, and the pictures' lens (None: no pictures)."""
 
     name: str
@@ -69,7 +69,7 @@ class _View:
     camera_from_level: Array
 
     @classmethod
-    def of(cls, rig: Rig) -> _View:
+    def of(cls, rig: Rig) -> _LabelAxes:
         cameras = sorted(name for name, each in rig.sensors.items() if isinstance(each, PinholeSensor | StereoSensor))
         name = cameras[0] if cameras else rig.main_sensor
         sensor = rig.sensors[name]
@@ -99,7 +99,7 @@ class _SequenceWriter:
     def __init__(self, recorded: Recorded, root: Path, name: str) -> None:
         self._recorded, self._root, self._name = recorded, root, name
         rig = recorded.recording.rig
-        self._view = _View.of(rig)
+        self._view = _LabelAxes.of(rig)
         lasers = rig.lasers()
         first = rig.main_sensor if rig.main_sensor in lasers else next(iter(sorted(lasers)), self._view.name)
         self._origin: RigSensor = rig.sensors[first]
@@ -238,7 +238,7 @@ def _yaw(person: PersonTruth) -> float:
     return 0.0 if np.isnan(person.yaw) else person.yaw
 
 
-def _label(frame: int, person: PersonTruth, view: _View) -> str:
+def _label(frame: int, person: PersonTruth, view: _LabelAxes) -> str:
     """Format a person's line; '' outside the picture."""
     yaw = _yaw(person)
     foot, (length, width, height) = person_box(person)
@@ -259,7 +259,7 @@ def _label(frame: int, person: PersonTruth, view: _View) -> str:
     return f"{frame} {person.id} Pedestrian {truncated} {occluded} {' '.join(f'{each:.6f}' for each in numbers)}\n"
 
 
-def _picture_box(view: _View, corners: Array) -> tuple[tuple[float, ...] | None, int]:
+def _picture_box(view: _LabelAxes, corners: Array) -> tuple[tuple[float, ...] | None, int]:
     """Return the box in the picture, cut at its edges (None: outside; −1 without pictures), and its truncation."""
     lens = view.lens
     if lens is None:

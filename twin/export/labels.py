@@ -32,7 +32,7 @@ from twin.people.body.head import EYES
 from twin.recording import topics
 from twin.recording.bag import open_bag
 from twin.recording.truth_tables import decode_boxes
-from twin.truth.frames import Box, PersonTruth, TruthFrame
+from twin.truth.truth_types import Box, PersonTruth, TruthFrame
 from twin.truth.visibility import person_boxes
 from twin.world.scene import Scene
 from twin.world.simulation import Simulation

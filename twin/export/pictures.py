@@ -38,7 +38,7 @@ from twin.recording.tables import STATUSES, TRACK_COLUMNS, TrackTable, TruthTabl
 from twin.recording.truth_tables import ABOUT, read_own_truth, truth_frames
 from twin.run.inputs import scenario_of
 from twin.scenario import Scenario
-from twin.truth.frames import TruthFrame
+from twin.truth.truth_types import TruthFrame
 
 RECORDING = "recording.mcap"
 TRACK_NUMBERS = tuple(name for name in TRACK_COLUMNS[2:] if name != "status")

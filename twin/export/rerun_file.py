@@ -23,7 +23,7 @@ from twin.export.labels import boxes_in, upright_heights
 from twin.export.pictures import ExportedPicture, Recorded, pictures
 from twin.geometry.geom_hull import hull_points
 from twin.recording.tables import TrackTable
-from twin.truth.frames import TruthFrame
+from twin.truth.truth_types import TruthFrame
 from twin.world.world import World
 
 _TALL_M = 1.9

@@ -40,7 +40,7 @@ from twin.recording.sensor_topics import (
 from twin.recording.situation_table import decode_situation
 from twin.recording.transforms import TransformTree, read_poses
 from twin.recording.truth_messages import decode_people
-from twin.truth.frames import Situation, TruthFrame
+from twin.truth.truth_types import Situation, TruthFrame
 
 _Decoded = TypeVar("_Decoded")
 

@@ -165,7 +165,7 @@ def _things(beam: Index, ranges: Array) -> tuple[Index, Index]:
     return np.append(0, ends + 1), np.append(ends, beam.size - 1)
 
 
-class _Looks:
+class _ReturnCounts:
     """Returns of one scanner so far: farthest range and looks by bearing, widths of what moves, and distances."""
 
     def __init__(self) -> None:
@@ -235,7 +235,7 @@ class RangeUnits:
 
     def __init__(self, rig: Rig) -> None:
         self._stands = {name: sensor.mounted_on is None for name, sensor in rig.lasers().items()}
-        self._looks = {name: _Looks() for name in self._stands}
+        self._looks = {name: _ReturnCounts() for name in self._stands}
 
     def add(self, scan: LaserScan) -> None:
         """Take the next scan; five per second and scanner are examined."""

@@ -23,7 +23,7 @@ from trackers.observations import NS_PER_S
 from twin.recording.ros_messages import string_message
 from twin.recording.tables import Row, cell, plain, seconds_cell
 from twin.tables.columns import read_csv_columns
-from twin.truth.frames import Separation, Situation, SituationKind
+from twin.truth.truth_types import Separation, Situation, SituationKind
 
 SITUATION_COLUMNS = ("kind", "first_id", "second_id", "sensor", "start_t", "end_t", "complete", "how", "least_m")
 KINDS: tuple[SituationKind, ...] = ("interaction", "correlated", "merged", "merged_rig")

@@ -28,7 +28,7 @@ from twin.recording.atomic_file import open_atomic
 from twin.tables.columns import LARGEST, MAX_INT64, CsvColumns
 from twin.tables.contents import StampedRows, check_plausibility
 from twin.tables.person_rows import read_person_rows
-from twin.truth.frames import PersonTruth, TruthFrame
+from twin.truth.truth_types import PersonTruth, TruthFrame
 
 TRUTH_NUMBERS = ("x", "y", "z", "yaw", "head_x", "head_y", "head_z", "head_yaw", "vx", "vy")
 _TRACK_NUMBERS = ("x", "y", "z", "vx", "vy", "head_x", "head_y", "head_z", "head_yaw")

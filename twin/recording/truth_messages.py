@@ -32,7 +32,7 @@ from twin.recording.ros_messages import string_message, time_message
 from twin.recording.tables import TRUTH_COLUMNS, person_of, person_row, plain
 from twin.recording.topics import ROOM_FRAME
 from twin.tables.columns import MAX_INT64
-from twin.truth.frames import PersonTruth, TruthFrame
+from twin.truth.truth_types import PersonTruth, TruthFrame
 
 MARKER_ARRAY = "visualization_msgs/msg/MarkerArray"
 

@@ -5,9 +5,9 @@
   numbers of the cells that a foot loads, separated by blanks, counted row by row from 0, at stamps of that floor; it is empty
   at others.
 - `truth_boxes.csv` and `/truth/boxes`: one row per person and image, in the order in which images were taken, people by id;
-  columns as in `twin.truth.frames.Box`. Images without a row were not looked at: boxes are made for a few images per second. A
-  person hidden from the camera altogether has no row. The share of each person that a camera sees, by rays, is in truth.csv
-  at the same `t`: visible_<camera>.
+  columns as in `twin.truth.truth_types.Box`. Images without a row were not looked at: boxes are made for a few images per
+  second. A person hidden from the camera altogether has no row. The share of each person that a camera sees, by rays, is in
+  truth.csv at the same `t`: visible_<camera>.
 - `truth_rays.csv` and `/truth/rays`: one row per run of consecutive beams that meet the same person, counted from 0 in the
   order of the scan's ranges. Beams in no run meet the room, or nothing within range. It is the truth of the ideal scan at its
   true time: noise and faults change ranges and stamps, not the person that a beam meets. A scan that the scanner loses (its
@@ -48,7 +48,7 @@ from twin.recording.tables import (
     read_truth,
     seconds_cell,
 )
-from twin.truth.frames import Box, BoxFrame, FootTruth, PersonTruth, RayFrame, Situation, TruthDetail, TruthFrame
+from twin.truth.truth_types import Box, BoxFrame, FootTruth, PersonTruth, RayFrame, Situation, TruthDetail, TruthFrame
 
 if TYPE_CHECKING:
     from twin.recording.reader import Recording

@@ -32,7 +32,7 @@ from twin.recording.message_types import (
 from twin.recording.ros_messages import COMPRESSED_IMAGE, MSGTYPES, STRING, Encoded, time_message
 from twin.recording.truth_messages import MARKER_ARRAY, PeopleMarkers, encode_outline, encode_people
 from twin.recording.truth_tables import DETAIL_TOPICS, encode_detail, encode_feet
-from twin.truth.frames import TruthDetail, TruthFrame
+from twin.truth.truth_types import TruthDetail, TruthFrame
 
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 TF_MESSAGE = "tf2_msgs/msg/TFMessage"

@@ -21,7 +21,7 @@ from twin.room.obstacles import OBSTACLE_REACH_M, Footprints
 from twin.room.walkable import ENCLOSED_M2, Plan, common_direction, outdoors_of, standing_footprints
 from twin.scenario import Scenario
 from twin.scenario.housings import base_of, rig_sensor
-from twin.scenario.sensors import FloorDescription, check_floor
+from twin.scenario.sensor_descriptions import FloorDescription, check_floor
 
 _ROUGH_M = 0.03
 """Greatest error of the outline of the walls as drawn on a grid [m]."""

@@ -2,7 +2,7 @@
 
 On a grid of 2 cm (coarser over 40 m), turned as most of the walls are:
 
-1. The floor is what is level at z = 0 (`twin.room.floor`). Of a floor of 100 m and more a side, an endless plane for one,
+1. The floor is what is level at z = 0 (`twin.room.floor_surface`). Of a floor of 100 m and more a side, an endless plane for one,
    counts what is up to 10 m beyond what stands on it, or around the origin where nothing does.
 2. Walls are what stands still, begins at most 0.5 m above the floor and reaches 1.8 m or more: shelves too. All else is
    furniture; it stays in the area, and people go around it as they do in any room (`twin.room.obstacles`).

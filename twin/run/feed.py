@@ -37,7 +37,7 @@ from twin.report.floor_panel import PreviewFrame, TruePoses
 from twin.report.sensor_stills import RunPictures, SensorStills, SilenceMonitor
 from twin.run.inputs import ChosenTracker, chosen_trackers, files_for, scenario_of
 from twin.run.tracker_runner import TrackerRunner, check_some_left, plug_in_fault, tracker_runners
-from twin.truth.frames import TruthFrame
+from twin.truth.truth_types import TruthFrame
 
 if TYPE_CHECKING:
     from twin.report.preview import PreviewWriter

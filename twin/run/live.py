@@ -48,7 +48,7 @@ from twin.scenario import Scenario
 from twin.scenario.load import check_scenario, dump_scenario
 from twin.scenario.scenario import describe_conditions
 from twin.streams import stream
-from twin.truth.frames import TruthDetail, TruthFrame
+from twin.truth.truth_types import TruthDetail, TruthFrame
 from twin.world.empty_room import empty_room
 from twin.world.simulation import Simulation
 from twin.world.world import PrecomputedScene, heap_trimmed

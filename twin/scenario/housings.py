@@ -14,11 +14,11 @@ from trackers.rig import Name, OdometrySensor, Point2, Pose, Rig, RigSensor
 from trackers.rig_sensors import check_height, check_layer
 from twin.scenario.action import check_repeat
 from twin.scenario.mount import CalibrationError, Mount, Mounted
-from twin.scenario.sensors import FloorDescription
+from twin.scenario.sensor_descriptions import FloorDescription
 from twin.sensors.odometry import OdometryDescription
 
 if TYPE_CHECKING:
-    from twin.scenario.sensors import AnyDescription
+    from twin.scenario.sensor_descriptions import AnyDescription
 
 
 BaseSpeed = Annotated[float, Field(gt=0, le=5, allow_inf_nan=False)]

@@ -23,7 +23,7 @@ from twin.drawn.distributions import DrawnPeople, DrawnRoom, DrawnSensors, drawn
 from twin.scenario.pedestrians import Pedestrians, people_from
 from twin.scenario.person import Person
 from twin.scenario.scenario import Scenario
-from twin.scenario.sensors import SensorDescription
+from twin.scenario.sensor_descriptions import SensorDescription
 
 logger = logging.getLogger(__name__)
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from trackers.text_file import refuse_unless_lifted
 from twin.messages import counted
-from twin.scenario.cameras import PinholeDescription, StereoDescription
-from twin.scenario.sensors import AnyDescription, FisheyeDescription, FloorDescription
+from twin.scenario.camera_descriptions import PinholeDescription, StereoDescription
+from twin.scenario.sensor_descriptions import AnyDescription, FisheyeDescription, FloorDescription
 
 if TYPE_CHECKING:
     from twin.scenario.scenario import Scenario

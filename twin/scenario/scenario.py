@@ -22,7 +22,7 @@ from twin.scenario.housings import (
     check_place,
 )
 from twin.scenario.person import STEADY, Person, Randomize
-from twin.scenario.sensors import SensorDescription
+from twin.scenario.sensor_descriptions import SensorDescription
 from twin.sensors.fault_kinds import FaultDescription, check_fault
 
 EVERY_LIGHT = "all"

@@ -15,7 +15,7 @@ from twin.recording.atomic_file import write_atomic
 from twin.scenario import Scenario
 from twin.scenario.housings import check_place
 from twin.scenario.mount import Mount
-from twin.scenario.sensors import FloorDescription
+from twin.scenario.sensor_descriptions import FloorDescription
 from twin.studies.candidate_poses import relative_mounts
 from twin.studies.candidate_set import CandidatePose
 from twin.studies.devices import Device, DeviceKind

@@ -13,10 +13,10 @@ from trackers.errors import InputError
 from trackers.rig_sensors import Role, check_layer
 from twin.room.building import Building
 from twin.scenario import Scenario
-from twin.scenario.cameras import StereoDescription
+from twin.scenario.camera_descriptions import StereoDescription
 from twin.scenario.housings import in_the_room
 from twin.scenario.mount import Mount, mount_of
-from twin.scenario.sensors import CAMERA_KINDS, FloorDescription, LaserDescription, check_floor
+from twin.scenario.sensor_descriptions import CAMERA_KINDS, FloorDescription, LaserDescription, check_floor
 from twin.studies.devices import Device, n_steps, steps
 from twin.studies.spec import Study
 from twin.world.scene import Scene

@@ -12,13 +12,13 @@ import numpy as np
 from trackers.arrays import Array
 from trackers.errors import InputError, raise_faults
 from twin.room.building import Building
-from twin.room.floor import floor_of
+from twin.room.floor_surface import floor_of
 from twin.room.mjcf import compiled
 from twin.room.obstacles import Footprints, obstacles_of
 from twin.scenario import Scenario
 from twin.scenario.housings import in_the_room
 from twin.scenario.mount import Mount
-from twin.scenario.sensors import AnyDescription
+from twin.scenario.sensor_descriptions import AnyDescription
 from twin.studies.candidate_poses import (
     cable_lengths_m,
     candidate_mounts,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from trackers.arrays import Array
 from trackers.errors import InputError
 from twin.scenario import Scenario
-from twin.scenario.sensors import FloorDescription
+from twin.scenario.sensor_descriptions import FloorDescription
 from twin.studies.apply_placement import apply_placement
 from twin.studies.candidate_set import BASELINE, CandidateSet, Placement
 from twin.studies.spec import Coverage, Study

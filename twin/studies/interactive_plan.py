@@ -24,7 +24,7 @@ from twin.instant.snapshot import RAY_GROUPS
 from twin.room.building import Building, room_outline
 from twin.scenario import Scenario
 from twin.scenario.housings import in_the_room
-from twin.scenario.sensors import LaserDescription
+from twin.scenario.sensor_descriptions import LaserDescription
 from twin.studies.spec import Coverage
 
 SLICE_M = 0.05

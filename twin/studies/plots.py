@@ -18,7 +18,7 @@ from twin.room.building import Building, room_outline
 from twin.room.walkable import standing_footprints
 from twin.scenario import Scenario
 from twin.scenario.housings import in_the_room
-from twin.scenario.sensors import FloorDescription
+from twin.scenario.sensor_descriptions import FloorDescription
 from twin.studies.devices import Cable, Constraints, KeepFreeZone
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from twin import models
 from twin.run.inputs import NONE_TRUSTED, STUDY, ChosenTracker, TrustedClasses, choose
 from twin.scenario import Scenario, load_scenario
 from twin.scenario.housings import assumed_rig
-from twin.scenario.sensors import FloorDescription
+from twin.scenario.sensor_descriptions import FloorDescription
 from twin.streams import stream
 from twin.studies.apply_placement import apply_placement
 from twin.studies.candidate_set import CandidateSet

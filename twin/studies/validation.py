@@ -12,7 +12,7 @@ from trackers.errors import InputError
 from twin.scenario import Scenario
 from twin.scenario.housings import in_the_room
 from twin.scenario.mount import CalibrationError, mount_of
-from twin.scenario.sensors import FloorDescription
+from twin.scenario.sensor_descriptions import FloorDescription
 from twin.streams import stream
 from twin.studies.candidate_set import BASELINE, CandidateSet, Placement
 from twin.studies.coverage import PoseCoverage

@@ -20,7 +20,7 @@ from trackers.cameras import Intrinsics
 from twin.instant.snapshot import Snapshot
 from twin.scenario import Scenario
 from twin.scenario.housings import in_the_room
-from twin.scenario.sensors import FloorDescription, LaserDescription
+from twin.scenario.sensor_descriptions import FloorDescription, LaserDescription
 from twin.sensors.rays import RayFan, trace_rays
 from twin.studies.spec import Coverage
 from twin.truth.visibility import SensorView, first_hits, sensor_view

@@ -27,7 +27,7 @@ from twin.suites.cache import RecordingCache
 from twin.suites.cache_keys import Provenance, people_key, room_digest, whole_code
 from twin.suites.metrics import flatten_metrics
 from twin.suites.worker import cached_motion
-from twin.truth.frames import Situation, TruthDetail, TruthFrame
+from twin.truth.truth_types import Situation, TruthDetail, TruthFrame
 from twin.world.body_pool import body_pools
 from twin.world.simulation import Simulation
 from twin.world.world import PoseCache, PrecomputedScene

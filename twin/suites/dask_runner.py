@@ -149,10 +149,10 @@ def run_on(
     logs: folder for one log per attempt, visible to the workers too (None: no logs). Raises OutOfSpaceError where a disk is
     full, InputError without workers or scheduler; exceptions of the listener pass through. Running tasks are then cancelled.
     """
-    _Run(cluster, TaskQueue(tasks, listener), function, logs).to_the_end()
+    _TaskLoop(cluster, TaskQueue(tasks, listener), function, logs).to_the_end()
 
 
-class _Run:
+class _TaskLoop:
     def __init__(self, cluster: Cluster, todo: TaskQueue, function: Callable[[Any], Any], logs: Path | None) -> None:
         self._cluster = cluster
         self._todo = todo

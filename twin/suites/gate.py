@@ -31,12 +31,7 @@ from twin.suites.expansion import Case
 from twin.suites.exports import write_junit, write_summary
 from twin.suites.metrics import GATED, GATED_SENSOR_METRICS, allowed_by_default
 from twin.suites.page import write_comparison_page, write_page
-from twin.suites.results import Group, GroupKey, Results, collect_results, pooled
-from twin.suites.run import run_suite
-from twin.suites.spec import Suite, load_suite
-from twin.suites.store import OverridesText, ResultStore
-from twin.suites.store_files import RESULTS_FILE, read_store
-from twin.suites.tables import (
+from twin.suites.result_tables import (
     markdown_comparison,
     markdown_table,
     markdown_verdict,
@@ -44,12 +39,17 @@ from twin.suites.tables import (
     print_requirements,
     print_results,
 )
+from twin.suites.results import Group, GroupKey, Results, collect_results, pooled
+from twin.suites.run import run_suite
+from twin.suites.spec import Suite, load_suite
+from twin.suites.store import OverridesText, ResultStore
+from twin.suites.store_files import RESULTS_FILE, read_store
 
 _NOTHING_COMPARED = "nothing could be compared; the same scenarios, changes, trackers and seeds are expected in both"
 _EXPECTED = "a baseline that `twin suite run --update-baseline` has written"
 
 
-class _Held(Strict):
+class _StoredGroup(Strict):
     """Group as stored in the file; older files lack the digests."""
 
     scenario: str
@@ -64,11 +64,11 @@ class _Held(Strict):
         return Group(self.variant, self.seeds, recordings=self.recordings, recipes=self.recipes, people=self.people)
 
 
-class _HeldTracker(_Held):
+class _StoredTracker(_StoredGroup):
     tracker: str
 
 
-class _HeldSensor(_Held):
+class _StoredSensor(_StoredGroup):
     sensor: str
 
 
@@ -76,8 +76,8 @@ class _Baseline(Strict):
     suite: str
     versions: dict[str, str | None]
     renderers: list[str] = Field(default_factory=list)
-    groups: list[_HeldTracker]
-    sensors: list[_HeldSensor] = Field(default_factory=list)
+    groups: list[_StoredTracker]
+    sensors: list[_StoredSensor] = Field(default_factory=list)
 
 
 def read_baseline(path: Path) -> Results:

@@ -19,6 +19,7 @@ from twin.suites.comparison import Change, Comparison, SuiteOutcome, case_page, 
 from twin.suites.filmstrip import colour_of, marker, scale_of, small_multiple
 from twin.suites.metrics import METRICS, RECORDING_METRICS, SHOWN, format_metric, format_range, known_of, metric_named
 from twin.suites.permutation_test import ALPHA
+from twin.suites.result_tables import change_cells
 from twin.suites.results import (
     BEHIND_HOTA,
     FEWEST,
@@ -36,7 +37,6 @@ from twin.suites.results import (
     worst_cases,
 )
 from twin.suites.store import ResultStore
-from twin.suites.tables import change_cells
 
 
 def write_page(path: Path, outcome: SuiteOutcome) -> None:

@@ -246,7 +246,9 @@ def check_trackers(scenario: Scenario, rig: Rig, source: str) -> None:
     for each in choose([name for name in defined if (defined[name].preset or name) in PRESETS], defined, source):
         try:
             with warnings_silenced():
-                make_tracker(each.target, rig, _EmptyRoom(), stream(scenario.seed, "tracker", each.name), each.options)
+                make_tracker(
+                    each.target, rig, _AskedBackground(), stream(scenario.seed, "tracker", each.name), each.options
+                )
         except InputError as error:
             raise InputError("\n".join(f"{source}: {line}" for line in str(error).splitlines())) from error
 
@@ -272,7 +274,7 @@ def _faults(
     chosen: ChosenTracker, rig: Rig, prior: Prior, seed: int, has_background: bool
 ) -> Iterator[tuple[str, str]]:
     """Yield the faults of making a tracker: the option's path ("" without one), and the message."""
-    background, target, options = _EmptyRoom(), chosen.target, chosen.options
+    background, target, options = _AskedBackground(), chosen.target, chosen.options
     try:
         with warnings_silenced():
             handed = replace(prior, background=background)
@@ -288,7 +290,7 @@ def _faults(
         yield "", f"{type(tracker).__name__} has not both update(observation) and tracks(); a tracker has"
 
 
-class _EmptyRoom(Sequence[Observation]):
+class _AskedBackground(Sequence[Observation]):
     """An empty background that records whether it was read."""
 
     def __init__(self) -> None:

@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.observations import NS_PER_S, LaserScan
-from twin.truth.frames import Separation, Situation, SituationKind
+from twin.truth.truth_types import Separation, Situation, SituationKind
 from twin.truth.visibility import SensorView
 
 INTERACTION_M = 1.5

@@ -17,10 +17,10 @@ from trackers.area import Area
 from trackers.cameras import Intrinsics
 from trackers.rig import RigSensor
 from twin.instant.snapshot import Snapshot
-from twin.scenario.cameras import PinholeDescription, StereoDescription
-from twin.scenario.sensors import FisheyeDescription, FloorDescription, LaserDescription, SensorDescription
+from twin.scenario.camera_descriptions import PinholeDescription, StereoDescription
+from twin.scenario.sensor_descriptions import FisheyeDescription, FloorDescription, LaserDescription, SensorDescription
 from twin.sensors.rays import crosses_plane, passes_spheres, trace_rays
-from twin.truth.frames import Box
+from twin.truth.truth_types import Box
 
 _PLANE_BAND_M = 0.15
 """Distance from the scan plane within which a body point counts for a scanner, moved into the plane [m]."""

@@ -34,7 +34,7 @@ from twin.room.mjcf import ENOUGH_LIGHT, light_of
 from twin.run.feed import true_poses
 from twin.scenario import Scenario, load_scenario
 from twin.sensors.render import OffscreenRenderer
-from twin.truth.frames import Box
+from twin.truth.truth_types import Box
 from twin.view.free_camera import CameraSpace, name_tags, overview
 from twin.world.simulation import Simulation
 

@@ -20,7 +20,7 @@ from twin.geometry.geom_hull import check_extent
 from twin.people.crowd.routes import Routes
 from twin.room.building import room_outline
 from twin.room.files import ROOM_ROOT, room_files
-from twin.room.floor import check_floor_under, floor_hull, floor_of
+from twin.room.floor_surface import check_floor_under, floor_hull, floor_of
 from twin.room.furniture import Bed, Seat, furniture_of
 from twin.room.mjcf import compiled, load_room
 from twin.room.obstacles import MOST_OBSTACLES, OBSTACLE_REACH_M, Obstacle, obstacles_of, within_reach

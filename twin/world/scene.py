@@ -30,7 +30,7 @@ from twin.scenario import Scenario
 from twin.scenario.behaviour import Lie, Sit
 from twin.scenario.housings import driven, in_the_room
 from twin.scenario.person import Person
-from twin.scenario.sensors import FloorDescription
+from twin.scenario.sensor_descriptions import FloorDescription
 from twin.streams import stream
 from twin.world.body_pool import Bodies, body_pools
 from twin.world.empty_room import EmptyRoom, empty_room

@@ -32,7 +32,7 @@ from twin.scenario import Scenario
 from twin.scenario.housings import assumed_sensor, base_of, driven, held_sensor, odometry_sensor
 from twin.scenario.load import check_scenario
 from twin.scenario.scenario import describe_circles, describe_late_starts
-from twin.scenario.sensors import CAMERA_KINDS, build_sensor
+from twin.scenario.sensor_descriptions import CAMERA_KINDS, build_sensor
 from twin.sensors.floor import Floor
 from twin.sensors.gl_context import GlInfo
 from twin.sensors.layers import TimedSensor, with_faults
@@ -41,7 +41,7 @@ from twin.sensors.render import RendererOnDemand
 from twin.sensors.schedule import MessageFaults, Schedule, Scheduled, Timing
 from twin.sensors.sensor import Reading, Sensor
 from twin.streams import stream
-from twin.truth.frames import Box, TruthDetail, TruthFrame
+from twin.truth.truth_types import Box, TruthDetail, TruthFrame
 from twin.truth.visibility import PersonImaging, person_boxes, sees_any_of, sensor_view
 from twin.world.scene import foot_shapes
 from twin.world.truth_details import TruthDetails

@@ -13,7 +13,6 @@ from trackers.observations import NS_PER_S, LaserScan
 from twin.instant.snapshot import Snapshot
 from twin.sensors.sensor import Reading
 from twin.truth.body_outlines import BodyOutlines
-from twin.truth.frames import BoxFrame, RayFrame, RayRun, Situation, TruthDetail, TruthFrame
 from twin.truth.situations import (
     CORRELATED_M,
     INTERACTION_M,
@@ -27,6 +26,7 @@ from twin.truth.situations import (
     pairs_within,
     scan_points,
 )
+from twin.truth.truth_types import BoxFrame, RayFrame, RayRun, Situation, TruthDetail, TruthFrame
 from twin.truth.visibility import PersonImaging, SensorView, first_hits, person_boxes
 from twin.world.world import World
 

@@ -27,7 +27,7 @@ from twin.people.poses import PopulationMotion, Poses
 from twin.room.mjcf import Lighting
 from twin.scenario import Scenario
 from twin.scenario.housings import driven
-from twin.truth.frames import FootTruth, PersonTruth, TruthFrame
+from twin.truth.truth_types import FootTruth, PersonTruth, TruthFrame
 from twin.truth.visibility import SensorView, visible_share
 from twin.world.body_pool import body_pools
 from twin.world.scene import Scene, build_scene, populate, precomputed_poses

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from synthetic_home import LOAD, PERIOD_S, empty_room, observe, rig, walks
 
 from trackers.area import Area, Pose
-from trackers.camera_floor_particle.body import PAN_BINS, BodyFilter, excluded, smoothed
+from trackers.camera_floor_particle.body_filter import PAN_BINS, BodyFilter, excluded, smoothed
 from trackers.camera_floor_particle.initiation import hull_over
 from trackers.camera_floor_particle.options import (
     CameraFloorParticleOptions,

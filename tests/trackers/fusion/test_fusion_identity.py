@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from trackers.filters.imm import Imm
-from trackers.fusion.identity import Identities
-from trackers.fusion.motion import PersonMotion
+from trackers.fusion.identity import IdentityMemory
 from trackers.fusion.options import ColourIdentityOptions
-from trackers.fusion.people import People
+from trackers.fusion.person_state import PersonMotion
+from trackers.fusion.person_tracks import PersonTracks
 from trackers.observations import NS_PER_S
 
 COLOURS = np.eye(3)
@@ -19,15 +19,17 @@ COLOURS = np.eye(3)
 LOOK_NS = NS_PER_S // 10
 
 
-def people_at(*places: tuple[float, float], ids: tuple[int, ...]) -> People:
+def people_at(*places: tuple[float, float], ids: tuple[int, ...]) -> PersonTracks:
     """Make tracks at places [m]; those of id 0 are tentative."""
     at = np.array(places)
-    people = People.started(Imm(PersonMotion()).start(at, None, 0.1**2), at, 0, len(COLOURS), 1)
+    people = PersonTracks.started(Imm(PersonMotion()).start(at, None, 0.1**2), at, 0, len(COLOURS), 1)
     roster = people.roster.changed(id=np.array(ids), confirmed=np.array(ids) > 0)
     return people.changed(existence=np.full(len(at), 0.99), roster=roster)
 
 
-def looked(identities: Identities, people: People, colours: list[int], looks: int, ns: int) -> tuple[People, int]:
+def looked(
+    identities: IdentityMemory, people: PersonTracks, colours: list[int], looks: int, ns: int
+) -> tuple[PersonTracks, int]:
     """Look at everybody several times, whose clothes have these colours; return people and the stamp after."""
     for _ in range(looks):
         people = people.changed(roster=people.roster.changed(measured_ns=np.full(len(people), ns)))
@@ -49,7 +51,7 @@ def test_a_new_track_is_a_hidden_person_who_may_have_come_there_and_looks_so(
     sigma_m: float, clothes: list[int] | None, goes_on: bool
 ) -> None:
     """0.6 m from where a person is hidden, known to 0.1 m or 0.3 m: the clothes tell whom another person comes up as."""
-    identities, now = Identities(ColourIdentityOptions()), NS_PER_S
+    identities, now = IdentityMemory(ColourIdentityOptions()), NS_PER_S
     people = people_at((0.0, 0.0), (0.6, 0.0), ids=(7, 0))
     if clothes is not None:
         people, _ = looked(identities, people, clothes, 1, 0)
@@ -77,7 +79,7 @@ def test_a_new_track_is_a_hidden_person_who_may_have_come_there_and_looks_so(
 def test_who_has_left_is_known_again_by_clothes_where_one_can_have_walked_to(
     away_s: float, moved_m: float, colour: int | None, options: dict[str, float], comes_back: bool
 ) -> None:
-    identities = Identities(ColourIdentityOptions(**options))
+    identities = IdentityMemory(ColourIdentityOptions(**options))
     people, ns = looked(identities, people_at((0.0, 0.0), ids=(7,)), [0], 5, 0)
     identities.remember(people, ns)
     people, now = people_at((moved_m, 0.0), ids=(0,)), ns + round(away_s * NS_PER_S)
@@ -93,7 +95,7 @@ def test_who_has_left_is_known_again_by_clothes_where_one_can_have_walked_to(
 @pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1)])
 def test_identities_change_places_once_clothes_say_so_and_not_by_one_look(order: tuple[int, ...]) -> None:
     """Two of three people exchange their tracks behind each other: whoever wears a colour has its number, in any order."""
-    identities, where = Identities(ColourIdentityOptions()), np.array([(0.0, 0.0), (1.0, 0.0), (5.0, 0.0)])
+    identities, where = IdentityMemory(ColourIdentityOptions()), np.array([(0.0, 0.0), (1.0, 0.0), (5.0, 0.0)])
     people = people_at(*where[list(order)].tolist(), ids=tuple(k + 1 for k in order))
     people, ns = looked(identities, people, list(order), 20, 0)
     changed = [{0: 1, 1: 0, 2: 2}[k] for k in order]
@@ -107,7 +109,7 @@ def test_identities_change_places_once_clothes_say_so_and_not_by_one_look(order:
 
 def test_a_track_that_has_gone_over_to_somebody_who_had_left_takes_that_number() -> None:
     """And who was followed before has left, and is known again."""
-    identities = Identities(ColourIdentityOptions())
+    identities = IdentityMemory(ColourIdentityOptions())
     people, ns = looked(identities, people_at((0.0, 0.0), (1.0, 0.0), ids=(1, 2)), [0, 1], 20, 0)
     identities.remember(people.select(np.array([1])), ns)
     people, ns = looked(identities, people.select(np.array([0])), [1], 10, ns)
@@ -120,7 +122,7 @@ def test_a_track_that_has_gone_over_to_somebody_who_had_left_takes_that_number()
 @pytest.mark.parametrize(("learns_s", "is_kept"), [(8.0, True), (0.1, False)])
 def test_clothes_that_nobody_else_wears_are_learned_as_the_light_changes(learns_s: float, is_kept: bool) -> None:
     """After a second in another colour a slow reference is still rather the old one, a fast one is not."""
-    identities = Identities(ColourIdentityOptions(learns_s=learns_s))
+    identities = IdentityMemory(ColourIdentityOptions(learns_s=learns_s))
     people, ns = looked(identities, people_at((0.0, 0.0), ids=(1,)), [0], 20, 0)
     people, _ = looked(identities, people, [2], 10, ns)
     assert people.roster.id.tolist() == [1]
@@ -129,7 +131,7 @@ def test_clothes_that_nobody_else_wears_are_learned_as_the_light_changes(learns_
 
 def test_a_track_that_looks_like_another_one_which_still_looks_so_keeps_its_person() -> None:
     """Its clothes are then others than those learned, as in another light: the other one has not changed its person."""
-    identities = Identities(ColourIdentityOptions())
+    identities = IdentityMemory(ColourIdentityOptions())
     people, ns = looked(identities, people_at((0.0, 0.0), (1.0, 0.0), ids=(1, 2)), [0, 1], 20, 0)
     people, _ = looked(identities, people, [1, 1], 20, ns)
     assert people.roster.id.tolist() == [1, 2]
@@ -137,13 +139,13 @@ def test_a_track_that_looks_like_another_one_which_still_looks_so_keeps_its_pers
 
 @pytest.mark.parametrize(("apart_m", "change"), [(1.0, True), (9.0, False)])
 def test_tracks_change_people_only_as_far_as_these_can_have_walked(apart_m: float, change: bool) -> None:
-    identities = Identities(ColourIdentityOptions())
+    identities = IdentityMemory(ColourIdentityOptions())
     people, ns = looked(identities, people_at((0.0, 0.0), (apart_m, 0.0), ids=(1, 2)), [0, 1], 20, 0)
     people, _ = looked(identities, people, [1, 0], 10, ns)
     assert (people.roster.id.tolist() == [2, 1]) == change
 
 
 def test_the_same_clothes_change_nothing() -> None:
-    identities = Identities(ColourIdentityOptions())
+    identities = IdentityMemory(ColourIdentityOptions())
     people, _ = looked(identities, people_at((0.0, 0.0), (0.3, 0.0), ids=(1, 2)), [0, 0], 60, 0)
     assert people.roster.id.tolist() == [1, 2]

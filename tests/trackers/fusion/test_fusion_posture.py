@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from trackers.fusion.look import Look
-from trackers.fusion.motion import HEAD_PLACE, LEGS, OUTLINE, PLACE
 from trackers.fusion.options import FusionOptions
+from trackers.fusion.person_state import HEAD_PLACE, LEGS, OUTLINE, PLACE
 from trackers.fusion.posture import DEPTH_SHOWN, FLOOR_SHOWN, SILHOUETTE_SHOWN, TRUNK_SHOWN, Posture
 
 ROW, ONE = np.array([0]), np.ones(1)

@@ -9,8 +9,8 @@ from trackers.filters.imm import Imm
 from trackers.laser.clusters import Detections
 from trackers.laser_fisheye_imm.association import Association, Matches
 from trackers.laser_fisheye_imm.detection import Seen
+from trackers.laser_fisheye_imm.laser_tracks import LaserTracks
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
-from trackers.laser_fisheye_imm.people import LaserTracks
 from trackers.laser_fisheye_imm.rules import PAPER
 from trackers.observations import NS_PER_S
 from trackers.tracking.roster import Stage, associate

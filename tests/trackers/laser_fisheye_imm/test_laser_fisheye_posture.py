@@ -9,7 +9,7 @@ from test_laser_fisheye_association import detections
 
 from trackers.laser.clusters import Detections
 from trackers.laser_fisheye_imm.detection import Seen
-from trackers.laser_fisheye_imm.people import LegPosture, PostureOptions
+from trackers.laser_fisheye_imm.laser_tracks import LegPosture, PostureOptions
 from trackers.laser_fisheye_imm.tracker import LaserFisheyeImm
 from trackers.likelihood.legs import LegOptions, TrunkOptions, legs_ahead_m, pair_legs
 from trackers.observations import NS_PER_S, LaserScan

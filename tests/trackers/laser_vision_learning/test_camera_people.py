@@ -8,7 +8,7 @@ import synthetic_view as view
 
 from trackers.filters.particle import Cloud
 from trackers.laser_vision_learning.camera_people import CameraPeople, CameraPeopleOptions
-from trackers.laser_vision_learning.walking import WalkerTracks
+from trackers.laser_vision_learning.walking_model import WalkerTracks
 from trackers.observations import NS_PER_S
 from trackers.prior import Prior
 from trackers.tracking.roster import Roster

@@ -14,7 +14,7 @@ from trackers.laser_vision_learning.identities import IdentityOptions
 from trackers.laser_vision_learning.looks import LooksOptions
 from trackers.laser_vision_learning.reidentification import Recognition, RecognitionOptions
 from trackers.laser_vision_learning.situations import Situations
-from trackers.laser_vision_learning.walking import SPEED, WalkerTracks
+from trackers.laser_vision_learning.walking_model import SPEED, WalkerTracks
 from trackers.observations import NS_PER_S, Image
 from trackers.rig import PinholeSensor, placed_camera
 from trackers.tracking.roster import Roster

@@ -13,7 +13,7 @@ import synthetic_view as view
 from trackers.check import check_tracker
 from trackers.errors import InputError
 from trackers.feeding import track_frames
-from trackers.laser_vision_learning.vision_only.people import AtDetections, WhiteAcceleration
+from trackers.laser_vision_learning.vision_only.picture_tracks import AtDetections, WhiteAcceleration
 from trackers.laser_vision_learning.vision_only.tracker import VisionOnly
 from trackers.observations import NS_PER_S, Image, LaserScan
 from trackers.presets import make_tracker

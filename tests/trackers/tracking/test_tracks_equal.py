@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from trackers.tracks import Track, TrackFrame
-from twin.truth.frames import PersonTruth
+from twin.truth.truth_types import PersonTruth
 
 
 @pytest.mark.parametrize("kind", [Track, PersonTruth])

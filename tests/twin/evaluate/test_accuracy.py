@@ -11,7 +11,7 @@ from twin.evaluate.judged_frames import align, match_all_people
 from twin.evaluate.summary import evaluate_tracks
 from twin.recording.situation_table import SituationTable, situation_table
 from twin.recording.tables import TrackTable, TruthTable
-from twin.truth.frames import Situation
+from twin.truth.truth_types import Situation
 
 GATE_M = 0.5
 

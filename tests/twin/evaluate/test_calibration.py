@@ -13,7 +13,7 @@ from twin.evaluate import evaluate_tracks
 from twin.evaluate.accuracy import calibration_curve
 from twin.recording.tables import read_tracks, track_table, track_writer, truth_table
 from twin.report.page import calibration_chart
-from twin.truth.frames import PersonTruth, TruthFrame
+from twin.truth.truth_types import PersonTruth, TruthFrame
 
 SIGMA_M = 0.08
 

@@ -11,7 +11,7 @@ from test_evaluate import still, tracks_of
 from twin.evaluate.causes import FALSE_POSITIVES, MISSES
 from twin.evaluate.summary import evaluate_tracks, evaluate_with_details
 from twin.recording.tables import TruthTable, truth_table
-from twin.truth.frames import PersonTruth, TruthFrame
+from twin.truth.truth_types import PersonTruth, TruthFrame
 
 PERIOD_NS = 100_000_000
 

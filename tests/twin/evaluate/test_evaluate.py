@@ -14,7 +14,7 @@ from trackers.tracks import Track, TrackFrame
 from twin.evaluate.judged_frames import align
 from twin.evaluate.summary import evaluate_tracks, evaluate_with_details
 from twin.recording.tables import track_table, truth_table
-from twin.truth.frames import PersonTruth, TruthFrame
+from twin.truth.truth_types import PersonTruth, TruthFrame
 
 PERIOD_NS = 100_000_000
 

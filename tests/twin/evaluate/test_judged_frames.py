@@ -15,7 +15,7 @@ from twin.evaluate import evaluate_with_details
 from twin.evaluate.judged_frames import align
 from twin.evaluate.report_clock import report_clock, silent_stamps
 from twin.recording.tables import track_table, truth_table
-from twin.truth.frames import PersonTruth, TruthFrame
+from twin.truth.truth_types import PersonTruth, TruthFrame
 
 FAR_S = (-1.7e9, -3e4, 1e4, 1.7e9, 9e9)
 

@@ -7,7 +7,7 @@ import pytest
 
 from twin.evaluate import PersonOcclusion, long_occlusions
 from twin.recording.tables import TruthTable, truth_table
-from twin.truth.frames import PersonTruth, TruthFrame
+from twin.truth.truth_types import PersonTruth, TruthFrame
 
 
 def person(id_: int, waist: float, knee: float, in_area: bool = True) -> PersonTruth:

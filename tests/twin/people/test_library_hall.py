@@ -15,8 +15,8 @@ from trackers.observations import NS_PER_S
 from trackers.rig import PinholeSensor
 from twin.recording.situation_table import situation_table
 from twin.scenario import load_scenario
-from twin.truth.frames import Situation, TruthDetail, TruthFrame
 from twin.truth.situations import INTERACTION_M
+from twin.truth.truth_types import Situation, TruthDetail, TruthFrame
 from twin.world.simulation import Simulation
 
 pytestmark = pytest.mark.slow

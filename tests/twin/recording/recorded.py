@@ -12,7 +12,7 @@ from trackers.observations import Image, LaserScan, Observation
 from trackers.rig import FisheyeSensor, LaserSensor, Pose, Rig
 from twin.recording.message_types import TYPESTORE
 from twin.recording.ros_messages import encode
-from twin.truth.frames import PersonTruth, TruthFrame
+from twin.truth.truth_types import PersonTruth, TruthFrame
 
 MS = 1_000_000
 

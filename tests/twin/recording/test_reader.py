@@ -28,7 +28,7 @@ from twin.recording.reader import Recording
 from twin.recording.rig_guess import describe_rig
 from twin.recording.ros_messages import RAW_IMAGE, STRING, encode, time_message
 from twin.recording.writer import BagWriter
-from twin.truth.frames import TruthFrame
+from twin.truth.truth_types import TruthFrame
 
 REAL_BAG = Path(__file__).parents[3].parent / "shared/data/lasers/demo_stationary_simple_environment.bag"
 EPOCH_NS = 1_700_000_000_000_000_123

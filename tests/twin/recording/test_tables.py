@@ -10,7 +10,7 @@ import pytest
 from trackers.errors import InputError
 from trackers.tracks import Track, TrackFrame
 from twin.recording.tables import read_tracks, read_truth, track_table, track_writer, truth_table, truth_writer
-from twin.truth.frames import PersonTruth, TruthFrame
+from twin.truth.truth_types import PersonTruth, TruthFrame
 
 TRUTH_HEADER = "t,id,x,y,z,yaw,head_x,head_y,head_z,head_yaw,vx,vy,in_area,visible_waist"
 TRACK_HEADER = "t,id,x,y,z,vx,vy,head_x,head_y,head_z,head_yaw,status"

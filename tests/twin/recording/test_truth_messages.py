@@ -12,7 +12,7 @@ from trackers.errors import InputError
 from twin.recording.message_types import TYPESTORE
 from twin.recording.ros_messages import STRING
 from twin.recording.truth_messages import MARKER_ARRAY, PeopleMarkers, decode_people, encode_people
-from twin.truth.frames import PersonTruth, TruthFrame
+from twin.truth.truth_types import PersonTruth, TruthFrame
 
 
 def text_of(frame: TruthFrame) -> str:

@@ -20,7 +20,7 @@ from twin.recording.truth_tables import (
     detail_writer,
     encode_detail,
 )
-from twin.truth.frames import Box, BoxFrame, RayFrame, RayRun, Situation, TruthDetail
+from twin.truth.truth_types import Box, BoxFrame, RayFrame, RayRun, Situation, TruthDetail
 
 BOX_HEADER = "t,camera,id,left,top,width,height,visible_px,truncated"
 RAY_HEADER = "t,sensor,id,first_beam,last_beam"

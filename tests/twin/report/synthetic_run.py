@@ -12,7 +12,7 @@ from trackers.observations import NS_PER_S, Image, LaserScan
 from trackers.rig import FisheyeSensor, LaserSensor, Pose, Rig
 from trackers.tracks import Track, TrackFrame
 from twin.recording.tables import TrackTable, TruthTable, track_table, truth_table
-from twin.truth.frames import PersonTruth, TruthFrame
+from twin.truth.truth_types import PersonTruth, TruthFrame
 
 AREA = ((-2.0, 0.6), (2.0, 0.6), (2.0, 2.8), (-2.0, 2.8))
 PERIOD_NS = NS_PER_S // 10

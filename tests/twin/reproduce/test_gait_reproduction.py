@@ -14,8 +14,8 @@ from results_file import checked_results
 
 from trackers.errors import InputError
 from twin.commands.batch import reproduce
-from twin.reproduce.gait import comparison
-from twin.reproduce.gait.comparison import (
+from twin.reproduce.gait import gait_comparison
+from twin.reproduce.gait.gait_comparison import (
     PERSON_SECTION,
     RUNNING,
     SUBJECT_FILE,
@@ -49,7 +49,9 @@ def each_gait_once():
     simulated = cache(lambda speed_m_s, statures_m, seconds: simulate_steady(speed_m_s, statures_m, seconds))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            comparison, "simulate_steady", lambda speed, people, seconds=12.0: simulated(speed, tuple(people), seconds)
+            gait_comparison,
+            "simulate_steady",
+            lambda speed, people, seconds=12.0: simulated(speed, tuple(people), seconds),
         )
         yield
 

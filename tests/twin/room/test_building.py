@@ -10,7 +10,7 @@ import pytest
 
 from trackers.errors import InputError
 from twin.room.building import Building, check_mount
-from twin.room.floor import floor_of
+from twin.room.floor_surface import floor_of
 from twin.room.obstacles import Footprints, obstacles_of
 
 SHED = """

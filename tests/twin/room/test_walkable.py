@@ -11,7 +11,7 @@ from trackers.errors import InputError
 from twin import models
 from twin.geometry.polygon import inset, polygon_area
 from twin.people.crowd.routes import Routes
-from twin.room.floor import floor_of
+from twin.room.floor_surface import floor_of
 from twin.room.obstacles import OBSTACLE_REACH_M
 from twin.room.walkable import NARROWEST_DOOR_M, parts_cut_off, rooms_left_out, walkable_area
 

@@ -15,7 +15,7 @@ from twin.report.floor_panel import PreviewFrame
 from twin.report.preview import PreviewWriter
 from twin.run.feed import Preview
 from twin.scenario import Scenario, load_scenario
-from twin.truth.frames import TruthFrame
+from twin.truth.truth_types import TruthFrame
 from twin.world.simulation import Delivered, Simulation
 
 pytestmark = pytest.mark.slow

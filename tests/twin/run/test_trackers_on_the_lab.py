@@ -14,7 +14,7 @@ from trackers.tracks import TrackFrame
 from twin.evaluate import evaluate_tracks
 from twin.recording.tables import track_table, truth_table
 from twin.scenario import Scenario, load_scenario
-from twin.truth.frames import TruthFrame
+from twin.truth.truth_types import TruthFrame
 from twin.world.simulation import Simulation
 
 pytestmark = pytest.mark.slow

@@ -8,7 +8,7 @@ from pydantic import TypeAdapter
 
 from trackers.configuration import Strict, validate
 from trackers.errors import InputError
-from twin.scenario.sensors import SensorDescription
+from twin.scenario.sensor_descriptions import SensorDescription
 from twin.sensors.camera import CAMERA_NOISE, STEREO_NOISE
 
 CAMERA = {"kind": "camera", "mount": {"xyz": [0, 0, 2]}, "rate_hz": 20, "size": [320, 240], "field_of_view_deg": 70}

@@ -9,7 +9,7 @@ import yaml
 from trackers.configuration import Strict, validate
 from trackers.errors import InputError
 from trackers.rig import FloorSensor
-from twin.scenario.sensors import FloorDescription, SensorDescription, check_floor
+from twin.scenario.sensor_descriptions import FloorDescription, SensorDescription, check_floor
 from twin.sensors.floor_electronics import FLOOR_ELECTRONICS, FloorElectronics
 
 

@@ -16,7 +16,7 @@ from twin.run.live import run_scenario
 from twin.scenario import Scenario, load_scenario
 from twin.scenario.load import dump_scenario
 from twin.scenario.mount import CalibrationError, Mount
-from twin.truth.frames import TruthFrame
+from twin.truth.truth_types import TruthFrame
 from twin.world.simulation import Simulation
 
 SHORT = ["duration_s=0.5", "background_frames=2", "sensors.fisheye.size=[64, 64]"]

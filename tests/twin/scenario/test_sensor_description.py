@@ -11,7 +11,7 @@ from trackers.configuration import Strict, validate
 from trackers.errors import InputError
 from trackers.rig import FisheyeSensor, LaserSensor
 from twin.scenario.mount import Mount
-from twin.scenario.sensors import FisheyeDescription, LaserDescription, SensorDescription
+from twin.scenario.sensor_descriptions import FisheyeDescription, LaserDescription, SensorDescription
 from twin.sensors.camera import CAMERA_NOISE, LENSES
 from twin.sensors.laser_noise import LASER_NOISE, LaserNoise
 

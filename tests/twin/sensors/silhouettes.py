@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from trackers.cameras import FisheyeIntrinsics
 from twin.instant.snapshot import RAY_GROUPS
-from twin.scenario.sensors import FisheyeDescription
+from twin.scenario.sensor_descriptions import FisheyeDescription
 from twin.sensors.fisheye import Fisheye
 from twin.sensors.render import RendererOnDemand
 

@@ -14,7 +14,7 @@ from pydantic import TypeAdapter
 from trackers.observations import DepthImage, Image, LaserScan
 from trackers.rig import FisheyeSensor, OdometrySensor, RigSensor, StereoSensor
 from twin.instant.snapshot import Snapshot
-from twin.scenario.sensors import SensorDescription, build_sensor
+from twin.scenario.sensor_descriptions import SensorDescription, build_sensor
 from twin.sensors.check import check_sensor
 from twin.sensors.odometry import BaseOdometry, OdometryDescription
 from twin.sensors.render import RendererOnDemand

@@ -10,7 +10,7 @@ from capsule_room import CapsuleWorld
 from pydantic import TypeAdapter
 
 from trackers.observations import DepthImage, FloorFrame, Image, LaserScan
-from twin.scenario.sensors import SensorDescription, build_sensor
+from twin.scenario.sensor_descriptions import SensorDescription, build_sensor
 from twin.sensors.check import check_sensor
 from twin.sensors.fault_effects import DeadBeamMask, DeadCellMask, LensCover
 from twin.sensors.fault_kinds import DeadBeams, DeadCells, Fault, FaultDescription, LensOcclusion

@@ -12,7 +12,7 @@ from pydantic import TypeAdapter
 from trackers.observations import FloorFrame, LaserScan
 from trackers.rig import FloorSensor
 from twin.instant.snapshot import Feet, Snapshot
-from twin.scenario.sensors import SensorDescription, build_sensor
+from twin.scenario.sensor_descriptions import SensorDescription, build_sensor
 from twin.sensors.check import check_sensor
 from twin.sensors.floor_electronics import LoadFrame
 from twin.sensors.sensor import Reading, Sensor

@@ -7,7 +7,7 @@ from capsule_room import CapsuleWorld, capsule_model
 
 from trackers.rig import LaserSensor, Pose
 from twin.instant.snapshot import Snapshot
-from twin.scenario.sensors import LaserDescription
+from twin.scenario.sensor_descriptions import LaserDescription
 from twin.sensors.laser import Laser, reflected, returns_echo
 from twin.sensors.rays import trace_rays
 

@@ -14,7 +14,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from silhouettes import RING
 
 from twin.instant.snapshot import RAY_GROUPS
-from twin.scenario.sensors import FisheyeDescription, SensorDescription, build_sensor
+from twin.scenario.sensor_descriptions import FisheyeDescription, SensorDescription, build_sensor
 from twin.sensors.render import RendererOnDemand
 from twin.truth.visibility import PersonImaging, person_boxes
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
 from trackers.rig import PinholeSensor
-from twin.scenario.cameras import PinholeDescription
-from twin.scenario.sensors import SensorDescription, build_sensor
+from twin.scenario.camera_descriptions import PinholeDescription
+from twin.scenario.sensor_descriptions import SensorDescription, build_sensor
 from twin.sensors.pinhole import pinhole_view
 from twin.sensors.render import OffscreenRenderer, RendererOnDemand
 

@@ -11,8 +11,8 @@ from pydantic import TypeAdapter
 
 from trackers.observations import DepthImage
 from trackers.rig import Pose, StereoSensor
-from twin.scenario.cameras import StereoDescription
-from twin.scenario.sensors import SensorDescription, build_sensor
+from twin.scenario.camera_descriptions import StereoDescription
+from twin.scenario.sensor_descriptions import SensorDescription, build_sensor
 from twin.sensors.pinhole import Stereo
 from twin.sensors.rays import trace_rays
 from twin.sensors.render import RendererOnDemand

@@ -13,7 +13,7 @@ import pytest
 import twin.studies
 from twin.scenario import load_scenario
 from twin.scenario.load import dump_scenario
-from twin.scenario.sensors import FloorDescription
+from twin.scenario.sensor_descriptions import FloorDescription
 from twin.studies.candidate_set import building_of
 from twin.studies.interactive_plan import plan_data, section
 from twin.studies.spec import Coverage

@@ -12,8 +12,8 @@ import pytest
 from twin.suites.comparison import EVERY_SCENARIO, EVERY_TRACKER, Comparison, compare, significance
 from twin.suites.metrics import GATED, allowed_by_default, worsening
 from twin.suites.permutation_test import family_wise_p, min_recordings
+from twin.suites.result_tables import print_comparison
 from twin.suites.results import Group, GroupKey, Results, mean_over_seeds
-from twin.suites.tables import print_comparison
 
 TRACKERS = ("full", "lasers")
 SCENARIOS = tuple(f"room {k}" for k in range(6))

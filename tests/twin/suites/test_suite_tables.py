@@ -6,8 +6,8 @@ import pytest
 
 from trackers.errors import InputError
 from twin.suites.metrics import pooled_shares
+from twin.suites.result_tables import markdown_table, markdown_verdict
 from twin.suites.results import Group, GroupKey, RequirementCheck, Results, pooled
-from twin.suites.tables import markdown_table, markdown_verdict
 
 
 def group(*seeds: dict[str, float | None], variant: str = "") -> Group:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from twin.recording.tables import TruthTable
-from twin.truth.frames import Situation
 from twin.truth.situations import INTERACTION_M, OpenSituations, PairState, pairs_within
+from twin.truth.truth_types import Situation
 
 
 def interactions_of(truth: TruthTable) -> list[Situation]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from twin.truth.frames import Box
+from twin.truth.truth_types import Box
 from twin.truth.visibility import person_boxes
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from twin.truth.frames import RayRun
+from twin.truth.truth_types import RayRun
 from twin.world.truth_details import person_runs
 
 

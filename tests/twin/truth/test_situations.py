@@ -16,7 +16,6 @@ from scipy.spatial.distance import pdist
 from trackers.area import Pose
 from trackers.observations import LaserScan
 from twin.recording.tables import truth_table
-from twin.truth.frames import PersonTruth, Situation, TruthFrame
 from twin.truth.situations import (
     LINKAGE_M,
     OpenSituations,
@@ -28,6 +27,7 @@ from twin.truth.situations import (
     pairs_within,
     scan_points,
 )
+from twin.truth.truth_types import PersonTruth, Situation, TruthFrame
 from twin.truth.visibility import SensorView
 
 STEP = np.deg2rad(0.5)

@@ -14,7 +14,7 @@ from trackers.rig import FisheyeSensor
 from twin.recording.situation_table import situation_table
 from twin.recording.tables import truth_table
 from twin.scenario import Scenario, load_scenario
-from twin.truth.frames import BoxFrame, RayFrame, Situation, TruthDetail, TruthFrame
+from twin.truth.truth_types import BoxFrame, RayFrame, Situation, TruthDetail, TruthFrame
 from twin.truth.visibility import PersonImaging
 from twin.world.simulation import Simulation
 

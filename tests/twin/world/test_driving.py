@@ -16,7 +16,7 @@ from twin.recording.transforms import TransformTree
 from twin.run.live import run_scenario
 from twin.scenario import Scenario
 from twin.sensors.odometry import OdometryDescription
-from twin.truth.frames import TruthFrame
+from twin.truth.truth_types import TruthFrame
 from twin.world.simulation import Simulation
 from twin.world.world import PoseCache, World
 

@@ -13,7 +13,7 @@ from trackers.prior import Prior
 from twin.people.poses import PopulationMotion
 from twin.scenario import Scenario, load_scenario
 from twin.streams import stream
-from twin.truth.frames import TruthFrame
+from twin.truth.truth_types import TruthFrame
 from twin.world.simulation import Simulation
 from twin.world.world import PrecomputedScene, precompute_people
 

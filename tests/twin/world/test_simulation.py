@@ -12,7 +12,7 @@ from trackers.observations import LaserScan, Observation
 from twin.scenario import Scenario, load_scenario
 from twin.scenario.housings import assumed_rig
 from twin.scenario.load import dump_scenario
-from twin.truth.frames import TruthFrame
+from twin.truth.truth_types import TruthFrame
 from twin.world.simulation import Simulation
 
 SHORT = ["duration_s=1.0", "background_frames=2"]

@@ -25,9 +25,9 @@ from trackers.feeding import LATE
 from trackers.filters.gating import distances, mahalanobis
 from trackers.filters.particle import Cloud, MixtureProposal, ParticleFilter
 from trackers.laser_vision_learning.vision_only.options import VisionOnlyOptions
-from trackers.laser_vision_learning.vision_only.people import (
+from trackers.laser_vision_learning.vision_only.picture_tracks import (
     AtDetections,
-    Clothes,
+    ColourReader,
     PictureTracks,
     WhiteAcceleration,
     WithoutDetection,
@@ -69,7 +69,7 @@ class VisionOnly:
         camera, model = placed_camera(sensor), PersonModel.load(known.learned.get(LEARNED, SHIPPED))
         self._detector = PersonDetector(camera, rig.area, self.options.detector, model)
         self._manager = TrackManager(self.options.track_management, rig.area)
-        self._clothes = Clothes(camera, self.options.histogram)
+        self._clothes = ColourReader(camera, self.options.histogram)
         self._filter, self._rng = ParticleFilter(), rng or np.random.default_rng(0)
         self._people = PictureTracks.empty(self.options.filter.particles, self._clothes.size)
         self._ns, self._has_started = 0, False  # stamp of the last picture, and whether there was one

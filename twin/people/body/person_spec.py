@@ -89,10 +89,10 @@ def person_spec(
 @lru_cache(maxsize=64)
 def _kept_spec(appearance: BodyAppearance, only: frozenset[str] | None, pictures: bool) -> mujoco.MjSpec:
     """Build the body; cached, as the cases of a worker often share people."""
-    return _Body(appearance, only, pictures).spec
+    return _BodyBuilder(appearance, only, pictures).spec
 
 
-class _Body:
+class _BodyBuilder:
     """Builder of the spec, segment by segment; lengths from the proportions, radii scaled with stature and build."""
 
     def __init__(self, looks: BodyAppearance, only: Collection[str] | None, pictures: bool) -> None:

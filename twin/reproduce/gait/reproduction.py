@@ -9,7 +9,7 @@ import numpy as np
 
 from twin.messages import OnProgress, no_progress
 from twin.report.palette import IDENTITY_COLOURS, INK, QUIET, SHADE, hex_colour, plot_style, to_svg
-from twin.reproduce.gait.comparison import (
+from twin.reproduce.gait.gait_comparison import (
     CONTACT_S,
     DIP,
     HUMPS,

@@ -34,7 +34,7 @@ from twin.scenario import load_scenario
 from twin.streams import stream
 from twin.suites.cache import RecordingCache
 from twin.suites.worker import RECORDING, scenario_recording
-from twin.truth.frames import SituationKind
+from twin.truth.truth_types import SituationKind
 
 NEAR_M = 1.5
 _BLUE = ("#2456c4", "#2858c2", "#2253c8", "#265abf", "#2054c0")

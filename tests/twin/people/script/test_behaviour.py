@@ -14,7 +14,7 @@ from trackers.configuration import validate
 from twin.people.body.person_spec import JOINTS
 from twin.people.posture.postures import Postures
 from twin.scenario import Scenario
-from twin.truth.frames import FootTruth, PersonTruth
+from twin.truth.truth_types import FootTruth, PersonTruth
 from twin.world.world import World
 
 DT = 0.1

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from trackers.laser_vision_learning.walking import WalkingModel, WalkingOptions
+from trackers.laser_vision_learning.walking_model import WalkingModel, WalkingOptions
 
 STEADY = WalkingOptions(acceleration_m_s2=1e-9, turn_rad=1e-9, turn_slow_rad=0, turn_about=0, drift_m=0, phase=0)
 

@@ -77,7 +77,7 @@ _LEAST_SEEN = 0.25
 """Least share of foreground among the samples of each half."""
 
 
-class Clothes:
+class ColourReader:
     """Colours of people in the pictures of one camera: `size` numbers per person that sum to 1."""
 
     def __init__(self, camera: PlacedCamera, options: HistogramOptions) -> None:

@@ -22,7 +22,7 @@ from trackers.observations import ForceCurve
 from trackers.rig import FisheyeSensor, FloorSensor, LaserSensor, Role
 from trackers.rig_sensors import Pitch, check_cells
 from twin.geometry.polygon import leaves_at
-from twin.scenario.cameras import CameraNoiseByName, PinholeDescription, StereoDescription
+from twin.scenario.camera_descriptions import CameraNoiseByName, PinholeDescription, StereoDescription
 from twin.scenario.mount import CalibrationError, Mounted, NoiseName, by_name
 from twin.sensors.camera import CAMERA_NOISE, LENSES, Lens
 from twin.sensors.floor_electronics import FLOOR_ELECTRONICS, FloorElectronics

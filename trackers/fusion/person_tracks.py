@@ -12,8 +12,8 @@ from trackers.filters.imm import ImmState
 from trackers.filters.rows import Rows, written
 from trackers.fusion.heads import Heads
 from trackers.fusion.look import Expected
-from trackers.fusion.motion import CROWN_M, HEAD, PLACE, crowns_over, drifted, seen_over_modes
 from trackers.fusion.options import HeadEvidenceOptions
+from trackers.fusion.person_state import CROWN_M, HEAD, PLACE, crowns_over, drifted, seen_over_modes
 from trackers.fusion.posture import OFF_BODY, Posture
 from trackers.observations import NS_PER_S
 from trackers.tracking.roster import NEVER_NS, ImmTracks, Roster
@@ -94,7 +94,7 @@ class Clothes(Rows):
 
 
 @dataclass(frozen=True, eq=False)
-class People(ImmTracks):
+class PersonTracks(ImmTracks):
     """n tracks, oldest first."""
 
     roster: Roster[ImmState]
