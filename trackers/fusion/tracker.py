@@ -229,19 +229,19 @@ class Fusion(SynchronizedTracker):
         pairs: Pairs,
         missed: Float[Array, "n"],
         share: float,
-        number: int,
+        index: int,
         ns: int,
     ) -> None:
         """Compare what a source measured with what the others did, and say once what contradicts them."""
         agreement, row, column = self._agreement, pairs.row, pairs.column
         sigma_m = np.sqrt(look.covariance[column].trace(axis1=1, axis2=2) / 2)
-        agreement.take(number, people, row, look.position[column], sigma_m, ns)
-        others_ns = np.delete(people.seen_ns, number, axis=1).max(axis=1, initial=NEVER_NS)
+        agreement.take(index, people, row, look.position[column], sigma_m, ns)
+        others_ns = np.delete(people.seen_ns, index, axis=1).max(axis=1, initial=NEVER_NS)
         by_others = (ns - others_ns < _TOGETHER_S * NS_PER_S) & people.confirmed & ~people.posture.rests
         shown = np.zeros(len(people), np.bool_)
         shown[row] = True
-        agreement.take_shown(number, share * by_others * (1 - missed), shown)
-        source = self._sources[number]
+        agreement.take_shown(index, share * by_others * (1 - missed), shown)
+        source = self._sources[index]
         if isinstance(source, CameraSource):
             source.learn_shown(people.crowns, share * by_others, shown)
         self._doubted = agreement.doubted
