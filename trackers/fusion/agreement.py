@@ -15,7 +15,7 @@ import numpy as np
 
 from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.fusion.look import Look
-from trackers.fusion.person_tracks import PersonTracks
+from trackers.fusion.person_tracks import People
 from trackers.observations import NS_PER_S
 
 _MEMORY_S = 4.0
@@ -56,7 +56,7 @@ class Agreement:
     def take(
         self,
         number: int,
-        people: PersonTracks,
+        people: People,
         row: Int[Index, "p"],
         place: Float[Array, "p 2"],
         sigma_m: Float[Array, "p"],

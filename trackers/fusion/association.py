@@ -18,7 +18,7 @@ from trackers.filters.gating import max_weight_assignment
 from trackers.filters.imm import ImmState
 from trackers.fusion.look import NEW, Look
 from trackers.fusion.person_state import seen
-from trackers.fusion.person_tracks import PersonTracks
+from trackers.fusion.person_tracks import People
 from trackers.fusion.posture import LEGS_REST_M
 
 LEAST_EXISTENCE, _LEAST_MISSED, _LEAST_SHOWN = 1e-4, 1e-2, 1e-2
@@ -55,7 +55,7 @@ class Pairs:
     evidence: Float[Array, "p"]  # that a person is there, in that of a whole one
 
 
-def pair(people: PersonTracks, look: Look, missed: Float[Array, "n"], by_trunk: Bool[Mask, "n"]) -> Pairs:
+def pair(people: People, look: Look, missed: Float[Array, "n"], by_trunk: Bool[Mask, "n"]) -> Pairs:
     """Pair tracks with the measurements of a look, in one assignment.
 
     missed: how probably it would not show each track; by_trunk: the tracks of whom a trunk was measured lately, so that their
@@ -85,7 +85,7 @@ def pair(people: PersonTracks, look: Look, missed: Float[Array, "n"], by_trunk: 
 
 
 def _density(
-    people: PersonTracks, look: Look, by_trunk: Bool[Mask, "n"]
+    people: People, look: Look, by_trunk: Bool[Mask, "n"]
 ) -> tuple[Float[Array, "n k"], Float[Array, "n k"], Float[Array, "n k"]]:
     """Return `log_density`, and how probably legs are elsewhere than they were from those who were measured by a trunk.
 
@@ -100,7 +100,7 @@ def _density(
     return whole, np.where(by_trunk[:, None], np.minimum(away, away_wide), away), np.exp(wide - whole)
 
 
-def _log_shown(people: PersonTracks, look: Look, missed: Float[Array, "n"]) -> Float[Array, "n"]:
+def _log_shown(people: People, look: Look, missed: Float[Array, "n"]) -> Float[Array, "n"]:
     """Return ln P_D of each track where a look measured it.
 
     A scanner that measures a person there sees that place; a silhouette may be of another one on the same line of sight.
@@ -109,7 +109,7 @@ def _log_shown(people: PersonTracks, look: Look, missed: Float[Array, "n"]) -> F
     return np.log(np.maximum(shown, _LEAST_SHOWN))
 
 
-def explained(people: PersonTracks, look: Look) -> Bool[Mask, "k"]:
+def explained(people: People, look: Look) -> Bool[Mask, "k"]:
     """Mark the measurements that a track explains better than clutter does, though it may have had another one."""
     density, away = log_density(people.state, look)
     return ((away < EXPLAINED) & (density > np.log(look.kind.clutter_m2))).any(axis=0)

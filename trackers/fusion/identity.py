@@ -13,7 +13,7 @@ from trackers.arrays import Array, Bool, Float, Index, Int, Mask
 from trackers.filters.gating import distances, max_weight_assignment
 from trackers.filters.rows import written
 from trackers.fusion.options import ColourIdentityOptions
-from trackers.fusion.person_tracks import PersonTracks
+from trackers.fusion.person_tracks import People
 from trackers.observations import NS_PER_S
 from trackers.vision.histogram import chi_squared_distance
 
@@ -44,13 +44,13 @@ class IdentityMemory:
 
     def __init__(self, options: ColourIdentityOptions) -> None:
         self._options = options
-        self._left: PersonTracks | None = None
+        self._left: People | None = None
 
-    def remember(self, people: PersonTracks, ns: int) -> None:
+    def remember(self, people: People, ns: int) -> None:
         """Keep tracks that end at stamp ns, if they are confirmed and their clothes are known."""
         self._left = self._left_of(people, ns).joined(people.select(people.confirmed & people.clothes.known))
 
-    def recognized(self, people: PersonTracks, new: Bool[Mask, "n"], ns: int) -> tuple[PersonTracks, Bool[Mask, "n"]]:
+    def recognized(self, people: People, new: Bool[Mask, "n"], ns: int) -> tuple[People, Bool[Mask, "n"]]:
         """Let tracks that are about to be confirmed go on with the identities of the people whom they can be.
 
         Each takes that of the likeliest, by colours and by how far they are apart: a hidden track's covariance is how far its
@@ -77,9 +77,7 @@ class IdentityMemory:
         people = people.replaced(now, people.select(now).identified_as(identity))
         return people.select(stays), written(new, now, False)[stays]
 
-    def looked(
-        self, people: PersonTracks, row: Int[Index, "k"], histogram: Float[Array, "k bins"], ns: int
-    ) -> PersonTracks:
+    def looked(self, people: People, row: Int[Index, "k"], histogram: Float[Array, "k bins"], ns: int) -> People:
         """Return people after clear looks at the clothes of those at `row`, each with the identity that its looks tell."""
         clothes, options = people.clothes, self._options
         own = chi_squared_distance(clothes.reference[row], histogram).diagonal()
@@ -96,7 +94,7 @@ class IdentityMemory:
         )
         return self._changed_places(people, row, ns) if options.gate else people
 
-    def _changed_places(self, people: PersonTracks, row: Int[Index, "k"], ns: int) -> PersonTracks:
+    def _changed_places(self, people: People, row: Int[Index, "k"], ns: int) -> People:
         """Return people with the identities exchanged of the two tracks that say most clearly that they have changed people.
 
         The second may be of who has left; the identity of the first has then left in its place.
@@ -128,7 +126,7 @@ class IdentityMemory:
         self._left = left.replaced(departed, track)
         return people.replaced(first, track.identified_as(identity))
 
-    def _left_of(self, people: PersonTracks, ns: int) -> PersonTracks:
+    def _left_of(self, people: People, ns: int) -> People:
         """Return who has left lately enough, none at first."""
         if self._left is None:
             return people.select(np.zeros(len(people), np.bool_))
@@ -148,7 +146,7 @@ def _log_walked(
     return -0.5 * (distances(place, there) / sigma_m[:, None]) ** 2
 
 
-def _of_left(left: PersonTracks, people: PersonTracks, ns: int) -> Float[Array, "l n"]:
+def _of_left(left: People, people: People, ns: int) -> Float[Array, "l n"]:
     """Return the log-likelihood ratio of tracks as people who have left, against others; −∞ where colours tell nothing."""
     ratio = np.nan_to_num(_log_ratio(left.clothes.distance(people.clothes)), nan=-np.inf)
     return ratio + _log_walked(left.place, ns - left.roster.measured_ns, people.positions)

@@ -94,7 +94,7 @@ class Clothes(Rows):
 
 
 @dataclass(frozen=True, eq=False)
-class PersonTracks(ImmTracks):
+class People(ImmTracks):
     """n tracks, oldest first."""
 
     roster: Roster[ImmState]

@@ -20,7 +20,7 @@ from trackers.fusion.association import EXPLAINED, LEAST_EXISTENCE, explained
 from trackers.fusion.identity import IdentityMemory
 from trackers.fusion.look import APART_M, NEW, Look, round_covariance
 from trackers.fusion.options import FusionOptions
-from trackers.fusion.person_tracks import PersonTracks
+from trackers.fusion.person_tracks import People
 from trackers.fusion.posture import REACH
 from trackers.observations import NS_PER_S
 from trackers.tracking.roster import NEVER_NS
@@ -53,9 +53,7 @@ class FusionTrackManager(TrackManager):
         self.identities = IdentityMemory(options.identity)
         self._scanned_ns: dict[str, int] = {}
 
-    def initiated(
-        self, people: PersonTracks, looks: dict[int, Look], paired: list[Int[Index, "p"]], ns: int
-    ) -> PersonTracks:
+    def initiated(self, people: People, looks: dict[int, Look], paired: list[Int[Index, "p"]], ns: int) -> People:
         """Return the tracks and those that begin at measurements that no track explains, one of each person."""
         place, number, R, hits, evidence, near = [], [], [], [], [], [people.positions]
         for (source, look), column in zip(looks.items(), paired, strict=True):
@@ -85,20 +83,20 @@ class FusionTrackManager(TrackManager):
 
     def _started(
         self,
-        others: PersonTracks,
+        others: People,
         place: Float[Array, "k 2"],
         R: Float[Array, "k 2 2"],
         ns: int,
         number: Int[Index, "k"],
         n_hit: int,
         existence: float,
-    ) -> PersonTracks:
+    ) -> People:
         """Make a tentative track of measurements by sources, each with a covariance."""
         information = np.linalg.inv(R)
         covariance = np.linalg.inv(information.sum(axis=0, keepdims=True)).astype(np.float64)
         at = np.einsum("zab,kbc,kc->za", covariance, information, place)
         state = self._imm.start(at, None, _UNKNOWN_M**2, _START_SPEED_M_S**2)
-        people = PersonTracks.started(
+        people = People.started(
             self._imm.update(state, np.zeros(1, np.intp), at, covariance),
             at,
             ns,
@@ -109,12 +107,12 @@ class FusionTrackManager(TrackManager):
         roster = people.roster.changed(n_measured=np.array([n_hit]))
         return people.changed(roster=roster, existence=np.array([existence]))
 
-    def after_gap(self, people: PersonTracks, last_ns: int, ns: int) -> PersonTracks:
+    def after_gap(self, people: People, last_ns: int, ns: int) -> People:
         """Return the tracks still followed at a look; none after a gap in all sensors longer than `coast_s`."""
         gap = ns - last_ns > nanoseconds(self._rules.coast_s)
         return self._ended(people, np.full(len(people), gap), ns)
 
-    def aged(self, people: PersonTracks, elapsed_s: float) -> PersonTracks:
+    def aged(self, people: People, elapsed_s: float) -> People:
         """Return the tracks some time later: people sit and lie down now and then."""
         people = people.changed(posture=people.posture.later(elapsed_s, self._rules.lies_down_s).lain_down())
         seat = people.posture.seat
@@ -125,7 +123,7 @@ class FusionTrackManager(TrackManager):
         R = round_covariance(sigma_m**2 * max(self._step_s / elapsed_s, 1.0))
         return people.in_state(self._imm.update(people.state, row, seat[row], R))
 
-    def missed(self, people: PersonTracks, look: Look) -> Float[Array, "n"]:
+    def missed(self, people: People, look: Look) -> Float[Array, "n"]:
         """Return how probably a look would not show each track."""
         if not len(people):
             return np.empty(0)
@@ -137,12 +135,12 @@ class FusionTrackManager(TrackManager):
 
     def detected(
         self,
-        people: PersonTracks,
+        people: People,
         row: Int[Index, "p"],
         log_ratio: Float[Array, "p"],
         share: Float[Array, "p"],
         p_detect: Float[Array, "p"],
-    ) -> PersonTracks:
+    ) -> People:
         """Return the tracks with those at `row` measured, some repeatedly, at log-likelihood ratios against other causes.
 
         share: of the evidence; p_detect: of the sensor.
@@ -160,7 +158,7 @@ class FusionTrackManager(TrackManager):
         most = _TRUST * np.log(p_detect / (1 - p_detect))
         return max(float(1 / (1 + np.exp(most[0] - (evidence * most).sum()))), 2 * _LEAST_TENTATIVE)
 
-    def updated_missed(self, people: PersonTracks, look: Look, share: float, elapsed_s: float, ns: int) -> PersonTracks:
+    def updated_missed(self, people: People, look: Look, share: float, elapsed_s: float, ns: int) -> People:
         """Update the tracks that neither a look nor another one of its stamp showed: likelier hidden, or not to exist.
 
         share: of a look's evidence.
@@ -191,7 +189,7 @@ class FusionTrackManager(TrackManager):
         people = people.changed(existence=written(people.existence, row, existence), posture=posture)
         return people.in_state(people.state.replaced(row, state))
 
-    def without_noise(self, people: PersonTracks, looks: dict[int, Look], ns: int) -> PersonTracks:
+    def without_noise(self, people: People, looks: dict[int, Look], ns: int) -> People:
         """Delete tentative tracks that scanners alone have shown, once each has scanned again and not shown them.
 
         Beams that are split between an edge and what is behind it make clusters of few samples: behind people, where a miss
@@ -212,31 +210,31 @@ class FusionTrackManager(TrackManager):
                 noise |= tentative & by[:, number] & (by.sum(axis=1) == 1) & ~waits
         return people.select(~noise)
 
-    def clear_of_seats(self, people: PersonTracks, position: Float[Array, "k 2"]) -> Bool[Mask, "k"]:
+    def clear_of_seats(self, people: People, position: Float[Array, "k 2"]) -> Bool[Mask, "k"]:
         """Mark places that are not within the reach of a person who sits or lies."""
         rests = people.confirmed & people.posture.rests & (people.existence > 0.5) & self.inside(people.place)
         away_m = distances(position, people.place[rests])
         seats_m = np.fmin(away_m, distances(position, people.posture.seat[rests]))
         return np.logical_and.reduce(seats_m > REACH * people.stature[rests], axis=1)
 
-    def confirmed(self, people: PersonTracks, ns: int, elapsed_s: float) -> PersonTracks:
+    def confirmed(self, people: People, ns: int, elapsed_s: float) -> People:
         """Confirm tracks that were measured long and often enough, and that exist."""
         new = self.to_confirm(people.roster, ns, round(elapsed_s * NS_PER_S)) & (people.existence > _SURE)
         people, new = self.identities.recognized(people, new, ns)
         return people.changed(roster=self.confirm(people.roster, new))
 
-    def is_fresh(self, people: PersonTracks, ns: int) -> Bool[Mask, "n"]:
+    def is_fresh(self, people: People, ns: int) -> Bool[Mask, "n"]:
         """Mark the tracks that were measured lately."""
         return ns - people.roster.measured_ns <= nanoseconds(_FRESH_S)
 
-    def to_report(self, people: PersonTracks, ns: int) -> Bool[Mask, "n"]:
+    def to_report(self, people: People, ns: int) -> Bool[Mask, "n"]:
         """Select the confirmed tracks that are measured, or whose person is probably there and near the reported place."""
         reported, fresh = self.reported(people.roster, ns), self.is_fresh(people, ns)
         within = probability_within(people.state, people.positions, self._rules.within_m, people.velocity.T)
         there = (people.existence * within > 0.5) & self.inside(people.positions)
         return reported & (fresh | there)
 
-    def without_doubles(self, people: PersonTracks, elapsed_s: float) -> PersonTracks:
+    def without_doubles(self, people: People, elapsed_s: float) -> People:
         """Delete the younger of two tracks that are known to have been at one place for long; tentative ones at once.
 
         Known: by their mean squared distance, of the means and of both covariances.
@@ -250,7 +248,7 @@ class FusionTrackManager(TrackManager):
         people = people.changed(doubled_s=doubled_s)
         return people.select(doubled_s <= np.where(people.confirmed, _SAME_S, 0.0))
 
-    def kept(self, people: PersonTracks, ns: int) -> PersonTracks:
+    def kept(self, people: People, ns: int) -> People:
         """Delete tracks that have left the area, or that probably do not exist."""
         inside = self.inside(people.positions) | (people.roster.measured_ns < ns) | people.posture.rests
         lasting = self.lasting(people.roster, ns)
@@ -259,7 +257,7 @@ class FusionTrackManager(TrackManager):
             lasting |= people.confirmed & (people.existence > 0.5)
         return self._ended(people, ~(inside & lasting & exists), ns)
 
-    def _ended(self, people: PersonTracks, ends: Bool[Mask, "n"], ns: int) -> PersonTracks:
+    def _ended(self, people: People, ends: Bool[Mask, "n"], ns: int) -> People:
         """Return the tracks without those that end, whose people are remembered."""
         if not ends.any():
             return people

@@ -32,7 +32,7 @@ from trackers.fusion.heads import HeadWeighing, own
 from trackers.fusion.look import Look, Source
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.person_state import HEAD, PersonMotion, with_legs_free
-from trackers.fusion.person_tracks import PersonTracks
+from trackers.fusion.person_tracks import People
 from trackers.fusion.posture import LEGS_REST_M, Posture
 from trackers.fusion.shown_places import Camera
 from trackers.fusion.track_manager import FusionTrackManager
@@ -99,7 +99,7 @@ class Fusion(SynchronizedTracker):
         super().__init__(policy)
         self._sees_waists = bool(self._scanners) and self._scanners[0].role == "waist"
         no_track, n_colour = self._imm.start(np.empty((0, 2))), cameras[0].camera.n_colour if cameras else 1
-        self._people = PersonTracks.started(no_track, np.empty((0, 2)), 0, n_colour, len(self._sources))
+        self._people = People.started(no_track, np.empty((0, 2)), 0, n_colour, len(self._sources))
         self._ns: int | None = None
         self._looked_ns: dict[int, int] = {}
         self._main_ns: list[int] = []
@@ -223,32 +223,25 @@ class Fusion(SynchronizedTracker):
         self._people = self._manager.confirmed(people, ns, max(elapsed_s.values()))
 
     def _compare(
-        self,
-        people: PersonTracks,
-        look: Look,
-        pairs: Pairs,
-        missed: Float[Array, "n"],
-        share: float,
-        index: int,
-        ns: int,
+        self, people: People, look: Look, pairs: Pairs, missed: Float[Array, "n"], share: float, number: int, ns: int
     ) -> None:
         """Compare what a source measured with what the others did, and say once what contradicts them."""
         agreement, row, column = self._agreement, pairs.row, pairs.column
         sigma_m = np.sqrt(look.covariance[column].trace(axis1=1, axis2=2) / 2)
-        agreement.take(index, people, row, look.position[column], sigma_m, ns)
-        others_ns = np.delete(people.seen_ns, index, axis=1).max(axis=1, initial=NEVER_NS)
+        agreement.take(number, people, row, look.position[column], sigma_m, ns)
+        others_ns = np.delete(people.seen_ns, number, axis=1).max(axis=1, initial=NEVER_NS)
         by_others = (ns - others_ns < _TOGETHER_S * NS_PER_S) & people.confirmed & ~people.posture.rests
         shown = np.zeros(len(people), np.bool_)
         shown[row] = True
-        agreement.take_shown(index, share * by_others * (1 - missed), shown)
-        source = self._sources[index]
+        agreement.take_shown(number, share * by_others * (1 - missed), shown)
+        source = self._sources[number]
         if isinstance(source, CameraSource):
             source.learn_shown(people.crowns, share * by_others, shown)
         self._doubted = agreement.doubted
         for sentence in agreement.found():
             logger.warning(sentence)
 
-    def _measured(self, people: PersonTracks, paired: list[Pairs], looks: dict[int, Look], ns: int) -> PersonTracks:
+    def _measured(self, people: People, paired: list[Pairs], looks: dict[int, Look], ns: int) -> People:
         """Update tracks by their measurements; those of one source that follow soon tell together what one tells."""
         fields = ("row", "log_ratio", "evidence")
         row, ratio, evidence = (np.concatenate([getattr(each, of) for each in paired]) for of in fields)
@@ -297,7 +290,7 @@ class Fusion(SynchronizedTracker):
             seen_at=seen_at,
         )
 
-    def _by_trunk(self, people: PersonTracks, ns: int) -> Bool[Mask, "n"]:
+    def _by_trunk(self, people: People, ns: int) -> Bool[Mask, "n"]:
         """Mark the people whose trunk was measured lately: their legs are near, wherever they were before."""
         if not self._sees_waists:
             return np.zeros(len(people), np.bool_)
@@ -305,7 +298,7 @@ class Fusion(SynchronizedTracker):
 
     def _by_legs(
         self,
-        people: PersonTracks,
+        people: People,
         posture: Posture,
         row: Int[Index, "p"],
         place: Float[Array, "p 2"],
@@ -321,7 +314,7 @@ class Fusion(SynchronizedTracker):
             variance_m2 = variance_m2 + people.covariance[row].trace(axis1=1, axis2=2) / 2
         return posture.by_legs(row[tells], (place - trunk)[tells], variance_m2[tells], since_s[tells])
 
-    def _by_pictures(self, people: PersonTracks, cameras: list[Camera], ns: int) -> PersonTracks:
+    def _by_pictures(self, people: People, cameras: list[Camera], ns: int) -> People:
         """Update heads by pictures, bodies by their heads, and colours."""
         if not cameras or not len(people):
             return people

@@ -14,7 +14,7 @@ from trackers.fusion.camera_sources import cameras_of
 from trackers.fusion.look import Expected, Look
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.person_state import PersonMotion
-from trackers.fusion.person_tracks import PersonTracks
+from trackers.fusion.person_tracks import People
 from trackers.fusion.shown_places import depth_errors, depths_tell_to_m, hidden
 from trackers.observations import Image
 from trackers.rig import StereoSensor, placed_camera
@@ -80,7 +80,7 @@ def test_a_camera_sees_over_the_head_of_who_sits_and_not_through_who_stands():
 
 
 def test_crowns_are_over_the_places_and_above_the_heads():
-    people = PersonTracks.started(Imm(PersonMotion()).start(np.array([[1.0, 2.0]])), np.array([[1.0, 2.0]]), 0, 1, 1)
+    people = People.started(Imm(PersonMotion()).start(np.array([[1.0, 2.0]])), np.array([[1.0, 2.0]]), 0, 1, 1)
     expected = people.expected(np.zeros(1, np.bool_))
     np.testing.assert_array_equal(people.crowns, expected.crowns)
     np.testing.assert_allclose(people.crowns, [[1.0, 2.0, people.head[0, 2] + 0.12]])

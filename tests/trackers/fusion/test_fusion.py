@@ -24,7 +24,7 @@ from trackers.fusion.heads import log_free, sights_of_one, unit_points
 from trackers.fusion.look import Look
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.person_state import HEAD, LEGS, PersonMotion
-from trackers.fusion.person_tracks import PersonTracks
+from trackers.fusion.person_tracks import People
 from trackers.fusion.posture import SILHOUETTE_SHOWN
 from trackers.presets import make_tracker
 from trackers.rig import Rig
@@ -221,9 +221,9 @@ def look_of(positions: list[tuple[float, float]]) -> Look:
     )  # fmt: skip
 
 
-def people_at(places: list[tuple[float, float]]) -> PersonTracks:
+def people_at(places: list[tuple[float, float]]) -> People:
     at = np.array(places)
-    people = PersonTracks.started(Imm(PersonMotion()).start(at, None, 0.3**2), at, 0, 1, 2)
+    people = People.started(Imm(PersonMotion()).start(at, None, 0.3**2), at, 0, 1, 2)
     return people.changed(existence=np.full(len(at), 0.999))
 
 
@@ -244,9 +244,7 @@ def test_a_head_moves_its_body_in_the_share_of_their_variances() -> None:
     imm = Imm(PersonMotion())
     state = imm.start(np.zeros((1, 2)), None, 0.1**2)
     head = np.array([[0.05, 0.0, 1.55]])
-    people = PersonTracks.started(
-        imm.update(state, np.array([0]), head, 1e-9 * np.eye(3)[None], HEAD), head[:, :2], 0, 1, 1
-    )
+    people = People.started(imm.update(state, np.array([0]), head, 1e-9 * np.eye(3)[None], HEAD), head[:, :2], 0, 1, 1)
     np.testing.assert_allclose(people.positions, [[0.04, 0.0]], atol=1e-6)
     np.testing.assert_allclose(people.head, head, atol=1e-6)
 
@@ -282,7 +280,7 @@ def test_loads_are_where_a_standing_person_is_and_teach_where_a_sitting_persons_
     imm, head, options = Imm(PersonMotion()), np.array([[0.0, 0.0, 1.25]]), FusionOptions().head
     place, legs = {}, {}
     for posture, p in {"stands": (1.0, 0, 0), "sits": (0.0, 1, 0)}.items():
-        people = PersonTracks.started(imm.start(np.zeros((1, 2)), None, 0.1**2), np.zeros((1, 2)), 0, 1, 1)
+        people = People.started(imm.start(np.zeros((1, 2)), None, 0.1**2), np.zeros((1, 2)), 0, 1, 1)
         people = people.changed(posture=people.posture.changed(probability=np.array([p])))
         for _ in range(60):
             people = people.in_state(imm.predict(people.state, 0.1)).with_parts_later(0.1, options)

@@ -11,7 +11,7 @@ from trackers.filters.imm import Imm
 from trackers.fusion.identity import IdentityMemory
 from trackers.fusion.options import ColourIdentityOptions
 from trackers.fusion.person_state import PersonMotion
-from trackers.fusion.person_tracks import PersonTracks
+from trackers.fusion.person_tracks import People
 from trackers.observations import NS_PER_S
 
 COLOURS = np.eye(3)
@@ -19,17 +19,15 @@ COLOURS = np.eye(3)
 LOOK_NS = NS_PER_S // 10
 
 
-def people_at(*places: tuple[float, float], ids: tuple[int, ...]) -> PersonTracks:
+def people_at(*places: tuple[float, float], ids: tuple[int, ...]) -> People:
     """Make tracks at places [m]; those of id 0 are tentative."""
     at = np.array(places)
-    people = PersonTracks.started(Imm(PersonMotion()).start(at, None, 0.1**2), at, 0, len(COLOURS), 1)
+    people = People.started(Imm(PersonMotion()).start(at, None, 0.1**2), at, 0, len(COLOURS), 1)
     roster = people.roster.changed(id=np.array(ids), confirmed=np.array(ids) > 0)
     return people.changed(existence=np.full(len(at), 0.99), roster=roster)
 
 
-def looked(
-    identities: IdentityMemory, people: PersonTracks, colours: list[int], looks: int, ns: int
-) -> tuple[PersonTracks, int]:
+def looked(identities: IdentityMemory, people: People, colours: list[int], looks: int, ns: int) -> tuple[People, int]:
     """Look at everybody several times, whose clothes have these colours; return people and the stamp after."""
     for _ in range(looks):
         people = people.changed(roster=people.roster.changed(measured_ns=np.full(len(people), ns)))

@@ -17,7 +17,7 @@ from trackers.fusion.ground_sources import scanners_of
 from trackers.fusion.look import NEW, Expected, Look
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.person_state import LEGS, PersonMotion, seen, with_legs_free
-from trackers.fusion.person_tracks import PersonTracks
+from trackers.fusion.person_tracks import People
 from trackers.fusion.posture import LEGS_SHOWN, SILHOUETTE_SHOWN
 from trackers.fusion.track_manager import FusionTrackManager
 from trackers.observations import NS_PER_S, LaserScan
@@ -99,9 +99,9 @@ def test_the_leg_that_a_single_one_hides_is_behind_it() -> None:
     assert np.hypot(x, y) - np.hypot(near.x, near.y) == pytest.approx(0.045, abs=0.005)
 
 
-def people_at(*places: tuple[float, float]) -> PersonTracks:
+def people_at(*places: tuple[float, float]) -> People:
     at = np.array(places)
-    people = PersonTracks.started(Imm(PersonMotion()).start(at, None, 0.1**2), at, 0, 1, 1)
+    people = People.started(Imm(PersonMotion()).start(at, None, 0.1**2), at, 0, 1, 1)
     return people.changed(existence=np.full(len(at), 0.99))
 
 
