@@ -255,4 +255,8 @@ def keys_of(model: type[BaseModel], path: tuple[int | str, ...], kind: Any = Non
     kind: the mapping's own `kind`, which selects one of several models.
     """
     models = of_kind(models_at(model, path), kind)
-    return frozenset(name for each in models for name in each.model_fields) if models else None
+    return (
+        frozenset(field.alias or name for each in models for name, field in each.model_fields.items())
+        if models
+        else None
+    )

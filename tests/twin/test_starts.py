@@ -255,6 +255,7 @@ def test_new_tells_the_path_and_the_next_command(here: Path) -> None:
     ]:
         said = [line.split(maxsplit=1) for line in _twin("new", kind, "--out", option).splitlines()]
         assert said == [[kind, file], ["next", following]]
+        assert following.split(" && ")[-1] in Path(file).read_text("utf-8")
     said = _twin("new", "scenario", "--drawn", "--seed", "1", "--out", "drawn").splitlines()
     assert [line.split(maxsplit=1)[0] for line in said] == ["scenario", "room", "next"]
     assert said[-1].endswith("twin run drawn/scenario.yaml")

@@ -243,7 +243,7 @@ def rig(
 
 
 def _filled(template: str, path: Path) -> str:
-    return template.format(name=_name(path.with_suffix("")), file=path, module=path.stem)
+    return template.format(name=_name(path.with_suffix("")), file=quote(str(path)), module=path.stem)
 
 
 def _write(what: str, text: str, path: Path, suffix: str) -> None:

@@ -15,6 +15,7 @@ from html import escape
 from importlib.util import cache_from_source
 from itertools import cycle
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Literal
 
 import cv2
@@ -251,4 +252,5 @@ def page_template(*packages_and_name: str) -> Template:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["shell"] = lambda path: quote(str(path))  # a path in a command that the reader copies
     return environment.get_template(name)

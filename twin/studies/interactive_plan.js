@@ -173,7 +173,7 @@ const RoomPlan = (() => {
   function yamlOf(plan, sensors, original) {
     const numbers = (values) => `[${values.map((value) => +value.toFixed(4)).join(", ")}]`;
     const lines = [
-      `# Save this as ${plan.folder}/plan.yaml, then: twin run ${plan.folder}/plan.yaml`,
+      `# Save this as ${plan.saved_as}, then: ${plan.run_by}`,
       `extends: ${JSON.stringify(plan.extends)}`, `name: ${JSON.stringify(plan.name)}`, "sensors:",
     ];
     for (const before of original) {

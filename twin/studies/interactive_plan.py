@@ -8,6 +8,7 @@ lines of sight. A solid is a stack of convex prisms: one for an upright box or c
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -59,7 +60,8 @@ def plan_data(
         "px_per_m": coverage.px_per_m,
         "height_m": coverage.heights_m[-1],
         "extends": extends,
-        "folder": folder.as_posix(),
+        "saved_as": (folder / "plan.yaml").as_posix(),
+        "run_by": shlex.join(["twin", "run", (folder / "plan.yaml").as_posix()]),
         "name": f"{scenario.name}-plan",
         "prisms": room_prisms(building.model, building.data),
         "glass": [np.round(each, 4).tolist() for each in room_outline(building.model, building.data, glass_only=True)],

@@ -21,22 +21,13 @@ from twin.studies.plots import PlanSensor, floor_plan, heat_map, pareto_plot, pl
 from twin.studies.results import StudyResults, describe_placement
 from twin.studies.trials import Trial
 from twin.studies.validation import moved_sensors
-from twin.studies.visibility import (
-    FloorResolution,
-    SensorVisibility,
-    cell_size_m,
-    floor_resolution,
-    looking_sensors,
-    unvisited_warning,
-    visited_cells,
-)
+from twin.studies.visibility import cell_size_m, looking_sensors
 from twin.studies.worker import EvaluationTask, matched_errors
 from twin.suites.cache_keys import whole_code
 from twin.suites.results import FEWEST
 
 study_template = partial(page_template, "twin.studies", "twin.reproduce")
 """Load a template of study pages, on the base that pages of results share."""
-_HEAT_CELLS = 4000
 _PLAN_CELLS = 10_000
 _MOST_ERROR_SEEDS = 3
 _ERROR_CELL_M = 0.5
@@ -56,9 +47,6 @@ def write_page(path: Path, results: StudyResults) -> None:
     drawn, scale, width_mm = floor_plan(
         scenario, prepared.scenario, sensors, candidate_set.building, area, study.constraints, devices_m
     )
-    looking = {name: SensorVisibility(scenario, name, study.coverage) for name in looking_sensors(scenario)}
-    empty_room = results.coverage.targets.sampled_worlds[0].empty()
-    floor = floor_resolution(scenario, looking, empty_room, area, study.coverage, _HEAT_CELLS)
     objective = results.objective
     content: dict[str, Any] = {
         "study": study,
@@ -78,8 +66,8 @@ def write_page(path: Path, results: StudyResults) -> None:
         "n_indistinguishable": len(results.indistinguishable),
         "has_intervals": len(results.best.seeds) >= FEWEST,
         "fewest_seeds": FEWEST,
-        "maps": _maps(results, scenario, sensors, floor),
-        "area_warning": _area_warning(results, floor),
+        "maps": _maps(results, scenario, sensors),
+        "area_warning": results.area_warning,
         "trial_map": _trial_map(results, sensors),
         "objective": objective,
         "validated": study.validated,
@@ -178,9 +166,10 @@ def _prices(results: StudyResults, scenario: Scenario) -> dict[str, float]:
     return prices if any(prices.values()) else {}
 
 
-def _maps(results: StudyResults, scenario: Scenario, sensors: list[PlanSensor], floor: FloorResolution) -> list[Any]:
+def _maps(results: StudyResults, scenario: Scenario, sensors: list[PlanSensor]) -> list[Any]:
     """Draw beams on a body, pixels per metre, and the mean error by place; return captions and pictures."""
     building, area, found = results.prepared.candidate_set.building, results.prepared.scene.area, []
+    floor = results.floor
     for scanners, _, sharp, least in floor.best_of_kind(scenario):
         what = (
             "Beams that meet a body, of the best scanner for each place"
@@ -193,14 +182,6 @@ def _maps(results: StudyResults, scenario: Scenario, sensors: list[PlanSensor], 
         svg = heat_map(floor.cells, sharp, floor.cell_m, sensors, building, area, label=label, least=least)
         found.append((caption, svg))
     return [(caption, data_uri(svg)) for caption, svg in [*found, *_error_map(results, scenario, sensors)]]
-
-
-def _area_warning(results: StudyResults, floor: FloorResolution) -> str:
-    """Return a warning where no sensor sees an unvisited part of the area; "" otherwise or for cells of the floor."""
-    if results.prepared.study.coverage.of != "people":
-        return ""
-    targets = results.coverage.targets
-    return unvisited_warning(visited_cells(targets.sampled_worlds, floor.cells), floor.n_seeing > 0, targets.n)
 
 
 def _error_map(results: StudyResults, scenario: Scenario, sensors: list[PlanSensor]) -> list[tuple[str, str]]:

@@ -200,11 +200,8 @@ def _names(axes: Axes, sensors: Sequence[PlanSensor], reach_m: float, m_per_pt: 
 def _room(axes: Axes, building: Building, area: Array) -> None:
     """Draw the room: outlines of walls and furniture, and the floor's edge where no wall is."""
     data = building.data
-    mujoco.mj_kinematics(building.model, data)
-    size_m = np.ptp(building.outline, axis=0)
-    for polygon in room_outline(building.model, data):
-        if (np.ptp(polygon, axis=0) < 0.9 * size_m).any():  # neither around nor under the whole room
-            axes.fill(*polygon.T, facecolor="#d5d9df", edgecolor="#a9b0bb", linewidth=0.5, zorder=2)
+    for polygon in _things(building):
+        axes.fill(*polygon.T, facecolor="#d5d9df", edgecolor="#a9b0bb", linewidth=0.5, zorder=2)
     for wall in standing_footprints(building.model, data)[0]:
         if thickness_m(wall) < _WALL_M:
             axes.fill(*wall.T, facecolor="#7a838f", edgecolor="#4a525c", linewidth=0.5, zorder=2)
@@ -214,6 +211,14 @@ def _room(axes: Axes, building: Building, area: Array) -> None:
         axes.plot(*piece.T, color=QUIET, linewidth=0.6, linestyle=":", zorder=3)
     axes.fill(*area.T, facecolor="none", edgecolor=QUIET, linewidth=0.7, linestyle="--", zorder=3)
     axes.set_aspect("equal")
+
+
+def _things(building: Building) -> list[NDArray[np.float64]]:
+    """Return the outlines (k, 2) [m] of walls and furniture, without what is around or under the whole room."""
+    mujoco.mj_kinematics(building.model, building.data)
+    size_m = np.ptp(building.outline, axis=0)
+    every = room_outline(building.model, building.data)
+    return [each for each in every if (np.ptp(each, axis=0) < 0.9 * size_m).any()]
 
 
 def _numbered(axes: Axes, sensors: Sequence[PlanSensor], m_per_pt: float) -> None:
@@ -275,6 +280,9 @@ def heat_map(
                 interpolation="nearest",
                 zorder=2.6,
             )
+        for polygon in _things(building):
+            if thickness_m(polygon) >= _WALL_M:  # furniture and columns, which show through the colours
+                axes.fill(*polygon.T, facecolor="white", edgecolor="white", alpha=0.45, linewidth=0.6, zorder=2.7)
         _directions(axes, sensors, 0.09 * float(size.max()))
         _numbered(axes, sensors, 0.0036 * float(size.max()))  # of a map that is some 280 points wide
         axes.set(xlabel="x [m]", ylabel="y [m]")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from rich.console import Console
 from trackers.errors import InputError
 from trackers.plain_data import parse_json
 from trackers.text_file import read_text
-from twin.console import PlainConsole, print_table
+from twin.console import PlainConsole, print_table, print_warning
 from twin.messages import counted
 from twin.recording.atomic_file import write_csv
 from twin.scenario import Scenario
@@ -26,8 +27,18 @@ from twin.studies.set_cover import Cover
 from twin.studies.spec import Objective
 from twin.studies.trials import Trial, losses, placement_id
 from twin.studies.validation import PairedDifference
+from twin.studies.visibility import (
+    FloorResolution,
+    SensorVisibility,
+    floor_resolution,
+    looking_sensors,
+    unvisited_warning,
+    visited_cells,
+)
 from twin.suites.cache import RecordingCache
 from twin.suites.results import FEWEST
+
+_FLOOR_CELLS = 4000
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +94,23 @@ class StudyResults:
         ways = counted(n_placements(study, self.prepared.candidate_set), "placement")
         return f"{ways} of {counted(len(poses), 'pose')}, {how[study.search.method]}"
 
+    @cached_property
+    def floor(self) -> FloorResolution:
+        """The resolution of the recommended placement over the floor of the empty room."""
+        scenario, sampled = self.scenario_with(self.best.placement), self.coverage.targets.sampled_worlds[0]
+        asked = self.prepared.study.coverage
+        looking = {name: SensorVisibility(scenario, name, asked) for name in looking_sensors(scenario)}
+        return floor_resolution(scenario, looking, sampled.empty(), self.prepared.scene.area, asked, _FLOOR_CELLS)
+
+    @property
+    def area_warning(self) -> str:
+        """A warning where no sensor sees an unvisited part of the area; "" otherwise or for cells of the floor."""
+        if self.prepared.study.coverage.of != "people":
+            return ""
+        targets = self.coverage.targets
+        visited = visited_cells(targets.sampled_worlds, self.floor.cells)
+        return unvisited_warning(visited, self.floor.n_seeing > 0, targets.n)
+
     def scenario_with(self, placement: Placement) -> Scenario:
         """Return the study's first scenario with a placement applied."""
         poses = [self.prepared.candidate_set.poses[each] for each in placement]
@@ -128,6 +156,7 @@ def summarize(results: StudyResults) -> dict[str, Any]:
             for count, first, best in results.result.proven
         ],
         "warnings": list(results.warnings),
+        **({"area_warning": results.area_warning} if results.area_warning else {}),
         "rejected": results.prepared.candidate_set.rejected,
         "candidates": len(results.result.trials),
         **({"evaluated_in_this_run": results.n_evaluated} if results.prepared.trackers else {}),
@@ -256,6 +285,8 @@ def _print(console: Console, found: dict[str, Any]) -> None:
         console.print(f"coverage of {devices}: {found_by}")
     for row in found["displaced"]:
         console.print(f"displaced by {row['what']}: {_interval(row)}")
+    if warning := found.get("area_warning"):
+        print_warning(warning)
     if found["indistinguishable"]:
         few = "" if found["best"].get("seeds", 0) >= FEWEST else f": fewer than {FEWEST} seeds give no interval"
         console.print(f"placements not distinguishable from the best: {len(found['indistinguishable'])}{few}")

@@ -225,8 +225,8 @@ def unvisited_warning(visited: Mask, seen: Mask, n_person_frame: int) -> str:
     if blind <= _FEW:
         return ""
     return (
-        f"no sensor sees {100 * hidden:.1f} % of the area; nobody came to {100 * blind:.1f} % of the area, which are part of "
-        f"these, in the {n_person_frame} person-frames. Shares of person-frames leave that part out; shares of the floor count it"
+        f"no sensor sees {100 * hidden:.1f} % of the area; {100 * blind:.1f} % of the area are unseen and were never visited "
+        f"in the {n_person_frame} person-frames. Shares of person-frames leave that part out; shares of the floor count it"
     )
 
 

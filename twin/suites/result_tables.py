@@ -9,7 +9,7 @@ from pathlib import Path
 from twin.console import PlainConsole, print_table
 from twin.messages import counted, printable
 from twin.report.metrics_table import HEADLINE_METRICS, format_number
-from twin.suites.comparison import Change, Comparison, incident_link, significance
+from twin.suites.comparison import EVERY_TRACKER, Change, Comparison, incident_link, significance
 from twin.suites.expansion import with_variant
 from twin.suites.metrics import (
     METRICS,
@@ -120,7 +120,8 @@ def _print_pooled(results: Results) -> None:
     rows = []
     for tracker, found in shares.items():
         people = sum(case.get("judged.person_frames") or 0.0 for case in cases[tracker])
-        rows.append([tracker, f"{people:.0f}", *("–" if share is None else f"{share:.2%}" for share in found.values())])
+        cells = ["–" if share is None else f"{share:.2%}".replace("-", "−") for share in found.values()]
+        rows.append([tracker, f"{people:.0f}", *cells])
     print_table(["tracker", "person-frames", *next(iter(shares.values()), {})], rows)
 
 
@@ -232,7 +233,7 @@ def change_cells(change: Change) -> list[str]:
 
 
 def _print_changes(changes: Sequence[Change]) -> None:
-    heads = ("scenario", "tracker", "metric", "before", "now", "change", "allowed", "p", "seeds")
+    heads = ("scenario", "tracker", "metric", "before", "now", "change", "allowed", "significance", "seeds")
     print_table(heads, [change_cells(change) for change in changes], names=3)
 
 
@@ -282,7 +283,7 @@ def markdown_verdict(results: Results, comparison: Comparison | None, requiremen
 
 def markdown_comparison(comparison: Comparison) -> str:
     """Format worse and better metrics, one row each, and the notes; one line where nothing got worse."""
-    heads = ["", "scenario", "tracker", "metric", "before", "now", "change", "allowed", "p", "seeds"]
+    heads = ["", "scenario", "tracker", "metric", "before", "now", "change", "allowed", "significance", "seeds"]
     changes = [("worse", each) for each in comparison.worse] + [("better", each) for each in comparison.better]
     lines = [
         f"{len(comparison.changes)} metrics compared: {len(comparison.worse)} worse, {len(comparison.better)} better."
@@ -291,7 +292,8 @@ def markdown_comparison(comparison: Comparison) -> str:
         lines += ["", _line(heads), _line(["---"] * 4 + ["--:"] * 6)]
     for word, change in changes:
         name, tracker, *cells = change_cells(change)
-        lines.append(_line([f"**{word}**" if word == "worse" else word, name, f"`{tracker}`", *cells]))
+        tracker = tracker if tracker == EVERY_TRACKER else f"`{tracker}`"
+        lines.append(_line([f"**{word}**" if word == "worse" else word, name, tracker, *cells]))
     return "\n".join([*lines, *(f"\nWarning: {_cell(warning)}" for warning in comparison.warnings)])
 
 

@@ -8,7 +8,9 @@ import errno
 import json
 import os
 import re
+import shlex
 import warnings
+from html import unescape
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -74,7 +76,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> tuple[Path, 
     path = written(folder)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROOMTWIN_CACHE", str(cache))
-        return path, folder / "whole", run(path, folder / "whole", page=True)
+        return path, folder / "a büro", run(path, folder / "a büro", page=True)
 
 
 def test_what_scenarios_warn_of_is_told_once(whole: tuple[Path, Path, dict]) -> None:
@@ -97,7 +99,12 @@ def test_a_run_leaves_its_answers(whole: tuple[Path, Path, dict], capsys: pytest
     ]["n"] == 2
     assert next(row["what"] for row in summary["displaced"]).startswith("1 mm") and len(summary["displaced"]) == 5
     page = (out / "report.html").read_text()
-    assert "1 : 50 on A4" in page and "Displaced sensors" in page and f"twin run {out}/recommended.yaml" in page
+    assert "1 : 50 on A4" in page and "Displaced sensors" in page
+    commands = [
+        shlex.split(line) for line in unescape(re.findall(r"<pre>(.*?)</pre>", page, re.DOTALL)[-1]).splitlines()
+    ]
+    assert commands[0] == ["twin", "study", "run", str(path), "--out", str(out)]  # as a shell reads what one copies
+    assert commands[1] == ["twin", "run", str(out / "recommended.yaml")]
     drawn = re.search(r'class="plan"><img src="data:image/svg\+xml;base64,([^"]+)"', page)
     assert drawn is not None and b"<svg" in base64.b64decode(drawn[1])
     print_summary(out)

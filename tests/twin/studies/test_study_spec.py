@@ -126,6 +126,10 @@ def test_every_fault_is_named_at_once(tmp_path: Path) -> None:
             "constraints.apart_m and devices.rig.count: 2 devices 50 m apart do not fit in",
         ),
         (
+            {"constraints__cable": {"from": [0, 0, 0], "most": 1}},
+            "constraints.cable.most: unknown key; did you mean 'most_m'? valid here: along, from, most_m, price_per_m",
+        ),
+        (
             {"constraints__cable": {"from": [0, 0, 0], "most_m": 0.1}},
             "with more than 0.1 m of cable; other poses",
         ),

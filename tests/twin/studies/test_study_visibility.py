@@ -118,7 +118,7 @@ def test_a_part_of_the_area_that_nobody_visited_and_no_sensor_sees_is_warned_of(
     warning = unvisited_warning(visited, np.array([False, True, True, False]), 2)
     assert (
         "50.0 % of the area" in warning
-        and "nobody came to 25.0 % of the area" in warning
+        and "25.0 % of the area are unseen and were never visited" in warning
         and "2 person-frames" in warning
     )
     assert not visited_cells([], cells).any()
