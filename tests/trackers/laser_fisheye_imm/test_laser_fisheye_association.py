@@ -187,7 +187,9 @@ def test_the_own_shirt_speaks_for_somebody_beside_whose_shirt_nobody_has_seen():
     assert whose([0.1, 0.9]) == [1]
 
 
-def test_who_comes_back_far_from_the_prediction_is_known_by_the_shirt():
+@pytest.mark.parametrize(("same_below", "known", "others"), [(0.3, [0], []), (1.0, [0], [0]), (0.0, [], [])])
+def test_who_comes_back_far_from_the_prediction_is_known_by_the_shirt(same_below, known, others):
+    options = LaserFisheyeImmOptions(appearance={"same_below": same_below})
     places = np.array([[0.4, 1.9]])
     state = Imm().start(places, np.zeros((1, 2)), 0.02, 0.1)
     people = followed(LaserTracks.started(state, places, 0, np.array([[0.9, 0.1]]), np.array([9])), ago(0.8))
@@ -200,10 +202,10 @@ def test_who_comes_back_far_from_the_prediction_is_known_by_the_shirt():
             np.array([shirt]),
             *2 * (np.ones(1, np.bool_),),
         )
-        return associated(people, LaserFisheyeImmOptions(), NOW).matches(seen).track.tolist()
+        return associated(people, options, NOW).matches(seen).track.tolist()
 
-    assert whose([0.8, 0.2]) == [0]
-    assert whose([0.1, 0.9]) == []
+    assert whose([0.8, 0.2]) == known
+    assert whose([0.1, 0.9]) == others
 
 
 def of_two_hidden(legs: Detections, **options) -> Matches:
