@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
-from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -15,7 +13,6 @@ import synthetic_meeting
 from synthetic_room import empty_room, observe, rig, straight_walk, wandering
 
 from trackers.check import CORRUPTIONS, check_tracker
-from trackers.configuration import leaves_of
 from trackers.errors import InputError
 from trackers.feeding import track_frames
 from trackers.filters.imm import Imm
@@ -132,64 +129,6 @@ def test_points_of_the_unit_gaussian_have_its_mean_and_covariance() -> None:
     z = unit_points(96)
     np.testing.assert_allclose(z.mean(axis=0), 0, atol=1e-12)
     np.testing.assert_allclose(z.T @ z / len(z), np.eye(3), atol=1e-12)
-
-
-SEEN_ELSEWHERE = {
-    "max_wait_s": "tests/trackers/tracking/test_synced_frames.py: a sensor that is late",
-    "identity.gate": "a person who comes out of hiding",
-    "identity.learns_s": "test_fusion_identity.py: two tracks that have changed people",
-    "identity.recall_s": "test_fusion_identity.py: a person who has left",
-    "track_management.area_margin_m": "a person who leaves the area",
-    "track_management.tentative_coast_s": "a person who flickers",
-    "track_management.coast_s": "a person whom nothing shows for seconds",
-    "track_management.lies_down_s": "a person who lies down",
-    "track_management.within_m": "a person whom nothing shows for seconds",
-}
-"""Options whose effect takes people that short recordings lack."""
-
-
-def said(on: Rig, empty: list[Any], seen: list[Any], options: dict[str, Any] | None = None) -> Iterator[str]:
-    """Yield what the tracker says, frame by frame."""
-    for frame in track_frames(make_tracker("fusion", on, empty, None, options), on, seen):
-        yield repr((frame.stamp_ns, frame.tracks))
-
-
-ROOMS = {"head": ("home", "camera_1"), "identity": ("home", "camera_1"), "track_management": ("crowd", "waist")}
-"""Rooms that have what an option is about, such as people who are hidden; else trunks and legs do. The options of all kinds of
-sensors are one model."""
-
-
-@cache
-def usual(room: str, sensors: str) -> list[str]:
-    return list(said(*subset(room, sensors)))
-
-
-def test_every_option_has_an_effect() -> None:
-    options = make_tracker("fusion", *recording("laser")[:2]).options  # pyright: ignore[reportAttributeAccessIssue]
-    leaves = dict(leaves_of(options))
-    assert len(leaves) <= 60
-    tried = [
-        path
-        for path in leaves
-        if not path.startswith(("legs", "camera", "stereo", "floor")) and path not in SEEN_ELSEWHERE
-    ]
-    idle = [path for path in tried if not has_effect(path, leaves[path])]
-    assert not idle, ", ".join(idle)
-
-
-def has_effect(path: str, value: Any) -> bool:
-    """Tell whether an absurd value of an option changes tracks in a room that has what it is about."""
-    where = ROOMS.get(path.split(".")[0], ("crowd", "waist+knee"))
-    for other in (3 * (value or 0) + 1, 0.2 * (value or 0), 0.99):
-        change: Any = type(value)(other) if isinstance(value, int) else other
-        for name in reversed(path.split(".")):
-            change = {name: change}
-        try:
-            if any(one != other for one, other in zip_longest(said(*subset(*where), change), usual(*where))):
-                return True
-        except InputError:
-            continue
-    return False
 
 
 def test_a_late_stamp_is_worked_at_its_own_time() -> None:
