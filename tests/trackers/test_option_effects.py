@@ -323,10 +323,7 @@ EXEMPT = {
         "track_management.stuck_s": "test_camera_floor_particle.py: an element that is stuck",
         "track_management.tentative_coast_s": "test_camera_floor_particle.py: a person felt in every other frame",
     },
-    "fusion": {
-        "identity.learns_s": "test_fusion_identity.py: two tracks that have changed people",
-        "track_management.tentative_coast_s": "takes a person who flickers",
-    },
+    "fusion": {"identity.learns_s": "test_fusion_identity.py: two tracks that have changed people"},
     "laser-legs": {"track_management.tentative_coast_s": "test_track_manager.py: a person who flickers"},
     "camera-floor-particle-paper": {"front_end.shadow_region": "of a removal of shadows that the paper is without"},
     "camera-floor-particle-no-exclusion": {"exclusion.likelier_stays": "of an exclusion that this preset is without"},
@@ -346,10 +343,10 @@ def trials(system: str) -> Iterator[Trial]:
     if system == "sort":
         yield Trial(system, _room(False))
     if system == "fusion":
-        home = {"camera", "floor", "head", "identity"}
-        yield Trial(system, (_home(past_each_other=False),), home)
+        parts, room, home = {"camera", "floor", "head", "identity"}, _room(False), _home(past_each_other=False)
+        yield Trial(system, (home,), parts)
         yield Trial(system, (_meeting(),), {"stereo"})
-        yield Trial(system, (*_room(False)[-3:], _room(False)[0]), _groups(system, _room(False)[0]) - home - {"stereo"})
+        yield Trial(system, (*room[-3:], room[0], home), _groups(system, home) - parts - {"stereo"})
     if system == "laser-legs":
         yield Trial(system, _room(False)[-3:], {"track_management"})
     if system == "laser-fisheye-imm":
