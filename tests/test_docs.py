@@ -297,6 +297,32 @@ class TestFigures:
         with pytest.raises(tables.MissingFigureError, match="no mota"):
             tables.fill("{{ figures shipped across=mota }}")
 
+    def test_rows_of_a_bench_are_grouped_and_none_is_lost(self, monkeypatch) -> None:
+        rows = ["one, sort: F1, 5 scans", "one, sort: twin's, 5 scans", "two, sort: F1, 7 scans", "rank correlation"]
+        figures = [{"row": row, "column": "value", "value": 0.5, "unit": "1", "target": ""} for row in rows]
+        kept = read_figures()["speed"] | {"figures": figures}
+        monkeypatch.setattr(tables, "read_figures", lambda: {"speed": kept})
+        pattern = r"(?P<where>\w+),\s(?P<row>\w+):\s(?P<column>[^,]+),\s(?P<n>.*)"
+        lines = tables.fill(f"{{{{ figures speed rows={pattern} }}}}").splitlines()
+        assert lines[0] == "| | | F1 | twin's |" and "| rank correlation | 0.5 | – |" in lines
+        assert lines[2:4] == ["| one, 5 scans | `sort` | 0.5 | 0.5 |", "| two, 7 scans | `sort` | 0.5 | – |"]
+
+    def test_what_pages_say_of_all_rules_together_holds(self) -> None:
+        """docs/results/rules.md: by HOTA ahead of the paper and of `sort` in every scene, and best with every rule."""
+        hota = {
+            source: {
+                (each["where"], each["row"]): each["value"] for each in kept["figures"] if each["column"] == "hota"
+            }
+            for source, kept in read_figures().items()
+            if source in ("ablation", "leave-one-out")
+        }
+        ours = {where: value for (where, row), value in hota["ablation"].items() if row == "laser-fisheye-imm"}
+        assert len(ours) >= 5
+        for row in ("laser-fisheye-imm-paper", "sort"):
+            assert all(value > hota["ablation"][where, row] for where, value in ours.items())
+        matters = {row: value for (where, row), value in hota["leave-one-out"].items() if where == "home-three-people"}
+        assert matters["without-postures"] < matters["laser-fisheye-imm"]
+
     def test_no_table_of_results_is_typed(self) -> None:
         """A table in the results and the README holds no decimal fraction but the paper's, made by the command."""
         made = re.compile(r"<!-- table: papers -->.*?<!-- end -->", re.DOTALL)
@@ -304,6 +330,7 @@ class TestFigures:
             ROOT / "README.md",
             ROOT / "docs/results/figures.md",
             ROOT / "docs/results/rules.md",
+            ROOT / "docs/results/twin-against-real.md",
             ROOT / "docs/howto/choose.md",
         ):
             text = PLACEHOLDER.sub("", made.sub("", FENCE.sub("", page.read_text(encoding="utf-8"))))

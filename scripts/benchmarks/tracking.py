@@ -87,7 +87,7 @@ def cost() -> Iterator[Figure]:
         yield Figure(
             f"{name}: the same over 541 beams polar to Cartesian",
             min(seconds / bare_s for seconds, bare_s in rounds) * _BARE_CALLS / n_scan,
-            "x",
+            "×",
             "",
         )
     decoded_ms = spent_ms["laser-fisheye-imm"] + 1e3 * min(reading) / n_scan

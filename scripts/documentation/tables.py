@@ -1,8 +1,9 @@
 """Tables and values of docs/figures.json as Markdown, for the pages and the README.
 
-A page writes `{{ figures SOURCE [where=TEXT] [columns=a,b] }}`, `{{ figures SOURCE across=METRIC }}`, `{{ papers }}` or
-`{{ all KIND }}` on a line of its own, or `{{ value SOURCE | where | row | column }}` within a sentence; the README holds its
-table between two comments, which `scripts/figures readme` fills.
+A page writes `{{ figures SOURCE [where=TEXT] [columns=a,b] }}`, `{{ figures SOURCE across=METRIC }}`,
+`{{ figures SOURCE rows=PATTERN }}`, `{{ papers }}` or `{{ all KIND }}` on a line of its own, or
+`{{ value SOURCE | where | row | column }}` within a sentence; the README holds its table between two comments, which
+`scripts/figures readme` fills.
 """
 
 from __future__ import annotations
@@ -37,6 +38,8 @@ def fill(text: str) -> str:
             return format_value(_figure(source, where, row, column))
         source, *options = given.split()
         chosen = dict(option.split("=", 1) for option in options)
+        if "rows" in chosen:
+            return grouped_table(source, chosen["rows"])
         if "across" in chosen:
             return conditions_table(source, chosen["across"])
         return figures_table(source, chosen.get("where"), chosen["columns"].split(",") if "columns" in chosen else None)
@@ -99,6 +102,24 @@ def figures_table(source: str, where: str | None = None, columns: Sequence[str] 
             n = next((each["n"] for each in shown if each is not None), "")
             lines.append(f"| {'' if number else condition} | `{row}` | {n} | " + " | ".join(texts) + " |")
     return "\n".join(lines) + "\n\n" + provenance(source)
+
+
+def grouped_table(source: str, pattern: str) -> str:
+    """Format a bench by the groups `where`, `row`, `column` and `n` of a pattern of its rows; rows of other forms below."""
+    found = [(re.fullmatch(pattern, each["row"]), each) for each in _source(source)["figures"]]
+    cells = {(f"{match['where']}, {match['n']}", match["row"], match["column"]): each for match, each in found if match}
+    if not cells:
+        raise MissingFigureError(f"{source}: docs/figures.json has no row like {pattern}")
+    wheres, rows, columns = (list(dict.fromkeys(key[part] for key in cells)) for part in range(3))
+    lines = ["| | | " + " | ".join(columns) + " |", "|---|---|" + "--:|" * len(columns)]
+    for where in wheres:
+        of_where = [row for row in rows if any((where, row, column) in cells for column in columns)]
+        for number, row in enumerate(of_where):
+            shown = [cells.get((where, row, column)) for column in columns]
+            texts = ["–" if each is None else format_value(each) for each in shown]
+            lines.append(f"| {'' if number else where} | `{row}` | {' | '.join(texts)} |")
+    rest = _bench_table([each for match, each in found if not match])
+    return "\n\n".join(["\n".join(lines), rest, provenance(source)])
 
 
 def conditions_table(source: str, metric: str) -> str:
