@@ -2,6 +2,8 @@
 
 import json
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import cv2
@@ -308,7 +310,13 @@ def test_rerun_says_what_to_install_or_writes_a_file(run: Path, tmp_path: Path) 
         assert "rerun-sdk is not installed" in str(result.exception)
         assert list(tmp_path.iterdir()) == []
     else:
-        assert (tmp_path / "rerun/run.rrd").read_bytes()[:3] == b"RRF"
+        read = [sys.executable, "-m", "rerun", "rrd"]  # the viewer's own reader
+        subprocess.run([*read, "verify", str(tmp_path / "rerun/run.rrd")], check=True, capture_output=True)
+        shown = subprocess.run(
+            [*read, "print", str(tmp_path / "rerun/run.rrd")], check=True, capture_output=True, text=True
+        )
+        for entity in ("walls", "truth", "tracks/sort", *(f"sensors/{name}" for name in ("waist", "low", "depth"))):
+            assert f"/room/{entity}" in shown.stdout, entity
 
 
 def test_folder_of_somebody_else_is_refused_and_nothing_half_written(run: Path, tmp_path: Path) -> None:
