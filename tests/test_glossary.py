@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+import tokenize
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -29,6 +30,9 @@ FIELD_WORDS = {
     "recognised": "re-identified",
     "doubt": "warning, calibration monitor",
     "knowledge": "prior",
+    "spoil": "corruption, fault injection",
+    "spoiled": "corrupted",
+    "doubted": "suspect",
     "spoiling": "corruption, fault injection",
     "laid_over": "deep_merge",
     "lone": "single",
@@ -80,7 +84,7 @@ def snake_case(name: str) -> str:
 PATTERN = re.compile(rf"(?:^|_)({'|'.join(FIELD_WORDS)})s?(?=_|$|\d)")
 
 
-@pytest.mark.parametrize("package", ["twin", "trackers"])
+@pytest.mark.parametrize("package", ["twin", "trackers", "scripts"])
 def test_names_are_the_words_of_the_field(package: str) -> None:
     found = []
     for path in SOURCES:
@@ -172,7 +176,7 @@ PRIVATE_WORDS = {
     r"worthiest": "best assignment",
     r"recognised|known again": "re-identified",
     r"doubts?|doubted": "warning, calibration monitor",
-    r"spoil(?:s|ed|ing)": "corruption, fault injection",
+    r"spoil(?:s|ed|t|ing)?": "corruption, fault injection",
     r"laid over": "merged",
     r"lone|barred|half-seen": "single, forbidden, partly occluded",
     r"believed": "assumed",
@@ -181,7 +185,58 @@ PRIVATE_WORDS = {
     r"aftermath|as it stands": "validation, baseline",
     r"whoever|everyone": "the person or track that; all people",
 }
-"""Words of a private dialect that no sentence of the pages holds, each with the field's."""
+"""Words of a private dialect that no sentence of the pages or of the code holds, each with the field's."""
+
+PRIVATE_PATTERNS = [
+    (re.compile(rf"(?<![\w-])(?:{words})(?![\w-])", re.IGNORECASE), instead) for words, instead in PRIVATE_WORDS.items()
+]
+
+
+KEPT_PHRASES = re.compile(
+    r"second moments|its moments|look at one moment\)|moment\.webp|(?:INTO|FROM|ON|TABLE) moments|moments_of_case|: moments"
+    r"|`[^`]*`|\btold (?:people )?apart",
+    re.IGNORECASE,
+)
+"""Moments of a distribution and of a force; a table of results.sqlite and a description in recordings, both made before; to
+tell apart is to distinguish."""
+
+
+def sentences_of_code(path: Path) -> Iterator[tuple[int, str]]:
+    """Yield line and text of comments, docstrings, and strings of several words; of a file of YAML or of a template all lines."""
+    if path.suffix != ".py":
+        yield from enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        return
+    with tokenize.open(path) as file:
+        for token in tokenize.generate_tokens(file.readline):
+            if TEXT_TOKEN.fullmatch(tokenize.tok_name[token.type]) and " " in token.string:
+                yield from enumerate(token.string.splitlines(), token.start[0])
+
+
+TEXT_TOKEN = re.compile("COMMENT|STRING|[FT]STRING_MIDDLE")
+WRITTEN = (".py", ".j2", ".yaml")
+
+
+@pytest.mark.parametrize("folder", ["twin", "trackers", "models", "scripts"])
+def test_code_is_written_in_the_words_of_the_field(folder: str) -> None:
+    """Docstrings, comments, messages, headings of tables, templates, and the keys and comments of YAML."""
+    found = [
+        f"{path.relative_to(ROOT)}:{line}: {hit[0]!r} (the field says {instead})"
+        for path in sorted((ROOT / folder).rglob("*"))
+        if path.suffix in WRITTEN
+        for line, text in sentences_of_code(path)
+        for words, instead in PRIVATE_PATTERNS
+        for hit in words.finditer(KEPT_PHRASES.sub("", text))
+    ]
+    assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize(
+    "text", ["# a moment ago", '"""Whoever stands."""', 'f"is told by {1}"', "x = 'gone for good'"]
+)
+def test_a_private_word_in_code_is_found(text: str, tmp_path: Path) -> None:
+    (tmp_path / "some.py").write_text(f"{text}\n")
+    sentences = [text for _, text in sentences_of_code(tmp_path / "some.py")]
+    assert any(words.search(each) for words, _ in PRIVATE_PATTERNS for each in sentences)
 
 
 def prose_of(page: Path) -> str:
@@ -198,8 +253,8 @@ def test_pages_are_written_in_the_words_of_the_field(page: Path) -> None:
     )
     found = [
         f"{page.name}: {hit[0]!r} (the field says {instead})"
-        for words, instead in PRIVATE_WORDS.items()
-        for hit in re.finditer(rf"(?<![\w-])(?:{words})(?![\w-])", text, re.IGNORECASE)
+        for words, instead in PRIVATE_PATTERNS
+        for hit in words.finditer(text)
     ]
     assert not found, "\n".join(found)
 

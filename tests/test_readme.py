@@ -7,7 +7,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from readme.__main__ import MOMENT_CHANGES, MOMENT_SCENARIO
+from readme.__main__ import SHOWN_CHANGES, SHOWN_SCENARIO
 
 from twin.models import SENSOR_KINDS
 from twin.scenario import load_scenario
@@ -34,6 +34,6 @@ def test_the_pictures_at_the_top_are_there_and_small() -> None:
 
 
 def test_the_first_picture_is_drawn_of_every_kind_of_sensor() -> None:
-    scenario = load_scenario(MOMENT_SCENARIO, list(MOMENT_CHANGES))
+    scenario = load_scenario(SHOWN_SCENARIO, list(SHOWN_CHANGES))
     assert {each.kind for each in scenario.sensors.values()} == set(SENSOR_KINDS)
     assert {each.role for each in scenario.sensors.values() if each.kind == "laser"} == {"waist", "knee"}

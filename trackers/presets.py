@@ -257,7 +257,7 @@ def make_tracker(
     """Make the tracker `name` (a preset, an entry point or `module:Class`) for a rig, ready to be fed.
 
     background: observations of the empty room, or a `trackers.prior.Prior`, which the tracker is handed in any
-    case; rng: the tracker's own generator; options: laid over the preset's, at every depth. Raises InputError for a name,
+    case; rng: the tracker's own generator; options: merged over the preset's, at every depth. Raises InputError for a name,
     module, class or option that does not exist. What is imported here runs: callers refuse names that a file holds.
     """
     from trackers.prior import Prior

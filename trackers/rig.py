@@ -184,7 +184,7 @@ class Rig(Strict):
         owners: dict[str, str] = {}
         for name, sensor in self.sensors.items():
             if isinstance(sensor, OdometrySensor) and sensor.frame is not None:
-                continue  # any number of bases may be told by the same transforms
+                continue  # any number of bases may be in the same transforms
             for part in ("topic", "depth_topic"):
                 topic = getattr(sensor, part, None)
                 if topic is None:

@@ -204,7 +204,7 @@ class StereoSensor(Strict):
             return content
         if not content["topic"].endswith(_IMAGE):
             raise ValueError(
-                f"depth_topic is missing and cannot be told from topic {content['topic']!r}; "
+                f"depth_topic is missing and cannot be derived from topic {content['topic']!r}; "
                 "the topic of the depth pictures is expected"
             )
         return content | {"depth_topic": content["topic"].removesuffix(_IMAGE) + _DEPTH}

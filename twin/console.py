@@ -156,7 +156,7 @@ def print_warning(warning: str) -> None:
 
 
 def print_paths(files: Mapping[str, Path | str]) -> None:
-    """Print the paths of the results, one per line, and what is told with them."""
+    """Print the paths of the results, one per line, and what is said with them."""
     width = max(map(len, files), default=0)
     for name, path in files.items():
         print(printable(f"{name:{width}}  {path}"))

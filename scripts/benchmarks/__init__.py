@@ -1,1 +1,1 @@
-"""The figures the project promises, each measured by one function."""
+"""Figures with targets, each measured by one function."""

@@ -1,8 +1,8 @@
-"""Two hundred robots' bags with something wrong in each: tracked as well as the clean one, told on stderr, or refused.
+"""Two hundred robots' bags with something wrong in each: tracked as well as the clean one, reported on stderr, or refused.
 
 A clean bag of the twin's (two scanners, five people, 12 s) becomes a robot's: ROS 1, MCAP or SQLite, stamps of today. A mutant
 has one fault, drawn by its seed, of one scanner or of all. It is handled well if its tracks are nearly as good as the clean
-bag's, or a warning names the scanner, or it is refused in a sentence. A loss that nobody is told of is a failure.
+bag's, or a warning names the scanner, or it is refused in a sentence. A loss that is reported nowhere is a failure.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class Content:
     messages: list[Logged]
     suffix: str
     also_topics: list[str] = field(default_factory=list)
-    spoil: Callable[[Path], None] | None = None
+    damage: Callable[[Path], None] | None = None
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class Outcome:
 
 
 Fault = Callable[[Content, str, np.random.Generator], str]
-"""Spoils the messages of one topic and says what is wrong now."""
+"""Corrupts the messages of one topic and says what is wrong now."""
 
 
 def of(content: Content, topic: str) -> list[int]:
@@ -116,17 +116,17 @@ def drop(content: Content, topic: str, rng: np.random.Generator) -> str:
 
 
 def silence(content: Content, topic: str, rng: np.random.Generator) -> str:
-    begins = EPOCH_NS + round(rng.uniform(0, 9) * S)
-    ends = begins + round(rng.uniform(2, 8) * S)
-    content.messages = [each for each in content.messages if each.topic != topic or not begins <= each.log_ns < ends]
+    starts = EPOCH_NS + round(rng.uniform(0, 9) * S)
+    ends = starts + round(rng.uniform(2, 8) * S)
+    content.messages = [each for each in content.messages if each.topic != topic or not starts <= each.log_ns < ends]
     return "silent for a while"
 
 
 def unset(content: Content, topic: str, rng: np.random.Generator) -> str:
-    spoiled = some(content, topic, rng)
-    for number in spoiled:
+    corrupted = some(content, topic, rng)
+    for number in corrupted:
         content.messages[number] = content.messages[number].stamped(0)
-    return f"{len(spoiled)} stamps of 0"
+    return f"{len(corrupted)} stamps of 0"
 
 
 def all_unset(content: Content, topic: str, rng: np.random.Generator) -> str:
@@ -188,22 +188,22 @@ def renamed(content: Content, topic: str, rng: np.random.Generator) -> str:
 
 
 def other_types(content: Content, topic: str, rng: np.random.Generator) -> str:
-    spoiled = some(content, topic, rng)
-    for number in spoiled:
+    corrupted = some(content, topic, rng)
+    for number in corrupted:
         each = content.messages[number]
         content.messages[number] = Logged(topic, STRING, each.log_ns, TYPESTORE.types[STRING]("scan"))
-    return f"{len(spoiled)} messages of another type"
+    return f"{len(corrupted)} messages of another type"
 
 
 def _scans(change: Callable[[Any, np.random.Generator], Any], what: str) -> Fault:
-    def spoil(content: Content, topic: str, rng: np.random.Generator) -> str:
-        spoiled = some(content, topic, rng)
-        for number in spoiled:
+    def damage(content: Content, topic: str, rng: np.random.Generator) -> str:
+        corrupted = some(content, topic, rng)
+        for number in corrupted:
             each = content.messages[number]
             content.messages[number] = replace(each, message=change(each.message, rng))
-        return f"{len(spoiled)} scans {what}"
+        return f"{len(corrupted)} scans {what}"
 
-    return spoil
+    return damage
 
 
 def _without_readings(scan: Any, rng: np.random.Generator) -> Any:
@@ -236,23 +236,23 @@ def frozen(content: Content, topic: str, rng: np.random.Generator) -> str:
 def cut(content: Content, topic: str, rng: np.random.Generator) -> str:
     share = rng.uniform(0.1, 0.99)
 
-    def spoil(path: Path) -> None:
+    def damage(path: Path) -> None:
         data = path.read_bytes()
         path.write_bytes(data[: int(len(data) * share)])
 
-    content.spoil = spoil
+    content.damage = damage
     return "a file that is cut"
 
 
 def bytes_lost(content: Content, topic: str, rng: np.random.Generator) -> str:
     place = rng.uniform(0.02, 0.95)
 
-    def spoil(path: Path) -> None:
+    def damage(path: Path) -> None:
         data = path.read_bytes()
         start = int(len(data) * place)
         path.write_bytes(data[:start] + bytes(200) + data[start + 200 :])
 
-    content.spoil = spoil
+    content.damage = damage
     return "200 bytes overwritten"
 
 
@@ -338,7 +338,7 @@ FAULTS: tuple[Fault, ...] = (
     nothing,
 )
 _HARMLESS = (log_times_lost, sectors, other_clock, drift, late, bytes_lost, nothing)
-"""Nothing need be told of these where the tracks are as good: the fault may be too small to harm."""
+"""Nothing need be reported of these where the tracks are as good: the fault may be too small to harm."""
 _OF_ALL = (looped, stepped_with_its_log, log_times_lost, log_times_shuffled, cut, bytes_lost)
 
 
@@ -372,12 +372,12 @@ def drill(seed: int, folder: Path) -> Outcome:
     clean, rng = clean_recording(), np.random.default_rng((35, seed))
     fault = FAULTS[seed % len(FAULTS)]
     topics = [sensor.topic for sensor in clean.rig.sensors.values()]
-    spoiled = [str(rng.choice(topics))] if rng.random() < 0.7 or fault in _OF_ALL else topics
+    corrupted = [str(rng.choice(topics))] if rng.random() < 0.7 or fault in _OF_ALL else topics
     content = Content([replace(each) for each in clean.messages], str(rng.choice(_SUFFIXES)))
-    what = "; ".join(fault(content, topic, rng) for topic in spoiled)
-    names = [name for name, sensor in clean.rig.sensors.items() if sensor.topic in spoiled or fault in _OF_ALL]
+    what = "; ".join(fault(content, topic, rng) for topic in corrupted)
+    names = [name for name, sensor in clean.rig.sensors.items() if sensor.topic in corrupted or fault in _OF_ALL]
     try:
-        tracks, told, shift_ns = _tracked(content, clean.rig, folder)
+        tracks, reported, shift_ns = _tracked(content, clean.rig, folder)
     except InputError as error:
         sentence = str(error)
         return Outcome(what, 0.0, (sentence,), "" if "\n" not in sentence.strip() else "refused in several lines")
@@ -385,22 +385,22 @@ def drill(seed: int, folder: Path) -> Outcome:
     is_shorter = (
         fault is silence and max(each.log_ns for each in content.messages) < clean.messages[-1].log_ns - S
     )  # it ends, all of it
-    if fault not in _HARMLESS and not told and not is_shorter:
-        return Outcome(what, score, told, "nothing told")
-    named = is_shorter or any(re.search(rf"\b{name}\b", line) for line in told for name in names)
+    if fault not in _HARMLESS and not reported and not is_shorter:
+        return Outcome(what, score, reported, "nothing reported")
+    named = is_shorter or any(re.search(rf"\b{name}\b", line) for line in reported for name in names)
     if score < clean.score - _NEARLY and not named:
-        return Outcome(what, score, told, f"lost in silence: {score:.2f} in place of {clean.score:.2f}")
-    if fault is nothing and told:
-        return Outcome(what, score, told, f"warned of nothing: {told[0]}")
-    return Outcome(what, score, told, "")
+        return Outcome(what, score, reported, f"lost in silence: {score:.2f} in place of {clean.score:.2f}")
+    if fault is nothing and reported:
+        return Outcome(what, score, reported, f"warned of nothing: {reported[0]}")
+    return Outcome(what, score, reported, "")
 
 
 def _tracked(content: Content, rig: Rig, folder: Path) -> tuple[TrackTable, tuple[str, ...], int]:
-    """The tracks of the bag, what was told, and how far t = 0 is from the clean bag's start [ns]."""
+    """The tracks of the bag, what was reported, and how far t = 0 is from the clean bag's start [ns]."""
     path, rig_path = folder / f"mutant{content.suffix}", folder / "rig.yaml"
     rig_path.write_text(rig.dump_yaml())
     write(content, path)
-    told: list[str] = []
+    reported: list[str] = []
     result = track_recording(
         path,
         trackers=["sort"],
@@ -408,14 +408,14 @@ def _tracked(content: Content, rig: Rig, folder: Path) -> tuple[TrackTable, tupl
         out=folder / "out",
         video=False,
         report=False,
-        on_warning=told.append,
+        on_warning=reported.append,
     )
     first_ns = min(each.log_ns for each in content.messages[:2])
-    return read_tracks(result.files["tracks sort"]), tuple(told), first_ns - EPOCH_NS
+    return read_tracks(result.files["tracks sort"]), tuple(reported), first_ns - EPOCH_NS
 
 
 def write(content: Content, path: Path) -> None:
-    """Write a bag of the kind that its name says, and spoil it."""
+    """Write a bag of the kind that its name says, and damage it."""
     messages = content.messages
     if path.suffix == ".bag":
         with rosbag1.Writer(path) as writer:
@@ -425,8 +425,8 @@ def write(content: Content, path: Path) -> None:
         with rosbag2.Writer(path.with_suffix(""), version=9, storage_plugin=plugin) as writer:
             _write(writer, messages, content.also_topics, TYPESTORE, "serialize_cdr")
         next(path.with_suffix("").glob(f"*{path.suffix}")).rename(path)
-    if content.spoil is not None:
-        content.spoil(path)
+    if content.damage is not None:
+        content.damage(path)
 
 
 def _write(writer: Any, messages: list[Logged], also: list[str], store: Any, serialize: str) -> None:
@@ -448,7 +448,7 @@ def _write(writer: Any, messages: list[Logged], also: list[str], store: Any, ser
 
 
 def _score(truth: TruthTable, tracks: TrackTable, shift_ns: int) -> float:
-    """Twice the people tracked over people and tracks (F1), at each moment of the truth's, without the first second."""
+    """Twice the people tracked over people and tracks (F1), at each time of the truth's, without the first second."""
     matched = owed = reported = 0
     frames = tracks.frame_stamps_ns + shift_ns
     for stamp_ns in truth.frame_stamps_ns[truth.frame_stamps_ns >= S]:
@@ -469,7 +469,7 @@ def _score(truth: TruthTable, tracks: TrackTable, shift_ns: int) -> float:
 
 
 def measure() -> Iterator[Figure]:
-    """Two hundred mutants: how many lost something in silence; each is told on stderr."""
+    """Two hundred mutants: how many lost something in silence; each is reported on stderr."""
     silent = refused = 0
     for seed in range(MUTANTS):
         with tempfile.TemporaryDirectory(prefix="bags-") as folder:

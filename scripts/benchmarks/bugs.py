@@ -21,8 +21,8 @@ _BY_FILE = {
         (
             "place and speed spread apart",
             "VelocityMotion.moved",
-            "spread[place, speed] += variance * period_s ** 3 / 2",
-            "spread[place, speed] -= variance * period_s ** 3 / 2",
+            "spread[place, speed] += noise[1]",
+            "spread[place, speed] -= noise[1]",
         ),
     ],
     "trackers/filters/imm.py": [
@@ -138,9 +138,9 @@ _BY_FILE = {
     ],
     "trackers/laser_fisheye_imm/association.py": [
         ("a flicker takes legs", "Association._known", "self.knows_room", "True"),
-        ("the deleted are recognised", "Association._re_identified", "_A & _B.exist(_C)", "_A"),
+        ("the deleted are re-identified", "Association._re_identified", "_A & _B.exist(_C)", "_A"),
         (
-            "recognised by another shirt",
+            "re-identified by another shirt",
             "Association._same_person",
             "colour <= self.options.appearance.same_below",
             "colour >= self.options.appearance.same_below",
@@ -184,8 +184,8 @@ _BY_FILE = {
         (
             "likely outside the area",
             "Detector.missed",
-            "_A[~_B.contains(_C.reshape(2, -1).T).reshape(_D)] = 0",
-            "_A[~_B.contains(_C.reshape(2, -1).T).reshape(_D)] = 1",
+            "_A.contains(_B.reshape(2, -1).T)",
+            "~_A.contains(_B.reshape(2, -1).T)",
         ),
     ],
     "trackers/laser_fisheye_imm/tracker.py": [
@@ -207,7 +207,12 @@ _BY_FILE = {
             "_A.missed(_B, _C) ** _D",
             "_A.missed(_B, _C)",
         ),
-        ("the gone hold newcomers back", "LaserFisheyeImm._start", "people.positions[exist]", "people.positions"),
+        (
+            "deleted tracks hold initiation back",
+            "LaserFisheyeImm._start",
+            "people.positions[exist]",
+            "people.positions",
+        ),
         (
             "clothes learned from another trunk",
             "LaserFisheyeImm._learn_colours",
@@ -231,7 +236,7 @@ _BY_FILE = {
         ("a long gap ends nobody", "ImmTrackManager._kept", "_A - _B <= nanoseconds(_C)", "True"),
     ],
     "trackers/tracking/missing_frames.py": [
-        ("a hung sensor is believed", "StaleFrameDetector.repeats", "_A == 0", "False"),
+        ("a hung sensor is used", "StaleFrameDetector.repeats", "_A == 0", "False"),
         (
             "noise is never forgotten",
             "StaleFrameDetector.repeats",
@@ -415,7 +420,7 @@ _BY_FILE = {
         ("sign of a torque", "_FootGroup.press", "-_A[:, 0]", "_A[:, 0]"),
     ],
     "twin/world/truth_details.py": [
-        ("one beam too many", "person_runs", "_A[_B] - 1", "_A[_B]"),
+        ("one beam too many", "person_runs", "RayRun(_A, _B, _C - 1)", "RayRun(_A, _B, _C)"),
     ],
     "twin/truth/situations.py": [
         ("no beam may look past", "_splits", "_A + 1", "_A"),
@@ -438,7 +443,7 @@ _BY_FILE = {
         ("millimetres cut off", "encode_png", "np.rint", "np.floor"),
     ],
     "twin/recording/reader.py": [
-        ("start added, not taken off", "Recording._decoded", "_offset_ns(_A) - _B", "_offset_ns(_A) + _B"),
+        ("start added, not taken off", "Recording.__init__", "right.stamps_ns[_A] - _B", "right.stamps_ns[_A] + _B"),
     ],
     "twin/evaluate/clear.py": [
         ("switches cost nothing", "ClearScores.mota", "_A + _B + _C", "_A + _B"),

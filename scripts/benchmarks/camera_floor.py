@@ -25,20 +25,20 @@ _Recorded = tuple[Rig, Prior, Sequence[Observation], int]
 
 
 def measure() -> Iterator[Figure]:
-    """CPU time on one core of the moments after the first second, four cameras of 320 × 240 at 20 Hz."""
+    """CPU time on one core of the frames after the first second, four cameras of 320 × 240 at 20 Hz."""
     cv2.setNumThreads(1)
     few, many = _recorded(3), _recorded(10)
     cost = _cost(few)
-    yield Figure("camera-floor-particle, 3 people, a moment", float(np.median(cost)), "ms", "<= 12")
+    yield Figure("camera-floor-particle, 3 people, a frame", float(np.median(cost)), "ms", "<= 12")
     yield Figure(
         "the same, 95th percentile over the median", float(np.quantile(cost, 0.95) / np.median(cost)), "×", "<= 1.5"
     )
     all_ten = float(np.median(_cost(many)))
-    yield Figure("camera-floor-particle, 10 people, a moment", all_ten, "ms", "<= 36")
-    nobody = float(np.median(_cost(_recorded(0))))
-    per_person = [(float(np.median(cost)) - nobody) / 3, (all_ten - nobody) / 10]
+    yield Figure("camera-floor-particle, 10 people, a frame", all_ten, "ms", "<= 36")
+    empty = float(np.median(_cost(_recorded(0))))
+    per_person = [(float(np.median(cost)) - empty) / 3, (all_ten - empty) / 10]
     yield Figure("a person of ten over a person of three", per_person[1] / per_person[0], "×", "<= 1.2")
-    yield Figure("camera-floor-particle, nobody: masks and bins", nobody, "ms", "")
+    yield Figure("camera-floor-particle, no people: masks and bins", empty, "ms", "")
     for what, options in (
         ("half the particles", {"body": {"particles": 125}, "head": {"particles": 75}}),
         ("twice the particles", {"body": {"particles": 500}, "head": {"particles": 300}}),
@@ -56,7 +56,7 @@ def _recorded(n_person: int) -> _Recorded:
 
 
 def _cost(recorded: _Recorded, options: Mapping[str, Any] | None = None) -> np.ndarray:
-    """CPU time of each moment from the second second on [ms]."""
+    """CPU time of each frame from the second second on [ms]."""
     rig, background, observations, n_person = recorded
     tracker, costs = make_tracker("camera-floor-particle", rig, background, np.random.default_rng(0), options), []
     spent = 0.0

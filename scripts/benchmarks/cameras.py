@@ -32,7 +32,7 @@ from twin.sensors.sensor import Sensor
 from twin.world.simulation import Simulation
 from twin.world.world import World
 
-_MOMENT_S = 8.0
+_AT_S = 8.0
 _DESCRIBE: TypeAdapter[SensorDescription] = TypeAdapter(SensorDescription)
 _FARTHEST_M = 8.0
 
@@ -42,7 +42,7 @@ def _home() -> tuple[Snapshot, PinholeDescription]:
     scenario = load_scenario("home-cameras")
     description = scenario.sensors["camera_1"]
     assert isinstance(description, PinholeDescription)
-    return World(scenario).snapshot(_MOMENT_S), description
+    return World(scenario).snapshot(_AT_S), description
 
 
 def picture() -> Iterator[Figure]:
@@ -176,7 +176,7 @@ def _median_ms(sensor: Sensor, snapshot: Snapshot, rounds: int = 40) -> float:
 def depth() -> Iterator[Figure]:
     """Ideal depth against rays, and how the error of disparities grows with distance."""
     scenario = load_scenario("meeting-three-people")
-    snapshot = World(scenario).snapshot(_MOMENT_S)
+    snapshot = World(scenario).snapshot(_AT_S)
     content = scenario.sensors["stereo_1"].model_dump() | {"mode": "ideal"}
     with RendererOnDemand(snapshot.model) as renderer:
         ideal_m, true_m = _depths(content, renderer, snapshot)

@@ -1,6 +1,6 @@
 """The inputs of ../shared/cases, each by the command line as a user would type it: right or wrong, and why.
 
-A case is right where its figures are nearly those of the clean input and the loss, if there is one, is told, or where it is
+A case is right where its figures are nearly those of the clean input and the loss, if there is one, is reported, or where it is
 refused in a sentence with exit code 2. Nothing is measured where the folder is absent.
 """
 
@@ -89,9 +89,9 @@ def mota(folder: Path, tracks: Path) -> float:
 
 
 def tracked(
-    bag: str, *told: str, trackers: Sequence[str] = ("sort",), rig: str = "rig.yaml", least: float = -_NEARLY
+    bag: str, *reported: str, trackers: Sequence[str] = ("sort",), rig: str = "rig.yaml", least: float = -_NEARLY
 ) -> Check:
-    """A bag that is tracked nearly as the clean one, each of the patterns `told` on stderr."""
+    """A bag that is tracked nearly as the clean one, each of the patterns `reported` on stderr."""
 
     def check(folder: Path) -> str:
         names = [part for name in trackers for part in ("--tracker", name)]
@@ -100,7 +100,7 @@ def tracked(
         said = twin(folder, "track", source, *extra, *names, "--no-video")
         if said.code:
             return str(said)
-        if missing := [each for each in told if not re.search(each, said.err)]:
+        if missing := [each for each in reported if not re.search(each, said.err)]:
             return f"stderr lacks {missing}: {said.err[-500:]!r}"
         for name in trackers:
             score = mota(folder, said.folder / "tracks" / f"{name}.csv") - _CLEAN[name]
@@ -177,7 +177,7 @@ def copied_to(name: str) -> Check:
     return check
 
 
-def read_or_told_why(bag: str, tool: str) -> Check:
+def read_or_refused(bag: str, tool: str) -> Check:
     """A container that is read, or refused by a sentence that names what it is and the tool that mends it."""
 
     def check(folder: Path) -> str:
@@ -263,7 +263,7 @@ def dialect(file: str) -> Check:
 
 
 def contradicting_header(folder: Path) -> str:
-    """A header `id,t,x,y` over columns t,id,x,y is refused with what is odd, not read as it stands."""
+    """A header `id,t,x,y` over columns t,id,x,y is refused with what is odd, not read by the header."""
     said = pedestrians(CASES / "21-csv-dialects" / "order.csv")(folder)
     return "" if said.code == 2 and re.search(r"\bid\b", said.err) and "Traceback" not in said.err else str(said)
 
@@ -329,7 +329,7 @@ def printed(script: str, *wanted: str, never: str = "Traceback") -> Check:
 
 
 def stuck_script(folder: Path) -> str:
-    """A seat that nobody reaches, and a way out in a wall: refused, told, or done."""
+    """A seat that nobody reaches, and a way out in a wall: refused, reported, or done."""
     at = CASES / "51-stuck-script/office.yaml"
     said = twin(folder, "run", at, "--no-images", "--no-video", "--tracker", "sort")
     if said.code == 2:
@@ -345,7 +345,7 @@ def stuck_script(folder: Path) -> str:
         for name, is_done in (("anna", sat), ("ben", left))
         if not is_done and not re.search(rf"\b{name}\b has not", said.err)
     ]
-    return f"nothing is told of {stuck}: {said}" if stuck else ""
+    return f"nothing is reported of {stuck}: {said}" if stuck else ""
 
 
 def no_utf8(folder: Path) -> str:
@@ -398,8 +398,8 @@ CHECKS: dict[str, Check] = {
     "12 run #3": copied_to("run #3"),
     "12 50%20off": copied_to("50%20off"),
     "12 what?": copied_to("what?"),
-    "13 ros1_profile": read_or_told_why("13-ros1-profile-mcap/ros1_profile.mcap", "ROS 1|ros1"),
-    "13 profile_empty": read_or_told_why("13-ros1-profile-mcap/profile_empty.mcap", "profile"),
+    "13 ros1_profile": read_or_refused("13-ros1-profile-mcap/ros1_profile.mcap", "ROS 1|ros1"),
+    "13 profile_empty": read_or_refused("13-ros1-profile-mcap/profile_empty.mcap", "profile"),
     "14 far_300": same_pictures("14-near-plane/base/s.yaml", "14-near-plane/far_300/s.yaml", 0.005),
     "14 far_500": same_pictures("14-near-plane/base/s.yaml", "14-near-plane/far_500/s.yaml", 0.005),
     "15 geom group 6": refused(r"group", "run", "15-geom-group/s.yaml", *_RUN),

@@ -27,7 +27,7 @@ CAMERAS = {
 }
 """By name: the scenario, its sensor, and what is changed of it."""
 
-_MOMENT_S = 5.0
+_AT_S = 5.0
 _WARM = 3
 
 
@@ -38,7 +38,7 @@ def draw(name: str, seconds: float) -> None:
     scenario_name, sensor_name, changes = CAMERAS[name]
     scenario = load_scenario(scenario_name)
     content = scenario.sensors[sensor_name].model_dump() | changes
-    snapshot = World(scenario).snapshot(_MOMENT_S)
+    snapshot = World(scenario).snapshot(_AT_S)
     rng, state = np.random.default_rng(0), None
     with RendererOnDemand(snapshot.model) as renderer:
         description = TypeAdapter(SensorDescription).validate_python(content)

@@ -34,7 +34,7 @@ def people_of(seed: int) -> tuple[PenetrationCount, list[str]]:
 
 
 def figures(seeds: Iterable[int]) -> Iterator[Figure]:
-    """Sums over seeds; each fault is told on stderr."""
+    """Sums over seeds; each fault is reported on stderr."""
     counts: Counter[str] = Counter()
     deepest_m = 0.0
     for seed in seeds:
@@ -49,9 +49,9 @@ def figures(seeds: Iterable[int]) -> Iterator[Figure]:
         counts["with overlap"] += overlaps.with_overlap
         counts["scenes with overlap"] += bool(overlaps.with_overlap)
         deepest_m = max(deepest_m, overlaps.depth_m)
-        told = [*(str(overlaps).splitlines()[1:]), *said]
-        if told:
-            print(f"{seed}: {'; '.join(told)}", file=sys.stderr, flush=True)
+        reported = [*(str(overlaps).splitlines()[1:]), *said]
+        if reported:
+            print(f"{seed}: {'; '.join(reported)}", file=sys.stderr, flush=True)
     yield Figure("drawn scenes refused", counts["refused"], f"of {counts['scenes']}", "<= 0")
     yield Figure("drawn scenes where bodies overlap", counts["scenes with overlap"], f"of {counts['scenes']}", "<= 0")
     yield Figure("times at which bodies overlap", counts["with overlap"], f"of {counts['samples']}", "")

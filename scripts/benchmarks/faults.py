@@ -17,7 +17,7 @@ from twin.sensors.layers import with_faults
 from twin.sensors.render import RendererOnDemand
 from twin.world.world import World
 
-_MOMENT_S = 3.0
+_AT_S = 3.0
 _SCANS = 3000
 
 
@@ -51,7 +51,7 @@ def scanner_noise() -> Iterator[Figure]:
 def cost() -> Iterator[Figure]:
     """A scan and a picture with faults over those without."""
     scenario = load_scenario("lab-five-people")
-    snapshot = World(scenario).snapshot(_MOMENT_S)
+    snapshot = World(scenario).snapshot(_AT_S)
     faults: dict[str, dict[str, Fault]] = {
         "waist": {
             "coat": BlockedSector(sensor=("waist",), kind="blocked_sector", bearings_deg=(20, 50)),

@@ -1,4 +1,4 @@
-"""One figure: what was measured, and what was promised."""
+"""One figure: what was measured, and its target."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""The gate is tested by bugs: each is made in a copy of the code, and the first stage that notices it is told on stderr.
+"""The gate is tested by bugs: each is made in a copy of the code, and the first stage that notices it is reported on stderr.
 
-Stages are the unit tests that are not marked slow and name the spoilt module or its package, the golden run, the suite `smoke`
+Stages are the unit tests that are not marked slow and name the changed module or its package, the golden run, the suite `smoke`
 against its baseline, all other unit tests and, as `gate-bugs-regression`, the suite `regression`. All hours of it at once, or
 in parts:
 
@@ -29,7 +29,7 @@ from benchmarks.mutation import Bug, NoTargetError
 
 ROOT = Path(__file__).parents[2]
 STAGES = ("unit", "golden", "smoke", "other", "regression")
-GONE = "target gone"
+MISSING = "target missing"
 """Said of a bug for which there is nothing left to make it in."""
 _GOLDEN = "tests/twin/test_golden.py"
 _LONGEST_S = 3600
@@ -51,15 +51,15 @@ def _figures(stages: Sequence[str], target: str) -> Iterator[Figure]:
     alarm = caught(_CONTROL, stages)
     yield Figure("stages that call the code as it is a bug", int(alarm is not None), "", "<= 0")
     count = Counter(caught(bug, stages) for bug in BUGS)
-    made = len(BUGS) - count[GONE]
-    yield Figure("bugs whose target is gone", count[GONE], "", "<= 0")
+    made = len(BUGS) - count[MISSING]
+    yield Figure("bugs whose target is missing", count[MISSING], "", "<= 0")
     yield Figure(f"share of {made} bugs caught by {', '.join(stages)}", 1 - count[None] / made, "", target)
     for stage in stages:
         yield Figure(f"of these first by {stage}", count[stage] / made, "", "")
 
 
 def caught(bug: Bug, stages: Sequence[str]) -> str | None:
-    """The first of the stages that notices the bug in a copy of the code, GONE, or none; told on stderr as well."""
+    """The first of the stages that notices the bug in a copy of the code, MISSING, or none; reported on stderr as well."""
     start = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="gate-bugs-") as folder:
         tree = Path(folder) / "tree"
@@ -67,9 +67,9 @@ def caught(bug: Bug, stages: Sequence[str]) -> str | None:
         if bug is not _CONTROL:
             try:
                 bug.write(tree)
-            except NoTargetError as gone:
-                print(f"{bug.target}: {bug.name}: GONE ({gone})", file=sys.stderr, flush=True)
-                return GONE
+            except NoTargetError as missing:
+                print(f"{bug.target}: {bug.name}: MISSING ({missing})", file=sys.stderr, flush=True)
+                return MISSING
         environment = os.environ | {"PYTHONPATH": str(tree)}
         if bug.file.startswith("twin/"):  # what it records is of no use to anybody else
             environment["ROOMTWIN_CACHE"] = str(Path(folder) / "cache")
@@ -139,7 +139,7 @@ def _unit_tests(file: str, tree: Path) -> list[list[str]]:
 
 
 def main() -> int:
-    """Run some bugs through some stages; the exit code is 1 where one is missed or its target is gone."""
+    """Run some bugs through some stages; the exit code is 1 where one is missed or its target is missing."""
     parser = argparse.ArgumentParser(description="Run some bugs through some stages.")
     parser.add_argument("words", nargs="*", help="bugs whose file or name holds one of these (none: all)")
     parser.add_argument("--stages", default=",".join(STAGES[:-1]), help="in this order, separated by commas")
@@ -155,9 +155,9 @@ def main() -> int:
     words = arguments.words or [""]
     chosen = [bug for bug in BUGS if any(word in f"{bug.target}: {bug.name}" for word in words)][number - 1 :: count]
     count = Counter(caught(bug, stages) for bug in chosen)
-    made = len(chosen) - count[GONE]
-    print(f"{made - count[None]} of {made} caught" + (f", {count[GONE]} without a target" if count[GONE] else ""))
-    return int(bool(count[None] or count[GONE]))
+    made = len(chosen) - count[MISSING]
+    print(f"{made - count[None]} of {made} caught" + (f", {count[MISSING]} without a target" if count[MISSING] else ""))
+    return int(bool(count[None] or count[MISSING]))
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
-"""Suites and studies killed at random moments, edited or damaged, and resumed: the bits of an uninterrupted run, or a refusal.
+"""Suites and studies killed at random times, edited or damaged, and resumed: the bits of an uninterrupted run, or a refusal.
 
-A seed draws the command, its number of workers, the moment, the signal, the process that gets it, and what happens before
+A seed draws the command, its number of workers, the time, the signal, the process that gets it, and what happens before
 `--resume`: nothing, an edit of one of the files that the results depend on, or a file of the results cut at a random byte.
 Resumed results must equal, to the bit, those of a run of the edited files that nobody killed; otherwise one sentence must
 refuse to resume and name what differs.
@@ -231,11 +231,11 @@ def results(folder: Path, kind: str) -> dict[str, object]:
         ).fetchall()
         digests = connection.execute("SELECT case_id, digest, people FROM recordings ORDER BY case_id").fetchall()
         status = connection.execute("SELECT case_id, status FROM cases ORDER BY case_id").fetchall()
-        moments = connection.execute("SELECT * FROM moments ORDER BY case_id, t_s, kind, what").fetchall()
+        incidents = connection.execute("SELECT * FROM moments ORDER BY case_id, t_s, kind, what").fetchall()
     finally:
         connection.close()
     tables = {path.relative_to(out).as_posix(): path.read_text() for path in sorted(out.glob("cases/*/tracks/*.csv"))}
-    return {"metrics": rows, "recordings": digests, "status": status, "moments": moments, **tables}
+    return {"metrics": rows, "recordings": digests, "status": status, "moments": incidents, **tables}
 
 
 class Drill:
@@ -266,18 +266,18 @@ class Drill:
         return self._whole[kind, edited]
 
     def judge(self, seed: int) -> Outcome:
-        """Kill, spoil and resume as this seed draws."""
+        """Kill, damage and resume as this seed draws."""
         rng = Random(f"kills {seed}")
         kind, jobs = rng.choice(["suite", "suite", "study"]), rng.choice([1, 2])
         number = rng.choice([signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
         target = rng.choice(["parent", "worker"]) if jobs == 2 else "parent"
-        spoil = rng.choice(["nothing", "cut", *(each for each in EDITS if each not in _RUN or each == kind)])
-        moment_s = rng.uniform(0.3, 1.1) * self.whole(kind, "")[1]
-        expected, _ = self.whole(kind, spoil if spoil in EDITS else "")
-        what = f"{kind} --jobs {jobs}, {number.name} to {target} after {moment_s:.1f} s, {spoil}"
+        damage = rng.choice(["nothing", "cut", *(each for each in EDITS if each not in _RUN or each == kind)])
+        after_s = rng.uniform(0.3, 1.1) * self.whole(kind, "")[1]
+        expected, _ = self.whole(kind, damage if damage in EDITS else "")
+        what = f"{kind} --jobs {jobs}, {number.name} to {target} after {after_s:.1f} s, {damage}"
         folder = self.project()
         try:
-            fault, said = _try(folder, kind, jobs, number, target, moment_s, spoil, expected, rng)
+            fault, said = _try(folder, kind, jobs, number, target, after_s, damage, expected, rng)
         except subprocess.TimeoutExpired:
             fault, said = f"did not end within {_LONGEST_S:g} s", []
         if fault:
@@ -292,17 +292,17 @@ def _try(
     jobs: int,
     number: signal.Signals,
     target: str,
-    moment_s: float,
-    spoil: str,
+    after_s: float,
+    damage: str,
     expected: dict[str, object],
     rng: Random,
 ) -> tuple[str, list[str]]:
     process = run(folder, kind, jobs)
-    time.sleep(moment_s)
+    time.sleep(after_s)
     family = process.family()
     alive = process.popen.poll() is None
     workers = process.workers()
-    if not workers:  # none has begun: the parent is hit
+    if not workers:  # none has started: the parent is hit
         target = "parent"
     for pid in rng.sample(workers, 1) if target == "worker" and workers else family[:1]:
         try:
@@ -313,19 +313,19 @@ def _try(
     said = process.said()
     if any("Traceback" in line for line in said):
         return "traceback of the killed run", said
-    # By the signal itself: before the command has begun, or after it has done everything.
+    # By the signal itself: before the command has started, or after it has done everything.
     if target == "parent" and alive and number != signal.SIGKILL and code not in (0, 130, -number):
         return f"exit {code} of the killed run", said
     if target == "worker" and alive and code not in (0, 2, 130):
         return f"exit {code} after the death of a worker", said
-    left = [pid for pid in family if not _gone(pid)]
+    left = [pid for pid in family if not _has_ended(pid)]
     if left:
         return f"{len(left)} processes outlive the run", said
-    if spoil == "cut":
+    if damage == "cut":
         cut = _cut(folder, rng)
         said.append(f"cut {cut}")
-    elif spoil != "nothing":
-        edit(folder, spoil)
+    elif damage != "nothing":
+        edit(folder, damage)
     there = (folder / "out" / ("results.sqlite" if kind == "suite" else "evaluations.jsonl")).exists()
     process = run(folder, kind, jobs, *(["--resume"] if there else []))
     code, again = process.wait(), process.said()
@@ -333,14 +333,14 @@ def _try(
     if any("Traceback" in line for line in again) or code not in (0, 2):
         return f"exit {code} of the resumed run", said
     if code == 2:
-        named = spoil in ("cut", "suite", "study") or "nothing to resume" in again[-1]
+        named = damage in ("cut", "suite", "study") or "nothing to resume" in again[-1]
         return ("" if named and len(again[-1]) > 20 else "the resumed run refuses"), said
     if results(folder, kind) != expected:
         return "results differ from those of an uninterrupted run", said
     return "", said
 
 
-def _gone(pid: int) -> bool:
+def _has_ended(pid: int) -> bool:
     """Wait up to 20 s for the end of a process."""
     until = time.monotonic() + 20
     while time.monotonic() < until:
@@ -370,7 +370,7 @@ def _cut(folder: Path, rng: Random) -> str:
 
 
 def measure() -> Iterator[Figure]:
-    """Sixty killed runs; each that is badly handled is told on stderr."""
+    """Sixty killed runs; each that is badly handled is reported on stderr."""
     bad = 0
     with tempfile.TemporaryDirectory(prefix="kills-") as made:
         drill = Drill(Path(made))

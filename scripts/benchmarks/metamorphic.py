@@ -161,9 +161,9 @@ def _after_the_start(first: list[TrackFrame], frames: list[TrackFrame]) -> list[
 def _error_m(frames: list[TrackFrame], stamps: set[int], truth: Truth) -> float:
     """Return the mean OSPA (p = 1, c = 1 m) over those stamps at which the truth is known."""
     tracks = {frame.stamp_ns: np.array([(each.x, each.y) for each in frame.tracks]).reshape(-1, 2) for frame in frames}
-    nobody = np.empty((0, 2))
+    no_one = np.empty((0, 2))
     return float(
-        np.mean([ospa(distances(truth[ns], tracks.get(ns, nobody)), 1.0, 1.0) for ns in stamps & truth.keys()])
+        np.mean([ospa(distances(truth[ns], tracks.get(ns, no_one)), 1.0, 1.0) for ns in stamps & truth.keys()])
     )
 
 

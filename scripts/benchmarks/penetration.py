@@ -151,7 +151,7 @@ class PenetrationCount:
         lines = [
             f"t = {each.t:.2f} s: {each.geom} {100 * each.depth_m:.1f} cm inside {each.other_geom}" for each in worst
         ]
-        return "\n".join([f"{self.with_overlap} of {self.samples} moments hold overlaps", *lines])
+        return "\n".join([f"{self.with_overlap} of {self.samples} samples hold overlaps", *lines])
 
 
 def count_penetrations(

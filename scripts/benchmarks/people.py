@@ -119,9 +119,9 @@ def crowd_building() -> Iterator[Figure]:
         yield Figure(f"world of {count} pedestrians, CPU time", spent_s, "s", "<= 15" if count == 480 else "")
     yield Figure("the same for one of them: of 480 over of 61", each_s[480] / each_s[61], "×", "<= 1")
     bodies = max(len(pool.names) for pool in body_pools(scenario.people))
-    moments = np.arange(0.0, scenario.duration_s, 0.5)
+    times = np.arange(0.0, scenario.duration_s, 0.5)
     spans = np.array([(path[0][0], path[-1][0]) for path in paths[:480]])
-    at_once = ((spans[:, 0] <= moments[:, None]) & (moments[:, None] <= spans[:, 1])).sum(axis=1).max()
+    at_once = ((spans[:, 0] <= times[:, None]) & (times[:, None] <= spans[:, 1])).sum(axis=1).max()
     yield Figure("most people at once, of 480 who come", float(at_once), "", "")
     yield Figure("most bodies at once", float(bodies), "", f"<= {max(32, 3 * at_once)}")
 

@@ -45,7 +45,7 @@ class _Outcome:
 
 
 def measure() -> Iterator[Figure]:
-    """Every camera in every number of processes; in software fewer of them and for a shorter time, unless told."""
+    """Every camera in every number of processes; in software fewer of them and for a shorter time, unless asked."""
     table = Table("camera", "processes", "frames/s in all", "of each process", "killed or failed")
     renderers: list[str] = []
     lost = 0

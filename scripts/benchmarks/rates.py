@@ -58,10 +58,10 @@ class _Change:
 
     def of(self, scenario: Scenario) -> Scenario:
         """Return the scenario with changed sensors; a scanner sweeps for the same share of its period."""
-        told = {"jitter_s": self.jitter_s, "dropout": self.dropout}
+        reported = {"jitter_s": self.jitter_s, "dropout": self.dropout}
         sensors = {}
         for number, (sensor, description) in enumerate(scenario.sensors.items()):
-            fields = {name: value for name, value in told.items() if value is not None}
+            fields = {name: value for name, value in reported.items() if value is not None}
             fields["rate_hz"] = self.rates_hz[number % len(self.rates_hz)]
             if sweep_s := getattr(description, "sweep_time_s", 0.0):
                 fields["sweep_time_s"] = sweep_s * description.rate_hz / fields["rate_hz"]
@@ -85,7 +85,7 @@ class _Ground:
     n_seeds: int = 2
     images: bool = True
     options: Mapping[str, Any] = field(default_factory=dict, hash=False)
-    """Options that every tracker here is told."""
+    """Options of every tracker here."""
     environment: bool = False
     """Hand the trackers an environment that was scanned beforehand."""
 
@@ -101,13 +101,13 @@ class _Ground:
     def mota(self, change: _Change, seed: int) -> dict[str, float]:
         """Run once; return MOTA by tracker."""
         with tempfile.TemporaryDirectory() as folder:
-            told = [f"seed={seed}", f"duration_s={self.duration_s}"]
-            told += [f"trackers.{name}={json.dumps({'preset': name, **self.options})}" for name in self.trackers]
+            reported = [f"seed={seed}", f"duration_s={self.duration_s}"]
+            reported += [f"trackers.{name}={json.dumps({'preset': name, **self.options})}" for name in self.trackers]
             if self.environment:
                 path = Path(folder) / "environment.npz"
-                write_environment(load_scenario(self.scenario, told), [], out=path)
-                told.append(f"prior.environment={path}")
-            scenario = change.of(load_scenario(self.scenario, told))
+                write_environment(load_scenario(self.scenario, reported), [], out=path)
+                reported.append(f"prior.environment={path}")
+            scenario = change.of(load_scenario(self.scenario, reported))
             run = run_scenario(
                 scenario, trackers=self.trackers, out=Path(folder) / "run", video=False, images=self.images
             )
@@ -210,12 +210,12 @@ def _recorded() -> Iterator[Figure]:
         usual = f1("laser-legs", scans, people, box)
         for how, (rate, jitter, every) in _RESTAMPED.items():
             rng, start_ns = np.random.default_rng(number), scans[0].stamp_ns
-            told, there = [], {}
+            reported, there = [], {}
             for scan in scans[::every]:
                 off_ns = jitter * NS_PER_S / 7.5 * rng.normal()
                 stamp_ns = round(start_ns + (scan.stamp_ns - start_ns) * rate + off_ns)
-                told.append(replace(scan, stamp_ns=stamp_ns))
+                reported.append(replace(scan, stamp_ns=stamp_ns))
                 there[stamp_ns] = people[scan.stamp_ns]
-            got = f1("laser-legs", sorted(told, key=lambda scan: scan.stamp_ns), there, box)
+            got = f1("laser-legs", sorted(reported, key=lambda scan: scan.stamp_ns), there, box)
             name = f"positive_{number}, laser-legs {how}: F1 {got:.3f}, less {usual:.3f} as recorded"
             yield Figure(name, got - usual, "", ">= -0.03")

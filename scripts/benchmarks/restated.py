@@ -55,7 +55,7 @@ class Restated:
     later_ns: int = 0
 
 
-def posed(scene: Scene, pose: Callable[[RigSensor], Pose], area: Callable[[Place], Place]) -> Scene:
+def placed(scene: Scene, pose: Callable[[RigSensor], Pose], area: Callable[[Place], Place]) -> Scene:
     """The scene with every sensor's pose and the area's corners changed."""
     sensors = {
         name: each.model_copy(update={"room_from_sensor": pose(each)}) for name, each in scene.rig.sensors.items()
@@ -82,7 +82,7 @@ def turned(
         x, y = R @ old.translation[:2] + shift
         return Pose.from_matrix(rotation @ old.rotation, (float(x), float(y), old.xyz[2]))
 
-    return Restated(posed(scene, pose, lambda place: R @ place + shift), lambda place: (place - shift) @ R)
+    return Restated(placed(scene, pose, lambda place: R @ place + shift), lambda place: (place - shift) @ R)
 
 
 def mirrored(scene: Scene) -> Restated:
@@ -98,7 +98,7 @@ def mirrored(scene: Scene) -> Restated:
         x, y, z = mirror @ origin
         return Pose.from_matrix(mirror @ old.rotation @ own, (float(x), float(y), float(z)))
 
-    scene = posed(_flipped(scene, columns=True, rows=False), pose, lambda place: place * [-1, 1])
+    scene = placed(_flipped(scene, columns=True, rows=False), pose, lambda place: place * [-1, 1])
     return Restated(scene.mapped(lambda each: _other_hand(each)), lambda place: place * [-1, 1])
 
 
@@ -113,7 +113,7 @@ def upside_down(scene: Scene) -> Restated:
         return Pose.from_matrix(old.rotation @ own, old.xyz)
 
     floors = set(scene.rig.floors())
-    restated = posed(_flipped(scene, columns=True, rows=True, without=floors), pose, lambda place: place)
+    restated = placed(_flipped(scene, columns=True, rows=True, without=floors), pose, lambda place: place)
     return Restated(restated.mapped(lambda each: _other_hand(each)))
 
 

@@ -30,8 +30,8 @@ def measure() -> Iterator[Figure]:
     """CPU time on one core, `meeting-three-people`, four cameras of 320 x 240, 512 hypotheses a person."""
     cv2.setNumThreads(1)
     for n_person, bound in ((1, 6), (3, 12)):
-        gone = [f"people.{name}=null" for name in ("ben", "cleo")[: 3 - n_person]]
-        with Simulation(load_scenario("meeting-three-people", [f"duration_s={_S}", *gone])) as simulation:
+        absent = [f"people.{name}=null" for name in ("ben", "cleo")[: 3 - n_person]]
+        with Simulation(load_scenario("meeting-three-people", [f"duration_s={_S}", *absent])) as simulation:
             rig, known, seen = simulation.rig, Prior.of(simulation.background()), list(simulation)
         tracker, costs, spent = make_tracker("rgbd-head", rig, known, np.random.default_rng(0)), [], 0.0
         for observation in seen:
@@ -71,12 +71,12 @@ def _on_workers(rig: Rig, known: Prior, seen: Sequence[Observation]) -> Iterator
     """Measure a frame of three people with each camera on a Dask worker, and from how many hypotheses on it takes less."""
     with LocalCluster(n_workers=4, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=50) as cluster:
         here, there = (
-            np.array([_moment_ms(rig, known, seen, {"heads": heads, "scheduler": address}) for heads in _HEADS])
+            np.array([_frame_ms(rig, known, seen, {"heads": heads, "scheduler": address}) for heads in _HEADS])
             for address in (None, cluster.scheduler_address)
         )
     for heads, *ms in zip(_HEADS, here, there, strict=True):
         for where, each in zip(("here", "on four Dask workers"), ms, strict=True):
-            yield Figure(f"a moment of three people, {heads} hypotheses, {where}", float(each), "ms", "")
+            yield Figure(f"a frame of three people, {heads} hypotheses, {where}", float(each), "ms", "")
     # both grow in proportion to the hypotheses, beyond what is the same for any number
     (slope, level), (slope_there, level_there) = (np.polyfit(_HEADS, each, 1) for each in (here, there))
     if slope > slope_there:
@@ -84,8 +84,8 @@ def _on_workers(rig: Rig, known: Prior, seen: Sequence[Observation]) -> Iterator
         yield Figure("hypotheses from which four Dask workers are faster", float(even), "", "")
 
 
-def _moment_ms(rig: Rig, known: Prior, seen: Sequence[Observation], options: dict[str, object]) -> float:
-    """Median wall time of a moment, from the first one on that everybody is found in [ms]."""
+def _frame_ms(rig: Rig, known: Prior, seen: Sequence[Observation], options: dict[str, object]) -> float:
+    """Median wall time of a frame, from the first one on that everybody is found in [ms]."""
     tracker, costs, spent = make_tracker("rgbd-head", rig, known, np.random.default_rng(0), options), [], 0.0
     for observation in seen:
         start = time.perf_counter()

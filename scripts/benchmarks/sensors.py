@@ -20,14 +20,14 @@ from twin.sensors.layers import Noisy
 from twin.sensors.render import RendererOnDemand
 from twin.world.world import World
 
-_MOMENT_S = 3.0
+_AT_S = 3.0
 
 
 def laser() -> Iterator[Figure]:
     """One 361-beam scan of five people with noise and labels, against `mj_multiRay` of the same beams."""
     scenario = load_scenario("lab-five-people")
     world = World(scenario)
-    snapshot = world.snapshot(_MOMENT_S)
+    snapshot = world.snapshot(_AT_S)
     sensor = build_sensor("waist", scenario.sensors["waist"], RendererOnDemand(snapshot.model))
     assert isinstance(sensor, Noisy)
     ideal = sensor.ideal
@@ -51,7 +51,7 @@ def fisheye() -> Iterator[Figure]:
     """One picture of five people, noise included, against the bare render of its faces."""
     scenario = load_scenario("lab-five-people")
     world = World(scenario)
-    snapshot = world.snapshot(_MOMENT_S)
+    snapshot = world.snapshot(_AT_S)
     with RendererOnDemand(snapshot.model) as renderer:
         sensor = build_sensor("fisheye", scenario.sensors["fisheye"], renderer)
         assert isinstance(sensor, Noisy)

@@ -57,8 +57,8 @@ def measure() -> Iterator[Figure]:
 def other_noise(number: int, *sensors: str) -> dict[str, Any]:
     """Overrides of the lab after which these sensors draw other noise: a sensor's name is what its stream is made from."""
     described = load_scenario(_SCENARIO).model_dump(mode="json", exclude_none=True)["sensors"]
-    gone = {f"sensors.{name}": None for name in sensors}
-    return gone | {f"sensors.{name}_{number}": described[name] for name in sensors}
+    without = {f"sensors.{name}": None for name in sensors}
+    return without | {f"sensors.{name}_{number}": described[name] for name in sensors}
 
 
 def _suite() -> Suite:

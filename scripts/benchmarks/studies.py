@@ -66,7 +66,7 @@ def coverage() -> Iterator[Figure]:
     visibility = SensorVisibility(hall, "west", Coverage(of="floor", cell_m=0.05))
     spent = _cpu_s(lambda: (visibility.floor(sampled, cells), visibility.people(sampled)))
     yield Figure(
-        f"study: a scanner's place, 100 moments, {len(cells)} cells and the hall's people", spent, "s", "<= 0.25"
+        f"study: a scanner's place, 100 times, {len(cells)} cells and the hall's people", spent, "s", "<= 0.25"
     )
     meeting = load_scenario("meeting-three-people")
     empty = SampledWorld(meeting, None, [])
@@ -77,7 +77,7 @@ def coverage() -> Iterator[Figure]:
     watched = load_scenario("library-hall", ["duration_s=25"])
     camera = SensorVisibility(watched, "camera", Coverage(px_per_m=25))
     yield Figure(
-        "study: a camera's place, the hall's people at 100 moments", _cpu_s(lambda: camera.people(sampled)), "s", "<= 2"
+        "study: a camera's place, the hall's people at 100 times", _cpu_s(lambda: camera.people(sampled)), "s", "<= 2"
     )
 
 
@@ -99,7 +99,7 @@ def sets() -> Iterator[Figure]:
             alone = apply_placement(study, scenario, [candidate_set.poses[each]])
             rows.append(packed(SensorVisibility(alone, "west", wide).floor(sampled, cells)))
         yield Figure(
-            "study: sets of 4 scored, hall 5 cm × 100 moments, a minute", _scored_a_minute(np.array(rows)), "", ">= 1e5"
+            "study: sets of 4 scored, hall 5 cm × 100 times, a minute", _scored_a_minute(np.array(rows)), "", ">= 1e5"
         )
         counts, stay, weight = seen.counts(first)
         for k, target in ((1, "<= 5"), (2, "<= 15")):

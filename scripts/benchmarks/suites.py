@@ -85,7 +85,7 @@ def cost() -> Iterator[Figure]:
 
 
 def regression() -> Iterator[Figure]:
-    """The suite `regression` from an empty cache and from a full one: CPU time over two cores, whoever else uses them."""
+    """The suite `regression` from an empty cache and from a full one: CPU time over two cores, whatever else uses them."""
     with tempfile.TemporaryDirectory() as folder:
         cache = RecordingCache(Path(folder) / "cache", 10**11)
         for number, (cached, target) in enumerate((("an empty cache", "<= 20"), ("a full one", "<= 5"))):
@@ -121,14 +121,16 @@ def harmless() -> Iterator[Figure]:
             with mock.patch.dict(ENVIRONMENT, LP_NUM_THREADS=str(n_thread)):
                 cache = RecordingCache(Path(folder) / f"cache-{number}", 10**10)
                 found = _compare(base, _run("smoke", changes, Path(folder) / str(number), cache))
-            told = [(each.key.scenario, each.key.tracker, describe_change(each)) for each in found.worse]
-            print(number, changes[:1], told, file=sys.stderr, flush=True)
+            reported = [(each.key.scenario, each.key.tracker, describe_change(each)) for each in found.worse]
+            print(number, changes[:1], reported, file=sys.stderr, flush=True)
             return len(found.worse)
 
-        told = [alarms(number, *each) for number, each in enumerate(_harmless_changes())]
-        wrong = sum(n > 0 for n in told)
-        yield Figure(f"harmless changes of {len(told)} that raised an alarm, on the lab of smoke", wrong, "", "<= 0")
-        for number, (name, changes) in enumerate(_doubled_noise().items(), start=len(told)):
+        reported = [alarms(number, *each) for number, each in enumerate(_harmless_changes())]
+        wrong = sum(n > 0 for n in reported)
+        yield Figure(
+            f"harmless changes of {len(reported)} that raised an alarm, on the lab of smoke", wrong, "", "<= 0"
+        )
+        for number, (name, changes) in enumerate(_doubled_noise().items(), start=len(reported)):
             yield Figure(f"{name}: figures that got worse", alarms(number, changes), "", ">= 1")
 
 

@@ -61,7 +61,7 @@ def table_one() -> Iterator[Figure]:
 
 
 def cost() -> Iterator[Figure]:
-    """CPU time of a moment of five people (a scan at each height): laser alone, with the image, with JPEG decoding.
+    """CPU time of a frame of five people (a scan at each height): laser alone, with the image, with JPEG decoding.
 
     The least of several rounds over one recording, and its ratio to taking 541 beams from polar to Cartesian beside it:
     a shared machine only ever adds.

@@ -180,7 +180,7 @@ def _examples_page() -> str:
     lines = [
         "# Examples",
         "",
-        "Each file of `docs/examples/` runs as it stands: `python docs/examples/01-….py`. It writes one picture.",
+        "Each file of `docs/examples/` runs by itself: `python docs/examples/01-….py`. It writes one picture.",
         "",
     ]
     for script in EXAMPLES:

@@ -144,7 +144,7 @@ def _reproduction_table(figures: Sequence[Figure]) -> str:
     """Format what a reproduction has printed values for: these, the paper's system here, ours and the plain baseline."""
     figures = [each for each in figures if each.get("paper") is not None]
     lines = ["| | printed | its system here | ours | 95 % | baseline | n |", "|---|--:|--:|--:|--:|--:|--:|"]
-    told = [key for key in ("where", "row", "column") if len({each[key] for each in figures}) > 1]
+    reported = [key for key in ("where", "row", "column") if len({each[key] for each in figures}) > 1]
     for each in figures:
         unit = "" if each["unit"] in ("", "1") else f" [{each['unit']}]"
         printed, published, ours, low, high, plain = (
@@ -152,7 +152,7 @@ def _reproduction_table(figures: Sequence[Figure]) -> str:
             for key in ("paper", "paper_system", "value", "low", "high", "baseline")
         )
         cells = (
-            ": ".join(each[key] for key in told) + unit,
+            ": ".join(each[key] for key in reported) + unit,
             printed,
             published,
             ours,

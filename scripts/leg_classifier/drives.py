@@ -52,7 +52,7 @@ _CLEAR_M = 0.3
 class Sweep:
     """One sweep of a drive: the scan, the scanner's pose (3,) as it begins, and people's places (p, 2) by id.
 
-    odometry: poses that were told since the sweep before, (k, 4): the stamp [s], x, y [m] and yaw.
+    odometry: poses that were reported since the sweep before, (k, 4): the stamp [s], x, y [m] and yaw.
     """
 
     scan: LaserScan
@@ -79,8 +79,8 @@ def drives(
     drawn_hz = np.exp(rng.uniform(slowest, fastest, ROBOTS))
     times = [np.arange(0.3, DRIVE_S - 0.2, 1 / each) for each in (drawn_hz if rate_hz is None else [rate_hz] * ROBOTS)]
     world.pose_cache = PoseCache(world.scene.person_of_geom)
-    moments = {t: people_in(of_legs(world.snapshot(t))) for t in np.unique(np.concatenate(times)).tolist()}
-    legs_at = np.concatenate([legs for _, _, legs in moments.values()])
+    people_at = {t: people_in(of_legs(world.snapshot(t))) for t in np.unique(np.concatenate(times)).tolist()}
+    legs_at = np.concatenate([legs for _, _, legs in people_at.values()])
     trousers_m = drawn_trousers_m(rng)
     for robot in range(ROBOTS):
         own = stream(seed, "leg drive", str(robot))
@@ -92,9 +92,9 @@ def drives(
         poses = poses if drive else np.tile(poses[:1], (len(poses), 1))
         period_s = float(np.diff(times[robot][:2])[0])
         sweep_s, pace = own.uniform(0.5, 0.9) * period_s, 1 + 1e-6 * own.uniform(-_DRIFT_PPM, _DRIFT_PPM)
-        told = np.column_stack([_STEP_S * pace * np.arange(len(poses)), np.stack(list(_odometry(poses, own)))]).astype(
-            float
-        )
+        reported = np.column_stack(
+            [_STEP_S * pace * np.arange(len(poses)), np.stack(list(_odometry(poses, own)))]
+        ).astype(float)
         empty, sweeps, before = of_legs(world.empty_snapshot(0.0)), [], -np.inf
         for t in times[robot].tolist():
             snapshot = replace(world.snapshot(t), person_of_geom=empty.person_of_geom) if there else empty
@@ -102,8 +102,8 @@ def drives(
             sectors = np.stack([_at(poses, t + sweep_s * (each + 0.5) / _SECTORS) for each in range(_SECTORS)])
             stamp_s = t * pace + _JITTER * period_s * own.normal()
             scan, leg = scanned(scenes, scanner, sectors, own, round(stamp_s * NS_PER_S), sweep_s)
-            ids, places, _ = moments[t] if there else (np.empty(0, np.int16), np.empty((0, 2)), None)
-            since = told[(told[:, 0] > before) & (told[:, 0] <= stamp_s)]
+            ids, places, _ = people_at[t] if there else (np.empty(0, np.int16), np.empty((0, 2)), None)
+            since = reported[(reported[:, 0] > before) & (reported[:, 0] <= stamp_s)]
             before = stamp_s
             sweeps.append(Sweep(scan, leg, _at(poses, t), since, ids, places))
         yield sweeps
@@ -112,10 +112,12 @@ def drives(
 def _odometry(poses: Array, rng: np.random.Generator) -> Iterator[Array]:
     """Yield the poses as wheels tell them: wrong in scale and turn, and noisy."""
     drift = rng.normal(0, 0.03, 3) * (1, 0.3, 1)
-    told = poses[0]
+    reported = poses[0]
     for step in between(poses[np.maximum(np.arange(len(poses)) - 1, 0)], poses):
-        told = compose(told, step * (1 + drift) + rng.normal(0, 0.02, 3) * np.abs(step) + [0, 0, drift[1] * step[0]])
-        yield told
+        reported = compose(
+            reported, step * (1 + drift) + rng.normal(0, 0.02, 3) * np.abs(step) + [0, 0, drift[1] * step[0]]
+        )
+        yield reported
 
 
 def _at(poses: Array, t: float) -> Array:

@@ -1,7 +1,7 @@
 """Clusters of scans of drawn rooms, with the truth about each: a person's or not.
 
 A room with people is drawn from a seed, and what low scanners take for legs is put into it: poles, posts, bins, bushes, and
-legs of tables and chairs. Scanners of many kinds look at it from many places, heights and moments.
+legs of tables and chairs. Scanners of many kinds look at it from many places, heights and times.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ from twin.streams import stream
 from twin.world.world import World
 
 DURATION_S = 8.0
-MOMENTS, PLACES = 9, 6
-"""Moments of a scene that are looked at, and scanners that look at each."""
+TIMES, PLACES = 9, 6
+"""Times of a scene that are looked at, and scanners that look at each."""
 _APART_M = 0.12
-"""Clutter that comes nearer to a person is left out of that moment [m]."""
+"""Clutter that comes nearer to a person is left out of that time [m]."""
 _LOW_M = 0.8
 """Below this people's geoms are legs [m]."""
 MOST_PEOPLE = 64
@@ -44,7 +44,7 @@ _STEEP = 2.0
 """Slope of a surface along the beam, by that across it, from which on echoes are lost: 63°."""
 _HEIGHT_M = (0.18, 0.62)
 _LEAST_M = 0.03
-_UNSEEN_GROUP = 5
+_MISSED_GROUP = 5
 """Group of geoms that rays pass."""
 _LEAST_EXTENT_M = 0.04
 """Width of what is seen of a leg, below which it is a splinter [m]."""
@@ -71,7 +71,7 @@ def samples_of(seed: int) -> Samples:
         world, area, is_wide = drawn_world(seed, Path(folder), rng)
     trousers_m = drawn_trousers_m(rng)
     features, is_leg, middle, number = [], [], [], []
-    for t in np.linspace(0.5, DURATION_S - 0.5, MOMENTS):
+    for t in np.linspace(0.5, DURATION_S - 0.5, TIMES):
         snapshot = of_legs(world.snapshot(float(t)))
         clutter = clutter_at(area, is_wide, rng, people_in(snapshot)[2])
         worn = worn_by(snapshot, trousers_m)
@@ -173,7 +173,7 @@ def clutter_at(area: Array, is_wide: bool, rng: np.random.Generator, people: Arr
     scene = _compiled([geom for geom in _clutter(area, is_wide, rng)], [])
     if people is not None and len(people) and scene.model.ngeom:
         away, _ = cKDTree(people).query(scene.data.geom_xpos[:, :2])
-        scene.model.geom_group[away < _APART_M + np.hypot(*scene.model.geom_size[:, :2].T)] = _UNSEEN_GROUP
+        scene.model.geom_group[away < _APART_M + np.hypot(*scene.model.geom_size[:, :2].T)] = _MISSED_GROUP
     return scene
 
 

@@ -68,7 +68,7 @@ PLANS = {
 }
 _HEAT_M = 0.15
 _NEAR_M = 0.4
-"""Whoever is nearer than this to a window's place is the person that it means."""
+"""A person nearer than this to a window's place is the one that it means."""
 _ABOUT_M = 1.0
 """A window farther than this from everybody is far."""
 

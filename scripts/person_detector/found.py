@@ -17,10 +17,10 @@ def found(scene: Scene, model: PersonModel) -> tuple[float, float, float]:
     detector = PersonDetector(scene.camera, scene.area, model=model)
     owed = hits = wrong = 0
     errors: list[float] = []
-    for moment in scene.moments:
-        seen = detector.detect(scene.foreground.mask(moment.picture)).position
-        plain = moment.in_plain_sight(scene.camera)
-        distance = distances(seen, moment.position_m)
+    for look in scene.looks:
+        seen = detector.detect(scene.foreground.mask(look.picture)).position
+        plain = look.in_plain_sight(scene.camera)
+        distance = distances(seen, look.position_m)
         rows, columns = linear_sum_assignment(np.minimum(distance, 2 * _GATE_M))
         kept = distance[rows, columns] < _GATE_M
         errors += distance[rows, columns][kept].tolist()

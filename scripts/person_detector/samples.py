@@ -23,14 +23,14 @@ _HIDDEN = 0.15
 """Of who is seen less than this nothing is learned, and near them nothing either."""
 _UNSURE_M = 0.4
 _PLAIN = 0.3
-"""Whoever is seen at least so much, foot and waist in the picture, is owed a detection."""
+"""A person seen at least so much, foot and waist in the picture, is owed a detection."""
 _FAR_M = 9.0
 _OF_FULL = 10
 """One window in so many of a picture that is foreground throughout is learned from too: it shows nobody."""
 
 
 @dataclass(frozen=True, eq=False)
-class Moment:
+class Look:
     """A picture, and everybody who is in the room at its stamp."""
 
     picture: Image
@@ -52,12 +52,12 @@ class Scene:
     camera: PlacedCamera
     area: Sequence[tuple[float, float]] | None
     foreground: Foreground
-    moments: list[Moment]
+    looks: list[Look]
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """n windows, as the model is told of them, and what is true of them."""
+    """n windows, as the model gets them, and what is true of them."""
 
     inputs: NDArray[np.float32]  # (n, inputs)
     distance_m: Array  # (n,) of the nearest visible person
@@ -79,15 +79,15 @@ def scenes(folder: Path) -> Iterator[Scene]:
     recording, truth = Recording(folder / "recording.mcap"), read_truth(folder / "truth.csv")
     for name, sensor in recording.rig.cameras().items():
         empty_room = [cast("Image", each) for each in recording.background if each.sensor == name]
-        moments = []
+        looks = []
         for picture in recording.observations():
             if picture.sensor == name:
                 now = truth.stamps_ns == picture.stamp_ns
                 position = np.stack([truth.x[now], truth.y[now]], axis=1)
                 visible = np.nan_to_num(truth.visible[name][now])
-                moments.append(Moment(cast("Image", picture), position, visible, truth.in_area[now]))
+                looks.append(Look(cast("Image", picture), position, visible, truth.in_area[now]))
         foreground = Foreground(sensor.intrinsics, empty_room, SILHOUETTES)
-        yield Scene(f"{folder.name} {name}", placed_camera(sensor), recording.rig.area, foreground, moments)
+        yield Scene(f"{folder.name} {name}", placed_camera(sensor), recording.rig.area, foreground, looks)
 
 
 def samples_of(scene: Scene, model: PersonModel) -> Samples:
@@ -97,11 +97,11 @@ def samples_of(scene: Scene, model: PersonModel) -> Samples:
     _, full = detector.candidates(np.ones((scene.camera.intrinsics.height, scene.camera.intrinsics.width), np.bool_))
     full = full[::_OF_FULL]
     parts = [Samples(full, np.full(len(full), _FAR_M), np.zeros((len(full), 2)))]
-    for moment in scene.moments:
-        index, inputs = detector.candidates(scene.foreground.mask(moment.picture))
-        to = moment.position_m[None] - detector.places.position[index, None]
+    for look in scene.looks:
+        index, inputs = detector.candidates(scene.foreground.mask(look.picture))
+        to = look.position_m[None] - detector.places.position[index, None]
         distance = np.hypot(to[..., 0], to[..., 1])
-        hidden = moment.visible < _HIDDEN
+        hidden = look.visible < _HIDDEN
         far = np.full((len(index), 1), _FAR_M)
         seen = np.concatenate([distance + np.where(hidden, _FAR_M, 0.0), far], axis=1)
         nearest = seen.argmin(axis=1)

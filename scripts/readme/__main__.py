@@ -1,4 +1,4 @@
-"""The pictures at the top of the README: one moment through every sensor, and a few seconds of tracking.
+"""The pictures at the top of the README: one time through every sensor, and a few seconds of tracking.
 
     scripts/pictures [--out FOLDER]
 
@@ -24,10 +24,10 @@ from twin.view.contact_sheet import drawn_view
 
 FOLDER = Path(__file__).parent
 
-# One moment: three people at home before every kind of sensor; two of them hang in the corners of the ceiling.
-MOMENT_SCENARIO, MOMENT_S = "home-three-people", 27.0
+# One time: three people at home before every kind of sensor; two of them hang in the corners of the ceiling.
+SHOWN_SCENARIO, SHOWN_S = "home-three-people", 27.0
 _IN_A_CORNER = "rate_hz: 10, size: [640, 480], noise: default"
-MOMENT_CHANGES = (
+SHOWN_CHANGES = (
     "sensors.fisheye.size=[640, 640]",
     f"sensors.camera={{kind: camera, vertical_field_of_view_deg: 66, {_IN_A_CORNER}, "
     "mount: {xyz: [2.35, 1.95, 2.4], yaw_deg: -140, pitch_deg: 27}}",
@@ -42,9 +42,9 @@ WALK_FROM_S, WALK_TO_S = 8.0, 13.0
 WALK_PX = (896, 448)
 
 
-def draw_moment(path: Path) -> None:
-    """Write the picture of one moment through every sensor, as `twin view` draws it."""
-    rgb, _ = drawn_view(twin.load_scenario(MOMENT_SCENARIO, list(MOMENT_CHANGES)), MOMENT_S, TILE_PX)
+def draw_sensors(path: Path) -> None:
+    """Write the picture of one time through every sensor, as `twin view` draws it."""
+    rgb, _ = drawn_view(twin.load_scenario(SHOWN_SCENARIO, list(SHOWN_CHANGES)), SHOWN_S, TILE_PX)
     _, webp = cv2.imencode(".webp", rgb[..., ::-1], [cv2.IMWRITE_WEBP_QUALITY, 88])
     _write(path, webp)
 
@@ -88,7 +88,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=FOLDER, help="folder to write moment.webp and walk.webp into")
     out = parser.parse_args().out
     out.mkdir(parents=True, exist_ok=True)
-    draw_moment(out / "moment.webp")
+    draw_sensors(out / "moment.webp")
     draw_walk(out / "walk.webp")
 
 

@@ -30,8 +30,8 @@ from twin.streams import stream
 
 SEEDS = (1000, 1119)
 """Seeds from 1000 to 1999 are there to be learned from."""
-MOMENTS, PLACES = 9, 20
-"""Moments of a scene that are looked at, and scanners that look at each."""
+TIMES, PLACES = 9, 20
+"""Times of a scene that are looked at, and scanners that look at each."""
 _HEIGHT_M = (0.75, 1.3)
 _OWN_SHARE = 0.8
 """Share of a cluster's samples that must be one person's, or nobody's axis is behind it."""
@@ -73,7 +73,7 @@ def samples_of(seed: int) -> Samples:
     rng, features, axes = stream(seed, "trunk samples", ""), [], []
     with tempfile.TemporaryDirectory() as folder:
         world, area, _ = drawn_world(seed, Path(folder), rng)
-    for t in np.linspace(0.5, DURATION_S - 0.5, MOMENTS).tolist():
+    for t in np.linspace(0.5, DURATION_S - 0.5, TIMES).tolist():
         people = world.truth(round(t * NS_PER_S), {}, with_feet=False).people
         places = {each.id: np.array([each.x, each.y]) for each in people}
         snapshot = world.snapshot(round(t * NS_PER_S) / NS_PER_S)

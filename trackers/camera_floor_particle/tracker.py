@@ -212,7 +212,7 @@ class CameraFloorParticle(SynchronizedTracker):
         floor = self._loads.warning
         return [f"{self._floor} {floor}"] * (floor is not None) + [
             f"{self._cameras[number]} shows walkers' heads elsewhere than the other cameras do, and cannot hang as the rig says"
-            for number in self._calibration.doubted
+            for number in self._calibration.suspect
         ]
 
     def debug_state(self) -> DebugState:

@@ -32,7 +32,7 @@ _FASTEST_M_S, _FASTEST_RAD_S = 6.0, 8.0
 """Robots among people are slower; what moves faster has jumped."""
 _KEPT = 512
 _FAR_M, _OFF_M = 3.0, 0.15
-"""Distance from a base [m], and the error there of its pose, carried on until the next one, that is told [m]."""
+"""Distance from a base [m], and the error there of its pose, carried on until the next one, that is reported [m]."""
 _MOSTLY = 0.9
 """Share of the poses that may be off by less."""
 

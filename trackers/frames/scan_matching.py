@@ -2,7 +2,7 @@
 
 Each point of a scan is held against the line through the nearest point of the last scans (Chen and Medioni 1991; Censi, "An ICP
 variant using a point-to-line metric", ICRA 2008), with a prior of where the scanner is by now: where odometry says, else where
-it would be had it gone on as before. Points of what moves fit badly and weigh little (Cauchy's weights). Beams are placed at
+it would be had it moved on as before. Points of what moves fit badly and weigh little (Cauchy's weights). Beams are placed at
 the time at which they were taken: the motion during the sweep is found together with the pose, and held against the motion since
 the scan before (Dellenbach et al., "CT-ICP", ICRA 2022). By odometry alone, a wheel that slips would bend the scan too.
 

@@ -1,9 +1,9 @@
 """Agreement of sensors: which of them shows people elsewhere, at other times or not at all where the others show them.
 
-Of every track that two sources measure within a moment the difference d of their places is kept, forgotten over some seconds.
+Of every track that two sources measure at nearly one time the difference d of their places is kept, forgotten over some seconds.
 A source that hangs elsewhere has a mean of d, one with a wrong clock has d = v τ for people who walk at v; τ is the least
-squares' Σ v·d / Σ v². A source whose differences from most of the others are large is doubted, for as long as that lasts; of two
-alone it cannot be told which one is wrong, and neither is. One that hardly shows people whom any other shows is doubted too.
+squares' Σ v·d / Σ v². A source whose differences from most of the others are large is suspect, for as long as that lasts; of two
+alone it is unknown which one is wrong, and neither is. One that hardly shows people whom any other shows is suspect too.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ _MEMORY_S = 4.0
 _TOGETHER_S = 0.12
 """Two sources measure a track within so much time [s]."""
 _OFF_M, _LATE_S, _LEAST_SHOWN = 0.2, 0.15, 0.25
-"""Offset [m], time [s] and share of the people shown from which, and below which, a source is doubted."""
+"""Offset [m], time [s] and share of the people shown from which, and below which, a source is suspect."""
 _SURE = 5.0
 """Standard errors that a delay must exceed: errors of one sensor are alike for a while."""
 _FEWEST, _LEAST_M2_S2 = 12.0, 3.0
-"""Differences, and sum of squared speeds [m²/s²], that a doubt takes."""
+"""Differences, and sum of squared speeds [m²/s²], that a suspicion takes."""
 
-_DOUBTED_M = 0.5
+_SUSPECT_M = 0.5
 """Standard deviation added to what a sensor measures that contradicts the others, at least [m]."""
 
 
@@ -103,24 +103,24 @@ class Agreement:
         return self._median(np.abs(self._along / square) - error_s, known)
 
     @property
-    def doubted(self) -> Bool[Mask, "s"]:
+    def suspect(self) -> Bool[Mask, "s"]:
         """The sources that contradict most of the others."""
         hardly_shows = (self._asked >= _FEWEST) & (self._shown < _LEAST_SHOWN * self._asked)
         return (self.offsets_m > _OFF_M) | (self.delays_s > _LATE_S) | hardly_shows
 
-    def of_doubted(self, look: Look, number: int) -> Look:
-        """Return what a doubted source tells: who is where, but not exactly, and neither who is new nor who is gone."""
-        off_m2 = max(self.offsets_m[number], _DOUBTED_M) ** 2
+    def of_suspect(self, look: Look, number: int) -> Look:
+        """Return what a suspect source shows: tracks roughly, but neither initiations nor deletions."""
+        off_m2 = max(self.offsets_m[number], _SUSPECT_M) ** 2
         return replace(look, covariance=look.covariance + off_m2 * np.eye(2), starts=np.zeros_like(look.starts))
 
     def found(self) -> list[str]:
-        """Keep what of the doubted sources contradicts the others, and return what was not known before."""
-        new = {k: self._sentence(k) for k in np.flatnonzero(self.doubted).tolist() if k not in self.findings}
+        """Keep what of the suspect sources contradicts the others, and return what was not known before."""
+        new = {k: self._sentence(k) for k in np.flatnonzero(self.suspect).tolist() if k not in self.findings}
         self.findings |= new
         return list(new.values())
 
     def _sentence(self, number: int) -> str:
-        """Return a clause that says what of a doubted source contradicts the others."""
+        """Return a clause that says what of a suspect source contradicts the others."""
         name, off_m, late_s = self._names[number], self.offsets_m[number], self.delays_s[number]
         if late_s > _LATE_S:
             return f"{name} shows people {late_s:.1f} s off the time of the other sensors"

@@ -92,7 +92,7 @@ class CameraSource:
         return (1 - visible * self._kind.p_detect * self.camera.shown.share(at)).reshape(points.shape[1:])
 
     def _in_plain_sight(self, place: Float[Array, "k 2"], crowns: Float[Array, "n 3"]) -> Bool[Mask, "k"]:
-        """Mark places [m] of people that neither the room, as far as it is told, nor another one below the crowns [m] hides."""
+        """Mark places [m] of people that neither the room, as far as it is known, nor another one below the crowns [m] hides."""
         chest = np.column_stack([place, np.full(len(place), _CHEST_M)])
         return self.within_reach(place) & self.camera.is_clear(chest, crowns)
 

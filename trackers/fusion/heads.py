@@ -249,7 +249,7 @@ def sights_of_one(
 def gained(
     mean: Float[Array, "k d"], covariance: Float[Array, "k d d"], after: Float[Array, "k d"], P: Float[Array, "k d d"]
 ) -> tuple[Float[Array, "k d"], Float[Array, "k d d"]]:
-    """Return what made a Gaussian another one: places [m] and covariances, large where nothing was told.
+    """Return what made a Gaussian another one: places [m] and covariances, large where nothing was measured.
 
     The information of a likelihood is that of the posterior less that of the prior, so that nothing is counted twice.
     """

@@ -54,7 +54,7 @@ class IdentityMemory:
         """Let tracks that are about to be confirmed go on with the identities of the people whom they can be.
 
         Each takes that of the likeliest, by colours and by how far they are apart: a hidden track's covariance is how far its
-        person may have gone where nobody looks; who has left walks on, and is known by the clothes alone. The hidden track ends.
+        person may have left where no sensor looks; a person who has left walks on, known by clothes alone. The hidden track ends.
         Returns the tracks, and which of them are still to be confirmed.
         """
         gap_s = (ns - people.roster.measured_ns) / NS_PER_S

@@ -36,7 +36,7 @@ def _kind(sigma_m: float, offset_m: float, p_detect: float, clutter_m2: float, l
 
 
 class HeadEvidenceOptions(Strict):
-    """Options of heads, told by silhouettes and distances."""
+    """Options of heads, measured by silhouettes and distances."""
 
     samples: PositiveInt = Field(default=96, ge=8, le=4096, description="points at which a head's density is weighed")
     stays_s: float = Field(
@@ -57,7 +57,7 @@ class ColourIdentityOptions(Strict):
         default=8.0, gt=0, description="time constant in which the colours of clothes are learned [s]"
     )
     recall_s: float = Field(
-        default=300.0, ge=0, description="who has left is known again by clothes for so long [s]; 0: never"
+        default=300.0, ge=0, description="a person who has left is re-identified by clothes for so long [s]; 0: never"
     )
     gate: float = Field(
         default=4.0,

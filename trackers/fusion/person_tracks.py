@@ -178,7 +178,7 @@ class People(ImmTracks):
         return self.in_state(drifted(self.state, kept, height_m, variance_m2))
 
     def expected(self, by_trunk: Bool[Mask, "n"]) -> Expected:
-        """Return what sources are told of the tracks; by_trunk: those of whom a trunk was measured lately."""
+        """Return what sources get of the tracks; by_trunk: those of whom a trunk was measured lately."""
         angle, length = self.heads.direction
         facing = (length * np.array([np.cos(angle), np.sin(angle)])).T
         return Expected(self.positions, self.head, self.legs, np.hypot(*self.velocity.T), facing, by_trunk)

@@ -47,7 +47,7 @@ _SEAT_M, _UP, _SEAT_S = 0.5, 3.0, 2.0
 which one sensor tells where the seat is [s]."""
 _LIES_BEHIND_M, _FACES_M = 0.3, 0.22
 """A person who lies down from the edge of a bed lies so far behind where they sat, away from the knees [m]: half a bed, less the
-edge; and how far the legs are from there at least where it can be told [m]."""
+edge; and how far the legs are from there at least where it can be measured [m]."""
 LEGS_REST_M = 0.32
 """Standard deviation, on each axis, of the legs of who sits or lies from the pelvis [m]."""
 _LEGS_M, _LEGS_STAY_S = np.array([0.03, LEGS_REST_M, LEGS_REST_M]), np.array([0.3, 10.0, 10.0])

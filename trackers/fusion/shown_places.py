@@ -29,7 +29,7 @@ _TORSO = np.stack(np.meshgrid(np.linspace(-0.12, 0.12, 8), np.linspace(0.54, 0.8
 """Across the line of sight [m], and up as a share of the stature: where clothes are looked at."""
 _LEAST_SAMPLES = 12
 _HARDLY = 0.3
-"""Share of the people shown at a place below which a wall hides it that nobody has told."""
+"""Share of the people shown at a place below which a wall hides it that is not known."""
 _HALF_BODY_M = 0.12
 """Half the depth of a body: depths that are less exact tell neither one person from another nor where they are [m]."""
 _DISPARITY_PX = 0.15
@@ -100,7 +100,7 @@ class Camera:
         return self.is_clear(points, crowns) & (self.shown.share(points[:, :2]) > _HARDLY)
 
     def is_clear(self, points: Float[Array, "k 3"], crowns: Float[Array, "n 3"]) -> Bool[Mask, "k"]:
-        """Mark points [m] in the picture that neither the room, as far as it is told, nor a person below the crowns [m] hides."""
+        """Mark points [m] in the picture that neither the known room nor a person below the crowns [m] hides."""
         seen = self.camera.project(points)[1]
         if self._environment is not None and seen.any():
             seen &= self._environment.visible(self.camera.eye_m, points)

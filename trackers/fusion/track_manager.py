@@ -154,7 +154,7 @@ class FusionTrackManager(TrackManager):
 
     @staticmethod
     def existence_of_new(p_detect: Float[Array, "hits"], evidence: Float[Array, "hits"]) -> float:
-        """Return the existence of a track begun by hits of sensors of these P_D: 1/2 by the first, if it shows a whole person."""
+        """Return the existence of a track initiated by hits of sensors of these P_D: 1/2 by the first of a whole person."""
         most = _TRUST * np.log(p_detect / (1 - p_detect))
         return max(float(1 / (1 + np.exp(most[0] - (evidence * most).sum()))), 2 * _LEAST_TENTATIVE)
 
@@ -183,7 +183,7 @@ class FusionTrackManager(TrackManager):
         by_posture = np.where(alone[:, None], 1 - np.array(look.by_posture) * (1 - chance[:, None]), chance[:, None])
         whole = (some.posture.probability * by_posture).sum(axis=1)
         posture = people.posture.weighed(row, look.kind.lasts_s / look.alike_s * np.log(by_posture))
-        # who may have gone unseen may have gone: where nothing would show them as likely as elsewhere
+        # a person who may have left undetected may be anywhere where nothing would show them
         stays_s = self._rules.survival_s * np.where(posture.rests[row], _STAYS, 1.0)
         existence = existence_after_miss(some.existence, whole, elapsed_s / people.seen_ns.shape[1], stays_s, beyond)
         people = people.changed(existence=written(people.existence, row, existence), posture=posture)

@@ -107,7 +107,7 @@ class Fusion(SynchronizedTracker):
         self._stand_ins = frozenset[str]()  # of the first frame of others
         self._detections: list[Detection] = []
         self._agreement = Agreement([each.names for each in self._sources])
-        self._doubted = self._agreement.doubted
+        self._suspect = self._agreement.suspect
 
     @property
     def warnings(self) -> list[str]:
@@ -199,8 +199,8 @@ class Fusion(SynchronizedTracker):
 
     def _take(self, looks: dict[int, Look], ns: int) -> None:
         """Take what sources measured at once, by their numbers: associate, update, initiate."""
-        people, numbers, doubted = self._people, list(looks), self._doubted
-        looks = {k: self._agreement.of_doubted(look, k) if doubted[k] else look for k, look in looks.items()}
+        people, numbers, suspect = self._people, list(looks), self._suspect
+        looks = {k: self._agreement.of_suspect(look, k) if suspect[k] else look for k, look in looks.items()}
         elapsed_s, share = {}, {}
         for number, look in looks.items():
             since_s = (ns - self._looked_ns.get(number, ns - round(look.kind.lasts_s * NS_PER_S))) / NS_PER_S
@@ -213,10 +213,10 @@ class Fusion(SynchronizedTracker):
         for number, chance, pairs in zip(numbers, missed, paired, strict=True):
             self._compare(people, looks[number], pairs, chance, share[number], number, ns)
         people = self._measured(people, paired, looks, ns)
-        trusted = [each for k in numbers if isinstance(each := self._sources[k], CameraSource) and not doubted[k]]
+        trusted = [each for k in numbers if isinstance(each := self._sources[k], CameraSource) and not suspect[k]]
         people = self._by_pictures(people, list(dict.fromkeys(each.camera for each in trusted)), ns)
         for number, look in looks.items():
-            if not doubted[number]:
+            if not suspect[number]:
                 people = self._manager.updated_missed(people, look, share[number], elapsed_s[number], ns)
         people = self._manager.without_noise(people, looks, ns)
         people = self._manager.initiated(people, looks, [each.column for each in paired], ns)
@@ -237,7 +237,7 @@ class Fusion(SynchronizedTracker):
         source = self._sources[number]
         if isinstance(source, CameraSource):
             source.learn_shown(people.crowns, share * by_others, shown)
-        self._doubted = agreement.doubted
+        self._suspect = agreement.suspect
         for sentence in agreement.found():
             logger.warning(sentence)
 

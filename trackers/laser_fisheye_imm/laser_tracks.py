@@ -156,7 +156,7 @@ class LaserTracks(ImmTracks):
         return self.replaced(old, after).select(kept)
 
     def turned(self, velocity: Float[Array, "2 n"]) -> Self:
-        """These tracks, facing the way of their velocity [m/s] where they walk; whoever stands faces the way they came."""
+        """These tracks, facing the way of their velocity [m/s] where they walk; those who stand face the way they came."""
         speed = np.hypot(velocity[0], velocity[1])
         walks = speed > _WALKS_M_S
         return self.changed(

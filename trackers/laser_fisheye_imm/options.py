@@ -320,7 +320,7 @@ class LaserFisheyeImmOptions(Strict):
     legs: LegOptions = Field(default=LegOptions(), description="the likelihood of legs")
     appearance: AppearanceOptions = Field(default=AppearanceOptions(), description="shirts in the camera's picture")
     posture: PostureOptions = Field(
-        default=PostureOptions(), description="sitting people, told by their legs, and lying ones"
+        default=PostureOptions(), description="sitting people, detected by their legs, and lying ones"
     )
     track_management: ImmTrackManagementOptions = Field(
         default=ImmTrackManagementOptions(), description="when tracks are initiated, confirmed, reported and deleted"

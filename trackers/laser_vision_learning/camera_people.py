@@ -69,7 +69,7 @@ class CameraPeople:
         self._last: Image | DepthImage | None = None
 
     def measure(self, people: WalkerTracks, image: Image | DepthImage, ns: int) -> WalkerTracks:
-        """Measure tracks that no scanner shows at a moment [ns] by its picture. A frozen picture measures nothing."""
+        """Measure tracks that no scanner shows at a time [ns] by its picture. A frozen picture measures nothing."""
         last, self._last = self._last, image
         if last is not None and (image.stamp_ns <= last.stamp_ns or np.array_equal(image.rgb, last.rgb)):
             return people
@@ -78,7 +78,7 @@ class CameraPeople:
         hidden = people.roster.confirmed & ~measured_now(people.roster, ns)
         if not hidden.any() or mask.mean() > self._options.most_foreground:
             return people
-        # where the picture shows them, taken back or on to the moment
+        # where the picture shows them, taken back or on to that time
         seen, late_s = self._detector.detect(mask), (image.stamp_ns - ns) / NS_PER_S
         shift = late_s * people.velocities
         track, found = self._matches(people, hidden, people.places + shift, seen)

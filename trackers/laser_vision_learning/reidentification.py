@@ -1,6 +1,6 @@
 """Re-identification by learning: identities after people met, by looks learned while they were separate.
 
-Pictures are evaluated only while people interact or an identity is in doubt. A picture teaches the looks of interacting but
+Pictures are evaluated only while people interact or an identity is uncertain. A picture teaches the looks of interacting but
 separate people, and draws the particles of correlated people to the score maps (eq. 1). After a group has split, the mean
 scores of all tracks decide their identities together (`identities`), so that trajectories are linked through the merge. With
 doubtful or unlearned looks, or without pictures, identities follow motion.
@@ -66,7 +66,7 @@ class RecognitionOptions(Strict):
 
 @dataclass(frozen=True)
 class Decision:
-    """Identities that were in doubt or changed: ids in the order of the tracks, before and after."""
+    """Identities that were uncertain or changed: ids in the order of the tracks, before and after."""
 
     stamp_ns: int
     before: tuple[int, ...]
@@ -100,7 +100,7 @@ class Recognition:
         self._looks = Looks.unknown(0, looks)  # of the identities
         self._held_ns = np.zeros(0, np.int64)  # stamp at which a track held each of them last
         self._bound_for = np.zeros((0, 2))  # where that track was about to be [m]
-        self._shown_ns = np.zeros(0, np.int64)  # stamp at which a track showed each of them last, without doubt
+        self._shown_ns = np.zeros(0, np.int64)  # stamp at which a track showed each of them last, for certain
         self._own = np.zeros(0, np.intp)  # place of each confirmed track's identity among them
         self._beliefs, self._calibration = Beliefs.none(), Calibration()
         self.decisions: list[Decision] = []

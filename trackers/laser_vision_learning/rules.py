@@ -95,7 +95,7 @@ PAPER_RULES: tuple[PaperRule, ...] = (
         "unstated",
         "–",
         "a new target is a split where a member of a merged one may be: within 1.5 m of it, and 1 m further for each second of "
-        "the merge. Otherwise whoever was hidden as a group parted is two people ever after, one of them in the group: 45 "
+        "the merge. Otherwise a person hidden as a group parted is two people ever after, one of them in the group: 45 "
         "targets of 13 people after 58 s (`library-hall-groups`, seed 1000)",
     ),
     PaperRule(

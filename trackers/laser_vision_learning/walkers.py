@@ -4,7 +4,7 @@ A merged group is one target (Song et al., section V.B): one set of particles th
 group is a connected component of the pairs that are merged. While their points form one cluster, all members share the
 particles and have their place. Clusters that stay apart are a split: each goes on as a target of its own, about its middle.
 The scanners do not tell which member is in which cluster, so that the order of tracks decides it, and after them the
-classifiers (`reidentification`). A cluster gets one member, the remaining ones go to the widest. Whoever was hidden as the
+classifiers (`reidentification`). A cluster gets one member, the remaining ones go to the widest. A person hidden as the
 group parted comes up later: a new target is a member of a merged one that can have walked there since it was alone.
 """
 

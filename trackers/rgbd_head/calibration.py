@@ -72,9 +72,9 @@ class CalibrationCheck:
         for name, each in heads.items():
             off_rad[self._numbers[name]], jacobian[self._numbers[name]] = each
         self._looks.take_heads(off_rad[:, shown], jacobian[:, shown])
-        for doubted in self._doubted() if self._leaves_out and self._may_miss(1) else ():
-            self._by_heads.append(doubted)
-            self.left_out.add(doubted)
+        for suspect in self._suspect() if self._leaves_out and self._may_miss(1) else ():
+            self._by_heads.append(suspect)
+            self.left_out.add(suspect)
             self._looks = self._none_yet()  # the others were compared with it
 
     @property
@@ -84,7 +84,7 @@ class CalibrationCheck:
         heads = "shows heads elsewhere than the other cameras do, and cannot hang as the rig says"
         return [
             *(f"the empty room that {name} sees {room}{self._and_so(name)}" for name in self._by_room),
-            *(f"{name} {heads}{self._and_so(name)}" for name in (*self._by_heads, *self._doubted())),
+            *(f"{name} {heads}{self._and_so(name)}" for name in (*self._by_heads, *self._suspect())),
         ]
 
     def _and_so(self, name: str) -> str:
@@ -93,9 +93,9 @@ class CalibrationCheck:
     def _may_miss(self, n_more: int) -> bool:
         return 2 * (len(self.left_out) + n_more) < len(self._numbers)
 
-    def _doubted(self) -> list[str]:
+    def _suspect(self) -> list[str]:
         names = list(self._numbers)
-        return [names[number] for number in self._looks.doubted]
+        return [names[number] for number in self._looks.suspect]
 
     def _none_yet(self) -> CalibrationMonitor:
         return CalibrationMonitor(len(self._numbers), _OFF_RAD)

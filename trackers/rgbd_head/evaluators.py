@@ -221,7 +221,7 @@ class ScheduledEvaluators(Evaluators):
             for name in arguments.keys() & self._actors.keys():
                 try:
                     asked[name] = getattr(self._actors[name], what)(*arguments[name])
-                except RuntimeError:  # Dask knows that the worker is gone
+                except RuntimeError:  # Dask knows that the worker has died
                     self._take_over(name, what)
             for name, each in asked.items():
                 try:

@@ -7,7 +7,7 @@ So is a scan without beams, or with invalid ones (NaN) only. A scan without any 
 which a person would be detected, unless the scan before it had many returns: a room does not vanish between two scans, but a
 scanner that starts, stops or is covered reports so.
 
-A tracker with one scanner reports once a scan. Where a scan is lost, whoever follows the tracks still wants to know where people
+A tracker with one scanner reports once a scan. Where a scan is lost, a reader of the tracks still wants to know where people
 are by then. Another sensor of the same machine, such as odometry, tells that the time of the scan has passed.
 """
 
@@ -39,7 +39,7 @@ class StaleFrameDetector:
     """Detector of readings that repeat the one before; called once for each, a sensor's in order of time.
 
     A sensor counts as noisy while its last two different readings differ in at least half of their values. One without noise
-    legitimately repeats itself when nothing moves, and is believed, as is one with few returns.
+    legitimately repeats itself when nothing moves, and is used, as is one with few returns.
     """
 
     def __init__(self) -> None:
@@ -82,7 +82,7 @@ def _values(observation: Observation) -> NDArray:
             return observation.rgb[::_ROWS]
         case FloorFrame():
             return observation.values
-        case Odometry():  # one at rest repeats itself legitimately, and is believed: fewer values than _LEAST
+        case Odometry():  # one at rest repeats itself legitimately, and is used: fewer values than _LEAST
             return observation.frame_from_base[:3]
     raise TypeError(f"no reading of a sensor: {type(observation).__name__}")
 

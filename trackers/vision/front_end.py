@@ -177,7 +177,7 @@ class CalibrationMonitor:
         self._n_look = np.zeros(n_camera, np.intp)
 
     @property
-    def doubted(self) -> list[int]:
+    def suspect(self) -> list[int]:
         """Camera that explains most of the disagreement, of those with too large a median: the others seem off as well.
 
         None before all cameras that show heads about as often as the others have enough offsets to be compared.

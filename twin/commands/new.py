@@ -55,7 +55,7 @@ ROOM = """\
     <geom name="south_west" type="box" pos="-0.55 -2.05 1.3" size="2.55 0.05 1.3" material="plaster"/>
     <geom name="south_east" type="box" pos="3 -2.05 1.3" size="0.1 0.05 1.3" material="plaster"/>
     <geom name="lintel" type="box" pos="2.45 -2.05 2.35" size="0.45 0.05 0.25" material="plaster"/>
-    <!-- A desk: a top on legs, so that the legs of whoever sits there have room; nobody could sit at a solid box. -->
+    <!-- A desk: a top on legs, so that the legs of a person at it have room; no person could sit at a solid box. -->
     <body name="desk" pos="-2.55 1 0">
       <geom type="box" pos="0 0 0.72" size="0.4 0.7 0.02" material="oak"/>
       <geom type="box" pos="0 0.65 0.35" size="0.35 0.02 0.35" material="oak"/>
@@ -228,7 +228,7 @@ def study(out: Annotated[Path, typer.Option(metavar="FILE.yaml", help="File to w
 def rig(
     recording: Annotated[Path, typer.Argument(help="A ROS 1 or ROS 2 bag.")],
     frame: Annotated[
-        str | None, typer.Option(help="Frame in which poses are told, as map; default: the highest above each sensor.")
+        str | None, typer.Option(help="Frame of the given poses, as map; default: the highest above each sensor.")
     ] = None,
     out: Annotated[Path, typer.Option(metavar="FILE.yaml", help="File to write.")] = Path("rig.yaml"),
 ) -> None:

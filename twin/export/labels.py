@@ -5,7 +5,7 @@ as it did, so that every picture can have boxes, a mask of each person's pixels,
 simulation has no noise, delay or fault: labels are those of the picture's stamp.
 
 A truth of the user's has positions alone: a box is that of an upright person, 0.5 m wide and up to 0.12 m above the head, else
-1.7 m high, whoever hides them; as in WILDTRACK (Chavdarova et al., CVPR 2018).
+1.7 m high, hidden or not; as in WILDTRACK (Chavdarova et al., CVPR 2018).
 """
 
 from __future__ import annotations
@@ -153,7 +153,7 @@ class BagLabeller(Labeller):
 
 
 class TableLabeller(Labeller):
-    """Labeller of pictures at the stamps of the user's truth: boxes of upright people, whoever hides them."""
+    """Labeller of pictures at the stamps of the user's truth: boxes of upright people, hidden or not."""
 
     def __init__(self, recorded: Recorded, hz: float | None) -> None:
         """`hz`: labelled pictures of each camera per second; None: all."""

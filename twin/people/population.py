@@ -232,7 +232,7 @@ class Population(Poses):
             return
         entering = []
         for person in map(int, np.flatnonzero(~self._entered & (self._arrive_s <= tick * TICK_S))):
-            # wait for a person in the doorway, or just gone into it
+            # wait for a person in the doorway, or just through it
             there = crowd.present | (tick * TICK_S - self._out_s < _THROUGH_S)
             apart = np.abs(crowd.place - crowd.place[person])[there]
             if tick == 0 or not (apart < _ENTER_APART_M).any():

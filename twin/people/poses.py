@@ -245,9 +245,7 @@ class PrecomputedPoses(Poses):
     def _step(self) -> None:
         tick = self._history.tick + 1
         if tick >= len(self._motion.present):
-            raise ValueError(
-                f"the motion ends after {len(self._motion.present)} ticks; no later moment can be asked for"
-            )
+            raise ValueError(f"the motion ends after {len(self._motion.present)} ticks; no later time can be asked for")
         motion = self._motion
         self._history.append(
             GaitState(motion.floor[tick], motion.rows[tick]), motion.posture[tick], motion.present[tick]

@@ -6,7 +6,7 @@ missing stamp (0, that of another message, or one in no rhythm) is replaced by t
 
 Headers are trusted if possible. Regular stamps are right whatever the log says (a stalling recorder, a bag with rewritten
 log times). A level common to all sensors needs no correction (simulated time, a robot without a network). Only differences
-between sensors are corrected, so a faultless recording keeps each stamp to the bit; another pace of all is told.
+between sensors are corrected, so a faultless recording keeps each stamp to the bit; another pace of all is reported.
 """
 
 from __future__ import annotations

@@ -161,7 +161,7 @@ def with_limits(message: Any) -> tuple[Any, str]:
     """Return a LaserScan whose fields that say nothing hold ROS's "not known", and a clause on those; '' for none.
 
     time_increment (NaN, or a scan of ten seconds): 0; range_min (NaN or negative): 0; range_max (NaN, 0 or negative): infinite.
-    An angle_max that is not the bearing of the last beam is told: bearings are by angle_min and angle_increment.
+    An angle_max that is not the bearing of the last beam is reported: bearings are by angle_min and angle_increment.
     """
     known: dict[str, float] = {}
     if not abs(message.time_increment) * len(message.ranges) <= _LONGEST_S:

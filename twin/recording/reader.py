@@ -140,7 +140,7 @@ class Recording:
     ) -> tuple[dict[str, MessageTimes], list[Loss]] | None:
         """Return the messages' times in the order of the file, and the losses, where the recorder's clock was set back.
 
-        Where in doubt, that messages stand otherwise in the file decides.
+        If both are possible, that messages stand otherwise in the file decides.
         """
         overlaps = (each.falls_back or crowded(topic, each.stamp_ns, usual=0.9) for topic, each in times.items())
         if not (all_pause(times) or any(overlaps)):

@@ -319,7 +319,7 @@ class _SensorsOfBag:
 
 
 def _plain(text: str) -> str:
-    """Quote a name that YAML would not read as it stands."""
+    """Quote a name that YAML would not read unquoted."""
     return text if re.fullmatch(r"[\w/][\w/.-]*|", text) else json.dumps(text)
 
 

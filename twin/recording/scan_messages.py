@@ -6,7 +6,7 @@ Trackers take a scan for a whole look around, so that the sectors of a turn are 
 A scanner that is said to stand, and moves, sees what stands around it elsewhere (`StandingScanners`).
 
 A driver whose ranges and limits are all in another unit contradicts itself nowhere. It is known by the width of what moves, and
-by a room in which nothing is near (`RangeUnits`). Feet are not told: what moves is then as wide as two people side by side, and
+by a room in which nothing is near (`RangeUnits`). Feet are not: what moves is then as wide as two people side by side, and
 goes as fast as people run.
 """
 

@@ -294,7 +294,7 @@ def unusable_poses(
 ) -> Iterator[Loss]:
     """Yield the transforms at or above these frames, and the odometry of no sensor, that were left out, as they hold no pose.
 
-    used: topics of sensors, of which the same is told as they are read.
+    used: topics of sensors, of which the same is reported as they are read.
     """
     no_pose, remedy = (
         "hold no pose (a quaternion of length 0, NaN, damaged bytes) and were left out",
@@ -318,7 +318,7 @@ def unnamed_frames(
 ) -> Iterator[Loss]:
     """Yield the sensors whose frames no transform names, in a bag whose transforms name others; `frames`: of each sensor.
 
-    is_given: True for a rig of the user's. That may be of sensors that are in no tree at all: then nothing is told. Nor is it
+    is_given: True for a rig of the user's. That may be of sensors that are in no tree at all: then nothing is reported. Nor is it
     where something in the tree moves, which `motion_warnings` tells.
     """
     known = {frame for edge in tree.edges.values() for frame in (edge.child, edge.parent)}

@@ -224,7 +224,7 @@ def format_rows(results: Sequence[ResultRow]) -> list[Row]:
 
 def pivot_rows(results: Sequence[ResultRow], intervals: bool = True) -> Mapping[str, object] | None:
     """Pivot results: one row per condition and tracker, one column per metric; of rows named "CONDITION, METRIC", or of
-    choices. The other systems are told in the cells of ours where they have no rows.
+    choices. The other systems are named in the cells of ours where they have no rows.
     """
     have_rows = len({each.column for each in results if ", " in each.row}) > 1
     found: dict[str, dict[str, tuple[str, str, str, list[str]]]] = {}

@@ -79,7 +79,7 @@ class LastingAction(TimedAction):
 
 
 _RecordedTime = Annotated[float, Field(ge=-1e9, le=1e9, allow_inf_nan=False)]
-"""Time of a recording [s], which may have begun years before the scenario."""
+"""Time of a recording [s], which may have started years before the scenario."""
 
 
 class RecordedPath(TimedAction):

@@ -285,7 +285,7 @@ class Join(LastingAction):
 class Leave(TimedAction):
     """Walk to a place, such as a door, and leave there."""
 
-    kind: Literal["leave"] = Field(default="leave", description="the action: walk to a place and be gone")
+    kind: Literal["leave"] = Field(default="leave", description="the action: walk to a place and leave")
     to: Point2 = Field(description="the place to leave at, [x, y] in the room frame [m]")
     speed_m_s: WalkSpeed = Field(default=1.2, description="walking speed [m/s]")
 

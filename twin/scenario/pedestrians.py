@@ -36,7 +36,7 @@ class Pedestrians(Strict):
     """People who keep the paths in a file: one person each, called `prefix` and the number in the file.
 
     The file is a table with the columns t or frame, id, x, y in any layout that `twin.tables.person_rows` reads, ETH's, UCY's,
-    TrajNet's and PeTrack's among them; `frame_rate_hz` turns frames into seconds. Its first moment is
+    TrajNet's and PeTrack's among them; `frame_rate_hz` turns frames into seconds. Its first time is
     t = 0; `start_s` into it the scenario begins. `turn_deg` about the file's origin, then `shift_m`, bring its
     places into the room's frame. They carry no bags. Everybody who is there between the start and the scenario's end
     comes, or only `ids`.
@@ -52,7 +52,7 @@ class Pedestrians(Strict):
         description="frames a second, for a file that counts frames [Hz]; none: the file holds seconds",
     )
     start_s: float = Field(
-        default=0.0, ge=0, description="how long after the file's first moment the scenario begins [s]"
+        default=0.0, ge=0, description="how long after the file's first time the scenario begins [s]"
     )
     shift_m: Point2 = Field(
         default=(0.0, 0.0), description="moves the paths into the room frame, after `turn_deg`: x, y [m]"
@@ -122,7 +122,7 @@ def people_from(
         last = max(rows[-1][0] for rows in paths.values()) - first_s + pedestrians.start_s
         raise InputError(
             f"{source}: pedestrians.start_s: nobody of {path} is there from {pedestrians.start_s:g} s on for "
-            f"{duration_s:g} s; a moment from 0 to {last:g} s at which somebody walks is expected"
+            f"{duration_s:g} s; a time from 0 to {last:g} s at which somebody walks is expected"
         )
     return people, [*(f"pedestrians: {note}" for note in notes), *_warnings(path, seen_once if wanted is None else [])]
 

@@ -42,7 +42,7 @@ class _Fault(Strict):
         default=None,
         gt=0,
         le=86_400,
-        description="time since the start from which the fault is gone again [s]; none: it stays to the end",
+        description="time since the start from which the fault is over again [s]; none: it stays to the end",
     )
 
     @model_validator(mode="after")

@@ -260,7 +260,7 @@ def _keep(context: Any) -> None:
 
 @atexit.register
 def _leave_idle() -> None:
-    """Leave idle contexts to the end of the process, when OpenGL's modules may be gone before them."""
+    """Leave idle contexts to the end of the process, when OpenGL's modules may be unloaded before them."""
     abandon(*_idle)
 
 

@@ -1,7 +1,7 @@
 """Static part of a picture: drawn once per camera and kept, so that a picture costs only its moving part.
 
 An opaque picture does not depend on the drawing order: at each pixel the nearest surface shows. So moving geoms are drawn
-alone, with the same camera, and laid over the kept ones where they are at least as near. Every pixel equals that of a
+alone, with the same camera, and drawn over the kept ones where they are at least as near. Every pixel equals that of a
 complete drawing.
 """
 

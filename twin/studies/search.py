@@ -151,7 +151,7 @@ class Searcher:
     # ------------------------------------------------------------------------------------------------ Optuna
 
     def _optuna(self) -> None:
-        """Search by generations of fixed size: asked one by one, raced, told in order; the sampler is seeded anew for each.
+        """Search by generations of fixed size: asked one by one, raced, reported in order; the sampler is seeded anew for each.
 
         Requests depend only on earlier results, not on the number of workers or on where a run stopped. A resumed run asks
         all again, and finds earlier evaluations in the store: no state or lock of Optuna has to outlive the process.
@@ -180,7 +180,7 @@ class Searcher:
                 one = asked.ask()
                 placement = self._placement(one)
                 if placement is None or placement in tried or placement in new:
-                    # a known one is told as failed, which samplers ignore
+                    # a known one is reported as failed, which samplers ignore
                     asked.tell(one, state=optuna.trial.TrialState.FAIL)
                     continue
                 new.add(placement)

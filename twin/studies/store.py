@@ -177,7 +177,7 @@ def _is_started(path: Path, head: Mapping[str, Any], resume: bool) -> bool:
     if before is not None and before.get("study") != json.loads(json.dumps(study)):
         changed = [key for key in study if before["study"].get(key) != json.loads(json.dumps(study[key]))]
         raise InputError(
-            f"--resume: {path}: was made of another study ({', '.join(changed) or 'some fields are gone'} changed); the same "
+            f"--resume: {path}: was made of another study ({', '.join(changed) or 'some fields are missing'} changed); the same "
             "study, or another folder, is expected"
         )
     return before is not None

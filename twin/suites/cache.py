@@ -93,7 +93,7 @@ class RecordingCache:
                 found = False
                 if made and entry.exists():
                     raise InputError(
-                        f"{entry}: is not as it was written a moment ago ({fault}); ROOMTWIN_CACHE naming a folder on a "
+                        f"{entry}: is not as it was just written ({fault}); ROOMTWIN_CACHE naming a folder on a "
                         "sound disk is expected"
                     )
                 fcntl.flock(lock, fcntl.LOCK_EX)

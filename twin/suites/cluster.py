@@ -59,7 +59,7 @@ class Cluster:
     resources: Mapping[str, float] = field(default_factory=dict)
 
     def replace_missing(self, n_there: int) -> None:
-        """Start processes of ours in place of those that are gone for good.
+        """Start processes of ours in place of those that died.
 
         A nanny whose worker dies soon after its start does not start it again; another nanny has to.
         """
@@ -73,7 +73,9 @@ class Cluster:
         now; raises InputError where the client has given it up.
         """
         if self.client.status in ("closing", "closed"):
-            raise InputError("the Dask scheduler is gone; a running one is expected, and --resume then does the rest")
+            raise InputError(
+                "the Dask scheduler does not answer any more; a running one is expected, and --resume then does the rest"
+            )
         scheduler: Any = self.client.scheduler
         try:
             # Not `scheduler_info()`, whose data the client's own thread sometimes overwrites with no workers.

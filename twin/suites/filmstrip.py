@@ -131,7 +131,7 @@ def _side_by_side(stills: Sequence[bytes]) -> bytes:
         width = round(picture.shape[1] * _STILL_HIGH_PX / picture.shape[0])
         pictures.append(cv2.resize(picture, (width, _STILL_HIGH_PX), interpolation=cv2.INTER_AREA))
     if not pictures:
-        raise ValueError("no frame lies at or after the moment")
+        raise ValueError("no frame lies at or after the time")
     return encode_jpeg(np.hstack(pictures)[..., ::-1], _QUALITY)
 
 

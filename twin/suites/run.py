@@ -65,7 +65,7 @@ def run_suite(
     a case, importable by workers (None: `run_case`); limits: whether to refuse implausible numbers of cases, people and
     bytes; check: called with the cases before the first starts, to raise for what they lack. A failed case is noted, and the
     rest goes on. Raises InputError for an invalid suite, without a scheduler's answer or OpenGL, and for a folder with other
-    results; also where the disk is full or the workers are gone, which keeps all results so far.
+    results; also where the disk is full or the workers have died, which keeps all results so far.
     """
     progress, workers = progress or ProgressListener(), workers or Workers()
     # The user's own classes on a scheduler's workers are not known here.

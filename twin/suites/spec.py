@@ -218,7 +218,7 @@ class SuiteRecording(Strict):
     name: OwnName | None = Field(default=None, description="what to call it in the results; none: the bag's own name")
     rig: Text | None = Field(
         default=None,
-        description="rig.yaml of the bags, relative to the suite; none: the one in the bag, or a lone scanner",
+        description="rig.yaml of the bags, relative to the suite; none: the one in the bag, or a single scanner",
     )
     truth: Text | None = Field(
         default=None,

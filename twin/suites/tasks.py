@@ -210,7 +210,7 @@ class TaskQueue:
         return task, number
 
     def interrupted(self, task: Task, seconds: float, error: str) -> None:
-        """Retry a task whose worker is gone, or fail it after the last retry."""
+        """Retry a task whose worker has died, or fail it after the last retry."""
         if self._attempts[task.id] <= MAX_RETRIES:
             self._waiting.appendleft(task)
         else:

@@ -213,7 +213,7 @@ def _track(case: Case, recording: Path, names: Mapping[int, str], bag: RecordedI
             report=case.report,
             on_warning=no_warning,
         )
-        here = f"{folder}{os.sep}"  # which is gone when its warnings are read
+        here = f"{folder}{os.sep}"  # which is deleted when its warnings are read
         if result.failures:
             raise InputError("; ".join(result.failures).replace(here, ""))
         table = f"tracks/{file_name(case.tracker)}.csv"

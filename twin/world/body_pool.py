@@ -129,7 +129,7 @@ _SPARE_S = 2 * TICK_S
 class BodyPool:
     """Pool of bodies: people with bodies from `from_s` until before `until_s` [s], sorted.
 
-    Everyone in the room then or in the last `HISTORY_S` before, for sensors that look back.
+    All people in the room then or in the last `HISTORY_S` before, for sensors that look back.
     """
 
     names: tuple[str, ...]

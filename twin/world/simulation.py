@@ -142,7 +142,7 @@ class Simulation:
         self._over = ""  # reason why it has ended
 
     def _rigs(self) -> tuple[Rig, Rig]:
-        """Return the rig as it is, and as trackers are told."""
+        """Return the rig as it is, and as trackers have it."""
         area = tuple((float(x), float(y)) for x, y in self.world.scene.area)
         true = {name: sensor.rig_sensor() for name, sensor in self._sensors.items()}
         main = self.scenario.main_sensor if self.scenario.main_sensor in true else None  # else a camera, left out

@@ -61,7 +61,7 @@ class TruthDetails:
     ) -> None:
         """`boxes_hz`: greatest rate of a camera's pictures with boxes; 0: none."""
         self._world = world
-        self._views = self._now = views  # as they are, and in the room at the stamp told last
+        self._views = self._now = views  # as they are, and in the room at the stamp reported last
         self._cameras = cameras
         self._boxes_hz = boxes_hz
         self._tell = tell

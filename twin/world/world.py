@@ -33,7 +33,7 @@ from twin.world.body_pool import body_pools
 from twin.world.scene import Scene, build_scene, populate, precomputed_poses
 
 LONGEST_LOOK_S = 1.0
-"""Time by which a motion exceeds the scenario's end, for sweeps and exposures begun before [s]."""
+"""Time by which a motion exceeds the scenario's end, for sweeps and exposures started before [s]."""
 
 
 class PoseCache:
@@ -152,7 +152,7 @@ class World:
         if t != self._pose_time:
             self.people.advance(t)
             qpos, present, bodies = self.people.qpos(t), self.people.present(t), self.scene.bodies
-            assert not np.count_nonzero(present & ~bodies.there), "whoever is in the room has a body"
+            assert not np.count_nonzero(present & ~bodies.there), "each person in the room has a body"
             qpos[~present, 2] = _OUT_OF_THE_ROOM_M
             self.data.qpos[bodies.qpos_address[bodies.there]] = qpos[bodies.there]
             self._place_bases(t)

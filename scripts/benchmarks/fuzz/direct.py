@@ -25,12 +25,12 @@ _JUMPS_S = (0.05, -0.05, 1.0, -1.0, 86_400 * 30, -86_400 * 30, 1_700_000_000, 9e
 
 
 def track_messages(arguments: list[str]) -> None:
-    """Feed the recording at arguments[0], spoiled as the seed arguments[1] says, to a tracker; its numbers must be finite."""
+    """Feed the recording at arguments[0], corrupted as the seed arguments[1] says, to a tracker; its numbers must be finite."""
     recording, rng = Recording(Path(arguments[0])), Random(arguments[1])
     background, observations = list(recording.background), list(recording.observations())
     if rng.random() < 0.3:
-        background = rng.choice(([], _spoiled(background, rng)))
-    fed = _spoiled(observations, rng)
+        background = rng.choice(([], _corrupted(background, rng)))
+    fed = _corrupted(observations, rng)
     tracker = make_tracker(rng.choice(list(PRESETS)), recording.rig, background, np.random.default_rng(0))
     for frame in track_frames(tracker, recording.rig, fed):
         for track in frame.tracks:
@@ -40,13 +40,13 @@ def track_messages(arguments: list[str]) -> None:
             number_cell(track.vy)
 
 
-def _spoiled(observations: list[Observation], rng: Random) -> list[Observation]:
-    """The observations with a stretch of them spoiled in one or two ways."""
+def _corrupted(observations: list[Observation], rng: Random) -> list[Observation]:
+    """The observations with a stretch of them corrupted in one or two ways."""
     fed = list(observations)
     for _ in range(rng.choice((1, 1, 2))):
         first = rng.randrange(len(fed) + 1)
         last = rng.choice((first + 1, first + 5, len(fed)))
-        how = rng.choice(("content", "content", "content", "jump", "twice", "backwards", "shuffle", "gone", "name"))
+        how = rng.choice(("content", "content", "content", "jump", "twice", "backwards", "shuffle", "missing", "name"))
         stretch = fed[first:last]
         if how == "content":
             stretch = [_other(each, rng) for each in stretch]
@@ -59,7 +59,7 @@ def _spoiled(observations: list[Observation], rng: Random) -> list[Observation]:
             stretch.reverse()
         elif how == "shuffle":
             rng.shuffle(stretch)
-        elif how == "gone":
+        elif how == "missing":
             stretch = []
         else:
             stretch = [replace(each, sensor=rng.choice(("nobody", "waist", "knee", "fisheye"))) for each in stretch]

@@ -24,12 +24,12 @@ from benchmarks.fuzz.values import (
     FLOATS,
     TEXTS,
     YAML_TRAPS,
+    corrupted_bytes,
+    corrupted_mjcf,
+    corrupted_table,
+    corrupted_text,
+    corrupted_tree,
     hostile,
-    spoiled_bytes,
-    spoiled_mjcf,
-    spoiled_table,
-    spoiled_text,
-    spoiled_tree,
 )
 from trackers.environment.build import _fingerprint
 from twin.models import MODELS
@@ -53,19 +53,19 @@ def _yaml(tree: Any) -> bytes:
         return json.dumps(tree, default=str).encode()
 
 
-def _spoiled_yaml(text: str, rng: Random) -> bytes:
-    return _yaml(spoiled_tree(yaml.safe_load(text), rng))
+def _corrupted_yaml(text: str, rng: Random) -> bytes:
+    return _yaml(corrupted_tree(yaml.safe_load(text), rng))
 
 
 def scenarios(inputs: Inputs, rng: Random, folder: Path) -> Mutant:
     """A scenario with values, keys or structure exchanged."""
-    (folder / "scenario.yaml").write_bytes(_spoiled_yaml(rng.choice(inputs.scenarios), rng))
+    (folder / "scenario.yaml").write_bytes(_corrupted_yaml(rng.choice(inputs.scenarios), rng))
     return _mutant(folder, "twin", "render", "scenario.yaml", *_RENDER)
 
 
 def text(inputs: Inputs, rng: Random, folder: Path) -> Mutant:
-    """A scenario's file with its text spoiled."""
-    (folder / "scenario.yaml").write_bytes(spoiled_text(rng.choice(inputs.scenarios), rng))
+    """A scenario's file with its text corrupted."""
+    (folder / "scenario.yaml").write_bytes(corrupted_text(rng.choice(inputs.scenarios), rng))
     return _mutant(folder, "twin", "render", "scenario.yaml", *_RENDER)
 
 
@@ -74,7 +74,7 @@ def tables(inputs: Inputs, rng: Random, folder: Path) -> Mutant:
     names = ["truth.csv", "tracks/laser-imm.csv"]
     contents = [(inputs.recording / name).read_bytes() for name in names]
     which = rng.randrange(2)
-    contents[which] = spoiled_table(contents[which].decode(), rng)
+    contents[which] = corrupted_table(contents[which].decode(), rng)
     for name, content in zip(("truth.csv", "tracks.csv"), contents, strict=True):
         (folder / name).write_bytes(content)
     gate = rng.choice(([], [], [], ["--gate", str(rng.choice(ANY_NUMBER))]))
@@ -83,7 +83,7 @@ def tables(inputs: Inputs, rng: Random, folder: Path) -> Mutant:
 
 def rooms(inputs: Inputs, rng: Random, folder: Path) -> Mutant:
     """A room of one's own, in MJCF."""
-    (folder / "room.xml").write_bytes(spoiled_mjcf(rng.choice(inputs.rooms), rng))
+    (folder / "room.xml").write_bytes(corrupted_mjcf(rng.choice(inputs.rooms), rng))
     scenario = {
         "name": "own",
         "room": "room.xml",
@@ -144,9 +144,9 @@ def pedestrians(inputs: Inputs, rng: Random, folder: Path) -> Mutant:
     if not is_table:
         said["frame_rate_hz"] = 10
     if rng.random() < 0.25:
-        said = spoiled_tree({"pedestrians": said}, rng).get("pedestrians", None)
+        said = corrupted_tree({"pedestrians": said}, rng).get("pedestrians", None)
     else:
-        content = spoiled_table(content.decode(), rng, "," if is_table else " ")
+        content = corrupted_table(content.decode(), rng, "," if is_table else " ")
     (folder / "paths.txt").write_bytes(content)
     tree = {
         "name": "recorded",
@@ -160,35 +160,35 @@ def pedestrians(inputs: Inputs, rng: Random, folder: Path) -> Mutant:
 
 
 def suites(inputs: Inputs, rng: Random, folder: Path) -> Mutant:
-    """A suite; its cases are expanded, checked and noted, but not run: a spoiled suite may well be one of thousands."""
+    """A suite; its cases are expanded, checked and noted, but not run: a corrupted suite may well be one of thousands."""
     (folder / "small.yaml").write_text(SMALL, encoding="utf-8")
     content = rng.choice(inputs.suites)
-    spoiled = spoiled_text(content, rng) if rng.random() < 0.25 else _spoiled_yaml(content, rng)
-    (folder / "suite.yaml").write_bytes(spoiled)
+    corrupted = corrupted_text(content, rng) if rng.random() < 0.25 else _corrupted_yaml(content, rng)
+    (folder / "suite.yaml").write_bytes(corrupted)
     return _mutant(folder, "twin-without-simulation", "suite", "run", "suite.yaml", "--jobs", "1", "--out", "out")
 
 
 def bags(inputs: Inputs, rng: Random, folder: Path) -> Mutant:
-    """A recording with its bytes spoiled, or what its messages say."""
+    """A recording with its bytes corrupted, or what its messages say."""
     how = rng.choice(("mcap", "ros1", "messages", "messages"))
     if how == "mcap":
-        path = folder / "spoiled.mcap"
-        path.write_bytes(spoiled_bytes((inputs.recording / "recording.mcap").read_bytes(), rng))
+        path = folder / "corrupted.mcap"
+        path.write_bytes(corrupted_bytes((inputs.recording / "recording.mcap").read_bytes(), rng))
     elif how == "ros1":
-        path = folder / "spoiled.bag"
-        path.write_bytes(spoiled_bytes(inputs.ros1.read_bytes(), rng))
+        path = folder / "corrupted.bag"
+        path.write_bytes(corrupted_bytes(inputs.ros1.read_bytes(), rng))
     else:
-        path = folder / "spoiled"
-        _write_spoiled_messages(path, inputs, rng)
+        path = folder / "corrupted"
+        _write_corrupted_messages(path, inputs, rng)
     tracker = rng.choice(("laser-imm", "laser-imm", "laser-fisheye-imm"))
     return _mutant(folder, "twin", "track", path.name, "--tracker", tracker, "--no-video", "--out", "out")
 
 
-def _write_spoiled_messages(path: Path, inputs: Inputs, rng: Random) -> None:
-    """A ROS 2 bag of the recording's messages, those of one topic, all or one of them, with a field spoiled."""
+def _write_corrupted_messages(path: Path, inputs: Inputs, rng: Random) -> None:
+    """A ROS 2 bag of the recording's messages, those of one topic, all or one of them, with a field corrupted."""
     topic = rng.choice(sorted({topic for topic, *_ in inputs.messages}))
     numbers = [number for number, each in enumerate(inputs.messages) if each[0] == topic]
-    spoil = set(numbers if rng.random() < 0.5 else [rng.choice(numbers)])
+    corrupt = set(numbers if rng.random() < 0.5 else [rng.choice(numbers)])
     seed = rng.random()
     with Writer(path, version=9, storage_plugin=rng.choice((StoragePlugin.MCAP, StoragePlugin.SQLITE3))) as writer:
         connections = {}
@@ -196,15 +196,15 @@ def _write_spoiled_messages(path: Path, inputs: Inputs, rng: Random) -> None:
             if name not in connections:
                 connections[name] = writer.add_connection(name, msgtype, typestore=TYPESTORE)
             data = TYPESTORE.serialize_cdr(message, msgtype)
-            if number in spoil:
+            if number in corrupt:
                 try:
-                    data = TYPESTORE.serialize_cdr(_spoiled_message(message, Random(seed)), msgtype)
-                except Exception:  # a value that the type cannot hold: its bytes are spoiled instead
-                    data = spoiled_bytes(bytes(data), Random(seed))
+                    data = TYPESTORE.serialize_cdr(_corrupted_message(message, Random(seed)), msgtype)
+                except Exception:  # a value that the type cannot hold: its bytes are corrupted instead
+                    data = corrupted_bytes(bytes(data), Random(seed))
             writer.write(connections[name], log_ns, data)
 
 
-def _spoiled_message(message: Any, rng: Random) -> Any:
+def _corrupted_message(message: Any, rng: Random) -> Any:
     fields = [name for name in vars(message) if name != "__msgtype__"]
     name = rng.choice(fields)
     value = getattr(message, name)
@@ -217,11 +217,11 @@ def _spoiled_message(message: Any, rng: Random) -> Any:
         except yaml.YAMLError:
             tree = value
         if isinstance(tree, dict | list):
-            return replace(message, **{name: _yaml(spoiled_tree(tree, rng)).decode("utf-8", "replace")})
+            return replace(message, **{name: _yaml(corrupted_tree(tree, rng)).decode("utf-8", "replace")})
         return replace(message, **{name: rng.choice(TEXTS)})
     if isinstance(value, np.ndarray):
         if value.dtype == np.uint8:
-            return replace(message, **{name: np.frombuffer(spoiled_bytes(value.tobytes(), rng), np.uint8)})
+            return replace(message, **{name: np.frombuffer(corrupted_bytes(value.tobytes(), rng), np.uint8)})
         sized = np.resize(value, rng.choice((0, 1, value.size - 1, value.size + 1, 100_000, value.size, value.size)))
         spots = np.random.default_rng(rng.randrange(2**32)).random(sized.size) < rng.choice((0, 0.1, 1))
         return replace(message, **{name: np.where(spots, rng.choice(FLOATS), sized).astype(value.dtype)})
@@ -233,8 +233,8 @@ def _spoiled_message(message: Any, rng: Random) -> Any:
 def rigs(inputs: Inputs, rng: Random, folder: Path) -> Mutant:
     """A rig.yaml for a bag."""
     content = Recording(inputs.recording / "recording.mcap").rig.dump_yaml()
-    spoiled = spoiled_text(content, rng) if rng.random() < 0.3 else _spoiled_yaml(content, rng)
-    (folder / "rig.yaml").write_bytes(spoiled)
+    corrupted = corrupted_text(content, rng) if rng.random() < 0.3 else _corrupted_yaml(content, rng)
+    (folder / "rig.yaml").write_bytes(corrupted)
     bag, tracker = inputs.recording / "recording.mcap", rng.choice(("laser-imm", "laser-fisheye-imm"))
     return _mutant(
         folder, "twin", "track", bag, "--rig", "rig.yaml", "--tracker", tracker, "--no-video", "--out", "out"
@@ -246,10 +246,10 @@ def baselines(inputs: Inputs, rng: Random, folder: Path) -> Mutant:
     shipped = rng.choice(sorted((MODELS / "suites" / "baselines").glob("*.json")))
     content = shipped.read_text(encoding="utf-8")
     whole = rng.random() < 0.3
-    spoiled = spoiled_bytes(content.encode(), rng) if whole else _json(spoiled_tree(json.loads(content), rng))
-    (folder / "spoiled.json").write_bytes(spoiled)
+    corrupted = corrupted_bytes(content.encode(), rng) if whole else _json(corrupted_tree(json.loads(content), rng))
+    (folder / "corrupted.json").write_bytes(corrupted)
     shutil.copy(shipped, folder / "whole.json")
-    names = rng.choice((("spoiled.json", "whole.json"), ("whole.json", "spoiled.json")))
+    names = rng.choice((("corrupted.json", "whole.json"), ("whole.json", "corrupted.json")))
     return _mutant(folder, "twin", "suite", "compare", *names, "--out", "out/page.html")
 
 
@@ -272,16 +272,16 @@ def stores(inputs: Inputs, rng: Random, folder: Path) -> Mutant:
         out.mkdir()
         for name in ("truth.csv", "notes.txt"):
             (out / name).write_text("", encoding="utf-8")
-        made = spoiled_tree(["truth.csv", "../victim.txt", str(folder / "victim.txt"), "..", "tracks", "."], rng)
+        made = corrupted_tree(["truth.csv", "../victim.txt", str(folder / "victim.txt"), "..", "tracks", "."], rng)
         content = (
-            spoiled_bytes(_json(made), rng) if rng.random() < 0.3 else _json(rng.choice((made, made, hostile(rng))))
+            corrupted_bytes(_json(made), rng) if rng.random() < 0.3 else _json(rng.choice((made, made, hostile(rng))))
         )
         (out / ".made-by-twin.json").write_bytes(content)
         return _mutant(folder, "twin", "render", "small.yaml", *_RENDER)
     if how == "cache":
-        return _with_spoiled_cache(inputs, rng, folder)
+        return _with_corrupted_cache(inputs, rng, folder)
     shutil.copytree(inputs.folder / "suite", out)
-    _spoil_results(out / "results.sqlite", rng)
+    _corrupt_results(out / "results.sqlite", rng)
     (folder / "suite.yaml").write_text(SUITE, encoding="utf-8")
     command = rng.choice(
         (
@@ -294,9 +294,9 @@ def stores(inputs: Inputs, rng: Random, folder: Path) -> Mutant:
     return replace(mutant, may_write=(*mutant.may_write, inputs.folder / "suite"))
 
 
-def _spoil_results(path: Path, rng: Random) -> None:
+def _corrupt_results(path: Path, rng: Random) -> None:
     if rng.random() < 0.4:
-        path.write_bytes(spoiled_bytes(path.read_bytes(), rng))
+        path.write_bytes(corrupted_bytes(path.read_bytes(), rng))
         return
     with closing(sqlite3.connect(path)) as connection, connection:
         connection.execute("PRAGMA foreign_keys = OFF")
@@ -315,16 +315,16 @@ def _spoil_results(path: Path, rng: Random) -> None:
             connection.execute(f"UPDATE OR IGNORE {table} SET {rng.choice(columns)} = ?{rows}", (value,))
 
 
-def _with_spoiled_cache(inputs: Inputs, rng: Random, folder: Path) -> Mutant:
+def _with_corrupted_cache(inputs: Inputs, rng: Random, folder: Path) -> Mutant:
     """A suite whose recording is in the cache, damaged there."""
     cache = folder / "cache"
     shutil.copytree(inputs.folder / "cache", cache)
     files = sorted(path for path in cache.rglob("*") if path.is_file() and path.stat().st_size)
-    spoiled = rng.choice(files)
+    corrupted = rng.choice(files)
     if rng.random() < 0.2:
-        spoiled.unlink()
+        corrupted.unlink()
     else:
-        spoiled.write_bytes(spoiled_bytes(spoiled.read_bytes(), rng))
+        corrupted.write_bytes(corrupted_bytes(corrupted.read_bytes(), rng))
     command = ("twin", "suite", "run", inputs.folder / "cached.yaml", "--jobs", "1", "--out", "out")
     mutant = _mutant(folder, *command, environment={"ROOMTWIN_CACHE": str(cache)})
     return replace(mutant, may_write=(*mutant.may_write, cache))
@@ -332,9 +332,9 @@ def _with_spoiled_cache(inputs: Inputs, rng: Random, folder: Path) -> Mutant:
 
 def environments(inputs: Inputs, rng: Random, folder: Path) -> Mutant:
     """An environment's .npz: bytes, or arrays exchanged with and without the fingerprint that fits."""
-    path = folder / "spoiled.npz"
+    path = folder / "corrupted.npz"
     if rng.random() < 0.4:
-        path.write_bytes(spoiled_bytes(inputs.environment.read_bytes(), rng))
+        path.write_bytes(corrupted_bytes(inputs.environment.read_bytes(), rng))
     else:
         with np.load(inputs.environment) as archive:
             arrays = {name: archive[name] for name in archive.files}

@@ -58,7 +58,7 @@ def judge_mutants(kind: str, seeds: range, inputs: Inputs, judge: Judge, kept: P
 
 
 def measure() -> Iterator[Figure]:
-    """Every kind, 300 mutants each; what was badly handled is told on stderr and kept in out/fuzz."""
+    """Every kind, 300 mutants each; what was badly handled is reported on stderr and kept in out/fuzz."""
     with tempfile.TemporaryDirectory() as folder, Judge() as judge:
         inputs = make_inputs(Path(folder))
         for kind in KINDS:

@@ -1,4 +1,4 @@
-"""Spoiling what is real: trees of values (YAML, JSON), text, tables, XML and bytes; all drawn from a generator handed in."""
+"""Corrupting what is real: trees of values (YAML, JSON), text, tables, XML and bytes; all drawn from a generator handed in."""
 
 from __future__ import annotations
 
@@ -45,13 +45,13 @@ def hostile(rng: Random) -> Any:
     return rng.choice((number, number, text, rng.choice(others)))
 
 
-def spoiled_tree(tree: Any, rng: Random, draw: Callable[[Random], Any] = hostile) -> Any:
-    """A copy of a tree of mappings, lists and scalars with one to three places spoiled."""
+def corrupted_tree(tree: Any, rng: Random, draw: Callable[[Random], Any] = hostile) -> Any:
+    """A copy of a tree of mappings, lists and scalars with one to three places corrupted."""
     tree = copy.deepcopy(tree)
     for _ in range(rng.choice((1, 1, 1, 2, 3))):
         places = list(_places(tree))
         if places:
-            _spoil(*rng.choice(places), rng, draw, places)
+            _corrupt(*rng.choice(places), rng, draw, places)
     return tree
 
 
@@ -62,7 +62,7 @@ def _places(tree: Any):
             yield from _places(tree[key])
 
 
-def _spoil(parent: Any, key: Any, rng: Random, draw: Callable[[Random], Any], places: list) -> None:
+def _corrupt(parent: Any, key: Any, rng: Random, draw: Callable[[Random], Any], places: list) -> None:
     value = parent[key]
     how = rng.choice(("value", "value", "value", "scaled", "drop", "double", "swap", "key", "wrap"))
     if how == "scaled" and isinstance(value, int | float) and not isinstance(value, bool):
@@ -128,13 +128,13 @@ YAML_TRAPS = (
 """Values that YAML alone has: anchors, tags, keys of any type, traps of its scalars."""
 
 
-def spoiled_text(text: str, rng: Random, traps: Sequence[str] = YAML_TRAPS) -> bytes:
-    """The text with a value exchanged for a trap, a line dropped or doubled, or its bytes spoiled."""
+def corrupted_text(text: str, rng: Random, traps: Sequence[str] = YAML_TRAPS) -> bytes:
+    """The text with a value exchanged for a trap, a line dropped or doubled, or its bytes corrupted."""
     lines = text.splitlines(keepends=True)
     number = rng.randrange(len(lines)) if lines else 0
     how = rng.choice(("trap", "trap", "trap", "whole", "drop", "double", "indent", "bytes", "bytes"))
     if how == "bytes" or not lines:
-        return spoiled_bytes(text.encode(), rng)
+        return corrupted_bytes(text.encode(), rng)
     if how == "whole":
         return rng.choice(traps).encode("utf-8", "surrogatepass")
     line = lines[number]
@@ -150,7 +150,7 @@ def spoiled_text(text: str, rng: Random, traps: Sequence[str] = YAML_TRAPS) -> b
     return "".join(lines).encode("utf-8", "surrogatepass")
 
 
-def spoiled_bytes(data: bytes, rng: Random) -> bytes:
+def corrupted_bytes(data: bytes, rng: Random) -> bytes:
     """The bytes with some flipped, cut, doubled, zeroed, put in or taken out."""
     content = bytearray(data)
     for _ in range(rng.choice((1, 1, 2, 8))):
@@ -172,8 +172,8 @@ def spoiled_bytes(data: bytes, rng: Random) -> bytes:
     return bytes(content)
 
 
-def spoiled_table(text: str, rng: Random, separator: str = ",") -> bytes:
-    """A table with cells, rows or columns spoiled; `separator` is what parts its cells."""
+def corrupted_table(text: str, rng: Random, separator: str = ",") -> bytes:
+    """A table with cells, rows or columns corrupted; `separator` is what parts its cells."""
     rows = [line.split(separator) for line in text.splitlines()]
     for _ in range(rng.choice((1, 1, 2, 5))):
         if not rows:
@@ -190,7 +190,7 @@ def spoiled_table(text: str, rng: Random, separator: str = ",") -> bytes:
         elif how == "short":
             del rows[row][column:]
         elif how == "bytes":
-            return spoiled_bytes("\n".join(separator.join(each) for each in rows).encode(), rng)
+            return corrupted_bytes("\n".join(separator.join(each) for each in rows).encode(), rng)
         elif rows[row]:
             rows[row][column] = str(
                 rng.choice((rng.choice(ANY_NUMBER), rng.choice(TEXTS), rows[-1][column % len(rows[-1])]))
@@ -234,13 +234,13 @@ MJCF_TRAPS = (
     '<asset><model name="m" file="room.xml"/></asset>',
     '<worldbody><attach model="m" body="b" prefix="p"/></worldbody>',
 )
-"""Elements that ask much of whoever compiles them, or lead elsewhere."""
+"""Elements that ask much of the program that compiles them, or lead elsewhere."""
 
 
-def spoiled_mjcf(text: str, rng: Random) -> bytes:
-    """An MJCF file with elements or attributes spoiled, or its bytes."""
+def corrupted_mjcf(text: str, rng: Random) -> bytes:
+    """An MJCF file with elements or attributes corrupted, or its bytes."""
     if rng.random() < 0.15:
-        return spoiled_bytes(text.encode(), rng)
+        return corrupted_bytes(text.encode(), rng)
     root = ElementTree.fromstring(text)
     for _ in range(rng.choice((1, 1, 2, 3))):
         parent = rng.choice([each for each in root.iter() if len(each)] or [root])

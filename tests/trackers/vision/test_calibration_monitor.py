@@ -54,7 +54,7 @@ def test_errors_of_estimates_count_for_no_camera_and_a_displaced_one_is_told(tur
     for _ in range(60):
         crowns = rng.uniform([1.0, 1.0, 1.4], [3.0, 3.0, 1.9], (3, 3))
         monitor.take_heads(*measured(true, believed, crowns, crowns + bias, rng))
-    assert monitor.doubted == ([wrong] if turn_deg or any(moved_m) else [])
+    assert monitor.suspect == ([wrong] if turn_deg or any(moved_m) else [])
 
 
 def test_two_cameras_and_exact_estimates_say_nothing():

@@ -145,7 +145,7 @@ def test_a_disk_that_does_not_hold_what_is_written_is_said(tmp_path: Path, monke
     monkeypatch.setattr(suite_cache, "_digest", lambda path, count=itertools.count(): str(next(count)))
     cache, made = RecordingCache(tmp_path, 10**6), []
     with (
-        pytest.raises(InputError, match=r"is not as it was written a moment ago \(recording.mcap is damaged\)"),
+        pytest.raises(InputError, match=r"is not as it was just written \(recording.mcap is damaged\)"),
         cache.recording("key", maker(10, made)),
     ):
         pass

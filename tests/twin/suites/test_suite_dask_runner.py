@@ -229,7 +229,7 @@ def test_a_scheduler_that_is_gone_is_told_in_one_sentence(monkeypatch: pytest.Mo
         open_cluster(scheduler=theirs.scheduler_address) as elsewhere,
     ):
         left = TaskListener(ended=lambda end: theirs.close())
-        with pytest.raises(InputError, match=r"^the Dask scheduler is gone; .*--resume"):
+        with pytest.raises(InputError, match=r"^the Dask scheduler does not answer any more; .*--resume"):
             run_on(elsewhere, [Task(str(k), work_of("sleep", s=0.6), 60) for k in range(6)], do, left)
 
 

@@ -99,12 +99,12 @@ def test_who_waits_for_a_seat_that_is_taken_is_told_and_said_to_be_on_the_way(tm
 NEVER = {
     "nobody comes near": (
         "{anna: {start: [1, 1], script: {kind: walk, when: {near: [5, 3], within_m: 0.5}, waypoints: [[2, 1]]}}}",
-        "anna waits since 0.0 s for [5, 3] to be within 0.5 m: walk has not begun",
+        "anna waits since 0.0 s for [5, 3] to be within 0.5 m: walk has not started",
     ),
     "each waits for the other": (
         "{anna: {start: [1, 1], script: {kind: turn, by_deg: 9, when: {person: ben, does: turn}}}, "
         "ben: {start: [3, 1], script: {kind: turn, by_deg: 9, when: {person: anna, does: turn}}}}",
-        "ben waits since 0.0 s for anna to turn: turn has not begun",
+        "ben waits since 0.0 s for anna to turn: turn has not started",
     ),
     "nobody leads": (
         "{anna: {start: [1, 1], script: {kind: join, person: ben}}, ben: {start: [3, 1], script: {kind: stand}}}",

@@ -233,7 +233,7 @@ class Footsteps:
         self.progress *= self.stepping
 
     def lift(self, load: Array, style: GaitStyle, dt: float, drawn: Callable[[], Array]) -> None:
-        """Take off the feet whose time has come and whose load (2, n) [body weights] is gone.
+        """Take off the feet whose time has come and whose load (2, n) [body weights] is zero.
 
         `drawn` returns the pitch of the feet (2, n) [rad] including the legs' reach, from which the swing goes on.
         """

@@ -54,7 +54,7 @@ _TURNS_ASIDE = [radians(turn) for step in range(0, 181, 15) for turn in ((step, 
 _WAITS_FOR_ROOM_S = 6.0
 """Time after which a bend or a reach is given up for want of room [s]."""
 _SHORT_M = 0.1
-"""Distance between hand and point from which on a reach is told as too short, the length of fingers [m]."""
+"""Distance between hand and point from which on a reach is reported as too short, the length of fingers [m]."""
 _BESIDE_THINGS_M, _STEP_M = 0.28, 0.1
 """Room beside the head and the hanging arms of who bends [m], and the step between the places where it is looked for [m]."""
 _UNDER_HIPS_M = 0.15
@@ -78,7 +78,7 @@ def _wait_for(actor: Actor, action: Action) -> Commands:
     if action.at_s is not None and actor.t < action.at_s:
         yield MotionCommand(None, until=action.at_s)
     while action.when is not None and not _holds(actor, action.when):
-        actor.waits(f"for {_in_words(action.when)}: {action.kind} has not begun")
+        actor.waits(f"for {_in_words(action.when)}: {action.kind} has not started")
         yield MotionCommand(None, until=actor.t + LOOKS_AGAIN_S)
     actor.goes_on()
 
