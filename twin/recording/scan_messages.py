@@ -272,7 +272,7 @@ class _Around:
         self.shares: list[float] = []
         self.turns_deg: list[float] = []
         self._n_look = 0
-        self._known = np.zeros((_TURN_CELLS, _TURN_STEPS + 2), np.bool_)
+        self._known = np.zeros((_TURN_STEPS + 2, _TURN_CELLS), np.bool_)
 
     def add(self, scan: LaserScan) -> None:
         """Take a scan that shows things wider than people: people alone are elsewhere in each."""
@@ -290,15 +290,20 @@ class _Around:
         self._n_look += 1
         if self._n_look > _FIRST_LOOKS:
             some = slice(None, None, -(-hit.size // _MOST_RETURNS))
-            turns = np.arange(_TURN_CELLS)
-            fits = self._known[(bearing[some] + turns[:, None]) % _TURN_CELLS, step[some]].mean(axis=1)
+            fits = self._fits(bearing[some], step[some])
             self.shares.append(float(fits[0]))
             fits[:_LEAST_TURN], fits[1 - _LEAST_TURN :] = 0.0, 0.0
             best = int(fits.argmax())
             if fits[best] >= max(_FITS, self.shares[-1] + _TURNED):  # what it shows is not where it was
                 self.turns_deg.append(abs(remainder(360.0 * best / _TURN_CELLS, 360.0)))
                 return
-        self._known[bearing[:, None], step[:, None] + _AROUND] = True
+        self._known[step[:, None] + _AROUND, bearing[:, None]] = True
+
+    def _fits(self, bearing: Index, step: Index) -> Array:
+        """Return the share of returns (n,) that are where some were before, by the turn of the scan [cells]."""
+        twice = np.concatenate([self._known, self._known], axis=1)
+        turned = np.lib.stride_tricks.sliding_window_view(twice, _TURN_CELLS, axis=1)
+        return turned[step, bearing].sum(axis=0, dtype=np.uint16) / bearing.size
 
     def sentence(self) -> str:
         """Describe what shows that the scanner moves; '' where nothing does."""

@@ -121,9 +121,13 @@ class RayFan:
         return geom, distance_m
 
     def _near(self, snapshot: Snapshot, geoms: Mask) -> Mask:
-        """Return which rays (n,) may meet one of some geoms (n_geom,): those between the tangents of its bounding sphere."""
-        offset, radius = snapshot.data.geom_xpos[geoms] - self.origin_m, snapshot.model.geom_rbound[geoms] + _MARGIN_M
-        in_plane = offset @ self._axes
+        """Return which rays (n,) may meet one of some geoms (n_geom,): those between the tangents of its bounding sphere,
+        cut by their plane."""
+        offset, whole = snapshot.data.geom_xpos[geoms] - self.origin_m, snapshot.model.geom_rbound[geoms] + _MARGIN_M
+        in_plane, beside = offset @ self._axes, offset @ self._normal
+        radius = (
+            np.sqrt(np.maximum(whole * whole - beside * beside, 0.0)) + _MARGIN_M
+        )  # of the sphere's circle in the plane
         far = np.hypot(in_plane[:, 0], in_plane[:, 1])
         half = np.where(far > radius, np.arcsin(radius / np.maximum(far, radius)), np.pi)
         half[far > self._range_max_m + radius] = -1.0  # none
