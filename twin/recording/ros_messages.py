@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import json
 import struct
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import cv2
@@ -199,8 +201,29 @@ def matrix_of(place: Any, turn: Any) -> NDArray[np.float64]:
 
 def string_message(content: object) -> memoryview:
     """Encode JSON as a `std_msgs/String` (CDR); raises ValueError for a number that is not finite."""
-    text = _JSON.encode(content).encode()
-    return memoryview(struct.pack("<4sI", _LITTLE_ENDIAN_CDR, len(text) + 1) + text + b"\0")
+    return _text_message(_JSON.encode(content))
+
+
+def rows_message(rows: Iterable[str]) -> memoryview:
+    """Encode the rows of a table (`json_object`) as a `std_msgs/String` (CDR): a JSON list."""
+    return _text_message(f"[{', '.join(rows)}]")
+
+
+def json_object(columns: tuple[str, ...], stamp_ns: int, cells: list[str]) -> str:
+    """Return a row of cells after t as a JSON object, null for an empty cell; words have their quotes."""
+    filled = [each or "null" for each in cells] if "" in cells else cells
+    return _json_object(columns) % (float.__repr__(stamp_ns / NS_PER_S), *filled)
+
+
+@lru_cache(maxsize=256)
+def _json_object(columns: tuple[str, ...]) -> str:
+    """Return an object with these names as a format of its values."""
+    return "{" + ", ".join(json.dumps(name).replace("%", "%%") + ": %s" for name in columns) + "}"
+
+
+def _text_message(text: str) -> memoryview:
+    encoded = text.encode()
+    return memoryview(struct.pack("<4sI", _LITTLE_ENDIAN_CDR, len(encoded) + 1) + encoded + b"\0")
 
 
 def _scan(

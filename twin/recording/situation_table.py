@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from twin.recording.ros_messages import string_message
-from twin.recording.tables import Row, cell, plain, seconds_cell
+from twin.recording.tables import number_cell, seconds_cell
 from twin.tables.columns import read_csv_columns
 from twin.truth.truth_types import Separation, Situation, SituationKind
 
@@ -76,7 +76,8 @@ class SituationTable:
 
 def situation_line(situation: Situation) -> str:
     """Format the line of a situation in `truth_situations.csv`; raises ValueError for a number that is infinite."""
-    return ",".join(map(cell, _row(situation, seconds_cell).values())) + "\n"
+    values = ("" if each is None else each for each in _row(situation, seconds_cell).values())
+    return ",".join([number_cell(each) if isinstance(each, float) else str(each) for each in values]) + "\n"
 
 
 def read_situations(path: Path) -> SituationTable:
@@ -125,10 +126,13 @@ def situation_table(situations: Iterable[Situation], source: str = "situations")
 
 def encode_situation(situation: Situation) -> memoryview:
     """Encode a `std_msgs/String` (CDR): a JSON list of one object, the columns of truth_situations.csv, null where unknown."""
-    return string_message([plain(_row(situation, lambda ns: ns / NS_PER_S))])
+    row = _row(situation, lambda ns: ns / NS_PER_S)
+    return string_message(
+        [{name: None if value != value else value for name, value in row.items()}]
+    )  # NaN alone differs
 
 
-def _row(situation: Situation, time: Callable[[int], float | str]) -> Row:
+def _row(situation: Situation, time: Callable[[int], float | str]) -> dict[str, float | str | None]:
     """Return the situation's row, stamps [ns] written by `time`."""
     return {
         "kind": situation.kind,

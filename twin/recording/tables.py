@@ -11,8 +11,10 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import inf, isfinite, isnan, nan
 from numbers import Integral
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -35,6 +37,10 @@ _TRACK_NUMBERS = ("x", "y", "z", "vx", "vy", "head_x", "head_y", "head_z", "head
 TRUTH_COLUMNS = ("t", "id", *TRUTH_NUMBERS, "in_area")
 TRACK_COLUMNS = ("t", "id", *_TRACK_NUMBERS, "status", "radius95_m")
 STATUSES = ("confirmed", "coasting")
+FOOT_NUMBERS = ("x", "y", "z", "yaw", "load_n", "pressure_x", "pressure_y")
+_truth_numbers, _track_numbers, _foot_numbers = (
+    attrgetter(*names) for names in (TRUTH_NUMBERS, (*_TRACK_NUMBERS, "radius95_m"), FOOT_NUMBERS)
+)
 
 _VISIBLE = "visible_"
 _Ns = NDArray[np.int64]
@@ -86,17 +92,40 @@ class TrackTable(StampedRows):
     notes: tuple[str, ...] = ()  # what was guessed in reading it
 
 
-def person_row(person: PersonTruth, sensors: Iterable[str]) -> Row:
-    """Return a person's row of `truth.csv` after t, with a column visible_<sensor> per sensor."""
-    numbers = {name: float(getattr(person, name)) for name in TRUTH_NUMBERS}
-    visible = {_VISIBLE + sensor: person.visible.get(sensor, nan) for sensor in sensors}
-    return {"id": person.id, **numbers, "in_area": int(person.in_area), **visible}
+def person_columns(sensors: Iterable[str]) -> tuple[str, ...]:
+    """Return the columns of `truth.csv`, with visible_<sensor> per sensor."""
+    return (*TRUTH_COLUMNS, *(_VISIBLE + sensor for sensor in sensors))
 
 
-def track_row(track: Track) -> Row:
-    """Return a track's row of `tracks/<tracker>.csv` after t."""
-    numbers = {name: float(getattr(track, name)) for name in _TRACK_NUMBERS}
-    return {"id": track.id, **numbers, "status": track.status, "radius95_m": float(track.radius95_m)}
+class FrameText:
+    """A frame of the truth and its numbers as text, which table and message share: they are formatted once, when asked for."""
+
+    def __init__(self, frame: TruthFrame) -> None:
+        self.frame = frame
+
+    @cached_property
+    def people(self) -> list[list[str]]:
+        """Cells of each person: `TRUTH_NUMBERS`, and the shares visible to the sensors that are told of it."""
+        return [number_cells((*_truth_numbers(each), *each.visible.values())) for each in self.frame.people]
+
+    @cached_property
+    def feet(self) -> list[list[str]]:
+        """Cells of each foot, person by person: `FOOT_NUMBERS`."""
+        return [number_cells(_foot_numbers(foot)) for person in self.frame.people for foot in person.feet]
+
+    def people_rows(self, sensors: Sequence[str]) -> list[list[str]]:
+        """Return the cells of `truth.csv` after id, with a column visible_<sensor> per sensor."""
+        n, rows = len(TRUTH_NUMBERS), []
+        for person, cells in zip(self.frame.people, self.people, strict=True):
+            shown = dict(zip(person.visible, cells[n:], strict=True))
+            rows.append([*cells[:n], str(int(person.in_area)), *(shown.get(sensor, "") for sensor in sensors)])
+        return rows
+
+
+def track_cells(track: Track) -> list[str]:
+    """Return the cells of a track's row of `tracks/<tracker>.csv` after id."""
+    *numbers, radius95_m = number_cells(_track_numbers(track))
+    return [*numbers, track.status, radius95_m]
 
 
 def person_of(row: Mapping[str, Any]) -> PersonTruth:
@@ -114,15 +143,15 @@ def person_of(row: Mapping[str, Any]) -> PersonTruth:
 
 
 @contextmanager
-def truth_writer(path: Path, sensors: Sequence[str] = ()) -> Iterator[Callable[[TruthFrame], None]]:
+def truth_writer(path: Path, sensors: Sequence[str] = ()) -> Iterator[Callable[[FrameText], None]]:
     """Open `truth.csv` with a column visible_<sensor> per sensor; yield a function that writes a frame, in order of time.
 
     The file appears when the block ends well. Raises InputError where the file cannot be written; the function raises
     ValueError for a stamp not later than the last, a repeated id or a bad number.
     """
     with open_atomic(path) as stream:
-        rows = _RowWriter(stream, (*TRUTH_COLUMNS, *(_VISIBLE + sensor for sensor in sensors)))
-        yield lambda frame: rows.write(frame.stamp_ns, frame.people, lambda person: person_row(person, sensors))
+        rows = _RowWriter(stream, person_columns(sensors))
+        yield lambda text: rows.write(text.frame.stamp_ns, text.frame.people, lambda: text.people_rows(sensors))
 
 
 @contextmanager
@@ -130,15 +159,15 @@ def track_writer(path: Path) -> Iterator[Callable[[TrackFrame], None]]:
     """Open `tracks/<tracker>.csv`; yield a function that writes a frame, as `truth_writer` does."""
     with open_atomic(path) as stream:
         rows = _RowWriter(stream, TRACK_COLUMNS)
-        yield lambda frame: rows.write(frame.stamp_ns, frame.tracks, _checked_row)
+        yield lambda frame: rows.write(frame.stamp_ns, frame.tracks, lambda: map(_checked_cells, frame.tracks))
 
 
-def _checked_row(track: Track) -> Row:
+def _checked_cells(track: Track) -> list[str]:
     if track.status not in STATUSES:
         raise ValueError(f"track {track.id}: status {track.status!r} is none of {STATUSES}")
     if track.radius95_m <= 0:
         raise ValueError(f"track {track.id}: radius95_m is {track.radius95_m}; above 0 m, or NaN, is expected")
-    return track_row(track)
+    return track_cells(track)
 
 
 def read_truth(
@@ -250,18 +279,17 @@ class _RowWriter:
         self._last_stamp_ns: float = -inf
         stream.write(",".join(columns) + "\n")
 
-    def write(self, stamp_ns: int, entries: Sequence[Any], row_of: Callable[[Any], Row]) -> None:
+    def write(self, stamp_ns: int, entries: Sequence[Any], rows: Callable[[], Iterable[list[str]]]) -> None:
         if not isinstance(stamp_ns, Integral) or stamp_ns <= self._last_stamp_ns:
             raise ValueError(f"frame at {stamp_ns} ns after {self._last_stamp_ns} ns; whole stamps must grow")
         ids = [_id(stamp_ns, entry.id) for entry in entries]
         if len(set(ids)) < len(ids):
             raise ValueError(f"frame at {stamp_ns} ns: an id is repeated in {ids}")
-        t, lines = seconds_cell(stamp_ns), list[str]()
         for id_, entry in zip(ids, entries, strict=True):
             if not (isfinite(entry.x) and isfinite(entry.y)):
                 raise ValueError(f"frame at {stamp_ns} ns: id {id_} is at ({entry.x}, {entry.y}); a place is needed")
-            cells = map(cell, list(row_of(entry).values())[1:])
-            lines.append(",".join([t, str(id_), *cells]) + "\n")
+        t = seconds_cell(stamp_ns)
+        lines = [",".join([t, str(id_), *cells]) + "\n" for id_, cells in zip(ids, rows(), strict=True)]
         self._stream.write("".join(lines) or t + self._empty_cells + "\n")
         self._last_stamp_ns = stamp_ns
 
@@ -277,25 +305,6 @@ def seconds_cell(stamp_ns: int) -> str:
     return f"{'-' if stamp_ns < 0 else ''}{abs(int(stamp_ns)) // NS_PER_S}.{abs(int(stamp_ns)) % NS_PER_S:09d}"
 
 
-Value = float | str | Sequence[int] | None
-Row = dict[str, Value]
-"""A row of a table by its columns: the same in the file (`cell`) and in a message (`plain`)."""
-
-
-def cell(value: Value) -> str:
-    """Format a value: empty for None and NaN, whole numbers separated by blanks."""
-    if isinstance(value, float):
-        return float.__repr__(value) if abs(value) <= LARGEST else number_cell(value)
-    if value is None or isinstance(value, str):
-        return value or ""
-    return str(value) if isinstance(value, int) else " ".join(map(str, value))
-
-
-def plain(row: Mapping[str, Value]) -> Row:
-    """Return a row as JSON holds it: null for NaN, which alone differs from itself."""
-    return {name: value if value == value else None for name, value in row.items()}
-
-
 def number_cell(value: float) -> str:
     """Format a number: empty for NaN; raises ValueError for one that no table is read with."""
     if abs(value) <= LARGEST:
@@ -303,6 +312,14 @@ def number_cell(value: float) -> str:
     if isnan(value):
         return ""
     raise ValueError(f"{value} in a table; finite, at most {LARGEST:g}, or NaN if not known, is needed")
+
+
+def number_cells(numbers: Iterable[float]) -> list[str]:
+    """Format numbers as `number_cell` does."""
+    floats = list(map(float, numbers))
+    if max(map(abs, floats), default=nan) <= LARGEST:  # false too where the first is NaN
+        return repr(floats)[1:-1].replace("nan", "").split(", ")
+    return [number_cell(each) for each in floats]
 
 
 def _numbers(rows: CsvColumns, name: str) -> NDArray[np.float64]:

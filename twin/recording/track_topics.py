@@ -16,15 +16,14 @@ from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typest
 from rosbags.typesys.store import Typestore
 
 from trackers.errors import InputError
-from trackers.observations import NS_PER_S
 from trackers.tracks import TrackFrame
 from twin.messages import OnWarning
 from twin.recording import topics
 from twin.recording.atomic_file import check_writable
 from twin.recording.bag_files import McapFile
 from twin.recording.message_types import TYPESTORE, TFMessage, normal_type
-from twin.recording.ros_messages import STRING, string_message
-from twin.recording.tables import TruthTable, plain, track_row
+from twin.recording.ros_messages import STRING, json_object, rows_message, string_message
+from twin.recording.tables import TRACK_COLUMNS, FrameText, TruthTable, track_cells
 from twin.recording.truth_messages import MARKER_ARRAY, MarkerStyle, PeopleMarkers, encode_people
 from twin.recording.truth_tables import DETAIL_TOPICS, truth_frames
 from twin.recording.writer import TF_MESSAGE, latched, transform_message
@@ -53,9 +52,12 @@ def markers_topic(topic: str) -> str:
 
 def encode_tracks(frame: TrackFrame) -> memoryview:
     """Encode a `std_msgs/String` (CDR): a JSON list with one object per track, the table's columns, null where not estimated."""
-    t = frame.stamp_ns / NS_PER_S
-    rows = [{"t": t} | plain(track_row(track)) for track in frame.tracks]
-    return string_message(rows)
+    rows = []
+    for track in frame.tracks:
+        *numbers, status, radius95_m = track_cells(track)
+        cells = [str(int(track.id)), *numbers, f'"{status}"', radius95_m]
+        rows.append(json_object(TRACK_COLUMNS, frame.stamp_ns, cells))
+    return rows_message(rows)
 
 
 class TrackTopics:
@@ -152,7 +154,7 @@ def _write_truth(bag: McapFile, truth: TruthTable, recording: Recording) -> None
     for frame in truth_frames(truth):
         stamp_ns = frame.stamp_ns + recording.start_ns
         log_ns = max(stamp_ns + recording.logged_after_ns, 0)
-        bag.write(topics.TRUTH_PEOPLE, log_ns, encode_people(frame))
+        bag.write(topics.TRUTH_PEOPLE, log_ns, encode_people(FrameText(frame)))
         bag.write(topics.TRUTH_MARKERS, log_ns, markers.encode(stamp_ns, frame.people))
 
 

@@ -28,8 +28,8 @@ from twin.recording.message_types import (
     Quaternion,
     Vector3,
 )
-from twin.recording.ros_messages import string_message, time_message
-from twin.recording.tables import TRUTH_COLUMNS, person_of, person_row, plain
+from twin.recording.ros_messages import json_object, rows_message, time_message
+from twin.recording.tables import TRUTH_COLUMNS, TRUTH_NUMBERS, FrameText, person_columns, person_of
 from twin.recording.topics import ROOM_FRAME
 from twin.tables.columns import MAX_INT64
 from twin.truth.truth_types import PersonTruth, TruthFrame
@@ -39,6 +39,7 @@ MARKER_ARRAY = "visualization_msgs/msg/MarkerArray"
 _HEAD_TOP_M = 0.12  # from the centre of the head to its top
 _UNKNOWN_HEIGHT_M = 1.7  # drawn without a known head
 _NAME_ABOVE_M = 0.15
+_N = len(TRUTH_NUMBERS)
 _SLOTS = 7  # a person: middle of the cylinder x, y, z and its height; the name's x, y, z
 _COLORS = ((0.12, 0.47, 0.71), (1.0, 0.5, 0.05), (0.17, 0.63, 0.17), (0.84, 0.15, 0.16), (0.58, 0.4, 0.74))
 
@@ -57,11 +58,13 @@ class MarkerStyle:
 TRUTH_STYLE = MarkerStyle("people", "names", width_m=0.45, opacity=0.4)
 
 
-def encode_people(frame: TruthFrame) -> memoryview:
+def encode_people(text: FrameText) -> memoryview:
     """Encode a `std_msgs/String` (CDR): a JSON list with one object per person, the columns of truth.csv, null where unknown."""
-    t = frame.stamp_ns / NS_PER_S
-    people = [{"t": t} | plain(person_row(person, person.visible)) for person in frame.people]
-    return string_message(people)
+    people, rows = text.frame.people, []
+    for person, cells in zip(people, text.people, strict=True):
+        row = [str(int(person.id)), *cells[:_N], str(int(person.in_area)), *cells[_N:]]
+        rows.append(json_object(person_columns(person.visible), text.frame.stamp_ns, row))
+    return rows_message(rows)
 
 
 def decode_people(text: str, stamp_ns: int) -> TruthFrame:

@@ -36,15 +36,14 @@ from trackers.plain_data import parse_json
 from trackers.text_file import read_text
 from twin.recording import topics
 from twin.recording.atomic_file import open_atomic, write_atomic
-from twin.recording.ros_messages import string_message
+from twin.recording.ros_messages import json_object, rows_message
 from twin.recording.situation_table import SITUATION_COLUMNS, encode_situation, situation_line
 from twin.recording.tables import (
+    FOOT_NUMBERS,
     TRUTH_NUMBERS,
-    Row,
+    FrameText,
     TrackTable,
     TruthTable,
-    cell,
-    plain,
     read_truth,
     seconds_cell,
 )
@@ -56,9 +55,7 @@ if TYPE_CHECKING:
 MOST_TABLE_BYTES = 256 * 1024 * 1024
 """A table larger than this takes gigabytes to read, and is refused unless asked for."""
 PEOPLE_COLUMNS = ("id", "name")
-_FOOT_NUMBERS = ("x", "y", "z", "yaw", "load_n", "pressure_x", "pressure_y")
-FEET_COLUMNS = ("t", "id", "foot", *_FOOT_NUMBERS, "contact")
-_foot_numbers = attrgetter(*_FOOT_NUMBERS)
+FEET_COLUMNS = ("t", "id", "foot", *FOOT_NUMBERS, "contact")
 _CELLS = "cells_"
 BOX_COLUMNS = ("t", "camera", "id", "left", "top", "width", "height", "visible_px", "truncated")
 RAY_COLUMNS = ("t", "sensor", "id", "first_beam", "last_beam")
@@ -78,36 +75,44 @@ def write_names(path: Path, names: Mapping[int, str]) -> None:
 
 
 @contextmanager
-def feet_writer(path: Path, floors: Sequence[str] = ()) -> Iterator[Callable[[TruthFrame], None]]:
+def feet_writer(path: Path, floors: Sequence[str] = ()) -> Iterator[Callable[[FrameText], None]]:
     """Open `truth_feet.csv` with a column cells_<floor> per floor; yield a function that writes a frame, in order of time.
 
     The file appears when the block ends well. Raises InputError where the file cannot be written; the function raises
     ValueError for a number that is infinite.
     """
-    columns = (*FEET_COLUMNS, *(_CELLS + floor for floor in floors))
+    columns = _foot_columns(floors)
     with open_atomic(path) as stream:
         stream.write(",".join(columns) + "\n")
 
-        def write(frame: TruthFrame) -> None:
-            feet = [_foot_row(person, foot, floors) for person in frame.people for foot in person.feet]
-            lines = [",".join(map(cell, foot.values())) for foot in feet]
-            _write_lines(stream, seconds_cell(frame.stamp_ns), lines, len(columns))
+        def write(text: FrameText) -> None:
+            lines = []
+            for person, foot, cells in _feet(text):
+                loaded = [" ".join(map(str, foot.cells.get(floor, ()))) for floor in floors]
+                lines.append(",".join([str(person.id), foot.side, *cells, str(int(foot.contact)), *loaded]))
+            _write_lines(stream, seconds_cell(text.frame.stamp_ns), lines, len(columns))
 
         yield write
 
 
-def encode_feet(frame: TruthFrame) -> memoryview:
+def encode_feet(text: FrameText) -> memoryview:
     """Encode a frame as a `std_msgs/String` (CDR): a JSON list with one object per foot, null where unknown."""
-    t = frame.stamp_ns / NS_PER_S
-    feet = [{"t": t} | plain(_foot_row(person, foot, foot.cells)) for person in frame.people for foot in person.feet]
-    return string_message(feet)
+    rows = []
+    for person, foot, cells in _feet(text):
+        loaded = [f"[{', '.join(map(str, each))}]" for each in foot.cells.values()]
+        row = [str(person.id), f'"{foot.side}"', *cells, str(int(foot.contact)), *loaded]
+        rows.append(json_object(_foot_columns(foot.cells), text.frame.stamp_ns, row))
+    return rows_message(rows)
 
 
-def _foot_row(person: PersonTruth, foot: FootTruth, floors: Iterable[str]) -> Row:
-    """Return a foot's row after t, with a column cells_<floor> per floor."""
-    numbers = dict(zip(_FOOT_NUMBERS, map(float, _foot_numbers(foot)), strict=True))
-    loaded = {_CELLS + floor: foot.cells.get(floor, ()) for floor in floors}
-    return {"id": person.id, "foot": foot.side, **numbers, "contact": int(foot.contact), **loaded}
+def _foot_columns(floors: Iterable[str]) -> tuple[str, ...]:
+    return (*FEET_COLUMNS, *(_CELLS + floor for floor in floors))
+
+
+def _feet(text: FrameText) -> Iterator[tuple[PersonTruth, FootTruth, list[str]]]:
+    """Yield each foot with its person and the cells of its numbers."""
+    feet = ((person, foot) for person in text.frame.people for foot in person.feet)
+    return ((person, foot, cells) for (person, foot), cells in zip(feet, text.feet, strict=True))
 
 
 @contextmanager
@@ -164,11 +169,12 @@ def _write_frame(stream: TextIO, frame: BoxFrame | RayFrame, columns: Sequence[s
     _write_lines(stream, f"{seconds_cell(frame.stamp_ns)},{sensor}", lines, len(columns) - 1)
 
 
-def _encode_frame(frame: BoxFrame | RayFrame, columns: Sequence[str]) -> memoryview:
+def _encode_frame(frame: BoxFrame | RayFrame, columns: tuple[str, ...]) -> memoryview:
     """Encode a frame as a `std_msgs/String` (CDR): a JSON list with one object per row, null for an empty cell."""
     sensor, rows = _frame_rows(frame, columns)
-    head, empty = (frame.stamp_ns / NS_PER_S, sensor), (None,) * (len(columns) - 2)
-    return string_message([dict(zip(columns, (*head, *row), strict=True)) for row in rows or [empty]])
+    name, empty = json.dumps(sensor), [[""] * (len(columns) - 2)]
+    cells = [[str(number) for number in row] for row in rows] or empty
+    return rows_message(json_object(columns, frame.stamp_ns, [name, *row]) for row in cells)
 
 
 def _frame_rows(frame: BoxFrame | RayFrame, columns: Sequence[str]) -> tuple[str, list[tuple[int, ...]]]:

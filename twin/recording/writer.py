@@ -30,9 +30,10 @@ from twin.recording.message_types import (
     Vector3,
 )
 from twin.recording.ros_messages import COMPRESSED_IMAGE, MSGTYPES, STRING, Encoded, time_message
+from twin.recording.tables import FrameText
 from twin.recording.truth_messages import MARKER_ARRAY, PeopleMarkers, encode_outline, encode_people
 from twin.recording.truth_tables import DETAIL_TOPICS, encode_detail, encode_feet
-from twin.truth.truth_types import TruthDetail, TruthFrame
+from twin.truth.truth_types import TruthDetail
 
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 TF_MESSAGE = "tf2_msgs/msg/TFMessage"
@@ -115,12 +116,13 @@ class BagWriter(McapFile):
         for part in (encoded, *encoded.more):
             self.write(topics.background_topic(encoded.observation.sensor, part.topic_suffix), 0, part.data)
 
-    def truth(self, frame: TruthFrame) -> None:
+    def truth(self, text: FrameText) -> None:
         """Write the truth at a stamp, for programs and for the eye."""
-        self.write(topics.TRUTH_PEOPLE, frame.stamp_ns, encode_people(frame))
+        frame = text.frame
+        self.write(topics.TRUTH_PEOPLE, frame.stamp_ns, encode_people(text))
         if self._positions_only:
             return
-        self.write(topics.TRUTH_FEET, frame.stamp_ns, encode_feet(frame))
+        self.write(topics.TRUTH_FEET, frame.stamp_ns, encode_feet(text))
         self.write(topics.TRUTH_MARKERS, frame.stamp_ns, self._markers.encode(frame.stamp_ns, frame.people))
 
     def detail(self, detail: TruthDetail) -> None:

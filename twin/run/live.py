@@ -20,7 +20,7 @@ from twin.messages import OnProgress, OnWarning, no_progress, warn
 from twin.recording.atomic_file import write_atomic
 from twin.recording.losses import lines
 from twin.recording.situation_table import read_situations
-from twin.recording.tables import read_truth, truth_writer
+from twin.recording.tables import FrameText, read_truth, truth_writer
 from twin.recording.track_topics import TrackTopics
 from twin.recording.truth_tables import DETAIL_FILES, detail_writer, feet_writer, write_names
 from twin.recording.writer import BagWriter
@@ -51,7 +51,7 @@ from twin.streams import stream
 from twin.truth.truth_types import TruthDetail, TruthFrame
 from twin.world.empty_room import empty_room
 from twin.world.simulation import Simulation
-from twin.world.world import PrecomputedScene, heap_trimmed
+from twin.world.world import PrecomputedScene, heap_trimmed, trim_heap
 
 DEFAULT_TRACKER = "laser-fisheye-imm"
 _MORE_TRUTH = ("truth_feet.csv", *DETAIL_FILES)
@@ -100,6 +100,7 @@ def run_scenario(
                 scenario, chosen, is_default, video, images, whole_truth, out_, on_progress, on_warning, on_note
             )
             run.open(stack, precomputed)
+            trim_heap()  # building leaves memory in pieces, 12 MiB of the lab with images
             run.record()
             out_.announce()
         return with_failures_shown(run.finish(), on_warning)
@@ -125,7 +126,7 @@ class _LiveRun:
 
     def open(self, stack: ExitStack, precomputed: PrecomputedScene | None) -> None:
         """Open the simulation, the trackers, the bag and the tables, until `stack` is closed."""
-        self._on_truth: list[Callable[[TruthFrame], object]] = []
+        self._on_truth: list[Callable[[FrameText], object]] = []
         self._on_detail: list[Callable[[TruthDetail], object]] = []
         self._resolved = dump_scenario(self.scenario)
         self._simulation = stack.enter_context(
@@ -293,13 +294,14 @@ class _LiveRun:
         if whole:
             self._on_truth.append(stack.enter_context(feet_writer(folder / "truth_feet.csv", list(rig.floors()))))
             self._on_detail += [stack.enter_context(detail_writer(folder)), bag.detail]
-        if self._feed.preview is not None:
-            self._on_truth.append(self._feed.preview.add_truth)
         return bag
 
     def _pass_truth(self, frame: TruthFrame) -> None:
-        for listen in self._on_truth:
-            listen(frame)
+        text = FrameText(frame)
+        for write in self._on_truth:
+            write(text)
+        if self._feed.preview is not None:
+            self._feed.preview.add_truth(frame)
 
     def _pass_detail(self, detail: TruthDetail) -> None:
         for listen in self._on_detail:

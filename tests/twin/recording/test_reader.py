@@ -27,6 +27,7 @@ from twin.recording.message_types import typestore
 from twin.recording.reader import Recording
 from twin.recording.rig_guess import describe_rig
 from twin.recording.ros_messages import RAW_IMAGE, STRING, encode, time_message
+from twin.recording.tables import FrameText
 from twin.recording.writer import BagWriter
 from twin.truth.truth_types import TruthFrame
 
@@ -46,7 +47,7 @@ def twin_bag(tmp_path_factory) -> Path:
         for observation, arrival_ns in twin_run():
             writer.observation(encode(observation), arrival_ns)
             if isinstance(observation, LaserScan):
-                writer.truth(a_truth(observation.stamp_ns, (1, 2) if observation.stamp_ns else ()))
+                writer.truth(FrameText(a_truth(observation.stamp_ns, (1, 2) if observation.stamp_ns else ())))
     assert path.stat().st_size > 1.5 * 2**20
     return path
 
@@ -175,7 +176,7 @@ def test_a_damaged_mcap_is_whole_or_told_of_or_refused_in_one_sentence_that_name
     with BagWriter(path, RIG) as writer:
         for k, scan in enumerate(scans):
             writer.observation(encode(scan), k)
-            writer.truth(truth[k])
+            writer.truth(FrameText(truth[k]))
     whole = path.read_bytes()
     scans = [encode(scan).observation for scan in scans]
     ended = Counter()
@@ -344,9 +345,9 @@ def test_truth_that_came_twice_is_read_once_and_refused_where_it_differs(tmp_pat
         with BagWriter(path, RIG) as writer:
             for k in range(3):
                 writer.observation(encode(a_scan(k)), k)
-                writer.truth(a_truth(k))
+                writer.truth(FrameText(a_truth(k)))
                 if k == 1:
-                    writer.truth(again)
+                    writer.truth(FrameText(again))
         if is_same:
             assert [frame.stamp_ns for frame in Recording(path).truth()] == [0, 1, 2]
         else:

@@ -9,7 +9,15 @@ import pytest
 
 from trackers.errors import InputError
 from trackers.tracks import Track, TrackFrame
-from twin.recording.tables import read_tracks, read_truth, track_table, track_writer, truth_table, truth_writer
+from twin.recording.tables import (
+    FrameText,
+    read_tracks,
+    read_truth,
+    track_table,
+    track_writer,
+    truth_table,
+    truth_writer,
+)
 from twin.truth.truth_types import PersonTruth, TruthFrame
 
 TRUTH_HEADER = "t,id,x,y,z,yaw,head_x,head_y,head_z,head_yaw,vx,vy,in_area,visible_waist"
@@ -59,7 +67,7 @@ def test_truth_reads_back_to_the_bit(tmp_path):
     path = tmp_path / "truth.csv"
     with truth_writer(path, ["waist", "knee"]) as write:
         for frame in TRUTH_FRAMES:
-            write(frame)
+            write(FrameText(frame))
     table = read_truth(path)
     assert_same_table(table, truth_table(TRUTH_FRAMES))
     assert table.id.tolist() == [1, 2, 1]
@@ -79,8 +87,8 @@ def test_tracks_read_back_to_the_bit(tmp_path):
 
 def test_the_text_is_the_contract(tmp_path):
     with truth_writer(tmp_path / "truth.csv", ["waist"]) as write:
-        write(TruthFrame(1_500_000_000, (PersonTruth(1, 0.5, 1.5, visible={"waist": 0.75}),)))
-        write(TruthFrame(1_600_000_000, ()))
+        write(FrameText(TruthFrame(1_500_000_000, (PersonTruth(1, 0.5, 1.5, visible={"waist": 0.75}),))))
+        write(FrameText(TruthFrame(1_600_000_000, ())))
     assert (tmp_path / "truth.csv").read_text() == (
         f"{TRUTH_HEADER}\n1.500000000,1,0.5,1.5,,,,,,,,,1,0.75\n1.600000000,,,,,,,,,,,,,\n"
     )
@@ -102,7 +110,7 @@ def test_an_interrupted_table_leaves_nothing_and_keeps_the_old_one(tmp_path, int
 
     def write_and_stop():
         with truth_writer(path) as write:
-            write(TRUTH_FRAMES[0])
+            write(FrameText(TRUTH_FRAMES[0]))
             raise interruption
 
     with pytest.raises(interruption):

@@ -11,12 +11,13 @@ from recorded import a_truth
 from trackers.errors import InputError
 from twin.recording.message_types import TYPESTORE
 from twin.recording.ros_messages import STRING
+from twin.recording.tables import FrameText
 from twin.recording.truth_messages import MARKER_ARRAY, PeopleMarkers, decode_people, encode_people
 from twin.truth.truth_types import PersonTruth, TruthFrame
 
 
 def text_of(frame: TruthFrame) -> str:
-    return TYPESTORE.deserialize_cdr(encode_people(frame), STRING).data
+    return TYPESTORE.deserialize_cdr(encode_people(FrameText(frame)), STRING).data
 
 
 def test_truth_survives_to_the_bit():

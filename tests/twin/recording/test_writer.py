@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from trackers.errors import InputError
 from twin.recording.ros_messages import encode
+from twin.recording.tables import FrameText
 from twin.recording.writer import BagWriter
 
 
@@ -23,7 +24,7 @@ def write(path: Path, frames: int = 3) -> None:
         writer.background(encode(a_scan(0)))
         writer.background(encode(an_image(0)))
         for stamp in range(0, frames * 100 * MS, 100 * MS):
-            writer.truth(a_truth(stamp))
+            writer.truth(FrameText(a_truth(stamp)))
             writer.observation(encode(a_scan(stamp)), stamp + 5 * MS)
             writer.observation(encode(an_image(stamp)), stamp + 40 * MS)
 
