@@ -105,7 +105,7 @@ class FrameText:
 
     @cached_property
     def people(self) -> list[list[str]]:
-        """Cells of each person: `TRUTH_NUMBERS`, and the shares visible to the sensors that are told of it."""
+        """Cells of each person: `TRUTH_NUMBERS`, and the shares that its `visible` holds."""
         return [number_cells((*_truth_numbers(each), *each.visible.values())) for each in self.frame.people]
 
     @cached_property
