@@ -192,6 +192,7 @@ def of_kind(kinds: Sequence[Any], kind: Any) -> list[Any]:
 
 
 def is_model(kind: Any) -> bool:
+    """Tell whether a type is a pydantic model."""
     return isinstance(kind, type) and issubclass(kind, BaseModel)
 
 

@@ -67,7 +67,7 @@ class KalmanTracks(Rows):
         return self.mean[:, ::2]
 
     def innovation_covariances(self, measurement_m: float) -> Float[Array, "n 1 2 2"]:
-        """H P Hᵀ + R of each [m²]."""
+        """Return H P Hᵀ + R of each [m²]."""
         return (self.covariance[:, ::2, ::2] + np.eye(2) * measurement_m**2)[:, None]
 
     def predicted(self, F: Float[Array, "n 4 4"], Q: Float[Array, "4 4"]) -> Self:

@@ -75,7 +75,10 @@ def read_kind(path: Path, kind: str, expected: str) -> dict[str, Any]:
 
 
 def cache_folder() -> Path:
-    """Return $ROOMTWIN_CACHE, else roomtwin in $XDG_CACHE_HOME (which counts if absolute), else ~/.cache/roomtwin."""
+    """Return $ROOMTWIN_CACHE, else roomtwin in $XDG_CACHE_HOME (which counts if absolute), else ~/.cache/roomtwin.
+
+    Raises InputError for a user without a home folder.
+    """
     named = os.environ.get("ROOMTWIN_CACHE")
     if named:
         return as_path(named, "ROOMTWIN_CACHE")
@@ -95,7 +98,10 @@ def is_kept_room(room: str) -> bool:
 
 
 def kept_room(name: str, mjcf: str) -> str:
-    """Keep a drawn room's MJCF file in the cache, named by its content, and return its path."""
+    """Keep a drawn room's MJCF file in the cache, named by its content; return its path.
+
+    Raises InputError if it cannot be written.
+    """
     path = cache_folder() / "rooms" / f"{name}.xml"
     partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:

@@ -203,6 +203,6 @@ class Detections(Rows):
 
     @classmethod
     def none(cls, n_scanner: int = 1) -> Detections:
-        """No detections."""
+        """Make a value that holds no detections."""
         nothing, by_none = np.empty(0), np.empty((0, n_scanner), np.bool_)
         return cls(np.empty((0, 2)), nothing, np.empty(0, np.intp), nothing, nothing, np.empty((0, 2)), by_none)

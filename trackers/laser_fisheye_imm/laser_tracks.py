@@ -148,7 +148,7 @@ class LaserTracks(ImmTracks):
         return self.existence > above
 
     def continued(self, old: Int[Index, "p"], new: Int[Index, "p"]) -> Self:
-        """These tracks, with those at `old` going on as those at `new`, which are no tracks of their own any more."""
+        """Return the tracks with those at `old` continued as those at `new`, which are no tracks of their own any more."""
         before, after = self.select(old), self.select(new)
         roster = after.roster.changed(id=before.roster.id, born_ns=before.roster.born_ns, confirmed=before.confirmed)
         after = after.changed(serial=before.serial, roster=roster, clothes=before.clothes, born_at=before.born_at)

@@ -53,7 +53,7 @@ class FloorClusters:
         return len(self.load_n)
 
     def share_of_cell(self) -> Float[Array, "rows columns"]:
-        """Each element's share of the load of its cluster, 0 in none: Mori et al., eq. 3, by element."""
+        """Return each element's share of the load of its cluster, 0 in none: Mori et al., eq. 3, by element."""
         total_n = np.append(self.load_n, 1.0)[self.cluster_of_cell]  # the last stands for −1
         return self.cell_load_n / total_n
 

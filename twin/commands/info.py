@@ -301,7 +301,10 @@ def check_own_tracker(name: str) -> list[str]:
 
 
 def check_own_sensor(name: str) -> list[str]:
-    """List contract violations of the sensor made by `module:make` without arguments, before five people in the lab."""
+    """List contract violations of the sensor that `module:make` makes, before five people in the lab.
+
+    Raises InputError if that is no callable, or fails.
+    """
     from trackers.check import raised
     from twin.scenario import load_scenario
     from twin.sensors.check import check_sensor

@@ -162,7 +162,10 @@ def write_environment(
     cloud_path: Path | None = None,
     on_progress: OnProgress = no_progress,
 ) -> dict[str, Path]:
-    """Write the environment (default out/<room>.npz), its picture, and the cloud if requested; return the files by name."""
+    """Write the environment (default out/<room>.npz), its picture, and the cloud if requested; return the files by name.
+
+    Raises InputError for names with other endings.
+    """
     out = out if out is not None else Path("out") / f"{scenario.room_name}.npz"
     for option, path, suffix in (("--out", out, ".npz"), ("--cloud", cloud_path, ".ply")):
         if path is not None and path.suffix.lower() != suffix:

@@ -20,7 +20,7 @@ from twin.evaluate.causes import Errors, errors_by_cause, misplaced
 from twin.evaluate.clear import ClearScores, FrameMatches, PairMatrix, clear, find_switches, identity, match_frames
 from twin.evaluate.continuity import TrackEvent, continuity, right_at_end, switch_events
 from twin.evaluate.hota import hota, hota_cap
-from twin.evaluate.judged_frames import Frame, align, match_all_people, restrict_to_area
+from twin.evaluate.judged_frames import Alignment, Frame, align, match_all_people, restrict_to_area
 from twin.recording.situation_table import SituationTable
 from twin.recording.tables import TrackTable, TruthTable
 
@@ -80,11 +80,8 @@ def evaluate_with_details(
     absolute differences over the matches in which truth and track both have a value.
     OSPA (c = 1 m, p = 1) and GOSPA (c = 1 m, p = 2, α = 2) are means over frames. `judged` holds the n of the metrics.
     """
-    _check_gate(gate_m)
-    _check_tables(truth, tracks)
-    aligned = align(truth, tracks)
+    aligned = _aligned(truth, tracks, gate_m)
     frames = aligned.frames
-    _check_size(frames, tracks.source)
     all_people = match_all_people(frames, gate_m)
     judged, pair_matrices, matches = _inside(frames, all_people, gate_m)
     switches = switch_events(judged, find_switches(pair_matrices, matches))
@@ -124,15 +121,7 @@ def evaluate_with_details(
         people=people,
         situations=situations,
         errors=errors,
-        notes=(
-            *truth.notes,
-            *tracks.notes,
-            *_wide_gate(gate_m),
-            *_without_identity(truth, tracks),
-            *aligned.notes,
-            *_all_outside(frames, scores.persons, truth.source),
-            *[apart] * bool(apart),
-        ),
+        notes=(*_notes_of_tables(truth, tracks, aligned, scores.persons, gate_m), *[apart] * bool(apart)),
         is_misplaced=bool(apart),
     )
 
@@ -285,6 +274,27 @@ def _pose_errors(judged: Sequence[Frame], matches: Sequence[FrameMatches]) -> tu
         "body_height_error_m": means[4],
     }
     return errors, int(np.count_nonzero(~np.isnan(gaps[:, :3]).any(axis=1)))
+
+
+def _aligned(truth: TruthTable, tracks: TrackTable, gate_m: float) -> Alignment:
+    _check_gate(gate_m)
+    _check_tables(truth, tracks)
+    aligned = align(truth, tracks)
+    _check_size(aligned.frames, tracks.source)
+    return aligned
+
+
+def _notes_of_tables(
+    truth: TruthTable, tracks: TrackTable, aligned: Alignment, n_person: int, gate_m: float
+) -> tuple[str, ...]:
+    return (
+        *truth.notes,
+        *tracks.notes,
+        *_wide_gate(gate_m),
+        *_without_identity(truth, tracks),
+        *aligned.notes,
+        *_all_outside(aligned.frames, n_person, truth.source),
+    )
 
 
 def _mean_absolute(values: NDArray[np.float64]) -> float | None:

@@ -70,7 +70,10 @@ def decode_raw(message: Any, subject: str) -> NDArray[np.uint8]:
 
 
 def raw_pixels(message: Any, subject: str, n_row: int) -> NDArray[np.uint8]:
-    """Return the pixels (n_row, width, channels) of an Image without the padding of its rows, of 16 bits the upper eight."""
+    """Return the pixels (n_row, width, channels) of an Image without the padding of its rows, of 16 bits the upper eight.
+
+    Raises InputError for another number of bytes.
+    """
     channel_bytes = 2 if "16" in message.encoding else 1
     width_bytes = message.width * CHANNELS.get(message.encoding, 1) * channel_bytes
     if message.step < width_bytes or message.data.size != n_row * message.step or not message.data.size:

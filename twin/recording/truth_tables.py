@@ -247,6 +247,7 @@ def on_clock_of_tracks(truth: TruthTable, tracks: TrackTable, path: Path) -> Tru
     of that time.
 
     The stamp stands in `recording.json`, in the folder above that of the tracks. Without that file the truth stays as it is.
+    Raises InputError for a file without it.
     """
     about = path.resolve().parent.parent / ABOUT
     ends = tracks.frame_stamps_ns[[0, -1]] if tracks.frame_stamps_ns.size else None

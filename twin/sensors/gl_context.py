@@ -194,7 +194,7 @@ def make_context() -> Any:
 def make_mjr_context(model: mujoco.MjModel, context: Any, samples: int, shadow_map_px: int) -> mujoco.MjrContext:
     """Make MuJoCo's part of a context: the model's meshes and textures, a buffer with this many samples per pixel (0: one).
 
-    shadow_map_px: side of a lamp's shadow map (0: none, where the model's would take 64 MB).
+    shadow_map_px: side of a lamp's shadow map (0: none, where the model's would take 64 MB). Raises InputError without EGL.
     """
     quality = model.vis.quality
     own = quality.offsamples, quality.shadowsize

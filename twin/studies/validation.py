@@ -108,7 +108,7 @@ def displace_sensors(
     """Displace the named sensors in a direction drawn by the seed; trackers know their true poses (surveyed) or not.
 
     Horizontally and about the vertical, since scanners must stay level. Existing calibration errors are kept, and this one
-    added.
+    added. Raises InputError for a floor.
     """
     sensors = dict(scenario.sensors)
     for name in names:

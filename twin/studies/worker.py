@@ -155,7 +155,7 @@ class Outcome:
 
 
 def evaluate_task(work: EvaluationTask) -> Outcome:
-    """Return the metrics of each tracker, and the warnings of the scenario."""
+    """Return the metrics of each tracker, and the warnings of the scenario. Raises InputError for code of another version."""
     if work.code != whole_code():
         raise InputError(
             "the worker's code is not that of the study's process; the same version everywhere is expected"

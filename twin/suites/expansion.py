@@ -149,21 +149,7 @@ def expand(
     faults += check.faults()
     raise_faults(faults)  # before each seed draws a room of its own
     for entry in checked:
-        try:
-            seeded = list(_seeded(suite, entry, path, changes, limits=limits))
-            found = list(_cases_of(suite, entry, seeded))
-        except InputError as error:  # of a scene drawn by one seed
-            faults += [f"{path}: scenarios.{entry.number}: {line}" for line in str(error).splitlines()]
-            continue
-        if scenes:
-            where = partial(place_of, entry.variant, entry.scenario_path)
-            faults += [f"{path}: {each}" for each in scene_faults(where, seeded)]
-        again = []
-        for case in found:
-            again += [case] * (case.id in cases)
-            cases[case.id] = case
-        if again:
-            faults.append(f"{path}: scenarios.{entry.number}: {_twice(again)}")
+        faults += _add_seeded(cases, suite, entry, path, changes, limits, scenes)
     for case in recorded:
         if case.id in cases:
             faults.append(
@@ -172,6 +158,28 @@ def expand(
         cases[case.id] = case
     raise_faults(faults)
     return list(cases.values())
+
+
+def _add_seeded(
+    cases: dict[str, Case], suite: Suite, entry: _Checked, path: Path, texts: Sequence[str], limits: bool, scenes: bool
+) -> list[str]:
+    """Add the cases of an entry, one per seed and tracker; return what is wrong with them."""
+    try:
+        seeded = list(_seeded(suite, entry, path, texts, limits=limits))
+        found = list(_cases_of(suite, entry, seeded))
+    except InputError as error:  # of a scene drawn by one seed
+        return [f"{path}: scenarios.{entry.number}: {line}" for line in str(error).splitlines()]
+    faults = []
+    if scenes:
+        where = partial(place_of, entry.variant, entry.scenario_path)
+        faults += [f"{path}: {each}" for each in scene_faults(where, seeded)]
+    again = []
+    for case in found:
+        again += [case] * (case.id in cases)
+        cases[case.id] = case
+    if again:
+        faults.append(f"{path}: scenarios.{entry.number}: {_twice(again)}")
+    return faults
 
 
 def _twice(again: Sequence[Case]) -> str:

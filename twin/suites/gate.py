@@ -296,7 +296,7 @@ def _check_compared(comparison: Comparison, what: str) -> None:
 def compare_results(before: Path, now: Path, out: Path | None, *, markdown: bool = False) -> bool:
     """Print worse and better metrics of `now`, write a page if asked; return whether nothing is worse.
 
-    `markdown`: print a table in Markdown instead.
+    `markdown`: print a table in Markdown instead. Raises InputError for runs without a case in common.
     """
     if out is not None and out.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"--out {out}: is not the name of a page; a name ending in .html is expected")

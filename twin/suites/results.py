@@ -83,7 +83,7 @@ class Results:
 
 
 def collect_results(store: ResultStore) -> Results:
-    """Collect the results of a run so far."""
+    """Collect the results of a run so far. Raises InputError for a finished case without results."""
     facts, cases, metrics, recorded = store.facts(), store.cases(), store.metrics(), store.recorded()
     recipes: Mapping[str, str] = facts.get("recipes", {})
     groups: dict[GroupKey, list[_Figures]] = {}

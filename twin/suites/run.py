@@ -164,48 +164,12 @@ def _run_cases(
     progress: ProgressListener,
     function: Callable[[CaseWork], CaseResult],
 ) -> None:
-    by_id = {case.id: case for case in cases}
-    done = {each.id for each in store.cases() if each.status == DONE}
     facts = store.facts()
-    renderers = set(facts["renderers"])
-    # of cases that are done again, nothing of before is kept
-    held = {text: [each for each in ids if each in done] for text, ids in facts.get("warned_cases", {}).items()}
-    warned_cases: dict[str, list[str]] = {text: ids for text, ids in held.items() if ids}
-    kinds = {kind_of_warning(text): text for text in warned_cases}
-    _note_warnings(store, warned_cases)
-    warned: set[str] = set()
-    code = whole_code()
-
-    def ended(end: TaskResult) -> None:
-        case = by_id[end.task.id]
-        if end.status == FAILED:
-            store.failed(case.id, end.attempts, end.seconds, end.error)
-            progress.failed(case.id, end.error)
-            return
-        result: CaseResult = end.value
-        for warning in result.warnings:
-            if warning not in warned:  # once, for all trackers of a recording
-                progress.warned(warning)
-        warned.update(result.warnings)
-        for each in result.tracker_warnings:
-            first = kinds.setdefault(kind_of_warning(each), each)
-            if first not in warned_cases:  # once, whatever its number of cases, and whatever numbers it holds
-                progress.warned(f"{case.id}: {each}")
-            warned_cases.setdefault(first, []).append(case.id)
-        if result.tracker_warnings:
-            _note_warnings(store, warned_cases)
-        shutil.rmtree(folder / "cases" / case.id, ignore_errors=True)  # what an earlier state of the case has left
-        _write_files(folder / "cases" / case.id, result.files)
-        write_sums(folder / "cases" / case.id)
-        recorded = RecordingInfo(result.recording, result.people, result.scatter_m)
-        store.finished(case, end.attempts, end.seconds, flatten_metrics(result.metrics), result.incidents, recorded)
-        if result.renderer not in renderers:
-            renderers.add(result.renderer)
-            store.note(renderers=sorted(renderers))
-
+    done = {each.id for each in store.cases() if each.status == DONE}
+    ends = _CaseEnds(store, folder, cases, done, facts, progress)
     # The renderer's name is not known here; the key without it distinguishes as much.
     store.note(recipes={case.id: case.recipe for case in cases})
-    recorded = Counter(people for _, people in {(case.resolved, case.people) for case in cases})
+    code, recorded = whole_code(), Counter(people for _, people in {(case.resolved, case.people) for case in cases})
     tasks = [
         Task(
             case.id,
@@ -224,7 +188,65 @@ def _run_cases(
         progress.warned(sentence)
     logs = folder / "logs"
     logs.mkdir(exist_ok=True)
-    run_tasks(tasks, function, TaskListener(lambda task, number: store.started(task.id, number), ended, state), logs)
+    run_tasks(
+        tasks, function, TaskListener(lambda task, number: store.started(task.id, number), ends.take, state), logs
+    )
+
+
+class _CaseEnds:
+    """Ends of cases as they come: results into the store, files into the case's folder, each warning once."""
+
+    def __init__(
+        self,
+        store: ResultStore,
+        folder: Path,
+        cases: Sequence[Case],
+        done: Collection[str],
+        facts: Mapping[str, Any],
+        progress: ProgressListener,
+    ) -> None:
+        self._store, self._folder, self._progress = store, folder, progress
+        self._by_id = {case.id: case for case in cases}
+        self._renderers = set(facts["renderers"])
+        # of cases that are done again, nothing of before is kept
+        held = {text: [each for each in ids if each in done] for text, ids in facts.get("warned_cases", {}).items()}
+        self._warned_cases: dict[str, list[str]] = {text: ids for text, ids in held.items() if ids}
+        self._kinds = {kind_of_warning(text): text for text in self._warned_cases}
+        self._warned: set[str] = set()
+        _note_warnings(store, self._warned_cases)
+
+    def take(self, end: TaskResult) -> None:
+        """Store the result of a case, or that it failed."""
+        case, store = self._by_id[end.task.id], self._store
+        if end.status == FAILED:
+            store.failed(case.id, end.attempts, end.seconds, end.error)
+            self._progress.failed(case.id, end.error)
+            return
+        result: CaseResult = end.value
+        self._take_warnings(case, result)
+        shutil.rmtree(
+            self._folder / "cases" / case.id, ignore_errors=True
+        )  # what an earlier state of the case has left
+        _write_files(self._folder / "cases" / case.id, result.files)
+        write_sums(self._folder / "cases" / case.id)
+        recorded = RecordingInfo(result.recording, result.people, result.scatter_m)
+        store.finished(case, end.attempts, end.seconds, flatten_metrics(result.metrics), result.incidents, recorded)
+        if result.renderer not in self._renderers:
+            self._renderers.add(result.renderer)
+            store.note(renderers=sorted(self._renderers))
+
+    def _take_warnings(self, case: Case, result: CaseResult) -> None:
+        for warning in result.warnings:
+            if warning not in self._warned:  # once, for all trackers of a recording
+                self._progress.warned(warning)
+        self._warned.update(result.warnings)
+        for each in result.tracker_warnings:
+            first = self._kinds.setdefault(kind_of_warning(each), each)
+            if first not in self._warned_cases:  # once, whatever its number of cases, and whatever numbers it holds
+                self._progress.warned(f"{case.id}: {each}")
+            self._warned_cases.setdefault(first, []).append(case.id)
+        if result.tracker_warnings:
+            _note_warnings(self._store, self._warned_cases)
 
 
 def _note_warnings(store: ResultStore, warned_cases: Mapping[str, Sequence[str]]) -> None:

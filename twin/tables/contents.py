@@ -105,7 +105,7 @@ def mot_columns(path: Path, kind: str, found: Cells) -> list[str]:
 
 def sequence_info(truth: Path) -> tuple[float | None, int]:
     """Read frame rate [Hz] and number of frames in the seqinfo.ini of a MOT sequence, from its gt/gt.txt; None, 0 without
-    it.
+    it. Raises InputError for a file that lacks them.
     """
     path = truth.resolve().parent.parent / "seqinfo.ini"
     if truth.parent.name != "gt" or not path.is_file():

@@ -232,7 +232,10 @@ class Simulation:
         return replace(observation, stamp_ns=observation.stamp_ns + offset_ns) if offset_ns else observation
 
     def look(self, stamp_ns: int, sensors: Iterable[str] | None = None) -> dict[str, Observation]:
-        """Return observations at one stamp, by sensor (None: all), outside their schedule; without those of silent ones."""
+        """Return observations at one stamp, by sensor (None: all), outside their schedule; without those of silent ones.
+
+        Raises InputError for an unknown sensor, and for a time after the end.
+        """
         looks = {}
         self._check_time(stamp_ns / NS_PER_S)
         for name in self._sensors if sensors is None else [sensors] if isinstance(sensors, str) else sensors:

@@ -89,6 +89,7 @@ def _goal(actor: Actor) -> Array:
 
 
 def walk(actor: Actor, action: Walk | Run) -> Commands:
+    """Go through the waypoints at the action's speed [m/s]; over and over with `repeat`."""
     face = action.face if isinstance(action, Walk) else None
     while True:
         for place in action.waypoints:
@@ -194,6 +195,7 @@ _SWINGS_OUT = 0.6
 
 
 def follow(actor: Actor, action: Follow) -> Commands:
+    """Keep the distance [m] to a person, behind or abreast, until the time is over or they leave."""
     if action.beside is not None:
         yield from _walk_abreast(actor, action)
         return
@@ -231,6 +233,7 @@ def _one_step_on(actor: Actor, person: str, speed_m_s: float, until: float, dist
 
 
 def meet(actor: Actor, action: Meet) -> Commands:
+    """Walk up to a person, face them for a while, and give up if they leave."""
     if not actor.has_left(action.person):
         actor.sets_out(actor.target(action.person), action.speed_m_s, action.person)
     while actor.distance_to(action.person) > action.distance_m + 0.1:
