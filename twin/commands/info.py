@@ -301,10 +301,7 @@ def check_own_tracker(name: str) -> list[str]:
 
 
 def check_own_sensor(name: str) -> list[str]:
-    """List contract violations of the sensor that `module:make` makes, before five people in the lab.
-
-    Raises InputError if that is no callable, or fails.
-    """
+    """List contract violations of a sensor of `module:make` among five people. Raises InputError for no callable."""
     from trackers.check import raised
     from twin.scenario import load_scenario
     from twin.sensors.check import check_sensor
