@@ -290,19 +290,14 @@ class VelocityMotion:
     ) -> tuple[Float[Array, "s m n"], Float[Array, "s s m n"]]:
         """Return mean and covariance one step later; share: of the models' nominal period."""
         kept, noise = _effect(self.models, period_s, share)
-        after, half = mean.copy(), covariance.copy()  # half: F P
+        after, spread = mean.copy(), covariance.copy()
         after[2:4] *= kept
         after[:2] += period_s * after[2:4]
-        half[2:4] *= kept
-        half[:2] += period_s * half[2:4]
-        spread = half.copy()  # F P Fᵀ
+        spread[2:4] *= kept  # F P, then F P Fᵀ
+        spread[:2] += period_s * spread[2:4]
         spread[:, 2:4] *= kept
         spread[:, :2] += period_s * spread[:, 2:4]
-        for place, speed in ((0, 2), (1, 3)):
-            spread[place, place] += noise[0]
-            spread[place, speed] += noise[1]
-            spread[speed, place] += noise[1]
-            spread[speed, speed] += noise[2]
+        spread[:_SIZE, :_SIZE] += noise
         return after, spread
 
     def aligned(self, mean: Float[Array, "s m n"], probability: Float[Array, "m n"]) -> Float[Array, "s m n"]:
@@ -317,8 +312,13 @@ class VelocityMotion:
 @lru_cache(maxsize=16)
 def _effect(
     models: tuple[VelocityModel, ...], period_s: float, share: float
-) -> tuple[Float[Array, "m 1"], tuple[Float[Array, "m 1"], Float[Array, "m 1"], Float[Array, "m 1"]]]:
-    """Return the share of velocity that each mode keeps over a step, and its noise: of place, of place and speed, of speed."""
+) -> tuple[Float[Array, "m 1"], Float[Array, "4 4 m 1"]]:
+    """Return the share of velocity that each mode keeps over a step, and its noise of place and velocity."""
     kept = np.array([model.kept for model in models])[:, None] ** share
     variance = np.array([model.acceleration_variance for model in models])[:, None] / share
-    return kept, (variance * period_s**4 / 4, variance * period_s**3 / 2, variance * period_s**2)
+    noise = np.zeros((_SIZE, _SIZE, len(models), 1))
+    for place, speed in ((0, 2), (1, 3)):
+        noise[place, place] = variance * period_s**4 / 4
+        noise[place, speed] = noise[speed, place] = variance * period_s**3 / 2
+        noise[speed, speed] = variance * period_s**2
+    return kept, noise

@@ -36,7 +36,9 @@ class Rows:
     """Base of a frozen dataclass whose fields are arrays (n, ...), or batches of n (`Batched`)."""
 
     def __len__(self) -> int:
-        return len(next(iter(vars(self).values())))
+        for field in vars(self).values():
+            return len(field)
+        return 0
 
     def changed(self, **fields: Any) -> Self:
         """Replace fields (`dataclasses.replace` without its costly checks)."""

@@ -81,10 +81,14 @@ REFERENCE_STATURE_M = 1.75
 """Stature for which the tables of gait are written."""
 
 
+_STRAIGHTEST = 0.9945
+"""Longest distance from hip to ankle as a share of the leg: the knee keeps 12 degrees."""
+
+
 class Skeleton:
     """Segment lengths of n people, (n,) each [m]; `scale`: leg length relative to the reference person's.
 
-    `carries` (2, n): left and right arm, 1 where the hand carries a bag, else 0.
+    `longest`: greatest distance from hip to ankle. `carries` (2, n): left and right arm, 1 where the hand carries a bag, else 0.
     """
 
     def __init__(self, proportions: Sequence[Proportions], carries: Sequence[tuple[bool, bool]] = ()) -> None:
@@ -99,7 +103,10 @@ class Skeleton:
         self.shoe = column("shoe_length")
         self.hip_offset = 0.5 * column("hip_joint_width") * np.array([[1.0], [-1.0]])  # (2, n) left of the pelvis
         self.leg = self.thigh + self.shank
+        self.longest = _STRAIGHTEST * self.leg
         self.toes = self.shoe - self.heel - self.ball
+        self.ball_from_ankle = np.hypot(self.ball, self.ankle_height)
+        self.ball_below_ankle_rad = np.arctan2(self.ankle_height, -self.ball)  # of a flat foot, seen from the ball
         reference = proportions_of(REFERENCE_STATURE_M)
         self.scale = self.leg / (reference.thigh + reference.shank)
         self.carries = np.zeros((2, len(self.leg)))

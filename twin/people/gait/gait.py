@@ -20,7 +20,7 @@ from trackers.arrays import Array, Mask
 from twin.people.body.proportions import Skeleton
 from twin.people.gait import gait_state
 from twin.people.gait.footsteps import BodyMotion, Footsteps, MovingBodies
-from twin.people.gait.gait_state import FLOOR_ROWS, ROWS, STRAIGHTEST, GaitState, feet_pitch
+from twin.people.gait.gait_state import FLOOR_ROWS, ROWS, GaitState, feet_pitch
 from twin.people.gait.gait_table import HEIGHT, LOAD, RATE, RUN_PACE, SHARE_BEHIND, GaitStyle, GaitTable
 
 GRAVITY_M_S2 = 9.81
@@ -79,7 +79,7 @@ class Gait:
         """Start all people at the crowd's positions, standing, or in stride if they move."""
         count = len(crowd.place)
         self._skeleton = skeleton
-        self._leg = STRAIGHTEST * skeleton.leg
+        self._leg = skeleton.longest
         self._rolls = _ROLLS_M * skeleton.scale
         self._table = GaitTable(skeleton)
         self._feet = Footsteps(skeleton, count)

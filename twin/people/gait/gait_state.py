@@ -35,8 +35,6 @@ ARMS_IN = slice(20, 22)
 """Left arm and right arm: fraction held in, from 0 (as in walking alone) to 1 (straight down)."""
 ROWS = 22
 
-STRAIGHTEST = 0.9945
-"""Longest distance from hip to ankle as a share of the leg: the knee keeps 12 degrees."""
 _STANDS_AT = 0.9945
 """Height of the hips over the ankles when standing, as a share of the leg."""
 _HIGHEST_HEEL_RAD = 1.4
@@ -56,13 +54,14 @@ _HANDS_INWARD = 0.35
 _TOES_FREE_M = 0.2
 """Height of the ball at which the toes of a lifted foot are straight."""
 
-_LEGS = np.array([[JOINT_PLACE[f"{side}_{joint}"] for joint in LEG] for side in SIDES])  # (2, 7)
+_LEGS = np.array([[JOINT_PLACE[f"{side}_{joint}"] for joint in LEG] for side in SIDES]).T  # (7, 2)
 _SPINE_YAW, _SPINE_PITCH, _SPINE_ROLL = (JOINT_PLACE[name] for name in ("spine_yaw", "spine_pitch", "spine_roll"))
 _NECK_YAW, _NECK_PITCH = (JOINT_PLACE[name] for name in ("neck_yaw", "neck_pitch"))
-_ARMS = tuple(
-    tuple(JOINT_PLACE[f"{side}_{joint}"] for joint in ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow"))
-    for side in SIDES
+_SHOULDER_PITCH, _SHOULDER_ROLL, _SHOULDER_YAW, _ELBOW = (
+    np.array([JOINT_PLACE[f"{side}_{joint}"] for side in SIDES])  # (2,)
+    for joint in ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow")
 )
+_SIDE = np.array([[1.0], [-1.0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +86,18 @@ class GaitState:
         return self.floor[VELOCITY] + turning * np.exp(1j * self.rows[HEADING])
 
 
+class _Hips(NamedTuple):
+    """Pelvis and hip joints as the loads have them: ground point of the pelvis (n,) [m], distance of the left foot before the
+    right one (n,) [m], yaw of the pelvis (n,) [rad]; places (2, n) and height (n,) of the joints [m].
+    """
+
+    pelvis: Planar
+    stride: Array
+    yaw: Array
+    place: Planar
+    height: Array
+
+
 def heel_and_pelvis(state: GaitState, skeleton: Skeleton) -> tuple[Array, Array, Array, Planar, Planar, Array]:
     """Return pitch of the feet (2, n) [rad], yaw (n,) [rad] and height (n,) [m] of the pelvis, and the ends of the legs:
     places of hips and ankles (2, n) [m], and the ankles' height (2, n) [m].
@@ -94,39 +105,47 @@ def heel_and_pelvis(state: GaitState, skeleton: Skeleton) -> tuple[Array, Array,
     Heels come up as far as the legs need to reach the hips; where that does not suffice the pelvis comes down. It does not
     in a regular gait, where its height is that of the loads' motion.
     """
-    yaw, hips, height = _hips(state, skeleton)
-    pitch = _feet_pitch(state, hips, height, skeleton)
+    return _heel_and_pelvis(state, _hips(state, skeleton), skeleton)
+
+
+def _heel_and_pelvis(
+    state: GaitState, hips: _Hips, skeleton: Skeleton
+) -> tuple[Array, Array, Array, Planar, Planar, Array]:
+    pitch = _feet_pitch(state, hips, skeleton)
     ankle, ankle_height = _ankles(state, pitch, skeleton)
-    reach = (STRAIGHTEST * skeleton.leg) ** 2 - np.abs(hips - ankle) ** 2
+    reach = skeleton.longest**2 - np.abs(hips.place - ankle) ** 2
     # a foot in the air, or about to be, does not hold the pelvis down
     free = _LETS_GO * np.sqrt(np.maximum(state.rows[FEET_HEIGHT], 0.0)) + _UNLOADED_M * np.maximum(
         1.0 - 2.0 * state.rows[FEET_LOAD], 0.0
     )
     allowed = ankle_height + np.sqrt(np.maximum(reach, 0.0)) + free
-    return pitch, yaw, np.minimum(height, np.minimum(allowed[0], allowed[1])), hips, ankle, ankle_height
+    height = np.minimum(hips.height, np.minimum(allowed[0], allowed[1]))
+    return pitch, hips.yaw, height, hips.place, ankle, ankle_height
 
 
 def feet_pitch(state: GaitState, skeleton: Skeleton) -> Array:
     """Return the pitch of the feet (2, n) [rad] as `heel_and_pelvis` does."""
-    _, hips, height = _hips(state, skeleton)
-    return _feet_pitch(state, hips, height, skeleton)
+    return _feet_pitch(state, _hips(state, skeleton), skeleton)
 
 
-def _feet_pitch(state: GaitState, hips: Planar, height: Array, skeleton: Skeleton) -> Array:
-    pitch, needed = state.rows[FEET_PITCH], _heel_needed(state, hips, height, skeleton)
+def _feet_pitch(state: GaitState, hips: _Hips, skeleton: Skeleton) -> Array:
+    pitch, needed = state.rows[FEET_PITCH], _heel_needed(state, hips, skeleton)
     return np.where(pitch < 0, pitch + needed, np.maximum(pitch, needed))
 
 
-def _hips(state: GaitState, skeleton: Skeleton) -> tuple[Array, Planar, Array]:
-    """Return yaw of the pelvis (n,) [rad], places of the hips (2, n) [m] and their height (n,) [m] as the loads have it."""
-    yaw = pelvis_yaw(state, skeleton)
-    hips = state.pelvis + 1j * skeleton.hip_offset * np.exp(1j * yaw)
-    return yaw, hips, _STANDS_AT * skeleton.leg + skeleton.ankle_height + state.rows[BOB]
+def _hips(state: GaitState, skeleton: Skeleton) -> _Hips:
+    rows, (left, right) = state.rows, state.floor[FEET]
+    facing = np.exp(1j * rows[HEADING])
+    pelvis = state.floor[PLACE] + 1j * rows[SWAY] * facing
+    stride = ((left - right) * facing.conj()).real
+    yaw = rows[HEADING] - _TWIST_PER_STRIDE * stride / skeleton.scale
+    hips = pelvis + 1j * skeleton.hip_offset * np.exp(1j * yaw)
+    return _Hips(pelvis, stride, yaw, hips, _STANDS_AT * skeleton.leg + skeleton.ankle_height + rows[BOB])
 
 
 def pelvis_yaw(state: GaitState, skeleton: Skeleton) -> Array:
     """Return the yaw of the pelvis, (n,) [rad]."""
-    return state.rows[HEADING] - _TWIST_PER_STRIDE * _stride(state) / skeleton.scale
+    return _hips(state, skeleton).yaw
 
 
 class FootLoads(NamedTuple):
@@ -154,46 +173,37 @@ def foot_loads(state: GaitState, skeleton: Skeleton) -> FootLoads:
 
 def joint_coordinates(state: GaitState, skeleton: Skeleton) -> Array:
     """Return `qpos` (n, NQ_PERSON), laid out as `twin.people.body.person_spec.JOINTS`."""
-    pitch, yaw, height, hips, ankle, ankle_height = heel_and_pelvis(state, skeleton)
-    pelvis, rows = state.pelvis, state.rows
+    at = _hips(state, skeleton)
+    pitch, yaw, height, hips, ankle, ankle_height = _heel_and_pelvis(state, at, skeleton)
+    rows = state.rows
     feet_yaw = rows[FEET_YAW]
     # a leg too short for its swinging foot draws the foot nearer
     over, up = hips - ankle, height - ankle_height
-    nearer = np.minimum(STRAIGHTEST * skeleton.leg / np.sqrt(over.real**2 + over.imag**2 + up * up), 1.0)
+    nearer = np.minimum(skeleton.longest / np.sqrt(over.real**2 + over.imag**2 + up * up), 1.0)
     legs = leg_angles(over * nearer, up * nearer, yaw, feet_yaw, pitch, skeleton.thigh, skeleton.shank)
-    stride = _stride(state)
-    twist, arms = -_TWIST_PER_STRIDE * stride / skeleton.scale, rows[ARM_SWING] * stride
+    twist, arms = -_TWIST_PER_STRIDE * at.stride / skeleton.scale, rows[ARM_SWING] * at.stride
     inward = _HANDS_INWARD * np.maximum(rows[ELBOW] - 0.6, 0.0)
     out = np.zeros((NQ_PERSON, len(yaw)))
-    out[0], out[1], out[2] = pelvis.real, pelvis.imag, height
+    out[0], out[1], out[2] = at.pelvis.real, at.pelvis.imag, height
     out[3], out[6] = np.cos(0.5 * yaw), np.sin(0.5 * yaw)
     # the shoulders turn against the pelvis, the head stays with the gaze
     out[_SPINE_YAW], out[_SPINE_PITCH], out[_SPINE_ROLL] = -2.0 * twist, rows[TRUNK_PITCH], rows[TRUNK_ROLL]
     out[_NECK_YAW], out[_NECK_PITCH] = rows[GAZE] + twist, 0.04 - 0.8 * rows[TRUNK_PITCH]
     free = 1.0 - _WEIGHED_DOWN * skeleton.carries
-    held_in = np.maximum(rows[ARMS_IN], skeleton.carries)
-    for (pitch_place, roll_place, yaw_place, elbow_place), side, sign in zip(_ARMS, (0, 1), (1.0, -1.0), strict=True):
-        swing = 0.04 + sign * arms * free[side]
-        out[pitch_place] = swing - 0.7 * rows[TRUNK_PITCH]
-        out[roll_place] = sign * (_ARMS_OUT_RAD * (1.0 - held_in[side]))
-        out[yaw_place] = -sign * inward
-        out[elbow_place] = 0.5 * np.minimum(swing, 0.0) - rows[ELBOW] * free[side]
-    for place in range(6):
-        out[_LEGS[:, place]] = legs[place]
+    swing = 0.04 + _SIDE * arms * free
+    out[_SHOULDER_PITCH] = swing - 0.7 * rows[TRUNK_PITCH]
+    out[_SHOULDER_ROLL] = _SIDE * (_ARMS_OUT_RAD * (1.0 - np.maximum(rows[ARMS_IN], skeleton.carries)))
+    out[_SHOULDER_YAW] = -_SIDE * inward
+    out[_ELBOW] = 0.5 * np.minimum(swing, 0.0) - rows[ELBOW] * free
+    out[_LEGS[:6]] = legs
     # the toes stay level while the heel is up, and straighten in the air
-    out[_LEGS[:, 6]] = np.maximum(pitch, 0.0) * (_free(state, skeleton) - 1.0)
+    out[_LEGS[6]] = np.maximum(pitch, 0.0) * (_free(state, skeleton) - 1.0)
     return out.T
 
 
 def _free(state: GaitState, skeleton: Skeleton) -> Array:
     """Return how straight the toes of each foot are, 0 on the floor to 1 in the air, (2, n)."""
     return np.minimum(state.rows[FEET_HEIGHT] / (_TOES_FREE_M * skeleton.scale), 1.0)
-
-
-def _stride(state: GaitState) -> Array:
-    """Return the distance of the left foot before the right one along the heading, (n,) [m]."""
-    left, right = state.floor[FEET]
-    return ((left - right) * np.exp(-1j * state.rows[HEADING])).real
 
 
 def _ankles(state: GaitState, pitch: Array, skeleton: Skeleton) -> tuple[Planar, Array]:
@@ -209,18 +219,17 @@ def _ankles(state: GaitState, pitch: Array, skeleton: Skeleton) -> tuple[Planar,
     return place, state.rows[FEET_HEIGHT] + pivot * sine + skeleton.ankle_height * cosine
 
 
-def _heel_needed(state: GaitState, hips: Planar, height: Array, skeleton: Skeleton) -> Array:
+def _heel_needed(state: GaitState, hips: _Hips, skeleton: Skeleton) -> Array:
     """Return the pitch (2, n) [rad] by which a foot must turn about its ball for the leg to reach it, 0 where it need not.
 
     In the plane of the foot, the ankle lies on a circle about the ball within the leg's length of the hip; law of cosines.
     """
-    gap = (hips - state.floor[FEET]) * np.exp(-1j * state.rows[FEET_YAW])
+    gap = (hips.place - state.floor[FEET]) * np.exp(-1j * state.rows[FEET_YAW])
     ahead, lateral = gap.real - skeleton.ball, gap.imag
-    up = height - state.rows[FEET_HEIGHT]
-    radius = np.hypot(skeleton.ball, skeleton.ankle_height)
-    rest = np.arctan2(skeleton.ankle_height, -skeleton.ball)
+    up = hips.height - state.rows[FEET_HEIGHT]
+    radius, rest = skeleton.ball_from_ankle, skeleton.ball_below_ankle_rad
     far = ahead**2 + up**2
-    leg = (STRAIGHTEST * skeleton.leg) ** 2 - lateral**2
+    leg = skeleton.longest**2 - lateral**2
     cosine = (far + radius**2 - leg) / (2 * np.sqrt(far) * radius)
     spread = np.arccos(np.minimum(np.maximum(cosine, -1.0), 1.0))
     needed = np.minimum(np.maximum(rest - np.arctan2(up, ahead) - spread, 0.0), _HIGHEST_HEEL_RAD)
