@@ -137,3 +137,21 @@ def test_what_editors_see_of_the_twin_is_what_it_loads() -> None:
 def test_test_modules_have_names_of_their_own() -> None:
     names = [path.name for path in (ROOT / "tests").rglob("test_*.py")]
     assert not {name for name in names if names.count(name) > 1}
+
+
+def test_folders_of_tests_are_those_of_the_code() -> None:
+    """But `twin/api`, what holds for all of the Python interface."""
+    folders = {path.parent.relative_to(ROOT / "tests") for path in (ROOT / "tests").rglob("test_*.py")} - {Path()}
+    assert {each.as_posix() for each in folders if not (ROOT / each).is_dir()} == {"twin/api"}
+
+
+def test_a_function_fits_a_screen() -> None:
+    """At most 60 lines without its parameters and its docstring: of a command, parameters are its help."""
+    long = {}
+    for path in PYTHON_FILES:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef):
+                first = node.body[len(node.body) > 1 and ast.get_docstring(node) is not None]
+                if (lines := (node.end_lineno or 0) - first.lineno + 1) > 60:
+                    long[f"{path.relative_to(ROOT)}:{node.name}"] = lines
+    assert long == {}

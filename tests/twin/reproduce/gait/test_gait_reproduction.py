@@ -38,7 +38,7 @@ from twin.reproduce.gait.stride import (
 
 pytestmark = pytest.mark.slow
 
-DATA = Path(__file__).parents[4] / "shared" / "data" / "gait"
+DATA = Path(__file__).parents[5] / "shared" / "data" / "gait"
 recorded = pytest.mark.skipif(not (DATA / SUBJECT_FILE).exists(), reason="the recording of subject01 is not there")
 SEEDS = range(3, 6)
 
