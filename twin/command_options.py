@@ -108,12 +108,41 @@ def shipped(*folders: str) -> Callable[[str], list[str]]:
     return completed_from(lambda: [name for folder in folders for name in models.names(folder)])
 
 
-def _presets() -> Iterable[str]:
+def presets() -> Iterable[str]:
+    """Return the names of trackers, for a shell."""
     from trackers.presets import available
 
     return available()
 
 
+def _with_rules() -> Iterable[str]:
+    from trackers.presets import PRESETS
+
+    return (name for name, preset in PRESETS.items() if preset.rules)
+
+
+PARTS = "scenarios", "rooms", "trackers", "sensors", "suites", "studies", "faults"
+CheckedTracker = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help="Check a tracker instead: a preset or module:Class.",
+        autocompletion=completed_from(presets),
+    ),
+]
+ListedPart = Annotated[
+    str | None,
+    typer.Argument(help=f"One of {', '.join(PARTS)}; default: all.", autocompletion=completed_from(lambda: PARTS)),
+]
+RulesOf = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help="Print the rules of a paper's own system (e.g. laser-fisheye-imm-paper) as a table: stated by the paper, filled "
+        "where it is silent, chosen where it is empirical.",
+        autocompletion=completed_from(_with_rules),
+    ),
+]
 ScenarioName = Annotated[
     str,
     typer.Argument(
@@ -138,7 +167,7 @@ Trackers = Annotated[
         "--tracker",
         metavar="NAME",
         help="A preset, one the scenario defines, or module:Class. Repeatable.",
-        autocompletion=completed_from(_presets),
+        autocompletion=completed_from(presets),
     ),
 ]
 AllowPlugins = Annotated[

@@ -602,6 +602,10 @@ def test_a_sensor_outside_the_building_is_refused_by_all_that_look_from_it(
         ("twin track walk.bag --tracker laser-l", "laser-legs"),
         ("twin suite run smo", "smoke"),
         ("twin reproduce rgbd", "rgbd-head"),
+        ("twin list sc", "scenarios"),
+        ("twin list trackers --rules laser-imm", "laser-imm-paper"),
+        ("twin schema sui", "suite"),
+        ("twin check lab-sc", "lab-scanner-place"),
         ("twin run ./mine", ""),  # a path: the shell's own completion goes on
     ],
 )

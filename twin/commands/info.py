@@ -12,10 +12,10 @@ import typer
 
 from trackers.errors import PLUG_IN_ERRORS, InputError, PlugInError, check_no_path, valid_names
 from twin import version_of
+from twin.command_options import PARTS, CheckedTracker, ListedPart, RulesOf, completed_from, shipped
 from twin.commands.memory import EXIT_FELL_SHORT
 from twin.messages import printable
 
-_PARTS = "scenarios", "rooms", "trackers", "sensors", "suites", "studies", "faults"
 _SCHEMAS = {
     "scenario": "twin.scenario.load:DrawableScenarioFile",
     "suite": "twin.suites.spec:Suite",
@@ -32,23 +32,16 @@ _SENSOR = "a callable without arguments that returns a sensor with observe()"
 
 
 def list_(
-    part: Annotated[str | None, typer.Argument(help=f"One of {', '.join(_PARTS)}; default: all.")] = None,
-    rules: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Print the rules of a paper's own system (e.g. laser-fisheye-imm-paper) as a table: stated by the paper, filled "
-            "where it is silent, chosen where it is empirical.",
-        ),
-    ] = None,
+    part: ListedPart = None,
+    rules: RulesOf = None,
     cite: Annotated[bool, typer.Option("--cite", help="Print BibTeX of the papers behind the trackers.")] = False,
 ) -> None:
     """List scenarios, rooms, trackers, sensors, suites, studies and faults."""
     from trackers.paper_rules import bibtex, rules_markdown
     from trackers.presets import available, rules_of
 
-    if part is not None and part not in _PARTS:
-        raise InputError(f"list: there is none of {part!r}; {valid_names(part, _PARTS)}")
+    if part is not None and part not in PARTS:
+        raise InputError(f"list: there is none of {part!r}; {valid_names(part, PARTS)}")
     for option, is_given in (("--rules", rules is not None), ("--cite", cite)):
         if is_given and part not in (None, "trackers"):
             raise InputError(f"{option}: is of trackers, not of {part}")
@@ -60,7 +53,7 @@ def list_(
     if cite:
         typer.echo(bibtex(each.citation for each in available().values()))
         return
-    for title in _PARTS if part is None else [part]:
+    for title in PARTS if part is None else [part]:
         print_part(title, _described(title, with_sensors=part is not None))
 
 
@@ -101,7 +94,10 @@ def print_part(title: str, entries: Mapping[str, str]) -> None:
 
 
 def schema(
-    kind: Annotated[str, typer.Argument(help="'scenario', 'suite', 'study' or 'rig'.")] = "scenario",
+    kind: Annotated[
+        str,
+        typer.Argument(help="'scenario', 'suite', 'study' or 'rig'.", autocompletion=completed_from(lambda: _SCHEMAS)),
+    ] = "scenario",
 ) -> None:
     """Print the JSON schema of a scenario, a suite, a study or a rig, for editors."""
     import json
@@ -118,11 +114,10 @@ def check(
             metavar="[FILE|NAME]",
             help="A scenario, room, suite, study or rig, as a file or by its shipped name; a tracker or a sensor as "
             "module:name. Default: this machine.",
+            autocompletion=shipped("scenarios", "rooms", "suites", "studies"),
         ),
     ] = None,
-    tracker: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Check a tracker instead: a preset or module:Class.")
-    ] = None,
+    tracker: CheckedTracker = None,
     sensor: Annotated[
         str | None,
         typer.Option(
