@@ -31,12 +31,14 @@ from numpy.typing import NDArray
 from trackers.arrays import Array, Mask, Planar
 from twin.people.crowd.motion_command import (
     KEEP_APART_M,
+    ROUNDING_M_S,
     Bases,
     MotionCommand,
     arms_in,
     least_apart,
     repulsion,
     room_made,
+    slowed_down,
     stretched,
 )
 from twin.room.obstacles import KEEP_FROM_FURNITURE_M, Footprints, Obstacle, edges_of
@@ -73,9 +75,7 @@ TURN_ACCELERATION = 25.0
 FOLLOWS_FROM_M_S = 0.15
 """Speed below which the heading does not follow the motion [m/s]."""
 
-_PROJECTIONS = 3
 _PASSES = 1e6
-_ROUNDING_M_S = 1e-9
 _ALL = slice(None)
 
 
@@ -130,7 +130,7 @@ class Crowd:
         self._companion_m = np.full(count, KEEP_APART_M)  # least distance abreast of them [m]
         self._keeps_step = np.zeros(count, dtype=bool)
         self._stretch = np.zeros(count, dtype=complex)
-        self._numbers = np.arange(count)
+        self._commanded()
         self._gap_m = np.full((count, len(obstacles)), np.inf)  # from things beside, and the ways there
         self._to_things = np.zeros((count, len(obstacles)), dtype=complex)
         self.bases: Bases | None = None
@@ -159,6 +159,16 @@ class Crowd:
         near = self._furniture.belong_to(command.near)
         self._clearance[person, : len(near)] = np.where(near, NEAR_M, KEEP_FROM_FURNITURE_M)
         self._repels[person, : len(near)] = ~near
+        self._commanded()
+
+    def _commanded(self) -> None:
+        """Note which wishes anybody has: a step works out nothing for others."""
+        self._anybody_accompanies = bool(self._companions.any())
+        self._anybody_abreast = bool((self._companion_m < KEEP_APART_M).any())
+        self._anybody_keeps_step = bool(self._keeps_step.any())
+        self._anybody_stretches = bool(self._stretch.any())
+        self._anybody_holds = bool(self._holds.any())
+        self._anybody_halts = bool(self._halts.any())
 
     def enter(self, person: int, place: complex, heading: float, velocity: complex = 0j) -> None:
         """Bring one person into the room at a position [m], heading [rad] and velocity [m/s]."""
@@ -175,6 +185,7 @@ class Crowd:
     def face(self, people: NDArray[np.intp], heading: Array) -> None:
         """Have some people (k,) face headings (k,) [rad] until their next command."""
         self._holds[people], self._hold[people] = True, heading
+        self._anybody_holds = bool(self._holds.any())
 
     def arrived(self) -> Mask:
         """Return a mask (n,) of the people who have reached their goal."""
@@ -182,6 +193,8 @@ class Crowd:
 
     def halting(self, within_m: float) -> Mask:
         """Return a mask (n,) of the people about to halt at a goal less than `within_m` [m] away."""
+        if not self._anybody_halts:
+            return np.zeros(len(self._halts), dtype=bool)
         return (self._distance < within_m) & self._halts & self.present
 
     def taken(self) -> Mask:
@@ -212,7 +225,7 @@ class Crowd:
         push = (self._wanted_speed(rows, way, length, before, facing) * way - before) / RELAXATION_S
         between = place - place[:, None]  # (n, n) from each to each
         self_far = self._self_far[: len(place), : len(place)]
-        distance = np.maximum(np.abs(between), _ROUNDING_M_S) + self_far  # recorded paths may meet in one point
+        distance = np.maximum(np.abs(between), ROUNDING_M_S) + self_far  # recorded paths may meet in one point
         towards = between / distance
         push += repulsion(between, distance, towards, before, facing, going, self._unfelt(rows, self_far))
         outwards, room = self._barriers.gaps(place)
@@ -228,7 +241,7 @@ class Crowd:
             push += to_bases.push
         push *= ACCELERATION_M_S2 / np.maximum(np.abs(push), ACCELERATION_M_S2)
         velocity = (before + push * dt) * self._may_move[rows]
-        if np.count_nonzero(self._stretch[rows]):
+        if self._anybody_stretches:
             to_arms, off_arms = stretched(place, self._stretch[rows])
             outwards, room = np.concatenate([outwards, to_arms], axis=1), np.concatenate([room, off_arms], axis=1)
         normals = np.concatenate([towards, outwards], axis=1)  # (n, n + edges + obstacles)
@@ -239,14 +252,14 @@ class Crowd:
         limit = np.sqrt((2 * self._braking[rows, None]) * np.maximum(free, 0.0))
         if anybody_driven:
             limit[:, : len(place)] -= np.maximum(-(towards.conj() * before).real, 0.0) * driven
-        if np.count_nonzero(self._keeps_step):
+        if self._anybody_keeps_step:
             limit[:, : len(place)] += room_made(
                 self._companions[rows][:, rows], self._keeps_step[rows], towards, before
             )
         if to_bases is not None:
             normals = np.concatenate([normals, to_bases.towards], axis=1, dtype=complex)
             limit = np.concatenate([limit, to_bases.limit], axis=1)
-        velocity = self._safe(velocity, normals, limit)
+        velocity = slowed_down(velocity, normals, limit)
         after = place + velocity * dt
         if anybody_driven:
             velocity = np.where(driven, self._path_velocity[rows], velocity)
@@ -259,14 +272,14 @@ class Crowd:
 
     def _unfelt(self, rows: Any, self_far: Array) -> Array:
         """Return a great length (n, n) [m] where a person present does not feel the other: itself and companions."""
-        if not np.count_nonzero(self._companions):
+        if not self._anybody_accompanies:
             return self_far
         together = self._companions[rows][:, rows]
         return np.where(together | together.T, 1e3, self_far)
 
     def _least_apart(self, rows: Any, towards: Planar, facing: Planar) -> Array | float:
         """Return the least distance between people present, (n, n) [m] or one for all."""
-        if not np.count_nonzero(self._companion_m < KEEP_APART_M):
+        if not self._anybody_abreast:
             return KEEP_APART_M
         return least_apart(
             self._companions[rows][:, rows], self._companion_m[rows], self._keeps_step[rows], towards, facing
@@ -278,8 +291,7 @@ class Crowd:
         apart = np.abs(between) + self._self_far
         if np.count_nonzero(self.present) < len(apart):
             apart = np.where(self.present & self.present[:, None], apart, np.inf)
-        turned_back = self.facing.conj()[:, None]
-        return arms_in(apart, between * turned_back, self._gap_m, self._to_things * turned_back)
+        return arms_in(apart, between, self._gap_m, self._to_things, self.facing)
 
     @staticmethod
     def _spread(whole: NDArray[Any], rows: Any, part: NDArray[Any]) -> NDArray[Any]:
@@ -295,42 +307,19 @@ class Crowd:
         speed = self._speed[rows]
         along = np.minimum(np.maximum(FACING * (way * facing.conj()).real, 0.0), 1.0)
         slowed = speed * along
-        holds = self._holds[rows]
-        if np.count_nonzero(holds):
+        if self._anybody_holds:
+            holds = self._holds[rows]
             lateral = np.minimum(speed, LATERAL_M_S)
             slowed = np.where(holds, lateral + (speed - lateral) * along, slowed)
         # speeds follow RELAXATION_S late: a fast person slows down that much earlier
         left = np.maximum(length - RELAXATION_S * np.abs(velocity), 0.0)
         return np.minimum(slowed, np.minimum(length * self._slow_down[rows], np.sqrt(left * self._slow_late[rows])))
 
-    def _safe(self, velocity: Planar, normals: Planar, limit: Array) -> Planar:
-        """Limit velocities so that no obstacle is approached faster than its limit.
-
-        normals (n, k): directions to the obstacles; limit (n, k) [m/s], negative to back away. Rounds of projection keep the
-        motion along an obstacle; a velocity still too fast is scaled down.
-        """
-        inverse = normals.conj()
-        approach = (inverse * velocity[:, None]).real
-        numbers = self._numbers[: len(velocity)]
-        for _ in range(_PROJECTIONS):
-            excess = approach - limit
-            if not np.count_nonzero(excess > _ROUNDING_M_S):
-                return velocity
-            worst = excess.argmax(axis=1)
-            too_fast = np.maximum(excess[numbers, worst], 0.0)
-            velocity = velocity - too_fast * normals[numbers, worst]
-            approach = (inverse * velocity[:, None]).real
-        limit = np.maximum(limit, 0.0)
-        if not np.count_nonzero(approach > limit + _ROUNDING_M_S):
-            return velocity
-        share = np.where(approach > limit + _ROUNDING_M_S, limit / np.maximum(approach, 1e-12), 1.0).min(axis=1)
-        return velocity * share
-
     def _turn(self, rows: Any, aim: Planar, dt: float) -> None:
         """Turn towards the motion and the desired way, weighted in `aim` [m/s], or to the held heading."""
         moves = np.abs(aim) > FOLLOWS_FROM_M_S
-        holds = self._holds[rows]
-        if np.count_nonzero(holds):
+        if self._anybody_holds:
+            holds = self._holds[rows]
             aim = np.where(holds, np.exp(1j * self._hold[rows]), aim)
             moves = moves | holds
         error = aim * self.facing[rows].conj()

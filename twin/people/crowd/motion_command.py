@@ -155,23 +155,50 @@ def room_made(companions: Mask, keeps_step: Mask, towards: Planar, velocity: Pla
     return np.maximum((towards.conj() * velocity).real, 0.0) * (companions & keeps_step[:, None])
 
 
-def arms_in(apart: Array, seen: Planar, gap_m: Array, things: Planar) -> Array | float:
+_PROJECTIONS = 3
+ROUNDING_M_S = 1e-9
+
+
+def slowed_down(velocity: Planar, normals: Planar, limit: Array) -> Planar:
+    """Limit velocities so that no obstacle is approached faster than its limit.
+
+    normals (n, k): directions to the obstacles; limit (n, k) [m/s], negative to back away. Rounds of projection keep the
+    motion along an obstacle; a velocity still too fast is scaled down.
+    """
+    inverse = normals.conj()
+    approach = (inverse * velocity[:, None]).real
+    for _ in range(_PROJECTIONS):
+        excess = approach - limit
+        if not np.count_nonzero(excess > ROUNDING_M_S):
+            return velocity
+        worst, numbers = excess.argmax(axis=1), np.arange(len(velocity))
+        too_fast = np.maximum(excess[numbers, worst], 0.0)
+        velocity = velocity - too_fast * normals[numbers, worst]
+        approach = (inverse * velocity[:, None]).real
+    limit = np.maximum(limit, 0.0)
+    if not np.count_nonzero(approach > limit + ROUNDING_M_S):
+        return velocity
+    share = np.where(approach > limit + ROUNDING_M_S, limit / np.maximum(approach, 1e-12), 1.0).min(axis=1)
+    return velocity * share
+
+
+def arms_in(apart: Array, between: Planar, gap_m: Array, to_things: Planar, facing: Planar) -> Array | float:
     """Return the fraction by which each person holds in the left and the right arm, (2, n): 0 as when alone, 1 straight
     down; one 0 where all are far apart.
 
-    apart (n, n), gap_m (n, m): distances of people's middles from each other, and from furniture and walls [m]; seen (n, n),
-    things (n, m): the ways there, ahead + left i.
+    apart (n, n), gap_m (n, m): distances of people's middles from each other, and from furniture and walls [m]; between (n, n),
+    to_things (n, m): the ways there in the room; facing (n,): unit.
     """
     near, beside = apart.min(initial=np.inf) < ARMS_IN_FROM_M, gap_m.min(initial=np.inf) < ARMS_IN_BY_WALLS_FROM_M
     if not (near or beside):
         return 0.0
-    held = np.zeros((2, len(apart)))
+    held, turned_back = np.zeros((2, len(apart))), facing.conj()[:, None]
     for counts, distance, way, from_m, at_m in (
-        (near, apart, seen, ARMS_IN_FROM_M, ARMS_IN_AT_M),
-        (beside, gap_m, things, ARMS_IN_BY_WALLS_FROM_M, ARMS_IN_BY_WALLS_AT_M),
+        (near, apart, between, ARMS_IN_FROM_M, ARMS_IN_AT_M),
+        (beside, gap_m, to_things, ARMS_IN_BY_WALLS_FROM_M, ARMS_IN_BY_WALLS_AT_M),
     ):
         if counts:
             share = np.minimum(np.maximum((from_m - distance) / (from_m - at_m), 0.0), 1.0)
-            on_left = way.imag > 0
+            on_left = (way * turned_back).imag > 0
             held = np.maximum(held, np.array([share * on_left, share * ~on_left]).max(axis=2, initial=0.0))
     return held

@@ -51,7 +51,6 @@ _SIDE = np.array([[1.0], [-1.0]])
 _OUT = TOES_OUT_RAD * _SIDE
 _FEET = np.array([[0], [1]])
 _PLACE, _YAW = 0, 1
-_NEVER = 9.0
 _BUMP = 1.0 / ((3 / 7) ** 1.5 * (4 / 7) ** 2)
 
 
@@ -70,7 +69,7 @@ class BodyMotion(NamedTuple):
     """Motion of n bodies in their own frames, (n,) each.
 
     velocity: complex, ahead + left i [m/s]; speed [m/s]; ahead, lateral: cosine to the heading and size of the sine, both
-    smaller near standstill; forward: max(ahead, 0); seen_from: complex rotation from room to body.
+    smaller near standstill; forward: max(ahead, 0); backward: forward - ahead; seen_from: complex rotation from room to body.
     """
 
     velocity: Planar
@@ -78,6 +77,7 @@ class BodyMotion(NamedTuple):
     ahead: Array
     lateral: Array
     forward: Array
+    backward: Array
     seen_from: Planar
 
 
@@ -110,6 +110,7 @@ class Footsteps:
         self.own = np.zeros((2, count))  # progress towards the foot's own next landing, -1 to 1
         self._lifted_at = np.zeros((2, count))  # `own` when the foot left the floor
         self._pitch_at_lift = np.zeros((2, count))
+        self._straight = np.zeros((2, count))  # yaw of feet that stand under their bodies
         self._start = np.zeros((2, 2, count), dtype=complex)  # the soles at lift-off of the feet in the air
         self._target = np.zeros((2, 2, count), dtype=complex)
 
@@ -127,7 +128,8 @@ class Footsteps:
         """Put the feet of `who` (n,) flat under their bodies, side by side."""
         home = bodies.place + 0.5j * style.step_width * bodies.facing * _SIDE
         self.place[:, who] = home[:, who]
-        self.soles[_YAW][:, who] = (bodies.heading + _OUT)[:, who]
+        self._straight = bodies.heading + _OUT
+        self.soles[_YAW][:, who] = self._straight[:, who]
         for feet in (self.height, self.pitch, self._pitch_at_lift, self.in_air, self._lifted_at, self.own):
             feet[:, who] = 0
         self._start[..., who] = self._target[..., who] = self.soles[..., who]
@@ -162,14 +164,15 @@ class Footsteps:
         self, bodies: MovingBodies, motion: BodyMotion, strain: Array | float, style: GaitStyle, who: Mask | bool
     ) -> None:
         quicker = 1.0 + HURRY * strain + TURNING * np.abs(bodies.turn_rate) + SIDEWAYS * motion.lateral
-        quicker += BACKWARDS * (motion.forward - motion.ahead)
+        quicker += BACKWARDS * motion.backward
         quicker /= style.step_time
         self.rate = quicker if who is True else np.where(who, quicker, self.rate)
 
     def time(self, bodies: MovingBodies, motion: BodyMotion, style: GaitStyle, still: Mask | None, dt: float) -> None:
         """Advance, end and begin steps; those who are `still` (n,) begin none."""
         self.seen = (self.place - bodies.place) * motion.seen_from
-        twist = self.yaw - (bodies.heading + _OUT)
+        self._straight = bodies.heading + _OUT
+        twist = self.yaw - self._straight
         # a heel comes up for a body that has moved ahead, not back
         far = np.maximum(np.abs(self.seen), BEFORE_COUNTS * self.seen.real)
         strain = np.maximum(far * (self._per_leg / style.reach), np.abs(twist) * (1.0 / TWIST_RAD))
@@ -211,7 +214,7 @@ class Footsteps:
         still: Mask | None,
     ) -> None:
         """Begin a step where the body moves or a foot is not where it should stand."""
-        home = (0.5 * style.step_width) * _SIDE
+        home = style.half_width * _SIDE
         misplaced = np.maximum(np.abs(self.seen - 1j * home) / self._scale, 0.3 * np.abs(twist))
         # a foot that has just landed starts the next step more readily than a standing person
         worst = np.maximum(misplaced[0], misplaced[1])
@@ -238,8 +241,7 @@ class Footsteps:
         `drawn` returns the pitch of the feet (2, n) [rad] including the legs' reach, from which the swing goes on.
         """
         # in running the standing foot lifts before the other one lands
-        flight = np.where(style.double_support < 0, style.double_support, _NEVER)
-        due = np.where(self.lands, self.lift_at, flight)
+        due = np.where(self.lands, self.lift_at, style.flight)
         lifts = (self.own >= due) & self.stepping & ~self.in_air & (load < UNLOADED)
         if np.count_nonzero(lifts):
             self.in_air |= lifts
@@ -253,7 +255,7 @@ class Footsteps:
 
         stance (2, n): finished share of a foot's stance.
         """
-        rise = _smooth(np.maximum(stance - style.heel_off, 0.0) / (1.0 - style.heel_off))
+        rise = _smooth(np.maximum(stance - style.heel_off, 0.0) / style.heel_turns)
         wanted = (style.heel_rise * motion.forward) * rise
         pitch = self.pitch
         quick = dt * np.where(pitch < 0, TOES_DOWN_RAD_S, HEEL_RAD_S)
@@ -271,14 +273,13 @@ class Footsteps:
         left = (1j * bodies.facing) * np.exp(1j * turn)
         lands = style.lands_ahead + LANDS_FARTHER * (1.0 - motion.forward)
         wanted = bodies.place + bodies.velocity * (remaining + lands * step_time)
-        width = 0.5 * style.step_width
         # no crossing of the other foot's track
         apart = ((wanted - self.place[::-1]) * left.conj()).real
-        wanted += left * (np.maximum(width, self._apart - apart * _SIDE) * _SIDE)
+        wanted += left * (np.maximum(style.half_width, self._apart - apart * _SIDE) * _SIDE)
         share = np.minimum(np.maximum((self.own - self._lifted_at) / (1.0 - self._lifted_at), 0.0), 1.0)
         open_yet = share < TARGET_FIXED_AT
         np.copyto(self._target[_PLACE], wanted, where=open_yet)
-        np.copyto(self._target[_YAW], (bodies.heading + _OUT) + turn, where=open_yet)
+        np.copyto(self._target[_YAW], self._straight + turn, where=open_yet)
         square = share * share
         covered = square * (3.0 - ARRIVES_AT - (2.0 - ARRIVES_AT) * share)
         self.soles = np.where(self.in_air, self._start + covered * (self._target - self._start), self.soles)

@@ -176,7 +176,7 @@ class Gait:
         cycle = self._table.cycle(style.row, feet.progress)
         behind = cycle[:, SHARE_BEHIND] * (feet.progress < feet.lift_at)
         left = np.where(feet.lands[0], behind, 1.0 - behind)
-        stance = np.minimum((feet.own + 1.0) / (1.0 + style.double_support), 1.0) * (stepping & ~feet.in_air)
+        stance = np.minimum((feet.own + 1.0) / style.stance, 1.0) * (stepping & ~feet.in_air)
         share = (self._table.roll(stance, self._run) - _STANDS_AT) * (motion.ahead * stepping)
         point = np.maximum(share + _STANDS_AT, _HINDMOST) * self._skeleton.shoe - self._skeleton.heel
         self._idle = 0.0
@@ -191,7 +191,7 @@ class Gait:
         """Return the pelvis' height [m] about its standing height in a regular gait, and its rate [m/s]."""
         step_time = self._feet.stepping / self._feet.rate
         unit = GRAVITY_M_S2 * step_time
-        drop = style.pelvis_drop * (1.0 + _LATERAL_DROP * motion.lateral + _BACK_DROP * (motion.forward - motion.ahead))
+        drop = style.pelvis_drop * (1.0 + _LATERAL_DROP * motion.lateral + _BACK_DROP * motion.backward)
         return cycle[:, HEIGHT] * (unit * step_time) - drop, cycle[:, RATE] * unit
 
     def _bear(self, cycle: Array, left: Array, motion: BodyMotion, style: GaitStyle, dt: float) -> None:
@@ -270,4 +270,5 @@ def _body_motion(crowd: MovingBodies) -> BodyMotion:
     velocity = crowd.velocity * seen_from
     speed = np.abs(velocity)
     seen = velocity / np.maximum(speed, _HEADS_FROM_M_S)
-    return BodyMotion(velocity, speed, seen.real, np.abs(seen.imag), np.maximum(seen.real, 0.0), seen_from)
+    ahead, forward = seen.real, np.maximum(seen.real, 0.0)
+    return BodyMotion(velocity, speed, ahead, np.abs(seen.imag), forward, forward - ahead, seen_from)

@@ -29,12 +29,14 @@ _ROLL = np.linspace(0.0, 1.0, 201)
 
 
 class GaitStyle(NamedTuple):
-    """Gait parameters of n people at their paces, (n,) each; the rows of `models/people/gait.yaml`.
+    """Gait parameters of n people at their paces, (n,) each; the rows of `models/people/gait.yaml`, and what follows from them.
 
     step_time [s]; double_support: share of a step, negative: share in the air; step_width, clearance (of the swinging
     foot), pelvis_drop [m]; lands_ahead: share of a step; heel_off: share of the stance at which the heel begins to rise;
     heel_rise (of the foot that leaves the floor), kick, toe_up (of the foot before it lands), trunk_lean, elbow [rad];
-    arm_swing [rad/m]; reach: share of the leg; row: place in the table of loads.
+    arm_swing [rad/m]; reach: share of the leg; stance: length of a foot's stance in steps; flight: `double_support` if
+    negative, else beyond a step's end; heel_turns: share of the stance in which the heel rises; half_width: of a step [m];
+    row: place in the table of loads.
     """
 
     step_time: Array
@@ -51,6 +53,10 @@ class GaitStyle(NamedTuple):
     elbow: Array
     arm_swing: Array
     reach: Array
+    stance: Array
+    flight: Array
+    heel_turns: Array
+    half_width: Array
     row: NDArray[np.intp]
 
 
@@ -58,9 +64,12 @@ _ROWS = (
     "step_time_s", "double_support", "step_width_m", "lands_ahead", "heel_off", "heel_rise_rad", "kick_rad",
     "clearance_m", "toe_up_rad", "pelvis_drop_m", "trunk_lean_rad", "elbow_rad", "arm_swing_rad_m", "reach",
 )  # fmt: skip
+_DERIVED = ("stance", "flight", "heel_turns", "half_width_m")
+_NEVER = 9.0
+"""Progress through a step that none reaches."""
 _HUMPS = ("peak_strike", "dip", "peak_push")
 _TIMES = ("step_time_s",)
-_LENGTHS = ("step_width_m", "clearance_m", "pelvis_drop_m")
+_LENGTHS = ("step_width_m", "clearance_m", "pelvis_drop_m", "half_width_m")
 _PER_LENGTH = ("arm_swing_rad_m",)
 
 
@@ -101,7 +110,12 @@ def _table() -> _Table:
     humps = np.stack([np.interp(paces, walking["speed_m_s"], walking[name]) for name in _HUMPS])
     first, second = walking["speed_m_s"][-1], running["speed_m_s"][0] + RUN_PACE
     runs = np.clip((paces - first) / (second - first), 0.0, 1.0)
-    cycle = _cycle(styles[_ROWS.index("double_support")], humps, runs, Ramps(**content["stance_load"]))
+    width, double_support, heel_off = (
+        styles[_ROWS.index(each)] for each in ("step_width_m", "double_support", "heel_off")
+    )
+    flight = np.where(double_support < 0, double_support, _NEVER)
+    styles = np.concatenate([styles, [1.0 + double_support, flight, 1.0 - heel_off, 0.5 * width]])
+    cycle = _cycle(double_support, humps, runs, Ramps(**content["stance_load"]))
     roll = content["roll"]
     rolls = np.stack(
         [_monotone_cubic(np.array(roll["stance"]), np.array(roll[gait]), _ROLL) for gait in ("walking", "running")]
@@ -218,7 +232,7 @@ class GaitTable:
             **dict.fromkeys(_PER_LENGTH, 1.0 / skeleton.scale),
         }
         unscaled = np.ones_like(skeleton.scale)
-        self._factors = np.stack([factors.get(name, unscaled) for name in _ROWS])
+        self._factors = np.stack([factors.get(name, unscaled) for name in (*_ROWS, *_DERIVED)])
         self._per_speed = 1.0 / np.sqrt(skeleton.scale)
 
     @property
