@@ -103,19 +103,19 @@ def _study(name: str) -> NDArray[np.uint8]:
     study = prepare(MODELS / "studies" / f"{name}.yaml")
     building = study.candidate_set.building
     mujoco.mj_kinematics(building.model, building.data)
-    figure, axes = plt.subplots(figsize=(8, 5), dpi=100, layout="constrained")
+    figure, axes = plt.subplots(figsize=(8, 5), dpi=100, layout="compressed")
     for polygon in room_outline(building.model, building.data):
         axes.plot(*np.vstack([polygon, polygon[:1]]).T, color="0.6", linewidth=0.8)
     for number, (device, poses) in enumerate(_poses(study).items()):
         x, y, yaw = np.array(poses).T
-        axes.quiver(
-            x, y, np.cos(yaw), np.sin(yaw), color=f"C{number}", scale=35, width=0.003, label=f"{device}: {len(x)} poses"
-        )
+        label, shorter = f"{device}: {len(x)} poses", 30 + 15 * number  # all show where they hang at the same places
+        axes.quiver(x, y, np.cos(yaw), np.sin(yaw), color=f"C{number}", scale=shorter, width=0.003, label=label)
     axes.set_aspect("equal")
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
-    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
-    figure.canvas.draw()
+    figure.legend(loc="outside right upper", frameon=False)
+    figure.canvas.draw()  # places the ticks,
+    figure.canvas.draw()  # whose widths the layout then leaves room for
     rgb = np.asarray(figure.canvas.buffer_rgba())[..., :3].copy()  # pyright: ignore[reportAttributeAccessIssue]
     plt.close(figure)
     return rgb
