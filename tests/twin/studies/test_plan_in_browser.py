@@ -13,6 +13,8 @@ from typing import Any
 import pytest
 from command_line import twin
 
+from twin.scenario import load_scenario
+
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
 """Path of a browser that prints a page after its scripts have run; None: none is on this machine."""
 
@@ -98,16 +100,34 @@ def test_sensors_that_are_dragged_and_turned_see_what_the_twin_says(tmp_path: Pa
         assert share == pytest.approx(expected[name], abs=0.01)
 
 
-def test_of_sensors_at_one_place_the_chosen_one_is_dragged(tmp_path: Path) -> None:
+def test_sensors_that_are_raised_exchanged_and_added_see_what_the_twin_says(tmp_path: Path) -> None:
     coverage("lab-five-people", folder=tmp_path)
     said = read(
         tmp_path / "coverage.html",
         """
+        const set = (name, value) => {
+          part(name).value = value;
+          for (const kind of ["input", "change"]) part(name).dispatchEvent(new Event(kind, { bubbles: true }));
+        };
         const at = find(0); said.before = placed();
         choose(1); said.other = placed();
         drag(at, [at[0] + 30, at[1]]); said.moved = placed();
+        set("z", 0.6);
+        choose(2); set("z", 1.9); set("pitch", 20); said.models = part("model").options.length;
+        part("model").selectedIndex = 0; set("model", part("model").value);  // the fisheye camera becomes a scanner
+        choose(0); part("add").click(); set("x", said.before.x + 0.5); set("yaw", 60);
         """,
     )
     assert said["before"]["name"] == "waist"
-    assert (said["moved"]["name"], said["other"]["name"]) == ("knee", "knee")
+    assert (said["moved"]["name"], said["other"]["name"]) == ("knee", "knee")  # of those at one place the chosen one
     assert said["moved"]["x"] > said["other"]["x"]
+    assert said["models"] > 1
+    (tmp_path / "plan.yaml").write_text(said["yaml"], "utf-8")
+    expected = coverage(str(tmp_path / "plan.yaml"), folder=tmp_path / "again")
+    assert len(expected) == len(said["shares"]) == 4
+    for name, share in said["shares"].items():
+        assert share == pytest.approx(expected[name], abs=0.01), name
+    changed = load_scenario(tmp_path / "plan.yaml").sensors
+    assert changed["knee"].mount.xyz[2] == 0.6
+    assert changed["fisheye"].kind == "laser"
+    assert changed["fisheye"].mount.xyz[2] == 1.9
