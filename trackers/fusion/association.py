@@ -81,7 +81,7 @@ def pair(people: People, look: Look, missed: Float[Array, "n"], by_trunk: Bool[M
     others[row] = -np.inf
     else_explained = np.logaddexp(0.0, np.logaddexp.reduce(others[:, column], axis=0))
     log_ratio = ratio[row, column] - else_explained
-    return Pairs(row, column, log_ratio, legs_moved[row, column], look.evidence_of(column))
+    return Pairs(row, column, log_ratio, legs_moved[row, column], look.evidence_of(column, people.confirmed[row]))
 
 
 def _density(

@@ -17,7 +17,7 @@ import numpy as np
 from trackers.area import Area
 from trackers.arrays import Array, Bool, Float, Mask
 from trackers.filters.gating import distances
-from trackers.fusion.look import APART_M, NEW, Expected, Look, detections_of, round_covariance
+from trackers.fusion.look import APART_M, NEW, Expected, Look, detections_of, most_nats, round_covariance
 from trackers.fusion.options import FusionOptions, KindOptions
 from trackers.fusion.person_state import LEGS, PLACE
 from trackers.fusion.posture import FLOOR_SHOWN, LEGS_SHOWN, TRUNK_SHOWN
@@ -31,6 +31,8 @@ from trackers.tracking.track_manager import clear_of
 
 _SURE_SAMPLES = 4
 """Samples of a cluster from which it is neither noise nor an edge, where the empty room is known."""
+_START_NATS = 1.0
+"""Log-likelihood ratio of a leg from which a cluster starts a track, where the background is learned [nat]."""
 _NEAR_M, _GATE_M = 0.2, 0.6
 """Standard deviation s of an element's load about its person, and the gate g [m]: half a stride, and where nobody's begins."""
 _LEAST_N = 60.0
@@ -82,7 +84,7 @@ class Scanners:
             found = found.select(self._area.contains(found.position))
         position, variance = found.position, self._kind.sigma_m**2 + found.variance_m2
         starts, n_sample = self._group.sufficient(found), found.n_sample
-        owner, evidence = np.full(len(position), -1), np.ones(len(position))
+        owner, evidence, likeness = np.full(len(position), -1), np.ones(len(position)), None
         if self.role == "knee":
             gate_m = self._legs.gate_m if self._waists else self._legs.gate_alone_m
             no_trunk = np.empty((0, 2))
@@ -107,6 +109,13 @@ class Scanners:
             owner = np.where(single & starts, NEW, np.where(single, walkers.owner, -1))
             # with scanners at waist height, one leg alone is half of what shows a person: they miss the trunk, or are hidden
             evidence = np.where(single & (self._waists is not None), 0.5, 1.0)
+            if self._group.is_learning:
+                # what stands out of a background that is still learned may be a thing
+                leg = self._group.leg_evidence(scans, position)
+                starts &= leg > _START_NATS
+                # before the open a dark surface is met now and then: there what is new counts by its likeness alone
+                likeness = np.clip(leg / most_nats(self._kind.p_detect), -1.0, 1.0)
+                likeness = np.where(self._group.seen_behind(position), 1.0, likeness)
         sure = n_sample >= _SURE_SAMPLES
         if self._group.is_learning:
             sure &= self._group.seen_behind(position)
@@ -123,6 +132,7 @@ class Scanners:
             observes=LEGS if self.role == "knee" else PLACE,
             shown=tuple(self._group.to_detections(found, self.role, ns)),
             evidence=evidence,
+            likeness=likeness,
         )
 
 

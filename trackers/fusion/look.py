@@ -19,6 +19,8 @@ APART_M = 0.3
 """Nobody is so near to another person who is measured [m]: a third leg there is a bag of theirs."""
 _STAYS = 0.4
 """Share of the variance along a sight that stays: measured in the twin."""
+_TRUST = 1.5
+"""Log-likelihood ratio of a detection at most, in that of detecting a person against missing one."""
 NEW = -2
 """Owner of a measurement that is nobody's who is known: it initiates a track, which may prove to be a hidden person's."""
 
@@ -49,7 +51,8 @@ class Look:
     counts as several; missed: the probability that the look would not show a standing person at room points (2, ...) [m], (...);
     by_posture: the detection probability of who stands, sits and lies, in that of who stands; is_sharp: whether `missed` tells
     one place from another near by; observes: H of the measurements; evidence: of each measurement that a person is there, in
-    that of a whole person; None: of all 1.
+    that of a whole person; None: of all 1. likeness: how much what is measured looks like a person, −1 to 1, by which it counts
+    for those who are not yet confirmed; None: 1.
     """
 
     sensors: tuple[str, ...]
@@ -64,6 +67,7 @@ class Look:
     observes: Float[Array, "2 s"] = field(default_factory=lambda: PLACE)
     shown: tuple[Detection, ...] = field(default=())
     evidence: Float[Array, "k"] | None = None
+    likeness: Float[Array, "k"] | None = None
 
     @property
     def stays_m2(self) -> Float[Array, "k"]:
@@ -75,9 +79,10 @@ class Look:
         along_m2 = np.hypot(xx - yy, 2 * xy)  # one axis of the covariance more than the other
         return self.kind.offset_m**2 + _STAYS * along_m2 / 2
 
-    def evidence_of(self, column: Int[Index, "p"]) -> Float[Array, "p"]:
-        """Return the share of evidence of the measurements at `column`, that of a whole person."""
-        return np.ones(len(column)) if self.evidence is None else self.evidence[column]
+    def evidence_of(self, column: Int[Index, "p"], confirmed: Bool[Mask, "p"] | bool = False) -> Float[Array, "p"]:
+        """Return the share of evidence of the measurements at `column`, of tracks confirmed or not, that of a whole person."""
+        share = np.ones(len(column)) if self.evidence is None else self.evidence[column]
+        return share if self.likeness is None else share * np.where(confirmed, 1.0, self.likeness[column])
 
     @property
     def alike_s(self) -> float:
@@ -111,6 +116,14 @@ class Source(Protocol):
     def look(self, observations: Mapping[str, Observation], expected: Expected, ns: int) -> Look | None:
         """Return what the observations measure; None where they are of other sensors, or blind."""
         ...
+
+
+def most_nats(p_detect: Float[Array, "p"] | float) -> Float[Array, "p"]:
+    """Return the log-likelihood ratio of a detection at most, by detection probability [nat].
+
+    What is no person and stays looks like one at every look: a sensor shows no more than that it detects people.
+    """
+    return _TRUST * np.log(np.divide(p_detect, np.subtract(1.0, p_detect)))
 
 
 def round_covariance(variance_m2: Float[Array, "k"]) -> Float[Array, "k 2 2"]:

@@ -18,7 +18,7 @@ from trackers.filters.negative_information import (
 from trackers.filters.rows import written
 from trackers.fusion.association import EXPLAINED, LEAST_EXISTENCE, explained
 from trackers.fusion.identity import IdentityMemory
-from trackers.fusion.look import APART_M, NEW, Look, round_covariance
+from trackers.fusion.look import APART_M, NEW, Look, most_nats, round_covariance
 from trackers.fusion.options import FusionOptions
 from trackers.fusion.person_tracks import People
 from trackers.fusion.posture import REACH
@@ -34,8 +34,6 @@ _SURE = 0.9
 """Existence from which a track is confirmed."""
 _LEAST_CONFIRMED, _LEAST_TENTATIVE = 0.2, 0.05
 """Existence at which confirmed and tentative tracks end."""
-_TRUST = 1.5
-"""Log-likelihood ratio of a detection at most, in that of detecting a person against missing one."""
 _SAME_M, _SAME_S = 0.25, 0.7
 """Two tracks nearer than this for so long are one person's [m, s]."""
 _SEAT_M = 0.2
@@ -145,8 +143,7 @@ class FusionTrackManager(TrackManager):
 
         share: of the evidence; p_detect: of the sensor.
         """
-        # what is no person and stays looks like one at every look: a sensor shows no more than that it detects people
-        most = _TRUST * np.log(p_detect / (1 - p_detect))
+        most = most_nats(p_detect)
         log = np.bincount(row, share * np.clip(log_ratio, -most, most), len(people))[row]
         before = np.maximum(people.existence[row], LEAST_EXISTENCE)
         existence = existence_after_detection(before, np.exp(np.minimum(log, 50.0)))
@@ -155,7 +152,7 @@ class FusionTrackManager(TrackManager):
     @staticmethod
     def existence_of_new(p_detect: Float[Array, "hits"], evidence: Float[Array, "hits"]) -> float:
         """Return the existence of a track initiated by hits of sensors of these P_D: 1/2 by the first of a whole person."""
-        most = _TRUST * np.log(p_detect / (1 - p_detect))
+        most = most_nats(p_detect)
         return max(float(1 / (1 + np.exp(most[0] - (evidence * most).sum()))), 2 * _LEAST_TENTATIVE)
 
     def updated_missed(self, people: People, look: Look, share: float, elapsed_s: float, ns: int) -> People:

@@ -164,6 +164,11 @@ class ScannerGroup:
         """Select the room points [m] behind which a scanner knows the room, or has measured something."""
         return np.logical_or.reduce([layer.seen_behind(points) for layer in self.layers.values()])
 
+    def leg_evidence(self, observations: Mapping[str, Observation], points: Float[Array, "k 2"]) -> Float[Array, "k"]:
+        """Return the log-likelihood ratio of the likeliest leg about room points in any of the scans [nat]; −inf: none."""
+        found = [self.layers[name].leg_evidence(scan, points) for name, scan in self._scans(observations).items()]
+        return reduce(np.maximum, found, np.full(len(points), -np.inf))
+
     def missed(self, observations: Mapping[str, Observation], points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
         """Return the probability that none of the scans shows a person at room points."""
         chances = [self.layers[name].missed(scan, points) for name, scan in self._scans(observations).items()]

@@ -11,6 +11,7 @@ from pydantic import Field, PositiveInt
 
 from trackers.arrays import Array, Bool, Float, Mask
 from trackers.configuration import Strict, described
+from trackers.filters.gating import distances
 from trackers.laser.background import BackgroundOptions, KnownBackground, LearnedBackground
 from trackers.laser.bearings import ACROSS, DetectionModel, DetectionOptions, beams_of_turn, counter_clockwise, returns
 from trackers.laser.clusters import (
@@ -23,6 +24,8 @@ from trackers.laser.clusters import (
     pushed_back,
 )
 from trackers.laser.grouping import trunks
+from trackers.laser.legs.classifier import shipped as shipped_legs
+from trackers.laser.legs.features import leg_clusters
 from trackers.laser.outlines import shipped
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor
@@ -33,6 +36,8 @@ _NARROW_M, _BEHIND_M, _SURE = 0.06, 0.15, 0.9
 """Half the width of the narrowest object, distance behind it at which a beam has passed it [m]; a probability."""
 _NO_RETURN_SHARE = 0.5
 """Share of what a beam that returns from behind tells of a place, that one without tells: dark clothes return nothing."""
+_LEG_REACH_M = 0.3
+"""Greatest distance of the leg of a walking person from the middle of both [m]."""
 _ARM_HALF_DEPTH_M = 0.04
 """Half the thickness of an arm in a sleeve [m]."""
 
@@ -298,6 +303,14 @@ class LaserLayer:
         bearing = np.arctan2(y, x) + ACROSS[:, None] * half_m / np.maximum(range_m, half_m)
         seen = self._background.seen_behind(bearing.ravel(), np.tile(range_m, ACROSS.size)).reshape(bearing.shape)
         return seen.mean(axis=0) > 0.5
+
+    def leg_evidence(self, scan: LaserScan, points: Float[Array, "k 2"]) -> Float[Array, "k"]:
+        """Return ln p(cluster | leg) / p(cluster | anything else) of the likeliest leg about room points [nat]; −inf: none."""
+        scan = counter_clockwise(scan)
+        clusters = leg_clusters(scan)
+        at = self._in_room(pushed_back(clusters.middle, self.options.half_depth_m))
+        near = distances(points, at) < _LEG_REACH_M
+        return np.where(near, shipped_legs().evidence(scan, clusters), -np.inf).max(axis=1, initial=-np.inf)
 
     def passes(self, scan: LaserScan, points: Float[Array, "2 *n"]) -> Bool[Mask, "*n"]:
         """Return a mask of room points behind which the scan's beams continue on either side, close enough to tell."""

@@ -46,10 +46,11 @@ def test_few_labels_lie_on_what_stands_there_all_the_time(number, n):
 
 
 @needs_data
-def test_people_walking_past_a_robot_are_few_long_tracks():
-    """Three people walk about for 110 s; the eye finds no more in the plotted scans."""
+@pytest.mark.parametrize(("name", "last"), [("laser-imm", 1264), ("fusion", 1190)])
+def test_people_walking_past_a_robot_are_few_long_tracks(name, last):
+    """Three people walk about for 110 s; the eye finds no more in the plotted scans. last: scan up to which all are followed."""
     rig = Rig(sensors={"scan": LaserSensor(topic="/scan")})
-    tracker = make_tracker("laser-imm", rig)
+    tracker = make_tracker(name, rig)
     frames = list(track_frames(tracker, rig, walkers_in_the_robots_bag()))
     assert len(frames) == 1265
     assert tracker.background_learned_causally
@@ -61,7 +62,7 @@ def test_people_walking_past_a_robot_are_few_long_tracks():
     assert len(walkers) == 3
     for path in walkers.values():
         assert path[0, 0] < 80
-        assert path[-1, 0] == 1264  # to the last scan, where they stand still again
+        assert path[-1, 0] >= last  # to the last scans, where they stand still again
     # what flickers at the far edge of the room is taken for somebody for two seconds, once
     others = [path for number, path in paths.items() if number not in walkers]
     assert len(others) <= 1
