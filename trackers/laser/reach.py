@@ -4,7 +4,7 @@ A scanner shows a body where the smallest cluster of its layer is more likely th
 its beams are neither in the floor nor over the heads, as those of a tilted scanner are. Places are those of the tracked area;
 a rig by hand may have a scanner that sees none of it.
 Without one, beams are to be above the floor at the returns, and close enough together where something has moved; on a moving
-base only the former can be detected.
+base only the former can be known.
 
 Scanners that stand contradict each other where one sees past what the other shows of somebody who moves: a pose in the rig is
 wrong, or a scan mirrored.

@@ -51,7 +51,7 @@ from twin.streams import stream
 from twin.truth.truth_types import TruthDetail, TruthFrame
 from twin.world.empty_room import empty_room
 from twin.world.simulation import Simulation
-from twin.world.world import PrecomputedScene, heap_trimmed, trim_heap
+from twin.world.world import PrecomputedScene, heap_trimmed
 
 DEFAULT_TRACKER = "laser-fisheye-imm"
 _MORE_TRUTH = ("truth_feet.csv", *DETAIL_FILES)
@@ -100,7 +100,6 @@ def run_scenario(
                 scenario, chosen, is_default, video, images, whole_truth, out_, on_progress, on_warning, on_note
             )
             run.open(stack, precomputed)
-            trim_heap()  # building leaves memory in pieces, 12 MiB of the lab with images
             run.record()
             out_.announce()
         return with_failures_shown(run.finish(), on_warning)
