@@ -19,7 +19,7 @@ def test_the_drill_sees_what_is_lost_in_silence(tmp_path, monkeypatch):
     assert any(": silent for" in line for line in drill(seed, tmp_path).said)
     monkeypatch.setattr("twin.run.replay.lines", lambda losses: [])
     (tmp_path / "mute").mkdir()
-    assert drill(seed, tmp_path / "mute").fault == "nothing told"
+    assert drill(seed, tmp_path / "mute").fault == "nothing reported"
 
 
 def test_the_clean_bag_is_tracked_well():

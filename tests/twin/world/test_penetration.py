@@ -89,7 +89,7 @@ def test_a_count_keeps_the_deepest_of_each_pair(two):
     assert (count.samples, count.with_overlap) == (4, 3)
     assert count.depth_m == pytest.approx(0.09, abs=1e-3)
     assert len(count.deepest) == 1
-    assert "3 of 4 moments" in str(count)
+    assert "3 of 4 samples" in str(count)
     assert "9.0 cm" in str(count)
 
 
